@@ -1,0 +1,162 @@
+//! Checkpoints: a versioned, checksummed, atomically replaced file; the one before it is kept beside it.
+
+use crate::error::{Error, Result};
+use serde::{Serialize, de::DeserializeOwned};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+const MAGIC: &[u8; 8] = b"oblateck";
+
+/// Version of the file's layout. A change is a changelogged event, and older files are refused by name.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Header: magic, format version, config hash, fingerprint, checksum, payload length.
+const HEADER: usize = 8 + 4 + 8 + 8 + 8 + 8;
+
+/// FNV-1a, 64 bits: the same on every machine and version.
+#[must_use]
+pub fn hash(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| {
+        (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+/// Writes `bytes` to `path` so that the file is either whole or as it was: temporary file beside it, sync, rename.
+///
+/// # Errors
+/// [`Error::Io`] if the folder is missing, not writable or full; the old file is untouched then.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    let io = |source| Error::Io {
+        path: path.to_path_buf(),
+        source,
+    };
+    let folder = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
+    file.write_all(bytes).map_err(io)?;
+    file.as_file().sync_all().map_err(io)?;
+    file.persist(path).map_err(|e| io(e.error))?;
+    // The rename itself is durable once the folder is synced; some file systems refuse that, harmlessly.
+    if let Ok(dir) = std::fs::File::open(folder) {
+        let _ = dir.sync_all();
+    }
+    Ok(())
+}
+
+/// The checkpoint before the last one.
+#[must_use]
+pub fn previous(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".previous");
+    PathBuf::from(name)
+}
+
+/// Saves `state`; `fingerprint` identifies the target (a hash of ln L at a few fixed points). The last file becomes
+/// the [`previous`] one.
+///
+/// # Errors
+/// [`Error::Io`] if the file cannot be written, [`Error::Checkpoint`] if the state cannot be encoded.
+pub fn save<T: Serialize>(
+    path: &Path,
+    config_hash: u64,
+    fingerprint: u64,
+    state: &T,
+) -> Result<()> {
+    let payload = postcard::to_stdvec(state).map_err(|e| Error::Checkpoint {
+        path: path.to_path_buf(),
+        why: format!("the state cannot be encoded ({e})"),
+        remedy: "report this as a bug",
+    })?;
+    let mut bytes = Vec::with_capacity(HEADER + payload.len());
+    bytes.extend_from_slice(MAGIC);
+    bytes.extend_from_slice(&FORMAT_VERSION.to_le_bytes());
+    for word in [
+        config_hash,
+        fingerprint,
+        hash(&payload),
+        payload.len() as u64,
+    ] {
+        bytes.extend_from_slice(&word.to_le_bytes());
+    }
+    bytes.extend_from_slice(&payload);
+    if path.exists() {
+        std::fs::rename(path, previous(path)).map_err(|source| Error::Io {
+            path: path.to_path_buf(),
+            source,
+        })?;
+    }
+    write_atomically(path, &bytes)
+}
+
+/// Loads a state saved with the same hashes; a damaged file is skipped for the [`previous`] one, with a warning
+/// returned beside the state.
+///
+/// # Errors
+/// [`Error::Io`] if neither file can be read; [`Error::Checkpoint`] if both are damaged, or if the file belongs to
+/// another configuration, target or format.
+pub fn load<T: DeserializeOwned>(
+    path: &Path,
+    config_hash: u64,
+    fingerprint: u64,
+) -> Result<(T, Option<String>)> {
+    match load_one(path, config_hash, fingerprint) {
+        Ok(state) => Ok((state, None)),
+        Err(first) => match load_one(&previous(path), config_hash, fingerprint) {
+            Ok(state) => Ok((
+                state,
+                Some(format!("{first}; the checkpoint before it is used")),
+            )),
+            Err(_) => Err(first),
+        },
+    }
+}
+
+fn load_one<T: DeserializeOwned>(path: &Path, config_hash: u64, fingerprint: u64) -> Result<T> {
+    let bytes = std::fs::read(path).map_err(|source| Error::Io {
+        path: path.to_path_buf(),
+        source,
+    })?;
+    let fail = |why: &str, remedy| Error::Checkpoint {
+        path: path.to_path_buf(),
+        why: why.to_owned(),
+        remedy,
+    };
+    const RESTART: &str = "remove it and start again, or restore a good copy";
+    if bytes.len() < HEADER || &bytes[..8] != MAGIC {
+        return Err(fail("not a checkpoint, or cut short", RESTART));
+    }
+    let word = |at: usize| {
+        let mut b = [0_u8; 8];
+        b.copy_from_slice(&bytes[at..at + 8]);
+        u64::from_le_bytes(b)
+    };
+    let version = u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]]);
+    if version != FORMAT_VERSION {
+        return Err(fail(
+            &format!("checkpoint format {version}, this program writes {FORMAT_VERSION}"),
+            "resume with the version that wrote it, or start again",
+        ));
+    }
+    let payload = &bytes[HEADER..];
+    if word(36) != payload.len() as u64 || word(28) != hash(payload) {
+        return Err(fail(
+            "checksum does not match, the file is damaged",
+            RESTART,
+        ));
+    }
+    if word(12) != config_hash {
+        return Err(fail(
+            "written by a run with other settings",
+            "resume with the settings of the run folder, or start again with --force",
+        ));
+    }
+    if word(20) != fingerprint {
+        return Err(fail(
+            "written for another target (data, model or library version)",
+            "resume with the same inputs, or start again with --force",
+        ));
+    }
+    postcard::from_bytes(payload).map_err(|e| fail(&format!("cannot be decoded ({e})"), RESTART))
+}

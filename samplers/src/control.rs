@@ -1,0 +1,163 @@
+//! How a caller watches, limits, stops and resumes a run.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// What a run tells its observer, at safe points only.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Event {
+    /// Work begins.
+    Started {
+        /// Number of parameters.
+        dim: usize,
+    },
+    /// One batch of a nested run.
+    Nested {
+        /// Batches so far.
+        iteration: u64,
+        /// Estimated log prior volume left.
+        ln_x: f64,
+        /// Evidence so far.
+        ln_z: f64,
+        /// Its simulated error, where known.
+        ln_z_error: f64,
+        /// Log-evidence that the live points could still add.
+        remaining: f64,
+        /// Likelihood calls so far.
+        calls: u64,
+        /// Accepted points per call, lately.
+        efficiency: f64,
+    },
+    /// One scan of a tempered run.
+    Tempered {
+        /// Round, from 0.
+        round: usize,
+        /// Scan of the round, from 0.
+        scan: usize,
+        /// Scans of this round.
+        scans: usize,
+        /// Communication barrier of the last finished round.
+        barrier: f64,
+        /// Round trips in this round, all ladders.
+        round_trips: u64,
+        /// Evidence of the last finished round.
+        ln_z: f64,
+        /// Gradients so far.
+        gradients: u64,
+    },
+    /// A checkpoint was written.
+    Checkpointed,
+    /// Something the user should know, with its remedy.
+    Warning(String),
+    /// Work ends.
+    Finished,
+}
+
+/// Watches a run; the library itself prints nothing.
+pub trait Observer {
+    /// Called at safe points; `Break` stops the run there, as an interrupt does.
+    fn event(&mut self, event: &Event) -> ControlFlow<()>;
+}
+
+/// An observer that does nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Observer for Silent {
+    fn event(&mut self, _: &Event) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+/// Limits of a run, read at safe points only; a spent budget gives a valid, unconverged result.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Budget {
+    /// Likelihood calls, a gradient counted as one.
+    pub max_calls: u64,
+    /// Wall time of this process.
+    pub max_wall: Duration,
+}
+
+impl Default for Budget {
+    fn default() -> Self {
+        Self {
+            max_calls: u64::MAX,
+            max_wall: Duration::MAX,
+        }
+    }
+}
+
+/// Where and when to write checkpoints.
+#[derive(Clone, Debug)]
+pub struct CheckpointPlan {
+    /// The file.
+    pub path: PathBuf,
+    /// Least time between two of them.
+    pub every: Duration,
+    /// Continue from the file if it exists.
+    pub resume: bool,
+    /// Hash of everything that must agree between the run that wrote the file and the one that reads it.
+    pub config_hash: u64,
+}
+
+/// A caller's hold on a run.
+pub struct Control<'a> {
+    /// Is told what happens.
+    pub observer: &'a mut dyn Observer,
+    /// Limits.
+    pub budget: Budget,
+    /// Set to true from anywhere (a signal handler) to stop at the next safe point.
+    pub interrupt: Arc<AtomicBool>,
+    /// Checkpoints; none if `None`.
+    pub checkpoint: Option<CheckpointPlan>,
+    started: Instant,
+    last_checkpoint: Instant,
+}
+
+impl<'a> Control<'a> {
+    /// A hold without limits and checkpoints.
+    pub fn new(observer: &'a mut dyn Observer) -> Self {
+        let now = Instant::now();
+        Self {
+            observer,
+            budget: Budget::default(),
+            interrupt: Arc::new(AtomicBool::new(false)),
+            checkpoint: None,
+            started: now,
+            last_checkpoint: now,
+        }
+    }
+
+    /// Tells the observer; true if the run should stop here.
+    pub fn tell(&mut self, event: &Event) -> bool {
+        self.observer.event(event).is_break()
+    }
+
+    /// Whether someone asked to stop.
+    #[must_use]
+    pub fn interrupted(&self) -> bool {
+        self.interrupt.load(Ordering::Relaxed)
+    }
+
+    /// Whether the budget is spent at this many calls.
+    #[must_use]
+    pub fn spent(&self, calls: u64) -> bool {
+        calls >= self.budget.max_calls || self.started.elapsed() >= self.budget.max_wall
+    }
+
+    /// Whether a checkpoint is due; restarts the clock if so.
+    pub fn checkpoint_due(&mut self) -> bool {
+        let due = self
+            .checkpoint
+            .as_ref()
+            .is_some_and(|plan| self.last_checkpoint.elapsed() >= plan.every);
+        if due {
+            self.last_checkpoint = Instant::now();
+        }
+        due
+    }
+}

@@ -1,0 +1,41 @@
+//! Pure functions of draws: quantiles, effective sizes, ranks.
+
+/// Weighted quantile of `values` at probability `p`: the smallest value whose cumulative weight reaches `p`, by
+/// linear interpolation between the mid-points of the weights. Weights need not be normalised. NaN without values.
+#[must_use]
+pub fn weighted_quantile(values: &[f64], weights: &[f64], p: f64) -> f64 {
+    let mut order: Vec<usize> = (0..values.len()).filter(|&i| weights[i] > 0.0).collect();
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let total: f64 = order.iter().map(|&i| weights[i]).sum();
+    let mut below = 0.0;
+    let mut last: Option<(f64, f64)> = None;
+    for i in order {
+        let middle = (below + 0.5 * weights[i]) / total;
+        if middle >= p {
+            return match last {
+                Some((m, v)) if middle > m => v + (values[i] - v) * (p - m) / (middle - m),
+                _ => values[i],
+            };
+        }
+        below += weights[i];
+        last = Some((middle, values[i]));
+    }
+    last.map_or(f64::NAN, |(_, v)| v)
+}
+
+/// Kish effective size of normalised log weights: 1 / sum of squares.
+#[must_use]
+pub fn kish_ess(ln_weight: &[f64]) -> f64 {
+    let sum: f64 = ln_weight.iter().map(|w| (2.0 * w).exp()).sum();
+    if sum > 0.0 { 1.0 / sum } else { 0.0 }
+}
+
+/// `ln sum exp`, minus infinity for an empty or all minus-infinite slice.
+#[must_use]
+pub fn ln_sum_exp(values: &[f64]) -> f64 {
+    let top = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if top == f64::NEG_INFINITY {
+        return top;
+    }
+    top + values.iter().map(|v| (v - top).exp()).sum::<f64>().ln()
+}

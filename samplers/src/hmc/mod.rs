@@ -1,0 +1,1 @@
+//! Hamiltonian moves: one trajectory and its adaptation.

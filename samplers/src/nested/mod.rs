@@ -1,0 +1,1 @@
+//! Nested sampling: live points shrinking onto the peak.

@@ -1,0 +1,297 @@
+//! What every sampler returns: draws with weights, an evidence with its error, what it cost, and a verdict.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Which sampler made a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Nested sampling.
+    Nested,
+    /// Non-reversible parallel tempering with Hamiltonian moves.
+    PtHmc,
+}
+
+/// Why a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// Its own stopping rule.
+    Complete,
+    /// The caller asked; resumable.
+    Interrupted,
+    /// The budget ran out; resumable.
+    BudgetSpent,
+}
+
+/// Weighted draws of the posterior, row by row.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Draws {
+    /// Parameters per row.
+    pub dim: usize,
+    /// Derived quantities per row.
+    pub derived_dim: usize,
+    /// Physical parameters, row-major, `len x dim`.
+    pub theta: Vec<f64>,
+    /// Derived quantities, row-major, `len x derived_dim`.
+    pub derived: Vec<f64>,
+    /// Log-likelihood of each row.
+    pub ln_likelihood: Vec<f64>,
+    /// Log weight of each row; their exponentials add up to 1.
+    pub ln_weight: Vec<f64>,
+    /// Chain (ladder) of each row; 0 for nested runs.
+    pub chain: Vec<u32>,
+}
+
+impl Draws {
+    /// Number of rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.ln_likelihood.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.ln_likelihood.is_empty()
+    }
+
+    /// Physical parameters of one row.
+    #[must_use]
+    pub fn theta_row(&self, row: usize) -> &[f64] {
+        &self.theta[row * self.dim..(row + 1) * self.dim]
+    }
+
+    /// Derived quantities of one row.
+    #[must_use]
+    pub fn derived_row(&self, row: usize) -> &[f64] {
+        &self.derived[row * self.derived_dim..(row + 1) * self.derived_dim]
+    }
+
+    /// One parameter of all rows.
+    #[must_use]
+    pub fn column(&self, parameter: usize) -> Vec<f64> {
+        self.theta
+            .iter()
+            .skip(parameter)
+            .step_by(self.dim.max(1))
+            .copied()
+            .collect()
+    }
+
+    /// One derived quantity of all rows.
+    #[must_use]
+    pub fn derived_column(&self, quantity: usize) -> Vec<f64> {
+        self.derived
+            .iter()
+            .skip(quantity)
+            .step_by(self.derived_dim.max(1))
+            .copied()
+            .collect()
+    }
+
+    /// The weights, adding up to 1.
+    #[must_use]
+    pub fn weights(&self) -> Vec<f64> {
+        self.ln_weight.iter().map(|w| w.exp()).collect()
+    }
+
+    /// `count` equal-weight rows by systematic resampling with the one uniform `offset` in [0, 1): row numbers, in
+    /// order.
+    #[must_use]
+    pub fn resample(&self, count: usize, offset: f64) -> Vec<usize> {
+        let mut rows = Vec::with_capacity(count);
+        let mut cumulative = 0.0;
+        for (row, w) in self.weights().into_iter().enumerate() {
+            cumulative += w * count as f64;
+            while rows.len() < count && (rows.len() as f64 + offset) < cumulative {
+                rows.push(row);
+            }
+        }
+        // Rounding can leave the last uniform just above the last sum.
+        while rows.len() < count && !self.is_empty() {
+            rows.push(self.len() - 1);
+        }
+        rows
+    }
+}
+
+/// The evidence and how far to trust it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evidence {
+    /// ln Z.
+    pub ln_z: f64,
+    /// One standard error of ln Z: the largest of the parts.
+    pub error: f64,
+    /// Errors by the way they were estimated.
+    pub error_parts: BTreeMap<String, f64>,
+    /// Other estimates of ln Z, by name.
+    pub estimates: BTreeMap<String, f64>,
+    /// Kullback-Leibler divergence of the posterior from the prior, in nats.
+    pub information: f64,
+}
+
+/// Effective sample sizes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Ess {
+    /// 1 / sum of squared weights.
+    pub kish: f64,
+    /// Bulk effective size per parameter (for weighted draws: by bootstrap, where available).
+    pub bulk: Vec<f64>,
+    /// Tail effective size per parameter; empty for weighted draws.
+    pub tail: Vec<f64>,
+    /// Rank-normalised split R-hat per parameter; empty where there are no chains.
+    pub r_hat: Vec<f64>,
+    /// The number to quote: the smallest of all.
+    pub quoted: f64,
+}
+
+/// What a run cost.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    /// Likelihood values without a gradient.
+    pub calls: u64,
+    /// Likelihood values with a gradient.
+    pub gradients: u64,
+    /// CPU time of the process while it ran.
+    pub cpu_seconds: f64,
+    /// Wall time.
+    pub wall_seconds: f64,
+    /// Rejected points by cause.
+    pub rejected: BTreeMap<String, u64>,
+}
+
+/// How the run went from prior to posterior.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Path {
+    /// One entry per dead point, outermost first.
+    Nested {
+        /// Expected log prior volume.
+        ln_x: Vec<f64>,
+        /// Log-likelihood at death.
+        ln_likelihood: Vec<f64>,
+        /// Log-likelihood contour above which the point was born.
+        ln_likelihood_birth: Vec<f64>,
+        /// Number of live points.
+        live: Vec<u32>,
+        /// Insertion rank as a fraction in (0, 1), in order of insertion.
+        insertion_rank: Vec<f64>,
+    },
+    /// One entry per temperature, from beta = 0 to 1.
+    Tempered {
+        /// Inverse temperatures.
+        beta: Vec<f64>,
+        /// Mean log-likelihood over valid draws.
+        mean_ln_likelihood: Vec<f64>,
+        /// Its variance.
+        variance_ln_likelihood: Vec<f64>,
+        /// Mean swap rejection of the gap above each temperature (one fewer than temperatures).
+        swap_rejection: Vec<f64>,
+        /// Mean acceptance of the local moves.
+        acceptance: Vec<f64>,
+        /// Step size of the local moves.
+        step_size: Vec<f64>,
+        /// Communication barrier from beta = 0 to each temperature.
+        barrier: Vec<f64>,
+        /// Round trips per ladder in the last round.
+        round_trips: Vec<u64>,
+        /// Log-likelihood of the coldest chain, every scan of the last round, ladder by ladder.
+        trace: Vec<Vec<f64>>,
+    },
+}
+
+/// One check of a run, with its remedy in words.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gate {
+    /// Short name.
+    pub name: String,
+    /// What was measured.
+    pub value: f64,
+    /// Its limit.
+    pub limit: f64,
+    /// Whether it passed.
+    pub pass: bool,
+    /// What it means, and what to do if it failed.
+    pub say: String,
+}
+
+impl Gate {
+    /// A gate that passes if `value <= limit`; a NaN fails.
+    #[must_use]
+    pub fn at_most(name: &str, value: f64, limit: f64, say: impl Into<String>) -> Self {
+        Self {
+            name: name.to_owned(),
+            value,
+            limit,
+            pass: value <= limit,
+            say: say.into(),
+        }
+    }
+
+    /// A gate that passes if `value >= limit`; a NaN fails.
+    #[must_use]
+    pub fn at_least(name: &str, value: f64, limit: f64, say: impl Into<String>) -> Self {
+        Self {
+            name: name.to_owned(),
+            value,
+            limit,
+            pass: value >= limit,
+            say: say.into(),
+        }
+    }
+}
+
+/// The result of a sampler.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// Which sampler.
+    pub method: Method,
+    /// Why it ended.
+    pub status: Status,
+    /// Master seed.
+    pub seed: u64,
+    /// Version of the random streams.
+    pub stream_version: u32,
+    /// Parameter names.
+    pub names: Vec<String>,
+    /// Parameter units.
+    pub units: Vec<String>,
+    /// Names and units of derived quantities.
+    pub derived_names: Vec<(String, String)>,
+    /// The draws.
+    pub draws: Draws,
+    /// The evidence.
+    pub evidence: Evidence,
+    /// Effective sample sizes.
+    pub ess: Ess,
+    /// Cost.
+    pub cost: Cost,
+    /// From prior to posterior.
+    pub path: Path,
+    /// Checks.
+    pub gates: Vec<Gate>,
+    /// Warnings, each with its remedy.
+    pub warnings: Vec<String>,
+}
+
+impl Run {
+    /// Whether the run ended by its own rule and every gate passed.
+    #[must_use]
+    pub fn converged(&self) -> bool {
+        self.status == Status::Complete && self.gates.iter().all(|g| g.pass)
+    }
+
+    /// A hash of everything but times: equal for runs with the same bits.
+    ///
+    /// # Panics
+    /// Never: a `Run` can always be encoded.
+    #[must_use]
+    pub fn bits(&self) -> u64 {
+        let mut copy = self.clone();
+        copy.cost.cpu_seconds = 0.0;
+        copy.cost.wall_seconds = 0.0;
+        postcard::to_stdvec(&copy).map_or(0, |bytes| crate::checkpoint::hash(&bytes))
+    }
+}

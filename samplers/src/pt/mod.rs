@@ -1,0 +1,1 @@
+//! Non-reversible parallel tempering: a ladder from prior to posterior.

@@ -1,0 +1,113 @@
+//! What a sampler is given: a likelihood over a product prior, its gradient where it has one, and the symmetries
+//! that its author knows.
+
+mod prior;
+mod symmetry;
+
+pub use prior::{Marginal, Prior};
+pub use symmetry::{Involution, Orbit, Symmetry};
+
+/// Why a point has no likelihood: a short name, counted and reported.
+pub type Cause = &'static str;
+
+/// The answer of a target at one point.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    /// The natural logarithm of the likelihood; finite.
+    Value(f64),
+    /// The likelihood is zero here, and why.
+    Reject(Cause),
+    /// The run cannot go on, whatever the point.
+    Fatal(String),
+}
+
+impl Outcome {
+    /// An outcome from a bare number: NaN becomes a rejection, minus infinity too.
+    #[must_use]
+    pub fn from_ln_likelihood(ln_likelihood: f64) -> Self {
+        if ln_likelihood.is_nan() {
+            Self::Reject("nan")
+        } else if ln_likelihood == f64::NEG_INFINITY {
+            Self::Reject("zero likelihood")
+        } else {
+            Self::Value(ln_likelihood)
+        }
+    }
+
+    /// The log-likelihood with minus infinity for a rejection.
+    ///
+    /// # Errors
+    /// [`Error::Fatal`](crate::Error::Fatal) for a failed target, [`Error::Infinite`](crate::Error::Infinite) for
+    /// plus infinity; a NaN value counts as a rejection.
+    pub fn ln_likelihood(&self, theta: &[f64]) -> crate::Result<f64> {
+        match self {
+            Self::Value(l) if l.is_nan() => Ok(f64::NEG_INFINITY),
+            Self::Value(l) if *l == f64::INFINITY => Err(crate::Error::Infinite {
+                theta: theta.to_vec(),
+            }),
+            Self::Value(l) => Ok(*l),
+            Self::Reject(_) => Ok(f64::NEG_INFINITY),
+            Self::Fatal(why) => Err(crate::Error::Fatal(why.clone())),
+        }
+    }
+}
+
+/// A half-space of the standard-normal coordinates, `normal . z >= offset`; outside it the prior has no mass and is
+/// renormalised inside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HalfSpace {
+    /// The inward normal, any length.
+    pub normal: Vec<f64>,
+    /// The offset along it.
+    pub offset: f64,
+}
+
+/// A posterior to sample: `prior x likelihood`.
+///
+/// Contract: deterministic in `theta`; the same bits whatever else is computed beside it; a NaN is a
+/// [`Outcome::Reject`].
+pub trait Target: Sync {
+    /// The prior, and with it the number, names and units of the parameters.
+    fn prior(&self) -> &Prior;
+
+    /// Number of parameters.
+    fn dim(&self) -> usize {
+        self.prior().dim()
+    }
+
+    /// ln L at the physical parameters `theta`, of length [`dim`](Self::dim).
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome;
+
+    /// ln L and its gradient with respect to the physical parameters, written into `gradient` of length
+    /// [`dim`](Self::dim). Only called if [`gradient_cost`](Self::gradient_cost) is some.
+    fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
+        let _ = gradient;
+        let _ = theta;
+        Outcome::Fatal("this target has no gradient".to_owned())
+    }
+
+    /// Cost of a value with gradient in units of one value; `None`: there is no gradient.
+    fn gradient_cost(&self) -> Option<f64> {
+        None
+    }
+
+    /// Walls of the prior in standard-normal coordinates.
+    fn walls(&self) -> &[HalfSpace] {
+        &[]
+    }
+
+    /// Moves that the author knows to be symmetries, exact or approximate.
+    fn symmetries(&self) -> &[Symmetry] {
+        &[]
+    }
+
+    /// Names and units of quantities derived from the parameters, in the order of [`derived`](Self::derived).
+    fn derived_names(&self) -> Vec<(String, String)> {
+        Vec::new()
+    }
+
+    /// Derived quantities at `theta`, appended to `out`.
+    fn derived(&self, theta: &[f64], out: &mut Vec<f64>) {
+        let _ = (theta, out);
+    }
+}

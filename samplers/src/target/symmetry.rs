@@ -1,0 +1,29 @@
+//! Moves that a target's author knows, so that a sampler crosses in one step what it would otherwise have to walk.
+
+use crate::rng::Stream;
+
+/// A self-inverse map of the standard-normal coordinates, proposed and accepted by Metropolis with its Jacobian: the
+/// posterior need not be invariant under it.
+pub trait Involution: Sync + Send {
+    /// A short name for reports.
+    fn name(&self) -> &str;
+    /// Maps `z` in place and returns `ln |det J|`; `None` where the map is not defined (then also not at its image).
+    fn apply(&self, z: &mut [f64]) -> Option<f64>;
+}
+
+/// A continuous group that leaves the likelihood exactly unchanged: the position along an orbit of it can be drawn
+/// afresh from the prior's conditional, without a likelihood call, at any temperature.
+pub trait Orbit: Sync + Send {
+    /// A short name for reports.
+    fn name(&self) -> &str;
+    /// Redraws the position along the orbit through `z`, in place.
+    fn refresh(&self, z: &mut [f64], rng: &mut Stream);
+}
+
+/// A known move.
+pub enum Symmetry {
+    /// A jump with a Metropolis test.
+    Involution(Box<dyn Involution>),
+    /// An exact, free refresh.
+    Orbit(Box<dyn Orbit>),
+}

@@ -1,0 +1,5 @@
+//! One binary for the crate's integration tests; each module mirrors a room of `src`.
+
+mod nested;
+mod pt;
+mod targets;

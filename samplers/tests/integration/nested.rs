@@ -1,0 +1,1 @@
+//! Nested sampling against exact evidences and posteriors.

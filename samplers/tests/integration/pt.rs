@@ -1,0 +1,1 @@
+//! Parallel tempering against exact evidences and posteriors.

@@ -1,0 +1,1 @@
+//! Targets with plateaus, ridges and many peaks; no gradients.

@@ -1,0 +1,4 @@
+//! Targets with exactly known evidence and posterior, shared by the tests of all samplers.
+
+pub mod hard;
+pub mod smooth;

@@ -1,0 +1,1 @@
+//! Smooth targets with exact gradients.

@@ -1,0 +1,1 @@
+//! The shapes of dark-matter haloes from the projected tracks of stellar streams.

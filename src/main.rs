@@ -1,0 +1,2 @@
+//! The `oblate` command.
+fn main() {}

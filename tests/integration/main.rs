@@ -1,0 +1,1 @@
+//! One binary for the integration tests; each module mirrors a room of `src`.
