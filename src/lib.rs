@@ -1,1 +1,15 @@
 //! The shapes of dark-matter haloes from the projected tracks of stellar streams.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::print_stdout
+    )
+)]
+
+pub mod error;
+pub mod units;
+
+pub use error::{Error, Rejection, Result, Tally};
