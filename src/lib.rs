@@ -10,6 +10,7 @@
 )]
 
 pub mod error;
+pub mod scalar;
 pub mod units;
 
 pub use error::{Error, Rejection, Result, Tally};
