@@ -1,1 +1,4 @@
 //! One binary for the integration tests; each module mirrors a room of `src`.
+
+mod golden;
+mod potential;
