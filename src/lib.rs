@@ -10,6 +10,7 @@
 )]
 
 pub mod error;
+pub mod orbit;
 pub mod potential;
 pub mod scalar;
 pub mod units;

@@ -8,9 +8,9 @@ use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign}
 #[repr(C, align(64))]
 pub struct Lanes<const N: usize, const FMA: bool>(pub [f64; N]);
 
-/// The outcome of a comparison, lane by lane.
+/// The outcome of a comparison, lane by lane: all bits set, or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LaneMask<const N: usize>([bool; N]);
+pub struct LaneMask<const N: usize>([u64; N]);
 
 impl<const N: usize> BitAnd for LaneMask<N> {
     type Output = Self;
@@ -98,14 +98,17 @@ impl<const N: usize, const FMA: bool> Scalar for Lanes<N, FMA> {
 
     #[inline(always)]
     fn lt(self, other: Self) -> LaneMask<N> {
-        LaneMask(std::array::from_fn(|i| self.0[i] < other.0[i]))
+        LaneMask(std::array::from_fn(|i| {
+            if self.0[i] < other.0[i] { u64::MAX } else { 0 }
+        }))
     }
 
     #[inline(always)]
     fn select(mask: LaneMask<N>, a: Self, b: Self) -> Self {
-        Self(std::array::from_fn(
-            |i| if mask.0[i] { a.0[i] } else { b.0[i] },
-        ))
+        Self(std::array::from_fn(|i| {
+            let (a, b) = (a.0[i].to_bits(), b.0[i].to_bits());
+            f64::from_bits((a & mask.0[i]) | (b & !mask.0[i]))
+        }))
     }
 
     #[inline(always)]

@@ -1,4 +1,5 @@
 //! One binary for the integration tests; each module mirrors a room of `src`.
 
 mod golden;
+mod orbit;
 mod potential;

@@ -278,7 +278,8 @@ fn a_sum_of_potentials_adds_up() {
     let v = Vec3::new(0.2, 0.5, -0.1);
     let rest: f64 = both.value(x) - halo.value(x) - disc.value(x);
     assert!(rest.abs() < 1e-9);
-    let h: Vec3<f64> = both.hessian_product(x, v) - halo.hessian_product(x, v) - disc.hessian_product(x, v);
+    let h: Vec3<f64> =
+        both.hessian_product(x, v) - halo.hessian_product(x, v) - disc.hessian_product(x, v);
     assert!(h.norm2().sqrt() < 1e-12);
     let ratio: f64 = both.density(x) / (halo.density(x) + disc.density(x));
     assert!((ratio - 1.0).abs() < 1e-12);
