@@ -13,6 +13,7 @@ pub mod error;
 pub mod orbit;
 pub mod potential;
 pub mod scalar;
+pub mod spray;
 pub mod units;
 
 pub use error::{Error, Rejection, Result, Tally};

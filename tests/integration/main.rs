@@ -3,3 +3,4 @@
 mod golden;
 mod orbit;
 mod potential;
+mod spray;
