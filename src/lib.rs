@@ -14,6 +14,7 @@ pub mod orbit;
 pub mod potential;
 pub mod scalar;
 pub mod spray;
+pub mod stream;
 pub mod units;
 
 pub use error::{Error, Rejection, Result, Tally};

@@ -1,10 +1,12 @@
 //! Moving bodies: the progenitor's dense orbit, and the leapfrog that carries the particles.
 
 mod adjoint;
+mod dispatch;
 mod leapfrog;
 mod progenitor;
 
 pub use adjoint::{Reversed, advance_recorded, reverse};
+pub use dispatch::{Kernel, Level, dispatch};
 pub use leapfrog::{Arrival, advance, crossing};
 pub use progenitor::{DenseOrbit, Node, OrbitMethod, Placement};
 

@@ -82,11 +82,16 @@ fn profile<S: Scalar>(s: S) -> S {
 impl<S: Scalar> FlattenedNfw<S> {
     /// A halo of mass scale `mass` (Msun), scale radius `r_s` (kpc), flattening `q` along the unit vector `axis`.
     pub fn new(mass: S, r_s: S, q: S, axis: Vec3<S>) -> Self {
+        Self::from_flattening(mass, r_s, S::one() / (q * q) - 1.0, axis)
+    }
+
+    /// As [`new`](Self::new), from 1/q^2 - 1.
+    pub fn from_flattening(mass: S, r_s: S, flattening: S, axis: Vec3<S>) -> Self {
         let inverse_r_s = S::one() / r_s;
         Self {
             mass,
             r_s,
-            flattening: S::one() / (q * q) - 1.0,
+            flattening,
             axis,
             strength: mass * G * (inverse_r_s * inverse_r_s * inverse_r_s),
             inverse_r_s,
