@@ -75,7 +75,15 @@ impl Arrivals {
 
     fn resize(&mut self, n: usize) {
         let [vx, vy, vz] = &mut self.v;
-        for column in [&mut self.x, &mut self.y, &mut self.z, &mut self.turns, vx, vy, vz] {
+        for column in [
+            &mut self.x,
+            &mut self.y,
+            &mut self.z,
+            &mut self.turns,
+            vx,
+            vy,
+            vz,
+        ] {
             column.resize(n, 0.0);
         }
     }
@@ -112,7 +120,12 @@ impl Kernel for Forward<'_> {
     /// Carries every group; returns the number of unsafe turns, NaN if any state is not finite.
     #[inline(always)]
     fn run<const FMA: bool>(self) -> f64 {
-        let Self { model, setup, path, out } = self;
+        let Self {
+            model,
+            setup,
+            path,
+            out,
+        } = self;
         let host = FlattenedNfw::<Lanes<LANES, FMA>>::broadcast(&setup.host);
         let sphere = Plummer::<Lanes<LANES, FMA>>::broadcast(&setup.sphere);
         let steps = model.settings.steps;
@@ -125,9 +138,18 @@ impl Kernel for Forward<'_> {
                 path.extend(model.path_of(epoch).iter().map(|p| setup.orbit.position(p)));
             }
             let launch = Launch::broadcast(&setup.launches[epoch]);
-            let (start, turns) = launch.release(group.position.map(Lanes), group.velocity.map(Lanes));
+            let (start, turns) =
+                launch.release(group.position.map(Lanes), group.velocity.map(Lanes));
             let step = Lanes::from_f64(model.step_gyr(epoch, setup.age_gyr));
-            let arrival = advance(&host, &sphere, |j| Vec3::from_f64(path[j]), steps, step, start, turns);
+            let arrival = advance(
+                &host,
+                &sphere,
+                |j| Vec3::from_f64(path[j]),
+                steps,
+                step,
+                start,
+                turns,
+            );
             unsafe_turns += arrival.unsafe_turns.0[..group.len].iter().sum::<f64>();
             let State { x, v } = arrival.state;
             // Zero for finite states, NaN otherwise.
@@ -170,7 +192,15 @@ impl Model {
         out: &mut Arrivals,
     ) -> Result<(), Rejection> {
         out.resize(self.table.len());
-        let unsafe_turns = dispatch(level, Forward { model: self, setup, path, out });
+        let unsafe_turns = dispatch(
+            level,
+            Forward {
+                model: self,
+                setup,
+                path,
+                out,
+            },
+        );
         if !unsafe_turns.is_finite() {
             return Err(Rejection::BadParticle);
         }

@@ -64,7 +64,8 @@ impl Kernel for Backward<'_> {
             if group.epoch != epoch {
                 epoch = group.epoch;
                 work.path.clear();
-                work.path.extend(model.path_of(epoch).iter().map(|p| setup.orbit.position(p)));
+                work.path
+                    .extend(model.path_of(epoch).iter().map(|p| setup.orbit.position(p)));
                 work.by_path.clear();
                 work.by_path.resize(steps + 1, Vec3::zero());
             }
@@ -101,7 +102,10 @@ impl Kernel for Backward<'_> {
                 by_launch.position[c] += (x * Lanes(group.position[c])).map(Lanes::sum);
                 by_launch.velocity[c] += (v * Lanes(group.velocity[c])).map(Lanes::sum);
             }
-            let last_of_epoch = model.groups.get(i + 1).is_none_or(|next| next.epoch != epoch);
+            let last_of_epoch = model
+                .groups
+                .get(i + 1)
+                .is_none_or(|next| next.epoch != epoch);
             if last_of_epoch {
                 for (place, by) in model.path_of(epoch).iter().zip(&work.by_path) {
                     let w = place.weights;
@@ -123,7 +127,10 @@ impl Kernel for Backward<'_> {
                 flattening: by_host.flattening.sum(),
                 axis: by_host.axis.map(Lanes::sum),
             },
-            sphere: PlummerCotangent { ln_mass: by_sphere.ln_mass.sum(), r_s: by_sphere.r_s.sum() },
+            sphere: PlummerCotangent {
+                ln_mass: by_sphere.ln_mass.sum(),
+                r_s: by_sphere.r_s.sum(),
+            },
             age_gyr: by_age,
         }
     }
@@ -141,7 +148,14 @@ impl Model {
     ) -> [f64; N] {
         let zero = Vec3::zero();
         work.nodes.clear();
-        work.nodes.resize(setup.orbit.nodes.len(), Node { x: zero, dx: zero, ddx: zero });
+        work.nodes.resize(
+            setup.orbit.nodes.len(),
+            Node {
+                x: zero,
+                dx: zero,
+                ddx: zero,
+            },
+        );
         let no_launch = Launch {
             state: State { x: zero, v: zero },
             position: [zero; 3],
@@ -150,7 +164,14 @@ impl Model {
         };
         work.launches.clear();
         work.launches.resize(setup.launches.len(), no_launch);
-        let shared = dispatch(Level::best(), Backward { model: self, setup: real, work });
+        let shared = dispatch(
+            Level::best(),
+            Backward {
+                model: self,
+                setup: real,
+                work,
+            },
+        );
         let mut sum = Contraction::<N>([0.0; N]);
         sum.add(&setup.host.mass, shared.host.ln_mass / real.host.mass);
         sum.add(&setup.host.r_s, shared.host.ln_r_s / real.host.r_s);

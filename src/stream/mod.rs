@@ -62,7 +62,10 @@ impl Model {
     /// # Errors
     /// [`Error::Setting`] for steps of zero, and what [`ReleaseTable::new`] refuses.
     pub fn new(settings: &ModelSettings) -> Result<Self> {
-        for (key, value) in [("steps", settings.steps), ("orbit_steps", settings.orbit_steps)] {
+        for (key, value) in [
+            ("steps", settings.steps),
+            ("orbit_steps", settings.orbit_steps),
+        ] {
             if value == 0 {
                 return Err(Error::Setting {
                     key: key.to_owned(),
@@ -84,7 +87,12 @@ impl Model {
                 })
             })
             .collect();
-        Ok(Self { settings: *settings, table, groups, path })
+        Ok(Self {
+            settings: *settings,
+            table,
+            groups,
+            path,
+        })
     }
 
     /// Its settings.
@@ -125,10 +133,17 @@ impl Model {
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a state is not finite.
-    pub fn particles<S: Real>(&self, setup: &Setup<S>) -> std::result::Result<Vec<Arrival<S>>, Rejection> {
+    pub fn particles<S: Real>(
+        &self,
+        setup: &Setup<S>,
+    ) -> std::result::Result<Vec<Arrival<S>>, Rejection> {
         let mut arrivals = Vec::with_capacity(self.table.len());
         for (epoch, launch) in setup.launches.iter().enumerate() {
-            let path: Vec<_> = self.path_of(epoch).iter().map(|p| setup.orbit.position(p)).collect();
+            let path: Vec<_> = self
+                .path_of(epoch)
+                .iter()
+                .map(|p| setup.orbit.position(p))
+                .collect();
             let step = self.step_gyr(epoch, setup.age_gyr);
             let first = epoch * self.table.per_epoch;
             for particle in &self.table.particles[first..first + self.table.per_epoch] {
@@ -136,9 +151,19 @@ impl Model {
                     particle.kick.position.map(S::from_f64),
                     particle.kick.velocity.map(S::from_f64),
                 );
-                let arrival =
-                    advance(&setup.host, &setup.sphere, |j| path[j], self.settings.steps, step, start, turns);
-                if !(arrival.state.x.norm2() + arrival.state.v.norm2()).re().is_finite() {
+                let arrival = advance(
+                    &setup.host,
+                    &setup.sphere,
+                    |j| path[j],
+                    self.settings.steps,
+                    step,
+                    start,
+                    turns,
+                );
+                if !(arrival.state.x.norm2() + arrival.state.v.norm2())
+                    .re()
+                    .is_finite()
+                {
                     return Err(Rejection::BadParticle);
                 }
                 arrivals.push(arrival);

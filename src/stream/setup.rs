@@ -38,7 +38,9 @@ impl<S: Scalar> Launch<S> {
     #[inline(always)]
     pub fn release(&self, position: [S; 3], velocity: [S; 3]) -> (State<S>, S) {
         let offset = |frame: &[Vec3<S>; 3], c: [S; 3], from: Vec3<S>| {
-            from.add_scaled(frame[0], c[0]).add_scaled(frame[1], c[1]).add_scaled(frame[2], c[2])
+            from.add_scaled(frame[0], c[0])
+                .add_scaled(frame[1], c[1])
+                .add_scaled(frame[2], c[2])
         };
         let x = offset(&self.position, position, self.state.x);
         let v = offset(&self.velocity, velocity, self.state.v);
@@ -82,13 +84,23 @@ impl<S: Real> Setup<S> {
         settings: &ModelSettings,
         table: &ReleaseTable,
     ) -> Result<Self, Rejection> {
-        let Galaxy { host, sphere, today, age_gyr } = *galaxy;
+        let Galaxy {
+            host,
+            sphere,
+            today,
+            age_gyr,
+        } = *galaxy;
         let positive = [host.mass, host.r_s, sphere.mass, sphere.r_s, age_gyr];
         let finite = today.x.norm2() + today.v.norm2() + host.flattening + host.axis.norm2();
-        if !finite.re().is_finite() || positive.iter().any(|p| !(p.re() > 0.0 && p.re().is_finite())) {
+        if !finite.re().is_finite()
+            || positive
+                .iter()
+                .any(|p| !(p.re() > 0.0 && p.re().is_finite()))
+        {
             return Err(Rejection::BadParameter);
         }
-        let orbit = DenseOrbit::integrate(&host, today, age_gyr, settings.orbit_steps, settings.orbit);
+        let orbit =
+            DenseOrbit::integrate(&host, today, age_gyr, settings.orbit_steps, settings.orbit);
         if !orbit.is_finite() {
             return Err(Rejection::BadOrbit);
         }
@@ -109,7 +121,14 @@ impl<S: Real> Setup<S> {
                 }
             })
             .collect();
-        Ok(Self { host, sphere, age_gyr, orbit, launches, tally })
+        Ok(Self {
+            host,
+            sphere,
+            age_gyr,
+            orbit,
+            launches,
+            tally,
+        })
     }
 }
 
@@ -125,14 +144,21 @@ impl<const N: usize> Setup<Dual<N>> {
                 self.host.flattening.re,
                 v(self.host.axis),
             ),
-            sphere: Plummer { mass: self.sphere.mass.re, r_s: self.sphere.r_s.re },
+            sphere: Plummer {
+                mass: self.sphere.mass.re,
+                r_s: self.sphere.r_s.re,
+            },
             age_gyr: self.age_gyr.re,
             orbit: DenseOrbit {
                 nodes: self
                     .orbit
                     .nodes
                     .iter()
-                    .map(|n| Node { x: v(n.x), dx: v(n.dx), ddx: v(n.ddx) })
+                    .map(|n| Node {
+                        x: v(n.x),
+                        dx: v(n.dx),
+                        ddx: v(n.ddx),
+                    })
                     .collect(),
                 turns: self.orbit.turns.iter().map(|t| t.re).collect(),
                 spacing_gyr: self.orbit.spacing_gyr.re,
@@ -142,7 +168,10 @@ impl<const N: usize> Setup<Dual<N>> {
                 .launches
                 .iter()
                 .map(|l| Launch {
-                    state: State { x: v(l.state.x), v: v(l.state.v) },
+                    state: State {
+                        x: v(l.state.x),
+                        v: v(l.state.v),
+                    },
                     position: l.position.map(v),
                     velocity: l.velocity.map(v),
                     turns: l.turns.re,

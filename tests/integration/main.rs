@@ -1,6 +1,8 @@
 //! One binary for the integration tests; each module mirrors a room of `src`.
 
+mod gala;
 mod golden;
 mod orbit;
 mod potential;
 mod spray;
+mod stream;
