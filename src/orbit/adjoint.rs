@@ -2,7 +2,8 @@
 //! map, at about the cost of two values.
 
 use super::State;
-use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent, Potential};
+use super::leapfrog::force;
+use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
 
 /// As [`advance`](super::advance()), and writes the positions of the force evaluations into `positions`, of length
@@ -16,17 +17,17 @@ pub fn advance_recorded<S: Scalar>(
     start: State<S>,
     positions: &mut [Vec3<S>],
 ) {
-    let force =
-        |x: Vec3<S>, j: usize| host.acceleration(x) + progenitor.acceleration(x - progenitor_at(j));
     let steps = positions.len() - 1;
     let mut x = start.x;
-    let mut v = start.v.add_scaled(force(x, 0), step_gyr * 0.5);
+    let mut v = start
+        .v
+        .add_scaled(force(host, progenitor, x, progenitor_at(0)), step_gyr * 0.5);
     positions[0] = x;
     for (j, slot) in positions.iter_mut().enumerate().skip(1) {
         x = x.add_scaled(v, step_gyr);
         *slot = x;
         if j < steps {
-            v = v.add_scaled(force(x, j), step_gyr);
+            v = v.add_scaled(force(host, progenitor, x, progenitor_at(j)), step_gyr);
         }
     }
 }

@@ -24,6 +24,18 @@ pub fn crossing<S: Scalar>(from: Vec3<S>, to: Vec3<S>) -> S {
     S::select(S::zero().lt(side * turn), side, S::zero())
 }
 
+/// The acceleration at `x` in the host and a progenitor at `centre`. A function and not a closure, so that it is inlined
+/// into code compiled for any instruction set.
+#[inline(always)]
+pub(super) fn force<S: Scalar>(
+    host: &impl Potential<S>,
+    progenitor: &Plummer<S>,
+    x: Vec3<S>,
+    centre: Vec3<S>,
+) -> Vec3<S> {
+    host.acceleration(x) + progenitor.acceleration(x - centre)
+}
+
 /// Carries one particle (or one lane of particles) through `steps` equal steps of `step_gyr` each, in the sum of `host`
 /// and `progenitor`, whose position at the j-th force evaluation, j = 0..=steps, is `progenitor_at(j)`.
 ///
@@ -39,11 +51,11 @@ pub fn advance<S: Scalar>(
     start: State<S>,
     turns: S,
 ) -> Arrival<S> {
-    let force =
-        |x: Vec3<S>, j: usize| host.acceleration(x) + progenitor.acceleration(x - progenitor_at(j));
     let half = step_gyr * 0.5;
     let mut x = start.x;
-    let mut v = start.v.add_scaled(force(x, 0), half);
+    let mut v = start
+        .v
+        .add_scaled(force(host, progenitor, x, progenitor_at(0)), half);
     let mut turns = turns;
     let mut unsafe_turns = S::zero();
     for j in 1..=steps {
@@ -53,7 +65,7 @@ pub fn advance<S: Scalar>(
         let cosine = before.x * x.x + before.y * x.y;
         unsafe_turns += S::select(cosine.lt(S::zero()), S::one(), S::zero());
         let kick = if j == steps { half } else { step_gyr };
-        v = v.add_scaled(force(x, j), kick);
+        v = v.add_scaled(force(host, progenitor, x, progenitor_at(j)), kick);
     }
     Arrival {
         state: State { x, v },
