@@ -6,3 +6,4 @@ mod orbit;
 mod potential;
 mod spray;
 mod stream;
+mod track;
