@@ -34,7 +34,9 @@ pub enum Error {
         remedy: String,
     },
     /// A parameter lies outside its prior.
-    #[error("{name} = {value} lies outside its prior [{lo}, {hi}]; give a value inside, or widen the prior")]
+    #[error(
+        "{name} = {value} lies outside its prior [{lo}, {hi}]; give a value inside, or widen the prior"
+    )]
     OutsidePrior {
         /// The parameter.
         name: String,
@@ -80,7 +82,9 @@ pub enum Error {
         remedy: String,
     },
     /// A point that had to have a track has none.
-    #[error("no track at these parameters: {0}; change the parameters, or see `oblate evaluate` for the cause")]
+    #[error(
+        "no track at these parameters: {0}; change the parameters, or see `oblate evaluate` for the cause"
+    )]
     NoTrack(Rejection),
     /// The sampler stopped.
     #[error(transparent)]
