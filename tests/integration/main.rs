@@ -2,6 +2,7 @@
 
 mod gala;
 mod golden;
+mod likelihood;
 mod orbit;
 mod potential;
 mod spray;
