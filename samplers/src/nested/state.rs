@@ -7,7 +7,7 @@ use super::live::{self, Batch, Points, REJECTED};
 use super::rank::Ranks;
 use super::settings::{BoundKind, Kernel, Settings};
 use crate::error::{Error, Result};
-use crate::rng::{Domain, Stream, below, stream, unit_open};
+use crate::rng::{Domain, Stream, below, stream};
 use crate::target::Target;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -183,8 +183,9 @@ impl State {
             .into_par_iter()
             .map(|j| {
                 let mut rng = stream(job.seed, Domain::NestedPoint, 0, j);
-                let u: Vec<f64> = (0..job.target.dim()).map(|_| unit_open(&mut rng)).collect();
                 let mut likelihood = Likelihood::new(job.target);
+                let mut u = vec![0.0; job.target.dim()];
+                likelihood.draw_prior(&mut rng, &mut u)?;
                 let ln_l = likelihood.at(&u)?;
                 Ok((u, ln_l, likelihood.tally))
             })
