@@ -138,6 +138,11 @@ impl State {
         let ln_x = self.ln_x_after(&batch);
         let refitted = self.refit_if_due(job, &kept, ln_x);
         let bound = refitted.as_ref().or(self.bound.as_ref());
+        // A refit keeps the length of steps, whatever the size of the new ellipsoids.
+        let scale = match (&self.bound, &refitted) {
+            (Some(old), Some(new)) => self.scale * (old.ln_unit(&kept) - new.ln_unit(&kept)).exp(),
+            _ => self.scale,
+        };
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
         let seeds = choose_seeds(&mut rng, kept.len(), births);
@@ -146,7 +151,7 @@ impl State {
             contour: batch.contour,
             kernel: job.kernel(),
             bound,
-            scale: self.scale,
+            scale,
             steps: self.steps,
         };
         let first = self.next_point;
@@ -168,6 +173,7 @@ impl State {
             self.ln_x_at_fit = ln_x;
             self.efficiency_at_fit = None;
         }
+        self.scale = scale;
         self.count(&born);
         self.tune(job, &born);
         self.commit(&batch, &born, &mut rng);

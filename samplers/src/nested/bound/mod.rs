@@ -114,6 +114,13 @@ impl Bound {
         self.parts.get(label).unwrap_or(&self.whole)
     }
 
+    /// Mean log axis of the metrics of `points`, geometric over axes: the unit of a step length.
+    pub fn ln_unit(&self, points: &Points) -> f64 {
+        let ln_volumes =
+            (0..points.len()).map(|i| self.metric(self.label(points.row(i))).ln_volume);
+        ln_volumes.sum::<f64>() / (points.len() * points.dim()) as f64
+    }
+
     /// A uniform draw from the union of the ellipsoids; false: drawn from an overlap and thinned out, try again.
     pub fn draw(&self, rng: &mut Stream, ball: &mut [f64], out: &mut [f64]) -> bool {
         let pieces = self.pieces();
