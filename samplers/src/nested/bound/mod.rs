@@ -1,0 +1,176 @@
+//! What encloses the live points: as many ellipsoids as they ask for, each of which is also the local metric of the
+//! step kernels.
+
+mod ellipsoid;
+mod split;
+
+pub(super) use ellipsoid::{Ellipsoid, draw_direction, draw_in_ball};
+
+use super::live::Points;
+use super::settings::BoundKind;
+use crate::rng::{Domain, Stream, below, stream, unit_open};
+use serde::{Deserialize, Serialize};
+
+/// Bootstraps behind the enlargement for independent draws.
+const BOOTSTRAPS: usize = 20;
+
+/// Largest enlargement of an axis for independent draws. A new point of a cluster of 2 d or more lies within this many
+/// times the fitted extent for all practical ends (Hotelling's law); where a bootstrap asks for more, it has lost the
+/// shape of a small cluster, or all of one of two distant groups between which the ellipsoid spans anyway.
+const MAX_REACH: f64 = 3.0;
+
+/// Volume factor of the ellipsoids for kernels that walk: there they are only a metric.
+const STEP_ENLARGEMENT: f64 = 1.25;
+
+/// A set of ellipsoids.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Bound {
+    /// One ellipsoid around all points.
+    whole: Ellipsoid,
+    /// The decomposition; empty where the whole is as good.
+    parts: Vec<Ellipsoid>,
+}
+
+impl Bound {
+    /// A bound for kernels that walk. `None` if the points are too few or all alike.
+    pub fn for_steps(points: &Points, kind: BoundKind) -> Option<Self> {
+        let factor = STEP_ENLARGEMENT.powf(1.0 / points.dim() as f64);
+        let mut bound = Self::assemble(points, kind, &mut |rows| Ellipsoid::fit(points, rows))?;
+        bound.whole.enlarge(factor);
+        bound.parts.iter_mut().for_each(|e| e.enlarge(factor));
+        Some(bound)
+    }
+
+    /// A bound to draw from: every ellipsoid enlarged until, in each bootstrap of its points, the one fitted to them
+    /// holds those left out. Splits are judged by the enlarged volumes, so that two distant clusters, one of them
+    /// small, do not share an ellipsoid that only the bootstrap would blow up. `None` as for
+    /// [`for_steps`](Self::for_steps).
+    pub fn for_draws(points: &Points, kind: BoundKind, seed: u64, number: u64) -> Option<Self> {
+        let mut rng = stream(seed, Domain::NestedBound, 0, number);
+        Self::assemble(points, kind, &mut |rows| {
+            let mut ellipsoid = Ellipsoid::fit(points, rows)?;
+            let farthest = (0..BOOTSTRAPS)
+                .map(|_| reach(points, rows, &mut rng))
+                .fold(1.0, f64::max);
+            ellipsoid.enlarge(farthest.min(MAX_REACH));
+            Some(ellipsoid)
+        })
+    }
+
+    fn assemble(points: &Points, kind: BoundKind, fit: &mut split::Fit<'_>) -> Option<Self> {
+        let rows: Vec<usize> = (0..points.len()).collect();
+        if kind == BoundKind::Cube || rows.len() < 2 * points.dim() {
+            return None;
+        }
+        let whole = fit(&rows)?;
+        let mut parts = Vec::new();
+        if kind == BoundKind::MultiEllipsoid {
+            parts = split::split(points, &rows, whole.clone(), fit);
+            if parts.len() == 1 {
+                parts.clear();
+            }
+        }
+        Some(Self { whole, parts })
+    }
+
+    /// The metric of the cube itself.
+    pub fn cube(dim: usize) -> Self {
+        Self {
+            whole: Ellipsoid::around_cube(dim),
+            parts: Vec::new(),
+        }
+    }
+
+    /// The ellipsoids to draw from.
+    fn pieces(&self) -> &[Ellipsoid] {
+        if self.parts.is_empty() {
+            std::slice::from_ref(&self.whole)
+        } else {
+            &self.parts
+        }
+    }
+
+    /// The metric region of `x`: the first ellipsoid that holds it, or the whole.
+    ///
+    /// A step law must not depend on where in a region the step starts. So the region of a point is fixed by the
+    /// point alone, and a chain treats other regions as outside (samplers: metric rule); that is exactly invariant.
+    pub fn label(&self, x: &[f64]) -> usize {
+        self.parts
+            .iter()
+            .position(|e| e.contains(x))
+            .unwrap_or(self.parts.len())
+    }
+
+    /// Whether `x` has this label; usually cheaper than [`label`](Self::label).
+    pub fn has_label(&self, x: &[f64], label: usize) -> bool {
+        match self.parts.get(label) {
+            Some(own) => own.contains(x) && !self.parts[..label].iter().any(|e| e.contains(x)),
+            None => !self.parts.iter().any(|e| e.contains(x)),
+        }
+    }
+
+    /// The ellipsoid whose axes are the metric of a label.
+    pub fn metric(&self, label: usize) -> &Ellipsoid {
+        self.parts.get(label).unwrap_or(&self.whole)
+    }
+
+    /// Mean log axis of the metrics of `points`, geometric over axes: the unit of a step length.
+    pub fn ln_unit(&self, points: &Points) -> f64 {
+        let ln_volumes =
+            (0..points.len()).map(|i| self.metric(self.label(points.row(i))).ln_volume);
+        ln_volumes.sum::<f64>() / (points.len() * points.dim()) as f64
+    }
+
+    /// A uniform draw from the union of the ellipsoids; false: drawn from an overlap and thinned out, try again.
+    pub fn draw(&self, rng: &mut Stream, ball: &mut [f64], out: &mut [f64]) -> bool {
+        let pieces = self.pieces();
+        let largest = pieces
+            .iter()
+            .map(|e| e.ln_volume)
+            .fold(f64::NEG_INFINITY, f64::max);
+        let volume = |e: &Ellipsoid| (e.ln_volume - largest).exp();
+        let total: f64 = pieces.iter().map(volume).sum();
+        let mut left = unit_open(rng) * total;
+        let mut chosen = &pieces[0];
+        for e in pieces {
+            chosen = e;
+            left -= volume(e);
+            if left < 0.0 {
+                break;
+            }
+        }
+        chosen.draw(rng, ball, out);
+        if pieces.len() == 1 {
+            return true;
+        }
+        let holders = pieces.iter().filter(|e| e.contains(out)).count();
+        holders <= 1 || unit_open(rng) * (holders as f64) < 1.0
+    }
+}
+
+/// The farthest of the points that a resampling of `rows` leaves out, from the ellipsoid of those that it takes. 1 if
+/// it takes fewer different ones than an ellipsoid needs, d + 1: then it says nothing of the rest.
+fn reach(points: &Points, rows: &[usize], rng: &mut Stream) -> f64 {
+    let mut taken = vec![false; rows.len()];
+    let sample: Vec<usize> = (0..rows.len())
+        .map(|_| {
+            let i = below(rng, rows.len());
+            taken[i] = true;
+            rows[i]
+        })
+        .collect();
+    if taken.iter().filter(|t| **t).count() <= points.dim() {
+        return 1.0;
+    }
+    let Some(partial) = Ellipsoid::fit(points, &sample) else {
+        return 1.0;
+    };
+    rows.iter()
+        .zip(&taken)
+        .filter(|(_, taken)| !**taken)
+        .map(|(&i, _)| partial.distance(points.row(i)))
+        .fold(1.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests;

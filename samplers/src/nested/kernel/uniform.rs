@@ -1,0 +1,51 @@
+//! Independent draws: from the prior, or from the bound.
+
+use super::{Motion, Newborn, Setting};
+use crate::error::{Error, Result};
+use crate::nested::likelihood::Likelihood;
+use crate::rng::Stream;
+
+/// Likelihood calls, and draws, for one point before the bound is given up.
+const MAX_CALLS: u64 = 100_000;
+const MAX_DRAWS: u64 = 1_000_000;
+
+/// Draws until one is above the contour.
+pub(super) fn draw(setting: &Setting<'_>, rng: &mut Stream) -> Result<Newborn> {
+    let dim = setting.target.dim();
+    let mut likelihood = Likelihood::new(setting.target);
+    let mut ball = vec![0.0; dim];
+    let mut u = vec![0.0; dim];
+    for _ in 0..MAX_DRAWS {
+        match setting.bound {
+            None => likelihood.draw_prior(rng, &mut u)?,
+            Some(bound) => {
+                let ours = bound.draw(rng, &mut ball, &mut u)
+                    && u.iter().all(|u| *u > 0.0 && *u < 1.0)
+                    && likelihood.inside_walls(&u);
+                if !ours {
+                    continue;
+                }
+            }
+        }
+        let ln_l = likelihood.at(&u)?;
+        if ln_l > setting.contour {
+            return Ok(Newborn {
+                u,
+                ln_l,
+                tally: likelihood.tally,
+                motion: Motion {
+                    moved: true,
+                    ..Motion::default()
+                },
+            });
+        }
+        if likelihood.tally.calls >= MAX_CALLS {
+            break;
+        }
+    }
+    Err(Error::Stuck {
+        what: "independent draws from the bound never exceed the contour",
+        tries: likelihood.tally.calls,
+        remedy: "use the kernel `random-slice`, which does not depend on how tight the bound is",
+    })
+}
