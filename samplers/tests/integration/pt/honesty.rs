@@ -3,7 +3,8 @@
 use crate::targets::smooth;
 use oblate_samplers::control::Silent;
 use oblate_samplers::pt::{self, Settings};
-use oblate_samplers::{Control, Error, Marginal, Outcome, Prior, Target};
+use oblate_samplers::{Control, Error, Event, Marginal, Observer, Outcome, Prior, Target};
+use std::ops::ControlFlow;
 
 /// Rejects everything, with or without a gradient.
 struct Nothing {
@@ -116,4 +117,47 @@ fn settings_out_of_range_are_refused_by_name() {
         let message = refused(&smooth::iso(2), &settings).to_string();
         assert!(message.contains(&format!("`{name}`")), "{message}");
     }
+}
+
+/// Writes down what it is told.
+#[derive(Default)]
+struct Diary(Vec<Event>);
+
+impl Observer for Diary {
+    fn event(&mut self, event: &Event) -> ControlFlow<()> {
+        self.0.push(event.clone());
+        ControlFlow::Continue(())
+    }
+}
+
+#[test]
+fn an_observer_is_told_of_the_start_every_scan_and_the_end() {
+    let mut diary = Diary::default();
+    let run = pt::run(
+        &smooth::iso(2),
+        &super::rounds(4),
+        1,
+        &mut Control::new(&mut diary),
+    )
+    .unwrap();
+    let events = diary.0;
+    assert_eq!(events.first(), Some(&Event::Started { dim: 2 }));
+    assert_eq!(events.last(), Some(&Event::Finished));
+    let scans: Vec<(usize, usize, u64)> = events
+        .iter()
+        .filter_map(|event| match event {
+            Event::Tempered {
+                round,
+                scan,
+                gradients,
+                ..
+            } => Some((*round, *scan, *gradients)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(scans.len(), 4 + 8 + 16 + 32);
+    assert_eq!((scans[0].0, scans[0].1), (0, 0));
+    assert_eq!((scans[59].0, scans[59].1), (3, 31));
+    assert_eq!(scans[59].2, run.cost.gradients);
+    assert!(scans.windows(2).all(|w| w[1].2 > w[0].2));
 }

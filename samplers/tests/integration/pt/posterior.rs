@@ -1,12 +1,14 @@
 //! Posteriors against exact ones, and runs that must be refused.
 
 use super::{failed, gate, rounds, run};
+use crate::hmc::{Datum, Difference, datum_of_sum};
 use crate::targets::smooth::{self, Flip, Smooth};
+use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::{mean_ess, mode_agreement, r_hat, two_means};
 use oblate_samplers::hmc::{Explorer, Metric, MetricKind, Plan, Point};
 use oblate_samplers::pt::Settings;
 use oblate_samplers::rng::{Domain, stream};
-use oblate_samplers::{Run, Symmetry, Target};
+use oblate_samplers::{Control, Outcome, Prior, Run, Symmetry, Target, pt};
 
 fn with_flip(target: Smooth) -> Smooth {
     target.with_symmetries(vec![Symmetry::Involution(Box::new(Flip))])
@@ -160,4 +162,74 @@ fn means_of_the_binomial_posterior_are_exact() {
         .ln_likelihood(row)
         .unwrap();
     assert!((again - run.draws.ln_likelihood[5]).abs() < 1e-9);
+}
+
+/// A datum of the sum, with the difference declared as an orbit.
+struct WithOrbit {
+    datum: Datum,
+    symmetries: Vec<Symmetry>,
+}
+
+impl Target for WithOrbit {
+    fn prior(&self) -> &Prior {
+        self.datum.prior()
+    }
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        self.datum.ln_likelihood(theta)
+    }
+    fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
+        self.datum.ln_likelihood_and_gradient(theta, gradient)
+    }
+    fn gradient_cost(&self) -> Option<f64> {
+        Some(1.0)
+    }
+    fn symmetries(&self) -> &[Symmetry] {
+        &self.symmetries
+    }
+}
+
+#[test]
+fn an_orbit_makes_its_direction_independent_and_costs_one_gradient_a_scan() {
+    let y = 1.3_f64;
+    let exact = -0.5 * 19_f64.ln() - 0.5 * y * y / (2.0 + 1.0 / 9.0);
+    let settings = Settings {
+        temperatures: 8,
+        max_temperatures: 8,
+        ..rounds(8)
+    };
+    let run = |symmetries| {
+        let target = WithOrbit {
+            datum: datum_of_sum(y),
+            symmetries,
+        };
+        let mut silent = Silent;
+        pt::run(&target, &settings, 1, &mut Control::new(&mut silent)).unwrap()
+    };
+    let orbit = Difference {
+        sd: std::f64::consts::SQRT_2,
+    };
+    let with = run(vec![Symmetry::Orbit(Box::new(orbit))]);
+    let pull = (with.evidence.ln_z - exact) / with.evidence.error;
+    assert!(pull.abs() < 4.0, "{} {exact}", with.evidence.ln_z);
+    let difference: Vec<f64> = with
+        .draws
+        .column(0)
+        .iter()
+        .zip(with.draws.column(1))
+        .map(|(a, b)| a - b)
+        .collect();
+    let chains: Vec<&[f64]> = difference.chunks_exact(512).collect();
+    let n = difference.len() as f64;
+    assert!(mean_ess(&chains) > 0.8 * n);
+    let variance = difference.iter().map(|d| d * d).sum::<f64>() / n;
+    assert!(
+        (variance / 2.0 - 1.0).abs() < 4.0 * (2.0 / n).sqrt(),
+        "{variance}"
+    );
+    // Scans 4 + 8 + .. + 512 of 4 ladders and 7 explored temperatures, at most one more gradient each; a swapped-in
+    // prior draw needs its gradient in either case.
+    let without = run(Vec::new());
+    let scans = f64::from(4 * 255 * 4 * 7);
+    let more = with.cost.gradients as f64 - without.cost.gradients as f64;
+    assert!((more / scans - 0.95).abs() < 0.3, "{}", more / scans);
 }
