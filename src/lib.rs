@@ -14,6 +14,7 @@ pub mod inference;
 pub mod likelihood;
 pub mod orbit;
 pub mod params;
+pub mod population;
 pub mod potential;
 pub mod scalar;
 pub mod spray;
