@@ -1,5 +1,6 @@
 //! One binary for the integration tests; each module mirrors a room of `src`.
 
+mod arrows;
 mod gala;
 mod golden;
 mod ks;
@@ -7,6 +8,9 @@ mod likelihood;
 mod orbit;
 mod params;
 mod potential;
+// The reader of import orders lives with the samplers, which must not depend on this crate.
+#[path = "../../samplers/tests/integration/rooms.rs"]
+mod rooms;
 mod spray;
 mod stream;
 mod track;

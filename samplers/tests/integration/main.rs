@@ -1,6 +1,8 @@
 //! One binary for the crate's integration tests; each module mirrors a room of `src`.
 
+mod arrows;
 mod hmc;
 mod nested;
 mod pt;
+mod rooms;
 mod targets;
