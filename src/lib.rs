@@ -51,6 +51,13 @@
 //! | [`inference`] | the doorway to [`oblate_samplers`]: a likelihood as a target, sampled one way or the other |
 //! | [`population`] | many posteriors of q reweighted into one population |
 #![cfg_attr(
+    test,
+    allow(
+        clippy::cast_possible_truncation,
+        reason = "tests cast small counts of their own"
+    )
+)]
+#![cfg_attr(
     not(test),
     deny(
         clippy::unwrap_used,

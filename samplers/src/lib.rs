@@ -41,6 +41,13 @@
 //! Rooms, each of which may only look at the ones before it: [`error`], [`normal`], [`rng`], [`target`],
 //! [`checkpoint`], [`output`], [`control`], [`diagnostics`], then the samplers: [`hmc`], [`nested`] and [`pt`].
 #![cfg_attr(
+    test,
+    allow(
+        clippy::cast_possible_truncation,
+        reason = "tests cast small counts of their own"
+    )
+)]
+#![cfg_attr(
     not(test),
     deny(
         clippy::unwrap_used,

@@ -1,4 +1,8 @@
 //! One binary for the integration tests; each module mirrors a room of `src`.
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "tests cast small counts of their own"
+)]
 
 mod arrows;
 mod gala;

@@ -35,10 +35,7 @@ fn every_room_imports_only_rooms_to_its_left() {
 fn nested_knows_neither_hmc_nor_pt() {
     let without: Vec<_> = ORDER.into_iter().filter(|r| *r != "hmc").collect();
     let (wrong, _) = wrong_arrows(src(), &without);
-    assert!(
-        wrong.iter().all(|w| !w.contains("nested")),
-        "{wrong:#?}"
-    );
+    assert!(wrong.iter().all(|w| !w.contains("nested")), "{wrong:#?}");
 }
 
 #[test]
