@@ -12,6 +12,8 @@
 pub mod error;
 pub mod likelihood;
 pub mod orbit;
+pub mod params;
+pub mod population;
 pub mod potential;
 pub mod scalar;
 pub mod spray;

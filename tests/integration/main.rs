@@ -2,7 +2,9 @@
 
 mod gala;
 mod golden;
+mod ks;
 mod orbit;
+mod params;
 mod potential;
 mod spray;
 mod stream;

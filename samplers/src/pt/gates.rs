@@ -202,3 +202,48 @@ fn moves(run: &Evidenced<'_>) -> Vec<Gate> {
         ),
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(ladders: Vec<f64>, error: f64) -> Estimate {
+        let ln_z = ladders.iter().sum::<f64>() / ladders.len() as f64;
+        Estimate {
+            ln_z,
+            forward: ln_z,
+            backward: ln_z,
+            thermodynamic: None,
+            valid: 1.0,
+            ladder_errors: vec![error; ladders.len()],
+            ladders,
+            error_ladders: 0.1,
+            error_blocks: 0.1,
+        }
+    }
+
+    fn passes(name: &str, estimate: &Estimate) -> bool {
+        let gates = evidence(estimate);
+        gates.iter().find(|g| g.name == name).unwrap().pass
+    }
+
+    #[test]
+    fn ladders_that_disagree_on_the_evidence_are_refused() {
+        let name = "ladders agree on the evidence";
+        assert!(passes(name, &estimate(vec![-3.0, -3.1, -2.9, -3.05], 0.1)));
+        // One ladder missed a mode that holds half of the mass.
+        assert!(!passes(name, &estimate(vec![-3.0, -3.1, -2.9, -3.7], 0.1)));
+        assert!(!passes(name, &estimate(vec![-3.0, -3.1], f64::NAN)));
+    }
+
+    #[test]
+    fn one_sided_estimates_that_disagree_are_refused() {
+        let name = "forward-backward gap";
+        let mut apart = estimate(vec![-3.0; 4], 0.1);
+        assert!(passes(name, &apart));
+        apart.forward -= 0.5;
+        assert!(!passes(name, &apart));
+        apart.forward = f64::NEG_INFINITY;
+        assert!(!passes(name, &apart));
+    }
+}

@@ -15,8 +15,7 @@ mod settings;
 mod state;
 mod swap;
 
-pub use evidence::{Estimate, Traces, estimate};
-pub use ladder::{barrier, first_schedule, respaced, round_trip_rate};
+pub use ladder::round_trip_rate;
 pub use settings::Settings;
 
 use crate::control::{Control, Event};

@@ -19,7 +19,8 @@ pub struct Settings {
     pub first_scans: usize,
     /// Temperatures of the first rounds.
     pub temperatures: usize,
-    /// Fewest temperatures later on; equal to `temperatures` and `max_temperatures`, their number stays.
+    /// Fewest temperatures later on, at which gaps stay narrow enough for one-sided estimates of the evidence to
+    /// serve as a check; equal to `temperatures` and `max_temperatures`, their number stays.
     pub min_temperatures: usize,
     /// Most temperatures later on.
     pub max_temperatures: usize,
@@ -42,7 +43,7 @@ impl Default for Settings {
             rounds: 10,
             first_scans: 4,
             temperatures: 20,
-            min_temperatures: 5,
+            min_temperatures: 8,
             max_temperatures: 64,
             target_acceptance: 0.8,
             metric: MetricKind::Dense,

@@ -23,10 +23,19 @@ const STEPS: usize = 5;
 
 /// `l = -4.5 |z - y|^2`, or with one observable `l = -4.5 (z1 + z2 - y)^2`: at inverse temperature beta these are the
 /// likelihoods of data of variance `1 / (9 beta)`.
-struct Datum {
+pub struct Datum {
     prior: Prior,
     y: [f64; 2],
     only_sum: bool,
+}
+
+/// A datum of the sum alone: ln Z is that of `y ~ N(0, 2 + 1/9)`, times `sqrt(2 pi / 9)`.
+pub fn datum_of_sum(y: f64) -> Datum {
+    Datum {
+        prior: plane(),
+        y: [y, 0.0],
+        only_sum: true,
+    }
 }
 
 impl Target for Datum {
@@ -270,8 +279,8 @@ fn an_involution_with_its_jacobian_leaves_the_posterior_invariant_and_without_it
 }
 
 /// The difference `z1 - z2`, which a likelihood of the sum does not see: its prior is normal with this deviation.
-struct Difference {
-    sd: f64,
+pub struct Difference {
+    pub sd: f64,
 }
 
 impl Orbit for Difference {
