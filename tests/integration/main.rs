@@ -1,11 +1,15 @@
 //! One binary for the integration tests; each module mirrors a room of `src`.
 
+mod data;
 mod gala;
 mod golden;
 mod ks;
 mod orbit;
 mod params;
+mod posterior;
 mod potential;
+mod run;
+mod runs;
 mod spray;
 mod stream;
 mod track;
