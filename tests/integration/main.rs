@@ -5,16 +5,20 @@
 )]
 
 mod arrows;
+mod data;
 mod gala;
 mod golden;
 mod ks;
 mod likelihood;
 mod orbit;
 mod params;
+mod posterior;
 mod potential;
 // The reader of import orders lives with the samplers, which must not depend on this crate.
 #[path = "../../samplers/tests/integration/rooms.rs"]
 mod rooms;
+mod run;
+mod runs;
 mod spray;
 mod stream;
 mod track;
