@@ -11,6 +11,7 @@ use oblate::params::QPrior;
 use oblate::population::{
     PopulationSettings, PopulationTarget, QPosterior, TruncatedGaussian, TruncatedGaussianSettings,
 };
+use oblate::posterior::{Interval, column};
 use oblate_samplers::control::{Control, Silent};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 
@@ -22,7 +23,10 @@ fn main() -> Result<()> {
     let streams: Vec<QPosterior> = (0..20).map(posterior).collect();
     let family = TruncatedGaussian::new(TruncatedGaussianSettings::default())?;
     let target = PopulationTarget::new(family, &streams, PopulationSettings { max_draws: 500 })?;
-    println!("{} streams from N({TRUE_MEAN}, {TRUE_WIDTH})", target.streams());
+    println!(
+        "{} streams from N({TRUE_MEAN}, {TRUE_WIDTH})",
+        target.streams()
+    );
 
     for sampler in [Sampler::Nested, Sampler::PtHmc] {
         let mut settings = SamplerSettings {
@@ -31,20 +35,27 @@ fn main() -> Result<()> {
         };
         settings.pt_hmc.rounds = 8;
         let run = sample(&target, &settings, 1, &mut Control::new(&mut Silent))?;
-        let weights = run.draws.weights();
-        let moments = |values: Vec<f64>| {
-            let mean: f64 = values.iter().zip(&weights).map(|(x, w)| x * w).sum();
-            let variance: f64 = values.iter().zip(&weights).map(|(x, w)| w * (x - mean).powi(2)).sum();
-            (mean, variance.sqrt())
+        let of = |name: &str| -> Result<Interval> {
+            let column = column(&run, name)?;
+            Ok(Interval::new(&column.values, &run.draws.weights(), ""))
         };
-        let (mean, mean_error) = moments(run.draws.column(0));
-        let (width, width_error) = moments(run.draws.column(1));
+        let (mean, width) = (of("mu_pop")?, of("sigma_pop")?);
         println!(
-            "{:8} ln Z = {:.2} +- {:.2}   mean {mean:.3} +- {mean_error:.3}   width {width:.3} +- {width_error:.3}   converged: {}",
+            "{:8} ln Z = {:.2} +- {:.2}, mean {:.3} in [{:.3}, {:.3}], width {:.3} in [{:.3}, {:.3}] (68 %), {}",
             sampler.name(),
             run.evidence.ln_z,
             run.evidence.error,
-            run.converged(),
+            mean.median,
+            mean.lo68,
+            mean.hi68,
+            width.median,
+            width.lo68,
+            width.hi68,
+            if run.converged() {
+                "converged"
+            } else {
+                "not converged"
+            },
         );
     }
     Ok(())
