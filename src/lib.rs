@@ -20,6 +20,7 @@ pub mod params;
 pub mod population;
 pub mod posterior;
 pub mod potential;
+pub mod report;
 pub mod run;
 pub mod scalar;
 pub mod spray;

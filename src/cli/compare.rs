@@ -19,8 +19,11 @@ pub struct Args {
 
 /// Compares every run with the first.
 pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
-    let stored: Vec<StoredRun> =
-        args.runs.iter().map(|path| RunFolder::open(path)?.read()).collect::<Result<_>>()?;
+    let stored: Vec<StoredRun> = args
+        .runs
+        .iter()
+        .map(|path| RunFolder::open(path)?.read())
+        .collect::<Result<_>>()?;
     let Some((first, others)) = stored.split_first() else {
         return Err(Error::Setting {
             key: "RUN".to_owned(),
@@ -42,7 +45,10 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
 }
 
 fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
-    say(out, &format!("{} against {}: {}", c.names[0], c.names[1], c.verdict()))?;
+    say(
+        out,
+        &format!("{} against {}: {}", c.names[0], c.names[1], c.verdict()),
+    )?;
     say(
         out,
         &format!(
@@ -50,7 +56,10 @@ fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
             c.ln_z[0].value, c.ln_z[0].error, c.ln_z[1].value, c.ln_z[1].error, c.ln_z_sigma
         ),
     )?;
-    say(out, "           quantity     median_1     median_2   sigma  of width")?;
+    say(
+        out,
+        "           quantity     median_1     median_2   sigma  of width",
+    )?;
     for row in &c.marginals {
         say(
             out,

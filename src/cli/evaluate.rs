@@ -13,9 +13,11 @@ use std::time::Instant;
 
 /// Flags of `oblate evaluate`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:\n  oblate evaluate track.ecsv --gradient < parameters.jsonl\n\n\
+#[command(
+    after_help = "Example:\n  oblate evaluate track.ecsv --gradient < parameters.jsonl\n\n\
 Each input line is a JSON object with the 13 parameters; each output line is\n  \
-{\"ln_likelihood\": x or null, \"rejected\": cause or null, \"gradient\": {name: ..}, \"seconds\": ..}")]
+{\"ln_likelihood\": x or null, \"rejected\": cause or null, \"gradient\": {name: ..}, \"seconds\": ..}"
+)]
 pub struct Args {
     /// The track (ECSV or CSV)
     track: PathBuf,
@@ -42,8 +44,12 @@ pub fn run(args: &Args, _: &Common, input: &mut dyn BufRead, out: &mut dyn Write
         if line.trim().is_empty() {
             continue;
         }
-        let params: StreamParams<f64> = serde_json::from_str(&line)
-            .map_err(|e| fail(e.to_string(), "give one JSON object with the 13 parameters per line"))?;
+        let params: StreamParams<f64> = serde_json::from_str(&line).map_err(|e| {
+            fail(
+                e.to_string(),
+                "give one JSON object with the 13 parameters per line",
+            )
+        })?;
         target
             .stream_prior()
             .check_inside(&params)
@@ -52,19 +58,28 @@ pub fn run(args: &Args, _: &Common, input: &mut dyn BufRead, out: &mut dyn Write
         let theta = params.to_array();
         let likelihood = target.likelihood();
         let outcome = if args.gradient {
-            likelihood.gradient(&theta).map(|(e, g)| (e.ln_likelihood, Some(g)))
+            likelihood
+                .gradient(&theta)
+                .map(|(e, g)| (e.ln_likelihood, Some(g)))
         } else {
-            likelihood.ln_likelihood(&theta).map(|e| (e.ln_likelihood, None))
+            likelihood
+                .ln_likelihood(&theta)
+                .map(|e| (e.ln_likelihood, None))
         };
         let seconds = begin.elapsed().as_secs_f64();
         let answer = match outcome {
             Ok((l, None)) => json!({"ln_likelihood": l, "rejected": null, "seconds": seconds}),
             Ok((l, Some(g))) => {
-                let gradient: serde_json::Map<String, serde_json::Value> =
-                    NAMES.iter().zip(g).map(|(n, g)| ((*n).to_owned(), g.into())).collect();
+                let gradient: serde_json::Map<String, serde_json::Value> = NAMES
+                    .iter()
+                    .zip(g)
+                    .map(|(n, g)| ((*n).to_owned(), g.into()))
+                    .collect();
                 json!({"ln_likelihood": l, "rejected": null, "gradient": gradient, "seconds": seconds})
             }
-            Err(cause) => json!({"ln_likelihood": null, "rejected": cause.name(), "seconds": seconds}),
+            Err(cause) => {
+                json!({"ln_likelihood": null, "rejected": cause.name(), "seconds": seconds})
+            }
         };
         say_json(out, &answer)?;
         out.flush().map_err(output)?;

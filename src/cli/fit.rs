@@ -15,7 +15,9 @@ use std::path::PathBuf;
 
 /// Flags of `oblate fit`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:\n  oblate fit track.ecsv --sampler pt-hmc --seed 3 --out runs/track_pt")]
+#[command(
+    after_help = "Example:\n  oblate fit track.ecsv --sampler pt-hmc --seed 3 --out runs/track_pt"
+)]
 pub struct Args {
     /// The track (ECSV or CSV)
     #[arg(required_unless_present = "print_config")]
@@ -78,11 +80,25 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
             remedy: "give both".to_owned(),
         });
     };
-    let folder = FolderFlags::new(folder.clone(), args.folder.force, args.folder.resume, args.folder.allow_unconverged);
+    let folder = FolderFlags::new(
+        folder.clone(),
+        args.folder.force,
+        args.folder.resume,
+        args.folder.allow_unconverged,
+    );
     let track = ObservedTrack::read(path)?;
-    let mut progress = Progress::new(&format!("{} {}", track.name, config.sampling.sampler.name()), common);
-    let (run, summary) =
-        fit(&track, &config, &folder.out, folder.existing(), command, &mut progress.watch())?;
+    let mut progress = Progress::new(
+        &format!("{} {}", track.name, config.sampling.sampler.name()),
+        common,
+    );
+    let (run, summary) = fit(
+        &track,
+        &config,
+        &folder.out,
+        folder.existing(),
+        command,
+        &mut progress.watch(),
+    )?;
     finish(run.status, &summary, &folder, common, out)
 }
 
@@ -102,7 +118,13 @@ pub fn finish(
         say_json(out, summary)?;
     } else {
         say(out, &summary.verdict())?;
-        say(out, &format!("ln Z = {:.3} +- {:.3}", summary.ln_z.value, summary.ln_z.error))?;
+        say(
+            out,
+            &format!(
+                "ln Z = {:.3} +- {:.3}",
+                summary.ln_z.value, summary.ln_z.error
+            ),
+        )?;
         let rows = summary.parameters.iter().chain(&summary.derived);
         for (name, i) in rows {
             say(

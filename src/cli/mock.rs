@@ -12,7 +12,9 @@ use std::path::PathBuf;
 
 /// Flags of `oblate mock`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:\n  oblate mock --count 5 --seed 7 --population 0.8,0.1 --out mocks")]
+#[command(
+    after_help = "Example:\n  oblate mock --count 5 --seed 7 --population 0.8,0.1 --out mocks"
+)]
 pub struct Args {
     /// How many mocks
     #[arg(long, default_value_t = 1)]
@@ -37,7 +39,10 @@ pub struct Args {
 }
 
 fn population(text: &str) -> std::result::Result<QPopulation, String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|t| t.trim().parse().ok()).collect();
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|t| t.trim().parse().ok())
+        .collect();
     match numbers[..] {
         [mu, sigma] if text.split(',').count() == 2 => Ok(QPopulation { mu, sigma }),
         _ => Err("give two numbers, such as 0.8,0.1".to_owned()),
@@ -46,7 +51,10 @@ fn population(text: &str) -> std::result::Result<QPopulation, String> {
 
 /// Makes the mocks.
 pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
-    let mut settings = MockSettings { population: args.population, ..MockSettings::default() };
+    let mut settings = MockSettings {
+        population: args.population,
+        ..MockSettings::default()
+    };
     if let Some(profile) = args.model.profile() {
         let seed = settings.model.releases.seed;
         settings.model = profile.model();
@@ -60,7 +68,10 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     refuse_existing(&args.out.join("mocks.json"), args.force)?;
     let found = mocks(&prior, &settings, args.count, args.seed)?;
     for mock in &found.mocks {
-        refuse_existing(&args.out.join(format!("{}.ecsv", mock.track.name)), args.force)?;
+        refuse_existing(
+            &args.out.join(format!("{}.ecsv", mock.track.name)),
+            args.force,
+        )?;
     }
     std::fs::create_dir_all(&args.out).map_err(|source| Error::Io {
         path: args.out.clone(),

@@ -8,8 +8,8 @@ mod options;
 mod population;
 mod progress;
 mod report;
-mod study;
 mod stream;
+mod study;
 
 use crate::error::{Error, Result};
 use clap::{CommandFactory, Parser, Subcommand};
@@ -46,8 +46,12 @@ impl Exit {
     pub fn of(error: &Error) -> Self {
         use oblate_samplers::Error as S;
         match error {
-            Error::Sampler(S::Fatal(_) | S::Infinite { .. } | S::Io { .. }) | Error::NoTrack(_) => Self::Failed,
-            Error::Io { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => Self::Failed,
+            Error::Sampler(S::Fatal(_) | S::Infinite { .. } | S::Io { .. }) | Error::NoTrack(_) => {
+                Self::Failed
+            }
+            Error::Io { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
+                Self::Failed
+            }
             _ => Self::Usage,
         }
     }
@@ -98,7 +102,11 @@ pub fn run(args: &[String], out: &mut dyn Write) -> Result<Exit> {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(e) => {
-            let exit = if e.use_stderr() { Exit::Usage } else { Exit::Done };
+            let exit = if e.use_stderr() {
+                Exit::Usage
+            } else {
+                Exit::Done
+            };
             // Clap writes help to stdout and mistakes to stderr; a closed pipe is nobody's failure.
             let _ = e.print();
             return Ok(exit);

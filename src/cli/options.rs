@@ -165,7 +165,12 @@ pub struct FolderFlags {
 impl FolderFlags {
     /// From their values.
     pub fn new(out: PathBuf, force: bool, resume: bool, allow_unconverged: bool) -> Self {
-        Self { out, force, resume, allow_unconverged }
+        Self {
+            out,
+            force,
+            resume,
+            allow_unconverged,
+        }
     }
 
     /// How an existing folder is met.
@@ -208,7 +213,9 @@ pub fn say_json(out: &mut dyn Write, value: &impl serde::Serialize) -> Result<()
 /// Refuses a file or folder that exists, unless `force` is given.
 pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
     if path.exists() && !force {
-        return Err(Error::Exists { path: path.to_path_buf() });
+        return Err(Error::Exists {
+            path: path.to_path_buf(),
+        });
     }
     Ok(())
 }

@@ -13,7 +13,9 @@ use std::path::PathBuf;
 
 /// Flags of `oblate population`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:\n  oblate population runs/mock_* --sampler nested --out runs/population")]
+#[command(
+    after_help = "Example:\n  oblate population runs/mock_* --sampler nested --out runs/population"
+)]
 pub struct Args {
     /// Finished fits
     #[arg(required = true)]

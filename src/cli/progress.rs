@@ -42,7 +42,8 @@ impl Progress {
         let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
         let bar = (terminal && !common.quiet).then(|| {
             let bar = ProgressBar::new_spinner();
-            if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix} [{elapsed}] {msg}") {
+            if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix} [{elapsed}] {msg}")
+            {
                 bar.set_style(style);
             }
             bar.set_prefix(label.to_owned());
@@ -58,7 +59,10 @@ impl Progress {
 
     /// A watch by this observer, with the process's interrupt.
     pub fn watch(&mut self) -> Watch<'_> {
-        Watch { observer: self, interrupt: interrupt() }
+        Watch {
+            observer: self,
+            interrupt: interrupt(),
+        }
     }
 
     fn show(&mut self, message: &str, always: bool) {

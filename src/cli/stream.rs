@@ -47,11 +47,16 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
         what: e.to_string(),
         remedy: "mend the parameter file".to_owned(),
     })?;
-    if !(args.bin_width > 0.0 && args.bin_width <= 120.0 && args.edge >= 0.0 && args.edge <= 0.5 * args.bin_width) {
+    if !(args.bin_width > 0.0
+        && args.bin_width <= 120.0
+        && args.edge >= 0.0
+        && args.edge <= 0.5 * args.bin_width)
+    {
         return Err(Error::Setting {
             key: "--bin-width, --edge".to_owned(),
             value: format!("{}, {}", args.bin_width, args.edge),
-            remedy: "give a width of at most 120 degrees and an edge of at most half of it".to_owned(),
+            remedy: "give a width of at most 120 degrees and an edge of at most half of it"
+                .to_owned(),
         });
     }
     let mut settings = args.model.profile().unwrap_or(Profile::Fast).model();
@@ -62,9 +67,13 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
         .setup(&Galaxy::from_params(&params, prior.q_range()))
         .map_err(Error::NoTrack)?;
     let (mut path, mut arrivals) = (Vec::new(), Arrivals::default());
-    model.carry(&setup, &mut path, &mut arrivals).map_err(Error::NoTrack)?;
+    model
+        .carry(&setup, &mut path, &mut arrivals)
+        .map_err(Error::NoTrack)?;
     let edges = if args.edge > 0.0 {
-        BinEdges::Soft { half_width_deg: args.edge }
+        BinEdges::Soft {
+            half_width_deg: args.edge,
+        }
     } else {
         BinEdges::Hard
     };
@@ -77,7 +86,8 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     }
     let shape = prior.shape(&params);
     if common.json {
-        let column = |f: fn(&crate::track::TrackBin) -> f64| track.bins.iter().map(f).collect::<Vec<f64>>();
+        let column =
+            |f: fn(&crate::track::TrackBin) -> f64| track.bins.iter().map(f).collect::<Vec<f64>>();
         say_json(
             out,
             &json!({
@@ -97,10 +107,19 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
             }),
         )?;
     } else {
-        say(out, &format!("q = {:.4}, axis = {:.3?}", shape.q, shape.axis.to_array()))?;
+        say(
+            out,
+            &format!("q = {:.4}, axis = {:.3?}", shape.q, shape.axis.to_array()),
+        )?;
         say(out, " phi/deg     r/kpc   +-/kpc        n")?;
         for b in &track.bins {
-            say(out, &format!("{:8.1} {:9.3} {:8.3} {:8.1}", b.phi_deg, b.r_kpc, b.r_err_kpc, b.n))?;
+            say(
+                out,
+                &format!(
+                    "{:8.1} {:9.3} {:8.3} {:8.1}",
+                    b.phi_deg, b.r_kpc, b.r_err_kpc, b.n
+                ),
+            )?;
         }
         if arrivals.tally.unsafe_turns > 0 {
             say(
@@ -117,14 +136,19 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
 
 /// The particles as CSV.
 fn particles(arrivals: &Arrivals, model: &Model) -> String {
-    let mut text = String::from("arm,t_release_fraction,x_kpc,y_kpc,z_kpc,vx_km_s,vy_km_s,vz_km_s,phi_deg\n");
+    let mut text =
+        String::from("arm,t_release_fraction,x_kpc,y_kpc,z_kpc,vx_km_s,vy_km_s,vz_km_s,phi_deg\n");
     let table = model.table();
     for (i, particle) in table.particles.iter().enumerate() {
         let angle = arrivals.y[i].atan2(arrivals.x[i]).to_degrees() + 360.0 * arrivals.turns[i];
         let v = |c: usize| crate::units::km_s_from_kpc_per_gyr(arrivals.v[c][i]);
         text.push_str(&format!(
             "{},{},{},{},{},{},{},{},{}\n",
-            if particle.arm.sign() < 0.0 { "leading" } else { "trailing" },
+            if particle.arm.sign() < 0.0 {
+                "leading"
+            } else {
+                "trailing"
+            },
             table.taus[i / table.per_epoch],
             arrivals.x[i],
             arrivals.y[i],

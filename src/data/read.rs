@@ -76,9 +76,10 @@ pub fn track(path: &Path) -> Result<ObservedTrack> {
             .file_stem()
             .map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
     };
-    // These two have fields of their own.
-    header.meta.remove("name");
-    header.meta.remove("bin_width");
+    // The first two have fields of their own; the last is astropy's note on how it packed its quantities.
+    for key in ["name", "bin_width", "__serialized_columns__"] {
+        header.meta.remove(key);
+    }
     let track = ObservedTrack {
         name,
         bin_width_deg,

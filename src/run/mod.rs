@@ -4,12 +4,14 @@ mod fit;
 mod folder;
 mod log;
 mod population;
+mod study;
 mod watch;
 
 pub use fit::{Existing, best_row, fit, target};
 pub use folder::{FINISHED, RunFolder, StoredRun, Versions};
 pub use log::Log;
 pub use population::{population, q_posterior};
+pub use study::{Outcome, Piece, study};
 pub use watch::Watch;
 
 use crate::error::{Error, Result};
