@@ -67,6 +67,8 @@
     )
 )]
 
+pub mod cli;
+pub mod config;
 pub mod data;
 pub mod error;
 pub mod inference;
