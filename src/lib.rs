@@ -8,9 +8,8 @@
 //! From thirteen parameters to a track:
 //!
 //! ```
-//! use oblate::likelihood::galaxy;
 //! use oblate::params::{PriorSettings, StreamParams, StreamPrior};
-//! use oblate::stream::{Arrivals, Model, ModelSettings};
+//! use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
 //! use oblate::track::{BinEdges, Track};
 //!
 //! # fn main() -> oblate::Result<()> {
@@ -22,7 +21,8 @@
 //! let prior = StreamPrior::new(&PriorSettings::default())?;
 //! prior.check_inside(&params)?;
 //! let model = Model::new(&ModelSettings::default())?;
-//! let setup = model.setup(&galaxy(&params, prior.q_range())).map_err(oblate::Error::NoTrack)?;
+//! let galaxy = Galaxy::from_params(&params, prior.q_range());
+//! let setup = model.setup(&galaxy).map_err(oblate::Error::NoTrack)?;
 //! let (mut path, mut stars) = (Vec::new(), Arrivals::default());
 //! model.carry(&setup, &mut path, &mut stars).map_err(oblate::Error::NoTrack)?;
 //! let track = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * stars.len() as f64);
@@ -47,9 +47,15 @@
 //! | [`spray`] | where, when and how stars leave |
 //! | [`stream`] | host, progenitor and releases in, present-day particles out; the gradient backwards |
 //! | [`track`] | from particles to one radius per angle |
+//! | [`data`] | observed tracks, read and checked, and mocks with their selection |
 //! | [`likelihood`] | from parameters to ln L, and its exact gradient |
 //! | [`inference`] | the doorway to [`oblate_samplers`]: a likelihood as a target, sampled one way or the other |
+//! | [`posterior`] | weighted draws with names, their summary, and the files that keep both |
 //! | [`population`] | many posteriors of q reweighted into one population |
+//! | [`report`] | figures, tables, one page |
+//! | [`config`] | the settings files |
+//! | [`run`] | a run folder, the work that fills it, and studies of many |
+//! | [`cli`] | the command, one file per verb |
 #![cfg_attr(
     test,
     allow(
