@@ -3,8 +3,8 @@
 //! `cargo run --release --example one_fit`
 //!
 //! The track was made by another code, of a stream in a spherical halo: q = 1 should lie inside the interval. To finish
-//! within a minute this takes few particles, few live points, and as known what a survey might know: halo's and
-//! progenitor's scale radii and the age. `oblate fit` leaves all thirteen free.
+//! within a minute this takes few particles and few live points, and the orbit as known, as if the progenitor had been
+//! observed in full: free are the halo's mass and shape and the progenitor's mass. `oblate fit` leaves all thirteen free.
 
 use oblate::Result;
 use oblate::config::FitConfig;
@@ -15,6 +15,18 @@ use oblate::run::target;
 use oblate_samplers::control::{Control, Silent};
 use std::path::Path;
 
+/// What the track was made with.
+const KNOWN: [(&str, f64); 8] = [
+    ("r_s_halo_kpc", 15.0),
+    ("r_s_prog_kpc", 1.0),
+    ("x0_kpc", 60.0),
+    ("z0_kpc", 30.0),
+    ("vx0_km_s", 30.0),
+    ("vy0_km_s", 140.0),
+    ("vz0_km_s", 45.0),
+    ("age_gyr", 3.0),
+];
+
 fn main() -> Result<()> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks");
     let track = ObservedTrack::read(&folder.join("s2_spherical.ecsv"))?;
@@ -24,10 +36,10 @@ fn main() -> Result<()> {
     config.model.releases.particles = 512;
     config.model.steps = 50;
     config.likelihood.model_noise = true;
-    config.prior.fix("r_s_halo_kpc", 15.0)?;
-    config.prior.fix("r_s_prog_kpc", 1.0)?;
-    config.prior.fix("age_gyr", 3.0)?;
-    config.sampling.nested.n_live = 100;
+    for (name, known) in KNOWN {
+        config.prior.fix(name, known)?;
+    }
+    config.sampling.nested.n_live = 200;
 
     let target = target(&track, &config)?;
     let run = sample(
