@@ -86,6 +86,12 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
                     0.5,
                     "distance of new points from their seeds over that between live points; if too small, double `steps`",
                 ));
+                gates.push(Gate::at_most(
+                    "seed-echo",
+                    mean(&state.echoes),
+                    0.05,
+                    "correlation of a new point's likelihood rank with its seed's; if too large, live points are fewer than they seem and ln Z is too high: double `steps`",
+                ));
             }
         }
     }

@@ -5,7 +5,7 @@ use super::kernel::{self, Newborn, Setting};
 use super::likelihood::Likelihood;
 use super::live::{self, Batch, Points, REJECTED};
 use super::rank::Ranks;
-use super::settings::{BoundKind, Kernel, Settings};
+use super::settings::{Kernel, Settings};
 use crate::error::{Error, Result};
 use crate::rng::{Domain, Stream, below, stream};
 use crate::target::Target;
@@ -55,7 +55,8 @@ pub(super) struct State {
     /// Evidence and information of the dead, by left Riemann sums: for the stopping rule and for observers.
     pub ln_z: f64,
     pub information: f64,
-    bound: Option<Bound>,
+    /// None, one to draw from, or two metrics: see [`Setting::bounds`].
+    bounds: Vec<Bound>,
     ln_x_at_fit: f64,
     /// Points per call in the first batch after the fit, once known.
     efficiency_at_fit: Option<f64>,
@@ -71,6 +72,9 @@ pub(super) struct State {
     window_jumps: usize,
     /// Relative jump distance of every batch of chains.
     pub jumps: Vec<f64>,
+    /// Mean over every batch of chains of `12 (v - 1/2) (w - 1/2)`, v and w the fractional ranks of a new point and of
+    /// its seed: their correlation.
+    pub echoes: Vec<f64>,
     pub calls: u64,
     pub rejected: BTreeMap<String, u64>,
     /// Points drawn with a bound, their calls, and those of them that ended where they began.
@@ -93,7 +97,7 @@ impl State {
             ln_x: 0.0,
             ln_z: f64::NEG_INFINITY,
             information: 0.0,
-            bound: None,
+            bounds: Vec::new(),
             ln_x_at_fit: 0.0,
             efficiency_at_fit: None,
             efficiency: 1.0,
@@ -103,6 +107,7 @@ impl State {
             window: 0,
             window_jumps: 0,
             jumps: Vec::new(),
+            echoes: Vec::new(),
             calls: 0,
             rejected: BTreeMap::new(),
             bounded_points: 0,
@@ -137,11 +142,10 @@ impl State {
         let kept = self.live.select(&batch.kept);
         let ln_x = self.ln_x_after(&batch);
         let refitted = self.refit_if_due(job, &kept, ln_x);
-        let bound = refitted.as_ref().or(self.bound.as_ref());
-        // A refit keeps the length of steps, whatever the size of the new ellipsoids.
-        let scale = match (&self.bound, &refitted) {
-            (Some(old), Some(new)) => self.scale * (old.ln_unit(&kept) - new.ln_unit(&kept)).exp(),
-            _ => self.scale,
+        let bounds = refitted.as_ref().unwrap_or(&self.bounds);
+        let scale = match &refitted {
+            Some(new) => self.scale * step_ratio(&self.bounds, new, &kept),
+            None => self.scale,
         };
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
@@ -150,7 +154,7 @@ impl State {
             target: job.target,
             contour: batch.contour,
             kernel: job.kernel(),
-            bound,
+            bounds,
             scale,
             steps: self.steps,
         };
@@ -160,16 +164,17 @@ impl State {
             .enumerate()
             .map(|(i, &s)| {
                 let rng = stream(job.seed, Domain::NestedPoint, 0, first + i as u64);
-                kernel::draw(&setting, kept.row(s), kept.ln_l[s], rng)
+                kernel::draw(&setting, &kept, s, rng)
             })
             .collect();
         let born: Vec<Newborn> = born.into_iter().collect::<Result<_>>()?;
-        let jump = bound
-            .filter(|_| job.kernel() != Kernel::Uniform)
-            .and_then(|bound| relative_jump(&mut rng, bound, &kept, &seeds, &born));
-        self.jumps.extend(jump);
-        if refitted.is_some() {
-            self.bound = refitted;
+        if setting.kernel != Kernel::Uniform && !bounds.is_empty() {
+            let jump = relative_jump(&mut rng, bounds, &kept, &seeds, &born);
+            self.jumps.extend(jump);
+            self.echoes.push(echo(&kept, &seeds, &born));
+        }
+        if let Some(bounds) = refitted {
+            self.bounds = bounds;
             self.ln_x_at_fit = ln_x;
             self.efficiency_at_fit = None;
         }
@@ -225,30 +230,29 @@ impl State {
         self.ln_x - fall
     }
 
-    /// A new bound around the survivors if one is due. `None`: keep the old one, or go on with the prior.
-    fn refit_if_due(&self, job: &Job<'_>, kept: &Points, ln_x: f64) -> Option<Bound> {
-        let settings = job.settings;
-        let due = match &self.bound {
-            None => ln_x < FIRST_BOUND.ln(),
-            Some(_) => {
-                ln_x < self.ln_x_at_fit - REFIT.ln()
-                    || self
-                        .efficiency_at_fit
-                        .is_some_and(|at_fit| self.efficiency < 0.5 * at_fit)
-            }
+    /// New bounds around the survivors if they are due. `None`: keep the old ones, or go on with the prior.
+    fn refit_if_due(&self, job: &Job<'_>, kept: &Points, ln_x: f64) -> Option<Vec<Bound>> {
+        let kind = job.settings.bound;
+        let due = if self.bounds.is_empty() {
+            ln_x < FIRST_BOUND.ln()
+        } else {
+            ln_x < self.ln_x_at_fit - REFIT.ln()
+                || self
+                    .efficiency_at_fit
+                    .is_some_and(|at_fit| self.efficiency < 0.5 * at_fit)
         };
         if !due {
-            return None;
+            None
+        } else if job.kernel() == Kernel::Uniform {
+            Some(vec![Bound::for_draws(
+                kept,
+                kind,
+                job.seed,
+                self.iteration,
+            )?])
+        } else {
+            Some(Bound::for_steps(kept, kind))
         }
-        if job.kernel() == Kernel::Uniform {
-            if settings.bound == BoundKind::Cube {
-                return None;
-            }
-            return Bound::for_draws(kept, settings.bound, job.seed, self.iteration);
-        }
-        Some(
-            Bound::for_steps(kept, settings.bound).unwrap_or_else(|| Bound::cube(job.target.dim())),
-        )
     }
 
     fn count(&mut self, born: &[Newborn]) {
@@ -260,7 +264,7 @@ impl State {
         if calls > 0 {
             self.efficiency = born.len() as f64 / calls as f64;
         }
-        if self.bound.is_some() {
+        if !self.bounds.is_empty() {
             self.efficiency_at_fit.get_or_insert(self.efficiency);
             self.bounded_points += born.len() as u64;
             self.bounded_calls += calls;
@@ -342,7 +346,7 @@ impl State {
         }
         let jumps = &self.jumps[self.window_jumps..];
         let short = !jumps.is_empty() && mean(jumps) < 0.5;
-        let uneven = self.bound.is_some() && self.ranks.z_score(self.window).abs() > 3.0;
+        let uneven = !self.bounds.is_empty() && self.ranks.z_score(self.window).abs() > 3.0;
         let walks = job.kernel() != Kernel::Uniform;
         if walks && (short || uneven) && self.steps < 10 * job.first_steps() {
             self.steps += self.steps.div_ceil(2);
@@ -379,7 +383,7 @@ fn choose_seeds(rng: &mut Stream, available: usize, count: usize) -> Vec<usize> 
 /// same metric region, in that region's metric. `None` if no start has such a neighbour.
 fn relative_jump(
     rng: &mut Stream,
-    bound: &Bound,
+    bounds: &[Bound],
     kept: &Points,
     seeds: &[usize],
     born: &[Newborn],
@@ -389,6 +393,7 @@ fn relative_jump(
     let mut pairs = Vec::with_capacity(seeds.len());
     for (&s, b) in seeds.iter().zip(born) {
         let start = kept.row(s);
+        let bound = kernel::bound_of(bounds, kept.thread[s])?;
         let label = bound.label(start);
         let metric = bound.metric(label);
         let neighbour = (0..TRIES)
@@ -401,6 +406,37 @@ fn relative_jump(
     }
     let typical = median(pairs);
     (typical > 0.0).then(|| median(jumps) / typical)
+}
+
+/// Factor of the step length, in units of the ellipsoids, that keeps it the same across a refit.
+fn step_ratio(old: &[Bound], new: &[Bound], kept: &Points) -> f64 {
+    let mean_unit = |bounds: &[Bound]| -> Option<f64> {
+        let units: Option<Vec<f64>> = (0..kept.len())
+            .map(|i| Some(kernel::bound_of(bounds, kept.thread[i])?.ln_unit(kept.row(i))))
+            .collect();
+        units.map(|units| mean(&units))
+    };
+    match (mean_unit(old), mean_unit(new)) {
+        (Some(old), Some(new)) => (old - new).exp(),
+        _ => 1.0,
+    }
+}
+
+/// Correlation of the ranks of chains' ends with those of their starts, among the survivors.
+fn echo(kept: &Points, seeds: &[usize], born: &[Newborn]) -> f64 {
+    let mut sorted = kept.ln_l.clone();
+    sorted.sort_by(f64::total_cmp);
+    let centred = |ln_l: f64| {
+        let below = sorted.partition_point(|l| *l < ln_l);
+        let up_to = sorted.partition_point(|l| *l <= ln_l);
+        0.5 * (below + up_to) as f64 / sorted.len() as f64 - 0.5
+    };
+    let products: Vec<f64> = seeds
+        .iter()
+        .zip(born)
+        .map(|(&s, b)| 12.0 * centred(kept.ln_l[s]) * centred(b.ln_l))
+        .collect();
+    mean(&products)
 }
 
 #[cfg(test)]
