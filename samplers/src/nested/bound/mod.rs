@@ -191,4 +191,4 @@ fn reach(points: &Points, rows: &[usize], rng: &mut Stream) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
