@@ -56,7 +56,7 @@ impl<'a> Likelihood<'a> {
                 .normal
                 .iter()
                 .zip(u)
-                .filter(|(a, _)| **a < 0.0 || **a > 0.0)
+                .filter(|(a, _)| a.abs() > 0.0)
                 .map(|(a, u)| a * normal::quantile(*u))
                 .sum();
             height >= wall.offset

@@ -68,8 +68,10 @@ pub(super) struct State {
     pub ranks: Ranks,
     /// First insertion of the current window of the watch over the kernel.
     window: usize,
-    /// First entry of `jumps` in that window.
+    /// First entry of `jumps` and of `echoes` in that window, and `stayed` at its start.
     window_jumps: usize,
+    window_echoes: usize,
+    window_stayed: u64,
     /// Relative jump distance of every batch of chains.
     pub jumps: Vec<f64>,
     /// Mean over every batch of chains of `12 (v - 1/2) (w - 1/2)`, v and w the fractional ranks of a new point and of
@@ -106,6 +108,8 @@ impl State {
             ranks: Ranks::default(),
             window: 0,
             window_jumps: 0,
+            window_echoes: 0,
+            window_stayed: 0,
             jumps: Vec::new(),
             echoes: Vec::new(),
             calls: 0,
@@ -345,7 +349,12 @@ impl State {
             return;
         }
         let jumps = &self.jumps[self.window_jumps..];
-        let short = !jumps.is_empty() && mean(jumps) < 0.5;
+        let echoes = &self.echoes[self.window_echoes..];
+        let stayed = (self.stayed - self.window_stayed) as f64;
+        // Twice the limit of the gate for the echo, whose own scatter in a window is 1 / sqrt(5 n).
+        let short = (!jumps.is_empty() && mean(jumps) < 0.5)
+            || (!echoes.is_empty() && mean(echoes) > 0.1)
+            || stayed > 0.01 * window as f64;
         let uneven = !self.bounds.is_empty() && self.ranks.z_score(self.window).abs() > 3.0;
         let walks = job.kernel() != Kernel::Uniform;
         if walks && (short || uneven) && self.steps < 10 * job.first_steps() {
@@ -353,6 +362,8 @@ impl State {
         }
         self.window = self.ranks.len();
         self.window_jumps = self.jumps.len();
+        self.window_echoes = self.echoes.len();
+        self.window_stayed = self.stayed;
     }
 }
 

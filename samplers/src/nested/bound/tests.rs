@@ -10,7 +10,7 @@ fn blobs(centers: &[[f64; 2]], sd: f64, each: usize) -> Points {
                 c[0] + sd * standard_normal(&mut rng),
                 c[1] + sd * standard_normal(&mut rng),
             ];
-            points.push(&u, 0.0, 0.0, u32::from(points.len() % 2 == 0));
+            points.push(&u, 0.0, 0.0, u32::from(points.len().is_multiple_of(2)));
         }
     }
     points
@@ -102,7 +102,12 @@ fn draws_from_overlapping_ellipsoids_are_uniform() {
     let (mut ball, mut x) = ([0.0; 2], [0.0; 2]);
     for _ in 0..200_000 {
         if bound.draw(&mut rng, &mut ball, &mut x) && x.iter().all(|x| (0.0..1.0).contains(x)) {
-            let cell = |x: f64| (x * SIDE as f64) as usize;
+            let cell = |x: f64| {
+                (0..SIDE)
+                    .rev()
+                    .find(|&k| x >= k as f64 / SIDE as f64)
+                    .unwrap()
+            };
             hits[cell(x[0]) * SIDE + cell(x[1])] += 1;
         }
     }

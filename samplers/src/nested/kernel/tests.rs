@@ -60,15 +60,17 @@ fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> 
     points
 }
 
-/// Starts `count` chains from uniform points above the contour; their ends must be uniform there too. The functions
-/// are of the ends, each with the distribution function of its value when they are.
+/// A function of a point by name: the distribution function of some value of it, uniform if the law holds.
+type Law<'a> = (&'a str, &'a (dyn Fn(&[f64]) -> f64 + Sync));
+
+/// Starts many chains from uniform points above the contour; their ends must be uniform there too.
 fn stays_uniform(
     name: &str,
     target: &dyn Target,
     contour: f64,
     bounds: &[Bound],
     (kernel, scale, steps): (Kernel, f64, usize),
-    laws: &[(&str, &(dyn Fn(&[f64]) -> f64 + Sync))],
+    laws: &[Law<'_>],
 ) {
     let count = 40_000;
     let starts = uniform_above(target, contour, 1, count);
@@ -124,8 +126,7 @@ fn chains_that_start_uniform_above_a_contour_stay_uniform() {
     );
     for how in STEPPERS {
         for bounds in [&fitted, &vec![overlapping()], &vec![Bound::cube(2)]] {
-            let laws: [(&str, &(dyn Fn(&[f64]) -> f64 + Sync)); 2] =
-                [("radius", &ring_radius), ("angle", &ring_angle)];
+            let laws: [Law<'_>; 2] = [("radius", &ring_radius), ("angle", &ring_angle)];
             stays_uniform(&format!("{how:?}"), &target, 0.0, bounds, how, &laws);
         }
     }
@@ -148,8 +149,7 @@ fn independent_draws_from_a_bound_are_uniform_above_the_contour() {
 
 #[test]
 fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
-    // One chain of a million steps on the whole square, whose regions are two ellipsoids that overlap and the rest.
-    // Occupancy of 100 cells from a thinned chain, with the variance of cell counts from 50 batches.
+    // A million steps on the whole square, whose regions are two ellipsoids that overlap and the rest.
     let target = Square::new(2, |_| 0.0);
     let bounds = [overlapping()];
     for (kernel, scale, steps) in [(Kernel::RandomSlice, 1.0, 1), (Kernel::RandomWalk, 1.0, 1)] {
@@ -161,15 +161,15 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
             scale,
             steps,
         };
-        // Regions do not exchange walkers: 10^4 walkers of 100 steps each start uniform and are counted at the end
-        // and half-way, 2 x 10^4 nearly independent visits.
+        // Regions do not exchange walkers: 10^4 of them start uniform and take 100 steps each, counted half-way and
+        // at the end, when all are independent of each other.
         let visits: Vec<[usize; 2]> = (0..10_000_u64)
             .into_par_iter()
             .map(|w| {
                 let mut rng = stream(13, Domain::Test, 5, w);
                 let u = [unit_open(&mut rng), unit_open(&mut rng)];
                 let mut chain = Chain::new(&setting, &bounds[0], &u, 0.0);
-                let mut cells = [0; 2];
+                let mut cells = [0_usize; 2];
                 for half in &mut cells {
                     for _ in 0..50 {
                         match kernel {
@@ -177,8 +177,8 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
                             _ => slice::step(&mut chain, &mut rng).unwrap(),
                         }
                     }
-                    let cell = |x: f64| ((x * 10.0) as usize).min(9);
-                    *half = cell(chain.x[0]) * 10 + cell(chain.x[1]);
+                    let cell = |x: f64| (0..10).rev().find(|k| 10.0 * x >= f64::from(*k)).unwrap();
+                    *half = usize::try_from(cell(chain.x[0]) * 10 + cell(chain.x[1])).unwrap();
                 }
                 cells
             })
@@ -236,8 +236,7 @@ fn jumps_orbits_and_walls_keep_the_prior_above_the_contour() {
         for bound in [overlapping(), Bound::cube(2)] {
             let first = |x: &[f64]| x[0] / 0.6;
             let second = |x: &[f64]| (x[1] - 0.2) / 0.8;
-            let laws: [(&str, &(dyn Fn(&[f64]) -> f64 + Sync)); 2] =
-                [("first", &first), ("second", &second)];
+            let laws: [Law<'_>; 2] = [("first", &first), ("second", &second)];
             let bounds = [bound];
             stays_uniform(&format!("{how:?}"), &target, -1.0, &bounds, how, &laws);
         }

@@ -27,14 +27,7 @@ fn agrees(name: &str, target: &dyn Target, truth: f64, settings: &Settings) {
     let z: Vec<f64> = (1..=5)
         .map(|seed| {
             let run = sample(target, settings, seed);
-            let z = (run.evidence.ln_z - truth) / run.evidence.error;
-            println!(
-                "{name} seed {seed}: ln Z {:.4} +- {:.4} {:?} (truth {truth:.4}, z {z:.2}), {} calls, {:.2} s, H {:.2} ess {:.0} of {:?} failing {:?} {:?}",
-                run.evidence.ln_z, run.evidence.error, run.evidence.error_parts, run.cost.calls,
-                run.cost.cpu_seconds, run.evidence.information, run.ess.quoted, run.ess.kish,
-                run.gates.iter().filter(|g| !g.pass).map(|g| (&g.name, g.value)).collect::<Vec<_>>(), run.warnings
-            );
-            z
+            (run.evidence.ln_z - truth) / run.evidence.error
         })
         .collect();
     assert!(z.iter().all(|z| z.abs() < 4.0), "{name}: {z:?}");
@@ -162,13 +155,14 @@ fn rank_power(steps: usize) -> (f64, Vec<Vec<String>>) {
 
 #[test]
 fn walks_too_short_fail_their_gates_and_longer_ones_pass_the_rank_test() {
-    let (z, failing) = rank_power(2);
-    println!("2 steps: {z} {failing:?}");
+    let (_, failing) = rank_power(2);
+    // The run itself raises the steps as it goes, so that the ranks alone tell nothing; its first part still counts.
     for failed in &failing {
-        assert!(failed.iter().any(|name| name == "no-move"), "{failed:?}");
+        for gate in ["no-move", "seed-echo", "relative-jump"] {
+            assert!(failed.iter().any(|name| name == gate), "{failed:?}");
+        }
     }
-    let (z, failing) = rank_power(33);
-    println!("33 steps: {z} {failing:?}");
+    let (z, _) = rank_power(33);
     assert!(z.abs() < 3.0, "{z}");
 }
 
