@@ -128,10 +128,9 @@ impl State {
         if !self.started || best <= REJECTED {
             return f64::INFINITY;
         }
-        if live::lowest(&self.live, settings.batch_size())
-            .kept
-            .is_empty()
-        {
+        // The next batch would take everyone.
+        let lower = self.live.ln_l.iter().filter(|l| **l < best).count();
+        if lower < settings.batch_size() {
             return 0.0;
         }
         (best + self.ln_x - self.ln_z).exp().ln_1p()
