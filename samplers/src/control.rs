@@ -40,11 +40,11 @@ pub enum Event {
         scan: usize,
         /// Scans of this round.
         scans: usize,
-        /// Communication barrier of the last finished round.
+        /// Communication barrier of the last finished round; NaN in the first.
         barrier: f64,
         /// Round trips in this round, all ladders.
         round_trips: u64,
-        /// Evidence of the last finished round.
+        /// Evidence of the last finished round; NaN in the first.
         ln_z: f64,
         /// Gradients so far.
         gradients: u64,

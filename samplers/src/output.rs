@@ -191,8 +191,12 @@ pub enum Path {
         swap_rejection: Vec<f64>,
         /// Mean acceptance of the local moves.
         acceptance: Vec<f64>,
-        /// Step size of the local moves.
+        /// Step size of the local moves, in metric units.
         step_size: Vec<f64>,
+        /// Mean number of leapfrog steps of a local move.
+        mean_leapfrogs: Vec<f64>,
+        /// Local moves given up as divergent, all ladders.
+        divergences: Vec<u64>,
         /// Communication barrier from beta = 0 to each temperature.
         barrier: Vec<f64>,
         /// Round trips per ladder in the last round.

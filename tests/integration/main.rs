@@ -1,1 +1,12 @@
 //! One binary for the integration tests; each module mirrors a room of `src`.
+
+mod gala;
+mod golden;
+mod ks;
+mod likelihood;
+mod orbit;
+mod params;
+mod potential;
+mod spray;
+mod stream;
+mod track;

@@ -1,5 +1,11 @@
 //! Pure functions of draws: quantiles, effective sizes, ranks.
 
+mod chains;
+mod modes;
+
+pub use chains::{autocovariance, bulk_ess, mean_ess, r_hat, tail_ess};
+pub use modes::{mode_agreement, two_means};
+
 /// Weighted quantile of `values` at probability `p`: the smallest value whose cumulative weight reaches `p`, by
 /// linear interpolation between the mid-points of the weights. Weights need not be normalised. NaN without values.
 #[must_use]

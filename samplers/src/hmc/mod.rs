@@ -1,1 +1,22 @@
-//! Hamiltonian moves: one trajectory and its adaptation.
+//! Hamiltonian moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta`: one trajectory, its metric, its
+//! step size, and the jumps that a target's author knows.
+//!
+//! Everything works in standard-normal coordinates and in whitened momenta `r = L' p`, where `L L' = V` is the
+//! metric (an estimate of the posterior's covariance): kinetic energy is `|r|^2 / 2`, the velocity is `L r` and the
+//! whitened force `L' (beta grad l - z)`.
+
+mod jump;
+mod leapfrog;
+mod metric;
+mod moments;
+mod point;
+mod step_size;
+mod walls;
+
+pub use jump::{jump, refresh};
+pub use leapfrog::{End, Explorer, Moved, Plan};
+pub use metric::{Metric, MetricKind, geodesic};
+pub use moments::Moments;
+pub use point::{Evaluator, Point, Tally};
+pub use step_size::{MAX_STEP, StepSize};
+pub use walls::inside;

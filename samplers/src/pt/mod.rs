@@ -1,1 +1,168 @@
-//! Non-reversible parallel tempering: a ladder from prior to posterior.
+//! Non-reversible parallel tempering: ladders of temperatures from the prior to the posterior, explored by
+//! Hamiltonian moves and tied by deterministic even-odd swaps (Syed, Bouchard-Cote, Deligiannidis & Doucet 2022).
+//!
+//! Several independent ladders run through rounds of doubling length. Temperatures, metrics and step sizes adapt
+//! between rounds (steps also within all rounds but the last); the last round is frozen and is the result. The top
+//! of each ladder, at inverse temperature 0, draws the prior afresh in every scan, so that each round trip of a state
+//! through the ladder is an independent restart, and every ladder's evidence is one independent estimate.
+
+mod evidence;
+mod gates;
+mod ladder;
+mod outcome;
+mod record;
+mod settings;
+mod state;
+mod swap;
+
+pub use ladder::round_trip_rate;
+pub use settings::Settings;
+
+use crate::control::{Control, Event};
+use crate::error::{Error, Result};
+use crate::output::{Run, Status};
+use crate::target::Target;
+use crate::{checkpoint, rng};
+use state::State;
+use std::time::Instant;
+
+/// Samples `target` by parallel tempering. The result is a function of `target`, `settings` and `seed` alone,
+/// whatever the number of threads of the current rayon pool and however often the run was stopped and resumed.
+///
+/// An interrupt, an observer's `Break` or a spent budget ends the run after the scan in progress: a checkpoint is
+/// written where one is planned, and the round in progress is returned as an unconverged result. An adapting round's
+/// draws are not exact; [`Run::status`] says so.
+///
+/// # Errors
+/// [`Error::NoGradient`] for a target without gradients; [`Error::Setting`] for settings out of range;
+/// [`Error::NoStart`] if 100,000 prior draws have no likelihood; [`Error::Fatal`] and [`Error::Infinite`] from the
+/// target, after a checkpoint of the last whole scan; [`Error::Io`], [`Error::Checkpoint`] and [`Error::Mismatch`]
+/// from checkpoints.
+pub fn run(
+    target: &dyn Target,
+    settings: &Settings,
+    seed: u64,
+    control: &mut Control<'_>,
+) -> Result<Run> {
+    settings.check()?;
+    if target.gradient_cost().is_none() {
+        return Err(Error::NoGradient {
+            sampler: "parallel tempering",
+        });
+    }
+    let clock = Clock::start();
+    let fingerprint = fingerprint(target)?;
+    let mut state = open(target, settings, seed, control, fingerprint)?;
+    let spent_before = state.time;
+    let mut stop = control.tell(&Event::Started { dim: target.dim() });
+    let status = loop {
+        if state.finished() {
+            break Status::Complete;
+        }
+        if state.scanned() && (stop || control.interrupted()) {
+            break Status::Interrupted;
+        }
+        if state.scanned() && control.spent(state.tally.calls + state.tally.gradients) {
+            break Status::BudgetSpent;
+        }
+        let advanced = state.advance(target);
+        state.time = spent_before.plus(clock.read());
+        if let Err(error) = advanced {
+            save(&state, control, fingerprint)?;
+            return Err(error);
+        }
+        stop |= control.tell(&state.progress());
+        if control.checkpoint_due() {
+            stop |= save(&state, control, fingerprint)?;
+        }
+    };
+    // Also a finished run leaves its checkpoint: resuming it gives the result again.
+    save(&state, control, fingerprint)?;
+    let run = outcome::assemble(target, &state, status);
+    for warning in &run.warnings {
+        control.tell(&Event::Warning(warning.clone()));
+    }
+    control.tell(&Event::Finished);
+    Ok(run)
+}
+
+/// The state to go on from: the checkpoint's if there is one to resume, else fresh draws of the prior.
+fn open(
+    target: &dyn Target,
+    settings: &Settings,
+    seed: u64,
+    control: &mut Control<'_>,
+    fingerprint: u64,
+) -> Result<State> {
+    if let Some(plan) = control
+        .checkpoint
+        .clone()
+        .filter(|plan| plan.resume && plan.path.exists())
+    {
+        let (state, warning): (State, _) =
+            checkpoint::load(&plan.path, plan.config_hash, fingerprint)?;
+        if let Some(warning) = warning {
+            control.tell(&Event::Warning(warning));
+        }
+        if !state.belongs_to(settings, seed) {
+            return Err(Error::Mismatch {
+                what: "checkpoint and settings",
+                why: format!(
+                    "{} was written with another seed or other settings of the sampler; give the same ones, or start again",
+                    plan.path.display()
+                ),
+            });
+        }
+        return Ok(state);
+    }
+    State::start(target, settings, seed)
+}
+
+/// Writes the planned checkpoint, if any; true if the observer asks to stop.
+fn save(state: &State, control: &mut Control<'_>, fingerprint: u64) -> Result<bool> {
+    let Some(plan) = control.checkpoint.clone() else {
+        return Ok(false);
+    };
+    checkpoint::save(&plan.path, plan.config_hash, fingerprint, state)?;
+    Ok(control.tell(&Event::Checkpointed))
+}
+
+/// A hash of the target's answers at three fixed draws of its prior: another target, data set or model gives another.
+fn fingerprint(target: &dyn Target) -> Result<u64> {
+    let mut bytes = Vec::new();
+    let mut theta = vec![0.0; target.dim()];
+    for index in 0..3 {
+        let mut rng = rng::stream(0, rng::Domain::Prior, u64::MAX, index);
+        let z: Vec<f64> = theta
+            .iter()
+            .map(|_| rng::standard_normal(&mut rng))
+            .collect();
+        target.prior().theta_from_z(&z, &mut theta);
+        let value = target.ln_likelihood(&theta).ln_likelihood(&theta)?;
+        bytes.extend_from_slice(&value.to_bits().to_le_bytes());
+    }
+    Ok(checkpoint::hash(&bytes))
+}
+
+/// Wall and CPU time of this process since the run began in it.
+struct Clock {
+    wall: Instant,
+    cpu: Option<cpu_time::ProcessTime>,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self {
+            wall: Instant::now(),
+            cpu: cpu_time::ProcessTime::try_now().ok(),
+        }
+    }
+
+    fn read(&self) -> state::Time {
+        let cpu = self.cpu.and_then(|start| start.try_elapsed().ok());
+        state::Time {
+            wall_seconds: self.wall.elapsed().as_secs_f64(),
+            cpu_seconds: cpu.map_or(0.0, |elapsed| elapsed.as_secs_f64()),
+        }
+    }
+}

@@ -272,22 +272,26 @@ pub fn twins13(plus: f64) -> Smooth {
     Smooth::new("twins13", ln_z, normals(dim, 0.0), law)
 }
 
-/// `U(0, 1)^2`, 50 successes of 100 with probability `p1 p2`: `E p1` = 0.716257.
+/// `U(0, 1)^2`, 50 successes of 100 with probability `p1 p2`: `E p1` = 0.716257, `E p1 p2` = 0.492978.
 pub fn binomial() -> Smooth {
-    let ln_choose = (1..=50)
-        .map(|i| (f64::from(50 + i) / f64::from(i)).ln())
+    Smooth {
+        ln_z: -4.974_552,
+        ..binomial_of(50)
+    }
+}
+
+/// The same for another number of successes, of unknown evidence.
+pub fn binomial_of(successes: u32) -> Smooth {
+    let ln_choose = (1..=successes)
+        .map(|i| (f64::from(100 - successes + i) / f64::from(i)).ln())
         .sum();
     let law = Law::Binomial {
-        y: 50.0,
+        y: f64::from(successes),
         n: 100.0,
         ln_choose,
     };
-    Smooth::new(
-        "binomial",
-        -4.974_552,
-        vec![Marginal::Uniform { lo: 0.0, hi: 1.0 }; 2],
-        law,
-    )
+    let prior = vec![Marginal::Uniform { lo: 0.0, hi: 1.0 }; 2];
+    Smooth::new("binomial", f64::NAN, prior, law)
 }
 
 /// Two thin shells in `U(-6, 6)^d`.

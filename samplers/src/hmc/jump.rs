@@ -1,0 +1,55 @@
+//! Jumps that the target's author knows: involutions with a Metropolis test, orbits with an exact redraw.
+
+use super::{Evaluator, Point, inside};
+use crate::error::Result;
+use crate::rng::{Stream, unit_open};
+use crate::target::{Involution, Orbit};
+
+/// Proposes the image of `at` under a self-inverse map and accepts it with probability
+/// `min(1, exp{beta (l(Jz) - l(z)) - (|Jz|^2 - |z|^2) / 2 + ln|det J|})`: exact whether or not the posterior is
+/// symmetric. Costs one value; true if accepted (the gradient is then unknown).
+///
+/// # Errors
+/// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
+pub fn jump(
+    evaluator: &mut Evaluator<'_>,
+    involution: &dyn Involution,
+    beta: f64,
+    at: &mut Point,
+    rng: &mut Stream,
+) -> Result<bool> {
+    let uniform = unit_open(rng);
+    let mut image = at.z.clone();
+    let Some(ln_det) = involution.apply(&mut image) else {
+        return Ok(false);
+    };
+    if image.iter().any(|z| !z.is_finite()) || !inside(evaluator.target().walls(), &image) {
+        return Ok(false);
+    }
+    let ln_likelihood = evaluator.value(&image)?;
+    if ln_likelihood == f64::NEG_INFINITY {
+        return Ok(false);
+    }
+    let square = |z: &[f64]| z.iter().map(|z| z * z).sum::<f64>();
+    let ln_ratio =
+        beta * (ln_likelihood - at.ln_likelihood) - 0.5 * (square(&image) - square(&at.z)) + ln_det;
+    let accepted = uniform.ln() < ln_ratio;
+    if accepted {
+        at.z = image;
+        at.ln_likelihood = ln_likelihood;
+        at.has_gradient = false;
+    }
+    Ok(accepted)
+}
+
+/// Redraws the position of `at` along an orbit. The likelihood is unchanged and not called; the gradient at the new
+/// point is unknown and is computed, and counted, by the next move that needs it. A draw outside the target's walls
+/// leaves the point where it was, which is the Metropolis rule for such a draw.
+pub fn refresh(evaluator: &Evaluator<'_>, orbit: &dyn Orbit, at: &mut Point, rng: &mut Stream) {
+    let mut image = at.z.clone();
+    orbit.refresh(&mut image, rng);
+    if image.iter().all(|z| z.is_finite()) && inside(evaluator.target().walls(), &image) {
+        at.z = image;
+        at.has_gradient = false;
+    }
+}

@@ -1,0 +1,214 @@
+//! One Hamiltonian trajectory and its Metropolis test.
+
+use super::walls::{Mirror, dot, drift};
+use super::{Evaluator, Metric, Point};
+use crate::error::Result;
+use crate::rng::{Stream, standard_normal, unit_open};
+use crate::target::Target;
+
+/// How long and how fine a move is. All of it is fixed before the move and independent of the state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// Step in metric units.
+    pub step: f64,
+    /// Mean length of a trajectory in metric units; pi/2 is a quarter period of a Gaussian.
+    pub length: f64,
+    /// Most leapfrog steps.
+    pub max_leapfrogs: usize,
+    /// Energies along a path may differ by this much before it is given up as divergent.
+    pub max_energy_range: f64,
+}
+
+/// How a trajectory ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum End {
+    /// At a new point, where the energy is higher by this.
+    Arrived {
+        /// Energy at the end less energy at the start.
+        rise: f64,
+    },
+    /// At a point without a likelihood.
+    Rejected,
+    /// Energy lost its meaning: the step is too long for the curvature met on the way.
+    Diverged,
+}
+
+/// What a move did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moved {
+    /// Probability of acceptance.
+    pub acceptance: f64,
+    /// Whether it was accepted.
+    pub accepted: bool,
+    /// Leapfrog steps planned (a move that ended early took fewer).
+    pub leapfrogs: usize,
+    /// Whether the length was cut by the largest number of steps.
+    pub capped: bool,
+    /// How the trajectory ended.
+    pub end: End,
+}
+
+/// Makes Hamiltonian moves at one temperature; its space is allocated once, nothing is per step.
+pub struct Explorer<'t, 'm> {
+    /// Evaluates and counts.
+    pub evaluator: Evaluator<'t>,
+    /// Whitened momentum: set before a trajectory, left at its end.
+    pub momentum: Vec<f64>,
+    /// End of the last trajectory.
+    pub end: Point,
+    beta: f64,
+    metric: &'m Metric,
+    mirrors: Vec<Mirror<'t>>,
+    force: Vec<f64>,
+    whitened_force: Vec<f64>,
+    velocity: Vec<f64>,
+}
+
+impl<'t, 'm> Explorer<'t, 'm> {
+    /// An explorer of `N(z; 0, I) L(z)^beta` inside the target's walls.
+    #[must_use]
+    pub fn new(target: &'t dyn Target, beta: f64, metric: &'m Metric) -> Self {
+        let dim = target.dim();
+        Self {
+            evaluator: Evaluator::new(target),
+            momentum: vec![0.0; dim],
+            end: Point::new(dim),
+            beta,
+            metric,
+            mirrors: target
+                .walls()
+                .iter()
+                .map(|wall| Mirror::new(wall, metric))
+                .collect(),
+            force: vec![0.0; dim],
+            whitened_force: vec![0.0; dim],
+            velocity: vec![0.0; dim],
+        }
+    }
+
+    /// Follows the leapfrog path from `from` with the present momentum; it ends in [`end`](Self::end) and
+    /// [`momentum`](Self::momentum).
+    ///
+    /// The path is given up at the first point without a likelihood and as soon as the energies on it, ends
+    /// included, span more than `max_energy_range`. The path backwards has the same points, so both rules treat the
+    /// two directions alike and a Metropolis test on arrivals is exact.
+    ///
+    /// # Errors
+    /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
+    pub fn trajectory(
+        &mut self,
+        from: &Point,
+        step: f64,
+        leapfrogs: usize,
+        max_energy_range: f64,
+    ) -> Result<End> {
+        self.end.copy_from(from);
+        self.update_force();
+        let start = self.energy();
+        let (mut low, mut high, mut now) = (start, start, start);
+        for _ in 0..leapfrogs {
+            self.kick(0.5 * step);
+            self.metric.velocity(&self.momentum, &mut self.velocity);
+            let through = drift(
+                &mut self.end.z,
+                &mut self.momentum,
+                &mut self.velocity,
+                step,
+                &self.mirrors,
+            );
+            if !through || self.end.z.iter().any(|z| !z.is_finite()) {
+                return Ok(End::Diverged);
+            }
+            self.evaluator.fill(&mut self.end)?;
+            if !self.end.has_gradient {
+                return Ok(End::Rejected);
+            }
+            self.update_force();
+            self.kick(0.5 * step);
+            now = self.energy();
+            low = low.min(now);
+            high = high.max(now);
+            if !now.is_finite() || high - low > max_energy_range {
+                return Ok(End::Diverged);
+            }
+        }
+        Ok(End::Arrived { rise: now - start })
+    }
+
+    /// One move: a fresh momentum, a trajectory of jittered length and step, a Metropolis test.
+    ///
+    /// # Errors
+    /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
+    pub fn transition(&mut self, at: &mut Point, plan: &Plan, rng: &mut Stream) -> Result<Moved> {
+        if !at.has_gradient {
+            let before = at.ln_likelihood;
+            self.evaluator.fill(at)?;
+            if !at.has_gradient {
+                // A point whose gradient cannot be had stays where it is.
+                at.ln_likelihood = before;
+                return Ok(Moved {
+                    acceptance: 0.0,
+                    accepted: false,
+                    leapfrogs: 0,
+                    capped: false,
+                    end: End::Rejected,
+                });
+            }
+        }
+        for r in &mut self.momentum {
+            *r = standard_normal(rng);
+        }
+        let length = plan.length * (0.5 + unit_open(rng));
+        let step = plan.step * (0.9 + 0.2 * unit_open(rng));
+        let wanted = (length / step).ceil().max(1.0);
+        let capped = wanted > plan.max_leapfrogs as f64;
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a whole number between 1 and the cap"
+        )]
+        let leapfrogs = wanted.min(plan.max_leapfrogs as f64) as usize;
+        let end = self.trajectory(at, step, leapfrogs, plan.max_energy_range)?;
+        let acceptance = match end {
+            End::Arrived { rise } => (-rise).exp().min(1.0),
+            End::Rejected | End::Diverged => 0.0,
+        };
+        // Drawn in any case: the stream's use must not depend on the outcome.
+        let accepted = unit_open(rng) < acceptance;
+        if accepted {
+            at.copy_from(&self.end);
+        }
+        Ok(Moved {
+            acceptance,
+            accepted,
+            leapfrogs,
+            capped,
+            end,
+        })
+    }
+
+    /// `-beta l + |z|^2 / 2 + |r|^2 / 2` at the present end.
+    fn energy(&self) -> f64 {
+        0.5 * (dot(&self.end.z, &self.end.z) + dot(&self.momentum, &self.momentum))
+            - self.beta * self.end.ln_likelihood
+    }
+
+    fn update_force(&mut self) {
+        for ((f, g), z) in self
+            .force
+            .iter_mut()
+            .zip(&self.end.gradient)
+            .zip(&self.end.z)
+        {
+            *f = self.beta * g - z;
+        }
+        self.metric
+            .whiten_force(&self.force, &mut self.whitened_force);
+    }
+
+    fn kick(&mut self, time: f64) {
+        for (r, f) in self.momentum.iter_mut().zip(&self.whitened_force) {
+            *r += time * f;
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! The metric of one rung: an estimate `V = L L'` of the covariance at its temperature.
+//!
+//! Estimated as the geodesic mean of two guesses, the covariance of positions and the inverse covariance of scores
+//! (the minimiser of the Fisher divergence: Seyboldt, Carlson & Carpenter 2024, the rule of nutpie). On a Gaussian it
+//! is exact for any draws, mixed or not, once there are more than dimensions: `Cov(score) = P Cov(z) P`, and the mean
+//! of `C` and `(P C P)^-1` is `P^-1`. That is what lets a rung find its scales while it still falls from the prior.
+
+use super::Moments;
+use nalgebra::{Cholesky, DMatrix, Dyn};
+use serde::{Deserialize, Serialize};
+
+/// Which shape a metric has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MetricKind {
+    /// One scale per coordinate.
+    Diagonal,
+    /// Scales and correlations: worth it as soon as the posterior has narrow directions that are not coordinate axes.
+    #[default]
+    Dense,
+}
+
+/// `V = L L'`; see the module's words.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Metric {
+    /// Square roots of the diagonal.
+    Diagonal(Vec<f64>),
+    /// Lower triangle of `L`, row by row.
+    Dense(Vec<f64>),
+}
+
+impl Metric {
+    /// The prior's metric, `V = I`.
+    #[must_use]
+    pub fn identity(kind: MetricKind, dim: usize) -> Self {
+        match kind {
+            MetricKind::Diagonal => Self::Diagonal(vec![1.0; dim]),
+            MetricKind::Dense => Self::Dense(packed(&DMatrix::identity(dim, dim))),
+        }
+    }
+
+    /// The metric with this covariance; `None` unless it is positive definite and finite.
+    #[must_use]
+    pub fn from_covariance(kind: MetricKind, covariance: &DMatrix<f64>) -> Option<Self> {
+        match kind {
+            MetricKind::Diagonal => {
+                let scales: Vec<f64> = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
+                let usable = scales.iter().all(|s| s.is_finite() && *s > 0.0);
+                usable.then_some(Self::Diagonal(scales))
+            }
+            MetricKind::Dense => cholesky(covariance).map(|c| Self::Dense(packed(&c.l()))),
+        }
+    }
+
+    /// Its shape.
+    #[must_use]
+    pub fn kind(&self) -> MetricKind {
+        match self {
+            Self::Diagonal(_) => MetricKind::Diagonal,
+            Self::Dense(_) => MetricKind::Dense,
+        }
+    }
+
+    /// `out = L r`.
+    pub fn velocity(&self, momentum: &[f64], out: &mut [f64]) {
+        match self {
+            Self::Diagonal(scales) => {
+                for ((o, s), r) in out.iter_mut().zip(scales).zip(momentum) {
+                    *o = s * r;
+                }
+            }
+            Self::Dense(lower) => {
+                let mut rest = lower.as_slice();
+                for (i, o) in out.iter_mut().enumerate() {
+                    let (row, tail) = rest.split_at(i + 1);
+                    rest = tail;
+                    *o = row.iter().zip(momentum).map(|(l, r)| l * r).sum();
+                }
+            }
+        }
+    }
+
+    /// `out = L' f`.
+    pub fn whiten_force(&self, force: &[f64], out: &mut [f64]) {
+        match self {
+            Self::Diagonal(_) => self.velocity(force, out),
+            Self::Dense(lower) => {
+                out.fill(0.0);
+                let mut rest = lower.as_slice();
+                for (i, f) in force.iter().enumerate() {
+                    let (row, tail) = rest.split_at(i + 1);
+                    rest = tail;
+                    for (o, l) in out.iter_mut().zip(row) {
+                        *o += l * f;
+                    }
+                }
+            }
+        }
+    }
+
+    /// `L` as a matrix.
+    #[must_use]
+    pub fn lower(&self) -> DMatrix<f64> {
+        match self {
+            Self::Diagonal(scales) => DMatrix::from_diagonal(&scales.clone().into()),
+            Self::Dense(lower) => {
+                let dim = (0..).take_while(|n| n * (n + 1) / 2 < lower.len()).count();
+                let mut l = DMatrix::zeros(dim, dim);
+                for i in 0..dim {
+                    for j in 0..=i {
+                        l[(i, j)] = lower[i * (i + 1) / 2 + j];
+                    }
+                }
+                l
+            }
+        }
+    }
+
+    /// `V = L L'`.
+    #[must_use]
+    pub fn covariance(&self) -> DMatrix<f64> {
+        let l = self.lower();
+        &l * l.transpose()
+    }
+
+    /// The metric that `moments` ask for, estimated in this metric's whitened coordinates and there shrunk toward
+    /// the diagonal by the share `1 / (1 + (draws / dim)^2)`: much for few draws, and for many so little that narrow
+    /// directions keep their digits. `None` if the draws do
+    /// not span the space (no move was accepted): keep this one then.
+    #[must_use]
+    pub fn refined(&self, moments: &Moments) -> Option<Self> {
+        let l = self.lower();
+        let position = self.shrunk(
+            &whitened(&l, &moments.position_covariance())?,
+            moments.weight,
+        );
+        let score = self.shrunk(
+            &(l.transpose() * moments.score_covariance() * &l),
+            moments.weight,
+        );
+        let mean = geodesic(&position, &cholesky(&score)?.inverse(), 0.5)?;
+        Self::from_covariance(self.kind(), &symmetric(&(&l * mean * l.transpose())))
+    }
+
+    /// The metric at the fraction `t` of the way to `other`, along the geodesic; this one if either is unusable.
+    #[must_use]
+    pub fn between(&self, other: &Self, t: f64) -> Self {
+        geodesic(&self.covariance(), &other.covariance(), t)
+            .and_then(|v| Self::from_covariance(self.kind(), &v))
+            .unwrap_or_else(|| self.clone())
+    }
+
+    /// `ln` of the largest factor by which any direction is longer in `other` than here: what a step in metric units
+    /// must shrink by to be no longer than it was.
+    #[must_use]
+    pub fn ln_stretch(&self, other: &Self) -> f64 {
+        whitened(&self.lower(), &other.covariance()).map_or(0.0, |ratio| {
+            let largest = ratio.symmetric_eigenvalues().max();
+            0.5 * largest.max(f64::MIN_POSITIVE).ln()
+        })
+    }
+
+    fn shrunk(&self, covariance: &DMatrix<f64>, weight: f64) -> DMatrix<f64> {
+        let keep = match self.kind() {
+            MetricKind::Diagonal => 0.0,
+            MetricKind::Dense => {
+                let share = covariance.nrows() as f64 / weight.max(1.0);
+                1.0 / (1.0 + share * share)
+            }
+        };
+        let diagonal = DMatrix::from_diagonal(&covariance.diagonal());
+        covariance * keep + diagonal * (1.0 - keep)
+    }
+}
+
+/// The point at `t` of the geodesic from `a` to `b` among positive matrices, `A^1/2 (A^-1/2 B A^-1/2)^t A^1/2`; for
+/// t = 1/2 their geometric mean. `None` unless both are positive definite and finite.
+#[must_use]
+pub fn geodesic(a: &DMatrix<f64>, b: &DMatrix<f64>, t: f64) -> Option<DMatrix<f64>> {
+    let l = cholesky(a)?.l();
+    let ratio = whitened(&l, b)?.symmetric_eigen();
+    if !ratio.eigenvalues.iter().all(|e| e.is_finite() && *e > 0.0) {
+        return None;
+    }
+    let axes = &l * &ratio.eigenvectors;
+    let powers = DMatrix::from_diagonal(&ratio.eigenvalues.map(|e| e.powf(t)));
+    Some(symmetric(&(&axes * powers * axes.transpose())))
+}
+
+/// `L^-1 C L^-T`; `None` if `L` is singular or a number is not finite.
+fn whitened(l: &DMatrix<f64>, c: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let half = l.solve_lower_triangular(c)?;
+    let whole = l.solve_lower_triangular(&half.transpose())?;
+    whole
+        .iter()
+        .all(|x| x.is_finite())
+        .then(|| symmetric(&whole))
+}
+
+fn cholesky(matrix: &DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
+    if matrix.iter().all(|x| x.is_finite()) {
+        Cholesky::new(matrix.clone())
+    } else {
+        None
+    }
+}
+
+/// The symmetric part: rounding leaves products of matrices a little off.
+fn symmetric(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    (matrix + matrix.transpose()) * 0.5
+}
+
+fn packed(lower: &DMatrix<f64>) -> Vec<f64> {
+    (0..lower.nrows())
+        .flat_map(|i| (0..=i).map(move |j| (i, j)))
+        .map(|at| lower[at])
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Domain, standard_normal, stream};
+
+    fn precision() -> DMatrix<f64> {
+        let mut rng = stream(1, Domain::Test, 0, 0);
+        let basis = DMatrix::from_fn(5, 5, |_, _| standard_normal(&mut rng))
+            .qr()
+            .q();
+        let scales = DMatrix::from_diagonal(&[1.0, 10.0, 100.0, 1e4, 1e5].to_vec().into());
+        symmetric(&(&basis * scales * basis.transpose()))
+    }
+
+    #[test]
+    fn scores_find_the_scales_of_a_gaussian_from_draws_that_are_far_off() {
+        let p = precision();
+        let mut metric = Metric::identity(MetricKind::Dense, 5);
+        let mut rng = stream(2, Domain::Test, 0, 0);
+        for _ in 0..9 {
+            let mut moments = Moments::new(5);
+            for _ in 0..40 {
+                // Draws of the prior: variances wrong by up to 1e5.
+                let z = DMatrix::from_fn(5, 1, |_, _| standard_normal(&mut rng));
+                let score = -(&p * &z);
+                moments.push(z.as_slice(), score.as_slice());
+            }
+            metric = metric.refined(&moments).unwrap();
+        }
+        let l = metric.lower();
+        let left = (l.transpose() * p * l).symmetric_eigenvalues();
+        assert!(left.max() / left.min() < 2.0, "{left}");
+        assert!((left.max() * left.min()).ln().abs() < 1.0, "{left}");
+    }
+
+    #[test]
+    fn velocity_and_force_use_the_factor_and_its_transpose() {
+        let covariance = precision();
+        for kind in [MetricKind::Dense, MetricKind::Diagonal] {
+            let metric = Metric::from_covariance(kind, &covariance).unwrap();
+            let l = metric.lower();
+            let x = [0.3, -1.0, 2.0, 0.7, -0.2];
+            let (mut v, mut f) = ([0.0; 5], [0.0; 5]);
+            metric.velocity(&x, &mut v);
+            metric.whiten_force(&x, &mut f);
+            let column = DMatrix::from_column_slice(5, 1, &x);
+            let (lv, lf) = (&l * &column, l.transpose() * &column);
+            for i in 0..5 {
+                assert!((v[i] - lv[i]).abs() < 1e-9 && (f[i] - lf[i]).abs() < 1e-9);
+            }
+            assert!((metric.covariance()[(0, 0)] - covariance[(0, 0)]).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn the_stretch_is_the_largest_ratio_of_lengths() {
+        let narrow = Metric::Diagonal(vec![0.1, 2.0]);
+        let wide = Metric::Diagonal(vec![0.5, 1.0]);
+        assert!((narrow.ln_stretch(&wide) - 5_f64.ln()).abs() < 1e-12);
+        assert!((wide.ln_stretch(&narrow) - 2_f64.ln()).abs() < 1e-12);
+        let half = narrow.between(&wide, 0.5).covariance();
+        assert!((half[(0, 0)] - 0.05).abs() < 1e-12 && (half[(1, 1)] - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn draws_that_do_not_move_leave_the_metric_alone() {
+        let mut moments = Moments::new(2);
+        for _ in 0..10 {
+            moments.push(&[0.3, 0.1], &[1.0, 2.0]);
+        }
+        assert!(
+            Metric::identity(MetricKind::Dense, 2)
+                .refined(&moments)
+                .is_none()
+        );
+    }
+}

@@ -1,0 +1,181 @@
+//! Where a chain stands, and the target seen from standard-normal coordinates, with every call counted.
+
+use crate::error::{Error, Result};
+use crate::rng::{Stream, standard_normal};
+use crate::target::{Cause, Outcome, Target};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A state of a chain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// Standard-normal coordinates.
+    pub z: Vec<f64>,
+    /// ln L there; minus infinity where it was rejected.
+    pub ln_likelihood: f64,
+    /// Gradient of ln L with respect to `z`; of no meaning unless [`has_gradient`](Self::has_gradient).
+    pub gradient: Vec<f64>,
+    /// Whether the gradient belongs to `z`: moves that need none do not pay for it.
+    pub has_gradient: bool,
+}
+
+impl Point {
+    /// A point at the origin, to be filled.
+    #[must_use]
+    pub fn new(dim: usize) -> Self {
+        Self {
+            z: vec![0.0; dim],
+            ln_likelihood: f64::NEG_INFINITY,
+            gradient: vec![0.0; dim],
+            has_gradient: false,
+        }
+    }
+
+    /// Takes over another point of the same dimension without allocating.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.z.copy_from_slice(&other.z);
+        self.ln_likelihood = other.ln_likelihood;
+        self.gradient.copy_from_slice(&other.gradient);
+        self.has_gradient = other.has_gradient;
+    }
+}
+
+/// Likelihood calls and rejections.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Tally {
+    /// Values without a gradient.
+    pub calls: u64,
+    /// Values with a gradient.
+    pub gradients: u64,
+    /// Rejected points by cause.
+    pub rejected: BTreeMap<String, u64>,
+}
+
+impl Tally {
+    /// Adds the counts of an evaluator.
+    pub fn add(&mut self, evaluator: &Evaluator<'_>) {
+        self.calls += evaluator.calls;
+        self.gradients += evaluator.gradients;
+        for (cause, count) in &evaluator.rejected {
+            *self.rejected.entry((*cause).to_owned()).or_default() += count;
+        }
+    }
+
+    /// Adds another tally.
+    pub fn merge(&mut self, other: &Self) {
+        self.calls += other.calls;
+        self.gradients += other.gradients;
+        for (cause, count) in &other.rejected {
+            *self.rejected.entry(cause.clone()).or_default() += count;
+        }
+    }
+
+    /// The most frequent cause of rejection.
+    #[must_use]
+    pub fn main_cause(&self) -> String {
+        self.rejected
+            .iter()
+            .max_by_key(|(_, count)| **count)
+            .map_or_else(|| "none".to_owned(), |(cause, _)| cause.clone())
+    }
+}
+
+/// A target in standard-normal coordinates, owned by one task: it counts and keeps its scratch space.
+pub struct Evaluator<'a> {
+    target: &'a dyn Target,
+    theta: Vec<f64>,
+    calls: u64,
+    gradients: u64,
+    rejected: Vec<(Cause, u64)>,
+}
+
+impl<'a> Evaluator<'a> {
+    /// An evaluator with counts at zero.
+    #[must_use]
+    pub fn new(target: &'a dyn Target) -> Self {
+        Self {
+            target,
+            theta: vec![0.0; target.dim()],
+            calls: 0,
+            gradients: 0,
+            rejected: Vec::new(),
+        }
+    }
+
+    /// The target.
+    #[must_use]
+    pub fn target(&self) -> &'a dyn Target {
+        self.target
+    }
+
+    /// ln L at `z`; minus infinity if rejected.
+    ///
+    /// # Errors
+    /// [`Error::Fatal`] or [`Error::Infinite`] from the target.
+    pub fn value(&mut self, z: &[f64]) -> Result<f64> {
+        self.target.prior().theta_from_z(z, &mut self.theta);
+        self.calls += 1;
+        let outcome = self.target.ln_likelihood(&self.theta);
+        self.settle(&outcome)
+    }
+
+    /// Fills ln L and gradient of `point` at its `z`; ln L is minus infinity if rejected, also where a slope is not
+    /// finite.
+    ///
+    /// # Errors
+    /// [`Error::Fatal`] or [`Error::Infinite`] from the target.
+    pub fn fill(&mut self, point: &mut Point) -> Result<()> {
+        let prior = self.target.prior();
+        prior.theta_from_z(&point.z, &mut self.theta);
+        self.gradients += 1;
+        let outcome = self
+            .target
+            .ln_likelihood_and_gradient(&self.theta, &mut point.gradient);
+        point.ln_likelihood = self.settle(&outcome)?;
+        point.has_gradient = point.ln_likelihood > f64::NEG_INFINITY;
+        if point.has_gradient {
+            prior.gradient_to_z(&point.z, &mut point.gradient);
+            if point.gradient.iter().any(|g| !g.is_finite()) {
+                self.count("gradient not finite");
+                point.ln_likelihood = f64::NEG_INFINITY;
+                point.has_gradient = false;
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws `z` from the prior inside the target's walls; no likelihood call.
+    ///
+    /// # Errors
+    /// [`Error::NoStart`] if the walls leave next to nothing of the prior.
+    pub fn draw_prior(&self, z: &mut [f64], rng: &mut Stream) -> Result<()> {
+        const TRIES: usize = 1_000_000;
+        for _ in 0..TRIES {
+            z.iter_mut().for_each(|z| *z = standard_normal(rng));
+            if super::inside(self.target.walls(), z) {
+                return Ok(());
+            }
+        }
+        Err(Error::NoStart {
+            tries: TRIES,
+            cause: "outside the walls of the prior".to_owned(),
+        })
+    }
+
+    fn settle(&mut self, outcome: &Outcome) -> Result<f64> {
+        match outcome {
+            Outcome::Reject(cause) => self.count(cause),
+            Outcome::Value(l) if l.is_nan() => self.count("nan"),
+            Outcome::Value(f64::NEG_INFINITY) => self.count("zero likelihood"),
+            Outcome::Value(_) | Outcome::Fatal(_) => {}
+        }
+        outcome.ln_likelihood(&self.theta)
+    }
+
+    fn count(&mut self, cause: Cause) {
+        match self.rejected.iter_mut().find(|(known, _)| *known == cause) {
+            Some((_, count)) => *count += 1,
+            None => self.rejected.push((cause, 1)),
+        }
+    }
+}

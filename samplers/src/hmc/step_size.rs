@@ -1,0 +1,78 @@
+//! The step size of one rung, steered toward an acceptance while a round adapts and frozen when it does not.
+
+use serde::{Deserialize, Serialize};
+
+/// Largest step in metric units: a leapfrog on a Gaussian is unstable beyond 2 and wasteful well before.
+pub const MAX_STEP: f64 = 1.2;
+
+/// Smallest step: below it a trajectory does not move in floating point.
+const MIN_STEP: f64 = 1e-8;
+
+/// Robbins-Monro on the logarithm of the step, with the average over the second half of a round as its result.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepSize {
+    ln_step: f64,
+    sum: f64,
+    count: u32,
+}
+
+impl StepSize {
+    /// A controller at this step.
+    #[must_use]
+    pub fn new(step: f64) -> Self {
+        Self {
+            ln_step: step.clamp(MIN_STEP, MAX_STEP).ln(),
+            sum: 0.0,
+            count: 0,
+        }
+    }
+
+    /// The step to use now.
+    #[must_use]
+    pub fn step(&self) -> f64 {
+        self.ln_step.exp()
+    }
+
+    /// Learns from the mean acceptance of scan number `scan` of a round of `scans`. The gain starts at 1.5, so that
+    /// a few scans of no acceptance at all shorten the step by orders of magnitude, and falls as `scan^-0.6`.
+    pub fn learn(&mut self, acceptance: f64, target: f64, scan: usize, scans: usize) {
+        let gain = 1.5 / ((scan + 1) as f64).powf(0.6);
+        self.ln_step =
+            (self.ln_step + gain * (acceptance - target)).clamp(MIN_STEP.ln(), MAX_STEP.ln());
+        if 2 * (scan + 1) > scans {
+            self.sum += self.ln_step;
+            self.count += 1;
+        }
+    }
+
+    /// The logarithm of the step this round has found: the average over its second half.
+    #[must_use]
+    pub fn ln_found(&self) -> f64 {
+        if self.count > 0 {
+            self.sum / f64::from(self.count)
+        } else {
+            self.ln_step
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_wrong_by_four_orders_is_mended_within_three_short_rounds() {
+        // Acceptance of a Gaussian whose stiffest direction is 1e-3 wide: the energy error grows as step^4.
+        let acceptance = |step: f64| (-(step / 1e-3).powi(4)).exp();
+        let mut found = 1.0_f64;
+        for scans in [4, 8, 16] {
+            let mut step = StepSize::new(found);
+            for scan in 0..scans {
+                step.learn(acceptance(step.step()), 0.8, scan, scans);
+            }
+            found = step.ln_found().exp();
+        }
+        let ideal = 1e-3 * (-(0.8_f64.ln())).powf(0.25);
+        assert!((found / ideal).ln().abs() < 0.7, "{found} {ideal}");
+    }
+}

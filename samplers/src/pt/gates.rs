@@ -1,0 +1,249 @@
+//! What a tempered run must pass to be believed, each with a word on what to do.
+
+use super::evidence::Estimate;
+use super::ladder::round_trip_rate;
+use super::record::Record;
+use super::state::Finished;
+use crate::hmc::MAX_STEP;
+use crate::output::{Ess, Gate};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// What the gates look at.
+pub(super) struct Evidenced<'a> {
+    pub(super) record: &'a Record,
+    pub(super) estimate: &'a Estimate,
+    /// Rounds that ended before the one judged.
+    pub(super) history: &'a [Finished],
+    /// Step of each temperature.
+    pub(super) steps: &'a [f64],
+    pub(super) ess: &'a Ess,
+    /// Largest R-hat over coordinates, their squares and ln L.
+    pub(super) worst_r_hat: f64,
+    /// p-value that ladders give modes the same weight.
+    pub(super) mode_agreement: f64,
+}
+
+/// All gates of a run.
+pub(super) fn gates(run: &Evidenced<'_>) -> Vec<Gate> {
+    let mut gates = journeys(run);
+    gates.extend(schedule(run));
+    gates.extend(evidence(run.estimate));
+    gates.extend(draws(run));
+    gates.extend(moves(run));
+    gates
+}
+
+fn journeys(run: &Evidenced<'_>) -> Vec<Gate> {
+    let journeys = &run.record.journeys;
+    let scans = run.record.traces.scans();
+    let machines = (journeys.len() * run.record.traces.rungs()) as f64;
+    let fewest = journeys.iter().map(|j| j.round_trips).min().unwrap_or(0);
+    let restarts: u64 = journeys.iter().map(|j| j.restarts).sum();
+    let trips = run.record.round_trips() as f64;
+    let rate = trips / (scans * journeys.len()).max(1) as f64;
+    let expected = round_trip_rate(&run.record.mean_rejection());
+    vec![
+        Gate::at_least(
+            "round trips, worst ladder",
+            fewest as f64,
+            10.0,
+            "prior to posterior and back, in each ladder; if too few, add rounds: each doubles them",
+        ),
+        Gate::at_least(
+            "round trips, all ladders",
+            trips,
+            100.0,
+            "independent restarts behind the evidence; if too few, add rounds",
+        ),
+        Gate::at_least(
+            "restarts per machine",
+            restarts as f64 / machines,
+            1.0,
+            "fresh prior draws that reached the posterior; if too few, add rounds",
+        ),
+        Gate::at_least(
+            "round-trip rate",
+            rate / expected,
+            0.3,
+            "share of the rate that perfect explorers would have; if low, local moves are too slow: raise `moves` or `max_leapfrogs`, or declare the target's symmetries",
+        ),
+    ]
+}
+
+fn schedule(run: &Evidenced<'_>) -> Vec<Gate> {
+    let rejection = run.record.mean_rejection();
+    let worst = rejection.iter().copied().fold(0.0, f64::max);
+    let barrier: f64 = rejection.iter().sum();
+    let before = run.history.last().map_or(0.0, |round| round.barrier);
+    // A flat likelihood has no barrier at all; below a tenth a change means nothing.
+    let change = (barrier - before).abs() / before.max(0.1);
+    let change = if run.history.is_empty() { 1.0 } else { change };
+    vec![
+        Gate::at_most(
+            "swap rejection, worst gap",
+            worst,
+            0.75,
+            "if above, the ladder has a gap: raise `temperatures` or `max_temperatures`, or add rounds so that it can adapt",
+        ),
+        Gate::at_most(
+            "change of barrier",
+            change,
+            0.1,
+            "relative change of the communication barrier since the round before; if above, the run has not settled: add rounds",
+        ),
+    ]
+}
+
+fn evidence(estimate: &Estimate) -> Vec<Gate> {
+    let error = estimate.error();
+    let gap = (estimate.forward - estimate.backward).abs();
+    let chi2: f64 = estimate
+        .ladders
+        .iter()
+        .zip(&estimate.ladder_errors)
+        // A flat likelihood has no error but that of rounding.
+        .map(|(l, e)| ((l - estimate.ln_z) / e.max(1e-6)).powi(2))
+        .sum();
+    let freedom = (estimate.ladders.len() as f64 - 1.0).max(1.0);
+    let p = ChiSquared::new(freedom).map_or(0.0, |law| law.sf(chi2));
+    vec![
+        Gate::at_most(
+            "evidence error",
+            error,
+            0.5,
+            "standard error of ln Z in nats; if above, add rounds",
+        ),
+        Gate::at_most(
+            "forward-backward gap",
+            if gap.is_finite() { gap } else { f64::INFINITY },
+            (3.0 * error).max(0.2),
+            "stepping stones from both sides must agree; if not, add rounds or temperatures",
+        ),
+        Gate::at_least(
+            "ladders agree on the evidence",
+            if error.is_finite() { p } else { 0.0 },
+            0.01,
+            "p-value of the scatter of ladders against their own errors; if below, some ladder misses a part of the posterior: add rounds",
+        ),
+    ]
+}
+
+fn draws(run: &Evidenced<'_>) -> Vec<Gate> {
+    let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    vec![
+        Gate::at_most(
+            "R-hat",
+            run.worst_r_hat,
+            1.01,
+            "largest rank-normalised split R-hat of coordinates, their squares and ln L; if above, ladders have not converged: add rounds",
+        ),
+        Gate::at_least(
+            "bulk effective size",
+            least(&run.ess.bulk),
+            400.0,
+            "smallest over parameters; if below, add rounds or raise `moves`",
+        ),
+        Gate::at_least(
+            "tail effective size",
+            least(&run.ess.tail),
+            400.0,
+            "smallest over parameters; if below, add rounds or raise `moves`",
+        ),
+        Gate::at_least(
+            "ladders agree on the modes",
+            run.mode_agreement,
+            0.01,
+            "p-value that all ladders give the two halves or modes of the posterior the same weight; if below, add rounds or declare the target's symmetries",
+        ),
+    ]
+}
+
+fn moves(run: &Evidenced<'_>) -> Vec<Gate> {
+    let locals = &run.record.locals[1..];
+    let acceptance = |local: &super::record::Local| local.mean_acceptance();
+    let lowest = locals.iter().map(acceptance).fold(1.0, f64::min);
+    // A step at its largest cannot get longer, whatever the acceptance.
+    let highest = locals
+        .iter()
+        .zip(&run.steps[1..])
+        .filter(|(_, step)| **step < 0.99 * MAX_STEP)
+        .map(|(local, _)| acceptance(local))
+        .fold(0.0, f64::max);
+    let worst_share = |count: fn(&super::record::Local) -> u64| {
+        locals
+            .iter()
+            .map(|local| count(local) as f64 / local.moves.max(1) as f64)
+            .fold(0.0, f64::max)
+    };
+    vec![
+        Gate::at_least(
+            "acceptance, lowest",
+            lowest,
+            0.5,
+            "of local moves, over temperatures; if below, steps have not adapted: add rounds",
+        ),
+        Gate::at_most(
+            "acceptance, highest",
+            highest,
+            0.95,
+            "if above, steps are shorter than they need to be: add rounds",
+        ),
+        Gate::at_most(
+            "cut trajectories",
+            worst_share(|local| local.capped),
+            0.01,
+            "share of moves stopped by `max_leapfrogs` at the worst temperature; if above, raise it",
+        ),
+        Gate::at_most(
+            "moves lost to rejected points",
+            worst_share(|local| local.rejected),
+            0.2,
+            "share at the worst temperature of moves that met a point without likelihood; if above, give the target a smooth penalty in place of a cliff",
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(ladders: Vec<f64>, error: f64) -> Estimate {
+        let ln_z = ladders.iter().sum::<f64>() / ladders.len() as f64;
+        Estimate {
+            ln_z,
+            forward: ln_z,
+            backward: ln_z,
+            thermodynamic: None,
+            valid: 1.0,
+            ladder_errors: vec![error; ladders.len()],
+            ladders,
+            error_ladders: 0.1,
+            error_blocks: 0.1,
+        }
+    }
+
+    fn passes(name: &str, estimate: &Estimate) -> bool {
+        let gates = evidence(estimate);
+        gates.iter().find(|g| g.name == name).unwrap().pass
+    }
+
+    #[test]
+    fn ladders_that_disagree_on_the_evidence_are_refused() {
+        let name = "ladders agree on the evidence";
+        assert!(passes(name, &estimate(vec![-3.0, -3.1, -2.9, -3.05], 0.1)));
+        // One ladder missed a mode that holds half of the mass.
+        assert!(!passes(name, &estimate(vec![-3.0, -3.1, -2.9, -3.7], 0.1)));
+        assert!(!passes(name, &estimate(vec![-3.0, -3.1], f64::NAN)));
+    }
+
+    #[test]
+    fn one_sided_estimates_that_disagree_are_refused() {
+        let name = "forward-backward gap";
+        let mut apart = estimate(vec![-3.0; 4], 0.1);
+        assert!(passes(name, &apart));
+        apart.forward -= 0.5;
+        assert!(!passes(name, &apart));
+        apart.forward = f64::NEG_INFINITY;
+        assert!(!passes(name, &apart));
+    }
+}

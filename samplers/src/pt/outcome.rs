@@ -1,0 +1,208 @@
+//! From the state of a run to its result.
+
+use super::evidence::Estimate;
+use super::gates::{Evidenced, gates};
+use super::ladder::barrier;
+use super::state::State;
+use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
+use crate::output::{Cost, Draws, Ess, Evidence, Method, Path, Run, Status};
+use crate::rng::STREAM_VERSION;
+use crate::target::Target;
+
+/// The result of the round in progress: the last one, unless the run was stopped.
+pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Run {
+    let dim = target.dim();
+    let estimate = state.evidence();
+    let (ess, worst_r_hat) = effective_sizes(state, dim);
+    let steps: Vec<f64> = state.rungs.iter().map(|rung| rung.step.step()).collect();
+    let gates = gates(&Evidenced {
+        record: &state.record,
+        estimate: &estimate,
+        history: &state.history,
+        steps: &steps,
+        ess: &ess,
+        worst_r_hat,
+        mode_agreement: modes(state, dim),
+    });
+    Run {
+        method: Method::PtHmc,
+        status,
+        seed: state.seed,
+        stream_version: STREAM_VERSION,
+        names: target.prior().names().to_vec(),
+        units: target.prior().units().to_vec(),
+        derived_names: target.derived_names(),
+        draws: draws(target, state),
+        evidence: evidence(state, estimate),
+        ess,
+        cost: Cost {
+            calls: state.tally.calls,
+            gradients: state.tally.gradients,
+            cpu_seconds: state.time.cpu_seconds,
+            wall_seconds: state.time.wall_seconds,
+            rejected: state.tally.rejected.clone(),
+        },
+        path: path(state, steps),
+        gates,
+        warnings: warnings(state),
+    }
+}
+
+fn draws(target: &dyn Target, state: &State) -> Draws {
+    let dim = target.dim();
+    let cold = state.rungs.len() - 1;
+    let mut draws = Draws {
+        dim,
+        derived_dim: target.derived_names().len(),
+        ..Draws::default()
+    };
+    let mut theta = vec![0.0; dim];
+    for (chain, rows) in (0_u32..).zip(&state.record.draws) {
+        for z in rows.chunks_exact(dim) {
+            target.prior().theta_from_z(z, &mut theta);
+            draws.theta.extend_from_slice(&theta);
+            target.derived(&theta, &mut draws.derived);
+            draws.chain.push(chain);
+        }
+        draws
+            .ln_likelihood
+            .extend_from_slice(state.record.traces.of(chain as usize, cold));
+    }
+    let ln_weight = -(draws.len() as f64).ln();
+    draws.ln_weight = vec![ln_weight; draws.len()];
+    draws
+}
+
+fn evidence(state: &State, estimate: Estimate) -> Evidence {
+    let error = estimate.error();
+    let (mean, _) = state.record.traces.moments(state.rungs.len() - 1);
+    let mut estimates = vec![
+        ("bennett".to_owned(), estimate.ln_z),
+        ("forward".to_owned(), estimate.forward),
+        ("backward".to_owned(), estimate.backward),
+    ];
+    estimates.extend(
+        estimate
+            .thermodynamic
+            .map(|value| ("thermodynamic".to_owned(), value)),
+    );
+    estimates.extend(
+        estimate
+            .ladders
+            .into_iter()
+            .enumerate()
+            .map(|(ladder, value)| (format!("ladder {ladder}"), value)),
+    );
+    Evidence {
+        ln_z: estimate.ln_z,
+        error,
+        error_parts: [
+            ("ladders".to_owned(), estimate.error_ladders),
+            ("blocks".to_owned(), estimate.error_blocks),
+        ]
+        .into(),
+        estimates: estimates.into_iter().collect(),
+        information: mean - estimate.ln_z,
+    }
+}
+
+/// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks see no monotone map), and the largest R-hat
+/// of all, ln L included.
+fn effective_sizes(state: &State, dim: usize) -> (Ess, f64) {
+    let ladders = state.record.draws.len();
+    let cold = state.rungs.len() - 1;
+    let mut ess = Ess {
+        kish: (ladders * state.record.traces.scans()) as f64,
+        ..Ess::default()
+    };
+    for j in 0..dim {
+        let columns: Vec<Vec<f64>> = state
+            .record
+            .draws
+            .iter()
+            .map(|rows| rows.iter().skip(j).step_by(dim).copied().collect())
+            .collect();
+        let squares: Vec<Vec<f64>> = columns
+            .iter()
+            .map(|column| column.iter().map(|z| z * z).collect())
+            .collect();
+        let chains = slices(&columns);
+        ess.bulk.push(bulk_ess(&chains));
+        ess.tail.push(tail_ess(&chains));
+        ess.r_hat.push(r_hat(&chains).max(r_hat(&slices(&squares))));
+    }
+    ess.quoted = ess
+        .bulk
+        .iter()
+        .chain(&ess.tail)
+        .copied()
+        .fold(f64::INFINITY, f64::min);
+    let traces: Vec<&[f64]> = (0..ladders)
+        .map(|ladder| state.record.traces.of(ladder, cold))
+        .collect();
+    let worst = ess.r_hat.iter().copied().fold(r_hat(&traces), f64::max);
+    (ess, worst)
+}
+
+fn slices(chains: &[Vec<f64>]) -> Vec<&[f64]> {
+    chains.iter().map(Vec::as_slice).collect()
+}
+
+fn modes(state: &State, dim: usize) -> f64 {
+    let scans = state.record.traces.scans();
+    let cold = state.rungs.len() - 1;
+    let labels = two_means(&state.record.draws.concat(), dim);
+    let labels: Vec<&[bool]> = labels.chunks_exact(scans.max(1)).collect();
+    let traces: Vec<&[f64]> = (0..labels.len())
+        .map(|ladder| state.record.traces.of(ladder, cold))
+        .collect();
+    mode_agreement(&labels, &traces)
+}
+
+fn path(state: &State, step_size: Vec<f64>) -> Path {
+    let record = &state.record;
+    let rungs = state.rungs.len();
+    let (mean, variance) = (0..rungs).map(|rung| record.traces.moments(rung)).unzip();
+    let rejection = record.mean_rejection();
+    Path::Tempered {
+        beta: state.beta(),
+        mean_ln_likelihood: mean,
+        variance_ln_likelihood: variance,
+        barrier: barrier(&rejection),
+        swap_rejection: rejection,
+        acceptance: record.locals.iter().map(|l| l.mean_acceptance()).collect(),
+        step_size,
+        mean_leapfrogs: record
+            .locals
+            .iter()
+            .map(|l| l.leapfrogs as f64 / l.moves.max(1) as f64)
+            .collect(),
+        divergences: record.locals.iter().map(|l| l.diverged).collect(),
+        round_trips: record.journeys.iter().map(|j| j.round_trips).collect(),
+        trace: (0..record.journeys.len())
+            .map(|ladder| record.traces.of(ladder, rungs - 1).to_vec())
+            .collect(),
+    }
+}
+
+fn warnings(state: &State) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if !state.is_last_round() {
+        warnings.push(format!(
+            "stopped in round {}, which still adapts: draws and evidence are provisional; resume the run to finish it",
+            state.round + 1
+        ));
+    }
+    for (rung, local) in state.rungs.iter().zip(&state.record.locals) {
+        if state.is_last_round() && local.diverged > 0 {
+            warnings.push(format!(
+                "{} of {} moves at beta = {:.3e} diverged: the posterior has narrower spots than its step of {:.3e}; raise `target_acceptance`",
+                local.diverged,
+                local.moves,
+                rung.beta,
+                rung.step.step(),
+            ));
+        }
+    }
+    warnings
+}

@@ -1,0 +1,150 @@
+//! Settings of a tempered run.
+
+use crate::error::{Error, Result};
+use crate::hmc::MetricKind;
+use serde::{Deserialize, Serialize};
+
+/// Settings of a tempered run; the defaults suit smooth posteriors of up to a few dozen parameters.
+///
+/// The cost in gradients is about `2^rounds first_scans x ladders x temperatures x moves x leapfrogs`, where leapfrogs
+/// is 2-10 for a rung whose metric fits and at most `max_leapfrogs`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Independent ladders, at least 2: their agreement is the measure of the error.
+    pub ladders: usize,
+    /// Rounds, each twice as long as the one before; all but the last adapt.
+    pub rounds: usize,
+    /// Scans of the first round.
+    pub first_scans: usize,
+    /// Temperatures of the first rounds.
+    pub temperatures: usize,
+    /// Fewest temperatures later on, at which gaps stay narrow enough for one-sided estimates of the evidence to
+    /// serve as a check; equal to `temperatures` and `max_temperatures`, their number stays.
+    pub min_temperatures: usize,
+    /// Most temperatures later on.
+    pub max_temperatures: usize,
+    /// Mean acceptance of local moves that step sizes are steered to.
+    pub target_acceptance: f64,
+    /// Shape of the metric.
+    pub metric: MetricKind,
+    /// Most leapfrog steps of one move.
+    pub max_leapfrogs: usize,
+    /// Mean length of a trajectory in metric units.
+    pub trajectory: f64,
+    /// Local moves per scan and temperature.
+    pub moves: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            ladders: 4,
+            rounds: 10,
+            first_scans: 4,
+            temperatures: 20,
+            min_temperatures: 8,
+            max_temperatures: 64,
+            target_acceptance: 0.8,
+            metric: MetricKind::Dense,
+            max_leapfrogs: 256,
+            trajectory: std::f64::consts::FRAC_PI_2,
+            moves: 1,
+        }
+    }
+}
+
+impl Settings {
+    /// Scans of a round, the first of which is 0.
+    #[must_use]
+    pub fn scans(&self, round: usize) -> usize {
+        self.first_scans << round
+    }
+
+    /// Refuses what cannot run.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] naming the first setting out of its range.
+    pub fn check(&self) -> Result<()> {
+        let whole = |name, value: usize, lo: usize, hi: usize, remedy| {
+            if (lo..=hi).contains(&value) {
+                Ok(())
+            } else {
+                Err(Error::Setting {
+                    name,
+                    value: value.to_string(),
+                    remedy,
+                })
+            }
+        };
+        let real = |name, value: f64, lo: f64, hi: f64, remedy| {
+            if value > lo && value < hi {
+                Ok(())
+            } else {
+                Err(Error::Setting {
+                    name,
+                    value: value.to_string(),
+                    remedy,
+                })
+            }
+        };
+        whole(
+            "ladders",
+            self.ladders,
+            2,
+            1024,
+            "give 2 to 1024, 4 is usual",
+        )?;
+        whole("rounds", self.rounds, 2, 24, "give 2 to 24, 10 is usual")?;
+        whole(
+            "first_scans",
+            self.first_scans,
+            2,
+            4096,
+            "give 2 to 4096, 4 is usual",
+        )?;
+        whole(
+            "temperatures",
+            self.temperatures,
+            self.min_temperatures,
+            self.max_temperatures,
+            "give a number from min_temperatures to max_temperatures",
+        )?;
+        whole(
+            "min_temperatures",
+            self.min_temperatures,
+            3,
+            1024,
+            "give 3 to 1024",
+        )?;
+        whole(
+            "max_temperatures",
+            self.max_temperatures,
+            3,
+            1024,
+            "give 3 to 1024",
+        )?;
+        whole(
+            "max_leapfrogs",
+            self.max_leapfrogs,
+            1,
+            1 << 20,
+            "give 1 or more, 256 is usual",
+        )?;
+        whole("moves", self.moves, 1, 1 << 20, "give 1 or more")?;
+        real(
+            "target_acceptance",
+            self.target_acceptance,
+            0.2,
+            0.99,
+            "give a number between 0.2 and 0.99, 0.8 is usual",
+        )?;
+        real(
+            "trajectory",
+            self.trajectory,
+            0.0,
+            1e3,
+            "give a length above 0, pi/2 is usual",
+        )
+    }
+}

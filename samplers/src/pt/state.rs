@@ -1,0 +1,426 @@
+//! The whole of a run between two scans: what a checkpoint holds and a scan advances.
+
+use super::evidence::{Estimate, estimate};
+use super::ladder::{barrier, first_schedule, locate, respaced};
+use super::record::{Local, Record};
+use super::{Settings, swap};
+use crate::control::Event;
+use crate::error::{Error, Result};
+use crate::hmc::{self, Explorer, Metric, Plan, Point, StepSize, Tally};
+use crate::rng::{Domain, Stream, stream, unit_open};
+use crate::target::{Symmetry, Target};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Prior draws tried for a slot's first state.
+const START_TRIES: usize = 100_000;
+
+/// A round of fewer scans is early: it only has to find the scales, so its trajectories are short, and energies far
+/// from equilibrium may vary as they like.
+const EARLY_SCANS: usize = 32;
+
+/// Most leapfrog steps of a move in an early round.
+const EARLY_LEAPFROGS: usize = 32;
+
+/// Energy range of a path that marks it as divergent in all other rounds.
+const MAX_ENERGY_RANGE: f64 = 1000.0;
+
+/// One temperature.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Rung {
+    pub(super) beta: f64,
+    metric: Metric,
+    pub(super) step: StepSize,
+}
+
+/// One place of one ladder: states stay, machines travel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Slot {
+    point: Point,
+    machine: usize,
+}
+
+/// What a finished round came to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Finished {
+    pub(super) barrier: f64,
+    pub(super) ln_z: f64,
+}
+
+/// Time spent, over all processes that worked on a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Time {
+    pub(super) wall_seconds: f64,
+    pub(super) cpu_seconds: f64,
+}
+
+impl Time {
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self {
+            wall_seconds: self.wall_seconds + other.wall_seconds,
+            cpu_seconds: self.cpu_seconds + other.cpu_seconds,
+        }
+    }
+}
+
+/// See the module's words.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct State {
+    settings: Settings,
+    pub(super) seed: u64,
+    /// Present round, and its scans done.
+    pub(super) round: usize,
+    pub(super) scan: usize,
+    /// Scans done in all rounds: the index of the random streams.
+    clock: u64,
+    pub(super) rungs: Vec<Rung>,
+    /// Ladder-major.
+    slots: Vec<Slot>,
+    pub(super) record: Record,
+    pub(super) history: Vec<Finished>,
+    pub(super) tally: Tally,
+    pub(super) time: Time,
+}
+
+/// What exploring one slot gave.
+struct Explored<'a> {
+    point: Point,
+    local: Local,
+    evaluator: hmc::Evaluator<'a>,
+}
+
+impl State {
+    /// Draws every slot from the prior, again and again until it has a likelihood where it needs one.
+    pub(super) fn start(target: &dyn Target, settings: &Settings, seed: u64) -> Result<Self> {
+        let dim = target.dim();
+        let rungs: Vec<Rung> = first_schedule(settings.temperatures)
+            .into_iter()
+            .map(|beta| Rung {
+                beta,
+                metric: Metric::identity(settings.metric, dim),
+                step: StepSize::new(0.5),
+            })
+            .collect();
+        let mut state = Self {
+            settings: settings.clone(),
+            seed,
+            round: 0,
+            scan: 0,
+            clock: 0,
+            record: Record::new(dim, settings.ladders, rungs.len()),
+            slots: Vec::new(),
+            rungs,
+            history: Vec::new(),
+            tally: Tally::default(),
+            time: Time::default(),
+        };
+        // One slot alone first: a target that rejects everything should be told from it, not from all.
+        let first = state.first_point(target, 1)?;
+        let rest: Vec<Result<(Point, Tally)>> = (0..settings.ladders * state.rungs.len())
+            .into_par_iter()
+            .map(|slot| match slot {
+                1 => Ok(first.clone()),
+                _ => state.first_point(target, slot),
+            })
+            .collect();
+        for (slot, drawn) in rest.into_iter().enumerate() {
+            let (point, tally) = drawn?;
+            state.tally.merge(&tally);
+            state.slots.push(Slot {
+                point,
+                machine: slot % state.rungs.len(),
+            });
+        }
+        Ok(state)
+    }
+
+    fn first_point(&self, target: &dyn Target, slot: usize) -> Result<(Point, Tally)> {
+        let mut rng = self.stream(Domain::PtExplore, slot, 0);
+        let mut evaluator = hmc::Evaluator::new(target);
+        let mut point = Point::new(target.dim());
+        let mut tally = Tally::default();
+        for _ in 0..START_TRIES {
+            evaluator.draw_prior(&mut point.z, &mut rng)?;
+            point.ln_likelihood = evaluator.value(&point.z)?;
+            if point.ln_likelihood.is_finite() || slot.is_multiple_of(self.rungs.len()) {
+                tally.add(&evaluator);
+                return Ok((point, tally));
+            }
+        }
+        tally.add(&evaluator);
+        Err(Error::NoStart {
+            tries: START_TRIES,
+            cause: tally.main_cause(),
+        })
+    }
+
+    /// The stream of slot or gap number `index` (ladder-major over rungs) at a scan.
+    fn stream(&self, domain: Domain, index: usize, scan: u64) -> Stream {
+        let rungs = self.rungs.len();
+        let task = ((index / rungs) << 20) + index % rungs;
+        stream(self.seed, domain, task as u64, scan)
+    }
+
+    /// Whether this state came from these settings and seed.
+    pub(super) fn belongs_to(&self, settings: &Settings, seed: u64) -> bool {
+        self.settings == *settings && self.seed == seed
+    }
+
+    /// Whether the last round is done.
+    pub(super) fn finished(&self) -> bool {
+        self.is_last_round() && self.scan == self.settings.scans(self.round)
+    }
+
+    /// Whether the present round has anything to show.
+    pub(super) fn scanned(&self) -> bool {
+        self.scan > 0
+    }
+
+    pub(super) fn is_last_round(&self) -> bool {
+        self.round + 1 == self.settings.rounds
+    }
+
+    fn is_early_round(&self) -> bool {
+        !self.is_last_round() && self.settings.scans(self.round) < EARLY_SCANS
+    }
+
+    pub(super) fn beta(&self) -> Vec<f64> {
+        self.rungs.iter().map(|rung| rung.beta).collect()
+    }
+
+    pub(super) fn evidence(&self) -> Estimate {
+        estimate(&self.beta(), &self.record.traces)
+    }
+
+    /// What an observer is told after a scan; evidence and barrier are NaN before a round has finished.
+    pub(super) fn progress(&self) -> Event {
+        let last = self.history.last();
+        Event::Tempered {
+            round: self.round,
+            scan: self.scan.saturating_sub(1),
+            scans: self.settings.scans(self.round),
+            barrier: last.map_or(f64::NAN, |r| r.barrier),
+            round_trips: self.record.round_trips(),
+            ln_z: last.map_or(f64::NAN, |r| r.ln_z),
+            gradients: self.tally.gradients,
+        }
+    }
+
+    /// One scan, and the adaptation before it if a round has just ended. On an error the state is that before the
+    /// scan.
+    pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
+        if self.scan == self.settings.scans(self.round) {
+            self.adapt(target.dim());
+        }
+        let explored: Vec<Result<Explored<'_>>> = (0..self.slots.len())
+            .into_par_iter()
+            .map(|slot| self.explore(target, slot))
+            .collect();
+        let explored: Vec<Explored<'_>> = explored.into_iter().collect::<Result<_>>()?;
+
+        let rungs = self.rungs.len();
+        let mut locals = vec![Local::default(); rungs];
+        for (index, explored) in explored.into_iter().enumerate() {
+            self.slots[index].point = explored.point;
+            locals[index % rungs].add(&explored.local);
+            self.tally.add(&explored.evaluator);
+        }
+        self.clock += 1;
+        let beta = self.beta();
+        for ladder in 0..self.settings.ladders {
+            let points = self.slots[ladder * rungs..(ladder + 1) * rungs]
+                .iter()
+                .map(|slot| &slot.point);
+            self.record.note(ladder, &beta, points);
+            self.swap(ladder, &beta);
+        }
+        let (frozen, early) = (self.is_last_round(), self.is_early_round());
+        let scans = self.settings.scans(self.round);
+        for (rung, local) in locals.iter().enumerate() {
+            self.record.locals[rung].add(local);
+            if frozen || rung == 0 {
+                continue;
+            }
+            // Later on a rejected point is taken for a cliff, which no step is short enough for; an early one may
+            // well be the overflow of a step that is far too long.
+            let met = if early {
+                local.moves
+            } else {
+                local.moves - local.rejected
+            };
+            if met > 0 {
+                self.rungs[rung].step.learn(
+                    local.acceptance / met as f64,
+                    self.settings.target_acceptance,
+                    self.scan,
+                    scans,
+                );
+            }
+        }
+        self.scan += 1;
+        Ok(())
+    }
+
+    /// Explores one slot: a fresh draw at beta = 0; symmetries, then local moves elsewhere. Orbits are redrawn in
+    /// every scan, being free; involutions are tried with probability 1/2.
+    fn explore<'t>(&self, target: &'t dyn Target, slot: usize) -> Result<Explored<'t>> {
+        let rung = &self.rungs[slot % self.rungs.len()];
+        let mut rng = self.stream(Domain::PtExplore, slot, self.clock + 1);
+        let mut explorer = Explorer::new(target, rung.beta, &rung.metric);
+        let mut point = self.slots[slot].point.clone();
+        let mut local = Local::default();
+        if slot.is_multiple_of(self.rungs.len()) {
+            explorer.evaluator.draw_prior(&mut point.z, &mut rng)?;
+            point.ln_likelihood = explorer.evaluator.value(&point.z)?;
+            point.has_gradient = false;
+        } else {
+            for symmetry in target.symmetries() {
+                match symmetry {
+                    Symmetry::Orbit(orbit) => {
+                        hmc::refresh(&explorer.evaluator, orbit.as_ref(), &mut point, &mut rng);
+                    }
+                    Symmetry::Involution(map) if unit_open(&mut rng) < 0.5 => {
+                        let evaluator = &mut explorer.evaluator;
+                        hmc::jump(evaluator, map.as_ref(), rung.beta, &mut point, &mut rng)?;
+                    }
+                    Symmetry::Involution(_) => {}
+                }
+            }
+            let plan = self.plan(rung);
+            for _ in 0..self.settings.moves {
+                local.note(&explorer.transition(&mut point, &plan, &mut rng)?);
+            }
+        }
+        Ok(Explored {
+            point,
+            local,
+            evaluator: explorer.evaluator,
+        })
+    }
+
+    fn plan(&self, rung: &Rung) -> Plan {
+        let early = self.is_early_round();
+        let most = self.settings.max_leapfrogs;
+        Plan {
+            step: rung.step.step(),
+            length: self.settings.trajectory,
+            max_leapfrogs: if early {
+                most.min(EARLY_LEAPFROGS)
+            } else {
+                most
+            },
+            max_energy_range: if early {
+                f64::INFINITY
+            } else {
+                MAX_ENERGY_RANGE
+            },
+        }
+    }
+
+    /// Even gaps in even scans, odd gaps in odd ones.
+    fn swap(&mut self, ladder: usize, beta: &[f64]) {
+        let rungs = beta.len();
+        for gap in (self.scan % 2..rungs - 1).step_by(2) {
+            let hot = ladder * rungs + gap;
+            let l = |slot: usize| self.slots[slot].point.ln_likelihood;
+            let accept = swap::acceptance(beta[gap + 1] - beta[gap], l(hot), l(hot + 1));
+            let mut rng = self.stream(Domain::PtSwap, hot, self.clock);
+            if unit_open(&mut rng) < accept {
+                self.slots.swap(hot, hot + 1);
+            }
+        }
+        self.record.journeys[ladder].note(
+            self.slots[ladder * rungs].machine,
+            self.slots[(ladder + 1) * rungs - 1].machine,
+        );
+    }
+
+    /// Ends a round: new temperatures, metrics and steps from what it recorded, and states carried over.
+    fn adapt(&mut self, dim: usize) {
+        let old = barrier(&self.record.mean_rejection());
+        let total = old[old.len() - 1];
+        self.history.push(Finished {
+            barrier: total,
+            ln_z: self.evidence().ln_z,
+        });
+        let beta = self.beta();
+        let count = self.next_temperatures(total);
+        let found = self.found(dim);
+        let position = |k: usize, n: usize| total * k as f64 / (n - 1) as f64;
+        self.rungs = respaced(&beta, &old, count)
+            .into_iter()
+            .enumerate()
+            .map(|(k, beta)| {
+                let (i, t) = locate(&old, position(k, count));
+                let ln_step = found[i].1 * (1.0 - t) + found[i + 1].1 * t;
+                Rung {
+                    beta,
+                    metric: found[i].0.between(&found[i + 1].0, t),
+                    step: StepSize::new(ln_step.exp()),
+                }
+            })
+            .collect();
+        self.slots = (0..self.settings.ladders * count)
+            .map(|slot| {
+                let (ladder, k) = (slot / count, slot % count);
+                let from = if count == beta.len() {
+                    k
+                } else {
+                    let (i, t) = locate(&old, position(k, count));
+                    i + usize::from(t >= 0.5)
+                };
+                Slot {
+                    point: self.slots[ladder * beta.len() + from].point.clone(),
+                    machine: k,
+                }
+            })
+            .collect();
+        self.record = Record::new(dim, self.settings.ladders, count);
+        self.round += 1;
+        self.scan = 0;
+    }
+
+    /// `1 + ceil(2 barrier)` temperatures make a round trip cheapest (Syed et al. 2022); their number is left alone
+    /// in early rounds, which know the barrier badly, and before the last, which must be in equilibrium.
+    fn next_temperatures(&self, barrier: f64) -> usize {
+        let settled = self.settings.scans(self.round) >= EARLY_SCANS;
+        if !settled || self.round + 2 >= self.settings.rounds {
+            return self.rungs.len();
+        }
+        let (least, most) = (
+            self.settings.min_temperatures,
+            self.settings.max_temperatures,
+        );
+        (least..most)
+            .find(|n| (*n - 1) as f64 >= 2.0 * barrier)
+            .unwrap_or(most)
+    }
+
+    /// The metric and the logarithm of the step that the round just ended found for each of its temperatures.
+    fn found(&self, dim: usize) -> Vec<(Metric, f64)> {
+        let moments = &self.record.moments;
+        let enough = 10.0 * dim as f64;
+        self.rungs
+            .iter()
+            .enumerate()
+            .map(|(k, rung)| {
+                let mut pooled = moments[k].clone();
+                if k > 0 && pooled.weight < enough {
+                    for neighbour in [k - 1, k + 1] {
+                        if let Some(other) = moments.get(neighbour).filter(|m| m.weight > 1.0) {
+                            pooled.pool(other, 0.5);
+                        }
+                    }
+                }
+                let metric = if k == 0 {
+                    None
+                } else {
+                    rung.metric.refined(&pooled)
+                };
+                let metric = metric.unwrap_or_else(|| rung.metric.clone());
+                let ln_step = rung.step.ln_found() - rung.metric.ln_stretch(&metric);
+                (metric, ln_step)
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,77 @@
+//! Swaps between neighbouring temperatures, and the journeys of the machines that they move.
+
+use serde::{Deserialize, Serialize};
+
+/// `min(1, exp{(b_cold - b_hot)(l_hot - l_cold)})`, computed in logarithms; a hot state without likelihood loses.
+pub(super) fn acceptance(beta_gap: f64, l_hot: f64, l_cold: f64) -> f64 {
+    if l_hot == f64::NEG_INFINITY {
+        0.0
+    } else {
+        (beta_gap * (l_hot - l_cold)).exp().min(1.0)
+    }
+}
+
+/// How far the machines of one ladder have come. A round trip is prior, posterior, prior again; its first half, the
+/// arrival of a fresh prior draw at the posterior, is a restart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Journeys {
+    /// Whether each machine has last touched the prior, the posterior, or neither yet.
+    phase: Vec<Phase>,
+    /// Round trips finished.
+    pub(super) round_trips: u64,
+    /// Restarts of the posterior.
+    pub(super) restarts: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Phase {
+    Nowhere,
+    FromPrior,
+    FromPosterior,
+}
+
+impl Journeys {
+    pub(super) fn new(machines: usize) -> Self {
+        Self {
+            phase: vec![Phase::Nowhere; machines],
+            round_trips: 0,
+            restarts: 0,
+        }
+    }
+
+    /// Notes which machines stand at the two ends after a scan's swaps.
+    pub(super) fn note(&mut self, at_prior: usize, at_posterior: usize) {
+        let top = &mut self.phase[at_prior];
+        if *top == Phase::FromPosterior {
+            self.round_trips += 1;
+        }
+        *top = Phase::FromPrior;
+        let bottom = &mut self.phase[at_posterior];
+        if *bottom == Phase::FromPrior {
+            self.restarts += 1;
+            *bottom = Phase::FromPosterior;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_round_trip_starts_and_ends_at_the_prior() {
+        let mut journeys = Journeys::new(2);
+        // Machine 1 begins at the posterior: its way up is no round trip.
+        for (prior, posterior) in [(1, 0), (0, 1), (1, 0), (1, 0), (0, 1)] {
+            journeys.note(prior, posterior);
+        }
+        assert_eq!((journeys.restarts, journeys.round_trips), (3, 2));
+    }
+
+    #[test]
+    fn swaps_are_decided_in_logarithms() {
+        assert!((acceptance(1e-5, -2e6, -1e6) - (-10.0_f64).exp()).abs() < 1e-15);
+        assert!((acceptance(0.5, -1.0, -1e6) - 1.0).abs() < 1e-15);
+        assert!(acceptance(0.1, f64::NEG_INFINITY, -3.0).abs() < 1e-300);
+    }
+}

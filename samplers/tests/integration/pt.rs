@@ -1,1 +1,0 @@
-//! Parallel tempering against exact evidences and posteriors.

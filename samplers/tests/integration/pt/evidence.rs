@@ -1,0 +1,91 @@
+//! ln Z against exact values, with the error that the run quotes.
+
+use super::{rounds, run};
+use crate::targets::smooth::{self, Smooth};
+
+/// Five seeds, each within four of its own errors.
+fn evidence_is_right_within_its_error(target: &Smooth, count: usize) {
+    for seed in 1..=5 {
+        let run = run(target, &rounds(count), seed);
+        let pull = (run.evidence.ln_z - target.ln_z) / run.evidence.error;
+        assert!(
+            pull.abs() < 4.0 && run.evidence.error < 0.4,
+            "{} seed {seed}: {} +- {}, exactly {}",
+            target.name,
+            run.evidence.ln_z,
+            run.evidence.error,
+            target.ln_z
+        );
+    }
+}
+
+#[test]
+fn evidence_of_isotropic_gaussians() {
+    evidence_is_right_within_its_error(&smooth::iso(2), 8);
+    evidence_is_right_within_its_error(&smooth::iso(13), 8);
+}
+
+#[test]
+fn evidence_of_rotated_and_stiff_gaussians() {
+    evidence_is_right_within_its_error(&smooth::mvn13(), 9);
+    evidence_is_right_within_its_error(&smooth::stiff13(), 9);
+}
+
+#[test]
+fn evidence_of_twins() {
+    evidence_is_right_within_its_error(&smooth::twins13(0.5), 9);
+    evidence_is_right_within_its_error(&smooth::twins13(0.9), 9);
+}
+
+#[test]
+fn evidence_of_bounded_and_correlated_posteriors() {
+    evidence_is_right_within_its_error(&smooth::binomial(), 8);
+    evidence_is_right_within_its_error(&smooth::gauss3(), 8);
+    evidence_is_right_within_its_error(&smooth::far8(), 9);
+}
+
+#[test]
+fn evidence_of_shells() {
+    evidence_is_right_within_its_error(&smooth::shells(5), 9);
+}
+
+#[test]
+fn a_cliff_in_the_likelihood_is_counted_by_every_estimate() {
+    for target in [smooth::quarter(), smooth::wall2_as_reject()] {
+        let run = run(&target, &rounds(9), 1);
+        let estimates = &run.evidence.estimates;
+        for name in ["bennett", "forward", "backward"] {
+            assert!((estimates[name] - run.evidence.ln_z).abs() < 1e-6, "{name}");
+        }
+        assert!(
+            !estimates.contains_key("thermodynamic"),
+            "it would be wrong"
+        );
+        let pull = (run.evidence.ln_z - target.ln_z) / run.evidence.error;
+        assert!(pull.abs() < 4.0, "{}: {pull}", target.name);
+        assert!(run.cost.rejected["outside the flat top"] > 0);
+        assert!(!super::gate(&run, "moves lost to rejected points").pass);
+    }
+}
+
+#[test]
+fn a_wall_of_the_prior_costs_no_evidence() {
+    let target = smooth::wall2();
+    let run = run(&target, &rounds(9), 1);
+    assert!(run.evidence.ln_z.abs() < 1e-9, "{}", run.evidence.ln_z);
+    let x = run.draws.column(0);
+    assert!(x.iter().all(|x| *x > 0.5 - 1e-12));
+    // The truncated normal beyond 0.5: mean 1.141078, variance 1 + 0.5 m - m^2.
+    let mean = x.iter().sum::<f64>() / x.len() as f64;
+    let sd = (1.0_f64 + 0.5 * 1.141_078 - 1.141_078 * 1.141_078).sqrt();
+    let error = sd / run.ess.bulk[0].sqrt();
+    assert!((mean - 1.141_078).abs() < 4.0 * error, "{mean} {error}");
+    // Its quartiles hold a quarter of the draws each.
+    let above = |q: f64| x.iter().filter(|x| **x > q).count() as f64 / x.len() as f64;
+    let tail = oblate_samplers::normal::sf(0.5);
+    for share in [0.25, 0.5, 0.75] {
+        let edge = -oblate_samplers::normal::quantile(share * tail);
+        let error = (share * (1.0 - share) / run.ess.tail[0].min(run.ess.bulk[0])).sqrt();
+        assert!((above(edge) - share).abs() < 4.0 * error, "{share}");
+    }
+}

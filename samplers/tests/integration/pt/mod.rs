@@ -1,0 +1,39 @@
+//! Parallel tempering against exact evidences and posteriors.
+
+mod evidence;
+mod honesty;
+mod posterior;
+mod resume;
+mod schedule;
+
+use crate::targets::smooth::Smooth;
+use oblate_samplers::control::Silent;
+use oblate_samplers::output::Gate;
+use oblate_samplers::pt::{self, Settings};
+use oblate_samplers::{Control, Run};
+
+/// A run without limits.
+fn run(target: &Smooth, settings: &Settings, seed: u64) -> Run {
+    let mut silent = Silent;
+    pt::run(target, settings, seed, &mut Control::new(&mut silent)).unwrap()
+}
+
+/// Default settings with this many rounds.
+fn rounds(rounds: usize) -> Settings {
+    Settings {
+        rounds,
+        ..Settings::default()
+    }
+}
+
+fn gate<'a>(run: &'a Run, name: &str) -> &'a Gate {
+    run.gates.iter().find(|g| g.name == name).unwrap()
+}
+
+fn failed(run: &Run) -> Vec<&str> {
+    run.gates
+        .iter()
+        .filter(|g| !g.pass)
+        .map(|g| g.name.as_str())
+        .collect()
+}
