@@ -10,6 +10,13 @@
 )]
 
 pub mod error;
+pub mod likelihood;
+pub mod orbit;
+pub mod potential;
+pub mod scalar;
+pub mod spray;
+pub mod stream;
+pub mod track;
 pub mod units;
 
 pub use error::{Error, Rejection, Result, Tally};

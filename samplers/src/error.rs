@@ -30,6 +30,16 @@ pub enum Error {
         /// The most frequent cause of rejection.
         cause: String,
     },
+    /// A step of a sampler did not end.
+    #[error("{what}, after {tries} tries; {remedy}")]
+    Stuck {
+        /// What did not end.
+        what: &'static str,
+        /// Number of tries.
+        tries: u64,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// The sampler needs gradients and the target has none.
     #[error(
         "{sampler} needs gradients, and this target offers none; use the nested sampler instead"

@@ -55,6 +55,13 @@ pub fn unit_open<R: Rng + ?Sized>(rng: &mut R) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) * CELL
 }
 
+/// A uniform draw from `0..count`, or 0 if there is none: the high half of a 128-bit product, whose bias is below
+/// count / 2^64.
+pub fn below<R: Rng + ?Sized>(rng: &mut R, count: usize) -> usize {
+    let wide = u128::from(rng.next_u64()) * (count as u128);
+    usize::try_from(wide >> 64).unwrap_or(0)
+}
+
 /// A standard normal draw by inversion: one uniform each, the same on every version of every library.
 pub fn standard_normal<R: Rng + ?Sized>(rng: &mut R) -> f64 {
     crate::normal::quantile(unit_open(rng))

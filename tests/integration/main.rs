@@ -1,1 +1,9 @@
 //! One binary for the integration tests; each module mirrors a room of `src`.
+
+mod gala;
+mod golden;
+mod orbit;
+mod potential;
+mod spray;
+mod stream;
+mod track;

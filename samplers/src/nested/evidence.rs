@@ -1,0 +1,226 @@
+//! From births and deaths to weights, evidence and its errors.
+//!
+//! Everything follows from two numbers per point, the contour above which it was born and its own log-likelihood:
+//! the number n of points alive when it died, and with it the shrinkage of the prior volume, `t ~ Beta(n, 1)`, of
+//! which `ln t` has mean `-1/n` and variance `1/n^2`. With `E ln t` the estimate of ln Z is unbiased; with `ln E t`
+//! the one of Z is.
+
+use crate::diagnostics::ln_sum_exp;
+use crate::rng::{Domain, below, stream, unit_open};
+use rayon::prelude::*;
+
+/// Task numbers of the post-processing streams.
+const SIMULATION: u64 = 1;
+const BOOTSTRAP: u64 = 2;
+
+/// Births and deaths in order of death.
+#[derive(Clone, Debug)]
+pub(super) struct History {
+    /// Log-likelihoods, ascending.
+    pub ln_l: Vec<f64>,
+    /// Contours of birth.
+    pub birth: Vec<f64>,
+    /// Threads.
+    pub thread: Vec<u32>,
+    /// Row numbers of the points as they were given.
+    pub order: Vec<usize>,
+    /// Rows in order of birth.
+    by_birth: Vec<usize>,
+    /// Number alive at each death, the dying one included.
+    pub live: Vec<u32>,
+    threads: usize,
+}
+
+/// Weights, their sum and what follows from it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Weighted {
+    /// ln Z.
+    pub ln_z: f64,
+    /// Kullback-Leibler divergence from the prior, nats.
+    pub information: f64,
+    /// Posterior probabilities of the points.
+    pub p: Vec<f64>,
+    /// Their logarithms, finite where a point has a likelihood.
+    pub ln_p: Vec<f64>,
+}
+
+impl History {
+    /// Points in any order; equal log-likelihoods die in the order given.
+    pub fn new(ln_l: &[f64], birth: &[f64], thread: &[u32]) -> Self {
+        let mut order: Vec<usize> = (0..ln_l.len()).collect();
+        order.sort_by(|&a, &b| ln_l[a].total_cmp(&ln_l[b]));
+        let birth: Vec<f64> = order.iter().map(|&i| birth[i]).collect();
+        let mut by_birth: Vec<usize> = (0..birth.len()).collect();
+        by_birth.sort_by(|&a, &b| birth[a].total_cmp(&birth[b]));
+        let thread: Vec<u32> = order.iter().map(|&i| thread[i]).collect();
+        let mut history = Self {
+            ln_l: order.iter().map(|&i| ln_l[i]).collect(),
+            threads: thread.iter().map(|t| *t as usize + 1).max().unwrap_or(0),
+            birth,
+            thread,
+            order,
+            by_birth,
+            live: Vec::new(),
+        };
+        let everyone = vec![1; history.threads];
+        history.live = history.count_live(&everyone);
+        history
+    }
+
+    /// Number alive at each death if thread k is there `copies[k]` times: births strictly below, less earlier deaths.
+    fn count_live(&self, copies: &[u32]) -> Vec<u32> {
+        let copies_of = |i: usize| copies[self.thread[i] as usize];
+        let mut born = self.by_birth.iter().peekable();
+        let mut alive = 0;
+        self.ln_l
+            .iter()
+            .enumerate()
+            .map(|(i, l)| {
+                while let Some(&&b) = born.peek() {
+                    if self.birth[b] >= *l {
+                        break;
+                    }
+                    alive += copies_of(b);
+                    born.next();
+                }
+                let now = alive;
+                alive -= copies_of(i);
+                now
+            })
+            .collect()
+    }
+
+    /// Expected `ln t` of each death.
+    pub fn expected_ln_t(&self) -> Vec<f64> {
+        self.live.iter().map(|&n| -1.0 / f64::from(n)).collect()
+    }
+
+    /// Evidence, information and posterior probabilities with the expected volumes.
+    pub fn weigh(&self) -> Weighted {
+        weigh(&self.ln_l, &self.expected_ln_t())
+    }
+
+    /// The estimate whose Z, not ln Z, is unbiased: `t = n / (n + 1)`.
+    pub fn ln_of_mean_z(&self) -> f64 {
+        let ln_t: Vec<f64> = self
+            .live
+            .iter()
+            .map(|&n| -(1.0 / f64::from(n)).ln_1p())
+            .collect();
+        weigh(&self.ln_l, &ln_t).ln_z
+    }
+
+    /// ln Z in `count` simulations of all volumes.
+    pub fn simulate(&self, seed: u64, count: usize) -> Vec<f64> {
+        (0..count as u64)
+            .into_par_iter()
+            .map(|s| {
+                let mut rng = stream(seed, Domain::Post, SIMULATION, s);
+                let ln_t: Vec<f64> = self
+                    .live
+                    .iter()
+                    .map(|&n| unit_open(&mut rng).ln() / f64::from(n))
+                    .collect();
+                weigh(&self.ln_l, &ln_t).ln_z
+            })
+            .collect()
+    }
+
+    /// ln Z and posterior means of `columns` (values per point as given, row-major, `width` of them) in `count`
+    /// bootstraps over threads.
+    pub fn bootstrap(
+        &self,
+        seed: u64,
+        count: usize,
+        columns: &[f64],
+        width: usize,
+    ) -> Vec<(f64, Vec<f64>)> {
+        (0..count as u64)
+            .into_par_iter()
+            .map(|b| {
+                let mut rng = stream(seed, Domain::Post, BOOTSTRAP, b);
+                let mut copies = vec![0; self.threads];
+                for _ in 0..self.threads {
+                    copies[below(&mut rng, self.threads)] += 1;
+                }
+                let (rows, weighted) = self.weigh_threads(&copies);
+                let mut means = vec![0.0; width];
+                for (&row, p) in rows.iter().zip(&weighted.p) {
+                    let at = self.order[row] * width;
+                    for (m, x) in means.iter_mut().zip(&columns[at..at + width]) {
+                        *m += p * x;
+                    }
+                }
+                (weighted.ln_z, means)
+            })
+            .collect()
+    }
+
+    /// ln Z from the threads of even and of odd number: two runs of half the points.
+    pub fn halves(&self) -> [f64; 2] {
+        [0, 1].map(|parity| {
+            let copies: Vec<u32> = (0..self.threads)
+                .map(|k| u32::from(k % 2 == parity))
+                .collect();
+            self.weigh_threads(&copies).1.ln_z
+        })
+    }
+
+    /// Rows that are there at all, and their weights, if thread k is there `copies[k]` times.
+    fn weigh_threads(&self, copies: &[u32]) -> (Vec<usize>, Weighted) {
+        let live = self.count_live(copies);
+        let mut rows = Vec::with_capacity(live.len());
+        let mut ln_l = Vec::with_capacity(live.len());
+        let mut ln_t = Vec::with_capacity(live.len());
+        for (i, &n) in live.iter().enumerate() {
+            let c = copies[self.thread[i] as usize];
+            if c > 0 {
+                rows.push(i);
+                ln_l.push(self.ln_l[i]);
+                // Copies die one after the other.
+                ln_t.push((0..c).map(|k| -1.0 / f64::from(n - k)).sum());
+            }
+        }
+        let weighted = weigh(&ln_l, &ln_t);
+        (rows, weighted)
+    }
+}
+
+/// Evidence from ascending log-likelihoods and log shrinkages. Cell edges are the mid-points `(X_i + X_{i+1}) / 2`,
+/// with 1 before the first and 0 after the last: the cells tile the prior exactly.
+pub(super) fn weigh(ln_l: &[f64], ln_t: &[f64]) -> Weighted {
+    let count = ln_l.len();
+    let mut ln_x = 0.0_f64;
+    let mut ln_p = Vec::with_capacity(count);
+    let mut t = ln_t.first().map_or(1.0, |t| t.exp());
+    for i in 0..count {
+        let next = ln_t.get(i + 1).map(|t| t.exp());
+        // In units of X_{i-1}; the first cell reaches up to 1, the last one down to 0.
+        let upper = if i == 0 { 1.0 } else { 0.5 * (1.0 + t) };
+        let lower = next.map_or(0.0, |next| 0.5 * t * (1.0 + next));
+        ln_p.push(ln_l[i] + ln_x + (upper - lower).ln());
+        ln_x += ln_t[i];
+        t = next.unwrap_or(1.0);
+    }
+    let ln_z = ln_sum_exp(&ln_p);
+    let mut information = -ln_z;
+    let mut p = Vec::with_capacity(count);
+    for (ln_p, l) in ln_p.iter_mut().zip(ln_l) {
+        *ln_p -= ln_z;
+        let share = ln_p.exp();
+        p.push(share);
+        // A rejected point has no weight, but a log-likelihood that must not be multiplied.
+        if share > 0.0 {
+            information += share * l;
+        }
+    }
+    Weighted {
+        ln_z,
+        information,
+        p,
+        ln_p,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,101 @@
+//! What a nested run must pass to be believed.
+
+use super::settings::Kernel;
+use super::state::{Job, State, mean};
+use crate::output::Gate;
+use crate::rng::{Domain, stream};
+
+/// Task number of the stream that spreads ranks over their places.
+const SPREAD: u64 = 3;
+
+/// What the evidence knows about itself.
+pub(super) struct Measured {
+    pub simulated: f64,
+    pub bootstrapped: f64,
+    /// ln Z of the even and of the odd threads.
+    pub halves: [f64; 2],
+}
+
+/// All gates that apply to a static run with this kernel.
+pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Gate> {
+    let settings = job.settings;
+    let mut gates = vec![
+        Gate::at_most(
+            "remaining-evidence",
+            state.remaining(settings),
+            settings.dlnz,
+            "what the live points could still add to ln Z; if too much, resume the run with a larger budget",
+        ),
+        Gate::at_most(
+            "insertion-rank",
+            state.ranks.z_score(0).abs(),
+            3.0,
+            "normal deviate of the insertion ranks; if too large, new points are not drawn evenly: double `steps`, or use `random-slice`",
+        ),
+    ];
+    let mut rng = stream(job.seed, Domain::Post, SPREAD, 0);
+    let windows = state.ranks.ks_windows(20 * settings.n_live, &mut rng);
+    gates.push(Gate::at_least(
+        "insertion-rank-windows",
+        windows.iter().copied().fold(1.0, f64::min),
+        0.01 / windows.len() as f64,
+        "smallest Kolmogorov-Smirnov probability of the insertion ranks over parts of the run; if too small, double `steps` or raise `n-live`",
+    ));
+    let ratio = if measured.bootstrapped > 0.0 {
+        measured.bootstrapped / measured.simulated
+    } else {
+        0.0
+    };
+    gates.push(Gate::at_most(
+        "bootstrap-to-simulated",
+        ratio,
+        1.5,
+        "error of ln Z by bootstrap over that of ideal draws; if too large, new points resemble their seeds: double `steps`",
+    ));
+    let [even, odd] = measured.halves;
+    // Each half has half of the points: the difference has twice the error of the whole.
+    let error = 2.0 * measured.simulated.max(measured.bootstrapped);
+    let apart = (even - odd).abs();
+    gates.push(Gate::at_most(
+        "thread-halves",
+        if apart > 0.0 { apart / error } else { 0.0 },
+        3.0,
+        "difference of ln Z between two halves of the threads in units of its error; if too large, modes are found by chance: double `n-live`",
+    ));
+    if state.bounded_points > 0 {
+        gates.extend(of_kernel(job, state));
+    }
+    gates
+}
+
+fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
+    let points = state.bounded_points as f64;
+    let mut gates = Vec::new();
+    match job.kernel() {
+        Kernel::Auto | Kernel::Uniform => gates.push(Gate::at_least(
+            "bound-efficiency",
+            points / state.bounded_calls.max(1) as f64,
+            1e-3,
+            "points per call drawn from the bound; if too small, the bound does not fit: use `random-slice`",
+        )),
+        Kernel::RandomWalk | Kernel::RandomSlice => {
+            if !state.jumps.is_empty() {
+                gates.push(Gate::at_least(
+                    "relative-jump",
+                    mean(&state.jumps),
+                    0.5,
+                    "distance of new points from their seeds over that between live points; if too small, double `steps`",
+                ));
+            }
+        }
+    }
+    if job.kernel() == Kernel::RandomWalk {
+        gates.push(Gate::at_most(
+            "no-move",
+            state.stayed as f64 / points,
+            0.01,
+            "share of walks that ended where they began; if too large, double `steps`",
+        ));
+    }
+    gates
+}

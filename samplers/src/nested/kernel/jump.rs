@@ -1,0 +1,43 @@
+//! Declared jumps: an involution of the standard-normal coordinates, tested on the cube.
+
+use super::{Chain, cube_from_normal};
+use crate::error::Result;
+use crate::normal;
+use crate::rng::{Stream, unit_open};
+use crate::target::{Involution, Symmetry};
+
+/// Tries every declared involution with probability one half.
+pub(super) fn try_all(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
+    for symmetry in chain.setting.target.symmetries() {
+        if let Symmetry::Involution(jump) = symmetry
+            && unit_open(rng) < 0.5
+        {
+            try_one(chain, jump.as_ref(), rng)?;
+        }
+    }
+    Ok(())
+}
+
+/// Accepts the image if it is above the contour and the Jacobian of the map on the cube,
+/// `|det dz'/dz| phi(z') / phi(z)`, passes a uniform. The image may be in another metric region.
+fn try_one(chain: &mut Chain<'_>, jump: &dyn Involution, rng: &mut Stream) -> Result<()> {
+    let z: Vec<f64> = chain.x.iter().map(|u| normal::quantile(*u)).collect();
+    let mut image = z.clone();
+    let Some(ln_det) = jump.apply(&mut image) else {
+        return Ok(());
+    };
+    let ln_prior = |z: &[f64]| -0.5 * z.iter().map(|z| z * z).sum::<f64>();
+    let ln_jacobian = ln_det + ln_prior(&image) - ln_prior(&z);
+    // Also refuses NaN; the uniform comes first because it is free.
+    let passes = unit_open(rng).ln() < ln_jacobian;
+    if !passes {
+        return Ok(());
+    }
+    cube_from_normal(&image, &mut chain.trial);
+    let ln_l = chain.likelihood.at(&chain.trial)?;
+    if ln_l > chain.setting.contour {
+        chain.accept(ln_l);
+        chain.label = chain.bound.label(&chain.x);
+    }
+    Ok(())
+}

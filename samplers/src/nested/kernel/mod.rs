@@ -1,0 +1,159 @@
+//! Drawing a new point above a contour: directly from the bound, or by a chain of steps from a live point.
+
+mod jump;
+mod slice;
+mod uniform;
+mod walk;
+
+use super::bound::Bound;
+use super::likelihood::{Likelihood, Tally};
+use super::settings::Kernel;
+use crate::error::Result;
+use crate::normal;
+use crate::rng::Stream;
+use crate::target::{Symmetry, Target};
+
+/// What all points of a batch share.
+pub(super) struct Setting<'a> {
+    pub target: &'a dyn Target,
+    /// New points lie strictly above this log-likelihood.
+    pub contour: f64,
+    /// The kernel, `Auto` resolved.
+    pub kernel: Kernel,
+    /// None: draw from the prior, whatever the kernel.
+    pub bound: Option<&'a Bound>,
+    /// Step length in units of the local ellipsoid.
+    pub scale: f64,
+    /// Slices or walk steps.
+    pub steps: usize,
+}
+
+/// What the steps of a chain did, for the tuning of their length.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Motion {
+    /// Slices: steps outward. Walk: steps accepted.
+    pub grown: u64,
+    /// Slices: points that fell outside. Walk: steps refused.
+    pub shrunk: u64,
+    /// Whether the chain ended elsewhere than it began.
+    pub moved: bool,
+}
+
+/// A new point.
+#[derive(Debug)]
+pub(super) struct Newborn {
+    pub u: Vec<f64>,
+    pub ln_l: f64,
+    pub tally: Tally,
+    pub motion: Motion,
+}
+
+/// Draws a point above the contour. Chains start at `seed`, a live point with log-likelihood `seed_ln_l`.
+pub(super) fn draw(
+    setting: &Setting<'_>,
+    seed: &[f64],
+    seed_ln_l: f64,
+    mut rng: Stream,
+) -> Result<Newborn> {
+    let rng = &mut rng;
+    let independent = setting.bound.is_none() || setting.kernel == Kernel::Uniform;
+    let Some(bound) = setting.bound.filter(|_| !independent) else {
+        return uniform::draw(setting, rng);
+    };
+    let mut chain = Chain::new(setting, bound, seed, seed_ln_l);
+    for step in 0..setting.steps {
+        match setting.kernel {
+            Kernel::RandomWalk => walk::step(&mut chain, rng)?,
+            _ => slice::step(&mut chain, rng)?,
+        }
+        if step == 0 {
+            jump::try_all(&mut chain, rng)?;
+        }
+    }
+    refresh_orbits(setting.target, &mut chain.x, rng);
+    chain.motion.moved = chain.x != seed;
+    Ok(Newborn {
+        u: chain.x,
+        ln_l: chain.ln_l,
+        tally: chain.likelihood.tally,
+        motion: chain.motion,
+    })
+}
+
+/// A walker above the contour and the workspace of its steps.
+struct Chain<'a> {
+    setting: &'a Setting<'a>,
+    bound: &'a Bound,
+    likelihood: Likelihood<'a>,
+    x: Vec<f64>,
+    ln_l: f64,
+    /// Metric region of `x`.
+    label: usize,
+    trial: Vec<f64>,
+    direction: Vec<f64>,
+    ball: Vec<f64>,
+    motion: Motion,
+}
+
+impl<'a> Chain<'a> {
+    fn new(setting: &'a Setting<'a>, bound: &'a Bound, seed: &[f64], ln_l: f64) -> Self {
+        let dim = seed.len();
+        Self {
+            setting,
+            bound,
+            likelihood: Likelihood::new(setting.target),
+            x: seed.to_vec(),
+            ln_l,
+            label: bound.label(seed),
+            trial: vec![0.0; dim],
+            direction: vec![0.0; dim],
+            ball: vec![0.0; dim],
+            motion: Motion::default(),
+        }
+    }
+
+    /// Puts `x + t direction` into `trial`; its log-likelihood if it is in the cube, in the metric region of `x` and
+    /// above the contour.
+    fn look(&mut self, t: f64) -> Result<Option<f64>> {
+        let mut in_cube = true;
+        for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
+            *o = x + t * v;
+            in_cube &= *o > 0.0 && *o < 1.0;
+        }
+        if !in_cube || !self.bound.has_label(&self.trial, self.label) {
+            return Ok(None);
+        }
+        let ln_l = self.likelihood.at(&self.trial)?;
+        Ok((ln_l > self.setting.contour).then_some(ln_l))
+    }
+
+    /// Moves to `trial`.
+    fn accept(&mut self, ln_l: f64) {
+        std::mem::swap(&mut self.x, &mut self.trial);
+        self.ln_l = ln_l;
+    }
+}
+
+/// Draws the position along every declared orbit afresh: the likelihood is the same there, so no call is needed.
+fn refresh_orbits(target: &dyn Target, u: &mut [f64], rng: &mut Stream) {
+    let mut z: Option<Vec<f64>> = None;
+    for symmetry in target.symmetries() {
+        if let Symmetry::Orbit(orbit) = symmetry {
+            let z = z.get_or_insert_with(|| u.iter().map(|u| normal::quantile(*u)).collect());
+            orbit.refresh(z, rng);
+        }
+    }
+    if let Some(z) = z {
+        cube_from_normal(&z, u);
+    }
+}
+
+/// `u = Phi(z)`, kept inside the open cube where doubles would round it to a wall.
+fn cube_from_normal(z: &[f64], u: &mut [f64]) {
+    for (u, z) in u.iter_mut().zip(z) {
+        *u = normal::cdf(*z).clamp(f64::MIN_POSITIVE, 1.0 - 0.5 * f64::EPSILON);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,63 @@
+//! The likelihood as a nested run sees it: on the cube, with every call and every rejection counted.
+
+use super::live::REJECTED;
+use crate::error::Result;
+use crate::target::{Cause, Outcome, Target};
+use std::collections::BTreeMap;
+
+/// Calls, and rejections by cause.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tally {
+    pub calls: u64,
+    pub rejected: Vec<(Cause, u64)>,
+}
+
+impl Tally {
+    fn reject(&mut self, cause: Cause) {
+        match self.rejected.iter_mut().find(|(c, _)| *c == cause) {
+            Some((_, count)) => *count += 1,
+            None => self.rejected.push((cause, 1)),
+        }
+    }
+
+    /// Adds the rejections to named counts.
+    pub fn add_to(&self, counts: &mut BTreeMap<String, u64>) {
+        for (cause, count) in &self.rejected {
+            *counts.entry((*cause).to_owned()).or_default() += count;
+        }
+    }
+}
+
+/// One worker's hold on the target.
+pub(super) struct Likelihood<'a> {
+    target: &'a dyn Target,
+    theta: Vec<f64>,
+    pub tally: Tally,
+}
+
+impl<'a> Likelihood<'a> {
+    pub fn new(target: &'a dyn Target) -> Self {
+        Self {
+            target,
+            theta: vec![0.0; target.dim()],
+            tally: Tally::default(),
+        }
+    }
+
+    /// ln L at a point of the cube; [`REJECTED`] where there is none.
+    pub fn at(&mut self, u: &[f64]) -> Result<f64> {
+        self.target.prior().theta_from_u(u, &mut self.theta);
+        let outcome = self.target.ln_likelihood(&self.theta);
+        self.tally.calls += 1;
+        let ln_l = outcome.ln_likelihood(&self.theta)?;
+        if ln_l > REJECTED {
+            return Ok(ln_l);
+        }
+        self.tally.reject(match outcome {
+            Outcome::Reject(cause) => cause,
+            Outcome::Value(l) if l.is_nan() => "nan",
+            _ => "zero likelihood",
+        });
+        Ok(REJECTED)
+    }
+}

@@ -1,0 +1,124 @@
+//! Points of a nested run, and the choice of those that die next.
+
+use serde::{Deserialize, Serialize};
+
+/// Log-likelihood of a rejected point: below every likelihood, yet above minus infinity, the contour on which the
+/// first points are born. So a point born above the plateau of rejected points can be told from a first one.
+pub(super) const REJECTED: f64 = f64::MIN;
+
+/// Points in rows.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Points {
+    dim: usize,
+    /// Cube coordinates, row-major.
+    u: Vec<f64>,
+    /// Log-likelihoods; [`REJECTED`] where there is none.
+    pub ln_l: Vec<f64>,
+    /// Log-likelihood of the contour above which each was drawn; minus infinity for the prior itself.
+    pub birth: Vec<f64>,
+    /// The thread each belongs to: a point continues the thread of the one that it replaces.
+    pub thread: Vec<u32>,
+}
+
+impl Points {
+    pub fn new(dim: usize) -> Self {
+        Self {
+            dim,
+            ..Self::default()
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.ln_l.len()
+    }
+
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
+    pub fn row(&self, i: usize) -> &[f64] {
+        &self.u[i * self.dim..(i + 1) * self.dim]
+    }
+
+    pub fn push(&mut self, u: &[f64], ln_l: f64, birth: f64, thread: u32) {
+        self.u.extend_from_slice(u);
+        self.ln_l.push(ln_l);
+        self.birth.push(birth);
+        self.thread.push(thread);
+    }
+
+    pub fn push_from(&mut self, other: &Self, i: usize) {
+        self.push(other.row(i), other.ln_l[i], other.birth[i], other.thread[i]);
+    }
+
+    /// Replaces row `i`, which keeps its thread.
+    pub fn replace(&mut self, i: usize, u: &[f64], ln_l: f64, birth: f64) {
+        self.u[i * self.dim..(i + 1) * self.dim].copy_from_slice(u);
+        self.ln_l[i] = ln_l;
+        self.birth[i] = birth;
+    }
+
+    /// Keeps the rows named, in the order given.
+    pub fn select(&self, rows: &[usize]) -> Self {
+        let mut out = Self::new(self.dim);
+        for &i in rows {
+            out.push_from(self, i);
+        }
+        out
+    }
+
+    /// The largest log-likelihood.
+    pub fn best(&self) -> f64 {
+        self.ln_l.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+/// The points that die together, and the contour that their successors must exceed.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Batch {
+    /// The largest log-likelihood among the dying.
+    pub contour: f64,
+    /// Rows that die, lowest first, ties in row order.
+    pub dying: Vec<usize>,
+    /// Rows that live on, in row order.
+    pub kept: Vec<usize>,
+}
+
+/// The `size` lowest points and all that tie with the highest of them: a plateau dies as a whole.
+pub(super) fn lowest(live: &Points, size: usize) -> Batch {
+    let mut order: Vec<usize> = (0..live.len()).collect();
+    order.sort_by(|&a, &b| live.ln_l[a].total_cmp(&live.ln_l[b]));
+    let contour = order
+        .get(size.clamp(1, live.len().max(1)) - 1)
+        .map_or(f64::INFINITY, |&i| live.ln_l[i]);
+    let dying: Vec<usize> = order
+        .into_iter()
+        .take_while(|&i| live.ln_l[i] <= contour)
+        .collect();
+    let kept = (0..live.len())
+        .filter(|&i| live.ln_l[i] > contour)
+        .collect();
+    Batch {
+        contour,
+        dying,
+        kept,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ties_with_the_last_one_die_with_it() {
+        let mut live = Points::new(1);
+        for (i, l) in [3.0, 1.0, 2.0, 2.0, 5.0, 2.0].into_iter().enumerate() {
+            live.push(&[0.5], l, f64::NEG_INFINITY, i as u32);
+        }
+        let batch = lowest(&live, 2);
+        assert_eq!(batch.dying, [1, 2, 3, 5]);
+        assert_eq!(batch.kept, [0, 4]);
+        assert!((batch.contour - 2.0).abs() < 1e-15);
+        assert!(lowest(&live, 6).kept.is_empty());
+    }
+}

@@ -1,0 +1,178 @@
+//! What a user may set of a nested run.
+
+use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// How a new point above the contour is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kernel {
+    /// [`Uniform`](Self::Uniform) below ten parameters, [`RandomSlice`](Self::RandomSlice) from ten on.
+    #[default]
+    Auto,
+    /// Independent draws from the bound.
+    Uniform,
+    /// Slices along random directions of the local ellipsoid (hit and run).
+    RandomSlice,
+    /// Metropolis steps, uniform in a ball of the local ellipsoid.
+    RandomWalk,
+}
+
+impl Kernel {
+    /// The kernel that `Auto` stands for with `dim` parameters; any other one is itself.
+    #[must_use]
+    pub fn resolve(self, dim: usize) -> Self {
+        match self {
+            Self::Auto if dim < 10 => Self::Uniform,
+            Self::Auto => Self::RandomSlice,
+            other => other,
+        }
+    }
+
+    /// Steps per new point if the user gives none: `3 + d` slices, `20 + d` walk steps.
+    #[must_use]
+    pub fn default_steps(self, dim: usize) -> usize {
+        match self.resolve(dim) {
+            Self::RandomWalk => 20 + dim,
+            Self::RandomSlice => 3 + dim,
+            Self::Auto | Self::Uniform => 1,
+        }
+    }
+}
+
+/// What encloses the live points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoundKind {
+    /// As many ellipsoids as the points ask for.
+    #[default]
+    MultiEllipsoid,
+    /// One ellipsoid.
+    Single,
+    /// The whole cube: directions are those of the parameters, independent draws those of the prior.
+    Cube,
+}
+
+/// Settings of a static nested run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Settings {
+    /// Number of live points; the error of ln Z falls as its square root.
+    pub n_live: usize,
+    /// The run ends when the live points could raise ln Z by less than this.
+    pub dlnz: f64,
+    /// Fraction of the live points replaced in one batch.
+    pub batch: f64,
+    /// How new points are found.
+    pub kernel: Kernel,
+    /// Slices or walk steps per new point; none: `3 + d` and `20 + d`. Raised during a run if points move too little.
+    pub steps: Option<usize>,
+    /// What encloses the live points.
+    pub bound: BoundKind,
+    /// Simulations of the unknown prior volumes, for the error of ln Z.
+    pub simulations: usize,
+    /// Bootstraps over threads of points, for the error of ln Z and the effective sizes.
+    pub bootstraps: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            n_live: 500,
+            dlnz: 0.01,
+            batch: 0.1,
+            kernel: Kernel::Auto,
+            steps: None,
+            bound: BoundKind::MultiEllipsoid,
+            simulations: 400,
+            bootstraps: 200,
+        }
+    }
+}
+
+impl Settings {
+    /// Whether a run of `dim` parameters can work with these numbers.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] names the first one that is out of its range.
+    pub fn check(&self, dim: usize) -> Result<()> {
+        let refuse = |name, value: String, remedy| {
+            Err(Error::Setting {
+                name,
+                value,
+                remedy,
+            })
+        };
+        if self.n_live < 2 * dim + 2 || self.n_live > 10_000_000 {
+            return refuse(
+                "n-live",
+                self.n_live.to_string(),
+                "give at least two per parameter and two more, better 25 per parameter, and at most ten million",
+            );
+        }
+        if !(self.dlnz > 0.0 && self.dlnz.is_finite()) {
+            return refuse(
+                "dlnz",
+                self.dlnz.to_string(),
+                "give a small number above 0, as 0.01",
+            );
+        }
+        if !(self.batch > 0.0 && self.batch <= 0.5) {
+            return refuse(
+                "batch",
+                self.batch.to_string(),
+                "give a fraction above 0 and up to 0.5",
+            );
+        }
+        if self.steps == Some(0) {
+            return refuse("steps", "0".to_owned(), "give at least 1, or leave it out");
+        }
+        for (name, value) in [
+            ("simulations", self.simulations),
+            ("bootstraps", self.bootstraps),
+        ] {
+            if value < 20 {
+                return refuse(
+                    name,
+                    value.to_string(),
+                    "give at least 20, better a few hundred",
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Points replaced in one batch.
+    pub(super) fn batch_size(&self) -> usize {
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a fraction of a checked count"
+        )]
+        let size = (self.batch * self.n_live as f64) as usize;
+        size.max(1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_out_of_range_are_refused_by_name() {
+        let name = |change: &dyn Fn(&mut Settings)| {
+            let mut settings = Settings::default();
+            change(&mut settings);
+            match settings.check(3) {
+                Err(Error::Setting { name, .. }) => name,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert!(Settings::default().check(3).is_ok());
+        assert_eq!(name(&|s| s.n_live = 7), "n-live");
+        assert_eq!(name(&|s| s.dlnz = f64::NAN), "dlnz");
+        assert_eq!(name(&|s| s.batch = 0.6), "batch");
+        assert_eq!(name(&|s| s.steps = Some(0)), "steps");
+        assert_eq!(name(&|s| s.bootstraps = 3), "bootstraps");
+    }
+}

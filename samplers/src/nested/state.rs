@@ -1,0 +1,400 @@
+//! A nested run between two batches: everything that a checkpoint holds, and the step from one batch to the next.
+
+use super::bound::Bound;
+use super::kernel::{self, Newborn, Setting};
+use super::likelihood::Likelihood;
+use super::live::{self, Batch, Points, REJECTED};
+use super::rank::Ranks;
+use super::settings::{BoundKind, Kernel, Settings};
+use crate::error::{Error, Result};
+use crate::rng::{Domain, Stream, below, stream, unit_open};
+use crate::target::Target;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Prior draws without a likelihood after which a run gives up.
+const MAX_FIRST_DRAWS: usize = 100_000;
+
+/// Prior volume from which on bounds are used; plain draws of the prior above it cost less than any chain.
+const FIRST_BOUND: f64 = 0.1;
+
+/// Shrinkage of the volume after which the bound is fitted again.
+const REFIT: f64 = 1.5;
+
+/// What a run is about; never changes.
+#[derive(Clone, Copy)]
+pub(super) struct Job<'a> {
+    pub target: &'a dyn Target,
+    pub settings: &'a Settings,
+    pub seed: u64,
+}
+
+impl Job<'_> {
+    pub fn kernel(&self) -> Kernel {
+        self.settings.kernel.resolve(self.target.dim())
+    }
+
+    pub fn first_steps(&self) -> usize {
+        let default = self.settings.kernel.default_steps(self.target.dim());
+        self.settings.steps.unwrap_or(default)
+    }
+}
+
+/// The run so far.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct State {
+    pub live: Points,
+    pub dead: Points,
+    /// Whether the first draws are complete.
+    started: bool,
+    pub iteration: u64,
+    next_point: u64,
+    /// Expected log prior volume of the live points.
+    pub ln_x: f64,
+    /// Evidence and information of the dead, by left Riemann sums: for the stopping rule and for observers.
+    pub ln_z: f64,
+    pub information: f64,
+    bound: Option<Bound>,
+    ln_x_at_fit: f64,
+    /// Points per call in the first batch after the fit, once known.
+    efficiency_at_fit: Option<f64>,
+    /// Points per call in the last batch.
+    pub efficiency: f64,
+    /// Step length of the kernel in units of the local ellipsoid.
+    scale: f64,
+    pub steps: usize,
+    pub ranks: Ranks,
+    /// First insertion of the current window of the watch over the kernel.
+    window: usize,
+    /// First entry of `jumps` in that window.
+    window_jumps: usize,
+    /// Relative jump distance of every batch of chains.
+    pub jumps: Vec<f64>,
+    pub calls: u64,
+    pub rejected: BTreeMap<String, u64>,
+    /// Points drawn with a bound, their calls, and those of them that ended where they began.
+    pub bounded_points: u64,
+    pub bounded_calls: u64,
+    pub stayed: u64,
+    pub cpu_seconds: f64,
+    pub wall_seconds: f64,
+}
+
+impl State {
+    pub fn new(job: &Job<'_>) -> Self {
+        let dim = job.target.dim();
+        Self {
+            live: Points::new(dim),
+            dead: Points::new(dim),
+            started: false,
+            iteration: 0,
+            next_point: 0,
+            ln_x: 0.0,
+            ln_z: f64::NEG_INFINITY,
+            information: 0.0,
+            bound: None,
+            ln_x_at_fit: 0.0,
+            efficiency_at_fit: None,
+            efficiency: 1.0,
+            scale: 1.0,
+            steps: job.first_steps(),
+            ranks: Ranks::default(),
+            window: 0,
+            window_jumps: 0,
+            jumps: Vec::new(),
+            calls: 0,
+            rejected: BTreeMap::new(),
+            bounded_points: 0,
+            bounded_calls: 0,
+            stayed: 0,
+            cpu_seconds: 0.0,
+            wall_seconds: 0.0,
+        }
+    }
+
+    /// How much the live points could still raise ln Z; 0 on a final plateau, whose volume the deaths already share.
+    pub fn remaining(&self, settings: &Settings) -> f64 {
+        let best = self.live.best();
+        if !self.started || best <= REJECTED {
+            return f64::INFINITY;
+        }
+        if live::lowest(&self.live, settings.batch_size())
+            .kept
+            .is_empty()
+        {
+            return 0.0;
+        }
+        (best + self.ln_x - self.ln_z).exp().ln_1p()
+    }
+
+    /// One batch: the lowest points die, as many are born. On an error nothing has changed.
+    pub fn advance(&mut self, job: &Job<'_>) -> Result<()> {
+        if !self.started {
+            return self.draw_first(job);
+        }
+        let batch = live::lowest(&self.live, job.settings.batch_size());
+        let kept = self.live.select(&batch.kept);
+        let ln_x = self.ln_x_after(&batch);
+        let refitted = self.refit_if_due(job, &kept, ln_x);
+        let bound = refitted.as_ref().or(self.bound.as_ref());
+        let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
+        let births = job.settings.n_live.saturating_sub(kept.len());
+        let seeds = choose_seeds(&mut rng, kept.len(), births);
+        let setting = Setting {
+            target: job.target,
+            contour: batch.contour,
+            kernel: job.kernel(),
+            bound,
+            scale: self.scale,
+            steps: self.steps,
+        };
+        let first = self.next_point;
+        let born: Vec<Result<Newborn>> = seeds
+            .par_iter()
+            .enumerate()
+            .map(|(i, &s)| {
+                let rng = stream(job.seed, Domain::NestedPoint, 0, first + i as u64);
+                kernel::draw(&setting, kept.row(s), kept.ln_l[s], rng)
+            })
+            .collect();
+        let born: Vec<Newborn> = born.into_iter().collect::<Result<_>>()?;
+        let jump = bound
+            .filter(|_| job.kernel() != Kernel::Uniform)
+            .and_then(|bound| relative_jump(&mut rng, bound, &kept, &seeds, &born));
+        self.jumps.extend(jump);
+        if refitted.is_some() {
+            self.bound = refitted;
+            self.ln_x_at_fit = ln_x;
+            self.efficiency_at_fit = None;
+        }
+        self.count(&born);
+        self.tune(job, &born);
+        self.commit(&batch, &born, &mut rng);
+        self.watch(job);
+        Ok(())
+    }
+
+    /// One block of independent prior draws, until a batch of them has a likelihood.
+    fn draw_first(&mut self, job: &Job<'_>) -> Result<()> {
+        let count = job.settings.n_live;
+        let indices = self.next_point..self.next_point + count as u64;
+        let drawn: Vec<Result<(Vec<f64>, f64, _)>> = indices
+            .into_par_iter()
+            .map(|j| {
+                let mut rng = stream(job.seed, Domain::NestedPoint, 0, j);
+                let u: Vec<f64> = (0..job.target.dim()).map(|_| unit_open(&mut rng)).collect();
+                let mut likelihood = Likelihood::new(job.target);
+                let ln_l = likelihood.at(&u)?;
+                Ok((u, ln_l, likelihood.tally))
+            })
+            .collect();
+        let drawn = drawn.into_iter().collect::<Result<Vec<_>>>()?;
+        for (u, ln_l, tally) in drawn {
+            let thread = u32::try_from(self.live.len()).unwrap_or(u32::MAX);
+            self.live.push(&u, ln_l, f64::NEG_INFINITY, thread);
+            self.calls += tally.calls;
+            tally.add_to(&mut self.rejected);
+        }
+        self.next_point += count as u64;
+        let tries = self.live.len();
+        let valid = self.live.ln_l.iter().filter(|l| **l > REJECTED).count();
+        if valid == 0 && tries >= MAX_FIRST_DRAWS {
+            let cause = self.rejected.iter().max_by_key(|(_, count)| **count);
+            return Err(Error::NoStart {
+                tries,
+                cause: cause.map_or_else(String::new, |(cause, _)| cause.clone()),
+            });
+        }
+        self.started = valid >= job.settings.batch_size() || tries >= MAX_FIRST_DRAWS;
+        Ok(())
+    }
+
+    fn ln_x_after(&self, batch: &Batch) -> f64 {
+        let alive = self.live.len();
+        let fall: f64 = (0..batch.dying.len())
+            .map(|i| 1.0 / (alive - i) as f64)
+            .sum();
+        self.ln_x - fall
+    }
+
+    /// A new bound around the survivors if one is due. `None`: keep the old one, or go on with the prior.
+    fn refit_if_due(&self, job: &Job<'_>, kept: &Points, ln_x: f64) -> Option<Bound> {
+        let settings = job.settings;
+        let due = match &self.bound {
+            None => ln_x < FIRST_BOUND.ln(),
+            Some(_) => {
+                ln_x < self.ln_x_at_fit - REFIT.ln()
+                    || self
+                        .efficiency_at_fit
+                        .is_some_and(|at_fit| self.efficiency < 0.5 * at_fit)
+            }
+        };
+        if !due {
+            return None;
+        }
+        if job.kernel() == Kernel::Uniform {
+            if settings.bound == BoundKind::Cube {
+                return None;
+            }
+            return Bound::for_draws(kept, settings.bound, job.seed, self.iteration);
+        }
+        Some(
+            Bound::for_steps(kept, settings.bound).unwrap_or_else(|| Bound::cube(job.target.dim())),
+        )
+    }
+
+    fn count(&mut self, born: &[Newborn]) {
+        let calls: u64 = born.iter().map(|b| b.tally.calls).sum();
+        self.calls += calls;
+        for b in born {
+            b.tally.add_to(&mut self.rejected);
+        }
+        if calls > 0 {
+            self.efficiency = born.len() as f64 / calls as f64;
+        }
+        if self.bound.is_some() {
+            self.efficiency_at_fit.get_or_insert(self.efficiency);
+            self.bounded_points += born.len() as u64;
+            self.bounded_calls += calls;
+            self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
+        }
+    }
+
+    /// Step length for the next batch, from the motion of all chains of this one.
+    fn tune(&mut self, job: &Job<'_>, born: &[Newborn]) {
+        let grown: u64 = born.iter().map(|b| b.motion.grown).sum();
+        let shrunk: u64 = born.iter().map(|b| b.motion.shrunk).sum();
+        if grown + shrunk == 0 {
+            return;
+        }
+        let share = grown as f64 / (grown + shrunk) as f64;
+        match job.kernel() {
+            // As many steps outward as inward.
+            Kernel::RandomSlice => self.scale *= (2.0 * share).clamp(0.5, 2.0),
+            // Half of the steps accepted.
+            Kernel::RandomWalk => {
+                self.scale *= ((share - 0.5) / (0.5 * job.target.dim() as f64)).exp();
+            }
+            Kernel::Auto | Kernel::Uniform => {}
+        }
+    }
+
+    /// Buries the dying, in order, and puts the newborn in their places.
+    fn commit(&mut self, batch: &Batch, born: &[Newborn], rng: &mut Stream) {
+        for (i, &row) in batch.dying.iter().enumerate() {
+            let n = (self.live.len() - i) as f64;
+            self.add_evidence(self.live.ln_l[row], n);
+            self.dead.push_from(&self.live, row);
+        }
+        let mut sorted: Vec<f64> = batch.kept.iter().map(|&i| self.live.ln_l[i]).collect();
+        sorted.sort_by(f64::total_cmp);
+        for b in born {
+            let below_it = sorted.partition_point(|l| *l < b.ln_l);
+            let ties = sorted.partition_point(|l| *l <= b.ln_l) - below_it;
+            let rank = below_it + below(rng, ties + 1);
+            let narrow = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+            self.ranks.push(narrow(rank), narrow(sorted.len()));
+            sorted.insert(rank, b.ln_l);
+        }
+        for (&row, b) in batch.dying.iter().zip(born) {
+            self.live.replace(row, &b.u, b.ln_l, batch.contour);
+        }
+        if born.len() < batch.dying.len() {
+            let gone = &batch.dying[born.len()..];
+            let rows: Vec<usize> = (0..self.live.len()).filter(|i| !gone.contains(i)).collect();
+            self.live = self.live.select(&rows);
+        }
+        self.next_point += born.len() as u64;
+        self.iteration += 1;
+    }
+
+    fn add_evidence(&mut self, ln_l: f64, n: f64) {
+        if ln_l > REJECTED {
+            let ln_w = ln_l + self.ln_x + (-(-1.0 / n).exp_m1()).ln();
+            let before = self.ln_z;
+            let top = before.max(ln_w);
+            self.ln_z = top + ((before - top).exp() + (ln_w - top).exp()).ln();
+            let p = (ln_w - self.ln_z).exp();
+            // H = <l> - ln Z, so the mean of l is carried along.
+            let mean = if before > f64::NEG_INFINITY {
+                self.information + before
+            } else {
+                0.0
+            };
+            self.information = p * ln_l + (1.0 - p) * mean - self.ln_z;
+        }
+        self.ln_x -= 1.0 / n;
+    }
+
+    /// Raises the number of steps if the window of insertions just filled shows that points move too little.
+    fn watch(&mut self, job: &Job<'_>) {
+        let window = 5 * job.settings.n_live;
+        if self.ranks.len() - self.window < window {
+            return;
+        }
+        let jumps = &self.jumps[self.window_jumps..];
+        let short = !jumps.is_empty() && mean(jumps) < 0.5;
+        let uneven = self.bound.is_some() && self.ranks.z_score(self.window).abs() > 3.0;
+        let walks = job.kernel() != Kernel::Uniform;
+        if walks && (short || uneven) && self.steps < 10 * job.first_steps() {
+            self.steps += self.steps.div_ceil(2);
+        }
+        self.window = self.ranks.len();
+        self.window_jumps = self.jumps.len();
+    }
+}
+
+pub(super) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// `count` rows out of `available`, distinct as far as there are enough.
+fn choose_seeds(rng: &mut Stream, available: usize, count: usize) -> Vec<usize> {
+    if count > available {
+        return (0..count).map(|_| below(rng, available)).collect();
+    }
+    let mut rows: Vec<usize> = (0..available).collect();
+    for i in 0..count {
+        let j = i + below(rng, available - i);
+        rows.swap(i, j);
+    }
+    rows.truncate(count);
+    rows
+}
+
+/// Median distance between chains' ends, over the median distance between their starts and other live points of the
+/// same metric region, in that region's metric. `None` if no start has such a neighbour.
+fn relative_jump(
+    rng: &mut Stream,
+    bound: &Bound,
+    kept: &Points,
+    seeds: &[usize],
+    born: &[Newborn],
+) -> Option<f64> {
+    const TRIES: usize = 8;
+    let mut jumps = Vec::with_capacity(seeds.len());
+    let mut pairs = Vec::with_capacity(seeds.len());
+    for (&s, b) in seeds.iter().zip(born) {
+        let start = kept.row(s);
+        let label = bound.label(start);
+        let metric = bound.metric(label);
+        let neighbour = (0..TRIES)
+            .map(|_| below(rng, kept.len()))
+            .find(|&i| i != s && bound.has_label(kept.row(i), label));
+        if let Some(i) = neighbour {
+            jumps.push(metric.distance_between(&b.u, start));
+            pairs.push(metric.distance_between(kept.row(i), start));
+        }
+    }
+    let typical = median(pairs);
+    (typical > 0.0).then(|| median(jumps) / typical)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,291 @@
+//! One number per point: Gaussian in radius, with the coverage rule chosen by name (physics.md 7).
+
+use crate::error::{Error, Rejection, Result};
+use crate::scalar::{Dual, Real, gradient_of, lift, smooth_step};
+use crate::track::{BinEdges, BinGrid, Sums};
+use oblate_samplers::normal::LN_SQRT_2PI;
+use serde::{Deserialize, Serialize};
+
+/// What happens where the model does not cover a data bin.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Coverage {
+    /// The paper: the likelihood is zero, with a hard threshold on the number of particles.
+    Reject,
+    /// Finite and smooth everywhere: a bin fades out between 0.5 and 1.5 thresholds into a residual of `z_miss` sigma,
+    /// and the uncovered fraction of the data's length costs `-lambda (1 - overlap)^2`.
+    Penalty {
+        /// Residual of a missing bin, in sigma.
+        z_miss: f64,
+        /// Depth of the penalty on the uncovered length.
+        lambda: f64,
+    },
+}
+
+impl Default for Coverage {
+    fn default() -> Self {
+        Self::Penalty {
+            z_miss: 30.0,
+            lambda: 1_000.0,
+        }
+    }
+}
+
+/// How a track is compared with data.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LikelihoodSettings {
+    /// Edges of the bins.
+    pub edges: BinEdges,
+    /// Missing bins.
+    pub coverage: Coverage,
+    /// Add the model's own Monte-Carlo variance of each bin's mean to the data's.
+    pub model_noise: bool,
+    /// The threshold on a bin's weight, as a fraction of all particles: half of a mock's 1 %.
+    pub least_fraction: f64,
+}
+
+impl Default for LikelihoodSettings {
+    fn default() -> Self {
+        Self {
+            edges: BinEdges::default(),
+            coverage: Coverage::default(),
+            model_noise: false,
+            least_fraction: 0.005,
+        }
+    }
+}
+
+/// Data of one bin.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DataBin {
+    /// Number of the bin: it covers [bin, bin + 1) widths from the progenitor.
+    pub bin: i64,
+    /// Measured mean radius, kpc.
+    pub r_kpc: f64,
+    /// Its standard error, kpc.
+    pub r_err_kpc: f64,
+}
+
+/// The likelihood of a binned track.
+#[derive(Clone, Debug)]
+pub struct TrackLikelihood {
+    settings: LikelihoodSettings,
+    grid: BinGrid,
+    /// Data by bin of the grid, `None` where a gap in the data is.
+    data: Vec<Option<DataBin>>,
+    count: usize,
+    /// The weight that a bin must have.
+    threshold: f64,
+}
+
+/// One bin's part: its log-likelihood, already faded, and how far it is covered.
+struct Part<S> {
+    ln_likelihood: S,
+    covered: S,
+}
+
+impl TrackLikelihood {
+    /// A likelihood of data in bins of `width_deg`, for models of `particles` particles.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if a setting is out of its range, or if there is no data or a bin twice.
+    pub fn new(
+        settings: &LikelihoodSettings,
+        width_deg: f64,
+        data: &[DataBin],
+        particles: usize,
+    ) -> Result<Self> {
+        let fail = |key: &str, value: String, remedy: &str| {
+            Err(Error::Setting {
+                key: key.to_owned(),
+                value,
+                remedy: remedy.to_owned(),
+            })
+        };
+        if let BinEdges::Soft { half_width_deg } = settings.edges
+            && !(half_width_deg > 0.0 && half_width_deg <= 0.5 * width_deg)
+        {
+            return fail(
+                "edges.half_width_deg",
+                half_width_deg.to_string(),
+                "give more than 0 and at most half a bin, or use hard edges",
+            );
+        }
+        if !(settings.least_fraction >= 0.0 && settings.least_fraction < 1.0) {
+            return fail(
+                "least_fraction",
+                settings.least_fraction.to_string(),
+                "give a fraction in [0, 1)",
+            );
+        }
+        if let Coverage::Penalty { z_miss, lambda } = settings.coverage
+            && !(z_miss > 0.0 && lambda >= 0.0 && (z_miss + lambda).is_finite())
+        {
+            return fail(
+                "coverage.penalty",
+                format!("z_miss {z_miss}, lambda {lambda}"),
+                "give z_miss above 0 and lambda at or above 0",
+            );
+        }
+        let (Some(first), Some(last)) = (
+            data.iter().map(|d| d.bin).min(),
+            data.iter().map(|d| d.bin).max(),
+        ) else {
+            return fail(
+                "track",
+                "no bins".to_owned(),
+                "give at least one bin of data",
+            );
+        };
+        let len = usize::try_from(last - first + 1).unwrap_or(0);
+        let mut slots = vec![None; len];
+        for d in data {
+            let slot = usize::try_from(d.bin - first).unwrap_or(0);
+            if slots[slot].replace(*d).is_some() {
+                return fail(
+                    "track",
+                    format!("bin {} twice", d.bin),
+                    "give each bin once",
+                );
+            }
+        }
+        Ok(Self {
+            settings: *settings,
+            grid: BinGrid {
+                width_deg,
+                first,
+                len,
+                edges: settings.edges,
+            },
+            data: slots,
+            count: data.len(),
+            threshold: settings.least_fraction * particles as f64,
+        })
+    }
+
+    /// The bins that a model must be summed in.
+    #[must_use]
+    pub fn grid(&self) -> &BinGrid {
+        &self.grid
+    }
+
+    /// The data, in order.
+    pub fn data(&self) -> impl Iterator<Item = &DataBin> {
+        self.data.iter().flatten()
+    }
+
+    /// ln L of a model's sums.
+    ///
+    /// # Errors
+    /// [`Rejection::Uncovered`] under [`Coverage::Reject`]; [`Rejection::BadLikelihood`] if it is not finite.
+    pub fn ln_likelihood<S: Real>(&self, sums: &Sums<S>) -> std::result::Result<S, Rejection> {
+        let mut total = S::zero();
+        let mut overlap = S::zero();
+        for (i, d) in self.data.iter().enumerate() {
+            if let Some(d) = d {
+                let part = self.part(d, sums.weight[i], sums.r[i], sums.r2[i])?;
+                total += part.ln_likelihood;
+                overlap += part.covered / self.count as f64;
+            }
+        }
+        let total = total - self.length_penalty(overlap);
+        if total.re().is_finite() {
+            Ok(total)
+        } else {
+            Err(Rejection::BadLikelihood)
+        }
+    }
+
+    /// ln L, and its derivatives with respect to the sums, written into `by`.
+    ///
+    /// # Errors
+    /// As [`ln_likelihood`](Self::ln_likelihood).
+    pub fn pull_back(
+        &self,
+        sums: &Sums<f64>,
+        by: &mut Sums<f64>,
+    ) -> std::result::Result<f64, Rejection> {
+        by.reset(self.grid.len);
+        let mut total = 0.0;
+        let mut overlap = 0.0;
+        // Derivatives of each bin's cover, for the penalty's share below.
+        let mut by_cover = vec![0.0; self.grid.len];
+        for (i, d) in self.data.iter().enumerate() {
+            if let Some(d) = d {
+                let [weight, r, r2]: [Dual<3>; 3] = lift(&[sums.weight[i], sums.r[i], sums.r2[i]]);
+                let part = self.part(d, weight, r, r2)?;
+                total += part.ln_likelihood.re;
+                overlap += part.covered.re / self.count as f64;
+                [by.weight[i], by.r[i], by.r2[i]] = gradient_of(&part.ln_likelihood);
+                // The cover depends on the weight alone.
+                by_cover[i] = gradient_of(&part.covered)[0];
+            }
+        }
+        let penalty = self.length_penalty(crate::scalar::variable::<1>(overlap, 0));
+        let [by_overlap] = gradient_of(&penalty);
+        for (slot, cover) in by.weight.iter_mut().zip(&by_cover) {
+            *slot -= by_overlap * cover / self.count as f64;
+        }
+        let total = total - penalty.re;
+        if total.is_finite() {
+            Ok(total)
+        } else {
+            Err(Rejection::BadLikelihood)
+        }
+    }
+
+    /// One bin.
+    fn part<S: Real>(
+        &self,
+        d: &DataBin,
+        weight: S,
+        r: S,
+        r2: S,
+    ) -> std::result::Result<Part<S>, Rejection> {
+        let covered = match self.settings.coverage {
+            Coverage::Reject => {
+                // No bin without a particle has a mean, whatever the threshold.
+                if weight.re() < self.threshold || weight.re() <= 0.0 {
+                    return Err(Rejection::Uncovered);
+                }
+                S::one()
+            }
+            Coverage::Penalty { .. } if self.threshold > 0.0 => {
+                smooth_step(weight / self.threshold - 0.5)
+            }
+            Coverage::Penalty { .. } => smooth_step(weight),
+        };
+        // Where the cover is zero the mean does not count; keep it finite.
+        let safe = weight.max(S::from_f64(0.25 * self.threshold).max(S::from_f64(1e-9)));
+        let mean = r / safe;
+        let mut variance = S::from_f64(d.r_err_kpc * d.r_err_kpc);
+        if self.settings.model_noise {
+            variance += (r2 / safe - mean * mean).max(S::zero()) / safe;
+        }
+        let residual = mean - d.r_kpc;
+        let hit = -(residual * residual / variance + variance.ln()) * 0.5 - LN_SQRT_2PI;
+        let ln_likelihood = match self.settings.coverage {
+            Coverage::Reject => hit,
+            Coverage::Penalty { z_miss, .. } => {
+                let miss = -0.5 * z_miss * z_miss - d.r_err_kpc.ln() - LN_SQRT_2PI;
+                covered * (hit - miss) + miss
+            }
+        };
+        Ok(Part {
+            ln_likelihood,
+            covered,
+        })
+    }
+
+    /// What the uncovered fraction of the length costs.
+    fn length_penalty<S: Real>(&self, overlap: S) -> S {
+        match self.settings.coverage {
+            Coverage::Reject => S::zero(),
+            Coverage::Penalty { lambda, .. } => {
+                let missing = (S::one() - overlap).max(S::zero());
+                missing * missing * lambda
+            }
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The hot loop: kick-drift-kick in the host and the moving progenitor, on any number type.
+
+use super::State;
+use crate::potential::{Plummer, Potential};
+use crate::scalar::{Scalar, Vec3};
+
+/// A particle today.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival<S> {
+    /// Its state at t = 0.
+    pub state: State<S>,
+    /// Times its projection went round counter-clockwise, counted at the negative x axis; a whole number.
+    pub turns: S,
+    /// Steps that turned it by more than 90 degrees around the projected centre, where the count is not safe.
+    pub unsafe_turns: S,
+}
+
+/// +1 if the short way from (x0, y0) to (x1, y1) crosses the negative x axis counter-clockwise, -1 if clockwise, else 0.
+#[inline(always)]
+pub fn crossing<S: Scalar>(from: Vec3<S>, to: Vec3<S>) -> S {
+    let below = |y: S| S::select(y.lt(S::zero()), S::one(), S::zero());
+    let side = below(to.y) - below(from.y);
+    let turn = from.x * to.y - to.x * from.y;
+    S::select(S::zero().lt(side * turn), side, S::zero())
+}
+
+/// The acceleration at `x` in the host and a progenitor at `centre`. A function and not a closure, so that it is inlined
+/// into code compiled for any instruction set.
+#[inline(always)]
+pub(super) fn force<S: Scalar>(
+    host: &impl Potential<S>,
+    progenitor: &Plummer<S>,
+    x: Vec3<S>,
+    centre: Vec3<S>,
+) -> Vec3<S> {
+    host.acceleration(x) + progenitor.acceleration(x - centre)
+}
+
+/// Carries one particle (or one lane of particles) through `steps` equal steps of `step_gyr` each, in the sum of `host`
+/// and `progenitor`, whose position at the j-th force evaluation, j = 0..=steps, is `progenitor_at(j)`.
+///
+/// The last kick of a step is fused with the first of the next: one force per step. `turns` is the winding count at
+/// birth.
+#[inline(always)]
+pub fn advance<S: Scalar>(
+    host: &impl Potential<S>,
+    progenitor: &Plummer<S>,
+    progenitor_at: impl Fn(usize) -> Vec3<S>,
+    steps: usize,
+    step_gyr: S,
+    start: State<S>,
+    turns: S,
+) -> Arrival<S> {
+    let half = step_gyr * 0.5;
+    let mut x = start.x;
+    let mut v = start
+        .v
+        .add_scaled(force(host, progenitor, x, progenitor_at(0)), half);
+    let mut turns = turns;
+    let mut unsafe_turns = S::zero();
+    for j in 1..=steps {
+        let before = x;
+        x = x.add_scaled(v, step_gyr);
+        turns += crossing(before, x);
+        let cosine = before.x * x.x + before.y * x.y;
+        unsafe_turns += S::select(cosine.lt(S::zero()), S::one(), S::zero());
+        let kick = if j == steps { half } else { step_gyr };
+        v = v.add_scaled(force(host, progenitor, x, progenitor_at(j)), kick);
+    }
+    Arrival {
+        state: State { x, v },
+        turns,
+        unsafe_turns,
+    }
+}

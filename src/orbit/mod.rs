@@ -1,0 +1,34 @@
+//! Moving bodies: the progenitor's dense orbit, and the leapfrog that carries the particles.
+
+mod adjoint;
+mod dispatch;
+mod leapfrog;
+mod progenitor;
+
+pub use adjoint::{Reversed, advance_recorded, reverse};
+pub use dispatch::{Kernel, Level, dispatch};
+pub use leapfrog::{Arrival, advance, crossing};
+pub use progenitor::{DenseOrbit, Node, OrbitMethod, Placement};
+
+use crate::scalar::{Scalar, Vec3};
+
+/// Position in kpc and velocity in kpc/Gyr.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State<S> {
+    /// Position.
+    pub x: Vec3<S>,
+    /// Velocity.
+    pub v: Vec3<S>,
+}
+
+impl<S: Scalar> State<S> {
+    /// The same constants in another number type.
+    #[inline(always)]
+    #[must_use]
+    pub fn from_f64(s: State<f64>) -> Self {
+        Self {
+            x: Vec3::from_f64(s.x),
+            v: Vec3::from_f64(s.v),
+        }
+    }
+}

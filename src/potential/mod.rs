@@ -1,0 +1,52 @@
+//! Gravitational potentials and their derivatives, one file per mass model.
+//!
+//! What q flattens: in [`FlattenedNfw`] it flattens the POTENTIAL, as the paper's code does (its text says the
+//! density). For q below about 0.59 the density then goes negative on the minor axis; [`Potential::density`] is the
+//! diagnostic that tells.
+//!
+//! Units: kpc, Gyr, solar masses; a potential is in (kpc/Gyr)^2.
+
+mod miyamoto_nagai;
+mod nfw;
+mod plummer;
+mod sum;
+
+pub use miyamoto_nagai::MiyamotoNagai;
+pub use nfw::{FlattenedNfw, NfwCotangent};
+pub use plummer::{Plummer, PlummerCotangent};
+pub use sum::Sum;
+
+use crate::scalar::{Scalar, Vec3};
+use crate::units::G;
+use std::f64::consts::PI;
+
+/// A potential, centred on the origin unless it says otherwise. Implementors give value, acceleration and the product
+/// of the Hessian with a vector; the rest follows.
+pub trait Potential<S: Scalar> {
+    /// Phi at `x`, in (kpc/Gyr)^2.
+    fn value(&self, x: Vec3<S>) -> S;
+
+    /// -grad Phi at `x`, in kpc/Gyr^2.
+    fn acceleration(&self, x: Vec3<S>) -> Vec3<S>;
+
+    /// (grad grad Phi) v at `x`; in 1/Gyr^2 times the unit of `v`.
+    fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S>;
+
+    /// The mass density by Poisson's equation, in Msun/kpc^3. Negative where a flattened potential asks for it.
+    fn density(&self, x: Vec3<S>) -> S {
+        let unit = |i: usize| {
+            let mut e = [S::zero(); 3];
+            e[i] = S::one();
+            Vec3::from(e)
+        };
+        let trace = self.hessian_product(x, unit(0)).x
+            + self.hessian_product(x, unit(1)).y
+            + self.hessian_product(x, unit(2)).z;
+        trace / (4.0 * PI * G)
+    }
+
+    /// d2 Phi / dr2 along the unit vector `direction` at `x`, in 1/Gyr^2.
+    fn second_derivative_along(&self, x: Vec3<S>, direction: Vec3<S>) -> S {
+        direction.dot(self.hessian_product(x, direction))
+    }
+}

@@ -1,0 +1,181 @@
+//! The NFW halo, flattened in its potential along one axis (physics.md 2).
+
+use super::Potential;
+use crate::scalar::{Scalar, Vec3, ln_1p, two_atanh_tail};
+use crate::units::G;
+
+/// `Phi = -(G M / m) ln(1 + m / Rs)` with `m^2 = |x|^2 + (1/q^2 - 1) (n.x)^2`.
+///
+/// M = 4 pi rho0 Rs^3 is the mass scale, not M200. With `y = x + (1/q^2 - 1) (n.x) n` the gradient is `k y`,
+/// `k = Phi'(m) / m`: no rotation is needed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlattenedNfw<S> {
+    /// Mass scale in Msun.
+    pub mass: S,
+    /// Scale radius in kpc.
+    pub r_s: S,
+    /// 1/q^2 - 1.
+    pub flattening: S,
+    /// Unit vector of the symmetry axis.
+    pub axis: Vec3<S>,
+    /// G M / Rs^3, so that the loops need no division for it.
+    strength: S,
+    /// 1 / Rs.
+    inverse_r_s: S,
+}
+
+/// Derivatives of a scalar with respect to the halo's parameters, summed over many force evaluations.
+#[derive(Clone, Copy, Debug)]
+pub struct NfwCotangent<S> {
+    /// With respect to ln M.
+    pub ln_mass: S,
+    /// With respect to ln Rs.
+    pub ln_r_s: S,
+    /// With respect to 1/q^2 - 1.
+    pub flattening: S,
+    /// With respect to the axis (all three components free).
+    pub axis: Vec3<S>,
+}
+
+impl<S: Scalar> NfwCotangent<S> {
+    /// Nothing yet.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            ln_mass: S::zero(),
+            ln_r_s: S::zero(),
+            flattening: S::zero(),
+            axis: Vec3::zero(),
+        }
+    }
+}
+
+/// Added to m^2 in kpc^2: keeps the exact centre finite and is below rounding everywhere else.
+const TINY_M2: f64 = 1e-40;
+
+/// `g(s) / s^3` with `g = ln(1+s) - s/(1+s)`, which is proportional to the enclosed mass.
+///
+/// With `u = s/(2+s)` the first terms of the logarithm combine with `s/(1+s)` to `s^2 / ((1+s)(2+s))` exactly, so that
+/// for small s nothing cancels: the same series gives the centre and the rest.
+#[inline(always)]
+fn profile<S: Scalar>(s: S) -> S {
+    let one_plus = s + 1.0;
+    let (power, ln_power) = one_plus.binade();
+    let below = s + (S::one() + power);
+    // One division for the three reciprocals.
+    let all = S::one() / (s * one_plus * below);
+    let inverse_s = all * (one_plus * below);
+    let inverse_one_plus = all * (s * below);
+    let inverse_below = all * (s * one_plus);
+    let u = (s + (S::one() - power)) * inverse_below;
+    let z = u * u;
+    let tail = two_atanh_tail(z);
+    let inner =
+        inverse_below * (inverse_s * inverse_one_plus + inverse_below * inverse_below * tail);
+    let outer = (u * 2.0 + u * z * tail + ln_power - s * inverse_one_plus)
+        * (inverse_s * inverse_s * inverse_s);
+    // Below sqrt(2) - 1 the power of two is 1, and `below` is 2 + s.
+    let is_inner = power.lt(S::from_f64(1.5));
+    S::select(is_inner, inner, outer)
+}
+
+impl<S: Scalar> FlattenedNfw<S> {
+    /// A halo of mass scale `mass` (Msun), scale radius `r_s` (kpc), flattening `q` along the unit vector `axis`.
+    pub fn new(mass: S, r_s: S, q: S, axis: Vec3<S>) -> Self {
+        Self::from_flattening(mass, r_s, S::one() / (q * q) - 1.0, axis)
+    }
+
+    /// As [`new`](Self::new), from 1/q^2 - 1.
+    pub fn from_flattening(mass: S, r_s: S, flattening: S, axis: Vec3<S>) -> Self {
+        let inverse_r_s = S::one() / r_s;
+        Self {
+            mass,
+            r_s,
+            flattening,
+            axis,
+            strength: mass * G * (inverse_r_s * inverse_r_s * inverse_r_s),
+            inverse_r_s,
+        }
+    }
+
+    /// The same halo for another number type, from constants.
+    pub fn broadcast(halo: &FlattenedNfw<f64>) -> Self {
+        Self {
+            mass: S::from_f64(halo.mass),
+            r_s: S::from_f64(halo.r_s),
+            flattening: S::from_f64(halo.flattening),
+            axis: Vec3::from_f64(halo.axis),
+            strength: S::from_f64(halo.strength),
+            inverse_r_s: S::from_f64(halo.inverse_r_s),
+        }
+    }
+
+    /// `n.x`, the vector `y` and `s = m / Rs`.
+    #[inline(always)]
+    fn geometry(&self, x: Vec3<S>) -> (S, Vec3<S>, S) {
+        let along = self.axis.dot(x);
+        let y = x.add_scaled(self.axis, self.flattening * along);
+        // m^2 = x.y, summed so that it stays positive for q > 1 too.
+        let m2 = (x.dot(y)).max(S::zero()) + TINY_M2;
+        (along, y, m2.sqrt() * self.inverse_r_s)
+    }
+
+    /// `k = Phi'(m)/m` and `k'(m)/m`.
+    #[inline(always)]
+    fn slopes(&self, s: S) -> (S, S) {
+        let f = profile(s);
+        let inverse_s = S::one() / s;
+        let ratio = inverse_s / (s + 1.0);
+        let df = ratio * ratio - f * inverse_s * 3.0;
+        let k = self.strength * f;
+        let dk = self.strength * df * inverse_s * (self.inverse_r_s * self.inverse_r_s);
+        (k, dk)
+    }
+
+    /// Reverse mode: given `lambda`, the derivative of some scalar with respect to the acceleration at `x`, adds the
+    /// derivatives with respect to the halo's parameters to `cotangent` and returns the acceleration and the derivative
+    /// with respect to `x` (which is minus the Hessian times `lambda`).
+    #[inline(always)]
+    pub fn pull_back(
+        &self,
+        x: Vec3<S>,
+        lambda: Vec3<S>,
+        cotangent: &mut NfwCotangent<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let (along, y, s) = self.geometry(x);
+        let (k, dk) = self.slopes(s);
+        let y_lambda = y.dot(lambda);
+        let n_lambda = self.axis.dot(lambda);
+        let m2 = s * s * (self.r_s * self.r_s);
+        let dk_y = dk * y_lambda;
+        cotangent.ln_mass -= k * y_lambda;
+        cotangent.ln_r_s += (k * 3.0 + dk * m2) * y_lambda;
+        cotangent.flattening -= dk_y * along * along * 0.5 + k * along * n_lambda;
+        let by_axis =
+            (x * (dk_y * along) + x * (k * n_lambda) + lambda * (k * along)) * self.flattening;
+        cotangent.axis += -by_axis;
+        let hessian = lambda.add_scaled(self.axis, self.flattening * n_lambda) * k + y * dk_y;
+        (y * (-k), -hessian)
+    }
+}
+
+impl<S: Scalar> Potential<S> for FlattenedNfw<S> {
+    #[inline(always)]
+    fn value(&self, x: Vec3<S>) -> S {
+        let (_, _, s) = self.geometry(x);
+        -(self.strength * self.r_s * self.r_s * (ln_1p(s) / s))
+    }
+
+    #[inline(always)]
+    fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
+        let (_, y, s) = self.geometry(x);
+        y * (-(self.strength * profile(s)))
+    }
+
+    #[inline(always)]
+    fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
+        let (_, y, s) = self.geometry(x);
+        let (k, dk) = self.slopes(s);
+        v.add_scaled(self.axis, self.flattening * self.axis.dot(v)) * k + y * (dk * y.dot(v))
+    }
+}

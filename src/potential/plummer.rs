@@ -1,0 +1,85 @@
+//! The Plummer sphere: the progenitor's own gravity.
+
+use super::Potential;
+use crate::scalar::{Scalar, Vec3};
+use crate::units::G;
+
+/// `Phi = -G m / sqrt(r^2 + a^2)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plummer<S> {
+    /// Mass in Msun.
+    pub mass: S,
+    /// Scale radius in kpc.
+    pub r_s: S,
+}
+
+/// Derivatives of a scalar with respect to the sphere's parameters, summed over many force evaluations.
+#[derive(Clone, Copy, Debug)]
+pub struct PlummerCotangent<S> {
+    /// With respect to ln m.
+    pub ln_mass: S,
+    /// With respect to the scale radius in kpc.
+    pub r_s: S,
+}
+
+impl<S: Scalar> PlummerCotangent<S> {
+    /// Nothing yet.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            ln_mass: S::zero(),
+            r_s: S::zero(),
+        }
+    }
+}
+
+impl<S: Scalar> Plummer<S> {
+    /// The same sphere for another number type, from constants.
+    pub fn broadcast(sphere: &Plummer<f64>) -> Self {
+        Self {
+            mass: S::from_f64(sphere.mass),
+            r_s: S::from_f64(sphere.r_s),
+        }
+    }
+
+    /// `1 / (r^2 + a^2)` and `G m / (r^2 + a^2)^(3/2)`.
+    #[inline(always)]
+    fn slopes(&self, x: Vec3<S>) -> (S, S) {
+        let inverse = S::one() / (x.norm2() + self.r_s * self.r_s);
+        (inverse, self.mass * G * (inverse * inverse.sqrt()))
+    }
+
+    /// Reverse mode, as in [`FlattenedNfw::pull_back`](super::FlattenedNfw::pull_back).
+    #[inline(always)]
+    pub fn pull_back(
+        &self,
+        x: Vec3<S>,
+        lambda: Vec3<S>,
+        cotangent: &mut PlummerCotangent<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let (inverse, k) = self.slopes(x);
+        let x_lambda = x.dot(lambda);
+        let pull = inverse * k * x_lambda * 3.0;
+        cotangent.ln_mass -= k * x_lambda;
+        cotangent.r_s += pull * self.r_s;
+        (x * (-k), x * pull - lambda * k)
+    }
+}
+
+impl<S: Scalar> Potential<S> for Plummer<S> {
+    #[inline(always)]
+    fn value(&self, x: Vec3<S>) -> S {
+        -(self.mass * G / (x.norm2() + self.r_s * self.r_s).sqrt())
+    }
+
+    #[inline(always)]
+    fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
+        x * (-self.slopes(x).1)
+    }
+
+    #[inline(always)]
+    fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
+        let (inverse, k) = self.slopes(x);
+        v * k - x * (inverse * k * x.dot(v) * 3.0)
+    }
+}

@@ -1,0 +1,211 @@
+//! The table of releases: who leaves when, through which side, with which kick. Made once from a seed; from here to the
+//! likelihood nobody holds a generator.
+
+use super::{Arm, Kick, Recipe};
+use crate::error::{Error, Result};
+use oblate_samplers::normal::quantile;
+use oblate_samplers::rng::{Domain, standard_normal, stream};
+use serde::{Deserialize, Serialize};
+
+/// How the draws are spread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Design {
+    /// Independent normals; release times -T + k T / epochs (the paper).
+    Random,
+    /// One Owen-scrambled Sobol set per arm over release time and normals, sorted by time: the track noise of 2.5 times
+    /// as many random particles. Release times are the middles of equal intervals.
+    #[default]
+    Sobol,
+}
+
+/// What a table is made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TableSettings {
+    /// Particles, both arms together.
+    pub particles: usize,
+    /// Release times; 0 chooses 100 for `random` and particles / 8 for `sobol`.
+    pub epochs: usize,
+    /// Spread of the draws.
+    pub design: Design,
+    /// Release recipe.
+    pub recipe: Recipe,
+    /// Seed of the table.
+    pub seed: u64,
+}
+
+impl Default for TableSettings {
+    fn default() -> Self {
+        Self {
+            particles: 4096,
+            epochs: 0,
+            design: Design::default(),
+            recipe: Recipe::default(),
+            seed: 1,
+        }
+    }
+}
+
+/// One particle of the table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Particle {
+    /// Side.
+    pub arm: Arm,
+    /// Release in the tidal frame.
+    pub kick: Kick,
+}
+
+/// All releases, epoch by epoch, oldest first; equal numbers per epoch, leading before trailing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReleaseTable {
+    /// Release time of each epoch as a fraction of the age, in [-1, 0).
+    pub taus: Vec<f64>,
+    /// Particles, `taus.len() * per_epoch` of them.
+    pub particles: Vec<Particle>,
+    /// Particles per epoch.
+    pub per_epoch: usize,
+    /// Recipe that the kicks belong to.
+    pub recipe: Recipe,
+}
+
+impl ReleaseTable {
+    /// Makes the table.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if the particles cannot be dealt out evenly, or if there are none or too many for the design.
+    pub fn new(settings: &TableSettings) -> Result<Self> {
+        let n = settings.particles;
+        let fail = |remedy: &str| Error::Setting {
+            key: "particles".to_owned(),
+            value: n.to_string(),
+            remedy: remedy.to_owned(),
+        };
+        if n == 0 {
+            return Err(fail("give at least 2"));
+        }
+        let epochs = match (settings.epochs, settings.design) {
+            (0, Design::Random) => 100,
+            (0, Design::Sobol) => (n / 8).max(1),
+            (given, _) => given,
+        };
+        if !n.is_multiple_of(2 * epochs) {
+            return Err(fail(&format!(
+                "with {epochs} release times give a multiple of {}, or set `epochs` to a divisor of half of it",
+                2 * epochs
+            )));
+        }
+        if settings.design == Design::Sobol && n / 2 > SOBOL_LIMIT {
+            return Err(fail(
+                "the sobol design has at most 131072 particles; use design = \"random\" for more",
+            ));
+        }
+        let per_arm = n / (2 * epochs);
+        let arms = [Arm::Leading, Arm::Trailing];
+        let kicks = arms.map(|arm| match settings.design {
+            Design::Random => random_kicks(settings, arm, n / 2),
+            Design::Sobol => sobol_kicks(settings, arm, n / 2),
+        });
+        let mut particles = Vec::with_capacity(n);
+        for epoch in 0..epochs {
+            for (arm, kicks) in arms.iter().zip(&kicks) {
+                let these = &kicks[epoch * per_arm..(epoch + 1) * per_arm];
+                particles.extend(these.iter().map(|kick| Particle {
+                    arm: *arm,
+                    kick: *kick,
+                }));
+            }
+        }
+        let middle = match settings.design {
+            Design::Random => 0.0,
+            Design::Sobol => 0.5,
+        };
+        let taus = (0..epochs)
+            .map(|k| (k as f64 + middle) / epochs as f64 - 1.0)
+            .collect();
+        Ok(Self {
+            taus,
+            particles,
+            per_epoch: 2 * per_arm,
+            recipe: settings.recipe,
+        })
+    }
+
+    /// Number of particles.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.particles.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.particles.is_empty()
+    }
+}
+
+/// Longest Sobol sequence of the generator in use.
+const SOBOL_LIMIT: usize = 1 << 16;
+
+/// Independent draws; a draw without meaning is repeated from the same stream.
+fn random_kicks(settings: &TableSettings, arm: Arm, count: usize) -> Vec<Kick> {
+    let mut rng = stream(settings.seed, Domain::Design, arm_number(arm), 0);
+    let mut kicks = Vec::with_capacity(count);
+    while kicks.len() < count {
+        let mut xi = [0.0; 5];
+        for x in xi.iter_mut().take(settings.recipe.normals()) {
+            *x = standard_normal(&mut rng);
+        }
+        kicks.extend(settings.recipe.kick(&xi, arm));
+    }
+    kicks
+}
+
+/// A scrambled Sobol set, sorted by its first coordinate, the release time: its index must not choose the time, nor the
+/// arm, because its low bits are the first coordinates of the points.
+fn sobol_kicks(settings: &TableSettings, arm: Arm, count: usize) -> Vec<Kick> {
+    // Scrambles are 32-bit seeds; the two arms and the redraws get sets of their own.
+    let scramble = |round: u64| {
+        let mut rng = stream(settings.seed, Domain::Design, arm_number(arm), 1 + round);
+        #[allow(
+            clippy::cast_possible_truncation,
+            reason = "the low half of a random word is a random half-word"
+        )]
+        let seed = rand::Rng::next_u64(&mut rng) as u32;
+        seed
+    };
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "count is below 2^16, dimensions below 6"
+    )]
+    let point = |i: usize, dimension: usize, seed: u32| {
+        // The generator gives multiples of 2^-24: take the middle of the cell, so that no normal is infinite.
+        f64::from(sobol_burley::sample(i as u32, dimension as u32, seed))
+            + 0.5 / f64::from(1_u32 << 24)
+    };
+    let mut rows: Vec<(f64, Kick)> = Vec::with_capacity(count);
+    for i in 0..count {
+        let mut round = 0;
+        loop {
+            let seed = scramble(round);
+            let mut xi = [0.0; 5];
+            for (d, x) in xi.iter_mut().enumerate().take(settings.recipe.normals()) {
+                *x = quantile(point(i, d + 1, seed));
+            }
+            if let Some(kick) = settings.recipe.kick(&xi, arm) {
+                rows.push((point(i, 0, scramble(0)), kick));
+                break;
+            }
+            round += 1;
+        }
+    }
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rows.into_iter().map(|(_, kick)| kick).collect()
+}
+
+fn arm_number(arm: Arm) -> u64 {
+    match arm {
+        Arm::Leading => 0,
+        Arm::Trailing => 1,
+    }
+}

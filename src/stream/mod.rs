@@ -1,0 +1,174 @@
+//! Host, progenitor and table of releases in, present-day particles out: the conductor, no physics of its own.
+//!
+//! Two stages. [`Setup`] is cold: the dense orbit and one [`Launch`] per epoch, on any [`Real`]. The particles are hot:
+//! [`Model::particles`] carries them one by one on any number type (the reference), [`Model::carry`] does it in SIMD lanes
+//! for the CPU at hand, and [`Model::pull_back`] is the exact derivative of the lanes' path.
+
+mod forward;
+mod gradient;
+mod setup;
+
+pub use forward::{Arrivals, Group};
+pub use gradient::Workspace;
+pub use setup::{Galaxy, Launch, Setup};
+
+use crate::error::{Error, Rejection, Result};
+use crate::orbit::{Arrival, OrbitMethod, Placement, advance};
+use crate::scalar::{Real, Scalar};
+use crate::spray::{ReleaseTable, TableSettings};
+use serde::{Deserialize, Serialize};
+
+/// Particles side by side in one group of lanes.
+pub const LANES: usize = 8;
+
+/// How a stream is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ModelSettings {
+    /// The releases.
+    pub releases: TableSettings,
+    /// Leapfrog steps per particle.
+    pub steps: usize,
+    /// How the progenitor is carried.
+    pub orbit: OrbitMethod,
+    /// Steps of the progenitor's orbit.
+    pub orbit_steps: usize,
+}
+
+impl Default for ModelSettings {
+    fn default() -> Self {
+        Self {
+            releases: TableSettings::default(),
+            steps: 100,
+            orbit: OrbitMethod::default(),
+            orbit_steps: 512,
+        }
+    }
+}
+
+/// A stream generator with its table of releases: made once, used for every point of a fit.
+#[derive(Clone, Debug)]
+pub struct Model {
+    settings: ModelSettings,
+    table: ReleaseTable,
+    groups: Vec<Group>,
+    /// Placements of the progenitor at every force evaluation, `steps + 1` per epoch.
+    path: Vec<Placement>,
+}
+
+impl Model {
+    /// Makes the table and everything else that no parameter enters.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for steps of zero, and what [`ReleaseTable::new`] refuses.
+    pub fn new(settings: &ModelSettings) -> Result<Self> {
+        for (key, value) in [
+            ("steps", settings.steps),
+            ("orbit_steps", settings.orbit_steps),
+        ] {
+            if value == 0 {
+                return Err(Error::Setting {
+                    key: key.to_owned(),
+                    value: "0".to_owned(),
+                    remedy: "give at least 1".to_owned(),
+                });
+            }
+        }
+        let table = ReleaseTable::new(&settings.releases)?;
+        let groups = forward::groups(&table);
+        let path = table
+            .taus
+            .iter()
+            .flat_map(|tau| {
+                (0..=settings.steps).map(move |j| {
+                    // The last one is today, whatever the rounding of the fractions.
+                    let left = 1.0 - j as f64 / settings.steps as f64;
+                    Placement::at(tau * left, settings.orbit_steps)
+                })
+            })
+            .collect();
+        Ok(Self {
+            settings: *settings,
+            table,
+            groups,
+            path,
+        })
+    }
+
+    /// Its settings.
+    #[must_use]
+    pub fn settings(&self) -> &ModelSettings {
+        &self.settings
+    }
+
+    /// Its table of releases.
+    #[must_use]
+    pub fn table(&self) -> &ReleaseTable {
+        &self.table
+    }
+
+    /// Placements of the progenitor during the flight of one epoch.
+    #[inline(always)]
+    fn path_of(&self, epoch: usize) -> &[Placement] {
+        let n = self.settings.steps + 1;
+        &self.path[epoch * n..(epoch + 1) * n]
+    }
+
+    /// Step length in Gyr of one epoch's particles.
+    #[inline(always)]
+    fn step_gyr<S: Scalar>(&self, epoch: usize, age_gyr: S) -> S {
+        age_gyr * (-self.table.taus[epoch] / self.settings.steps as f64)
+    }
+
+    /// The cold stage.
+    ///
+    /// # Errors
+    /// [`Rejection::BadParameter`] or [`Rejection::BadOrbit`] where there is no finite orbit.
+    pub fn setup<S: Real>(&self, galaxy: &Galaxy<S>) -> std::result::Result<Setup<S>, Rejection> {
+        Setup::new(galaxy, &self.settings, &self.table)
+    }
+
+    /// Every particle today, one by one, in the order of the table, on any number type: the reference that the fast path
+    /// is tested against.
+    ///
+    /// # Errors
+    /// [`Rejection::BadParticle`] if a state is not finite.
+    pub fn particles<S: Real>(
+        &self,
+        setup: &Setup<S>,
+    ) -> std::result::Result<Vec<Arrival<S>>, Rejection> {
+        let mut arrivals = Vec::with_capacity(self.table.len());
+        for (epoch, launch) in setup.launches.iter().enumerate() {
+            let path: Vec<_> = self
+                .path_of(epoch)
+                .iter()
+                .map(|p| setup.orbit.position(p))
+                .collect();
+            let step = self.step_gyr(epoch, setup.age_gyr);
+            let first = epoch * self.table.per_epoch;
+            for particle in &self.table.particles[first..first + self.table.per_epoch] {
+                let (start, turns) = launch.release(
+                    particle.kick.position.map(S::from_f64),
+                    particle.kick.velocity.map(S::from_f64),
+                );
+                let arrival = advance(
+                    &setup.host,
+                    &setup.sphere,
+                    |j| path[j],
+                    self.settings.steps,
+                    step,
+                    start,
+                    turns,
+                );
+                if !(arrival.state.x.norm2() + arrival.state.v.norm2())
+                    .re()
+                    .is_finite()
+                {
+                    return Err(Rejection::BadParticle);
+                }
+                arrivals.push(arrival);
+            }
+        }
+        Ok(arrivals)
+    }
+}

@@ -1,0 +1,183 @@
+//! The cold stage of a stream: the progenitor's orbit, and the tidal frame at every release.
+
+use super::ModelSettings;
+use crate::error::{Rejection, Tally};
+use crate::orbit::{DenseOrbit, Node, State, crossing};
+use crate::potential::{FlattenedNfw, Plummer};
+use crate::scalar::{Dual, Real, Scalar, Vec3};
+use crate::spray::{ReleaseTable, Tidal};
+
+/// What makes a stream: a host, a progenitor, and where it is today.
+#[derive(Clone, Copy, Debug)]
+pub struct Galaxy<S> {
+    /// The halo.
+    pub host: FlattenedNfw<S>,
+    /// The progenitor's own gravity.
+    pub sphere: Plummer<S>,
+    /// The progenitor today, kpc and kpc/Gyr.
+    pub today: State<S>,
+    /// Time since the first release.
+    pub age_gyr: S,
+}
+
+/// One epoch's release: the progenitor, and the scaled tidal frame that kicks are counted in.
+#[derive(Clone, Copy, Debug)]
+pub struct Launch<S> {
+    /// The progenitor's state.
+    pub state: State<S>,
+    /// Tidal frame times the recipe's length scale, kpc.
+    pub position: [Vec3<S>; 3],
+    /// Tidal frame times the recipe's velocity scale, kpc/Gyr.
+    pub velocity: [Vec3<S>; 3],
+    /// The progenitor's winding count.
+    pub turns: S,
+}
+
+impl<S: Scalar> Launch<S> {
+    /// The state and the winding count of a particle that leaves with the given kick.
+    #[inline(always)]
+    pub fn release(&self, position: [S; 3], velocity: [S; 3]) -> (State<S>, S) {
+        let offset = |frame: &[Vec3<S>; 3], c: [S; 3], from: Vec3<S>| {
+            from.add_scaled(frame[0], c[0])
+                .add_scaled(frame[1], c[1])
+                .add_scaled(frame[2], c[2])
+        };
+        let x = offset(&self.position, position, self.state.x);
+        let v = offset(&self.velocity, velocity, self.state.v);
+        (State { x, v }, self.turns + crossing(self.state.x, x))
+    }
+
+    /// The same constants in another number type.
+    #[inline(always)]
+    #[must_use]
+    pub fn broadcast(launch: &Launch<f64>) -> Self {
+        Self {
+            state: State::from_f64(launch.state),
+            position: launch.position.map(Vec3::from_f64),
+            velocity: launch.velocity.map(Vec3::from_f64),
+            turns: S::from_f64(launch.turns),
+        }
+    }
+}
+
+/// Everything that the particles of one parameter set share.
+#[derive(Clone, Debug)]
+pub struct Setup<S> {
+    /// The halo.
+    pub host: FlattenedNfw<S>,
+    /// The progenitor's own gravity.
+    pub sphere: Plummer<S>,
+    /// Age in Gyr.
+    pub age_gyr: S,
+    /// The progenitor's orbit.
+    pub orbit: DenseOrbit<S>,
+    /// One launch per epoch.
+    pub launches: Vec<Launch<S>>,
+    /// What had to be bounded.
+    pub tally: Tally,
+}
+
+impl<S: Real> Setup<S> {
+    /// Integrates the orbit and prepares the launches.
+    pub(super) fn new(
+        galaxy: &Galaxy<S>,
+        settings: &ModelSettings,
+        table: &ReleaseTable,
+    ) -> Result<Self, Rejection> {
+        let Galaxy {
+            host,
+            sphere,
+            today,
+            age_gyr,
+        } = *galaxy;
+        let positive = [host.mass, host.r_s, sphere.mass, sphere.r_s, age_gyr];
+        let finite = today.x.norm2() + today.v.norm2() + host.flattening + host.axis.norm2();
+        if !finite.re().is_finite()
+            || positive
+                .iter()
+                .any(|p| !(p.re() > 0.0 && p.re().is_finite()))
+        {
+            return Err(Rejection::BadParameter);
+        }
+        let orbit =
+            DenseOrbit::integrate(&host, today, age_gyr, settings.orbit_steps, settings.orbit);
+        if !orbit.is_finite() {
+            return Err(Rejection::BadOrbit);
+        }
+        let mut tally = Tally::default();
+        let launches = table
+            .taus
+            .iter()
+            .map(|tau| {
+                let (state, turns) = orbit.at(*tau);
+                let tidal = Tidal::new(&host, sphere.mass, state);
+                tally.bounded_tidal_radius += u64::from(tidal.bounded);
+                let (length, speed) = table.recipe.scales(&tidal, sphere.mass);
+                Launch {
+                    state,
+                    position: tidal.frame.map(|e| e * length),
+                    velocity: tidal.frame.map(|e| e * speed),
+                    turns,
+                }
+            })
+            .collect();
+        Ok(Self {
+            host,
+            sphere,
+            age_gyr,
+            orbit,
+            launches,
+            tally,
+        })
+    }
+}
+
+impl<const N: usize> Setup<Dual<N>> {
+    /// The real parts: what the lanes run on.
+    #[must_use]
+    pub fn real_part(&self) -> Setup<f64> {
+        let v = |a: Vec3<Dual<N>>| a.map(Real::re);
+        Setup {
+            host: FlattenedNfw::from_flattening(
+                self.host.mass.re,
+                self.host.r_s.re,
+                self.host.flattening.re,
+                v(self.host.axis),
+            ),
+            sphere: Plummer {
+                mass: self.sphere.mass.re,
+                r_s: self.sphere.r_s.re,
+            },
+            age_gyr: self.age_gyr.re,
+            orbit: DenseOrbit {
+                nodes: self
+                    .orbit
+                    .nodes
+                    .iter()
+                    .map(|n| Node {
+                        x: v(n.x),
+                        dx: v(n.dx),
+                        ddx: v(n.ddx),
+                    })
+                    .collect(),
+                turns: self.orbit.turns.iter().map(|t| t.re).collect(),
+                spacing_gyr: self.orbit.spacing_gyr.re,
+                energy_error: self.orbit.energy_error,
+            },
+            launches: self
+                .launches
+                .iter()
+                .map(|l| Launch {
+                    state: State {
+                        x: v(l.state.x),
+                        v: v(l.state.v),
+                    },
+                    position: l.position.map(v),
+                    velocity: l.velocity.map(v),
+                    turns: l.turns.re,
+                })
+                .collect(),
+            tally: self.tally,
+        }
+    }
+}

@@ -1,0 +1,270 @@
+//! Angular bins with hard or soft edges, one interface (physics.md 6).
+//!
+//! Angles are the particles' own, unwrapped, counted from the progenitor; leading is positive. Bin b covers
+//! [b, b + 1) widths.
+
+use crate::orbit::Arrival;
+use crate::scalar::{Dual, Real, Scalar, smooth_step, variable};
+use crate::stream::Arrivals;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+
+/// How a particle near an edge is shared between the two bins.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BinEdges {
+    /// Not at all: it belongs to the bin it is in (the paper). The track then jumps as particles cross edges.
+    Hard,
+    /// By a C2 smooth step of this half-width in degrees; the shares add up to 1. Below half a bin.
+    Soft {
+        /// Half-width of each edge in degrees.
+        half_width_deg: f64,
+    },
+}
+
+impl Default for BinEdges {
+    fn default() -> Self {
+        Self::Soft {
+            half_width_deg: 2.0,
+        }
+    }
+}
+
+/// A run of equally wide bins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BinGrid {
+    /// Width in degrees.
+    pub width_deg: f64,
+    /// Number of the first bin: it begins at `first * width_deg` from the progenitor.
+    pub first: i64,
+    /// Number of bins.
+    pub len: usize,
+    /// Their edges.
+    pub edges: BinEdges,
+}
+
+/// Sums over the particles of each bin: weight, weight times radius, weight times radius squared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sums<S> {
+    /// Total weight: the number of particles, with shared ones counted in parts.
+    pub weight: Vec<S>,
+    /// Sum of r, kpc.
+    pub r: Vec<S>,
+    /// Sum of r^2, kpc^2.
+    pub r2: Vec<S>,
+}
+
+impl<S> Default for Sums<S> {
+    fn default() -> Self {
+        Self { weight: Vec::new(), r: Vec::new(), r2: Vec::new() }
+    }
+}
+
+impl<S: Scalar> Sums<S> {
+    /// Empty bins; reuses the buffers.
+    pub fn reset(&mut self, len: usize) {
+        for column in [&mut self.weight, &mut self.r, &mut self.r2] {
+            column.clear();
+            column.resize(len, S::zero());
+        }
+    }
+}
+
+/// One particle's part in a bin: which one, and its share.
+struct Share<S> {
+    bin: i64,
+    weight: S,
+}
+
+impl BinGrid {
+    /// The bin of a position counted in widths, and the fraction of the way through it.
+    fn locate(position: f64) -> (i64, f64) {
+        let bin = position.floor();
+        #[allow(
+            clippy::cast_possible_truncation,
+            reason = "a finite angle is below 2^52 bins"
+        )]
+        let number = bin as i64;
+        (number, position - bin)
+    }
+
+    /// The shares of a particle at `position` (in bin widths from the progenitor), one or two. They add up to 1.
+    #[inline]
+    fn shares<S: Real>(&self, position: S) -> (Share<S>, Option<Share<S>>) {
+        let (bin, fraction) = Self::locate(position.re());
+        let half = match self.edges {
+            BinEdges::Hard => 0.0,
+            BinEdges::Soft { half_width_deg } => half_width_deg / self.width_deg,
+        };
+        let edge = if fraction < half {
+            bin
+        } else if 1.0 - fraction < half {
+            bin + 1
+        } else {
+            return (
+                Share {
+                    bin,
+                    weight: S::one(),
+                },
+                None,
+            );
+        };
+        // The share of the bin above the edge.
+        let above = smooth_step((position - edge as f64 + half) / (2.0 * half));
+        let below = S::one() - above;
+        (
+            Share {
+                bin: edge,
+                weight: above,
+            },
+            Some(Share {
+                bin: edge - 1,
+                weight: below,
+            }),
+        )
+    }
+
+    /// Index of a bin in the grid.
+    fn index(&self, bin: i64) -> Option<usize> {
+        usize::try_from(bin - self.first)
+            .ok()
+            .filter(|i| *i < self.len)
+    }
+
+    /// Adds one particle of sky position (x, y) in kpc and winding count `turns`.
+    fn add<S: Real>(&self, x: S, y: S, turns: S, sums: &mut Sums<S>) {
+        let r2 = x * x + y * y;
+        let r = r2.sqrt();
+        let position = (y.atan2(x) + turns * TAU) * (180.0 / (PI * self.width_deg));
+        let (one, other) = self.shares(position);
+        for share in [Some(one), other].into_iter().flatten() {
+            if let Some(i) = self.index(share.bin) {
+                sums.weight[i] += share.weight;
+                sums.r[i] += share.weight * r;
+                sums.r2[i] += share.weight * r2;
+            }
+        }
+    }
+
+    /// Bins the particles of the reference path.
+    pub fn sum_arrivals<S: Real>(&self, arrivals: &[Arrival<S>], sums: &mut Sums<S>) {
+        sums.reset(self.len);
+        for a in arrivals {
+            self.add(a.state.x.x, a.state.x.y, a.turns, sums);
+        }
+    }
+
+    /// Bins the particles of the fast path.
+    pub fn sum(&self, arrivals: &Arrivals, sums: &mut Sums<f64>) {
+        sums.reset(self.len);
+        for ((x, y), turns) in arrivals.x.iter().zip(&arrivals.y).zip(&arrivals.turns) {
+            self.add(*x, *y, *turns, sums);
+        }
+    }
+
+    /// Reverse mode of [`sum`](Self::sum): turns derivatives with respect to the sums into derivatives with respect to
+    /// the particles' sky positions.
+    pub fn pull_back(
+        &self,
+        arrivals: &Arrivals,
+        by: &Sums<f64>,
+        by_x: &mut Vec<f64>,
+        by_y: &mut Vec<f64>,
+    ) {
+        by_x.clear();
+        by_y.clear();
+        let per_radian = 180.0 / (PI * self.width_deg);
+        for ((&x, &y), &turns) in arrivals.x.iter().zip(&arrivals.y).zip(&arrivals.turns) {
+            let r2 = x * x + y * y;
+            let r = r2.sqrt();
+            let position: Dual<1> = variable((y.atan2(x) + turns * TAU) * per_radian, 0);
+            let (one, other) = self.shares(position);
+            let (mut by_r, mut by_position) = (0.0, 0.0);
+            for share in [Some(one), other].into_iter().flatten() {
+                if let Some(i) = self.index(share.bin) {
+                    by_r += share.weight.re * (by.r[i] + 2.0 * r * by.r2[i]);
+                    let [slope] = crate::scalar::gradient_of(&share.weight);
+                    by_position += slope * (by.weight[i] + by.r[i] * r + by.r2[i] * r2);
+                }
+            }
+            let by_angle = by_position * per_radian;
+            by_x.push(by_r * x / r - by_angle * y / r2);
+            by_y.push(by_r * y / r + by_angle * x / r2);
+        }
+    }
+}
+
+/// One bin of a track.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrackBin {
+    /// Number of the bin: it covers [bin, bin + 1) widths.
+    pub bin: i64,
+    /// Middle of the bin, degrees from the progenitor.
+    pub phi_deg: f64,
+    /// Mean projected radius, kpc.
+    pub r_kpc: f64,
+    /// Standard error of the mean for independent particles, kpc.
+    pub r_err_kpc: f64,
+    /// Total weight.
+    pub n: f64,
+}
+
+/// A whole track: the bins with particles in them, in order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Track {
+    /// Bin width in degrees.
+    pub width_deg: f64,
+    /// The bins.
+    pub bins: Vec<TrackBin>,
+}
+
+impl Track {
+    /// The track of particles, every bin with a weight of at least `least_n`.
+    #[must_use]
+    pub fn of(arrivals: &Arrivals, width_deg: f64, edges: BinEdges, least_n: f64) -> Self {
+        let bin_of = |i: usize| {
+            let angle = arrivals.y[i].atan2(arrivals.x[i]) + TAU * arrivals.turns[i];
+            BinGrid::locate(angle.to_degrees() / width_deg).0
+        };
+        let numbers = (0..arrivals.len()).map(bin_of);
+        let (lo, hi) = numbers.fold((i64::MAX, i64::MIN), |(lo, hi), b| (lo.min(b), hi.max(b)));
+        if lo > hi {
+            return Self {
+                width_deg,
+                bins: Vec::new(),
+            };
+        }
+        // One more at each end: a soft edge shares its particles outwards.
+        let first = lo - 1;
+        let len = usize::try_from(hi - lo + 3).unwrap_or(0);
+        let grid = BinGrid {
+            width_deg,
+            first,
+            len,
+            edges,
+        };
+        let mut sums = Sums::default();
+        grid.sum(arrivals, &mut sums);
+        let bins = (0..len)
+            .filter(|&i| sums.weight[i] > 0.0 && sums.weight[i] >= least_n)
+            .map(|i| {
+                let n = sums.weight[i];
+                let mean = sums.r[i] / n;
+                let variance = (sums.r2[i] / n - mean * mean).max(0.0);
+                #[allow(
+                    clippy::cast_possible_wrap,
+                    reason = "an index below the number of bins"
+                )]
+                let bin = first + i as i64;
+                TrackBin {
+                    bin,
+                    phi_deg: (bin as f64 + 0.5) * width_deg,
+                    r_kpc: mean,
+                    r_err_kpc: (variance / n).sqrt(),
+                    n,
+                }
+            })
+            .collect();
+        Self { width_deg, bins }
+    }
+}

@@ -1,0 +1,253 @@
+//! Releases against 60-digit values, and the table of draws.
+
+use crate::golden::{cases, json, number, numbers};
+use oblate::orbit::State;
+use oblate::potential::FlattenedNfw;
+use oblate::scalar::{Dual, Real, Vec3, gradient_of, lift};
+use oblate::spray::{Arm, Design, Kick, Recipe, ReleaseTable, TableSettings, Tidal};
+use serde_json::Value;
+
+/// The golden files' own tolerance, relative to r_j for offsets and to the velocity scale for velocities.
+const TOLERANCE: f64 = 1e-11;
+
+fn host(case: &Value) -> FlattenedNfw<f64> {
+    let v = Vec3::from(numbers::<3>(&case["v"]));
+    let axis = v * (1.0 / f64::sqrt(v.norm2()));
+    FlattenedNfw::new(
+        number(&case["M"]),
+        number(&case["Rs"]),
+        number(&case["q"]),
+        axis,
+    )
+}
+
+fn progenitor(case: &Value) -> State<f64> {
+    State {
+        x: Vec3::from(numbers::<3>(&case["x"])),
+        v: Vec3::from(numbers::<3>(&case["vel"])),
+    }
+}
+
+/// Offset from the progenitor that a kick makes, position then velocity.
+fn offset(kick: &Kick, tidal: &Tidal<f64>, scales: (f64, f64)) -> [f64; 6] {
+    let combine = |c: [f64; 3], scale: f64| {
+        tidal
+            .frame
+            .iter()
+            .zip(c)
+            .fold(Vec3::zero(), |sum, (e, c)| sum + *e * (c * scale))
+    };
+    let (x, v) = (
+        combine(kick.position, scales.0),
+        combine(kick.velocity, scales.1),
+    );
+    [x.x, x.y, x.z, v.x, v.y, v.z]
+}
+
+fn check(case: &Value, recipe: Recipe, xi_names: &[&str], velocity_unit: f64) {
+    let id = &case["id"];
+    let m = number(&case["m"]);
+    let p = progenitor(case);
+    let tidal = Tidal::new(&host(case), m, p);
+    assert!(
+        (tidal.r_j / number(&case["r_j"]) - 1.0).abs() < TOLERANCE,
+        "r_j {id}"
+    );
+    assert!(!tidal.bounded, "{id}");
+    let mut xi = [0.0; 5];
+    for (slot, name) in xi.iter_mut().zip(xi_names) {
+        *slot = number(&case["xi"][*name]);
+    }
+    let scales = recipe.scales(&tidal, m);
+    let progenitor_state = [p.x.to_array(), p.v.to_array()].concat();
+    for (arm, key) in [(Arm::Leading, "lead"), (Arm::Trailing, "trail")] {
+        let kick = recipe
+            .kick(&xi, arm)
+            .expect("no golden case has a radius below zero");
+        let ours = offset(&kick, &tidal, scales);
+        let golden = numbers::<6>(&case[key]);
+        for i in 0..6 {
+            let unit = if i < 3 { tidal.r_j } else { velocity_unit };
+            // The golden state is progenitor plus offset: its last digit limits the difference.
+            let rounding = 4e-16 * golden[i].abs();
+            let error = (progenitor_state[i] + ours[i] - golden[i]).abs();
+            assert!(
+                error < TOLERANCE * unit + rounding,
+                "{recipe:?} {key} {id} [{i}]: {error:e}"
+            );
+        }
+    }
+}
+
+#[test]
+fn releases_meet_the_60_digit_values() {
+    let file = json("spray_release.json");
+    assert_eq!(cases(&file).len(), 40);
+    for case in cases(&file) {
+        let unit = number(&case["r_j"]) * number(&case["Omega"]);
+        check(case, Recipe::Fardal2015, &["r", "z", "vphi", "vz"], unit);
+    }
+    let file = json("release_variants.json");
+    for case in file["fardal2015"].as_array().expect("cases") {
+        let unit = number(&case["r_j"]) * number(&case["Omega"]);
+        check(
+            case,
+            Recipe::Fardal2015Published,
+            &["r", "z", "vphi", "vz"],
+            unit,
+        );
+    }
+    for case in file["chen2025"].as_array().expect("cases") {
+        check(
+            case,
+            Recipe::Chen2025,
+            &["r", "phi", "theta", "alpha", "beta"],
+            number(&case["v_esc"]),
+        );
+    }
+}
+
+#[test]
+fn a_radial_orbit_and_a_negative_bracket_give_finite_releases() {
+    let host = FlattenedNfw::<f64>::new(1e12, 15.0, 0.8, Vec3::new(0.0, 0.0, 1.0));
+    let radial = State {
+        x: Vec3::new(30.0, 0.0, 10.0),
+        v: Vec3::new(60.0, 0.0, 20.0),
+    };
+    let tidal: Tidal<f64> = Tidal::new(&host, 1e8, radial);
+    assert!(tidal.r_j.is_finite() && tidal.omega.is_finite());
+    assert!(tidal.frame.iter().all(|e| f64::is_finite(e.norm2())));
+    // A potential whose radial second derivative exceeds Omega^2: a heavy disc seen from above at rest.
+    let disc = oblate::potential::MiyamotoNagai {
+        mass: 1e12,
+        a: 5.0,
+        b: 2.0,
+        normal: Vec3::new(0.0, 0.0, 1.0),
+    };
+    let [z, vx] = lift::<2>(&[0.5, 1.0]);
+    let zero = Dual::from_re(0.0);
+    let state = State {
+        x: Vec3::new(zero, zero, z),
+        v: Vec3::new(vx, zero, zero),
+    };
+    let disc = oblate::potential::MiyamotoNagai {
+        mass: Dual::from_re(disc.mass),
+        a: Dual::from_re(disc.a),
+        b: Dual::from_re(disc.b),
+        normal: Vec3::from_f64(disc.normal),
+    };
+    let tidal = Tidal::new(&disc, Dual::from_re(1e8), state);
+    assert!(tidal.bounded);
+    assert!(
+        tidal.r_j.re() > 0.0 && tidal.r_j.re() <= 10.0 * 0.5 * (1.0 + 1e-9),
+        "{}",
+        tidal.r_j.re()
+    );
+    assert!(gradient_of(&tidal.r_j).iter().all(|g| g.is_finite()));
+}
+
+#[test]
+fn kicks_have_the_published_moments() {
+    let settings = TableSettings {
+        particles: 40_000,
+        design: Design::Random,
+        ..TableSettings::default()
+    };
+    for recipe in [Recipe::Fardal2015, Recipe::Fardal2015Published] {
+        let table = ReleaseTable::new(&TableSettings { recipe, ..settings }).expect("a table");
+        let trailing: Vec<_> = table
+            .particles
+            .iter()
+            .filter(|p| p.arm == Arm::Trailing)
+            .collect();
+        let n = trailing.len() as f64;
+        let sd = if recipe == Recipe::Fardal2015 {
+            0.5
+        } else {
+            0.4
+        };
+        let mean = trailing.iter().map(|p| p.kick.position[0]).sum::<f64>() / n;
+        let var = trailing
+            .iter()
+            .map(|p| (p.kick.position[0] - 2.0).powi(2))
+            .sum::<f64>()
+            / n;
+        // Four standard errors.
+        assert!((mean - 2.0).abs() < 4.0 * sd / n.sqrt(), "{mean}");
+        assert!(
+            (var / (sd * sd) - 1.0).abs() < 4.0 * (2.0 / n).sqrt(),
+            "{var}"
+        );
+    }
+}
+
+#[test]
+fn a_chen_draw_below_zero_radius_is_refused() {
+    assert!(
+        Recipe::Chen2025
+            .kick(&[-4.6, 0.0, 0.0, 0.0, 0.0], Arm::Leading)
+            .is_none()
+    );
+    assert!(
+        Recipe::Chen2025
+            .kick(&[-4.5, 0.0, 0.0, 0.0, 0.0], Arm::Leading)
+            .is_some()
+    );
+}
+
+#[test]
+fn tables_are_even_and_reproducible() {
+    for design in [Design::Random, Design::Sobol] {
+        let settings = TableSettings {
+            particles: 1_000,
+            design,
+            ..TableSettings::default()
+        };
+        let table = ReleaseTable::new(&settings).expect("a table");
+        assert_eq!(table.len(), 1_000);
+        assert_eq!(table.len(), table.taus.len() * table.per_epoch);
+        assert!(table.taus.windows(2).all(|t| t[0] < t[1]) && table.taus[0] >= -1.0);
+        assert_eq!(table, ReleaseTable::new(&settings).expect("a table"));
+        let other = ReleaseTable::new(&TableSettings {
+            seed: 2,
+            ..settings
+        })
+        .expect("a table");
+        assert_ne!(table.particles, other.particles);
+        for epoch in table.particles.chunks(table.per_epoch) {
+            let leading = epoch.iter().filter(|p| p.arm == Arm::Leading).count();
+            assert_eq!(2 * leading, table.per_epoch);
+        }
+    }
+    let odd = TableSettings {
+        particles: 1_001,
+        ..TableSettings::default()
+    };
+    let message = ReleaseTable::new(&odd)
+        .expect_err("1001 is odd")
+        .to_string();
+    assert!(
+        message.contains("1001") && message.contains("multiple"),
+        "{message}"
+    );
+}
+
+#[test]
+fn sobol_spreads_better_than_random() {
+    // The mean of k_r over 500 particles: random has sd 0.5/sqrt(500) = 0.022; the net is far below it.
+    let table = ReleaseTable::new(&TableSettings {
+        particles: 1_000,
+        ..TableSettings::default()
+    })
+    .expect("a table");
+    for arm in [Arm::Leading, Arm::Trailing] {
+        let k_r: Vec<f64> = table
+            .particles
+            .iter()
+            .filter(|p| p.arm == arm)
+            .map(|p| p.kick.position[0] * arm.sign())
+            .collect();
+        let mean = k_r.iter().sum::<f64>() / k_r.len() as f64;
+        assert!((mean - 2.0).abs() < 0.005, "{mean}");
+    }
+}

@@ -1,0 +1,164 @@
+//! Tracks against gala's, hard against soft bins, and the bins' derivatives.
+
+use crate::gala::{NAMES, galaxy, track};
+use oblate::scalar::{Dual, gradient_of, lift};
+use oblate::spray::{Design, TableSettings};
+use oblate::stream::{Arrivals, Model, ModelSettings};
+use oblate::track::{BinEdges, BinGrid, Sums, Track};
+use proptest::prelude::*;
+
+fn arrivals(name: &str, settings: &ModelSettings) -> Arrivals {
+    let model = Model::new(settings).expect("a model");
+    let setup = model.setup(&galaxy(name)).expect("a setup");
+    let (mut path, mut out) = (Vec::new(), Arrivals::default());
+    model.carry(&setup, &mut path, &mut out).expect("particles");
+    out
+}
+
+/// gala's release times (2000 epochs), independent random numbers, and steps so fine that only noise is left.
+fn converged(name: &str) -> Arrivals {
+    let releases = TableSettings {
+        particles: 80_000,
+        epochs: 2_000,
+        design: Design::Random,
+        ..TableSettings::default()
+    };
+    arrivals(
+        name,
+        &ModelSettings {
+            releases,
+            steps: 2_400,
+            orbit_steps: 4_000,
+            ..ModelSettings::default()
+        },
+    )
+}
+
+#[test]
+fn tracks_reproduce_galas_within_their_noise() {
+    for name in NAMES {
+        let ours = converged(name);
+        let n = ours.len() as f64;
+        let hard = Track::of(&ours, 10.0, BinEdges::Hard, 100.0);
+        let mut z = Vec::new();
+        let mut chi2_counts = 0.0;
+        for golden in track(name).iter().filter(|b| b.count >= 500.0) {
+            let Some(bin) = hard
+                .bins
+                .iter()
+                .find(|b| (b.bin as f64 * 10.0 - golden.lo_deg).abs() < 1e-9)
+            else {
+                continue;
+            };
+            z.push((bin.r_kpc - golden.mean_r_kpc) / bin.r_err_kpc.hypot(golden.se_r_kpc));
+            // Poisson errors of both counts, as fractions of all particles.
+            let error = (bin.n / (n * n) + golden.count / (200_000.0 * 200_000.0)).sqrt();
+            chi2_counts += ((bin.n / n - golden.count / 200_000.0) / error).powi(2);
+        }
+        let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
+        let worst = z.iter().fold(0.0_f64, |m, z| m.max(z.abs()));
+        let counts = chi2_counts / z.len() as f64;
+        println!(
+            "{name}: {} bins, rms z {rms:.2}, worst {worst:.2}, chi2 of counts {counts:.2}",
+            z.len()
+        );
+        assert!(z.len() >= 15, "{name}: only {} bins", z.len());
+        // The golden README's limits: rms 0.7-1.4, |z| < 5.
+        assert!(
+            (0.7..1.4).contains(&rms) && worst < 5.0,
+            "{name}: rms {rms}, worst {worst}, {z:?}"
+        );
+        // Mean of z.len() chi-squares: four standard errors.
+        assert!(
+            (counts - 1.0).abs() < 4.0 * (2.0 / z.len() as f64).sqrt(),
+            "{name}: counts {counts}"
+        );
+    }
+}
+
+#[test]
+fn soft_bins_become_hard_ones_as_their_edges_narrow() {
+    let ours = arrivals("s0_oblate_tilted", &ModelSettings::default());
+    let hard = Track::of(&ours, 10.0, BinEdges::Hard, 40.0);
+    let difference = |half_width_deg: f64| {
+        let soft = Track::of(&ours, 10.0, BinEdges::Soft { half_width_deg }, 1.0);
+        hard.bins
+            .iter()
+            .map(|h| {
+                let s = soft
+                    .bins
+                    .iter()
+                    .find(|s| s.bin == h.bin)
+                    .expect("the bin is there too");
+                (s.r_kpc / h.r_kpc - 1.0).abs().max((s.n - h.n).abs() / h.n)
+            })
+            .fold(0.0, f64::max)
+    };
+    assert!(difference(1e-9) < 1e-12, "{}", difference(1e-9));
+    assert!(difference(0.1) < 0.02 && difference(0.1) > 0.0);
+}
+
+#[test]
+fn the_shares_of_all_particles_add_up_to_their_number() {
+    for name in NAMES {
+        let ours = arrivals(name, &ModelSettings::default());
+        for edges in [BinEdges::Hard, BinEdges::default()] {
+            let total: f64 = Track::of(&ours, 10.0, edges, 0.0)
+                .bins
+                .iter()
+                .map(|b| b.n)
+                .sum();
+            assert!(
+                (total - ours.len() as f64).abs() < 1e-9 * total,
+                "{name} {edges:?} {total}"
+            );
+        }
+    }
+}
+
+proptest! {
+    /// Reverse mode of the bins against duals, particles anywhere, at edges too.
+    #[test]
+    fn pulling_back_sums_matches_duals(x in -80.0..80.0_f64, y in -80.0..80.0_f64, turns in -1..2_i32,
+                                       soft in any::<bool>(), at_edge in any::<bool>()) {
+        let (x, y) = if at_edge {
+            // On the edge between two bins, to rounding.
+            let r = x.hypot(y).max(1.0);
+            let angle = (y.atan2(x).to_degrees() / 10.0).round().to_radians() * 10.0;
+            (r * angle.cos(), r * angle.sin())
+        } else {
+            (x, y)
+        };
+        prop_assume!(x.hypot(y) > 0.1);
+        let edges = if soft { BinEdges::default() } else { BinEdges::Hard };
+        let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges };
+        let [dx, dy]: [Dual<2>; 2] = lift(&[x, y]);
+        let turns = f64::from(turns);
+        let arrival = oblate::orbit::Arrival {
+            state: oblate::orbit::State {
+                x: oblate::scalar::Vec3::new(dx, dy, Dual::from_re(0.0)),
+                v: oblate::scalar::Vec3::from_f64(oblate::scalar::Vec3::zero()),
+            },
+            turns: Dual::from_re(turns),
+            unsafe_turns: Dual::from_re(0.0),
+        };
+        let mut duals = Sums::default();
+        grid.sum_arrivals(&[arrival], &mut duals);
+        // A scalar that weighs every sum differently.
+        let weigh = |i: usize| (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
+        let mut total = Dual::<2>::from_re(0.0);
+        let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };
+        for i in 0..180 {
+            let (a, b, c) = weigh(i);
+            total += duals.weight[i] * a + duals.r[i] * b + duals.r2[i] * c;
+            (by.weight[i], by.r[i], by.r2[i]) = (a, b, c);
+        }
+        let arrivals = Arrivals { x: vec![x], y: vec![y], turns: vec![turns], ..Arrivals::default() };
+        let (mut by_x, mut by_y) = (Vec::new(), Vec::new());
+        grid.pull_back(&arrivals, &by, &mut by_x, &mut by_y);
+        let [gx, gy] = gradient_of(&total);
+        let scale = gx.abs().max(gy.abs()).max(1e-3);
+        prop_assert!((gx - by_x[0]).abs() < 1e-11 * scale, "{gx} {}", by_x[0]);
+        prop_assert!((gy - by_y[0]).abs() < 1e-11 * scale, "{gy} {}", by_y[0]);
+    }
+}
