@@ -10,8 +10,11 @@
 )]
 
 pub mod error;
+pub mod inference;
 pub mod likelihood;
 pub mod orbit;
+pub mod params;
+pub mod population;
 pub mod potential;
 pub mod scalar;
 pub mod spray;

@@ -56,7 +56,11 @@ pub struct Sums<S> {
 
 impl<S> Default for Sums<S> {
     fn default() -> Self {
-        Self { weight: Vec::new(), r: Vec::new(), r2: Vec::new() }
+        Self {
+            weight: Vec::new(),
+            r: Vec::new(),
+            r2: Vec::new(),
+        }
     }
 }
 

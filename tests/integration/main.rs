@@ -2,7 +2,10 @@
 
 mod gala;
 mod golden;
+mod ks;
+mod likelihood;
 mod orbit;
+mod params;
 mod potential;
 mod spray;
 mod stream;

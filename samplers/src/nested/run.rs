@@ -8,7 +8,7 @@ use crate::checkpoint;
 use crate::control::{Control, Event};
 use crate::error::{Error, Result};
 use crate::output::{Run, Status};
-use crate::rng::{Domain, stream, unit_open};
+use crate::rng::{Domain, stream};
 use crate::target::Target;
 use cpu_time::ProcessTime;
 use std::time::Instant;
@@ -156,10 +156,11 @@ impl Keeper {
 /// A hash of ln L at three fixed draws of the prior: names the target. Its calls are not part of the run.
 fn fingerprint(target: &dyn Target) -> Result<u64> {
     let mut likelihood = Likelihood::new(target);
+    let mut u = vec![0.0; target.dim()];
     let mut bytes = Vec::new();
     for i in 0..3 {
         let mut rng = stream(0, Domain::Prior, 0, i);
-        let u: Vec<f64> = (0..target.dim()).map(|_| unit_open(&mut rng)).collect();
+        likelihood.draw_prior(&mut rng, &mut u)?;
         bytes.extend_from_slice(&likelihood.at(&u)?.to_bits().to_le_bytes());
     }
     Ok(checkpoint::hash(&bytes))

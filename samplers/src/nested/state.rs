@@ -7,7 +7,7 @@ use super::live::{self, Batch, Points, REJECTED};
 use super::rank::Ranks;
 use super::settings::{BoundKind, Kernel, Settings};
 use crate::error::{Error, Result};
-use crate::rng::{Domain, Stream, below, stream, unit_open};
+use crate::rng::{Domain, Stream, below, stream};
 use crate::target::Target;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -138,6 +138,11 @@ impl State {
         let ln_x = self.ln_x_after(&batch);
         let refitted = self.refit_if_due(job, &kept, ln_x);
         let bound = refitted.as_ref().or(self.bound.as_ref());
+        // A refit keeps the length of steps, whatever the size of the new ellipsoids.
+        let scale = match (&self.bound, &refitted) {
+            (Some(old), Some(new)) => self.scale * (old.ln_unit(&kept) - new.ln_unit(&kept)).exp(),
+            _ => self.scale,
+        };
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
         let seeds = choose_seeds(&mut rng, kept.len(), births);
@@ -146,7 +151,7 @@ impl State {
             contour: batch.contour,
             kernel: job.kernel(),
             bound,
-            scale: self.scale,
+            scale,
             steps: self.steps,
         };
         let first = self.next_point;
@@ -168,6 +173,7 @@ impl State {
             self.ln_x_at_fit = ln_x;
             self.efficiency_at_fit = None;
         }
+        self.scale = scale;
         self.count(&born);
         self.tune(job, &born);
         self.commit(&batch, &born, &mut rng);
@@ -183,8 +189,9 @@ impl State {
             .into_par_iter()
             .map(|j| {
                 let mut rng = stream(job.seed, Domain::NestedPoint, 0, j);
-                let u: Vec<f64> = (0..job.target.dim()).map(|_| unit_open(&mut rng)).collect();
                 let mut likelihood = Likelihood::new(job.target);
+                let mut u = vec![0.0; job.target.dim()];
+                likelihood.draw_prior(&mut rng, &mut u)?;
                 let ln_l = likelihood.at(&u)?;
                 Ok((u, ln_l, likelihood.tally))
             })

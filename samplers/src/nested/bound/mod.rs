@@ -9,11 +9,15 @@ pub(super) use ellipsoid::{Ellipsoid, draw_direction, draw_in_ball};
 use super::live::Points;
 use super::settings::BoundKind;
 use crate::rng::{Domain, Stream, below, stream, unit_open};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Bootstraps of the decomposition behind the enlargement for independent draws.
-const BOOTSTRAPS: u64 = 20;
+/// Bootstraps behind the enlargement for independent draws.
+const BOOTSTRAPS: usize = 20;
+
+/// Largest enlargement of an axis for independent draws. A new point of a cluster of 2 d or more lies within this many
+/// times the fitted extent for all practical ends (Hotelling's law); where a bootstrap asks for more, it has lost the
+/// shape of a small cluster, or all of one of two distant groups between which the ellipsoid spans anyway.
+const MAX_REACH: f64 = 3.0;
 
 /// Volume factor of the ellipsoids for kernels that walk: there they are only a metric.
 const STEP_ENLARGEMENT: f64 = 1.25;
@@ -30,53 +34,38 @@ pub(super) struct Bound {
 impl Bound {
     /// A bound for kernels that walk. `None` if the points are too few or all alike.
     pub fn for_steps(points: &Points, kind: BoundKind) -> Option<Self> {
+        let factor = STEP_ENLARGEMENT.powf(1.0 / points.dim() as f64);
+        let mut bound = Self::assemble(points, kind, &mut |rows| Ellipsoid::fit(points, rows))?;
+        bound.whole.enlarge(factor);
+        bound.parts.iter_mut().for_each(|e| e.enlarge(factor));
+        Some(bound)
+    }
+
+    /// A bound to draw from: every ellipsoid enlarged until, in each bootstrap of its points, the one fitted to them
+    /// holds those left out. Splits are judged by the enlarged volumes, so that two distant clusters, one of them
+    /// small, do not share an ellipsoid that only the bootstrap would blow up. `None` as for
+    /// [`for_steps`](Self::for_steps).
+    pub fn for_draws(points: &Points, kind: BoundKind, seed: u64, number: u64) -> Option<Self> {
+        let mut rng = stream(seed, Domain::NestedBound, 0, number);
+        Self::assemble(points, kind, &mut |rows| {
+            let mut ellipsoid = Ellipsoid::fit(points, rows)?;
+            let farthest = (0..BOOTSTRAPS)
+                .map(|_| reach(points, rows, &mut rng))
+                .fold(1.0, f64::max);
+            ellipsoid.enlarge(farthest.min(MAX_REACH));
+            Some(ellipsoid)
+        })
+    }
+
+    fn assemble(points: &Points, kind: BoundKind, fit: &mut split::Fit<'_>) -> Option<Self> {
         let rows: Vec<usize> = (0..points.len()).collect();
-        let mut bound = Self::fit(points, &rows, kind)?;
-        bound.enlarge(STEP_ENLARGEMENT.powf(1.0 / points.dim() as f64));
-        Some(bound)
-    }
-
-    /// A bound to draw from: enlarged until, in every bootstrap of the whole decomposition, it holds the points left
-    /// out. `None` as for [`for_steps`](Self::for_steps).
-    pub fn for_draws(points: &Points, kind: BoundKind, seed: u64, fit: u64) -> Option<Self> {
-        let count = points.len();
-        let rows: Vec<usize> = (0..count).collect();
-        let mut bound = Self::fit(points, &rows, kind)?;
-        let reach: Vec<f64> = (0..BOOTSTRAPS)
-            .into_par_iter()
-            .map(|b| {
-                let mut rng = stream(seed, Domain::NestedBound, fit, b);
-                let mut drawn = vec![false; count];
-                let mut sample = Vec::with_capacity(count);
-                for _ in 0..count {
-                    let i = below(&mut rng, count);
-                    drawn[i] = true;
-                    sample.push(i);
-                }
-                let Some(partial) = Self::fit(points, &sample, kind) else {
-                    return 1.0;
-                };
-                (0..count)
-                    .filter(|&i| !drawn[i])
-                    .map(|i| partial.distance(points.row(i)))
-                    .fold(1.0, f64::max)
-            })
-            .collect();
-        bound.enlarge(reach.into_iter().fold(1.0, f64::max));
-        Some(bound)
-    }
-
-    fn fit(points: &Points, rows: &[usize], kind: BoundKind) -> Option<Self> {
-        if kind == BoundKind::Cube {
-            return Some(Self::cube(points.dim()));
-        }
-        if rows.len() < 2 * points.dim() {
+        if kind == BoundKind::Cube || rows.len() < 2 * points.dim() {
             return None;
         }
-        let whole = Ellipsoid::fit(points, rows)?;
+        let whole = fit(&rows)?;
         let mut parts = Vec::new();
         if kind == BoundKind::MultiEllipsoid {
-            parts = split::split(points, rows, whole.clone());
+            parts = split::split(points, &rows, whole.clone(), fit);
             if parts.len() == 1 {
                 parts.clear();
             }
@@ -92,11 +81,6 @@ impl Bound {
         }
     }
 
-    fn enlarge(&mut self, factor: f64) {
-        self.whole.enlarge(factor);
-        self.parts.iter_mut().for_each(|e| e.enlarge(factor));
-    }
-
     /// The ellipsoids to draw from.
     fn pieces(&self) -> &[Ellipsoid] {
         if self.parts.is_empty() {
@@ -104,14 +88,6 @@ impl Bound {
         } else {
             &self.parts
         }
-    }
-
-    /// Distance to the nearest ellipsoid in its own units: at most 1 inside.
-    fn distance(&self, x: &[f64]) -> f64 {
-        self.pieces()
-            .iter()
-            .map(|e| e.distance(x))
-            .fold(f64::INFINITY, f64::min)
     }
 
     /// The metric region of `x`: the first ellipsoid that holds it, or the whole.
@@ -136,6 +112,13 @@ impl Bound {
     /// The ellipsoid whose axes are the metric of a label.
     pub fn metric(&self, label: usize) -> &Ellipsoid {
         self.parts.get(label).unwrap_or(&self.whole)
+    }
+
+    /// Mean log axis of the metrics of `points`, geometric over axes: the unit of a step length.
+    pub fn ln_unit(&self, points: &Points) -> f64 {
+        let ln_volumes =
+            (0..points.len()).map(|i| self.metric(self.label(points.row(i))).ln_volume);
+        ln_volumes.sum::<f64>() / (points.len() * points.dim()) as f64
     }
 
     /// A uniform draw from the union of the ellipsoids; false: drawn from an overlap and thinned out, try again.
@@ -163,6 +146,30 @@ impl Bound {
         let holders = pieces.iter().filter(|e| e.contains(out)).count();
         holders <= 1 || unit_open(rng) * (holders as f64) < 1.0
     }
+}
+
+/// The farthest of the points that a resampling of `rows` leaves out, from the ellipsoid of those that it takes. 1 if
+/// it takes fewer different ones than an ellipsoid needs, d + 1: then it says nothing of the rest.
+fn reach(points: &Points, rows: &[usize], rng: &mut Stream) -> f64 {
+    let mut taken = vec![false; rows.len()];
+    let sample: Vec<usize> = (0..rows.len())
+        .map(|_| {
+            let i = below(rng, rows.len());
+            taken[i] = true;
+            rows[i]
+        })
+        .collect();
+    if taken.iter().filter(|t| **t).count() <= points.dim() {
+        return 1.0;
+    }
+    let Some(partial) = Ellipsoid::fit(points, &sample) else {
+        return 1.0;
+    };
+    rows.iter()
+        .zip(&taken)
+        .filter(|(_, taken)| !**taken)
+        .map(|(&i, _)| partial.distance(points.row(i)))
+        .fold(1.0, f64::max)
 }
 
 #[cfg(test)]

@@ -6,28 +6,36 @@ use crate::nested::live::Points;
 /// Lloyd iterations of the two-means split.
 const ITERATIONS: usize = 10;
 
+/// How an ellipsoid is put around rows.
+pub(super) type Fit<'a> = dyn FnMut(&[usize]) -> Option<Ellipsoid> + 'a;
+
 /// The ellipsoids of `rows`, whose own ellipsoid is `whole`: split in two, and again, while that pays for its
-/// parameters.
-pub(super) fn split(points: &Points, rows: &[usize], whole: Ellipsoid) -> Vec<Ellipsoid> {
+/// parameters. No cluster has fewer than 2 d rows.
+pub(super) fn split(
+    points: &Points,
+    rows: &[usize],
+    whole: Ellipsoid,
+    fit: &mut Fit<'_>,
+) -> Vec<Ellipsoid> {
     let d = points.dim();
+    if rows.len() < 4 * d {
+        return vec![whole];
+    }
     let Some((left, right)) = two_means(points, rows, &whole) else {
         return vec![whole];
     };
     if left.len().min(right.len()) < 2 * d {
         return vec![whole];
     }
-    let (Some(first), Some(second)) = (
-        Ellipsoid::fit(points, &left),
-        Ellipsoid::fit(points, &right),
-    ) else {
+    let (Some(first), Some(second)) = (fit(&left), fit(&right)) else {
         return vec![whole];
     };
     let count = rows.len() as f64;
     let parameters = (d * (d + 3)) as f64 / 2.0;
     let needed = parameters * count.ln() / count;
     let gain = whole.ln_volume - ln_total(&[first.ln_volume, second.ln_volume]);
-    let mut pieces = split(points, &left, first);
-    pieces.extend(split(points, &right, second));
+    let mut pieces = split(points, &left, first, fit);
+    pieces.extend(split(points, &right, second, fit));
     if gain > needed {
         return pieces;
     }
@@ -51,10 +59,6 @@ fn two_means(
     rows: &[usize],
     whole: &Ellipsoid,
 ) -> Option<(Vec<usize>, Vec<usize>)> {
-    let d = points.dim();
-    if rows.len() < 4 * d {
-        return None;
-    }
     let scale = inverse_variance(points, rows);
     let (mut a, mut b) = whole.ends_of_major_axis();
     let mut left = Vec::new();

@@ -70,7 +70,7 @@ pub(super) fn draw(
             jump::try_all(&mut chain, rng)?;
         }
     }
-    refresh_orbits(setting.target, &mut chain.x, rng);
+    chain.refresh_orbits(rng);
     chain.motion.moved = chain.x != seed;
     Ok(Newborn {
         u: chain.x,
@@ -112,15 +112,18 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Puts `x + t direction` into `trial`; its log-likelihood if it is in the cube, in the metric region of `x` and
-    /// above the contour.
+    /// Puts `x + t direction` into `trial`; its log-likelihood if it is in the cube, inside the walls, in the metric
+    /// region of `x` and above the contour.
     fn look(&mut self, t: f64) -> Result<Option<f64>> {
         let mut in_cube = true;
         for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
             *o = x + t * v;
             in_cube &= *o > 0.0 && *o < 1.0;
         }
-        if !in_cube || !self.bound.has_label(&self.trial, self.label) {
+        let ours = in_cube
+            && self.bound.has_label(&self.trial, self.label)
+            && self.likelihood.inside_walls(&self.trial);
+        if !ours {
             return Ok(None);
         }
         let ln_l = self.likelihood.at(&self.trial)?;
@@ -132,19 +135,20 @@ impl<'a> Chain<'a> {
         std::mem::swap(&mut self.x, &mut self.trial);
         self.ln_l = ln_l;
     }
-}
 
-/// Draws the position along every declared orbit afresh: the likelihood is the same there, so no call is needed.
-fn refresh_orbits(target: &dyn Target, u: &mut [f64], rng: &mut Stream) {
-    let mut z: Option<Vec<f64>> = None;
-    for symmetry in target.symmetries() {
-        if let Symmetry::Orbit(orbit) = symmetry {
-            let z = z.get_or_insert_with(|| u.iter().map(|u| normal::quantile(*u)).collect());
-            orbit.refresh(z, rng);
+    /// Draws the position along every declared orbit afresh: the likelihood is the same there, so no call is needed.
+    /// A draw beyond a wall is refused, which keeps the law inside the walls.
+    fn refresh_orbits(&mut self, rng: &mut Stream) {
+        for symmetry in self.setting.target.symmetries() {
+            if let Symmetry::Orbit(orbit) = symmetry {
+                let mut z: Vec<f64> = self.x.iter().map(|u| normal::quantile(*u)).collect();
+                orbit.refresh(&mut z, rng);
+                cube_from_normal(&z, &mut self.trial);
+                if self.likelihood.inside_walls(&self.trial) {
+                    self.x.copy_from_slice(&self.trial);
+                }
+            }
         }
-    }
-    if let Some(z) = z {
-        cube_from_normal(&z, u);
     }
 }
 

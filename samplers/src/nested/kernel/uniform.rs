@@ -3,10 +3,11 @@
 use super::{Motion, Newborn, Setting};
 use crate::error::{Error, Result};
 use crate::nested::likelihood::Likelihood;
-use crate::rng::{Stream, unit_open};
+use crate::rng::Stream;
 
-/// Likelihood calls for one point before the bound is given up.
-const MAX_CALLS: u64 = 1_000_000;
+/// Likelihood calls, and draws, for one point before the bound is given up.
+const MAX_CALLS: u64 = 100_000;
+const MAX_DRAWS: u64 = 1_000_000;
 
 /// Draws until one is above the contour.
 pub(super) fn draw(setting: &Setting<'_>, rng: &mut Stream) -> Result<Newborn> {
@@ -14,11 +15,14 @@ pub(super) fn draw(setting: &Setting<'_>, rng: &mut Stream) -> Result<Newborn> {
     let mut likelihood = Likelihood::new(setting.target);
     let mut ball = vec![0.0; dim];
     let mut u = vec![0.0; dim];
-    while likelihood.tally.calls < MAX_CALLS {
+    for _ in 0..MAX_DRAWS {
         match setting.bound {
-            None => u.iter_mut().for_each(|u| *u = unit_open(rng)),
+            None => likelihood.draw_prior(rng, &mut u)?,
             Some(bound) => {
-                if !bound.draw(rng, &mut ball, &mut u) || !u.iter().all(|u| *u > 0.0 && *u < 1.0) {
+                let ours = bound.draw(rng, &mut ball, &mut u)
+                    && u.iter().all(|u| *u > 0.0 && *u < 1.0)
+                    && likelihood.inside_walls(&u);
+                if !ours {
                     continue;
                 }
             }
@@ -35,10 +39,13 @@ pub(super) fn draw(setting: &Setting<'_>, rng: &mut Stream) -> Result<Newborn> {
                 },
             });
         }
+        if likelihood.tally.calls >= MAX_CALLS {
+            break;
+        }
     }
     Err(Error::Stuck {
         what: "independent draws from the bound never exceed the contour",
-        tries: MAX_CALLS,
+        tries: likelihood.tally.calls,
         remedy: "use the kernel `random-slice`, which does not depend on how tight the bound is",
     })
 }

@@ -1,0 +1,473 @@
+//! The prior of the thirteen parameters: one table of defaults, settings to change or fix any of them, and the map
+//! from what a sampler moves (the free parameters) to what the model needs (all of them).
+
+use super::layout::{DIM, PARAMETERS, StreamParams, index_of};
+use super::shape::{QPrior, QRange, Shape};
+use crate::error::{Error, Result};
+use crate::scalar::{Real, Scalar};
+use oblate_samplers::rng::{Stream, unit_open};
+use oblate_samplers::{Marginal, Prior};
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// Standard deviation of the progenitor's position per component, kpc.
+const POSITION_SD_KPC: f64 = 150.0;
+/// Standard deviation of the progenitor's velocity per component, km/s.
+const VELOCITY_SD_KM_S: f64 = 250.0;
+
+const fn uniform(lo: f64, hi: f64) -> Marginal {
+    Marginal::Uniform { lo, hi }
+}
+
+const fn normal(sd: f64) -> Marginal {
+    Marginal::Normal { mean: 0.0, sd }
+}
+
+const fn half_normal(sd: f64) -> Marginal {
+    Marginal::HalfNormal { sd }
+}
+
+/// The prior of Chemaly et al. (2026), table 1. The half-normals choose one of several equivalent copies: the axis'
+/// sign, the side of the halo that faces us, the orientation of the sky's axes, the sense of the orbit.
+const DEFAULT: StreamParams<Marginal> = StreamParams {
+    log10_m_halo: uniform(11.0, 14.0),
+    r_s_halo_kpc: uniform(10.0, 25.0),
+    dir_x: normal(1.0),
+    dir_y: normal(1.0),
+    dir_z: half_normal(1.0),
+    log10_m_prog: uniform(7.0, 9.0),
+    r_s_prog_kpc: uniform(1.0, 5.0),
+    x0_kpc: half_normal(POSITION_SD_KPC),
+    z0_kpc: half_normal(POSITION_SD_KPC),
+    vx0_km_s: normal(VELOCITY_SD_KM_S),
+    vy0_km_s: half_normal(VELOCITY_SD_KM_S),
+    vz0_km_s: normal(VELOCITY_SD_KM_S),
+    age_gyr: uniform(1.0, 4.0),
+};
+
+/// Parameters that the model needs above zero.
+const POSITIVE: [&str; 3] = ["r_s_halo_kpc", "r_s_prog_kpc", "age_gyr"];
+
+/// The prior as the user writes it. Every key may be left out.
+///
+/// ```toml
+/// q_min = 0.6
+/// marginals.age_gyr = { kind = "uniform", lo = 2.0, hi = 3.0 }
+/// fixed.r_s_halo_kpc = 15.0
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PriorSettings {
+    /// q of a shape vector of length zero; 0.5.
+    pub q_min: f64,
+    /// q of an infinitely long shape vector; 1.5.
+    pub q_max: f64,
+    /// The distribution of each parameter while it is free; one that is left out keeps its default.
+    #[serde(deserialize_with = "over_the_defaults")]
+    pub marginals: StreamParams<Marginal>,
+    /// Values of the parameters that are fixed.
+    pub fixed: StreamParams<Option<f64>>,
+}
+
+impl Default for PriorSettings {
+    fn default() -> Self {
+        Self {
+            q_min: 0.5,
+            q_max: 1.5,
+            marginals: DEFAULT,
+            fixed: StreamParams::default(),
+        }
+    }
+}
+
+impl Default for StreamParams<Option<f64>> {
+    fn default() -> Self {
+        Self::from_array([None; DIM])
+    }
+}
+
+/// Reads the marginals that are given and takes the others from the table.
+fn over_the_defaults<'de, D: Deserializer<'de>>(
+    source: D,
+) -> std::result::Result<StreamParams<Marginal>, D::Error> {
+    let given = StreamParams::<Option<Marginal>>::deserialize(source)?.to_array();
+    let table = DEFAULT.to_array();
+    Ok(StreamParams::from_array(std::array::from_fn(|i| {
+        given[i].unwrap_or(table[i])
+    })))
+}
+
+impl PriorSettings {
+    /// Fixes one parameter by its name.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if there is no such parameter.
+    pub fn fix(&mut self, name: &str, value: f64) -> Result<()> {
+        let slot = index_of(name).and_then(|i| self.fixed.get_mut(i));
+        match slot {
+            Some(slot) => {
+                *slot = Some(value);
+                Ok(())
+            }
+            None => Err(Error::Setting {
+                key: format!("prior.fixed.{name}"),
+                value: value.to_string(),
+                remedy: format!(
+                    "there is no such parameter; the names are {}",
+                    super::NAMES.join(", ")
+                ),
+            }),
+        }
+    }
+}
+
+/// The prior, checked: which parameters are free, their distributions, and the values of the fixed ones.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StreamPrior {
+    settings: PriorSettings,
+    /// Places of the free parameters among the thirteen, in order.
+    free: Vec<usize>,
+    /// Values of the fixed parameters; unused (NaN) in the places of the free ones.
+    fixed: [f64; DIM],
+    prior: Prior,
+}
+
+impl StreamPrior {
+    /// Checks the settings and builds the product prior of the free parameters.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] with the key, for bounds of q out of order, a marginal that is no distribution or reaches
+    /// below zero where the model needs a positive number, a fixed value that the model cannot use, or no free
+    /// parameter.
+    pub fn new(settings: &PriorSettings) -> Result<Self> {
+        let (q_min, q_max) = (settings.q_min, settings.q_max);
+        if !(q_min.is_finite() && q_min > 0.0) {
+            return Err(setting("q_min", q_min, "give a finite number above zero"));
+        }
+        if !(q_max.is_finite() && q_max > q_min) {
+            return Err(setting("q_max", q_max, "give a finite number above q_min"));
+        }
+        let marginals = settings.marginals.to_array();
+        let given = settings.fixed.to_array();
+        let mut free = Vec::new();
+        let mut fixed = [f64::NAN; DIM];
+        for (i, parameter) in PARAMETERS.iter().enumerate() {
+            let positive = POSITIVE.contains(&parameter.name);
+            if let Some(value) = given[i] {
+                if !value.is_finite() || (positive && value <= 0.0) {
+                    return Err(setting(
+                        &format!("fixed.{}", parameter.name),
+                        value,
+                        if positive {
+                            "give a finite number above zero"
+                        } else {
+                            "give a finite number"
+                        },
+                    ));
+                }
+                fixed[i] = value;
+            } else {
+                check_marginal(parameter.name, &marginals[i], positive)?;
+                free.push(i);
+            }
+        }
+        if free.is_empty() {
+            return Err(Error::Setting {
+                key: "prior.fixed".to_owned(),
+                value: "all parameters".to_owned(),
+                remedy: "leave at least one parameter free".to_owned(),
+            });
+        }
+        let prior = Prior::new(
+            free.iter()
+                .map(|&i| (PARAMETERS[i].name, PARAMETERS[i].unit, marginals[i])),
+        )?;
+        Ok(Self {
+            settings: *settings,
+            free,
+            fixed,
+            prior,
+        })
+    }
+
+    /// The settings it was built from.
+    #[must_use]
+    pub fn settings(&self) -> &PriorSettings {
+        &self.settings
+    }
+
+    /// The product prior of the free parameters, with names and units.
+    #[must_use]
+    pub fn prior(&self) -> &Prior {
+        &self.prior
+    }
+
+    /// The places of the free parameters in [`PARAMETERS`], in the order of [`prior`](Self::prior).
+    #[must_use]
+    pub fn free(&self) -> &[usize] {
+        &self.free
+    }
+
+    /// Where a parameter stands among the free ones; `None` if it is fixed or unknown.
+    #[must_use]
+    pub fn free_index(&self, name: &str) -> Option<usize> {
+        let index = index_of(name)?;
+        self.free.iter().position(|&i| i == index)
+    }
+
+    /// All thirteen parameters from the free ones, in the order of [`free`](Self::free).
+    pub fn fill<S: Scalar>(&self, theta: &[S]) -> StreamParams<S> {
+        let mut all = self.fixed.map(S::from_f64);
+        for (&place, &value) in self.free.iter().zip(theta) {
+            all[place] = value;
+        }
+        StreamParams::from_array(all)
+    }
+
+    /// The free ones among thirteen parameters: the inverse of [`fill`](Self::fill). A gradient with respect to the
+    /// thirteen becomes one with respect to the free ones in the same way.
+    pub fn free_of<S: Copy>(&self, params: &StreamParams<S>) -> Vec<S> {
+        let all = params.to_array();
+        self.free.iter().map(|&i| all[i]).collect()
+    }
+
+    /// The range of q.
+    #[must_use]
+    pub fn q_range(&self) -> QRange {
+        QRange {
+            q_min: self.settings.q_min,
+            q_max: self.settings.q_max,
+        }
+    }
+
+    /// Flattening and axis of the halo at given parameters.
+    pub fn shape<S: Real>(&self, params: &StreamParams<S>) -> Shape<S> {
+        self.q_range().shape(params.dir())
+    }
+
+    /// The prior of q that follows from these settings: uniform as long as the shape vector is free and its three
+    /// marginals are standard normals (or their positive halves).
+    #[must_use]
+    pub fn q_prior(&self) -> QPrior {
+        let standard = ["dir_x", "dir_y", "dir_z"].iter().all(|name| {
+            self.free_index(name).is_some_and(|i| {
+                let m = self.prior.marginals()[i];
+                m == normal(1.0) || m == half_normal(1.0)
+            })
+        });
+        if standard {
+            QPrior::Uniform {
+                lo: self.settings.q_min,
+                hi: self.settings.q_max,
+            }
+        } else {
+            QPrior::Unknown
+        }
+    }
+
+    /// One draw of the prior, all thirteen parameters.
+    pub fn draw(&self, rng: &mut Stream) -> StreamParams<f64> {
+        let u: Vec<f64> = self.free.iter().map(|_| unit_open(rng)).collect();
+        let mut theta = vec![0.0; u.len()];
+        self.prior.theta_from_u(&u, &mut theta);
+        self.fill(&theta)
+    }
+
+    /// Checks that parameters lie inside the prior, and that fixed ones have their values.
+    ///
+    /// # Errors
+    /// [`Error::OutsidePrior`] with the name and the bounds of the first that does not (NaN and infinities never do);
+    /// [`Error::Setting`] for a fixed parameter with another value.
+    pub fn check_inside(&self, params: &StreamParams<f64>) -> Result<()> {
+        let marginals = self.settings.marginals.to_array();
+        for (i, value) in params.to_array().into_iter().enumerate() {
+            let name = PARAMETERS[i].name;
+            if !self.free.contains(&i) {
+                if value.total_cmp(&self.fixed[i]).is_ne() {
+                    return Err(Error::Setting {
+                        key: name.to_owned(),
+                        value: value.to_string(),
+                        remedy: format!(
+                            "it is fixed at {}; give this value, or free the parameter",
+                            self.fixed[i]
+                        ),
+                    });
+                }
+                continue;
+            }
+            let (lo, hi) = marginals[i].support();
+            if !(value.is_finite() && value >= lo && value <= hi) {
+                return Err(Error::OutsidePrior {
+                    name: name.to_owned(),
+                    value,
+                    lo,
+                    hi,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn setting(key: &str, value: f64, remedy: &str) -> Error {
+    Error::Setting {
+        key: format!("prior.{key}"),
+        value: value.to_string(),
+        remedy: remedy.to_owned(),
+    }
+}
+
+fn check_marginal(name: &str, marginal: &Marginal, positive: bool) -> Result<()> {
+    let remedy = if !marginal.is_valid() {
+        "give finite numbers with lo < hi, and standard deviations above zero"
+    } else if positive && marginal.support().0 < 0.0 {
+        "this parameter must stay above zero: give a uniform with lo >= 0, or a half_normal"
+    } else {
+        return Ok(());
+    };
+    Err(Error::Setting {
+        key: format!("prior.marginals.{name}"),
+        value: format!("{marginal:?}"),
+        remedy: remedy.to_owned(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn params() -> StreamParams<f64> {
+        StreamParams::from_array([
+            12.5, 15.0, 0.3, -0.8, 0.6, 8.0, 2.0, 60.0, 40.0, -30.0, 150.0, 20.0, 2.5,
+        ])
+    }
+
+    #[test]
+    fn an_empty_file_is_the_default() {
+        let settings: PriorSettings = serde_json::from_str("{}").unwrap();
+        assert_eq!(settings, PriorSettings::default());
+        assert_eq!(StreamPrior::new(&settings).unwrap().prior().dim(), DIM);
+    }
+
+    #[test]
+    fn settings_come_back_from_their_own_file() {
+        let mut settings = PriorSettings::default();
+        settings.fix("age_gyr", 2.0).unwrap();
+        settings.marginals.x0_kpc = normal(90.0);
+        let text = serde_json::to_string(&settings).unwrap();
+        assert_eq!(
+            serde_json::from_str::<PriorSettings>(&text).unwrap(),
+            settings
+        );
+    }
+
+    #[test]
+    fn one_marginal_can_be_changed_without_naming_the_others() {
+        let settings: PriorSettings = serde_json::from_str(
+            r#"{"marginals": {"age_gyr": {"kind": "uniform", "lo": 2.0, "hi": 3.0}}}"#,
+        )
+        .unwrap();
+        assert_eq!(settings.marginals.age_gyr, uniform(2.0, 3.0));
+        assert_eq!(settings.marginals.x0_kpc, DEFAULT.x0_kpc);
+    }
+
+    #[test]
+    fn unknown_keys_are_errors_at_every_depth() {
+        for text in [
+            r#"{"q_minimum": 0.4}"#,
+            r#"{"fixed": {"age": 2.0}}"#,
+            r#"{"marginals": {"age": {"kind": "half_normal", "sd": 1.0}}}"#,
+            r#"{"marginals": {"age_gyr": {"kind": "half_normal", "sd": 1.0, "mean": 0.0}}}"#,
+        ] {
+            let error = serde_json::from_str::<PriorSettings>(text).unwrap_err();
+            assert!(error.to_string().contains("unknown field"), "{error}");
+        }
+    }
+
+    #[test]
+    fn fixed_parameters_are_filled_in_and_left_out() {
+        let mut settings = PriorSettings::default();
+        settings.fix("r_s_halo_kpc", 15.0).unwrap();
+        settings.fix("age_gyr", 2.5).unwrap();
+        let prior = StreamPrior::new(&settings).unwrap();
+        assert_eq!(prior.prior().dim(), 11);
+        assert_eq!(prior.free_index("age_gyr"), None);
+        assert_eq!(prior.free_index("dir_x"), Some(1));
+        assert_eq!(prior.fill(&prior.free_of(&params())), params());
+        prior.check_inside(&params()).unwrap();
+        let mut other = params();
+        other.age_gyr = 2.0;
+        let error = prior.check_inside(&other).unwrap_err();
+        assert!(matches!(error, Error::Setting { ref key, .. } if key == "age_gyr"));
+    }
+
+    #[test]
+    fn impossible_settings_are_refused_with_their_key() {
+        let with = |change: &dyn Fn(&mut PriorSettings)| {
+            let mut settings = PriorSettings::default();
+            change(&mut settings);
+            match StreamPrior::new(&settings) {
+                Err(Error::Setting { key, .. }) => key,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(with(&|s| s.q_min = 0.0), "prior.q_min");
+        assert_eq!(with(&|s| s.q_max = 0.5), "prior.q_max");
+        assert_eq!(
+            with(&|s| s.marginals.age_gyr = uniform(4.0, 1.0)),
+            "prior.marginals.age_gyr"
+        );
+        assert_eq!(
+            with(&|s| s.marginals.r_s_prog_kpc = normal(2.0)),
+            "prior.marginals.r_s_prog_kpc"
+        );
+        assert_eq!(
+            with(&|s| s.fixed.age_gyr = Some(0.0)),
+            "prior.fixed.age_gyr"
+        );
+        assert_eq!(
+            with(&|s| s.fixed.vx0_km_s = Some(f64::NAN)),
+            "prior.fixed.vx0_km_s"
+        );
+        assert_eq!(with(&|s| s.fixed = params().map(Some)), "prior.fixed");
+        let mut settings = PriorSettings::default();
+        let error = settings.fix("age", 2.0).unwrap_err().to_string();
+        assert!(error.contains("age_gyr"), "{error}");
+    }
+
+    #[test]
+    fn points_outside_the_prior_are_refused_by_name() {
+        let prior = StreamPrior::new(&PriorSettings::default()).unwrap();
+        prior.check_inside(&params()).unwrap();
+        for (name, value) in [
+            ("log10_m_halo", 14.1),
+            ("dir_z", -1e-9),
+            ("vx0_km_s", f64::INFINITY),
+            ("vy0_km_s", -1.0),
+            ("age_gyr", f64::NAN),
+        ] {
+            let mut wrong = params();
+            *wrong.get_mut(index_of(name).unwrap()).unwrap() = value;
+            let error = prior.check_inside(&wrong).unwrap_err();
+            assert!(
+                matches!(error, Error::OutsidePrior { name: ref n, .. } if n == name),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_prior_of_q_is_known_only_while_the_shape_vector_is_free_and_standard() {
+        let q_prior = |settings: &PriorSettings| StreamPrior::new(settings).unwrap().q_prior();
+        let mut settings = PriorSettings {
+            q_max: 1.2,
+            ..PriorSettings::default()
+        };
+        assert_eq!(q_prior(&settings), QPrior::Uniform { lo: 0.5, hi: 1.2 });
+        settings.marginals.dir_z = normal(1.0);
+        assert_eq!(q_prior(&settings), QPrior::Uniform { lo: 0.5, hi: 1.2 });
+        settings.marginals.dir_y = normal(2.0);
+        assert_eq!(q_prior(&settings), QPrior::Unknown);
+        settings.fix("dir_y", 0.0).unwrap();
+        assert_eq!(q_prior(&settings), QPrior::Unknown);
+    }
+}

@@ -1,0 +1,323 @@
+//! Moves that the physics knows: one exact ridge of the posterior, and jumps between the four orientations that a
+//! projected track hardly tells apart.
+
+use super::prior::StreamPrior;
+use super::shape::{length_cdf, length_quantile, length_sf};
+use oblate_samplers::rng::{Stream, unit_open};
+use oblate_samplers::target::{Involution, Orbit};
+use oblate_samplers::{Marginal, Prior, Symmetry};
+
+/// All moves that hold under the given prior, for a likelihood that sees lengths alone (a track on the sky, without
+/// velocities).
+#[must_use]
+pub fn symmetries(prior: &StreamPrior) -> Vec<Symmetry> {
+    let mut moves = Vec::new();
+    if let Some(orbit) = MassVelocityAge::new(prior) {
+        moves.push(Symmetry::Orbit(Box::new(orbit)));
+    }
+    if let Some(turn) = HalfTurn::new(prior) {
+        moves.push(Symmetry::Involution(Box::new(turn)));
+    }
+    if let Some(twin) = QuarterTurnTwin::new(prior) {
+        moves.push(Symmetry::Involution(Box::new(twin)));
+    }
+    moves
+}
+
+/// The exact degeneracy of mass, velocity and age. Masses times `s`, velocities times `sqrt s`, age over `sqrt s`:
+/// every length of the model is unchanged, at any number of steps.
+///
+/// Where to move on that orbit (Liu and Sabatti 2000, theorem 1): if `x` follows the density `p`, so does `g x` with
+/// `g` drawn from `p(g x) |J_g(x)|` with respect to the group's left Haar measure. Here the group is the
+/// multiplicative one, with Haar measure `ds / s`. In the coordinates (log10 M, log10 m, vx, vy, vz, T) the masses
+/// are shifted, three velocities are multiplied by `s^(1/2)` each and one age by `s^(-1/2)`: `J = s^(3/2 - 1/2) = s`.
+/// The likelihood is constant on the orbit, at any temperature, so `p` is the prior there: constant in the uniform
+/// log10 M, log10 m and T inside their bounds, and `exp(-s k)`, `k = sum_i v_i^2 / (2 w_i^2)`, in the normal
+/// velocities of zero mean. Together `exp(-s k) s ds / s = exp(-s k) ds`: in `s` itself an exponential, truncated to
+/// where both masses and the age stay inside their bounds, and drawn by inversion.
+#[derive(Clone, Debug)]
+pub struct MassVelocityAge {
+    prior: Prior,
+    /// Places among the free parameters, with bounds.
+    masses: [(usize, f64, f64); 2],
+    /// Places among the free parameters, with standard deviations.
+    velocities: [(usize, f64); 3],
+    age: (usize, f64, f64),
+}
+
+impl MassVelocityAge {
+    /// The move under a prior; `None` unless both masses, the three velocities and the age are free, masses and age
+    /// uniform, and velocities normal or half-normal around zero.
+    #[must_use]
+    pub fn new(prior: &StreamPrior) -> Option<Self> {
+        let marginal = |name: &str| {
+            let place = prior.free_index(name)?;
+            Some((place, prior.prior().marginals()[place]))
+        };
+        let uniform = |name: &str| match marginal(name)? {
+            (place, Marginal::Uniform { lo, hi }) => Some((place, lo, hi)),
+            _ => None,
+        };
+        let centred = |name: &str| match marginal(name)? {
+            (place, Marginal::HalfNormal { sd }) => Some((place, sd)),
+            (place, Marginal::Normal { mean, sd }) if mean.abs() <= 0.0 => Some((place, sd)),
+            _ => None,
+        };
+        Some(Self {
+            masses: [uniform("log10_m_halo")?, uniform("log10_m_prog")?],
+            velocities: [
+                centred("vx0_km_s")?,
+                centred("vy0_km_s")?,
+                centred("vz0_km_s")?,
+            ],
+            age: uniform("age_gyr")?,
+            prior: prior.prior().clone(),
+        })
+    }
+
+    /// The interval of `s` inside the bounds, and the rate `k` of the exponential, at physical parameters.
+    fn conditional(&self, theta: &[f64]) -> (f64, f64, f64) {
+        let (place, lo, hi) = self.age;
+        let mut s_lo = (theta[place] / hi).powi(2);
+        let mut s_hi = (theta[place] / lo).powi(2);
+        for (place, lo, hi) in self.masses {
+            s_lo = s_lo.max(10_f64.powf(lo - theta[place]));
+            s_hi = s_hi.min(10_f64.powf(hi - theta[place]));
+        }
+        let rate = self
+            .velocities
+            .iter()
+            .map(|&(place, sd)| 0.5 * (theta[place] / sd).powi(2))
+            .sum();
+        (s_lo, s_hi, rate)
+    }
+
+    /// Moves physical parameters along the orbit by the factor `s`, in place.
+    pub fn scale(&self, theta: &mut [f64], s: f64) {
+        for (place, ..) in self.masses {
+            theta[place] += s.log10();
+        }
+        for (place, _) in self.velocities {
+            theta[place] *= s.sqrt();
+        }
+        theta[self.age.0] /= s.sqrt();
+    }
+}
+
+/// The quantile `u` of the density proportional to `exp(-rate s)` on `[lo, hi]`.
+fn truncated_exponential(u: f64, rate: f64, lo: f64, hi: f64) -> f64 {
+    let width = hi - lo;
+    let x = rate * width;
+    // Below this the exponential is flat to the last digit, and the formula is 0/0.
+    if x < 1e-16 {
+        return lo + u * width;
+    }
+    // -ln(1 - u (1 - e^-x)) / rate, without loss for small x.
+    (lo - (u * (-x).exp_m1()).ln_1p() / rate).min(hi)
+}
+
+impl Orbit for MassVelocityAge {
+    fn name(&self) -> &str {
+        "mass-velocity-age"
+    }
+
+    /// One uniform is used, whatever happens. Should rounding put a parameter onto its bound (probability 1e-15), the
+    /// point is left where it is.
+    fn refresh(&self, z: &mut [f64], rng: &mut Stream) {
+        let u = unit_open(rng);
+        let mut theta = vec![0.0; z.len()];
+        self.prior.theta_from_z(z, &mut theta);
+        let (lo, hi, rate) = self.conditional(&theta);
+        let s = truncated_exponential(u, rate, lo, hi);
+        self.scale(&mut theta, s);
+        let moved = self
+            .masses
+            .iter()
+            .map(|m| m.0)
+            .chain(self.velocities.iter().map(|v| v.0))
+            .chain([self.age.0]);
+        let new: Vec<(usize, f64)> = moved
+            .map(|place| {
+                (
+                    place,
+                    self.prior.marginals()[place].z_from_theta(theta[place]),
+                )
+            })
+            .collect();
+        if new.iter().all(|(_, z)| z.is_finite()) {
+            for (place, value) in new {
+                z[place] = value;
+            }
+        }
+    }
+}
+
+/// Turns the halo's axis by 180 degrees around the line of sight: `(dir_x, dir_y) -> -(dir_x, dir_y)`.
+///
+/// On the sky the flattening looks the same from its near and its far side; only the depth along the stream differs.
+/// Its marginals are symmetric, so `z -> -z` for both and the Jacobian is 1.
+#[derive(Clone, Debug)]
+pub struct HalfTurn {
+    places: [usize; 2],
+}
+
+impl HalfTurn {
+    /// The move under a prior; `None` unless both components are free and symmetric around zero.
+    #[must_use]
+    pub fn new(prior: &StreamPrior) -> Option<Self> {
+        let symmetric = |name: &str| {
+            let place = prior.free_index(name)?;
+            let centre = match prior.prior().marginals()[place] {
+                Marginal::Normal { mean, .. } => mean,
+                Marginal::Uniform { lo, hi } => lo + hi,
+                Marginal::HalfNormal { .. } => return None,
+            };
+            (centre.abs() <= 0.0).then_some(place)
+        };
+        Some(Self {
+            places: [symmetric("dir_x")?, symmetric("dir_y")?],
+        })
+    }
+}
+
+impl Involution for HalfTurn {
+    fn name(&self) -> &str {
+        "half turn of the axis"
+    }
+
+    fn apply(&self, z: &mut [f64]) -> Option<f64> {
+        for place in self.places {
+            z[place] = -z[place];
+        }
+        Some(0.0)
+    }
+}
+
+/// Turns the axis' projection by a quarter turn and takes q to its twin on the other side of 1,
+/// `q -> q_min + q_max - q`: a halo squashed along one direction of the sky looks like one stretched along the
+/// other.
+///
+/// A quarter turn is not its own inverse, but it is if its sense depends on the quadrant: forwards from the first
+/// and third, backwards from the second and fourth. The length `r` of the shape vector goes to `r'` with
+/// `F(r') = 1 - F(r)`. Both parts leave the prior `N(0, I)` of z unchanged (turns are isometries; F(r) is uniform,
+/// and the vector's direction is kept), so `p(z) dz = p(z') dz'` and `ln J = (|z'|^2 - |z|^2) / 2`.
+#[derive(Clone, Debug)]
+pub struct QuarterTurnTwin {
+    /// Places of the three components among the free parameters.
+    places: [usize; 3],
+    /// The marginal of the last component, a half-normal.
+    depth: Marginal,
+}
+
+impl QuarterTurnTwin {
+    /// The move under a prior; `None` unless the shape vector is free and has its default marginals.
+    #[must_use]
+    pub fn new(prior: &StreamPrior) -> Option<Self> {
+        let standard = |name: &str, marginal: Marginal| {
+            let place = prior.free_index(name)?;
+            (prior.prior().marginals()[place] == marginal).then_some(place)
+        };
+        let normal = Marginal::Normal { mean: 0.0, sd: 1.0 };
+        let depth = Marginal::HalfNormal { sd: 1.0 };
+        Some(Self {
+            places: [
+                standard("dir_x", normal)?,
+                standard("dir_y", normal)?,
+                standard("dir_z", depth)?,
+            ],
+            depth,
+        })
+    }
+}
+
+impl Involution for QuarterTurnTwin {
+    fn name(&self) -> &str {
+        "quarter turn of the axis, with the twin of q"
+    }
+
+    fn apply(&self, z: &mut [f64]) -> Option<f64> {
+        let [i, j, k] = self.places;
+        let before = [z[i], z[j], z[k]];
+        let depth = self.depth.theta_from_z(before[2]);
+        let r = before[0].hypot(before[1]).hypot(depth);
+        let factor = length_quantile(length_sf(r), length_cdf(r)) / r;
+        let sense = if (before[0] > 0.0) == (before[1] > 0.0) {
+            factor
+        } else {
+            -factor
+        };
+        let after = [
+            -sense * before[1],
+            sense * before[0],
+            self.depth.z_from_theta(factor * depth),
+        ];
+        if !after.iter().all(|a| a.is_finite()) {
+            return None;
+        }
+        let norm2 = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
+        [z[i], z[j], z[k]] = after;
+        Some(0.5 * (norm2(after) - norm2(before)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::PriorSettings;
+
+    #[test]
+    fn the_truncated_exponential_has_the_right_distribution_function() {
+        for (rate, lo, hi) in [
+            (0.0, 1.0, 3.0),
+            (1e-9, 0.1, 4.0),
+            (2.0, 0.5, 9.0),
+            (1e3, 0.2, 7.0),
+        ] {
+            for i in 1..10 {
+                let u = 0.1 * f64::from(i);
+                let s = truncated_exponential(u, rate, lo, hi);
+                let cdf = if rate > 0.0 {
+                    f64::exp_m1(-rate * (s - lo)) / f64::exp_m1(-rate * (hi - lo))
+                } else {
+                    (s - lo) / (hi - lo)
+                };
+                // s carries a rounding of 2e-16 s, worth rate times that in u, and (s - lo) loses digits alike.
+                let tolerance = 1e-14 + 1e-15 * (rate + 1.0);
+                assert!((cdf - u).abs() < tolerance, "{rate} {u}: {cdf}");
+            }
+        }
+    }
+
+    #[test]
+    fn moves_are_offered_only_under_a_prior_that_they_fit() {
+        let offered = |change: &dyn Fn(&mut PriorSettings)| {
+            let mut settings = PriorSettings::default();
+            change(&mut settings);
+            symmetries(&StreamPrior::new(&settings).unwrap()).len()
+        };
+        assert_eq!(offered(&|_| {}), 3);
+        assert_eq!(offered(&|s| s.fixed.age_gyr = Some(2.0)), 2);
+        assert_eq!(
+            offered(&|s| s.marginals.vx0_km_s = Marginal::Normal { mean: 1.0, sd: 9.0 }),
+            2
+        );
+        assert_eq!(
+            offered(&|s| s.marginals.log10_m_prog = Marginal::Normal { mean: 8.0, sd: 1.0 }),
+            2
+        );
+        assert_eq!(
+            offered(&|s| s.marginals.dir_y = Marginal::Normal { mean: 0.0, sd: 2.0 }),
+            2
+        );
+        assert_eq!(offered(&|s| s.fixed.dir_z = Some(1.0)), 2);
+        assert_eq!(offered(&|s| s.fixed.dir_x = Some(0.0)), 1);
+        // Other widths and half-spaces are derived for, and stay.
+        assert_eq!(
+            offered(&|s| s.marginals.vy0_km_s = Marginal::Normal {
+                mean: 0.0,
+                sd: 90.0
+            }),
+            3
+        );
+    }
+}

@@ -1,0 +1,24 @@
+//! Many posteriors of q reweighted into one population of haloes.
+//!
+//! With samples `q_ni` and normalised weights `w_ni` of stream n, fitted under the prior `pi(q)`, and a population
+//! density `pi(q | alpha)`,
+//!
+//! `ln p(alpha | data) = ln pi(alpha) + sum_n ln sum_i w_ni pi(q_ni | alpha) / pi(q_ni)`
+//!
+//! (Hogg, Myers and Bovy 2010; Chemaly et al. 2026, section 4). Chemaly et al. multiply their last form once more by
+//! `p(q | d)`; on draws of that posterior this would count the data twice, so it is left out here.
+//!
+//! [`QPosterior`] is one stream, [`Family`] the shape of the population, [`PopulationTarget`] what a sampler is
+//! given, [`PopulationDensity`] what its draws say about q.
+
+mod density;
+mod family;
+mod q_posterior;
+mod target;
+mod truncated_gaussian;
+
+pub use density::PopulationDensity;
+pub use family::Family;
+pub use q_posterior::QPosterior;
+pub use target::{PopulationSettings, PopulationTarget};
+pub use truncated_gaussian::{TruncatedGaussian, TruncatedGaussianSettings};

@@ -1,0 +1,119 @@
+//! What one fitted stream brings to a population: weighted draws of q, and the prior under which they were drawn.
+
+use crate::error::{Error, Result};
+use crate::params::QPrior;
+
+/// How far the weights' sum may be from 1: the rounding of some 1e5 exponentials, read back from a file.
+const WEIGHT_SUM_TOLERANCE: f64 = 1e-6;
+
+/// The posterior of q of one stream, as draws.
+#[derive(Clone, Debug, PartialEq)]
+pub struct QPosterior {
+    /// The stream's name in messages and reports.
+    pub name: String,
+    /// Draws of q.
+    pub q: Vec<f64>,
+    /// Their log weights; the exponentials add up to 1.
+    pub ln_weight: Vec<f64>,
+    /// The prior of q in the fit.
+    pub prior: QPrior,
+}
+
+impl QPosterior {
+    /// A posterior of draws that all count the same.
+    #[must_use]
+    pub fn equal_weights(name: &str, q: Vec<f64>, prior: QPrior) -> Self {
+        let ln_weight = vec![-(q.len() as f64).ln(); q.len()];
+        Self {
+            name: name.to_owned(),
+            q,
+            ln_weight,
+            prior,
+        }
+    }
+
+    /// Checks the draws, and that the fit's prior reaches over `support`. Returns the prior's log density, which is
+    /// the same for every draw.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] with the stream's name: no draws, lengths that differ, weights that do not add up to 1, a
+    /// draw outside its own prior, an unknown prior, or one that does not cover the support.
+    pub fn check(&self, support: (f64, f64)) -> Result<f64> {
+        let refuse = |what: String, remedy: &str| {
+            Err(Error::Mismatch {
+                what: format!("{}: {what}", self.name),
+                remedy: remedy.to_owned(),
+            })
+        };
+        if self.q.is_empty() {
+            return refuse(
+                "the fit has no draws of q".to_owned(),
+                "finish the fit, or leave the stream out",
+            );
+        }
+        if self.q.len() != self.ln_weight.len() {
+            return refuse(
+                format!(
+                    "{} draws of q, but {} weights",
+                    self.q.len(),
+                    self.ln_weight.len()
+                ),
+                "write the run folder again",
+            );
+        }
+        let QPrior::Uniform { lo, hi } = self.prior else {
+            return refuse(
+                "the prior of q in this fit is not known, so it cannot be divided out".to_owned(),
+                "fit again with dir_x, dir_y and dir_z free under their default marginals",
+            );
+        };
+        let (from, to) = support;
+        if !(lo <= from && hi >= to) {
+            return refuse(
+                format!(
+                    "the fit's prior of q, uniform on [{lo}, {hi}], does not cover the population's support \
+                     [{from}, {to}]"
+                ),
+                "fit again with a wider range of q, or narrow the family's",
+            );
+        }
+        if let Some(q) = self.q.iter().find(|q| !(**q >= lo && **q <= hi)) {
+            return refuse(
+                format!("q = {q} is outside the fit's own prior [{lo}, {hi}]"),
+                "check that draws and prior come from the same run",
+            );
+        }
+        let sum: f64 = self.ln_weight.iter().map(|w| w.exp()).sum();
+        // A NaN weight makes a NaN sum, which fails too.
+        if !((sum - 1.0).abs() <= WEIGHT_SUM_TOLERANCE) {
+            return refuse(
+                format!("the weights add up to {sum}"),
+                "normalise them so that their exponentials add up to 1",
+            );
+        }
+        Ok(-(hi - lo).ln())
+    }
+
+    /// At most `count` equal-weight draws: the quantiles `(i + 1/2) / count` of the weighted ones, by systematic
+    /// resampling of the draws in order of q. No random number, and an error of order `1 / count` in the
+    /// distribution function where random thinning has `1 / sqrt count`. Fewer draws than that are left as they are.
+    #[must_use]
+    pub fn thinned(&self, count: usize) -> Self {
+        if self.q.len() <= count || count == 0 {
+            return self.clone();
+        }
+        let mut order: Vec<usize> = (0..self.q.len()).collect();
+        order.sort_by(|&a, &b| self.q[a].total_cmp(&self.q[b]));
+        let mut thinned = Vec::with_capacity(count);
+        let mut cumulative = 0.0;
+        for &row in &order {
+            cumulative += self.ln_weight[row].exp() * count as f64;
+            while thinned.len() < count && (thinned.len() as f64 + 0.5) < cumulative {
+                thinned.push(self.q[row]);
+            }
+        }
+        // Weights that add up to 1 leave at least half a cell of margin; their tolerance cannot cost a draw unless
+        // count is near 1e6.
+        Self::equal_weights(&self.name, thinned, self.prior)
+    }
+}

@@ -1,0 +1,243 @@
+//! The posterior of the hyperparameters, as a sampler is given it.
+
+use super::family::Family;
+use super::q_posterior::QPosterior;
+use crate::error::{Error, Result};
+use crate::scalar::{Dual, Real, gradient_of, lift};
+use oblate_samplers::{Cause, Outcome, Prior, Target};
+use serde::{Deserialize, Serialize};
+
+/// Below this a term of a sum of exponentials is zero in doubles. It must not be computed: its derivative may be an
+/// infinity, and zero times infinity is not zero.
+const LN_SMALLEST: f64 = -745.0;
+
+/// Cost of a value with its gradient in units of a value, as `benches` and the test below measure it.
+const GRADIENT_COST: f64 = 3.0;
+
+/// No draw of some stream has any weight under the population.
+const NO_OVERLAP: Cause = "no overlap with a stream";
+
+/// How the streams enter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PopulationSettings {
+    /// Draws per stream that are kept, by systematic resampling; 5000. More cost time in proportion; fewer make the
+    /// sum over draws coarse where a population is narrow (see [`PopulationTarget::effective_draws`]).
+    pub max_draws: usize,
+}
+
+impl Default for PopulationSettings {
+    fn default() -> Self {
+        Self { max_draws: 5_000 }
+    }
+}
+
+/// One stream, ready for evaluation.
+#[derive(Clone, Debug)]
+struct Stream {
+    q: Vec<f64>,
+    /// `ln (w_i / pi(q_i))`.
+    ln_factor: Vec<f64>,
+}
+
+/// `prior of the hyperparameters x product over streams of sum_i w_i pi(q_i | alpha) / pi(q_i)`.
+///
+/// The logarithm of that product is relative to the streams' evidences under their own priors: differences of ln Z
+/// between families are Bayes factors of the whole data.
+#[derive(Clone, Debug)]
+pub struct PopulationTarget<F, const N: usize> {
+    family: F,
+    prior: Prior,
+    streams: Vec<Stream>,
+}
+
+impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
+    /// Checks the streams against the family and prepares them: draws outside the family's support stay out (their
+    /// density is zero, their weight remains lost), the others are thinned.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] for no streams, for whatever [`QPosterior::check`] refuses, and for a stream without a
+    /// draw inside the support; [`Error::Setting`] for `max_draws = 0`; [`Error::Sampler`] for hyperpriors that are
+    /// not distributions.
+    pub fn new(family: F, streams: &[QPosterior], settings: PopulationSettings) -> Result<Self> {
+        if settings.max_draws == 0 {
+            return Err(Error::Setting {
+                key: "population.max_draws".to_owned(),
+                value: "0".to_owned(),
+                remedy: "give a positive number; 5000 is the default".to_owned(),
+            });
+        }
+        if streams.is_empty() {
+            return Err(Error::Mismatch {
+                what: "a population of no streams".to_owned(),
+                remedy: "give at least one run folder of a finished fit".to_owned(),
+            });
+        }
+        let (lo, hi) = family.support();
+        let mut prepared = Vec::with_capacity(streams.len());
+        for posterior in streams {
+            let ln_prior = posterior.check((lo, hi))?;
+            let posterior = posterior.thinned(settings.max_draws);
+            let (q, ln_factor): (Vec<f64>, Vec<f64>) = posterior
+                .q
+                .iter()
+                .zip(&posterior.ln_weight)
+                .filter(|(q, w)| (lo..=hi).contains(*q) && **w > f64::NEG_INFINITY)
+                .map(|(q, w)| (*q, w - ln_prior))
+                .unzip();
+            if q.is_empty() {
+                return Err(Error::Mismatch {
+                    what: format!("{}: no draw of q lies in [{lo}, {hi}]", posterior.name),
+                    remedy: "widen the family's support".to_owned(),
+                });
+            }
+            prepared.push(Stream { q, ln_factor });
+        }
+        let prior = Prior::new(
+            family
+                .hyperparameters()
+                .map(|(name, marginal)| (name, "", marginal)),
+        )?;
+        Ok(Self {
+            family,
+            prior,
+            streams: prepared,
+        })
+    }
+
+    /// The family.
+    #[must_use]
+    pub fn family(&self) -> &F {
+        &self.family
+    }
+
+    /// Number of streams.
+    #[must_use]
+    pub fn streams(&self) -> usize {
+        self.streams.len()
+    }
+
+    /// `ln` of the product over streams at hyperparameters `alpha`, on any number type; minus infinity or NaN where it
+    /// has no value.
+    pub fn ln_product<S: Real>(&self, alpha: [S; N]) -> S {
+        let ln_pdf = self.family.ln_pdf(alpha);
+        // The largest term needs no derivatives.
+        let plain = self.family.ln_pdf(alpha.map(Real::re));
+        let mut sum = S::zero();
+        for stream in &self.streams {
+            sum += ln_sum_exp(stream, &plain, &ln_pdf);
+        }
+        sum
+    }
+
+    /// Effective number of draws that carry each stream's sum at `alpha`: `(sum x)^2 / sum x^2` over its terms. A sum
+    /// carried by a handful of draws is noise, and a narrow population seems likelier than it is; then draw more
+    /// samples in the fits, or distrust the narrow end.
+    #[must_use]
+    pub fn effective_draws(&self, alpha: [f64; N]) -> Vec<f64> {
+        let ln_pdf = self.family.ln_pdf(alpha);
+        self.streams
+            .iter()
+            .map(|stream| {
+                let terms = || {
+                    stream
+                        .q
+                        .iter()
+                        .zip(&stream.ln_factor)
+                        .map(|(q, w)| w + ln_pdf(*q))
+                };
+                let top = terms().fold(f64::NEG_INFINITY, f64::max);
+                let (mut sum, mut squares) = (0.0, 0.0);
+                for term in terms() {
+                    let x = (term - top).exp();
+                    sum += x;
+                    squares += x * x;
+                }
+                if squares > 0.0 {
+                    sum * sum / squares
+                } else {
+                    0.0
+                }
+            })
+            .collect()
+    }
+}
+
+/// `ln sum_i exp(ln_factor_i + ln_pdf(q_i))`, with the largest term taken out.
+fn ln_sum_exp<S: Real>(
+    stream: &Stream,
+    plain: &impl Fn(f64) -> f64,
+    ln_pdf: &impl Fn(f64) -> S,
+) -> S {
+    let draws = || stream.q.iter().zip(&stream.ln_factor);
+    let top = draws().fold(f64::NEG_INFINITY, |top, (q, w)| top.max(w + plain(*q)));
+    if !top.is_finite() {
+        return S::from_f64(top);
+    }
+    let mut sum = S::zero();
+    for (q, w) in draws() {
+        let term = ln_pdf(*q) + (w - top);
+        // A NaN is added, so that it is seen.
+        if !(term.re() < LN_SMALLEST) {
+            sum += term.exp();
+        }
+    }
+    sum.ln() + top
+}
+
+fn outcome(ln_product: f64) -> Outcome {
+    if ln_product == f64::NEG_INFINITY {
+        Outcome::Reject(NO_OVERLAP)
+    } else {
+        Outcome::from_ln_likelihood(ln_product)
+    }
+}
+
+impl<F: Family<N>, const N: usize> Target for PopulationTarget<F, N> {
+    fn prior(&self) -> &Prior {
+        &self.prior
+    }
+
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        match <[f64; N]>::try_from(theta) {
+            Ok(alpha) => outcome(self.ln_product(alpha)),
+            Err(_) => wrong_length(theta.len(), N),
+        }
+    }
+
+    fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
+        let Ok(alpha) = <[f64; N]>::try_from(theta) else {
+            return wrong_length(theta.len(), N);
+        };
+        let value: Dual<N> = self.ln_product(lift(&alpha));
+        gradient.copy_from_slice(&gradient_of(&value));
+        if gradient.iter().all(|g| g.is_finite()) {
+            outcome(value.re)
+        } else {
+            Outcome::Reject("gradient not finite")
+        }
+    }
+
+    fn gradient_cost(&self) -> Option<f64> {
+        Some(GRADIENT_COST)
+    }
+
+    fn derived_names(&self) -> Vec<(String, String)> {
+        vec![("min_effective_draws".to_owned(), String::new())]
+    }
+
+    fn derived(&self, theta: &[f64], out: &mut Vec<f64>) {
+        let smallest = <[f64; N]>::try_from(theta).map_or(f64::NAN, |alpha| {
+            self.effective_draws(alpha)
+                .into_iter()
+                .fold(f64::INFINITY, f64::min)
+        });
+        out.push(smallest);
+    }
+}
+
+fn wrong_length(given: usize, wanted: usize) -> Outcome {
+    Outcome::Fatal(format!(
+        "{given} hyperparameters were given, {wanted} are needed"
+    ))
+}

@@ -1,0 +1,258 @@
+//! The prior as a distribution: what its draws look like, and that the known moves leave it alone.
+
+use crate::ks;
+use oblate::params::symmetry::{HalfTurn, MassVelocityAge, QuarterTurnTwin};
+use oblate::params::{PARAMETERS, PriorSettings, StreamPrior, index_of};
+use oblate_samplers::normal;
+use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
+use oblate_samplers::target::{Involution, Orbit};
+
+const DRAWS: usize = 20_000;
+
+fn default_prior() -> StreamPrior {
+    StreamPrior::new(&PriorSettings::default()).unwrap()
+}
+
+fn rng(task: u64) -> Stream {
+    stream(20_260_101, Domain::Test, task, 0)
+}
+
+#[test]
+fn q_is_uniform_and_the_axis_isotropic_over_the_hemisphere() {
+    let prior = default_prior();
+    let mut rng = rng(1);
+    let (mut q, mut cosine, mut azimuth, mut both) = (vec![], vec![], vec![], vec![]);
+    for _ in 0..DRAWS {
+        let shape = prior.shape(&prior.draw(&mut rng));
+        let turn = shape.axis.y.atan2(shape.axis.x) / std::f64::consts::TAU + 0.5;
+        q.push(shape.q - 0.5);
+        cosine.push(shape.axis.z);
+        azimuth.push(turn);
+        // Independence of q and the axis: the sum of two uniforms, modulo 1, is uniform too.
+        both.push((shape.q - 0.5 + shape.axis.z).fract());
+    }
+    for (name, sample) in [
+        ("q", q),
+        ("cosine", cosine),
+        ("azimuth", azimuth),
+        ("sum", both),
+    ] {
+        let d = ks::distance_from_uniform(sample);
+        assert!(d < ks::LIMIT, "{name}: {d}");
+    }
+}
+
+#[test]
+fn draws_follow_the_marginals_and_lie_inside() {
+    let prior = default_prior();
+    let mut rng = rng(2);
+    let draws: Vec<_> = (0..DRAWS).map(|_| prior.draw(&mut rng)).collect();
+    for draw in &draws {
+        prior.check_inside(draw).unwrap();
+    }
+    for (i, parameter) in PARAMETERS.iter().enumerate() {
+        let marginal = prior.prior().marginals()[i];
+        let u = draws
+            .iter()
+            .map(|d| marginal.u_from_theta(d.to_array()[i]))
+            .collect();
+        let d = ks::distance_from_uniform(u);
+        assert!(d < ks::LIMIT, "{}: {d}", parameter.name);
+    }
+}
+
+/// Prior draws in standard normals, each moved by `step`: per coordinate, and for products of pairs that the move
+/// couples, still the prior.
+fn assert_leaves_the_prior_alone(task: u64, mut step: impl FnMut(&mut [f64], &mut Stream)) {
+    let mut rng = rng(task);
+    let moved: Vec<[f64; 13]> = (0..DRAWS)
+        .map(|_| {
+            let mut z: [f64; 13] = std::array::from_fn(|_| standard_normal(&mut rng));
+            step(&mut z, &mut rng);
+            assert!(z.iter().all(|z| z.is_finite()));
+            z
+        })
+        .collect();
+    for i in 0..13 {
+        let u = moved.iter().map(|z| normal::cdf(z[i])).collect();
+        let d = ks::distance_from_uniform(u);
+        assert!(d < ks::LIMIT, "{}: {d}", PARAMETERS[i].name);
+        for j in 0..i {
+            // The sum of two independent standard normals, over sqrt 2, is one again; a correlation is not.
+            let u = moved
+                .iter()
+                .map(|z| normal::cdf((z[i] + z[j]) / std::f64::consts::SQRT_2))
+                .collect();
+            let d = ks::distance_from_uniform(u);
+            assert!(
+                d < ks::LIMIT,
+                "{} and {}: {d}",
+                PARAMETERS[i].name,
+                PARAMETERS[j].name
+            );
+        }
+    }
+}
+
+#[test]
+fn the_refresh_of_mass_velocity_and_age_leaves_the_prior_alone() {
+    let orbit = MassVelocityAge::new(&default_prior()).unwrap();
+    assert_leaves_the_prior_alone(3, |z, rng| orbit.refresh(z, rng));
+}
+
+#[test]
+fn a_refresh_without_the_jacobian_would_be_noticed() {
+    // The wrong move: s from the prior along the orbit with respect to ds / s, without the factor s of the Jacobian.
+    // Drawn by rejection: ln s uniform over more than every interval, accepted with the prior there over its bound.
+    let prior = default_prior();
+    let orbit = MassVelocityAge::new(&prior).unwrap();
+    let mut rng = rng(4);
+    let mass = index_of("log10_m_halo").unwrap();
+    let mut u = Vec::new();
+    for _ in 0..DRAWS {
+        let z: [f64; 13] = std::array::from_fn(|_| standard_normal(&mut rng));
+        let mut still = [0.0; 13];
+        prior.prior().theta_from_z(&z, &mut still);
+        let mut slow = still;
+        slow[9..12].fill(0.0);
+        let bound = prior.prior().ln_pdf(&slow);
+        loop {
+            let mut theta = still;
+            orbit.scale(&mut theta, 10_f64.powf(3.0 * unit_open(&mut rng) - 1.5));
+            if unit_open(&mut rng).ln() < prior.prior().ln_pdf(&theta) - bound {
+                u.push(prior.prior().marginals()[mass].u_from_theta(theta[mass]));
+                break;
+            }
+        }
+    }
+    let d = ks::distance_from_uniform(u);
+    assert!(d > 2.0 * ks::LIMIT, "{d}");
+}
+
+#[test]
+fn a_refresh_scales_masses_velocities_and_age_exactly_and_nothing_else() {
+    let prior = default_prior();
+    let orbit = MassVelocityAge::new(&prior).unwrap();
+    let mut rng = rng(5);
+    let mut largest = 0.0_f64;
+    for _ in 0..2_000 {
+        let mut z: [f64; 13] = std::array::from_fn(|_| standard_normal(&mut rng));
+        let still = z;
+        let theta = |z: &[f64]| {
+            let mut theta = [0.0; 13];
+            prior.prior().theta_from_z(z, &mut theta);
+            prior.fill(&theta)
+        };
+        let before = theta(&z);
+        orbit.refresh(&mut z, &mut rng);
+        let after = theta(&z);
+        let ln_s = (after.age_gyr / before.age_gyr).ln() * -2.0;
+        let ln_10 = std::f64::consts::LN_10;
+        for (change, name) in [
+            ((after.log10_m_halo - before.log10_m_halo) * ln_10, "halo"),
+            (
+                (after.log10_m_prog - before.log10_m_prog) * ln_10,
+                "progenitor",
+            ),
+            ((after.vx0_km_s / before.vx0_km_s).ln() * 2.0, "vx"),
+            ((after.vy0_km_s / before.vy0_km_s).ln() * 2.0, "vy"),
+            ((after.vz0_km_s / before.vz0_km_s).ln() * 2.0, "vz"),
+        ] {
+            // log10 M = 14 has a grain of 2e-15, times ln 10; the tails of z cost one digit more.
+            assert!((change - ln_s).abs() < 1e-12, "{name}: {change} {ln_s}");
+        }
+        for name in [
+            "r_s_halo_kpc",
+            "dir_x",
+            "dir_y",
+            "dir_z",
+            "r_s_prog_kpc",
+            "x0_kpc",
+            "z0_kpc",
+        ] {
+            let i = index_of(name).unwrap();
+            assert_eq!(z[i].to_bits(), still[i].to_bits(), "{name}");
+        }
+        largest = largest.max(ln_s.abs());
+    }
+    // It moves: the age's bounds allow a factor of 16 in mass, and the largest of 2,000 comes near.
+    assert!(largest > 2.0, "{largest}");
+}
+
+/// Twice is the identity, the Jacobian is the numerical one, and Metropolis on the prior accepts always.
+fn assert_involution(task: u64, involution: &dyn Involution) {
+    let mut rng = rng(task);
+    for _ in 0..300 {
+        let z: Vec<f64> = (0..13).map(|_| standard_normal(&mut rng)).collect();
+        let mut image = z.clone();
+        let ln_jacobian = involution.apply(&mut image).unwrap();
+        let mut back = image.clone();
+        let inverse = involution.apply(&mut back).unwrap();
+        // A shape vector whose twin is far out in the tail comes back with the digits that the tail kept.
+        let error = z
+            .iter()
+            .zip(&back)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(error < 1e-11, "{}: {error}", involution.name());
+        assert!((ln_jacobian + inverse).abs() < 1e-10);
+        let norm2 = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
+        assert!((ln_jacobian - 0.5 * (norm2(&image) - norm2(&z))).abs() < 1e-10);
+
+        // The determinant over the three components of the shape vector, which are neighbours.
+        let first = index_of("dir_x").unwrap();
+        let jacobian = nalgebra::Matrix3::from_fn(|row, column| {
+            let h = 1e-6 * z[first + column].abs();
+            let at = |dz: f64| {
+                let mut moved = z.clone();
+                moved[first + column] += dz;
+                involution.apply(&mut moved).unwrap();
+                moved[first + row]
+            };
+            (at(h) - at(-h)) / (2.0 * h)
+        });
+        let numerical = jacobian.determinant().abs().ln();
+        // Steps of 1e-6 of the coordinate leave a relative 1e-9 each; near the origin the twin's slope is steep.
+        assert!(
+            (numerical - ln_jacobian).abs() < 1e-4,
+            "{}: {numerical} {ln_jacobian} at {z:?}",
+            involution.name()
+        );
+    }
+}
+
+#[test]
+fn the_half_turn_is_an_involution_with_its_jacobian() {
+    let prior = default_prior();
+    let turn = HalfTurn::new(&prior).unwrap();
+    assert_involution(6, &turn);
+    assert_leaves_the_prior_alone(7, |z, _| {
+        turn.apply(z).unwrap();
+    });
+}
+
+#[test]
+fn the_quarter_turn_with_the_twin_is_an_involution_with_its_jacobian() {
+    let prior = default_prior();
+    let twin = QuarterTurnTwin::new(&prior).unwrap();
+    assert_involution(8, &twin);
+    assert_leaves_the_prior_alone(9, |z, _| {
+        twin.apply(z).unwrap();
+    });
+    let mut rng = rng(10);
+    for _ in 0..200 {
+        let mut z: Vec<f64> = (0..13).map(|_| standard_normal(&mut rng)).collect();
+        let shape = |z: &[f64]| {
+            let mut theta = [0.0; 13];
+            prior.prior().theta_from_z(z, &mut theta);
+            prior.shape(&prior.fill(&theta))
+        };
+        let before = shape(&z);
+        twin.apply(&mut z).unwrap();
+        let after = shape(&z);
+        assert!((before.q + after.q - 2.0).abs() < 1e-12);
+        assert!((before.axis.z - after.axis.z).abs() < 1e-12);
+        let across = before.axis.x * after.axis.x + before.axis.y * after.axis.y;
+        assert!(across.abs() < 1e-12, "{across}");
+    }
+}
