@@ -9,6 +9,9 @@ use crate::output::{Cost, Draws, Ess, Evidence, Method, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
+/// Swap rejection from which on a gap slows the round trips of the whole ladder.
+const SLOW_GAP: f64 = 0.7;
+
 /// The result of the round in progress: the last one, unless the run was stopped.
 pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Run {
     let dim = target.dim();
@@ -192,6 +195,14 @@ fn warnings(state: &State) -> Vec<String> {
             "stopped in round {}, which still adapts: draws and evidence are provisional; resume the run to finish it",
             state.round + 1
         ));
+    }
+    for (rung, rejection) in state.rungs.iter().zip(state.record.mean_rejection()) {
+        if state.is_last_round() && rejection > SLOW_GAP {
+            warnings.push(format!(
+                "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that the ladder can adapt",
+                100.0 * rejection, rung.beta,
+            ));
+        }
     }
     for (rung, local) in state.rungs.iter().zip(&state.record.locals) {
         if state.is_last_round() && local.diverged > 0 {

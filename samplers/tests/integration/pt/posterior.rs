@@ -105,6 +105,11 @@ fn a_ladder_with_a_gap_is_refused() {
     ] {
         assert!(failed.contains(&name), "{name} passed; failed: {failed:?}");
     }
+    let slow = run
+        .warnings
+        .iter()
+        .filter(|w| w.contains("max_temperatures"));
+    assert_eq!(slow.count(), 2, "{:?}", run.warnings);
 }
 
 #[test]
