@@ -6,6 +6,7 @@ use super::likelihood::Likelihood;
 use super::live::{self, Batch, Points, REJECTED};
 use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
+use super::tuning::Tuning;
 use crate::error::{Error, Result};
 use crate::rng::{Domain, Stream, below, stream};
 use crate::target::Target;
@@ -62,27 +63,13 @@ pub(super) struct State {
     efficiency_at_fit: Option<f64>,
     /// Points per call in the last batch.
     pub efficiency: f64,
-    /// Step length of the kernel in units of the local ellipsoid.
-    scale: f64,
-    pub steps: usize,
+    pub tuning: Tuning,
     pub ranks: Ranks,
-    /// First insertion of the current window of the watch over the kernel.
-    window: usize,
-    /// First entry of `jumps` and of `echoes` in that window, and `stayed` at its start.
-    window_jumps: usize,
-    window_echoes: usize,
-    window_stayed: u64,
-    /// Relative jump distance of every batch of chains.
-    pub jumps: Vec<f64>,
-    /// Mean over every batch of chains of `12 (v - 1/2) (w - 1/2)`, v and w the fractional ranks of a new point and of
-    /// its seed: their correlation.
-    pub echoes: Vec<f64>,
     pub calls: u64,
     pub rejected: BTreeMap<String, u64>,
-    /// Points drawn with a bound, their calls, and those of them that ended where they began.
+    /// Points drawn with a bound, and their calls.
     pub bounded_points: u64,
     pub bounded_calls: u64,
-    pub stayed: u64,
     pub cpu_seconds: f64,
     pub wall_seconds: f64,
 }
@@ -103,20 +90,12 @@ impl State {
             ln_x_at_fit: 0.0,
             efficiency_at_fit: None,
             efficiency: 1.0,
-            scale: 1.0,
-            steps: job.first_steps(),
+            tuning: Tuning::new(job.first_steps()),
             ranks: Ranks::default(),
-            window: 0,
-            window_jumps: 0,
-            window_echoes: 0,
-            window_stayed: 0,
-            jumps: Vec::new(),
-            echoes: Vec::new(),
             calls: 0,
             rejected: BTreeMap::new(),
             bounded_points: 0,
             bounded_calls: 0,
-            stayed: 0,
             cpu_seconds: 0.0,
             wall_seconds: 0.0,
         }
@@ -146,10 +125,10 @@ impl State {
         let ln_x = self.ln_x_after(&batch);
         let refitted = self.refit_if_due(job, &kept, ln_x);
         let bounds = refitted.as_ref().unwrap_or(&self.bounds);
-        let scale = match &refitted {
-            Some(new) => self.scale * step_ratio(&self.bounds, new, &kept),
-            None => self.scale,
-        };
+        let mut tuning = self.tuning.clone();
+        if let Some(new) = &refitted {
+            tuning.keep_step_length(&self.bounds, new, &kept);
+        }
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
         let seeds = choose_seeds(&mut rng, kept.len(), births);
@@ -158,8 +137,8 @@ impl State {
             contour: batch.contour,
             kernel: job.kernel(),
             bounds,
-            scale,
-            steps: self.steps,
+            scale: tuning.scale,
+            steps: tuning.steps,
         };
         let first = self.next_point;
         let born: Vec<Result<Newborn>> = seeds
@@ -171,21 +150,20 @@ impl State {
             })
             .collect();
         let born: Vec<Newborn> = born.into_iter().collect::<Result<_>>()?;
-        if setting.kernel != Kernel::Uniform && !bounds.is_empty() {
-            let jump = relative_jump(&mut rng, bounds, &kept, &seeds, &born);
-            self.jumps.extend(jump);
-            self.echoes.push(echo(&kept, &seeds, &born));
+        if setting.kernel != Kernel::Uniform && !bounds.is_empty() && !born.is_empty() {
+            tuning.learn(setting.kernel, bounds, &kept, &seeds, &born, &mut rng);
         }
+        self.tuning = tuning;
         if let Some(bounds) = refitted {
             self.bounds = bounds;
             self.ln_x_at_fit = ln_x;
             self.efficiency_at_fit = None;
         }
-        self.scale = scale;
         self.count(&born);
-        self.tune(job, &born);
         self.commit(&batch, &born, &mut rng);
-        self.watch(job);
+        let window = 5 * job.settings.n_live;
+        self.tuning
+            .watch(&self.ranks, window, 10 * job.first_steps());
         Ok(())
     }
 
@@ -271,26 +249,6 @@ impl State {
             self.efficiency_at_fit.get_or_insert(self.efficiency);
             self.bounded_points += born.len() as u64;
             self.bounded_calls += calls;
-            self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
-        }
-    }
-
-    /// Step length for the next batch, from the motion of all chains of this one.
-    fn tune(&mut self, job: &Job<'_>, born: &[Newborn]) {
-        let grown: u64 = born.iter().map(|b| b.motion.grown).sum();
-        let shrunk: u64 = born.iter().map(|b| b.motion.shrunk).sum();
-        if grown + shrunk == 0 {
-            return;
-        }
-        let share = grown as f64 / (grown + shrunk) as f64;
-        match job.kernel() {
-            // As many steps outward as inward.
-            Kernel::RandomSlice => self.scale *= (2.0 * share).clamp(0.5, 2.0),
-            // Half of the steps accepted.
-            Kernel::RandomWalk => {
-                self.scale *= ((share - 0.5) / (0.5 * job.target.dim() as f64)).exp();
-            }
-            Kernel::Auto | Kernel::Uniform => {}
         }
     }
 
@@ -315,8 +273,11 @@ impl State {
             self.live.replace(row, &b.u, b.ln_l, batch.contour);
         }
         if born.len() < batch.dying.len() {
-            let gone = &batch.dying[born.len()..];
-            let rows: Vec<usize> = (0..self.live.len()).filter(|i| !gone.contains(i)).collect();
+            let mut gone = vec![false; self.live.len()];
+            for &row in &batch.dying[born.len()..] {
+                gone[row] = true;
+            }
+            let rows: Vec<usize> = (0..gone.len()).filter(|&i| !gone[i]).collect();
             self.live = self.live.select(&rows);
         }
         self.next_point += born.len() as u64;
@@ -340,39 +301,6 @@ impl State {
         }
         self.ln_x -= 1.0 / n;
     }
-
-    /// Raises the number of steps if the window of insertions just filled shows that points move too little.
-    fn watch(&mut self, job: &Job<'_>) {
-        let window = 5 * job.settings.n_live;
-        if self.ranks.len() - self.window < window {
-            return;
-        }
-        let jumps = &self.jumps[self.window_jumps..];
-        let echoes = &self.echoes[self.window_echoes..];
-        let stayed = (self.stayed - self.window_stayed) as f64;
-        // Twice the limit of the gate for the echo, whose own scatter in a window is 1 / sqrt(5 n).
-        let short = (!jumps.is_empty() && mean(jumps) < 0.5)
-            || (!echoes.is_empty() && mean(echoes) > 0.1)
-            || stayed > 0.01 * window as f64;
-        let uneven = !self.bounds.is_empty() && self.ranks.z_score(self.window).abs() > 3.0;
-        let walks = job.kernel() != Kernel::Uniform;
-        if walks && (short || uneven) && self.steps < 10 * job.first_steps() {
-            self.steps += self.steps.div_ceil(2);
-        }
-        self.window = self.ranks.len();
-        self.window_jumps = self.jumps.len();
-        self.window_echoes = self.echoes.len();
-        self.window_stayed = self.stayed;
-    }
-}
-
-pub(super) fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// `count` rows out of `available`, distinct as far as there are enough.
@@ -387,66 +315,6 @@ fn choose_seeds(rng: &mut Stream, available: usize, count: usize) -> Vec<usize> 
     }
     rows.truncate(count);
     rows
-}
-
-/// Median distance between chains' ends, over the median distance between their starts and other live points of the
-/// same metric region, in that region's metric. `None` if no start has such a neighbour.
-fn relative_jump(
-    rng: &mut Stream,
-    bounds: &[Bound],
-    kept: &Points,
-    seeds: &[usize],
-    born: &[Newborn],
-) -> Option<f64> {
-    const TRIES: usize = 8;
-    let mut jumps = Vec::with_capacity(seeds.len());
-    let mut pairs = Vec::with_capacity(seeds.len());
-    for (&s, b) in seeds.iter().zip(born) {
-        let start = kept.row(s);
-        let bound = kernel::bound_of(bounds, kept.thread[s])?;
-        let label = bound.label(start);
-        let metric = bound.metric(label);
-        let neighbour = (0..TRIES)
-            .map(|_| below(rng, kept.len()))
-            .find(|&i| i != s && bound.has_label(kept.row(i), label));
-        if let Some(i) = neighbour {
-            jumps.push(metric.distance_between(&b.u, start));
-            pairs.push(metric.distance_between(kept.row(i), start));
-        }
-    }
-    let typical = median(pairs);
-    (typical > 0.0).then(|| median(jumps) / typical)
-}
-
-/// Factor of the step length, in units of the ellipsoids, that keeps it the same across a refit.
-fn step_ratio(old: &[Bound], new: &[Bound], kept: &Points) -> f64 {
-    let mean_unit = |bounds: &[Bound]| -> Option<f64> {
-        let units: Option<Vec<f64>> = (0..kept.len())
-            .map(|i| Some(kernel::bound_of(bounds, kept.thread[i])?.ln_unit(kept.row(i))))
-            .collect();
-        units.map(|units| mean(&units))
-    };
-    match (mean_unit(old), mean_unit(new)) {
-        (Some(old), Some(new)) => (old - new).exp(),
-        _ => 1.0,
-    }
-}
-
-/// Correlation of the ranks of chains' ends with those of their starts, among the survivors.
-fn echo(kept: &Points, seeds: &[usize], born: &[Newborn]) -> f64 {
-    let mut sorted = kept.ln_l.clone();
-    sorted.sort_by(f64::total_cmp);
-    let centred = |ln_l: f64| {
-        let below = sorted.partition_point(|l| *l < ln_l);
-        let up_to = sorted.partition_point(|l| *l <= ln_l);
-        0.5 * (below + up_to) as f64 / sorted.len() as f64 - 0.5
-    };
-    let products: Vec<f64> = seeds
-        .iter()
-        .zip(born)
-        .map(|(&s, b)| 12.0 * centred(kept.ln_l[s]) * centred(b.ln_l))
-        .collect();
-    mean(&products)
 }
 
 #[cfg(test)]
