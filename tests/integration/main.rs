@@ -5,6 +5,7 @@ mod golden;
 mod ks;
 mod orbit;
 mod params;
+mod population;
 mod potential;
 mod spray;
 mod stream;
