@@ -10,6 +10,7 @@
 )]
 
 pub mod error;
+pub mod inference;
 pub mod likelihood;
 pub mod orbit;
 pub mod params;

@@ -3,6 +3,7 @@
 mod gala;
 mod golden;
 mod ks;
+mod likelihood;
 mod orbit;
 mod params;
 mod population;
