@@ -179,7 +179,7 @@ fn ln_sum_exp<S: Real>(
     for (q, w) in draws() {
         let term = ln_pdf(*q) + (w - top);
         // A NaN is added, so that it is seen.
-        if !(term.re() < LN_SMALLEST) {
+        if term.re().is_nan() || term.re() >= LN_SMALLEST {
             sum += term.exp();
         }
     }
