@@ -84,8 +84,8 @@ impl QPosterior {
             );
         }
         let sum: f64 = self.ln_weight.iter().map(|w| w.exp()).sum();
-        // A NaN weight makes a NaN sum, which fails too.
-        if !((sum - 1.0).abs() <= WEIGHT_SUM_TOLERANCE) {
+        // A NaN weight makes a NaN sum.
+        if sum.is_nan() || (sum - 1.0).abs() > WEIGHT_SUM_TOLERANCE {
             return refuse(
                 format!("the weights add up to {sum}"),
                 "normalise them so that their exponentials add up to 1",

@@ -8,6 +8,7 @@ mod likelihood;
 mod orbit;
 mod params;
 mod posterior;
+mod population;
 mod potential;
 mod run;
 mod runs;
