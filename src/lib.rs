@@ -9,13 +9,19 @@
     )
 )]
 
+pub mod cli;
+pub mod config;
+pub mod data;
 pub mod error;
 pub mod inference;
 pub mod likelihood;
 pub mod orbit;
 pub mod params;
 pub mod population;
+pub mod posterior;
 pub mod potential;
+pub mod report;
+pub mod run;
 pub mod scalar;
 pub mod spray;
 pub mod stream;

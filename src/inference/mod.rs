@@ -1,7 +1,9 @@
 //! The single doorway to the samplers: wraps a likelihood as a target, and runs nested sampling or tempered HMC on it.
 
+mod coverage;
 mod target;
 
+pub use coverage::check_reach;
 pub use target::StreamTarget;
 
 use crate::error::{Error, Result};

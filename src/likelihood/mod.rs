@@ -3,5 +3,5 @@
 mod stream;
 mod track;
 
-pub use stream::{Evaluation, StreamLikelihood, galaxy};
+pub use stream::{Evaluation, StreamLikelihood};
 pub use track::{Coverage, DataBin, LikelihoodSettings, TrackLikelihood};

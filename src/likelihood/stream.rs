@@ -3,38 +3,10 @@
 
 use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};
-use crate::orbit::State;
 use crate::params::{DIM, QRange, StreamParams};
-use crate::potential::{FlattenedNfw, Plummer};
 use crate::scalar::{Dual, Real, gradient_of, lift};
-use crate::stream::{Galaxy, Model, Setup, Workspace};
-use crate::track::Sums;
-use crate::units::KPC_PER_GYR_IN_KM_S;
-use std::f64::consts::LN_10;
-
-/// The galaxy of 13 parameters (physics.md 1): masses from their logarithms, the halo's shape from its vector, the
-/// progenitor today at y = 0.
-pub fn galaxy<S: Real>(params: &StreamParams<S>, q_range: QRange) -> Galaxy<S> {
-    let mass = |log10: S| (log10 * LN_10).exp();
-    let shape = q_range.shape(params.dir());
-    Galaxy {
-        host: FlattenedNfw::new(
-            mass(params.log10_m_halo),
-            params.r_s_halo_kpc,
-            shape.q,
-            shape.axis,
-        ),
-        sphere: Plummer {
-            mass: mass(params.log10_m_prog),
-            r_s: params.r_s_prog_kpc,
-        },
-        today: State {
-            x: params.position_kpc(),
-            v: params.velocity_km_s() * S::from_f64(KPC_PER_GYR_IN_KM_S),
-        },
-        age_gyr: params.age_gyr,
-    }
-}
+use crate::stream::{Arrivals, Galaxy, Model, Setup, Workspace};
+use crate::track::{Sums, Track};
 
 /// ln L at a point, and what was unsafe on the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +49,15 @@ impl StreamLikelihood {
         }
     }
 
+    /// The same data and rules on another stream generator.
+    #[must_use]
+    pub fn with_model(&self, model: Model) -> Self {
+        Self {
+            model,
+            ..self.clone()
+        }
+    }
+
     /// The stream generator.
     #[must_use]
     pub fn model(&self) -> &Model {
@@ -91,7 +72,7 @@ impl StreamLikelihood {
 
     /// The galaxy at a point.
     pub fn galaxy<S: Real>(&self, params: &StreamParams<S>) -> Galaxy<S> {
-        galaxy(params, self.q_range)
+        Galaxy::from_params(params, self.q_range)
     }
 
     /// ln L, in lanes.
@@ -168,6 +149,25 @@ impl StreamLikelihood {
         let mut sums = Sums::default();
         self.track.grid().sum_arrivals(&arrivals, &mut sums);
         self.track.ln_likelihood(&sums)
+    }
+
+    /// The whole track at a point, every bin that is covered, with the data's bins and this likelihood's edges; and the
+    /// particles.
+    ///
+    /// # Errors
+    /// A [`Rejection`] where there is no stream.
+    pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Arrivals), Rejection> {
+        let setup = self.model.setup(&self.galaxy(params))?;
+        let (mut path, mut arrivals) = (Vec::new(), Arrivals::default());
+        self.model.carry(&setup, &mut path, &mut arrivals)?;
+        let grid = self.track.grid();
+        let track = Track::of(
+            &arrivals,
+            grid.width_deg,
+            grid.edges,
+            self.track.threshold().max(1.0),
+        );
+        Ok((track, arrivals))
     }
 
     /// Particles and their sums, into the buffers.

@@ -170,6 +170,12 @@ impl TrackLikelihood {
         &self.grid
     }
 
+    /// The weight that a bin must have to count as covered.
+    #[must_use]
+    pub fn threshold(&self) -> f64 {
+        self.threshold
+    }
+
     /// The data, in order.
     pub fn data(&self) -> impl Iterator<Item = &DataBin> {
         self.data.iter().flatten()

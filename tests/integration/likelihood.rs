@@ -7,7 +7,7 @@ use oblate::likelihood::{
 use oblate::orbit::OrbitMethod;
 use oblate::params::{DIM, PriorSettings, QRange, StreamPrior};
 use oblate::spray::{Design, Recipe, TableSettings};
-use oblate::stream::{Arrivals, Model, ModelSettings};
+use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
 use oblate::track::{BinEdges, Track};
 use oblate_samplers::Prior;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -64,7 +64,7 @@ fn likelihood_at(
     settings: &LikelihoodSettings,
 ) -> Option<StreamLikelihood> {
     let params = oblate::params::StreamParams::from_array(*theta);
-    let setup = model.setup(&oblate::likelihood::galaxy(&params, Q)).ok()?;
+    let setup = model.setup(&Galaxy::from_params(&params, Q)).ok()?;
     let (mut path, mut out) = (Vec::new(), Arrivals::default());
     model.carry(&setup, &mut path, &mut out).ok()?;
     let track = Track::of(&out, 10.0, settings.edges, 0.02 * out.len() as f64);
@@ -444,7 +444,7 @@ fn mirrored_streams_have_the_same_track() {
     let track = |theta: &Theta| {
         let params = oblate::params::StreamParams::from_array(*theta);
         let setup = model
-            .setup(&oblate::likelihood::galaxy(&params, Q))
+            .setup(&Galaxy::from_params(&params, Q))
             .expect("a setup");
         let (mut path, mut out) = (Vec::new(), Arrivals::default());
         model.carry(&setup, &mut path, &mut out).expect("particles");

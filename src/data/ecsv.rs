@@ -1,0 +1,191 @@
+//! The header of ECSV (astropy's enhanced CSV): YAML in comment lines, read with `saphyr` and written by hand in the
+//! small subset that both YAML 1.1 (astropy) and 1.2 read the same way.
+
+use super::ObservedTrack;
+use crate::error::{Error, Result};
+use saphyr::{LoadableYamlNode, Scalar, Yaml};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+/// What a header says.
+#[derive(Default)]
+pub struct Header {
+    /// Unit of each column that has one.
+    pub units: BTreeMap<String, String>,
+    /// The table's `meta`.
+    pub meta: BTreeMap<String, Value>,
+    /// Delimiter of the body.
+    pub delimiter: Option<u8>,
+}
+
+/// Parses the header lines of an ECSV file; every one of `lines` starts with `#`, the first is `# %ECSV`.
+pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
+    let yaml: String = lines
+        .iter()
+        .skip(1)
+        .map(|l| {
+            l.strip_prefix("# ")
+                .or_else(|| l.strip_prefix('#'))
+                .unwrap_or("")
+        })
+        .flat_map(|l| [l, "\n"])
+        .collect();
+    let fail = |line: usize, what: String| Error::Input {
+        path: path.to_path_buf(),
+        line: Some(line),
+        what,
+        remedy: "write the table with astropy (`format=\"ascii.ecsv\"`), or use plain CSV"
+            .to_owned(),
+    };
+    let documents = Yaml::load_from_str(&yaml).map_err(|e| {
+        fail(
+            e.marker().line() + 1,
+            format!("the header is not YAML ({})", e.info()),
+        )
+    })?;
+    let Some(Value::Object(top)) = documents.first().map(json) else {
+        return Err(fail(2, "the header names no columns".to_owned()));
+    };
+    let mut header = Header::default();
+    let Some(Value::Array(columns)) = top.get("datatype") else {
+        return Err(fail(2, "the header has no `datatype` list".to_owned()));
+    };
+    for column in columns {
+        if let (Some(name), Some(unit)) = (
+            column.get("name").and_then(Value::as_str),
+            column.get("unit").and_then(Value::as_str),
+        ) {
+            header.units.insert(name.to_owned(), unit.to_owned());
+        }
+    }
+    match top.get("delimiter").and_then(Value::as_str) {
+        None => {}
+        Some(d) if d == "," || d == " " => header.delimiter = d.bytes().next(),
+        Some(d) => return Err(fail(2, format!("the header's delimiter is {d:?}"))),
+    }
+    match top.get("meta") {
+        Some(Value::Object(map)) => header.meta.extend(map.clone()),
+        // `!!omap`: a list of one-entry maps.
+        Some(Value::Array(list)) => {
+            for entry in list {
+                if let Value::Object(map) = entry {
+                    header.meta.extend(map.clone());
+                }
+            }
+        }
+        _ => {}
+    }
+    Ok(header)
+}
+
+/// A YAML node as JSON; tags are dropped (astropy's quantities become maps with `value` and `unit`).
+fn json(node: &Yaml) -> Value {
+    match node {
+        Yaml::Value(Scalar::Boolean(b)) => Value::from(*b),
+        Yaml::Value(Scalar::Integer(i)) => Value::from(*i),
+        Yaml::Value(Scalar::FloatingPoint(x)) => Value::from(x.into_inner()),
+        Yaml::Value(Scalar::String(s)) => Value::from(s.as_ref()),
+        Yaml::Representation(s, ..) => Value::from(s.as_ref()),
+        Yaml::Sequence(items) => items.iter().map(json).collect(),
+        Yaml::Mapping(map) => Value::Object(
+            map.iter()
+                .map(|(k, v)| {
+                    let key = match json(k) {
+                        Value::String(s) => s,
+                        other => other.to_string(),
+                    };
+                    (key, json(v))
+                })
+                .collect(),
+        ),
+        Yaml::Tagged(_, inner) => json(inner),
+        Yaml::Value(Scalar::Null) | Yaml::Alias(_) | Yaml::BadValue => Value::Null,
+    }
+}
+
+/// The whole file of a track.
+pub fn text(track: &ObservedTrack) -> String {
+    let mut columns = vec![
+        ("phi", "deg", &track.phi_deg, "bin centre"),
+        ("r", "kpc", &track.r_kpc, "mean projected radius"),
+    ];
+    if !track.r_err_assumed {
+        columns.push(("r_err", "kpc", &track.r_err_kpc, "standard error of r"));
+    }
+    if let Some(n) = &track.n {
+        columns.push(("n", "", n, "stars in the bin"));
+    }
+    let mut out = String::from("# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n");
+    // Writing to a string cannot fail.
+    for (name, unit, _, description) in &columns {
+        let unit = if unit.is_empty() {
+            String::new()
+        } else {
+            format!("unit: {unit}, ")
+        };
+        let _ = writeln!(
+            out,
+            "# - {{name: {name}, {unit}datatype: float64, description: {description}}}"
+        );
+    }
+    let _ = writeln!(out, "# meta:");
+    let _ = writeln!(out, "#   name: {}", yaml(&Value::from(track.name.as_str())));
+    let _ = writeln!(
+        out,
+        "#   bin_width: {}",
+        yaml(&Value::from(track.bin_width_deg))
+    );
+    for (key, value) in &track.meta {
+        if key != "name" && key != "bin_width" {
+            let _ = writeln!(
+                out,
+                "#   {}: {}",
+                yaml(&Value::from(key.as_str())),
+                yaml(value)
+            );
+        }
+    }
+    let _ = writeln!(out, "# schema: astropy-2.0");
+    let names: Vec<&str> = columns.iter().map(|c| c.0).collect();
+    let _ = writeln!(out, "{}", names.join(","));
+    for row in 0..track.len() {
+        let values: Vec<String> = columns.iter().map(|c| c.2[row].to_string()).collect();
+        let _ = writeln!(out, "{}", values.join(","));
+    }
+    out
+}
+
+/// A value in YAML's flow style.
+fn yaml(value: &Value) -> String {
+    match value {
+        // YAML 1.1 takes a float only with a point, and an exponent only with its sign.
+        Value::Number(n) if n.is_f64() => {
+            let text = n.to_string();
+            let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, ""));
+            let point = if mantissa.contains('.') { "" } else { ".0" };
+            let sign = if exponent.is_empty() || exponent.starts_with(['-', '+']) {
+                ""
+            } else {
+                "+"
+            };
+            let e = if exponent.is_empty() { "" } else { "e" };
+            format!("{mantissa}{point}{e}{sign}{exponent}")
+        }
+        Value::Array(items) => {
+            format!(
+                "[{}]",
+                items.iter().map(yaml).collect::<Vec<_>>().join(", ")
+            )
+        }
+        Value::Object(map) => {
+            let entries: Vec<String> = map
+                .iter()
+                .map(|(k, v)| format!("{}: {}", yaml(&Value::from(k.as_str())), yaml(v)))
+                .collect();
+            format!("{{{}}}", entries.join(", "))
+        }
+        plain => plain.to_string(),
+    }
+}

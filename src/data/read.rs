@@ -1,0 +1,271 @@
+//! Files to tracks: finds the columns, applies the units, and turns each fault into an error with its line.
+
+use super::{ObservedTrack, check, default_errors, ecsv};
+use crate::error::{Error, Result};
+use serde_json::Value;
+use std::path::Path;
+
+/// Kiloparsecs per arcsecond and megaparsec: 1000 / 206264.806...
+const KPC_PER_ARCSEC_MPC: f64 = 1000.0 * std::f64::consts::PI / (180.0 * 3600.0);
+
+/// The body of a file: columns by name, each row with its line.
+struct Table {
+    names: Vec<String>,
+    names_line: usize,
+    rows: Vec<(usize, Vec<String>)>,
+}
+
+pub fn track(path: &Path) -> Result<ObservedTrack> {
+    let text = std::fs::read_to_string(path).map_err(|source| Error::Io {
+        path: path.to_path_buf(),
+        source,
+        remedy: "give the path of a readable ECSV or CSV track (UTF-8 text)",
+    })?;
+    let lines: Vec<&str> = text.lines().collect();
+    let comments = lines.iter().take_while(|l| l.starts_with('#')).count();
+    let header = if lines.first().is_some_and(|l| l.starts_with("# %ECSV")) {
+        Some(ecsv::header(path, &lines[..comments])?)
+    } else {
+        None
+    };
+    // ECSV without a delimiter is separated by spaces; that is its default.
+    let delimiter = match &header {
+        Some(h) => h.delimiter.unwrap_or(b' '),
+        None => b',',
+    };
+    let table = Table::parse(path, &text, delimiter)?;
+    let mut header = header.unwrap_or_default();
+
+    let (phi, phi_unit) = (table.need(path, "phi")?, header.units.get("phi"));
+    let to_deg = factor(path, &table, "phi", phi_unit, "deg", |u| match u {
+        "deg" => Some(1.0),
+        "rad" => Some(180.0 / std::f64::consts::PI),
+        _ => None,
+    })?;
+    let phi_deg: Vec<f64> = phi.iter().map(|x| x * to_deg).collect();
+    let kpc = |column: &str| -> Result<f64> {
+        if header.units.get(column).map(String::as_str) == Some("arcsec") {
+            return Ok(KPC_PER_ARCSEC_MPC * distance_mpc(path, &table, &header)?);
+        }
+        let unit = header.units.get(column);
+        factor(path, &table, column, unit, "kpc", |u| {
+            (u == "kpc").then_some(1.0)
+        })
+    };
+    let to_kpc = kpc("r")?;
+    let r_kpc: Vec<f64> = table.need(path, "r")?.iter().map(|x| x * to_kpc).collect();
+    let r_err_kpc = match table.find(path, "r_err")? {
+        Some(values) => {
+            let to_kpc = kpc("r_err")?;
+            Some(values.iter().map(|x| x * to_kpc).collect())
+        }
+        None => None,
+    };
+    let bin_width_deg = match header.meta.get("bin_width") {
+        Some(width) => number(width).ok_or_else(|| Error::Input {
+            path: path.to_path_buf(),
+            line: line_of(&lines, "bin_width"),
+            what: format!("`bin_width` is {width}"),
+            remedy: "give the width of a bin in degrees as a plain number".to_owned(),
+        })?,
+        None => smallest_step(&phi_deg),
+    };
+    let name = match header.meta.get("name").and_then(Value::as_str) {
+        Some(name) => name.to_owned(),
+        None => path
+            .file_stem()
+            .map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
+    };
+    // The first two have fields of their own; the last is astropy's note on how it packed its quantities.
+    for key in ["name", "bin_width", "__serialized_columns__"] {
+        header.meta.remove(key);
+    }
+    let track = ObservedTrack {
+        name,
+        bin_width_deg,
+        r_err_assumed: r_err_kpc.is_none(),
+        r_err_kpc: r_err_kpc.unwrap_or_else(|| default_errors(&r_kpc)),
+        n: table.find(path, "n")?,
+        phi_deg,
+        r_kpc,
+        meta: header.meta,
+    };
+    match check::fault(&track) {
+        None => Ok(track),
+        Some(fault) => Err(Error::Input {
+            path: path.to_path_buf(),
+            line: fault
+                .row
+                .and_then(|row| table.rows.get(row))
+                .map(|(line, _)| *line)
+                .or(Some(table.names_line)),
+            what: fault.what,
+            remedy: fault.remedy,
+        }),
+    }
+}
+
+/// The smallest positive step, or 0 where there is none (the checks say which row is to blame).
+fn smallest_step(phi_deg: &[f64]) -> f64 {
+    let least = phi_deg
+        .windows(2)
+        .map(|w| w[1] - w[0])
+        .filter(|step| *step > 0.0)
+        .fold(f64::INFINITY, f64::min);
+    if least.is_finite() { least } else { 0.0 }
+}
+
+/// The factor from a column's unit to ours.
+fn factor(
+    path: &Path,
+    table: &Table,
+    column: &str,
+    unit: Option<&String>,
+    ours: &str,
+    known: impl Fn(&str) -> Option<f64>,
+) -> Result<f64> {
+    let Some(unit) = unit else { return Ok(1.0) };
+    known(unit).ok_or_else(|| Error::Input {
+        path: path.to_path_buf(),
+        line: Some(table.names_line),
+        what: format!("column `{column}` is in `{unit}`"),
+        remedy: if column == "phi" {
+            "give phi in deg or rad".to_owned()
+        } else {
+            format!("give it in {ours}, or in arcsec with `distance` [Mpc] in the header")
+        },
+    })
+}
+
+/// A number as astropy writes it: plain, or a quantity.
+fn number(value: &Value) -> Option<f64> {
+    value
+        .as_f64()
+        .or_else(|| value.get("value").and_then(Value::as_f64))
+        .filter(|x| x.is_finite())
+}
+
+/// The header's distance, which must be in Mpc.
+fn distance_mpc(path: &Path, table: &Table, header: &ecsv::Header) -> Result<f64> {
+    let fail = |what: String| Error::Input {
+        path: path.to_path_buf(),
+        line: Some(table.names_line),
+        what,
+        remedy:
+            "add `distance` in Mpc, a number above zero, to the header's meta, or give r in kpc"
+                .to_owned(),
+    };
+    let Some(value) = header.meta.get("distance") else {
+        return Err(fail(
+            "column `r` is in arcsec and the header has no `distance`".to_owned(),
+        ));
+    };
+    let unit = value.get("unit").map(|u| {
+        u.get("unit")
+            .unwrap_or(u)
+            .as_str()
+            .unwrap_or("unknown")
+            .to_owned()
+    });
+    match (number(value), unit.as_deref()) {
+        (Some(mpc), None | Some("Mpc")) if mpc > 0.0 => Ok(mpc),
+        _ => Err(fail(format!("the header's `distance` is {value}"))),
+    }
+}
+
+/// The line, from 1, of the first header line that names `key`.
+fn line_of(lines: &[&str], key: &str) -> Option<usize> {
+    lines.iter().position(|l| l.contains(key)).map(|i| i + 1)
+}
+
+impl Table {
+    fn parse(path: &Path, text: &str, delimiter: u8) -> Result<Self> {
+        let mut names = Vec::new();
+        let mut names_line = 0;
+        let mut rows = Vec::new();
+        // Line by line, so that every error knows its line; a quoted field does not run over one here.
+        for (line, content) in text.lines().enumerate().map(|(i, l)| (i + 1, l)) {
+            if content.trim().is_empty() || content.starts_with('#') {
+                continue;
+            }
+            let mut record = csv::StringRecord::new();
+            csv::ReaderBuilder::new()
+                .has_headers(false)
+                .delimiter(delimiter)
+                .trim(csv::Trim::All)
+                .from_reader(content.trim().as_bytes())
+                .read_record(&mut record)
+                .map_err(|e| Error::Input {
+                    path: path.to_path_buf(),
+                    line: Some(line),
+                    what: format!("not a row of a table ({e})"),
+                    remedy: "give one row per bin, its values separated as the header says"
+                        .to_owned(),
+                })?;
+            let fields: Vec<String> = record.iter().map(str::to_owned).collect();
+            if names_line == 0 {
+                names_line = line;
+                names = fields;
+            } else if fields.len() == names.len() {
+                rows.push((line, fields));
+            } else {
+                return Err(Error::Input {
+                    path: path.to_path_buf(),
+                    line: Some(line),
+                    what: format!(
+                        "{} values where the header names {} columns",
+                        fields.len(),
+                        names.len()
+                    ),
+                    remedy: "give every row one value per column, separated as the header says"
+                        .to_owned(),
+                });
+            }
+        }
+        if names.is_empty() {
+            return Err(Error::Input {
+                path: path.to_path_buf(),
+                line: None,
+                what: "the file has no table".to_owned(),
+                remedy: "give columns phi and r, with r_err and n where known".to_owned(),
+            });
+        }
+        Ok(Self {
+            names,
+            names_line,
+            rows,
+        })
+    }
+
+    /// A column that must be there.
+    fn need(&self, path: &Path, name: &str) -> Result<Vec<f64>> {
+        self.find(path, name)?.ok_or_else(|| Error::Input {
+            path: path.to_path_buf(),
+            line: Some(self.names_line),
+            what: format!(
+                "column `{name}` is missing (found {})",
+                self.names.join(", ")
+            ),
+            remedy: "name the columns phi, r and, where known, r_err and n".to_owned(),
+        })
+    }
+
+    /// A column's numbers, if the column is there.
+    fn find(&self, path: &Path, name: &str) -> Result<Option<Vec<f64>>> {
+        let Some(at) = self.names.iter().position(|n| n == name) else {
+            return Ok(None);
+        };
+        self.rows
+            .iter()
+            .map(|(line, fields)| {
+                fields[at].parse::<f64>().map_err(|_| Error::Input {
+                    path: path.to_path_buf(),
+                    line: Some(*line),
+                    what: format!("column `{name}` is {:?}, not a number", fields[at]),
+                    remedy: "give a number, or drop the row".to_owned(),
+                })
+            })
+            .collect::<Result<Vec<f64>>>()
+            .map(Some)
+    }
+}

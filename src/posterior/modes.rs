@@ -1,0 +1,119 @@
+//! Weights of the orientation modes: the eight cells of (sign of dir_x, sign of dir_y, q below or above 1).
+
+use super::column;
+use oblate_samplers::Run;
+use oblate_samplers::rng::{Domain, stream, unit_open};
+use serde::{Deserialize, Serialize};
+
+/// Task of the bootstrap's streams within [`Domain::Post`].
+const BOOTSTRAP_TASK: u64 = 0x6d6f_6465;
+
+/// Resamples behind each error.
+const BOOTSTRAPS: u64 = 64;
+
+/// One cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mode {
+    /// Whether `dir_x >= 0`.
+    pub dir_x_positive: bool,
+    /// Whether `dir_y >= 0`.
+    pub dir_y_positive: bool,
+    /// Whether `q > 1`.
+    pub prolate: bool,
+}
+
+/// The weight of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModeWeight {
+    /// Which cell.
+    #[serde(flatten)]
+    pub mode: Mode,
+    /// Posterior probability of the cell.
+    pub weight: f64,
+    /// Its Monte-Carlo standard error: between chains where a run has at least four, by bootstrap of the weighted
+    /// draws otherwise. A run that never found a cell cannot know about it: 0 is then no bound.
+    pub error: f64,
+}
+
+/// The eight cells in a fixed order, or `None` if the run lacks `dir_x`, `dir_y` or `q`.
+#[must_use]
+pub fn mode_weights(run: &Run) -> Option<Vec<ModeWeight>> {
+    let (x, y, q) = (
+        column(run, "dir_x").ok()?.values,
+        column(run, "dir_y").ok()?.values,
+        column(run, "q").ok()?.values,
+    );
+    let cells: Vec<usize> = (0..q.len())
+        .map(|i| {
+            usize::from(x[i] >= 0.0) + 2 * usize::from(y[i] >= 0.0) + 4 * usize::from(q[i] > 1.0)
+        })
+        .collect();
+    let weights = run.draws.weights();
+    let mut total = [0.0; 8];
+    for (cell, w) in cells.iter().zip(&weights) {
+        total[*cell] += w;
+    }
+    let groups = run.draws.chain.iter().max().map_or(0, |c| *c as usize + 1);
+    let samples: Vec<[f64; 8]> = if groups >= 4 {
+        (0..groups)
+            .map(|g| {
+                let rows = (0..cells.len()).filter(|i| run.draws.chain[*i] as usize == g);
+                shares(&cells, &weights, rows)
+            })
+            .collect()
+    } else {
+        (0..BOOTSTRAPS)
+            .map(|b| {
+                let mut rng = stream(run.seed, Domain::Post, BOOTSTRAP_TASK, b);
+                let rows = (0..cells.len()).map(|_| index(unit_open(&mut rng), cells.len()));
+                shares(&cells, &weights, rows)
+            })
+            .collect()
+    };
+    let count = samples.len() as f64;
+    // Chains average to the whole: their spread is divided by their number. Bootstraps each have the whole's error.
+    let shrink = if groups >= 4 { count } else { 1.0 };
+    Some(
+        (0..8)
+            .map(|cell| {
+                let mean = samples.iter().map(|s| s[cell]).sum::<f64>() / count;
+                let variance = samples
+                    .iter()
+                    .map(|s| (s[cell] - mean).powi(2))
+                    .sum::<f64>()
+                    / (count - 1.0).max(1.0);
+                ModeWeight {
+                    mode: Mode {
+                        dir_x_positive: cell & 1 != 0,
+                        dir_y_positive: cell & 2 != 0,
+                        prolate: cell & 4 != 0,
+                    },
+                    weight: total[cell],
+                    error: (variance / shrink).sqrt(),
+                }
+            })
+            .collect(),
+    )
+}
+
+fn shares(cells: &[usize], weights: &[f64], rows: impl Iterator<Item = usize>) -> [f64; 8] {
+    let mut share = [0.0; 8];
+    for row in rows {
+        share[cells[row]] += weights[row];
+    }
+    let sum: f64 = share.iter().sum();
+    if sum > 0.0 {
+        share.map(|s| s / sum)
+    } else {
+        share
+    }
+}
+
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "u < 1, so the product is below len"
+)]
+fn index(u: f64, len: usize) -> usize {
+    ((u * len as f64) as usize).min(len.saturating_sub(1))
+}

@@ -1,0 +1,304 @@
+//! `summary.json`: every single number of a run, with the keys that scripts rely on.
+
+use super::modes::{ModeWeight, mode_weights};
+use super::{Column, columns, json};
+use crate::params::QPrior;
+use oblate_samplers::Run;
+use oblate_samplers::diagnostics::weighted_quantile;
+use oblate_samplers::output::{Gate, Method, Status};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Version of the layout of `summary.json`; a changed meaning raises it.
+pub const SUMMARY_FORMAT: u32 = 1;
+
+/// A value with its standard error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ValueError {
+    /// The value.
+    #[serde(with = "json::number")]
+    pub value: f64,
+    /// One standard error.
+    #[serde(with = "json::number")]
+    pub error: f64,
+}
+
+/// A marginal posterior in five quantiles.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
+    /// The median.
+    #[serde(with = "json::number")]
+    pub median: f64,
+    /// Lower end of the central 68 %.
+    #[serde(with = "json::number")]
+    pub lo68: f64,
+    /// Upper end of the central 68 %.
+    #[serde(with = "json::number")]
+    pub hi68: f64,
+    /// Lower end of the central 95 %.
+    #[serde(with = "json::number")]
+    pub lo95: f64,
+    /// Upper end of the central 95 %.
+    #[serde(with = "json::number")]
+    pub hi95: f64,
+    /// The unit, empty where there is none.
+    pub unit: String,
+}
+
+impl Interval {
+    /// Quantiles of weighted values; NaN throughout without values.
+    #[must_use]
+    pub fn new(values: &[f64], weights: &[f64], unit: &str) -> Self {
+        let at = |p| weighted_quantile(values, weights, p);
+        Self {
+            median: at(0.5),
+            lo68: at(0.16),
+            hi68: at(0.84),
+            lo95: at(0.025),
+            hi95: at(0.975),
+            unit: unit.to_owned(),
+        }
+    }
+}
+
+/// One gate as it is written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GateRow {
+    /// Short name.
+    pub name: String,
+    /// What was measured.
+    #[serde(with = "json::number")]
+    pub value: f64,
+    /// Its limit.
+    #[serde(with = "json::number")]
+    pub limit: f64,
+    /// Whether it passed.
+    pub pass: bool,
+    /// What it means, and what to do if it failed.
+    pub say: String,
+}
+
+impl GateRow {
+    /// The sampler's own form.
+    #[must_use]
+    pub fn gate(&self) -> Gate {
+        Gate {
+            name: self.name.clone(),
+            value: self.value,
+            limit: self.limit,
+            pass: self.pass,
+            say: self.say.clone(),
+        }
+    }
+}
+
+impl From<&Gate> for GateRow {
+    fn from(gate: &Gate) -> Self {
+        Self {
+            name: gate.name.clone(),
+            value: gate.value,
+            limit: gate.limit,
+            pass: gate.pass,
+            say: gate.say.clone(),
+        }
+    }
+}
+
+/// What a run cost.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Counts {
+    /// Likelihood values without a gradient.
+    pub calls: u64,
+    /// Likelihood values with a gradient.
+    pub gradients: u64,
+    /// CPU time of the process while it ran.
+    pub cpu_seconds: f64,
+    /// Wall time.
+    pub wall_seconds: f64,
+    /// Points without a likelihood, by cause.
+    pub rejected: BTreeMap<String, u64>,
+}
+
+/// What a summary says beyond the sampler's result.
+#[derive(Clone, Debug, Default)]
+pub struct SummaryContext {
+    /// The command line that made the run.
+    pub command: String,
+    /// The prior on q, where q is measured.
+    pub q_prior: Option<QPrior>,
+    /// More warnings, each with its remedy (the model's own: density below zero, steps too long).
+    pub warnings: Vec<String>,
+    /// More numbers by name, as they should appear under `diagnostics` (tallies, the track's move at twice the steps).
+    pub diagnostics: BTreeMap<String, f64>,
+    /// Hash of the inputs (track and resolved configuration), in hexadecimal.
+    pub input_hash: String,
+}
+
+/// All of `summary.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// [`SUMMARY_FORMAT`].
+    pub format: u32,
+    /// Whether the run ended by its own rule and every gate passed. First, because it comes first.
+    pub converged: bool,
+    /// Why it ended.
+    pub status: Status,
+    /// Which sampler.
+    pub method: Method,
+    /// Log evidence.
+    pub ln_z: ValueError,
+    /// Errors of ln Z by the way they were estimated.
+    #[serde(with = "json::map")]
+    pub ln_z_error_parts: BTreeMap<String, f64>,
+    /// Other estimates of ln Z.
+    #[serde(with = "json::map")]
+    pub ln_z_estimates: BTreeMap<String, f64>,
+    /// Kullback-Leibler divergence from the prior, in nats.
+    #[serde(with = "json::number")]
+    pub information: f64,
+    /// The effective sample size to quote.
+    #[serde(with = "json::number")]
+    pub ess: f64,
+    /// Kish's effective size.
+    #[serde(with = "json::number")]
+    pub ess_kish: f64,
+    /// Bulk effective size per parameter.
+    #[serde(with = "json::list")]
+    pub ess_bulk: Vec<f64>,
+    /// Tail effective size per parameter.
+    #[serde(with = "json::list")]
+    pub ess_tail: Vec<f64>,
+    /// R-hat per parameter; empty where there are no chains.
+    #[serde(with = "json::list")]
+    pub r_hat: Vec<f64>,
+    /// The shape, where the run has it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub q: Option<Interval>,
+    /// Every parameter by name, in the run's order.
+    #[serde(with = "json::ordered")]
+    pub parameters: Vec<(String, Interval)>,
+    /// Every derived quantity by name, in the run's order.
+    #[serde(with = "json::ordered")]
+    pub derived: Vec<(String, Interval)>,
+    /// The prior that the fit put on q.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub q_prior: Option<QPrior>,
+    /// Orientation modes, where the run has dir_x, dir_y and q.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub modes: Option<Vec<ModeWeight>>,
+    /// What it cost.
+    pub cost: Counts,
+    /// Every check.
+    pub gates: Vec<GateRow>,
+    /// The sampler's warnings.
+    pub warnings: Vec<String>,
+    /// The model's warnings.
+    pub model_warnings: Vec<String>,
+    /// The model's numbers by name.
+    #[serde(with = "json::map")]
+    pub diagnostics: BTreeMap<String, f64>,
+    /// Master seed.
+    pub seed: u64,
+    /// Version of the random streams.
+    pub stream_version: u32,
+    /// Version of oblate.
+    pub version: String,
+    /// The command line.
+    pub command: String,
+    /// Hash of the inputs, in hexadecimal.
+    pub input_hash: String,
+}
+
+/// The intervals of some columns, by name.
+#[must_use]
+pub fn intervals(columns: &[Column], weights: &[f64]) -> Vec<(String, Interval)> {
+    columns
+        .iter()
+        .map(|c| (c.name.clone(), Interval::new(&c.values, weights, &c.unit)))
+        .collect()
+}
+
+impl Summary {
+    /// Summarises a run.
+    #[must_use]
+    pub fn new(run: &Run, context: &SummaryContext) -> Self {
+        let mut parameters = intervals(&columns(run), &run.draws.weights());
+        let derived = parameters.split_off(run.names.len());
+        Self {
+            format: SUMMARY_FORMAT,
+            converged: run.converged(),
+            status: run.status,
+            method: run.method,
+            ln_z: ValueError {
+                value: run.evidence.ln_z,
+                error: run.evidence.error,
+            },
+            ln_z_error_parts: run.evidence.error_parts.clone(),
+            ln_z_estimates: run.evidence.estimates.clone(),
+            information: run.evidence.information,
+            ess: run.ess.quoted,
+            ess_kish: run.ess.kish,
+            ess_bulk: run.ess.bulk.clone(),
+            ess_tail: run.ess.tail.clone(),
+            r_hat: run.ess.r_hat.clone(),
+            q: derived
+                .iter()
+                .chain(&parameters)
+                .find(|(name, _)| name == "q")
+                .map(|(_, interval)| interval.clone()),
+            parameters,
+            derived,
+            q_prior: context.q_prior,
+            modes: mode_weights(run),
+            cost: Counts {
+                calls: run.cost.calls,
+                gradients: run.cost.gradients,
+                cpu_seconds: run.cost.cpu_seconds,
+                wall_seconds: run.cost.wall_seconds,
+                rejected: run.cost.rejected.clone(),
+            },
+            gates: run.gates.iter().map(GateRow::from).collect(),
+            warnings: run.warnings.clone(),
+            model_warnings: context.warnings.clone(),
+            diagnostics: context.diagnostics.clone(),
+            seed: run.seed,
+            stream_version: run.stream_version,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            command: context.command.clone(),
+            input_hash: context.input_hash.clone(),
+        }
+    }
+
+    /// The verdict in words: why the run has not converged, or that it has.
+    #[must_use]
+    pub fn verdict(&self) -> String {
+        if self.converged {
+            return format!(
+                "Converged: all {} checks passed, effective sample size {:.0}.",
+                self.gates.len(),
+                self.ess
+            );
+        }
+        let ended = match self.status {
+            Status::Complete => "the run ended by its own rule",
+            Status::Interrupted => "the run was interrupted; continue it with --resume",
+            Status::BudgetSpent => "the budget ran out; continue it with --resume and a larger one",
+        };
+        let failed: Vec<&GateRow> = self.gates.iter().filter(|g| !g.pass).collect();
+        let mut words = format!("NOT CONVERGED: {ended}");
+        if !failed.is_empty() {
+            words.push_str(&format!(
+                "; {} of {} checks failed ({})",
+                failed.len(),
+                self.gates.len(),
+                failed
+                    .iter()
+                    .map(|g| g.name.as_str())
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            ));
+        }
+        words.push('.');
+        words
+    }
+}

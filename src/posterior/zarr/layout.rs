@@ -1,0 +1,271 @@
+//! Which array holds what.
+
+use super::store::{Store, text};
+use crate::data::ObservedTrack;
+use crate::error::Result;
+use oblate_samplers::Run;
+use oblate_samplers::output::{Draws, Method, Path};
+use oblate_samplers::rng::{Domain, stream, unit_open};
+use serde_json::Map;
+
+/// Task of the resampling's stream within [`Domain::Post`].
+const RESAMPLE_TASK: u64 = 0x7a61_7272;
+
+/// Draws laid out chain by draw.
+pub struct Table<'a> {
+    /// Where the values are.
+    pub draws: &'a Draws,
+    /// Names and units.
+    pub run: &'a Run,
+    /// Row numbers, chain by chain, all of one length.
+    pub rows: &'a [Vec<usize>],
+}
+
+impl Table<'_> {
+    fn variable(
+        &self,
+        store: &Store,
+        at: &str,
+        unit: &str,
+        value: impl Fn(usize) -> f64,
+    ) -> Result<()> {
+        let length = self.rows.first().map_or(0, Vec::len);
+        let data: Vec<f64> = self.rows.iter().flatten().map(|row| value(*row)).collect();
+        let dims = [("chain", self.rows.len()), ("draw", length)];
+        store.array(at, &dims, &data, text(&[("units", unit)]))
+    }
+
+    /// Coordinates, parameters and derived quantities under one group.
+    pub fn write(&self, store: &Store, group: &str) -> Result<()> {
+        self.coordinates(store, group)?;
+        let (draws, run) = (self.draws, self.run);
+        for (i, (name, unit)) in run.names.iter().zip(&run.units).enumerate() {
+            self.variable(store, &format!("{group}/{name}"), unit, |row| {
+                draws.theta_row(row)[i]
+            })?;
+        }
+        for (i, (name, unit)) in run.derived_names.iter().enumerate() {
+            self.variable(store, &format!("{group}/{name}"), unit, |row| {
+                draws.derived_row(row)[i]
+            })?;
+        }
+        Ok(())
+    }
+
+    fn coordinates(&self, store: &Store, group: &str) -> Result<()> {
+        store.group(group, &Map::new())?;
+        for (name, count) in [
+            ("chain", self.rows.len()),
+            ("draw", self.rows.first().map_or(0, Vec::len)),
+        ] {
+            let index: Vec<u64> = (0..count as u64).collect();
+            store.array(
+                &format!("{group}/{name}"),
+                &[(name, count)],
+                &index,
+                Map::new(),
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// Row numbers of equal-weight draws, chain by chain.
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "an effective size lies between 0 and the number of rows"
+)]
+fn equal_weight_rows(run: &Run) -> Vec<Vec<usize>> {
+    let draws = &run.draws;
+    if run.method == Method::PtHmc {
+        let chains = draws.chain.iter().max().map_or(0, |c| *c as usize + 1);
+        let mut rows = vec![Vec::new(); chains];
+        for (row, chain) in draws.chain.iter().enumerate() {
+            rows[*chain as usize].push(row);
+        }
+        let equal = draws
+            .ln_weight
+            .windows(2)
+            .all(|w| (w[0] - w[1]).abs() < 1e-12);
+        if equal && rows.windows(2).all(|w| w[0].len() == w[1].len()) {
+            return rows;
+        }
+    }
+    let count = oblate_samplers::diagnostics::kish_ess(&draws.ln_weight).ceil() as usize;
+    let offset = unit_open(&mut stream(run.seed, Domain::Post, RESAMPLE_TASK, 0));
+    vec![draws.resample(count.min(draws.len()), offset)]
+}
+
+/// `posterior` and `sample_stats`.
+pub fn write_posterior(store: &Store, run: &Run) -> Result<()> {
+    let rows = equal_weight_rows(run);
+    let table = Table {
+        draws: &run.draws,
+        run,
+        rows: &rows,
+    };
+    table.write(store, "/posterior")?;
+    table.coordinates(store, "/sample_stats")?;
+    table.variable(store, "/sample_stats/ln_likelihood", "", |row| {
+        run.draws.ln_likelihood[row]
+    })
+}
+
+/// `observed_data`.
+pub fn write_track(store: &Store, track: &ObservedTrack) -> Result<()> {
+    store.group("/observed_data", &text(&[("name", &track.name)]))?;
+    let mut columns = vec![
+        ("phi", "deg", &track.phi_deg),
+        ("r", "kpc", &track.r_kpc),
+        ("r_err", "kpc", &track.r_err_kpc),
+    ];
+    if let Some(n) = &track.n {
+        columns.push(("n", "", n));
+    }
+    for (name, unit, values) in columns {
+        store.array(
+            &format!("/observed_data/{name}"),
+            &[("bin", track.len())],
+            values,
+            text(&[("units", unit)]),
+        )?;
+    }
+    Ok(())
+}
+
+/// `weighted`.
+pub fn write_weighted(store: &Store, draws: &Draws) -> Result<()> {
+    store.group("/weighted", &Map::new())?;
+    let row = ("row", draws.len());
+    let none = Map::new;
+    let theta = [row, ("parameter", draws.dim)];
+    store.array("/weighted/theta", &theta, &draws.theta, none())?;
+    let derived = [row, ("quantity", draws.derived_dim)];
+    store.array("/weighted/derived", &derived, &draws.derived, none())?;
+    store.array(
+        "/weighted/ln_likelihood",
+        &[row],
+        &draws.ln_likelihood,
+        none(),
+    )?;
+    store.array("/weighted/ln_weight", &[row], &draws.ln_weight, none())?;
+    store.array("/weighted/chain", &[row], &draws.chain, none())
+}
+
+/// `weighted`, back.
+pub fn read_weighted(store: &Store, dim: usize, derived_dim: usize) -> Result<Draws> {
+    Ok(Draws {
+        dim,
+        derived_dim,
+        theta: store.read("/weighted/theta")?,
+        derived: store.read("/weighted/derived")?,
+        ln_likelihood: store.read("/weighted/ln_likelihood")?,
+        ln_weight: store.read("/weighted/ln_weight")?,
+        chain: store.read("/weighted/chain")?,
+    })
+}
+
+/// `path`.
+pub fn write_path(store: &Store, path: &Path) -> Result<()> {
+    store.group("/path", &Map::new())?;
+    let floats = |name: &str, dim: &str, values: &[f64]| {
+        let dims = [(dim, values.len())];
+        store.array(&format!("/path/{name}"), &dims, values, Map::new())
+    };
+    match path {
+        Path::Nested {
+            ln_x,
+            ln_likelihood,
+            ln_likelihood_birth,
+            live,
+            insertion_rank,
+        } => {
+            floats("ln_x", "step", ln_x)?;
+            floats("ln_likelihood", "step", ln_likelihood)?;
+            floats("ln_likelihood_birth", "step", ln_likelihood_birth)?;
+            store.array("/path/live", &[("step", live.len())], live, Map::new())?;
+            floats("insertion_rank", "insertion", insertion_rank)
+        }
+        Path::Tempered {
+            beta,
+            mean_ln_likelihood,
+            variance_ln_likelihood,
+            swap_rejection,
+            acceptance,
+            step_size,
+            mean_leapfrogs,
+            divergences,
+            barrier,
+            round_trips,
+            trace,
+        } => {
+            floats("beta", "temperature", beta)?;
+            floats("mean_ln_likelihood", "temperature", mean_ln_likelihood)?;
+            floats(
+                "variance_ln_likelihood",
+                "temperature",
+                variance_ln_likelihood,
+            )?;
+            floats("swap_rejection", "gap", swap_rejection)?;
+            floats("acceptance", "temperature", acceptance)?;
+            floats("step_size", "temperature", step_size)?;
+            floats("mean_leapfrogs", "temperature", mean_leapfrogs)?;
+            let per_temperature = [("temperature", divergences.len())];
+            store.array(
+                "/path/divergences",
+                &per_temperature,
+                divergences,
+                Map::new(),
+            )?;
+            floats("barrier", "temperature", barrier)?;
+            let ladders = [("ladder", round_trips.len())];
+            store.array("/path/round_trips", &ladders, round_trips, Map::new())?;
+            // Ladders may differ in length: one flat array, and how long each is.
+            let lengths: Vec<u64> = trace.iter().map(|t| t.len() as u64).collect();
+            let dims = [("traced_ladder", lengths.len())];
+            store.array("/path/trace_length", &dims, &lengths, Map::new())?;
+            floats("trace", "scan", &trace.concat())
+        }
+    }
+}
+
+/// `path`, back.
+pub fn read_path(store: &Store, method: Method) -> Result<Path> {
+    let floats = |name: &str| store.read::<f64>(&format!("/path/{name}"));
+    Ok(match method {
+        Method::Nested => Path::Nested {
+            ln_x: floats("ln_x")?,
+            ln_likelihood: floats("ln_likelihood")?,
+            ln_likelihood_birth: floats("ln_likelihood_birth")?,
+            live: store.read("/path/live")?,
+            insertion_rank: floats("insertion_rank")?,
+        },
+        Method::PtHmc => {
+            let flat = floats("trace")?;
+            let mut rest = flat.as_slice();
+            let mut trace = Vec::new();
+            for length in store.read::<u64>("/path/trace_length")? {
+                let length = usize::try_from(length)
+                    .unwrap_or(usize::MAX)
+                    .min(rest.len());
+                let (head, tail) = rest.split_at(length);
+                trace.push(head.to_vec());
+                rest = tail;
+            }
+            Path::Tempered {
+                beta: floats("beta")?,
+                mean_ln_likelihood: floats("mean_ln_likelihood")?,
+                variance_ln_likelihood: floats("variance_ln_likelihood")?,
+                swap_rejection: floats("swap_rejection")?,
+                acceptance: floats("acceptance")?,
+                step_size: floats("step_size")?,
+                mean_leapfrogs: floats("mean_leapfrogs")?,
+                divergences: store.read("/path/divergences")?,
+                barrier: floats("barrier")?,
+                round_trips: store.read("/path/round_trips")?,
+                trace,
+            }
+        }
+    })
+}

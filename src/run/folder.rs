@@ -1,0 +1,259 @@
+//! The folder itself: paths, what is written when, and reading it all back.
+
+use super::Log;
+use crate::error::{Error, Result};
+use crate::posterior::{Summary, run_from_parts, zarr};
+use oblate_samplers::Run;
+use oblate_samplers::checkpoint::{hash, write_atomically};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The file that a finished run has and an unfinished one lacks; it is written last.
+pub const FINISHED: &str = "summary.json";
+
+/// A folder of one run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunFolder {
+    path: PathBuf,
+}
+
+/// What made a run, in `versions.json`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Versions {
+    /// Version of oblate.
+    pub oblate: String,
+    /// Version of the random streams.
+    pub stream_version: u32,
+    /// Hash of the resolved configuration and of every input, in hexadecimal.
+    pub input_hash: String,
+}
+
+/// A run read back from its folder.
+#[derive(Clone, Debug)]
+pub struct StoredRun {
+    /// The folder's name.
+    pub name: String,
+    /// `summary.json`.
+    pub summary: Summary,
+    /// The sampler's result, equal to the original in every bit.
+    pub run: Run,
+    /// `config.toml` as text.
+    pub config: String,
+}
+
+fn io(path: &Path, remedy: &'static str) -> impl FnOnce(std::io::Error) -> Error {
+    let path = path.to_path_buf();
+    move |source| Error::Io {
+        path,
+        source,
+        remedy,
+    }
+}
+
+impl RunFolder {
+    /// Makes a new folder. With `force`, one that is a run folder already is emptied first; anything else is never
+    /// touched.
+    ///
+    /// # Errors
+    /// [`Error::Exists`] if something is there and `force` is not given, or if it is not a run folder;
+    /// [`Error::Io`] if it cannot be made.
+    pub fn create(path: &Path, force: bool) -> Result<Self> {
+        const REMEDY: &str = "choose an --out whose parent is writable";
+        let folder = Self {
+            path: path.to_path_buf(),
+        };
+        let taken = match std::fs::read_dir(path) {
+            Ok(mut entries) => entries.next().is_some(),
+            Err(_) => path.exists(),
+        };
+        if taken {
+            // Only what oblate made is removed: a mistyped --out must not cost anybody their home.
+            let ours = folder.config().is_file() && folder.versions().is_file();
+            if !(force && ours) {
+                return Err(Error::Exists {
+                    path: path.to_path_buf(),
+                });
+            }
+            std::fs::remove_dir_all(path).map_err(io(path, REMEDY))?;
+        }
+        std::fs::create_dir_all(path).map_err(io(path, REMEDY))?;
+        Ok(folder)
+    }
+
+    /// Opens a run folder, finished or not (to resume it).
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it has no `config.toml`.
+    pub fn open(path: &Path) -> Result<Self> {
+        let folder = Self {
+            path: path.to_path_buf(),
+        };
+        std::fs::metadata(folder.config()).map_err(io(
+            &folder.config(),
+            "give a run folder that `oblate fit` or `oblate population` made",
+        ))?;
+        Ok(folder)
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The resolved configuration.
+    #[must_use]
+    pub fn config(&self) -> PathBuf {
+        self.path.join("config.toml")
+    }
+
+    /// What made the run.
+    #[must_use]
+    pub fn versions(&self) -> PathBuf {
+        self.path.join("versions.json")
+    }
+
+    /// What made the run, read back.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Input`] if `versions.json` cannot be read or understood.
+    pub fn read_versions(&self) -> Result<Versions> {
+        let path = self.versions();
+        let text = std::fs::read_to_string(&path)
+            .map_err(io(&path, "restore the run folder from a whole copy"))?;
+        serde_json::from_str(&text).map_err(|e| Error::Input {
+            path,
+            line: Some(e.line()),
+            what: format!("not a version file ({e})"),
+            remedy: "restore the run folder from a whole copy, or start again with --force"
+                .to_owned(),
+        })
+    }
+
+    /// Numbers and verdict.
+    #[must_use]
+    pub fn summary(&self) -> PathBuf {
+        self.path.join(FINISHED)
+    }
+
+    /// Draws.
+    #[must_use]
+    pub fn posterior(&self) -> PathBuf {
+        self.path.join("posterior.zarr")
+    }
+
+    /// The checkpoint while running.
+    #[must_use]
+    pub fn checkpoint(&self) -> PathBuf {
+        self.path.join("checkpoint")
+    }
+
+    /// A figure by name, as SVG.
+    #[must_use]
+    pub fn figure(&self, name: &str) -> PathBuf {
+        self.path.join(format!("{name}.svg"))
+    }
+
+    /// The log, open for appending.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be opened.
+    pub fn log(&self) -> Result<Log> {
+        Log::append_to(&self.path.join("log.jsonl"))
+    }
+
+    /// Whether the run wrote its summary, which comes last.
+    #[must_use]
+    pub fn finished(&self) -> bool {
+        self.summary().is_file()
+    }
+
+    /// Writes `config.toml` and `versions.json` before the work starts.
+    ///
+    /// # Errors
+    /// [`Error::Sampler`] with the file's name if one cannot be written.
+    pub fn begin(&self, config_toml: &str, versions: &Versions) -> Result<()> {
+        self.json(&self.versions(), versions)?;
+        write_atomically(&self.config(), config_toml.as_bytes())?;
+        Ok(())
+    }
+
+    /// Writes the draws, then the summary, then removes the checkpoint: a folder with a summary is whole.
+    ///
+    /// # Errors
+    /// As of [`zarr::write`]; [`Error::Sampler`] or [`Error::Io`] if the summary cannot be written or the checkpoint
+    /// not removed.
+    pub fn finish(&self, run: &Run, summary: &Summary, beside: zarr::Beside<'_>) -> Result<()> {
+        zarr::write(&self.posterior(), run, beside)?;
+        self.json(&self.summary(), summary)?;
+        let checkpoint = self.checkpoint();
+        for path in [
+            oblate_samplers::checkpoint::previous(&checkpoint),
+            checkpoint,
+        ] {
+            if path.exists() {
+                std::fs::remove_file(&path)
+                    .map_err(io(&path, "remove it by hand; the run itself is complete"))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads a finished run back.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the run has not finished or a file is missing; [`Error::Input`] with the line if
+    /// `summary.json` cannot be understood; [`Error::Mismatch`] if its parts do not belong together.
+    pub fn read(&self) -> Result<StoredRun> {
+        let text = std::fs::read_to_string(self.summary()).map_err(io(
+            &self.summary(),
+            "finish the run first (`oblate fit --resume`)",
+        ))?;
+        let summary: Summary = serde_json::from_str(&text).map_err(|e| Error::Input {
+            path: self.summary(),
+            line: Some(e.line()),
+            what: format!("not a summary ({e})"),
+            remedy: "restore the file, or fit again with this version of oblate".to_owned(),
+        })?;
+        let run = run_from_parts(&summary, zarr::read(&self.posterior())?)?;
+        let config = std::fs::read_to_string(self.config()).map_err(io(
+            &self.config(),
+            "restore the run folder from a whole copy",
+        ))?;
+        Ok(StoredRun {
+            name: self
+                .path
+                .file_name()
+                .map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+            summary,
+            run,
+            config,
+        })
+    }
+
+    fn json(&self, path: &Path, value: &impl Serialize) -> Result<()> {
+        let mut text = serde_json::to_vec_pretty(value)
+            .map_err(|e| io(path, "report this as a bug")(std::io::Error::other(e)))?;
+        text.push(b'\n');
+        write_atomically(path, &text)?;
+        Ok(())
+    }
+}
+
+impl Versions {
+    /// The versions of this program for given inputs: the resolved configuration, then the bytes of every input file,
+    /// each hashed with its length so that inputs cannot run into each other.
+    #[must_use]
+    pub fn of(inputs: &[&[u8]]) -> Self {
+        let mut bytes = Vec::new();
+        for input in inputs {
+            bytes.extend_from_slice(&(input.len() as u64).to_le_bytes());
+            bytes.extend_from_slice(&hash(input).to_le_bytes());
+        }
+        Self {
+            oblate: env!("CARGO_PKG_VERSION").to_owned(),
+            stream_version: oblate_samplers::rng::STREAM_VERSION,
+            input_hash: format!("{:016x}", hash(&bytes)),
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! Summaries of runs with known answers, and their files.
+
+use crate::runs;
+use oblate::params::QPrior;
+use oblate::posterior::{
+    Interval, Summary, SummaryContext, columns, modes, prior_draws, run_from_parts, zarr,
+};
+use oblate_samplers::output::{Gate, Path as RunPath, Run};
+use oblate_samplers::{Marginal, Prior};
+
+fn summary(run: &Run) -> Summary {
+    Summary::new(
+        run,
+        &SummaryContext {
+            q_prior: Some(QPrior::Uniform { lo: 0.5, hi: 1.5 }),
+            ..SummaryContext::default()
+        },
+    )
+}
+
+#[test]
+fn quantiles_of_weighted_normals_are_those_of_the_normal() {
+    let run = runs::nested(20_000, 11);
+    let summary = summary(&run);
+    // Error of a quantile at density f: sqrt(p (1 - p) / ESS) / f, largest here at 2.5 %: 0.0234 sd at ESS 15,000.
+    let limit = 4.0 * 0.0234;
+    for ((name, _, mean, sd), (got_name, got)) in runs::PARAMETERS.iter().zip(&summary.parameters) {
+        assert_eq!(name, got_name);
+        let normal = [
+            (got.median, 0.0),
+            (got.lo68, -0.994_457_9),
+            (got.hi68, 0.994_457_9),
+            (got.lo95, -1.959_964),
+            (got.hi95, 1.959_964),
+        ];
+        for (value, z) in normal {
+            assert!(
+                ((value - mean) / sd - z).abs() < limit,
+                "{name} at {z}: {value}"
+            );
+        }
+    }
+    assert_eq!(summary.q, summary.derived.first().map(|d| d.1.clone()));
+}
+
+#[test]
+fn summary_has_the_keys_that_scripts_rely_on() {
+    let run = runs::tempered(800, 3);
+    let json = serde_json::to_value(summary(&run)).unwrap();
+    assert_eq!(json["ln_z"]["value"], -31.25);
+    assert_eq!(json["ln_z"]["error"], 0.125);
+    assert!(json["ess"].is_number());
+    for key in ["median", "lo68", "hi68", "lo95", "hi95"] {
+        assert!(json["q"][key].is_number(), "q.{key}");
+        assert!(
+            json["parameters"]["age_gyr"][key].is_number(),
+            "age_gyr.{key}"
+        );
+    }
+    for key in ["calls", "gradients", "cpu_seconds", "wall_seconds"] {
+        assert!(json["cost"][key].is_number(), "cost.{key}");
+    }
+    assert_eq!(json["converged"], true);
+    for key in ["name", "value", "limit", "pass", "say"] {
+        assert!(!json["gates"][0][key].is_null(), "gates[0].{key}");
+    }
+    assert_eq!(json["q_prior"]["kind"], "uniform");
+    assert_eq!(json["q_prior"]["hi"], 1.5);
+    let names: Vec<&str> = runs::PARAMETERS.iter().map(|p| p.0).collect();
+    let text = serde_json::to_string(&summary(&run)).unwrap();
+    let places: Vec<usize> = names
+        .iter()
+        .map(|n| text.find(&format!("\"{n}\":")).unwrap())
+        .collect();
+    assert!(
+        places.windows(2).all(|w| w[0] < w[1]),
+        "parameters keep their order"
+    );
+}
+
+#[test]
+fn a_failed_gate_keeps_its_infinite_value_and_leads_the_verdict() {
+    let mut run = runs::nested(500, 5);
+    run.gates
+        .push(Gate::at_most("r_hat", f64::INFINITY, 1.01, "run longer"));
+    let before = summary(&run);
+    assert!(!before.converged);
+    assert!(before.verdict().starts_with("NOT CONVERGED"));
+    assert!(before.verdict().contains("r_hat"));
+    let text = serde_json::to_string(&before).unwrap();
+    let after: Summary = serde_json::from_str(&text).unwrap();
+    assert_eq!(after.gates, before.gates);
+    assert!(after.ln_z_estimates["stepping_stone"].is_nan());
+}
+
+#[test]
+fn mode_weights_add_up_and_match_the_cells_probabilities() {
+    for run in [runs::nested(20_000, 7), runs::tempered(20_000, 7)] {
+        let weights = modes::mode_weights(&run).unwrap();
+        let total: f64 = weights.iter().map(|w| w.weight).sum();
+        assert!((total - 1.0).abs() < 1e-9);
+        for cell in &weights {
+            let side = |positive: bool, z: f64| {
+                let p = oblate_samplers::normal::cdf(z);
+                if positive { p } else { 1.0 - p }
+            };
+            let truth = side(cell.mode.dir_x_positive, 0.4 / 0.3)
+                * side(cell.mode.dir_y_positive, -0.2 / 0.4)
+                * side(cell.mode.prolate, -0.2 / 0.1);
+            // The error comes from four chains at worst: t with 3 degrees of freedom passes 12 once in 1,600, and a
+            // binomial floor keeps chance agreement between chains from tightening it. Independent draws: ESS > 15,000.
+            let floor = (truth * (1.0 - truth) / 15_000.0).sqrt();
+            let limit = 4.0 * floor.max(cell.error);
+            assert!((cell.weight - truth).abs() < limit, "{cell:?} {truth}");
+            assert!(cell.error < 12.0 * floor + 1e-12, "{cell:?} {floor}");
+        }
+    }
+}
+
+/// NaN is equal to itself here: the estimate that a run could not make must come back as one.
+fn same(a: &Run, b: &Run) -> bool {
+    a.bits() == b.bits()
+}
+
+#[test]
+fn a_run_comes_back_from_its_files_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, run) in [("n", runs::nested(900, 1)), ("t", runs::tempered(400, 2))] {
+        let path = folder.path().join(name);
+        zarr::write(&path, &run, zarr::Beside::default()).unwrap();
+        let text = serde_json::to_string(&summary(&run)).unwrap();
+        let back = run_from_parts(
+            &serde_json::from_str(&text).unwrap(),
+            zarr::read(&path).unwrap(),
+        )
+        .unwrap();
+        assert!(same(&back, &run));
+        assert_eq!(back.cost, run.cost);
+    }
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
+    assert_eq!(left.len(), 2, "temporary folders are gone");
+}
+
+#[test]
+fn an_empty_and_ragged_trace_comes_back() {
+    let mut run = runs::tempered(40, 2);
+    if let RunPath::Tempered { trace, .. } = &mut run.path {
+        *trace = vec![vec![], vec![1.0, -2.0], vec![3.5]];
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.zarr");
+    zarr::write(&path, &run, zarr::Beside::default()).unwrap();
+    assert_eq!(zarr::read(&path).unwrap().path, run.path);
+}
+
+#[test]
+fn parts_of_different_runs_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.zarr");
+    zarr::write(&path, &runs::nested(100, 1), zarr::Beside::default()).unwrap();
+    let other = summary(&runs::nested(100, 2));
+    let words = run_from_parts(&other, zarr::read(&path).unwrap())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        words.contains("different runs") && words.contains("restore"),
+        "{words}"
+    );
+}
+
+#[test]
+fn a_damaged_folder_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.zarr");
+    zarr::write(&path, &runs::nested(100, 1), zarr::Beside::default()).unwrap();
+    std::fs::remove_dir_all(path.join("weighted/theta")).unwrap();
+    let words = zarr::read(&path).unwrap_err().to_string();
+    assert!(
+        words.contains("p.zarr") && words.contains("weighted/theta"),
+        "{words}"
+    );
+}
+
+#[test]
+fn prior_draws_follow_the_prior_and_carry_derived_quantities() {
+    let prior = Prior::new([
+        ("a", "kpc", Marginal::Uniform { lo: 2.0, hi: 6.0 }),
+        ("b", "", Marginal::Normal { mean: 1.0, sd: 3.0 }),
+    ])
+    .unwrap();
+    let draws = prior_draws(&prior, 4000, 9, |theta| vec![theta[0] + theta[1]]);
+    let mean = |x: Vec<f64>| x.iter().sum::<f64>() / x.len() as f64;
+    // Standard errors 1.155 / sqrt(4000) and 3 / sqrt(4000); four of them.
+    assert!((mean(draws.column(0)) - 4.0).abs() < 4.0 * 1.155 / 4000_f64.sqrt());
+    assert!((mean(draws.column(1)) - 1.0).abs() < 4.0 * 3.0 / 4000_f64.sqrt());
+    assert!((draws.derived_row(17)[0] - draws.theta_row(17).iter().sum::<f64>()).abs() < 1e-12);
+}
+
+#[test]
+fn intervals_of_columns_are_named_with_units() {
+    let run = runs::nested(300, 4);
+    let all = columns(&run);
+    assert_eq!(all.len(), 15);
+    assert_eq!((all[13].name.as_str(), all[1].unit.as_str()), ("q", "kpc"));
+    let interval = Interval::new(&all[1].values, &run.draws.weights(), &all[1].unit);
+    assert!(interval.lo95 < interval.lo68 && interval.lo68 < interval.median);
+    assert_eq!(interval.unit, "kpc");
+}

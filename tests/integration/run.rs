@@ -1,0 +1,119 @@
+//! The run folder: whole or absent, and never overwritten unasked.
+
+use crate::runs;
+use oblate::Error;
+use oblate::data::ObservedTrack;
+use oblate::posterior::{Summary, SummaryContext, zarr};
+use oblate::run::{RunFolder, Versions};
+
+fn finished(path: &std::path::Path) -> RunFolder {
+    let run = runs::nested(200, 1);
+    let folder = RunFolder::create(path, false).unwrap();
+    folder
+        .begin("seed = 1\n", &Versions::of(&[b"seed = 1\n", b"phi,r\n"]))
+        .unwrap();
+    std::fs::write(folder.checkpoint(), b"state").unwrap();
+    let summary = Summary::new(&run, &SummaryContext::default());
+    let track =
+        ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
+    let beside = zarr::Beside {
+        track: Some(&track),
+        prior: None,
+    };
+    folder.finish(&run, &summary, beside).unwrap();
+    folder
+}
+
+#[test]
+fn a_finished_run_is_read_back_and_leaves_no_checkpoint() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = finished(&temporary.path().join("fit"));
+    assert!(folder.finished() && !folder.checkpoint().exists());
+    let stored = RunFolder::open(folder.path()).unwrap().read().unwrap();
+    assert_eq!(stored.run.bits(), runs::nested(200, 1).bits());
+    assert_eq!(
+        (stored.name.as_str(), stored.config.as_str()),
+        ("fit", "seed = 1\n")
+    );
+}
+
+#[test]
+fn an_existing_folder_is_refused_without_force_and_stays_as_it_was() {
+    let temporary = tempfile::tempdir().unwrap();
+    let path = temporary.path().join("fit");
+    let folder = finished(&path);
+    let before = std::fs::read(folder.summary()).unwrap();
+    let error = RunFolder::create(&path, false).unwrap_err();
+    assert!(matches!(error, Error::Exists { .. }));
+    assert!(error.to_string().contains("--force"), "{error}");
+    assert_eq!(std::fs::read(folder.summary()).unwrap(), before);
+    let again = RunFolder::create(&path, true).unwrap();
+    assert!(!again.finished());
+}
+
+#[test]
+fn force_never_removes_a_folder_that_is_not_a_run() {
+    let temporary = tempfile::tempdir().unwrap();
+    let thesis = temporary.path().join("thesis.tex");
+    std::fs::write(&thesis, "chapter one").unwrap();
+    assert!(matches!(
+        RunFolder::create(temporary.path(), true),
+        Err(Error::Exists { .. })
+    ));
+    assert!(thesis.exists());
+}
+
+#[test]
+fn an_unfinished_or_foreign_folder_is_refused_with_a_remedy() {
+    let temporary = tempfile::tempdir().unwrap();
+    let words = RunFolder::open(temporary.path()).unwrap_err().to_string();
+    assert!(
+        words.contains("config.toml") && words.contains("oblate fit"),
+        "{words}"
+    );
+    let folder = RunFolder::create(&temporary.path().join("new"), false).unwrap();
+    folder.begin("", &Versions::of(&[])).unwrap();
+    let words = folder.read().unwrap_err().to_string();
+    assert!(
+        words.contains("summary.json") && words.contains("--resume"),
+        "{words}"
+    );
+}
+
+#[test]
+fn a_damaged_summary_is_refused_with_its_line() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = finished(&temporary.path().join("fit"));
+    let text = std::fs::read_to_string(folder.summary()).unwrap();
+    std::fs::write(
+        folder.summary(),
+        text.replacen("\"converged\"", "converged", 1),
+    )
+    .unwrap();
+    let words = folder.read().unwrap_err().to_string();
+    assert!(words.contains("summary.json, line 3"), "{words}");
+}
+
+#[test]
+fn inputs_are_told_apart_by_their_hash() {
+    let of = |inputs: &[&[u8]]| Versions::of(inputs).input_hash;
+    assert_eq!(of(&[b"a", b"bc"]), of(&[b"a", b"bc"]));
+    assert_ne!(of(&[b"a", b"bc"]), of(&[b"ab", b"c"]));
+    assert_ne!(of(&[b"a", b"bc"]), of(&[b"a", b"bd"]));
+}
+
+#[test]
+fn the_log_appends_one_object_per_line() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = RunFolder::create(&temporary.path().join("fit"), false).unwrap();
+    for step in 0..2 {
+        // Opened twice, as a resumed run does.
+        folder
+            .log()
+            .unwrap()
+            .write(&serde_json::json!({"step": step}))
+            .unwrap();
+    }
+    let text = std::fs::read_to_string(folder.path().join("log.jsonl")).unwrap();
+    assert_eq!(text, "{\"step\":0}\n{\"step\":1}\n");
+}
