@@ -204,16 +204,14 @@ fn warnings(state: &State) -> Vec<String> {
             ));
         }
     }
-    for (rung, local) in state.rungs.iter().zip(&state.record.locals) {
-        if state.is_last_round() && local.diverged > 0 {
-            warnings.push(format!(
-                "{} of {} moves at beta = {:.3e} diverged: the posterior has narrower spots than its step of {:.3e}; raise `target_acceptance`",
-                local.diverged,
-                local.moves,
-                rung.beta,
-                rung.step.step(),
-            ));
-        }
+    let locals = &state.record.locals;
+    let diverged: u64 = locals.iter().map(|local| local.diverged).sum();
+    if state.is_last_round() && diverged > 0 {
+        let moves: u64 = locals.iter().map(|local| local.moves).sum();
+        let rungs = locals.iter().filter(|local| local.diverged > 0).count();
+        warnings.push(format!(
+            "{diverged} of {moves} moves diverged, at {rungs} temperatures: the posterior has narrower spots than the steps; raise `target_acceptance`, or smooth the likelihood",
+        ));
     }
     warnings
 }
