@@ -1,8 +1,10 @@
-//! How long does one stream take, by number type, instruction set and number of particles?
+//! How long does one stream take, by instruction set and number of particles, and how much of it is its cold stage?
 //!
-//! Particle-steps per second are what the throughput column counts. All variants do the same work on the same inputs.
+//! `setup` is the progenitor's orbit and the releases; `carry` the particles in lanes, once for each instruction set that
+//! this CPU has; `particles` the same one by one, the reference. All do the same work on the same inputs; the throughput
+//! counts particle-steps.
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::orbit::{Level, State};
 use oblate::potential::{FlattenedNfw, Plummer};
 use oblate::scalar::Vec3;
@@ -41,14 +43,14 @@ fn model(particles: usize) -> Model {
 fn setup(c: &mut Criterion) {
     let model = model(1_000);
     let galaxy = galaxy();
-    c.bench_function("setup/f64/n1000", |b| {
+    c.bench_function("stream/setup/f64/n1000", |b| {
         b.iter(|| model.setup(black_box(&galaxy)))
     });
 }
 
 fn particles(c: &mut Criterion) {
     let galaxy = galaxy();
-    let mut group = c.benchmark_group("particles");
+    let mut group = c.benchmark_group("stream");
     group.sample_size(20);
     for n in [1_000_usize, 10_000] {
         let model = model(n);
@@ -56,12 +58,13 @@ fn particles(c: &mut Criterion) {
         group.throughput(Throughput::Elements((n * model.settings().steps) as u64));
         for level in Level::available() {
             let (mut path, mut out) = (Vec::new(), Arrivals::default());
-            group.bench_function(BenchmarkId::new(format!("{level:?}"), n), |b| {
+            let id = format!("carry/{level:?}/n{n}_s100").to_lowercase();
+            group.bench_function(id, |b| {
                 b.iter(|| model.carry_at(level, black_box(&setup), &mut path, &mut out));
             });
         }
-        group.bench_function(BenchmarkId::new("scalar", n), |b| {
-            b.iter(|| model.particles(black_box(&setup)))
+        group.bench_function(format!("particles/f64/n{n}_s100"), |b| {
+            b.iter(|| model.particles(black_box(&setup)));
         });
     }
     group.finish();

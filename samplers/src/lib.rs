@@ -8,8 +8,45 @@
 //! Every random number comes from a counter-based stream keyed by (seed, purpose, task, index) ([`rng`]), work is
 //! mapped in order over threads, and reductions are serial: one seed gives the same bits on any number of threads.
 //!
+//! A target of one's own, and its evidence:
+//!
+//! ```
+//! use oblate_samplers::control::{Control, Silent};
+//! use oblate_samplers::{Marginal, Outcome, Prior, Target, nested};
+//!
+//! /// A likelihood of independent standard normals, over any prior.
+//! struct Bell(Prior);
+//!
+//! impl Target for Bell {
+//!     fn prior(&self) -> &Prior {
+//!         &self.0
+//!     }
+//!     fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+//!         let ln_pdf = |x: &f64| -0.5 * x * x - oblate_samplers::normal::LN_SQRT_2PI;
+//!         Outcome::Value(theta.iter().map(ln_pdf).sum())
+//!     }
+//! }
+//!
+//! # fn main() -> oblate_samplers::Result<()> {
+//! let wide = Marginal::Uniform { lo: -10.0, hi: 10.0 };
+//! let bell = Bell(Prior::new([("x", "kpc", wide), ("y", "kpc", wide)])?);
+//! let run = nested::run(&bell, &nested::Settings::default(), 1, &mut Control::new(&mut Silent))?;
+//! // Both normals lie inside the box, whose density is 1/400.
+//! assert!((run.evidence.ln_z + 400_f64.ln()).abs() < 4.0 * run.evidence.error);
+//! assert!(run.converged(), "{:?}", run.gates);
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! Rooms, each of which may only look at the ones before it: [`error`], [`normal`], [`rng`], [`target`],
-//! [`output`], [`control`], [`checkpoint`], [`diagnostics`], then the samplers.
+//! [`checkpoint`], [`output`], [`control`], [`diagnostics`], then the samplers: [`hmc`], [`nested`] and [`pt`].
+#![cfg_attr(
+    test,
+    allow(
+        clippy::cast_possible_truncation,
+        reason = "tests cast small counts of their own"
+    )
+)]
 #![cfg_attr(
     not(test),
     deny(

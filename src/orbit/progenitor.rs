@@ -195,7 +195,7 @@ fn pefrl<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
     // Omelyan, Mryglod & Folk 2002, Comput. Phys. Commun. 146, 188, their "PEFRL".
     const XI: f64 = 0.178_617_895_844_809_1;
     const LAMBDA: f64 = -0.212_341_831_062_605_4;
-    const CHI: f64 = -0.066_264_582_669_818_49;
+    const CHI: f64 = -0.066_264_582_669_818_5;
     let outer = h * (0.5 - LAMBDA);
     let inner = h * LAMBDA;
     let x = s.x.add_scaled(s.v, h * XI);

@@ -1,4 +1,4 @@
-//! Weights of the orientation modes: the eight cells of (sign of dir_x, sign of dir_y, q below or above 1).
+//! Weights of the orientation modes: the eight cells of (sign of `dir_x`, sign of `dir_y`, q below or above 1).
 
 use super::column;
 use oblate_samplers::Run;

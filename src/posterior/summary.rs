@@ -183,7 +183,7 @@ pub struct Summary {
     /// The prior that the fit put on q.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub q_prior: Option<QPrior>,
-    /// Orientation modes, where the run has dir_x, dir_y and q.
+    /// Orientation modes, where the run has `dir_x`, `dir_y` and q.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub modes: Option<Vec<ModeWeight>>,
     /// What it cost.

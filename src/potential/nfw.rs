@@ -100,6 +100,7 @@ impl<S: Scalar> FlattenedNfw<S> {
     }
 
     /// The same halo for another number type, from constants.
+    #[must_use]
     pub fn broadcast(halo: &FlattenedNfw<f64>) -> Self {
         Self {
             mass: S::from_f64(halo.mass),

@@ -35,6 +35,7 @@ impl<S: Scalar> PlummerCotangent<S> {
 
 impl<S: Scalar> Plummer<S> {
     /// The same sphere for another number type, from constants.
+    #[must_use]
     pub fn broadcast(sphere: &Plummer<f64>) -> Self {
         Self {
             mass: S::from_f64(sphere.mass),

@@ -39,6 +39,9 @@ pub struct Outcome {
     pub interrupted: bool,
 }
 
+/// Makes the watch of one piece, by its label, and does the work under it.
+type Watched<'a> = dyn FnMut(&str, &mut dyn FnMut(&mut Watch<'_>) -> Result<()>) -> Result<()> + 'a;
+
 /// Runs a study. `files_from` is the folder that track files are relative to; `watch_of` makes the watch of one piece,
 /// by its label.
 ///
@@ -48,7 +51,7 @@ pub fn study(
     config: &StudyConfig,
     files_from: &Path,
     command: &str,
-    watched: &mut dyn FnMut(&str, &mut dyn FnMut(&mut Watch<'_>) -> Result<()>) -> Result<()>,
+    watched: &mut Watched<'_>,
 ) -> Result<Outcome> {
     let mut outcome = Outcome::default();
     std::fs::create_dir_all(&config.out).map_err(|source| Error::Io {
@@ -159,7 +162,7 @@ fn one_fit(
     sampler: Sampler,
     under: &Path,
     command: &str,
-    watched: &mut dyn FnMut(&str, &mut dyn FnMut(&mut Watch<'_>) -> Result<()>) -> Result<()>,
+    watched: &mut Watched<'_>,
 ) -> Result<Option<Piece>> {
     let mut config = config.clone();
     config.sampling.sampler = sampler;

@@ -40,10 +40,10 @@ pub struct Kick {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Recipe {
-    /// Fardal et al. 2015 as the field's codes have it: all dispersions 0.5, k_r multiplies the tangential velocity.
+    /// Fardal et al. 2015 as the field's codes have it: all dispersions 0.5, `k_r` multiplies the tangential velocity.
     #[default]
     Fardal2015,
-    /// Fardal et al. 2015 with the published numbers: dispersion 0.4 in k_r and k_vphi, no factor k_r in the velocity.
+    /// Fardal et al. 2015 with the published numbers: dispersion 0.4 in `k_r` and `k_vphi`, no factor `k_r` in the velocity.
     Fardal2015Published,
     /// Chen et al. 2025: five normals, velocities in the point-mass escape speed.
     Chen2025,
@@ -93,7 +93,7 @@ impl Recipe {
     }
 }
 
-/// (k_r, k_z, k_vphi, k_vz) with means (2, 0, 0.3, 0), dispersion `planar` in the plane and 0.5 out of it.
+/// `(k_r, k_z, k_vphi, k_vz)` with means (2, 0, 0.3, 0), dispersion `planar` in the plane and 0.5 out of it.
 fn fardal(xi: &[f64; 5], planar: f64) -> [f64; 4] {
     [
         2.0 + planar * xi[0],

@@ -1,5 +1,10 @@
 //! One binary for the integration tests; each module mirrors a room of `src`.
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "tests cast small counts of their own"
+)]
 
+mod arrows;
 mod data;
 mod gala;
 mod golden;
@@ -10,6 +15,9 @@ mod params;
 mod posterior;
 mod population;
 mod potential;
+// The reader of import orders lives with the samplers, which must not depend on this crate.
+#[path = "../../samplers/tests/integration/rooms.rs"]
+mod rooms;
 mod run;
 mod runs;
 mod spray;

@@ -7,7 +7,7 @@ use oblate::scalar::{Dual, Real, Vec3, gradient_of, lift};
 use oblate::spray::{Arm, Design, Kick, Recipe, ReleaseTable, TableSettings, Tidal};
 use serde_json::Value;
 
-/// The golden files' own tolerance, relative to r_j for offsets and to the velocity scale for velocities.
+/// The golden files' own tolerance, relative to `r_j` for offsets and to the velocity scale for velocities.
 const TOLERANCE: f64 = 1e-11;
 
 fn host(case: &Value) -> FlattenedNfw<f64> {

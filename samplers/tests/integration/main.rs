@@ -1,6 +1,12 @@
 //! One binary for the crate's integration tests; each module mirrors a room of `src`.
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "tests cast small counts of their own"
+)]
 
+mod arrows;
 mod hmc;
 mod nested;
 mod pt;
+mod rooms;
 mod targets;

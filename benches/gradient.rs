@@ -1,0 +1,86 @@
+//! What does the gradient of ln L cost, in units of its value?
+//!
+//! One track with 100 steps per particle and a dense orbit of 512 steps. `value` runs in lanes; `adjoint13` adds all 13
+//! derivatives in reverse; `dual13` is the reference, every number a dual of 13 parts, one particle after the other. All of
+//! them do the same physics on the same inputs; the throughput counts particle-steps.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
+use oblate::params::{DIM, QRange, StreamParams};
+use oblate::spray::TableSettings;
+use oblate::stream::{Arrivals, Model, ModelSettings};
+use oblate::track::{BinEdges, Track};
+use std::hint::black_box;
+
+/// An oblate halo with a tilted axis, a progenitor at 80 kpc, 3 Gyr.
+const THETA: [f64; DIM] = [
+    12.1, 16.0, -0.25, -0.4, 1.64, 8.0, 1.5, 59.0, 53.0, -41.0, 156.0, -29.0, 3.0,
+];
+
+/// The likelihood of the model's own track, 2 % errors.
+fn likelihood(particles: usize) -> StreamLikelihood {
+    let model = Model::new(&ModelSettings {
+        releases: TableSettings {
+            particles,
+            ..TableSettings::default()
+        },
+        steps: 100,
+        ..ModelSettings::default()
+    })
+    .expect("a model");
+    let settings = LikelihoodSettings::default();
+    let q_range = QRange {
+        q_min: 0.5,
+        q_max: 1.5,
+    };
+    let empty = DataBin {
+        bin: 0,
+        r_kpc: 1.0,
+        r_err_kpc: 1.0,
+    };
+    let track =
+        |data: &[DataBin]| TrackLikelihood::new(&settings, 10.0, data, particles).expect("a track");
+    let setup = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
+        .galaxy(&StreamParams::from_array(THETA));
+    let setup = model.setup(&setup).expect("an orbit");
+    let (mut path, mut stars) = (Vec::new(), Arrivals::default());
+    model
+        .carry(&setup, &mut path, &mut stars)
+        .expect("particles");
+    let data: Vec<DataBin> = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * particles as f64)
+        .bins
+        .iter()
+        .map(|b| DataBin {
+            bin: b.bin,
+            r_kpc: b.r_kpc,
+            r_err_kpc: 0.02 * b.r_kpc,
+        })
+        .collect();
+    StreamLikelihood::new(model, track(&data), q_range)
+}
+
+fn gradient(c: &mut Criterion) {
+    let mut group = c.benchmark_group("gradient");
+    group.sample_size(20);
+    for n in [1_000_usize, 4_096] {
+        let likelihood = likelihood(n);
+        group.throughput(Throughput::Elements(100 * n as u64));
+        group.bench_function(format!("value/n{n}_s100"), |b| {
+            b.iter(|| likelihood.ln_likelihood(black_box(&THETA)));
+        });
+        group.bench_function(format!("adjoint13/n{n}_s100"), |b| {
+            b.iter(|| likelihood.gradient(black_box(&THETA)));
+        });
+        // The reference is slow: once is enough to know by how much.
+        if n == 1_000 {
+            group.sample_size(10);
+            group.bench_function(format!("dual13/n{n}_s100"), |b| {
+                b.iter(|| likelihood.gradient_by_duals(black_box(&THETA)));
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, gradient);
+criterion_main!(benches);

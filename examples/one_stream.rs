@@ -1,0 +1,50 @@
+//! First: thirteen parameters to the track of a stream.
+//!
+//! `cargo run --release --example one_stream`
+
+use oblate::params::{PriorSettings, StreamParams, StreamPrior};
+use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
+use oblate::track::{BinEdges, Track};
+use oblate::{Error, Result};
+
+fn main() -> Result<()> {
+    let params = StreamParams {
+        log10_m_halo: 12.1,
+        r_s_halo_kpc: 16.0,
+        dir_x: -0.25,
+        dir_y: -0.4,
+        dir_z: 1.64,
+        log10_m_prog: 8.0,
+        r_s_prog_kpc: 1.5,
+        x0_kpc: 59.0,
+        z0_kpc: 53.0,
+        vx0_km_s: -41.0,
+        vy0_km_s: 156.0,
+        vz0_km_s: -29.0,
+        age_gyr: 3.0,
+    };
+    let prior = StreamPrior::new(&PriorSettings::default())?;
+    prior.check_inside(&params)?;
+    let shape = prior.shape(&params);
+    println!("q = {:.2}, axis = {:.2?}", shape.q, shape.axis.to_array());
+
+    // Made once for many streams: the releases, and everything else that no parameter enters.
+    let model = Model::new(&ModelSettings::default())?;
+    let galaxy = Galaxy::from_params(&params, prior.q_range());
+    let setup = model.setup(&galaxy).map_err(Error::NoTrack)?;
+    let (mut path, mut stars) = (Vec::new(), Arrivals::default());
+    model
+        .carry(&setup, &mut path, &mut stars)
+        .map_err(Error::NoTrack)?;
+
+    let least = 0.01 * stars.len() as f64;
+    let track = Track::of(&stars, 10.0, BinEdges::default(), least);
+    println!("{:>8} {:>8} {:>8} {:>6}", "phi/deg", "r/kpc", "+-", "n");
+    for bin in &track.bins {
+        println!(
+            "{:>8} {:>8.2} {:>8.2} {:>6.0}",
+            bin.phi_deg, bin.r_kpc, bin.r_err_kpc, bin.n
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,103 @@
+//! Reads which rooms of a crate import which, for the tests of import order here and next door.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The arrows that point to the right in `order`, and rooms without a place, as sentences; and the number of arrows seen.
+pub fn wrong_arrows(src: &Path, order: &[&str]) -> (Vec<String>, usize) {
+    let front = fs::read_to_string(src.join("lib.rs")).unwrap();
+    let exports = exports(&front);
+    let (mut wrong, mut seen) = (Vec::new(), 0);
+    for file in sources(src) {
+        let below = file.strip_prefix(src).unwrap();
+        let first = below.components().next().unwrap().as_os_str();
+        let room = Path::new(first).file_stem().unwrap().to_str().unwrap();
+        if room == "lib" {
+            continue;
+        }
+        for used in rooms_used(&fs::read_to_string(&file).unwrap(), &exports) {
+            let place = |name: &str| order.iter().position(|r| *r == name);
+            match (place(room), place(&used)) {
+                (Some(own), Some(other)) if other > own => {
+                    wrong.push(format!("{}: {room} imports {used}", below.display()));
+                }
+                (Some(own), Some(other)) => seen += usize::from(other < own),
+                _ => wrong.push(format!("{room} or {used} has no place in the order")),
+            }
+        }
+    }
+    (wrong, seen)
+}
+
+/// Names that the front page re-exports, with their rooms.
+fn exports(front: &str) -> BTreeMap<String, String> {
+    front
+        .split(';')
+        .filter_map(|item| item.trim().strip_prefix("pub use "))
+        .filter_map(|path| path.split_once("::"))
+        .flat_map(|(room, names)| heads(names).into_iter().map(|n| (n, room.to_owned())))
+        .collect()
+}
+
+/// Rooms named after `crate::` (in a command: after `oblate::`), outside comments and test modules.
+pub fn rooms_used(text: &str, exports: &BTreeMap<String, String>) -> BTreeSet<String> {
+    let code: String = text
+        .split("#[cfg(test)]\nmod tests {")
+        .next()
+        .unwrap()
+        .lines()
+        .filter(|line| !line.trim_start().starts_with("//"))
+        .map(|line| line.replace("oblate::", "crate::") + "\n")
+        .collect();
+    code.split("crate::")
+        .skip(1)
+        .flat_map(heads)
+        .map(|name| exports.get(&name).cloned().unwrap_or(name))
+        .collect()
+}
+
+/// The first name of a path, or of every path in a group `{a::b, c::{d, e}}`.
+fn heads(path: &str) -> Vec<String> {
+    let name = |text: &str| -> String {
+        let letters = text.trim_start().chars();
+        letters
+            .take_while(|c| c.is_alphanumeric() || *c == '_')
+            .collect()
+    };
+    let Some(group) = path.strip_prefix('{') else {
+        return vec![name(path)];
+    };
+    let (mut depth, mut start, mut names) = (0, 0, Vec::new());
+    for (at, c) in group.char_indices() {
+        match c {
+            '{' => depth += 1,
+            ',' | '}' if depth == 0 => {
+                names.push(name(&group[start..at]));
+                start = at + 1;
+            }
+            '}' => depth -= 1,
+            _ => {}
+        }
+        if c == '}' && start == at + 1 {
+            break;
+        }
+    }
+    names.retain(|n| !n.is_empty());
+    names
+}
+
+/// Every source file below a folder, but for files of tests.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files.extend(sources(&path));
+        } else if path.extension().is_some_and(|e| e == "rs") && !path.ends_with("tests.rs") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    files
+}

@@ -1,0 +1,35 @@
+//! The import order of `src`: a room may use what stands to its left, never what stands to its right.
+
+use crate::rooms::wrong_arrows;
+use std::path::Path;
+
+/// From the ground floor through the forward model and the inference to the front desk.
+const ORDER: [&str; 19] = [
+    "error",
+    "units",
+    "scalar",
+    "params",
+    "potential",
+    "orbit",
+    "spray",
+    "stream",
+    "track",
+    "data",
+    "likelihood",
+    "inference",
+    "posterior",
+    "population",
+    "report",
+    "config",
+    "run",
+    "cli",
+    "main",
+];
+
+#[test]
+fn every_room_imports_only_rooms_to_its_left() {
+    let src = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/src"));
+    let (wrong, seen) = wrong_arrows(src, &ORDER);
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(seen > 40, "only {seen} arrows were seen");
+}
