@@ -8,6 +8,7 @@ mod orbit;
 mod params;
 mod posterior;
 mod potential;
+mod report;
 mod run;
 mod runs;
 mod spray;
