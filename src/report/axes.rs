@@ -116,25 +116,24 @@ impl Axes {
         }
     }
 
-    /// Frame, inward ticks and, where `label` is not empty, tick texts and the label below.
+    /// Inward ticks and, where `label` is not empty, tick texts and the label's lines below.
     pub fn draw_x(&self, canvas: &mut Canvas, label: &str, most: usize, size: f64) {
         let (left, top, w, h) = self.rect;
         let values = ticks(self.x, most);
         for v in &values {
             let (x, _) = self.at(*v, self.y.0);
             canvas.line(&[(x, top + h), (x, top + h - 3.0)], INK, 0.6, "");
-            if !label.is_empty() {
+            // Panels that stand close leave no room for words at their corners.
+            let inside = (x - left).min(left + w - x) > 0.08 * w || w > 100.0;
+            if !label.is_empty() && inside {
                 let text = tick_text(*v, &values);
                 canvas.text((x, top + h + size + 2.0), &text, size, Anchor::Middle, 0.0);
             }
         }
-        canvas.text(
-            (left + 0.5 * w, top + h + 2.4 * size + 3.0),
-            label,
-            size + 1.0,
-            Anchor::Middle,
-            0.0,
-        );
+        for (k, line) in label.lines().enumerate() {
+            let y = top + h + (2.4 + 1.3 * k as f64) * size + 3.0;
+            canvas.text((left + 0.5 * w, y), line, size + 1.0, Anchor::Middle, 0.0);
+        }
     }
 
     /// As [`Axes::draw_x`], on the left; the label stands `gap` points away from the frame.
@@ -144,18 +143,17 @@ impl Axes {
         for v in &values {
             let (_, y) = self.at(self.x.0, *v);
             canvas.line(&[(left, y), (left + 3.0, y)], INK, 0.6, "");
-            if !label.is_empty() {
+            let inside = (y - top).min(top + h - y) > 0.08 * h || h > 60.0;
+            if !label.is_empty() && inside {
                 let text = tick_text(*v, &values);
                 canvas.text((left - 3.0, y + 0.35 * size), &text, size, Anchor::End, 0.0);
             }
         }
-        canvas.text(
-            (left - gap, top + 0.5 * h),
-            label,
-            size + 1.0,
-            Anchor::Middle,
-            -90.0,
-        );
+        let lines: Vec<&str> = label.lines().rev().collect();
+        for (k, line) in lines.into_iter().enumerate() {
+            let x = left - gap - 1.3 * size * k as f64;
+            canvas.text((x, top + 0.5 * h), line, size + 1.0, Anchor::Middle, -90.0);
+        }
     }
 
     /// The frame, over what was drawn.
@@ -176,7 +174,7 @@ impl Axes {
         );
     }
 
-    /// A vertical band of reference.
+    /// A band of reference between two values of y.
     pub fn band(&self, canvas: &mut Canvas, y: (f64, f64), opacity: f64) {
         let ring = vec![
             self.at(self.x.0, y.0),

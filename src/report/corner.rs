@@ -34,7 +34,7 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
     // Two columns make a small square, fourteen fill a sheet: the panels must stay legible.
     let panel = (720.0 / n as f64 - gap).clamp(52.0, 150.0);
     let side = n as f64 * (panel + gap);
-    let mut canvas = Canvas::new(left + side + 60.0, above + side + bottom);
+    let mut canvas = Canvas::new(left + side + 12.0, above + side + bottom);
     let ranges: Vec<(f64, f64)> = columns.iter().map(|c| range(c, weights)).collect();
     let size = if n > 6 { 6.0 } else { 8.0 };
     for row in 0..columns.len() {
@@ -47,7 +47,7 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
             );
             let words = |shown: bool, at: usize| {
                 if shown {
-                    label::axis(&columns[at].column.name, &columns[at].column.unit)
+                    label::axis(&columns[at].column.name, &columns[at].column.unit, n > 6)
                 } else {
                     String::new()
                 }
@@ -71,7 +71,7 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
                     n,
                 );
                 axes.draw_x(&mut canvas, &below, most, size);
-                axes.draw_y(&mut canvas, &words(col == 0, row), most, size, 34.0);
+                axes.draw_y(&mut canvas, &words(col == 0, row), most, size, 28.0);
             }
         }
     }
@@ -113,7 +113,7 @@ fn marginal(
     }
     axes.frame(canvas);
     canvas.text(
-        (rect.0 + 0.5 * rect.2, rect.1 + size + 1.5),
+        (rect.0 + 0.5 * rect.2, rect.1 - 3.0),
         &credible(median, lo, hi),
         size,
         Anchor::Middle,
@@ -122,17 +122,17 @@ fn marginal(
     axes
 }
 
-/// `median +up -down` with the digits that the smaller side deserves.
+/// `median +up -down` with the digits that the smaller side deserves, two of them.
 fn credible(median: f64, lo: f64, hi: f64) -> String {
     let (down, up) = (median - lo, hi - median);
     let least = down.min(up);
     let mut digits = 0;
     let mut unit = 1.0;
-    while digits < 4 && least < 2.0 * unit {
+    while digits < 5 && least < 10.0 * unit {
         digits += 1;
         unit /= 10.0;
     }
-    format!("{median:.digits$} +{up:.digits$} \u{2212}{down:.digits$}").replace(" -", " \u{2212}")
+    format!("{median:.digits$} +{up:.digits$} \u{2212}{down:.digits$}").replace('-', "\u{2212}")
 }
 
 fn pair(canvas: &mut Canvas, axes: &Axes, columns: [&CornerColumn; 2], weights: &[f64], n: usize) {

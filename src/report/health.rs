@@ -44,7 +44,7 @@ pub fn health(run: &Run) -> String {
     }
 }
 
-/// Every so manieth index, so that at most [`MOST_POINTS`] are drawn; the last one included.
+/// Evenly spaced indices, so that at most [`MOST_POINTS`] are drawn; the last one included.
 fn thin(len: usize) -> Vec<usize> {
     let step = len.div_ceil(MOST_POINTS).max(1);
     let mut rows: Vec<usize> = (0..len).step_by(step).collect();
