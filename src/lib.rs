@@ -9,8 +9,11 @@
     )
 )]
 
+pub mod cli;
+pub mod config;
 pub mod data;
 pub mod error;
+pub mod inference;
 pub mod likelihood;
 pub mod orbit;
 pub mod params;

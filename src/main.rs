@@ -1,2 +1,13 @@
-//! The `oblate` command.
-fn main() {}
+//! The `oblate` command: parse, call the library, print what went wrong, choose the exit code.
+
+use oblate::cli::{self, Exit};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().collect();
+    let exit = cli::run(&args, &mut std::io::stdout()).unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        Exit::of(&error)
+    });
+    ExitCode::from(exit.code())
+}

@@ -10,7 +10,10 @@
 
 mod check;
 mod ecsv;
+mod mock;
 mod read;
+
+pub use mock::{Mock, MockSettings, Mocks, QPopulation, mocks};
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};

@@ -4,14 +4,16 @@
 //! array to the bit, `summary.json` ([`Summary`]) every single number, so that [`run_from_parts`] puts the same `Run`
 //! together again.
 
+mod compare;
 mod derived;
 pub mod json;
 pub mod modes;
 mod summary;
 pub mod zarr;
 
+pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare};
 pub use derived::prior_draws;
-pub use modes::{Mode, ModeWeight};
+pub use modes::{Mode, ModeWeight, mode_weights};
 pub use summary::{
     Counts, GateRow, Interval, SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals,
 };

@@ -12,7 +12,7 @@ mod plummer;
 mod sum;
 
 pub use miyamoto_nagai::MiyamotoNagai;
-pub use nfw::{FlattenedNfw, NfwCotangent};
+pub use nfw::{FlattenedNfw, NfwCotangent, log10_m200};
 pub use plummer::{Plummer, PlummerCotangent};
 pub use sum::Sum;
 

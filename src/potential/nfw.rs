@@ -2,7 +2,8 @@
 
 use super::Potential;
 use crate::scalar::{Scalar, Vec3, ln_1p, two_atanh_tail};
-use crate::units::G;
+use crate::units::{CRITICAL_DENSITY, G};
+use std::f64::consts::PI;
 
 /// `Phi = -(G M / m) ln(1 + m / Rs)` with `m^2 = |x|^2 + (1/q^2 - 1) (n.x)^2`.
 ///
@@ -177,5 +178,42 @@ impl<S: Scalar> Potential<S> for FlattenedNfw<S> {
         let (_, y, s) = self.geometry(x);
         let (k, dk) = self.slopes(s);
         v.add_scaled(self.axis, self.flattening * self.axis.dot(v)) * k + y * (dk * y.dot(v))
+    }
+}
+
+/// log10 of M200 in Msun, the mass inside the sphere of 200 critical densities, of a spherical NFW halo with mass scale
+/// `10^log10_mass` Msun (4 pi rho0 Rs^3, this library's parameter) and scale radius `r_s` kpc.
+///
+/// With the concentration c, `M g(c) = 200 rho_c (4 pi / 3) (c Rs)^3`: `g(c)/c^3` falls monotonically, and is bisected.
+#[must_use]
+pub fn log10_m200(log10_mass: f64, r_s: f64) -> f64 {
+    let mass = 10.0_f64.powf(log10_mass);
+    let volume_mass = 200.0 * CRITICAL_DENSITY * 4.0 * PI / 3.0 * r_s * r_s * r_s;
+    let wanted = volume_mass / mass;
+    let (mut lo, mut hi) = (-8.0_f64, 8.0_f64);
+    for _ in 0..60 {
+        let middle = 0.5 * (lo + hi);
+        if profile(10.0_f64.powf(middle)) > wanted {
+            lo = middle;
+        } else {
+            hi = middle;
+        }
+    }
+    volume_mass.log10() + 3.0 * 0.5 * (lo + hi)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn m200_is_the_mass_inside_200_critical_densities() {
+        for (log10_mass, r_s) in [(11.0, 25.0), (12.0, 15.0), (14.0, 10.0)] {
+            let m200 = 10.0_f64.powf(log10_m200(log10_mass, r_s));
+            let r200 = (m200 / (200.0 * CRITICAL_DENSITY * 4.0 * PI / 3.0)).cbrt();
+            let s = r200 / r_s;
+            let enclosed = 10.0_f64.powf(log10_mass) * ((1.0 + s).ln() - s / (1.0 + s));
+            assert!((enclosed / m200 - 1.0).abs() < 1e-9, "{log10_mass} {r_s}");
+        }
     }
 }

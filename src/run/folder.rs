@@ -113,6 +113,23 @@ impl RunFolder {
         self.path.join("versions.json")
     }
 
+    /// What made the run, read back.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Input`] if `versions.json` cannot be read or understood.
+    pub fn read_versions(&self) -> Result<Versions> {
+        let path = self.versions();
+        let text = std::fs::read_to_string(&path)
+            .map_err(io(&path, "restore the run folder from a whole copy"))?;
+        serde_json::from_str(&text).map_err(|e| Error::Input {
+            path,
+            line: Some(e.line()),
+            what: format!("not a version file ({e})"),
+            remedy: "restore the run folder from a whole copy, or start again with --force"
+                .to_owned(),
+        })
+    }
+
     /// Numbers and verdict.
     #[must_use]
     pub fn summary(&self) -> PathBuf {

@@ -1,7 +1,56 @@
-//! A run folder: what one fit or one population leaves behind, never overwritten unasked.
+//! A run folder: what one fit or one population leaves behind, never overwritten unasked; and the work that fills it.
 
+mod fit;
 mod folder;
 mod log;
+mod population;
+mod study;
+mod watch;
 
+pub use fit::{Existing, best_row, fit, target};
 pub use folder::{FINISHED, RunFolder, StoredRun, Versions};
 pub use log::Log;
+pub use population::{population, q_posterior};
+pub use study::{Outcome, Piece, study};
+pub use watch::Watch;
+
+use crate::error::{Error, Result};
+use crate::posterior::Summary;
+use oblate_samplers::Run;
+use std::path::Path;
+
+/// A folder made ready for a run.
+enum Opened {
+    /// It has finished already, with the same inputs.
+    Finished(Box<Run>, Box<Summary>),
+    /// It waits for work.
+    Folder(RunFolder),
+}
+
+/// Makes a folder ready: new, replaced, or continued.
+fn open_or_create(out: &Path, existing: Existing, versions: &Versions) -> Result<Opened> {
+    if existing != Existing::Resume || !out.exists() {
+        return Ok(Opened::Folder(RunFolder::create(
+            out,
+            existing == Existing::Replace,
+        )?));
+    }
+    let folder = RunFolder::open(out)?;
+    if folder.read_versions()?.input_hash != versions.input_hash {
+        return Err(Error::Mismatch {
+            what: format!(
+                "{}: made from another track, other settings or another version",
+                out.display()
+            ),
+            remedy: "resume with what its config.toml says, or start again with --force".to_owned(),
+        });
+    }
+    if folder.finished() {
+        let stored = folder.read()?;
+        return Ok(Opened::Finished(
+            Box::new(stored.run),
+            Box::new(stored.summary),
+        ));
+    }
+    Ok(Opened::Folder(folder))
+}

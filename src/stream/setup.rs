@@ -3,9 +3,12 @@
 use super::ModelSettings;
 use crate::error::{Rejection, Tally};
 use crate::orbit::{DenseOrbit, Node, State, crossing};
+use crate::params::{QRange, StreamParams};
 use crate::potential::{FlattenedNfw, Plummer};
 use crate::scalar::{Dual, Real, Scalar, Vec3};
 use crate::spray::{ReleaseTable, Tidal};
+use crate::units::KPC_PER_GYR_IN_KM_S;
+use std::f64::consts::LN_10;
 
 /// What makes a stream: a host, a progenitor, and where it is today.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +21,32 @@ pub struct Galaxy<S> {
     pub today: State<S>,
     /// Time since the first release.
     pub age_gyr: S,
+}
+
+impl<S: Real> Galaxy<S> {
+    /// The galaxy of 13 parameters (physics.md 1): masses from their logarithms, the halo's shape from its vector, the
+    /// progenitor today at y = 0.
+    pub fn from_params(params: &StreamParams<S>, q_range: QRange) -> Self {
+        let mass = |log10: S| (log10 * LN_10).exp();
+        let shape = q_range.shape(params.dir());
+        Self {
+            host: FlattenedNfw::new(
+                mass(params.log10_m_halo),
+                params.r_s_halo_kpc,
+                shape.q,
+                shape.axis,
+            ),
+            sphere: Plummer {
+                mass: mass(params.log10_m_prog),
+                r_s: params.r_s_prog_kpc,
+            },
+            today: State {
+                x: params.position_kpc(),
+                v: params.velocity_km_s() * S::from_f64(KPC_PER_GYR_IN_KM_S),
+            },
+            age_gyr: params.age_gyr,
+        }
+    }
 }
 
 /// One epoch's release: the progenitor, and the scaled tidal frame that kicks are counted in.

@@ -4,6 +4,7 @@ mod data;
 mod gala;
 mod golden;
 mod ks;
+mod likelihood;
 mod orbit;
 mod params;
 mod posterior;

@@ -1,4 +1,4 @@
-//! One number per point: Gaussian in radius, with the coverage rule chosen by name (physics.md 7).
+//! Gaussian in radius per bin, with the coverage rule chosen by name (physics.md 7).
 
 use crate::error::{Error, Rejection, Result};
 use crate::scalar::{Dual, Real, gradient_of, lift, smooth_step};
@@ -168,6 +168,12 @@ impl TrackLikelihood {
     #[must_use]
     pub fn grid(&self) -> &BinGrid {
         &self.grid
+    }
+
+    /// The weight that a bin must have to count as covered.
+    #[must_use]
+    pub fn threshold(&self) -> f64 {
+        self.threshold
     }
 
     /// The data, in order.

@@ -1,0 +1,91 @@
+//! `oblate compare`.
+
+use super::Exit;
+use super::options::{Common, say, say_json};
+use crate::error::{Error, Result};
+use crate::posterior::{Comparison, compare};
+use crate::run::{RunFolder, StoredRun};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Flags of `oblate compare`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example:\n  oblate compare runs/s0_nested runs/s0_pt-hmc")]
+pub struct Args {
+    /// Finished runs of one target
+    #[arg(required = true, num_args = 2..)]
+    runs: Vec<PathBuf>,
+}
+
+/// Compares every run with the first.
+pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
+    let stored: Vec<StoredRun> = args
+        .runs
+        .iter()
+        .map(|path| RunFolder::open(path)?.read())
+        .collect::<Result<_>>()?;
+    let Some((first, others)) = stored.split_first() else {
+        return Err(Error::Setting {
+            key: "RUN".to_owned(),
+            value: "none".to_owned(),
+            remedy: "give at least two run folders".to_owned(),
+        });
+    };
+    let mut agree = true;
+    for other in others {
+        let comparison = compare(&first.name, &first.run, &other.name, &other.run)?;
+        agree &= comparison.agree();
+        if common.json {
+            say_json(out, &comparison)?;
+        } else {
+            print(&comparison, out)?;
+        }
+    }
+    Ok(if agree { Exit::Done } else { Exit::Failed })
+}
+
+fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
+    say(
+        out,
+        &format!("{} against {}: {}", c.names[0], c.names[1], c.verdict()),
+    )?;
+    say(
+        out,
+        &format!(
+            "ln Z {:.3} +- {:.3} and {:.3} +- {:.3}: {:+.2} sigma",
+            c.ln_z[0].value, c.ln_z[0].error, c.ln_z[1].value, c.ln_z[1].error, c.ln_z_sigma
+        ),
+    )?;
+    say(
+        out,
+        "           quantity     median_1     median_2   sigma  of width",
+    )?;
+    for row in &c.marginals {
+        say(
+            out,
+            &format!(
+                "{:>19} {:12.4} {:12.4} {:+7.2} {:9.3}",
+                row.name, row.median[0], row.median[1], row.sigma, row.of_width
+            ),
+        )?;
+    }
+    for mode in &c.modes {
+        say(
+            out,
+            &format!(
+                "{:>19} {:6.3} +- {:.3} {:6.3} +- {:.3} {:+7.2}",
+                mode.name, mode.weight[0], mode.error[0], mode.weight[1], mode.error[1], mode.sigma
+            ),
+        )?;
+    }
+    for (i, cost) in c.cost.iter().enumerate() {
+        say(
+            out,
+            &format!(
+                "{}: {} calls, {} gradients, ESS {:.0}, {:.0} CPU seconds",
+                c.names[i], cost.calls, cost.gradients, cost.ess, cost.cpu_seconds
+            ),
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,88 @@
+//! `oblate evaluate`: any sampler in any language can use our likelihood.
+
+use super::Exit;
+use super::options::{Common, FitFlags, output, say_json};
+use crate::data::ObservedTrack;
+use crate::error::{Error, Result};
+use crate::params::{NAMES, StreamParams};
+use crate::run::target;
+use serde_json::json;
+use std::io::{BufRead, Write};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Flags of `oblate evaluate`.
+#[derive(clap::Args, Debug)]
+#[command(
+    after_help = "Example:\n  oblate evaluate track.ecsv --gradient < parameters.jsonl\n\n\
+Each input line is a JSON object with the 13 parameters; each output line is\n  \
+{\"ln_likelihood\": x or null, \"rejected\": cause or null, \"gradient\": {name: ..}, \"seconds\": ..}"
+)]
+pub struct Args {
+    /// The track (ECSV or CSV)
+    track: PathBuf,
+    /// Give the gradient with respect to the 13 parameters too
+    #[arg(long)]
+    gradient: bool,
+    #[command(flatten)]
+    settings: FitFlags,
+}
+
+/// Answers line by line, each at once.
+pub fn run(args: &Args, _: &Common, input: &mut dyn BufRead, out: &mut dyn Write) -> Result<Exit> {
+    let config = args.settings.settings()?;
+    let track = ObservedTrack::read(&args.track)?;
+    let target = target(&track, &config)?;
+    for (number, line) in input.lines().enumerate() {
+        let fail = |what: String, remedy: &str| Error::Input {
+            path: PathBuf::from("standard input"),
+            line: Some(number + 1),
+            what,
+            remedy: remedy.to_owned(),
+        };
+        let line = line.map_err(output)?;
+        if line.trim().is_empty() {
+            continue;
+        }
+        let params: StreamParams<f64> = serde_json::from_str(&line).map_err(|e| {
+            fail(
+                e.to_string(),
+                "give one JSON object with the 13 parameters per line",
+            )
+        })?;
+        target
+            .stream_prior()
+            .check_inside(&params)
+            .map_err(|e| fail(e.to_string(), "leave such points out: their prior is zero"))?;
+        let begin = Instant::now();
+        let theta = params.to_array();
+        let likelihood = target.likelihood();
+        let outcome = if args.gradient {
+            likelihood
+                .gradient(&theta)
+                .map(|(e, g)| (e.ln_likelihood, Some(g)))
+        } else {
+            likelihood
+                .ln_likelihood(&theta)
+                .map(|e| (e.ln_likelihood, None))
+        };
+        let seconds = begin.elapsed().as_secs_f64();
+        let answer = match outcome {
+            Ok((l, None)) => json!({"ln_likelihood": l, "rejected": null, "seconds": seconds}),
+            Ok((l, Some(g))) => {
+                let gradient: serde_json::Map<String, serde_json::Value> = NAMES
+                    .iter()
+                    .zip(g)
+                    .map(|(n, g)| ((*n).to_owned(), g.into()))
+                    .collect();
+                json!({"ln_likelihood": l, "rejected": null, "gradient": gradient, "seconds": seconds})
+            }
+            Err(cause) => {
+                json!({"ln_likelihood": null, "rejected": cause.name(), "seconds": seconds})
+            }
+        };
+        say_json(out, &answer)?;
+        out.flush().map_err(output)?;
+    }
+    Ok(Exit::Done)
+}

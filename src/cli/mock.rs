@@ -1,0 +1,124 @@
+//! `oblate mock`.
+
+use super::Exit;
+use super::options::{Common, ModelFlags, output, refuse_existing, say, say_json, write_file};
+use crate::config::text;
+use crate::data::{MockSettings, QPopulation, mocks};
+use crate::error::{Error, Result};
+use crate::params::{PriorSettings, StreamPrior};
+use serde_json::json;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Flags of `oblate mock`.
+#[derive(clap::Args, Debug)]
+#[command(
+    after_help = "Example:\n  oblate mock --count 5 --seed 7 --population 0.8,0.1 --out mocks"
+)]
+pub struct Args {
+    /// How many mocks
+    #[arg(long, default_value_t = 1)]
+    count: usize,
+    /// Seed of the draws
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder for the tracks and their truths
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+    /// Draw q from a truncated Gaussian MU,SIGMA instead of the prior
+    #[arg(long, value_name = "MU,SIGMA", value_parser = population)]
+    population: Option<QPopulation>,
+    /// Relative noise of each radius
+    #[arg(long)]
+    noise: Option<f64>,
+    /// Replace files that are there
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    model: ModelFlags,
+}
+
+fn population(text: &str) -> std::result::Result<QPopulation, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|t| t.trim().parse().ok())
+        .collect();
+    match numbers[..] {
+        [mu, sigma] if text.split(',').count() == 2 => Ok(QPopulation { mu, sigma }),
+        _ => Err("give two numbers, such as 0.8,0.1".to_owned()),
+    }
+}
+
+/// Makes the mocks.
+pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
+    let mut settings = MockSettings {
+        population: args.population,
+        ..MockSettings::default()
+    };
+    if let Some(profile) = args.model.profile() {
+        let seed = settings.model.releases.seed;
+        settings.model = profile.model();
+        settings.model.releases.seed = seed;
+    }
+    args.model.apply(&mut settings.model);
+    if let Some(noise) = args.noise {
+        settings.noise = noise;
+    }
+    let prior = StreamPrior::new(&PriorSettings::default())?;
+    refuse_existing(&args.out.join("mocks.json"), args.force)?;
+    let found = mocks(&prior, &settings, args.count, args.seed)?;
+    for mock in &found.mocks {
+        refuse_existing(
+            &args.out.join(format!("{}.ecsv", mock.track.name)),
+            args.force,
+        )?;
+    }
+    std::fs::create_dir_all(&args.out).map_err(|source| Error::Io {
+        path: args.out.clone(),
+        source,
+        remedy: "choose an --out whose parent is writable",
+    })?;
+    let mut rows = Vec::new();
+    for mock in &found.mocks {
+        let file = args.out.join(format!("{}.ecsv", mock.track.name));
+        mock.track.write(&file)?;
+        let parameters = args.out.join(format!("{}.toml", mock.track.name));
+        write_file(&parameters, text(&mock.params)?.as_bytes())?;
+        rows.push(json!({
+            "name": mock.track.name, "track": file, "q": mock.q, "bins": mock.track.len(),
+            "length_kpc": mock.length_kpc, "truth": mock.params,
+        }));
+    }
+    let all = json!({
+        "seed": args.seed, "tried": found.tried, "accepted": found.mocks.len(),
+        "acceptance": found.acceptance(), "settings": settings, "mocks": rows,
+    });
+    let listing = serde_json::to_vec_pretty(&all).map_err(|e| output(std::io::Error::other(e)))?;
+    write_file(&args.out.join("mocks.json"), &listing)?;
+    if common.json {
+        say_json(out, &all)?;
+    } else {
+        for mock in &found.mocks {
+            say(
+                out,
+                &format!(
+                    "{}: {} bins, {:.0} kpc, q = {:.3}",
+                    mock.track.name,
+                    mock.track.len(),
+                    mock.length_kpc,
+                    mock.q
+                ),
+            )?;
+        }
+        say(
+            out,
+            &format!(
+                "{} of {} prior draws meet the criteria: {:.1} %",
+                found.mocks.len(),
+                found.tried,
+                100.0 * found.acceptance()
+            ),
+        )?;
+    }
+    Ok(Exit::Done)
+}

@@ -1,0 +1,227 @@
+//! Flags that verbs share, and what they mean for the settings.
+
+use crate::config::{FitConfig, Profile, read};
+use crate::error::{Error, Result};
+use crate::inference::Sampler;
+use crate::run::Existing;
+use crate::spray::Design;
+use crate::stream::ModelSettings;
+use clap::{Args, ValueEnum};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Flags of every verb.
+#[derive(Args, Debug)]
+pub struct Common {
+    /// Threads to use; all cores by default. Results do not depend on it
+    #[arg(long, global = true)]
+    threads: Option<usize>,
+    /// Print JSON instead of text
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Say nothing but results
+    #[arg(short, long, global = true)]
+    pub quiet: bool,
+    /// Say more
+    #[arg(short, long, global = true)]
+    pub verbose: bool,
+}
+
+impl Common {
+    /// Runs `work` with the given number of threads.
+    pub(super) fn in_pool<T: Send>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        if let Some(threads) = self.threads {
+            let built = if threads == 0 {
+                Err("give at least 1".to_owned())
+            } else {
+                // The global pool: verbs call the library from the main thread, which is not one of the pool's.
+                rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads)
+                    .build_global()
+                    .map_err(|e| e.to_string())
+            };
+            built.map_err(|remedy| Error::Setting {
+                key: "--threads".to_owned(),
+                value: threads.to_string(),
+                remedy,
+            })?;
+        }
+        work()
+    }
+}
+
+/// Flags of the model, shared by `stream`, `evaluate`, `mock` and `fit`.
+#[derive(Args, Debug, Default)]
+pub struct ModelFlags {
+    /// Settings that have a name: `fast` (Sobol particles, soft bins, penalty) or `paper` (10,000 random, hard, reject)
+    #[arg(long, value_enum)]
+    profile: Option<ProfileName>,
+    /// Particles, both arms together
+    #[arg(long)]
+    particles: Option<usize>,
+    /// Leapfrog steps per particle
+    #[arg(long)]
+    steps: Option<usize>,
+    /// Spread of the draws
+    #[arg(long, value_enum)]
+    design: Option<DesignName>,
+    /// Seed of the table of releases
+    #[arg(long)]
+    model_seed: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ProfileName {
+    Fast,
+    Paper,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum DesignName {
+    Random,
+    Sobol,
+}
+
+impl ModelFlags {
+    /// The profile, if one is named.
+    pub fn profile(&self) -> Option<Profile> {
+        self.profile.map(|p| match p {
+            ProfileName::Fast => Profile::Fast,
+            ProfileName::Paper => Profile::Paper,
+        })
+    }
+
+    /// Lays the flags over a model's settings.
+    pub fn apply(&self, model: &mut ModelSettings) {
+        if let Some(design) = self.design {
+            model.releases.design = match design {
+                DesignName::Random => Design::Random,
+                DesignName::Sobol => Design::Sobol,
+            };
+            model.releases.epochs = 0;
+        }
+        if let Some(particles) = self.particles {
+            model.releases.particles = particles;
+            model.releases.epochs = 0;
+        }
+        if let Some(steps) = self.steps {
+            model.steps = steps;
+        }
+        if let Some(seed) = self.model_seed {
+            model.releases.seed = seed;
+        }
+    }
+}
+
+/// Flags of a fit's settings.
+#[derive(Args, Debug, Default)]
+pub struct FitFlags {
+    /// Settings file (TOML); flags override it
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    #[command(flatten)]
+    pub model: ModelFlags,
+    /// Master seed
+    #[arg(long)]
+    pub seed: Option<u64>,
+}
+
+impl FitFlags {
+    /// The settings: the file's or the defaults, then the profile, then the flags.
+    pub fn settings(&self) -> Result<FitConfig> {
+        let mut config: FitConfig = match &self.config {
+            Some(path) => read(path)?,
+            None => FitConfig::default(),
+        };
+        if let Some(profile) = self.model.profile() {
+            config.model = profile.model();
+            config.likelihood = profile.likelihood();
+        }
+        self.model.apply(&mut config.model);
+        if let Some(seed) = self.seed {
+            config.seed = seed;
+        }
+        Ok(config)
+    }
+}
+
+/// Flags of a run folder.
+#[derive(Args, Debug)]
+pub struct FolderFlags {
+    /// The run folder to make
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Replace a run folder that is there
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+    /// Continue from its checkpoint
+    #[arg(long)]
+    resume: bool,
+    /// Exit with 0 even if the run has not converged
+    #[arg(long)]
+    pub allow_unconverged: bool,
+}
+
+impl FolderFlags {
+    /// From their values.
+    pub fn new(out: PathBuf, force: bool, resume: bool, allow_unconverged: bool) -> Self {
+        Self {
+            out,
+            force,
+            resume,
+            allow_unconverged,
+        }
+    }
+
+    /// How an existing folder is met.
+    pub fn existing(&self) -> Existing {
+        if self.force {
+            Existing::Replace
+        } else if self.resume {
+            Existing::Resume
+        } else {
+            Existing::Refuse
+        }
+    }
+}
+
+/// A sampler's name on the command line.
+pub fn sampler(text: &str) -> std::result::Result<Sampler, String> {
+    text.parse::<Sampler>().map_err(|e| e.to_string())
+}
+
+/// A failed write to standard output.
+pub fn output(source: std::io::Error) -> Error {
+    Error::Io {
+        path: PathBuf::from("standard output"),
+        source,
+        remedy: "check what reads it",
+    }
+}
+
+/// Writes one line.
+pub fn say(out: &mut dyn Write, line: &str) -> Result<()> {
+    writeln!(out, "{line}").map_err(output)
+}
+
+/// Writes a value as JSON on one line.
+pub fn say_json(out: &mut dyn Write, value: &impl serde::Serialize) -> Result<()> {
+    let text = serde_json::to_string(value).map_err(|e| output(std::io::Error::other(e)))?;
+    say(out, &text)
+}
+
+/// Refuses a file or folder that exists, unless `force` is given.
+pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
+    if path.exists() && !force {
+        return Err(Error::Exists {
+            path: path.to_path_buf(),
+        });
+    }
+    Ok(())
+}
+
+/// Writes a whole file or none.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    oblate_samplers::checkpoint::write_atomically(path, bytes)?;
+    Ok(())
+}

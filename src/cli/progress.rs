@@ -1,0 +1,112 @@
+//! Progress of long work on standard error: a bar on a terminal, plain lines otherwise.
+
+use super::options::Common;
+use crate::run::Watch;
+use indicatif::{ProgressBar, ProgressStyle};
+use oblate_samplers::{Event, Observer};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+/// Time between two plain lines.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+
+/// The one interrupt flag of the process: Ctrl-C sets it, a second one ends the process at once.
+pub fn interrupt() -> Arc<AtomicBool> {
+    static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    Arc::clone(FLAG.get_or_init(|| {
+        let flag = Arc::new(AtomicBool::new(false));
+        let seen = Arc::clone(&flag);
+        // Without a handler an interrupt simply ends the process, and the last checkpoint stands.
+        let _ = ctrlc::set_handler(move || {
+            if seen.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+        });
+        flag
+    }))
+}
+
+/// An observer that shows one run.
+pub struct Progress {
+    label: String,
+    bar: Option<ProgressBar>,
+    plain: bool,
+    last: Instant,
+}
+
+impl Progress {
+    /// Shows a run called `label`, as the flags ask for.
+    pub fn new(label: &str, common: &Common) -> Self {
+        let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
+        let bar = (terminal && !common.quiet).then(|| {
+            let bar = ProgressBar::new_spinner();
+            if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix} [{elapsed}] {msg}")
+            {
+                bar.set_style(style);
+            }
+            bar.set_prefix(label.to_owned());
+            bar
+        });
+        Self {
+            label: label.to_owned(),
+            bar,
+            plain: !terminal && !common.quiet,
+            last: Instant::now(),
+        }
+    }
+
+    /// A watch by this observer, with the process's interrupt.
+    pub fn watch(&mut self) -> Watch<'_> {
+        Watch {
+            observer: self,
+            interrupt: interrupt(),
+        }
+    }
+
+    fn show(&mut self, message: &str, always: bool) {
+        if let Some(bar) = &self.bar {
+            if always {
+                bar.println(format!("{}: {message}", self.label));
+            } else {
+                bar.set_message(message.to_owned());
+                bar.tick();
+            }
+        } else if self.plain && (always || self.last.elapsed() >= LINE_EVERY) {
+            self.last = Instant::now();
+            eprintln!("{}: {message}", self.label);
+        }
+    }
+}
+
+impl Observer for Progress {
+    fn event(&mut self, event: &Event) -> ControlFlow<()> {
+        match event {
+            Event::Nested { ln_x, ln_z, ln_z_error, remaining, calls, efficiency, .. } => self.show(
+                &format!(
+                    "ln X {ln_x:.1}, ln Z {ln_z:.2} +- {ln_z_error:.2}, remaining {remaining:.3}, {calls} calls, \
+                     efficiency {:.2} %",
+                    100.0 * efficiency
+                ),
+                false,
+            ),
+            Event::Tempered { round, scan, scans, barrier, round_trips, ln_z, gradients } => self.show(
+                &format!(
+                    "round {round}, scan {} of {scans}, barrier {barrier:.1}, {round_trips} round trips, ln Z \
+                     {ln_z:.2}, {gradients} gradients",
+                    scan + 1
+                ),
+                false,
+            ),
+            Event::Warning(say) => self.show(&format!("warning: {say}"), true),
+            Event::Finished => {
+                if let Some(bar) = &self.bar {
+                    bar.finish_and_clear();
+                }
+            }
+            _ => {}
+        }
+        ControlFlow::Continue(())
+    }
+}

@@ -1,0 +1,163 @@
+//! `oblate stream`.
+
+use super::Exit;
+use super::options::{Common, ModelFlags, refuse_existing, say, say_json, write_file};
+use crate::config::{Profile, read};
+use crate::error::{Error, Result};
+use crate::params::{PriorSettings, StreamParams, StreamPrior};
+use crate::stream::{Arrivals, Galaxy, Model};
+use crate::track::{BinEdges, Track};
+use serde_json::json;
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Flags of `oblate stream`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example:\n  oblate stream mocks/mock_7_3.toml --json")]
+pub struct Args {
+    /// The 13 parameters as TOML
+    params: PathBuf,
+    /// Bin width in degrees
+    #[arg(long, default_value_t = 10.0)]
+    bin_width: f64,
+    /// Half-width of soft bin edges in degrees; 0 for hard ones
+    #[arg(long, default_value_t = 2.0)]
+    edge: f64,
+    /// Least fraction of the particles in a bin
+    #[arg(long, default_value_t = 0.005)]
+    least_fraction: f64,
+    /// Write the particles to this CSV file
+    #[arg(long, value_name = "FILE")]
+    particles_out: Option<PathBuf>,
+    /// Replace a file that is there
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    model: ModelFlags,
+}
+
+/// Makes one stream.
+pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
+    let params: StreamParams<f64> = read(&args.params)?;
+    let prior = StreamPrior::new(&PriorSettings::default())?;
+    prior.check_inside(&params).map_err(|e| Error::Input {
+        path: args.params.clone(),
+        line: None,
+        what: e.to_string(),
+        remedy: "mend the parameter file".to_owned(),
+    })?;
+    if !(args.bin_width > 0.0
+        && args.bin_width <= 120.0
+        && args.edge >= 0.0
+        && args.edge <= 0.5 * args.bin_width)
+    {
+        return Err(Error::Setting {
+            key: "--bin-width, --edge".to_owned(),
+            value: format!("{}, {}", args.bin_width, args.edge),
+            remedy: "give a width of at most 120 degrees and an edge of at most half of it"
+                .to_owned(),
+        });
+    }
+    let mut settings = args.model.profile().unwrap_or(Profile::Fast).model();
+    args.model.apply(&mut settings);
+    let model = Model::new(&settings)?;
+    let begin = Instant::now();
+    let setup = model
+        .setup(&Galaxy::from_params(&params, prior.q_range()))
+        .map_err(Error::NoTrack)?;
+    let (mut path, mut arrivals) = (Vec::new(), Arrivals::default());
+    model
+        .carry(&setup, &mut path, &mut arrivals)
+        .map_err(Error::NoTrack)?;
+    let edges = if args.edge > 0.0 {
+        BinEdges::Soft {
+            half_width_deg: args.edge,
+        }
+    } else {
+        BinEdges::Hard
+    };
+    let least_n = args.least_fraction * arrivals.len() as f64;
+    let track = Track::of(&arrivals, args.bin_width, edges, least_n);
+    let seconds = begin.elapsed().as_secs_f64();
+    if let Some(file) = &args.particles_out {
+        refuse_existing(file, args.force)?;
+        write_file(file, particles(&arrivals, &model).as_bytes())?;
+    }
+    let shape = prior.shape(&params);
+    if common.json {
+        let column =
+            |f: fn(&crate::track::TrackBin) -> f64| track.bins.iter().map(f).collect::<Vec<f64>>();
+        say_json(
+            out,
+            &json!({
+                "track": {
+                    "phi_deg": column(|b| b.phi_deg), "r_kpc": column(|b| b.r_kpc),
+                    "r_err_kpc": column(|b| b.r_err_kpc), "n": column(|b| b.n),
+                },
+                "q": shape.q,
+                "axis": shape.axis.to_array(),
+                "diagnostics": {
+                    "bounded_tidal_radius": arrivals.tally.bounded_tidal_radius,
+                    "unsafe_turns": arrivals.tally.unsafe_turns,
+                    "orbit_energy_error": setup.orbit.energy_error,
+                    "particles": arrivals.len(),
+                },
+                "seconds": seconds,
+            }),
+        )?;
+    } else {
+        say(
+            out,
+            &format!("q = {:.4}, axis = {:.3?}", shape.q, shape.axis.to_array()),
+        )?;
+        say(out, " phi/deg     r/kpc   +-/kpc        n")?;
+        for b in &track.bins {
+            say(
+                out,
+                &format!(
+                    "{:8.1} {:9.3} {:8.3} {:8.1}",
+                    b.phi_deg, b.r_kpc, b.r_err_kpc, b.n
+                ),
+            )?;
+        }
+        if arrivals.tally.unsafe_turns > 0 {
+            say(
+                out,
+                &format!(
+                    "{} steps turned a particle by more than 90 degrees: give more --steps",
+                    arrivals.tally.unsafe_turns
+                ),
+            )?;
+        }
+    }
+    Ok(Exit::Done)
+}
+
+/// The particles as CSV.
+fn particles(arrivals: &Arrivals, model: &Model) -> String {
+    let mut text =
+        String::from("arm,t_release_fraction,x_kpc,y_kpc,z_kpc,vx_km_s,vy_km_s,vz_km_s,phi_deg\n");
+    let table = model.table();
+    for (i, particle) in table.particles.iter().enumerate() {
+        let angle = arrivals.y[i].atan2(arrivals.x[i]).to_degrees() + 360.0 * arrivals.turns[i];
+        let v = |c: usize| crate::units::km_s_from_kpc_per_gyr(arrivals.v[c][i]);
+        text.push_str(&format!(
+            "{},{},{},{},{},{},{},{},{}\n",
+            if particle.arm.sign() < 0.0 {
+                "leading"
+            } else {
+                "trailing"
+            },
+            table.taus[i / table.per_epoch],
+            arrivals.x[i],
+            arrivals.y[i],
+            arrivals.z[i],
+            v(0),
+            v(1),
+            v(2),
+            angle
+        ));
+    }
+    text
+}

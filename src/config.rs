@@ -1,0 +1,211 @@
+//! The settings file: gathers each room's own settings; rooms never import it.
+
+use crate::data::MockSettings;
+use crate::error::{Error, Result};
+use crate::inference::{Sampler, SamplerSettings};
+use crate::likelihood::{Coverage, LikelihoodSettings};
+use crate::params::PriorSettings;
+use crate::population::{PopulationSettings, TruncatedGaussianSettings};
+use crate::spray::{Design, TableSettings};
+use crate::stream::ModelSettings;
+use crate::track::BinEdges;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::path::{Path, PathBuf};
+
+/// Settings that together have a name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Profile {
+    /// Sobol particles, soft bins, a smooth penalty: for fits.
+    #[default]
+    Fast,
+    /// The paper: 10,000 random particles, 100 uniform steps, a leapfrog orbit, hard bins, `reject`.
+    Paper,
+}
+
+impl Profile {
+    /// Its model.
+    #[must_use]
+    pub fn model(self) -> ModelSettings {
+        match self {
+            Self::Fast => ModelSettings::default(),
+            Self::Paper => ModelSettings {
+                releases: TableSettings {
+                    particles: 10_000,
+                    epochs: 100,
+                    design: Design::Random,
+                    ..TableSettings::default()
+                },
+                steps: 100,
+                orbit: crate::orbit::OrbitMethod::Leapfrog,
+                orbit_steps: 100,
+            },
+        }
+    }
+
+    /// Its likelihood.
+    #[must_use]
+    pub fn likelihood(self) -> LikelihoodSettings {
+        match self {
+            Self::Fast => LikelihoodSettings::default(),
+            Self::Paper => LikelihoodSettings {
+                edges: BinEdges::Hard,
+                coverage: Coverage::Reject,
+                model_noise: false,
+                ..LikelihoodSettings::default()
+            },
+        }
+    }
+}
+
+/// Everything that decides a fit beside its data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FitConfig {
+    /// Master seed of the sampler.
+    pub seed: u64,
+    /// The stream.
+    pub model: ModelSettings,
+    /// Its comparison with the data.
+    pub likelihood: LikelihoodSettings,
+    /// The prior.
+    pub prior: PriorSettings,
+    /// The samplers.
+    pub sampling: SamplerSettings,
+}
+
+impl Default for FitConfig {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            model: ModelSettings::default(),
+            likelihood: LikelihoodSettings::default(),
+            prior: PriorSettings::default(),
+            sampling: SamplerSettings::default(),
+        }
+    }
+}
+
+/// Everything that decides a population beside its streams.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PopulationConfig {
+    /// Master seed of the sampler.
+    pub seed: u64,
+    /// The family.
+    pub family: TruncatedGaussianSettings,
+    /// The reweighting.
+    pub reweighting: PopulationSettings,
+    /// The samplers.
+    pub sampling: SamplerSettings,
+}
+
+impl Default for PopulationConfig {
+    fn default() -> Self {
+        let mut sampling = SamplerSettings::default();
+        // Two smooth dimensions: short ladders and few draws per stream are enough.
+        sampling.pt_hmc.rounds = 8;
+        sampling.pt_hmc.temperatures = 8;
+        sampling.pt_hmc.max_temperatures = 16;
+        Self {
+            seed: 1,
+            family: TruncatedGaussianSettings::default(),
+            reweighting: PopulationSettings::default(),
+            sampling,
+        }
+    }
+}
+
+/// A study: tracks and mocks, their fits by one or more samplers, a population, a report.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyConfig {
+    /// Title of the report.
+    pub title: String,
+    /// Folder of all results, from the working directory.
+    pub out: PathBuf,
+    /// Tracks to fit.
+    #[serde(default)]
+    pub tracks: Option<StudyTracks>,
+    /// Mocks to make and fit.
+    #[serde(default)]
+    pub mocks: Option<StudyMocks>,
+    /// The population of the mocks.
+    #[serde(default)]
+    pub population: Option<StudyPopulation>,
+}
+
+/// Observed tracks of a study.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyTracks {
+    /// Track files, from the study file's folder.
+    pub files: Vec<PathBuf>,
+    /// Samplers that each is fitted by.
+    pub samplers: Vec<Sampler>,
+    /// Settings of the fits; `sampling.sampler` is set by `samplers`.
+    #[serde(default)]
+    pub fit: FitConfig,
+}
+
+/// Mocks of a study.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyMocks {
+    /// How many.
+    pub count: usize,
+    /// Seed of the draws.
+    pub seed: u64,
+    /// Samplers that each is fitted by.
+    pub samplers: Vec<Sampler>,
+    /// How they are made.
+    #[serde(default)]
+    pub mock: MockSettings,
+    /// Settings of the fits; the prior is that of the mocks too.
+    #[serde(default)]
+    pub fit: FitConfig,
+}
+
+/// Population of a study.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StudyPopulation {
+    /// Samplers that it is sampled by.
+    pub samplers: Vec<Sampler>,
+    /// Settings.
+    #[serde(default)]
+    pub settings: PopulationConfig,
+}
+
+/// Reads a settings file.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be read; [`Error::Input`] with file, line and the parser's word for an unknown key, a
+/// wrong type or broken syntax.
+pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = std::fs::read_to_string(path).map_err(|source| Error::Io {
+        path: path.to_path_buf(),
+        source,
+        remedy: "give the path of a readable settings file",
+    })?;
+    toml::from_str(&text).map_err(|e| Error::Input {
+        path: path.to_path_buf(),
+        line: e
+            .span()
+            .map(|span| text[..span.start.min(text.len())].matches('\n').count() + 1),
+        what: e.message().trim().replace('\n', " "),
+        remedy: "see `oblate fit --print-config` for every key and its default".to_owned(),
+    })
+}
+
+/// Writes settings as TOML, every value spelled out.
+///
+/// # Errors
+/// [`Error::Setting`] for a value that TOML has no form for (a seed above 2^63).
+pub fn text<T: Serialize>(settings: &T) -> Result<String> {
+    toml::to_string_pretty(settings).map_err(|e| Error::Setting {
+        key: "settings".to_owned(),
+        value: e.to_string(),
+        remedy: "give numbers that a settings file can hold, seeds below 2^63".to_owned(),
+    })
+}

@@ -1,0 +1,314 @@
+//! Mock tracks with known truth: prior draws that meet the paper's three criteria (Chemaly et al. 2026, section 3).
+
+use super::ObservedTrack;
+use crate::error::{Error, Result};
+use crate::params::{StreamParams, StreamPrior};
+use crate::scalar::Vec3;
+use crate::spray::{Design, TableSettings};
+use crate::stream::{Arrivals, Galaxy, Model, ModelSettings};
+use crate::track::{BinEdges, Track};
+use oblate_samplers::normal::quantile;
+use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// How mocks are made and which are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MockSettings {
+    /// The stream. Its table of releases has a seed of its own, so that a fit never meets its own noise.
+    pub model: ModelSettings,
+    /// Bin width in degrees.
+    pub bin_width_deg: f64,
+    /// Relative Gaussian noise of each bin's radius.
+    pub noise: f64,
+    /// A bin is kept with at least this fraction of the particles (100 of 10,000).
+    pub least_fraction: f64,
+    /// Least angle that the kept bins cover, degrees.
+    pub least_angle_deg: f64,
+    /// Least length of the projected track, kpc.
+    pub least_length_kpc: f64,
+    /// Range that all radii must lie in, kpc.
+    pub radii_kpc: (f64, f64),
+    /// Draw q from this population instead of the prior.
+    pub population: Option<QPopulation>,
+}
+
+/// A Gaussian population of q, truncated to the prior's range.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct QPopulation {
+    /// Mean of the Gaussian.
+    pub mu: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
+impl Default for MockSettings {
+    fn default() -> Self {
+        let releases = TableSettings {
+            particles: 10_000,
+            design: Design::Random,
+            seed: MOCK_TABLE_SEED,
+            ..TableSettings::default()
+        };
+        Self {
+            model: ModelSettings {
+                releases,
+                ..ModelSettings::default()
+            },
+            bin_width_deg: 10.0,
+            noise: 0.02,
+            least_fraction: 0.01,
+            least_angle_deg: 90.0,
+            least_length_kpc: 100.0,
+            radii_kpc: (10.0, 500.0),
+            population: None,
+        }
+    }
+}
+
+/// Seed of the mocks' table of releases: any number that no fit uses by default.
+const MOCK_TABLE_SEED: u64 = 0x6d6f_636b;
+
+/// Draws of the prior after which the search for one more mock is given up.
+const MOST_TRIES: u64 = 20_000;
+
+/// Draws looked at together.
+const BATCH: u64 = 64;
+
+/// A mock track and what made it.
+#[derive(Clone, Debug)]
+pub struct Mock {
+    /// The noisy track, its truth in the header.
+    pub track: ObservedTrack,
+    /// The parameters.
+    pub params: StreamParams<f64>,
+    /// The flattening.
+    pub q: f64,
+    /// Length of the noiseless projected track, kpc.
+    pub length_kpc: f64,
+}
+
+/// Mocks, and how many draws they took.
+#[derive(Clone, Debug)]
+pub struct Mocks {
+    /// Those that met the criteria, in order of the draws.
+    pub mocks: Vec<Mock>,
+    /// Draws of the prior that were looked at, up to the last accepted one.
+    pub tried: u64,
+}
+
+impl Mocks {
+    /// Fraction of draws that met the criteria.
+    #[must_use]
+    pub fn acceptance(&self) -> f64 {
+        self.mocks.len() as f64 / self.tried.max(1) as f64
+    }
+}
+
+/// Why a draw makes no mock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Cut {
+    NoStream,
+    Angle,
+    Length,
+    Radius,
+}
+
+/// `count` mocks: draw number i of `seed` is the same whatever else is drawn, and on any number of threads.
+///
+/// # Errors
+/// [`Error::Setting`] for settings out of range, [`Error::NoneFits`] if too few draws meet the criteria.
+pub fn mocks(
+    prior: &StreamPrior,
+    settings: &MockSettings,
+    count: usize,
+    seed: u64,
+) -> Result<Mocks> {
+    check(settings)?;
+    let model = Model::new(&settings.model)?;
+    let mut found = Mocks {
+        mocks: Vec::new(),
+        tried: 0,
+    };
+    let mut first = 0;
+    while found.mocks.len() < count {
+        if first >= MOST_TRIES * (found.mocks.len() as u64 + 1) {
+            return Err(Error::NoneFits {
+                tries: usize::try_from(first).unwrap_or(usize::MAX),
+                what: format!(
+                    "beyond the first {} meets the criteria of a mock",
+                    found.mocks.len()
+                ),
+                remedy:
+                    "loosen least_angle_deg, least_length_kpc or radii_kpc, or change the prior"
+                        .to_owned(),
+            });
+        }
+        let batch: Vec<(u64, std::result::Result<Mock, Cut>)> = (first..first + BATCH)
+            .into_par_iter()
+            .map(|i| (i, draw(prior, settings, &model, seed, i)))
+            .collect();
+        for (i, outcome) in batch {
+            if let Ok(mock) = outcome
+                && found.mocks.len() < count
+            {
+                found.mocks.push(mock);
+                found.tried = i + 1;
+            }
+        }
+        first += BATCH;
+    }
+    Ok(found)
+}
+
+fn check(settings: &MockSettings) -> Result<()> {
+    let fail = |key: &str, value: String, remedy: &str| {
+        Err(Error::Setting {
+            key: key.to_owned(),
+            value,
+            remedy: remedy.to_owned(),
+        })
+    };
+    if !(settings.bin_width_deg > 0.0 && settings.bin_width_deg <= 120.0) {
+        return fail(
+            "bin_width_deg",
+            settings.bin_width_deg.to_string(),
+            "give more than 0 and at most 120",
+        );
+    }
+    if !(settings.noise >= 0.0 && settings.noise < 0.5) {
+        return fail(
+            "noise",
+            settings.noise.to_string(),
+            "give a relative error in [0, 0.5)",
+        );
+    }
+    if let Some(QPopulation { mu, sigma }) = settings.population
+        && !(mu.is_finite() && sigma.is_finite() && sigma >= 0.0)
+    {
+        return fail(
+            "population",
+            format!("mu {mu}, sigma {sigma}"),
+            "give finite numbers, sigma at or above 0",
+        );
+    }
+    Ok(())
+}
+
+/// Draw number `index`.
+fn draw(
+    prior: &StreamPrior,
+    settings: &MockSettings,
+    model: &Model,
+    seed: u64,
+    index: u64,
+) -> std::result::Result<Mock, Cut> {
+    let mut rng = stream(seed, Domain::Prior, 1, index);
+    let mut params = prior.draw(&mut rng);
+    let mut q = prior.shape(&params).q;
+    // Both are drawn always, so that the noise of a draw does not depend on the population.
+    let uniform = unit_open(&mut rng);
+    if let Some(population) = settings.population {
+        q = truncated(
+            population,
+            prior.settings().q_min,
+            prior.settings().q_max,
+            uniform,
+        );
+        let dir: Vec3<f64> = prior
+            .q_range()
+            .dir(q, prior.shape(&params).axis)
+            .map_err(|_| Cut::NoStream)?;
+        (params.dir_x, params.dir_y, params.dir_z) = (dir.x, dir.y, dir.z);
+    }
+    let setup = model
+        .setup(&Galaxy::from_params(&params, prior.q_range()))
+        .map_err(|_| Cut::NoStream)?;
+    let (mut path, mut arrivals) = (Vec::new(), Arrivals::default());
+    model
+        .carry(&setup, &mut path, &mut arrivals)
+        .map_err(|_| Cut::NoStream)?;
+    let least_n = settings.least_fraction * arrivals.len() as f64;
+    let track = Track::of(&arrivals, settings.bin_width_deg, BinEdges::Hard, least_n);
+    let length_kpc = criteria(&track, settings)?;
+    let phi: Vec<f64> = track.bins.iter().map(|b| b.phi_deg).collect();
+    let r: Vec<f64> = track
+        .bins
+        .iter()
+        .map(|b| b.r_kpc * (1.0 + settings.noise * standard_normal(&mut rng)))
+        .collect();
+    let r_err: Vec<f64> = r.iter().map(|r| settings.noise.max(1e-6) * r).collect();
+    let name = format!("mock_{seed}_{index}");
+    let mut observed = ObservedTrack::new(&name, &phi, settings.bin_width_deg, &r, Some(&r_err))
+        .map_err(|_| Cut::Radius)?;
+    observed.n = Some(track.bins.iter().map(|b| b.n).collect());
+    observed.meta.insert("truth".to_owned(), truth(&params, q));
+    Ok(Mock {
+        track: observed,
+        params,
+        q,
+        length_kpc,
+    })
+}
+
+/// The true parameters for the header: a mapping of the thirteen names and q.
+fn truth(params: &StreamParams<f64>, q: f64) -> serde_json::Value {
+    let mut map: serde_json::Map<String, serde_json::Value> = crate::params::NAMES
+        .iter()
+        .zip(params.to_array())
+        .map(|(name, value)| ((*name).to_owned(), value.into()))
+        .collect();
+    map.insert("q".to_owned(), q.into());
+    map.into()
+}
+
+/// The paper's three criteria; gives the length of the projected track.
+fn criteria(track: &Track, settings: &MockSettings) -> std::result::Result<f64, Cut> {
+    let angle = track.bins.len() as f64 * track.width_deg;
+    if angle <= settings.least_angle_deg || track.bins.len() < super::LEAST_BINS {
+        return Err(Cut::Angle);
+    }
+    let point = |phi_deg: f64, r: f64| {
+        (
+            r * phi_deg.to_radians().cos(),
+            r * phi_deg.to_radians().sin(),
+        )
+    };
+    let length: f64 = track
+        .bins
+        .windows(2)
+        .map(|pair| {
+            let (a, b) = (
+                point(pair[0].phi_deg, pair[0].r_kpc),
+                point(pair[1].phi_deg, pair[1].r_kpc),
+            );
+            (a.0 - b.0).hypot(a.1 - b.1)
+        })
+        .sum();
+    if length <= settings.least_length_kpc {
+        return Err(Cut::Length);
+    }
+    let (lo, hi) = settings.radii_kpc;
+    if track.bins.iter().any(|b| !(b.r_kpc >= lo && b.r_kpc <= hi)) {
+        return Err(Cut::Radius);
+    }
+    Ok(length)
+}
+
+/// The quantile `u` of the truncated Gaussian, from the tail's side.
+fn truncated(population: QPopulation, lo: f64, hi: f64, u: f64) -> f64 {
+    use oblate_samplers::normal::{cdf, sf};
+    let QPopulation { mu, sigma } = population;
+    if sigma <= 0.0 {
+        return mu.clamp(lo, hi.next_down());
+    }
+    let (a, b) = ((lo - mu) / sigma, (hi - mu) / sigma);
+    let z = if a > 0.0 {
+        -quantile(sf(a) + u * (sf(b) - sf(a)))
+    } else {
+        quantile(cdf(a) + u * (cdf(b) - cdf(a)))
+    };
+    (mu + sigma * z).clamp(lo, hi.next_down())
+}

@@ -1,0 +1,58 @@
+//! Whether the prior can produce a track at all: asked before a fit, because a smooth likelihood never says no.
+
+use super::StreamTarget;
+use crate::error::{Error, Result};
+use oblate_samplers::rng::{Domain, stream};
+use rayon::prelude::*;
+
+/// Prior draws that are looked at.
+const DRAWS: u64 = 1_000;
+
+/// A bin is within reach if some draw has particles in it at a mean radius within this factor of the data's.
+const FACTOR: f64 = 5.0;
+
+/// Checks that every data bin is within reach of the prior: among 1,000 draws at least one covers it at a radius within
+/// a factor of five.
+///
+/// # Errors
+/// [`Error::NoneFits`] naming the first bin that no draw reaches.
+pub fn check_reach(target: &StreamTarget, seed: u64) -> Result<()> {
+    let likelihood = target.likelihood();
+    let grid = likelihood.track().grid();
+    let data: Vec<_> = likelihood.track().data().copied().collect();
+    let reached = (0..DRAWS)
+        .into_par_iter()
+        .map(|i| {
+            let params = target
+                .stream_prior()
+                .draw(&mut stream(seed, Domain::Prior, 2, i));
+            let track = likelihood
+                .track_at(&params)
+                .map(|(track, _)| track)
+                .unwrap_or_default();
+            data.iter()
+                .map(|d| {
+                    track.bins.iter().any(|b| {
+                        b.bin == d.bin && b.r_kpc < FACTOR * d.r_kpc && b.r_kpc > d.r_kpc / FACTOR
+                    })
+                })
+                .collect::<Vec<bool>>()
+        })
+        .reduce(
+            || vec![false; data.len()],
+            |a, b| a.iter().zip(&b).map(|(a, b)| *a || *b).collect(),
+        );
+    match reached.iter().position(|r| !r) {
+        None => Ok(()),
+        Some(i) => Err(Error::NoneFits {
+            tries: 1_000,
+            what: format!(
+                "reaches the data's bin at phi = {} deg, r = {} kpc",
+                (data[i].bin as f64 + 0.5) * grid.width_deg,
+                data[i].r_kpc
+            ),
+            remedy: "check the track's units and its progenitor's place, or widen the prior"
+                .to_owned(),
+        }),
+    }
+}

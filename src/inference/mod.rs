@@ -1,0 +1,77 @@
+//! The single doorway to the samplers: wraps a likelihood as a target, and runs nested sampling or tempered HMC on it.
+
+mod coverage;
+mod target;
+
+pub use coverage::check_reach;
+pub use target::StreamTarget;
+
+use crate::error::{Error, Result};
+use oblate_samplers::{Control, Run, Target, nested, pt};
+use serde::{Deserialize, Serialize};
+
+/// Which sampler runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampler {
+    /// Nested sampling: the reference.
+    #[default]
+    Nested,
+    /// Parallel tempering with Hamiltonian moves.
+    PtHmc,
+}
+
+impl Sampler {
+    /// Its name in flags and files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nested => "nested",
+            Self::PtHmc => "pt-hmc",
+        }
+    }
+}
+
+impl std::str::FromStr for Sampler {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        [Self::Nested, Self::PtHmc]
+            .into_iter()
+            .find(|s| s.name() == text)
+            .ok_or_else(|| Error::Setting {
+                key: "sampler".to_owned(),
+                value: text.to_owned(),
+                remedy: "give `nested` or `pt-hmc`".to_owned(),
+            })
+    }
+}
+
+/// Settings of both samplers, and which one runs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SamplerSettings {
+    /// Which one.
+    pub sampler: Sampler,
+    /// Of the nested sampler.
+    pub nested: nested::Settings,
+    /// Of the tempered sampler.
+    pub pt_hmc: pt::Settings,
+}
+
+/// Samples a target with the chosen sampler: one call, one kind of result.
+///
+/// # Errors
+/// What the samplers refuse ([`Error::Sampler`]).
+pub fn sample(
+    target: &dyn Target,
+    settings: &SamplerSettings,
+    seed: u64,
+    control: &mut Control<'_>,
+) -> Result<Run> {
+    let run = match settings.sampler {
+        Sampler::Nested => nested::run(target, &settings.nested, seed, control)?,
+        Sampler::PtHmc => pt::run(target, &settings.pt_hmc, seed, control)?,
+    };
+    Ok(run)
+}

@@ -1,0 +1,142 @@
+//! The likelihood of a stream as a target of the samplers: free parameters in, ln L and gradient out.
+
+use crate::error::{Rejection, Tally};
+use crate::likelihood::StreamLikelihood;
+use crate::params::{StreamParams, StreamPrior, symmetry};
+use crate::potential::log10_m200;
+use oblate_samplers::{Outcome, Prior, Symmetry, Target};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Cost of a value with gradient in units of a value, measured at 1,000 to 10,000 particles (`cargo bench`).
+const GRADIENT_COST: f64 = 4.0;
+
+/// The posterior of one stream.
+pub struct StreamTarget {
+    likelihood: StreamLikelihood,
+    prior: StreamPrior,
+    symmetries: Vec<Symmetry>,
+    // Counts only ever added: their order does not matter, so they are the same for any number of threads.
+    bounded_tidal_radius: AtomicU64,
+    unsafe_turns: AtomicU64,
+}
+
+impl StreamTarget {
+    /// From a likelihood and a prior of the same range of q.
+    #[must_use]
+    pub fn new(likelihood: StreamLikelihood, prior: StreamPrior) -> Self {
+        let symmetries = symmetry::symmetries(&prior);
+        Self {
+            likelihood,
+            prior,
+            symmetries,
+            bounded_tidal_radius: AtomicU64::new(0),
+            unsafe_turns: AtomicU64::new(0),
+        }
+    }
+
+    /// The likelihood.
+    #[must_use]
+    pub fn likelihood(&self) -> &StreamLikelihood {
+        &self.likelihood
+    }
+
+    /// The prior with its fixed parameters.
+    #[must_use]
+    pub fn stream_prior(&self) -> &StreamPrior {
+        &self.prior
+    }
+
+    /// All thirteen parameters from the free ones.
+    #[must_use]
+    pub fn params(&self, theta: &[f64]) -> StreamParams<f64> {
+        self.prior.fill(theta)
+    }
+
+    /// What was bounded or unsafe so far, over all points.
+    #[must_use]
+    pub fn tally(&self) -> Tally {
+        Tally {
+            bounded_tidal_radius: self.bounded_tidal_radius.load(Ordering::Relaxed),
+            unsafe_turns: self.unsafe_turns.load(Ordering::Relaxed),
+        }
+    }
+
+    fn count(&self, tally: Tally) {
+        if tally.bounded_tidal_radius > 0 {
+            self.bounded_tidal_radius
+                .fetch_add(tally.bounded_tidal_radius, Ordering::Relaxed);
+        }
+        if tally.unsafe_turns > 0 {
+            self.unsafe_turns
+                .fetch_add(tally.unsafe_turns, Ordering::Relaxed);
+        }
+    }
+}
+
+fn rejected(cause: Rejection) -> Outcome {
+    Outcome::Reject(cause.name())
+}
+
+impl Target for StreamTarget {
+    fn prior(&self) -> &Prior {
+        self.prior.prior()
+    }
+
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        match self
+            .likelihood
+            .ln_likelihood(&self.params(theta).to_array())
+        {
+            Ok(evaluation) => {
+                self.count(evaluation.tally);
+                Outcome::from_ln_likelihood(evaluation.ln_likelihood)
+            }
+            Err(cause) => rejected(cause),
+        }
+    }
+
+    fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
+        match self.likelihood.gradient(&self.params(theta).to_array()) {
+            Ok((evaluation, all)) => {
+                self.count(evaluation.tally);
+                for (slot, place) in gradient.iter_mut().zip(self.prior.free()) {
+                    *slot = all[*place];
+                }
+                Outcome::from_ln_likelihood(evaluation.ln_likelihood)
+            }
+            Err(cause) => rejected(cause),
+        }
+    }
+
+    fn gradient_cost(&self) -> Option<f64> {
+        Some(GRADIENT_COST)
+    }
+
+    fn symmetries(&self) -> &[Symmetry] {
+        &self.symmetries
+    }
+
+    fn derived_names(&self) -> Vec<(String, String)> {
+        [
+            ("q", ""),
+            ("axis_x", ""),
+            ("axis_y", ""),
+            ("axis_z", ""),
+            ("log10_m200_halo", "dex(solMass)"),
+        ]
+        .map(|(name, unit)| (name.to_owned(), unit.to_owned()))
+        .to_vec()
+    }
+
+    fn derived(&self, theta: &[f64], out: &mut Vec<f64>) {
+        let params = self.params(theta);
+        let shape = self.prior.shape(&params);
+        out.extend([
+            shape.q,
+            shape.axis.x,
+            shape.axis.y,
+            shape.axis.z,
+            log10_m200(params.log10_m_halo, params.r_s_halo_kpc),
+        ]);
+    }
+}

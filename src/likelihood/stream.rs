@@ -1,0 +1,180 @@
+//! The likelihood as a function of the 13 parameters, by three callers of one source: lanes for the value, lanes and
+//! duals for the gradient, duals alone for the reference gradient.
+
+use super::TrackLikelihood;
+use crate::error::{Rejection, Tally};
+use crate::params::{DIM, QRange, StreamParams};
+use crate::scalar::{Dual, Real, gradient_of, lift};
+use crate::stream::{Arrivals, Galaxy, Model, Setup, Workspace};
+use crate::track::{Sums, Track};
+
+/// ln L at a point, and what was unsafe on the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Evaluation {
+    /// ln L.
+    pub ln_likelihood: f64,
+    /// What was bounded or unsafe.
+    pub tally: Tally,
+}
+
+/// Buffers of one thread.
+#[derive(Clone, Debug, Default)]
+pub struct Buffers {
+    work: Workspace,
+    sums: Sums<f64>,
+    by_sums: Sums<f64>,
+}
+
+thread_local! {
+    // One set per thread: no allocation after a thread's first call, and callers need not carry it.
+    static BUFFERS: std::cell::RefCell<Buffers> = std::cell::RefCell::default();
+}
+
+/// The likelihood of one track as a function of the 13 parameters.
+#[derive(Clone, Debug)]
+pub struct StreamLikelihood {
+    model: Model,
+    track: TrackLikelihood,
+    q_range: QRange,
+}
+
+impl StreamLikelihood {
+    /// From a stream generator, a track's likelihood and the range of q.
+    #[must_use]
+    pub fn new(model: Model, track: TrackLikelihood, q_range: QRange) -> Self {
+        Self {
+            model,
+            track,
+            q_range,
+        }
+    }
+
+    /// The same data and rules on another stream generator.
+    #[must_use]
+    pub fn with_model(&self, model: Model) -> Self {
+        Self {
+            model,
+            ..self.clone()
+        }
+    }
+
+    /// The stream generator.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The track's likelihood.
+    #[must_use]
+    pub fn track(&self) -> &TrackLikelihood {
+        &self.track
+    }
+
+    /// The galaxy at a point.
+    pub fn galaxy<S: Real>(&self, params: &StreamParams<S>) -> Galaxy<S> {
+        Galaxy::from_params(params, self.q_range)
+    }
+
+    /// ln L, in lanes.
+    ///
+    /// # Errors
+    /// A [`Rejection`] where there is no stream or, under `coverage = "reject"`, no covering track.
+    pub fn ln_likelihood(&self, theta: &[f64; DIM]) -> Result<Evaluation, Rejection> {
+        let setup = self
+            .model
+            .setup(&self.galaxy(&StreamParams::from_array(*theta)))?;
+        BUFFERS.with_borrow_mut(|b| {
+            self.sum(&setup, b)?;
+            let ln_likelihood = self.track.ln_likelihood(&b.sums)?;
+            Ok(Evaluation {
+                ln_likelihood,
+                tally: b.work.arrivals.tally,
+            })
+        })
+    }
+
+    /// ln L and its gradient with respect to the 13 physical parameters: the exact derivative of the discrete model, by
+    /// duals for the orbit and in reverse for the particles.
+    ///
+    /// # Errors
+    /// As [`ln_likelihood`](Self::ln_likelihood); [`Rejection::BadLikelihood`] too if the gradient is not finite.
+    pub fn gradient(&self, theta: &[f64; DIM]) -> Result<(Evaluation, [f64; DIM]), Rejection> {
+        let duals: [Dual<DIM>; DIM] = lift(theta);
+        let setup = self
+            .model
+            .setup(&self.galaxy(&StreamParams::from_array(duals)))?;
+        let real = setup.real_part();
+        BUFFERS.with_borrow_mut(|b| {
+            self.sum(&real, b)?;
+            let ln_likelihood = self.track.pull_back(&b.sums, &mut b.by_sums)?;
+            self.track.grid().pull_back(
+                &b.work.arrivals,
+                &b.by_sums,
+                &mut b.work.by_x,
+                &mut b.work.by_y,
+            );
+            let tally = b.work.arrivals.tally;
+            let gradient = self.model.pull_back(&setup, &real, &mut b.work);
+            if gradient.iter().all(|g| g.is_finite()) {
+                Ok((
+                    Evaluation {
+                        ln_likelihood,
+                        tally,
+                    },
+                    gradient,
+                ))
+            } else {
+                Err(Rejection::BadLikelihood)
+            }
+        })
+    }
+
+    /// As [`gradient`](Self::gradient), with every number a dual: slow, and the reference for everything faster.
+    ///
+    /// # Errors
+    /// As [`gradient`](Self::gradient).
+    pub fn gradient_by_duals(&self, theta: &[f64; DIM]) -> Result<(f64, [f64; DIM]), Rejection> {
+        let duals: [Dual<DIM>; DIM] = lift(theta);
+        let value = self.ln_likelihood_on(&StreamParams::from_array(duals))?;
+        Ok((value.re, gradient_of(&value)))
+    }
+
+    /// ln L on any number type, particle by particle.
+    ///
+    /// # Errors
+    /// As [`ln_likelihood`](Self::ln_likelihood).
+    pub fn ln_likelihood_on<S: Real>(&self, params: &StreamParams<S>) -> Result<S, Rejection> {
+        let setup = self.model.setup(&self.galaxy(params))?;
+        let arrivals = self.model.particles(&setup)?;
+        let mut sums = Sums::default();
+        self.track.grid().sum_arrivals(&arrivals, &mut sums);
+        self.track.ln_likelihood(&sums)
+    }
+
+    /// The whole track at a point, every bin that is covered, with the data's bins and this likelihood's edges; and the
+    /// particles.
+    ///
+    /// # Errors
+    /// A [`Rejection`] where there is no stream.
+    pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Arrivals), Rejection> {
+        let setup = self.model.setup(&self.galaxy(params))?;
+        let (mut path, mut arrivals) = (Vec::new(), Arrivals::default());
+        self.model.carry(&setup, &mut path, &mut arrivals)?;
+        let grid = self.track.grid();
+        let track = Track::of(
+            &arrivals,
+            grid.width_deg,
+            grid.edges,
+            self.track.threshold().max(1.0),
+        );
+        Ok((track, arrivals))
+    }
+
+    /// Particles and their sums, into the buffers.
+    fn sum(&self, setup: &Setup<f64>, b: &mut Buffers) -> Result<(), Rejection> {
+        self.model
+            .carry(setup, &mut b.work.path, &mut b.work.arrivals)?;
+        self.track.grid().sum(&b.work.arrivals, &mut b.sums);
+        Ok(())
+    }
+}

@@ -1,0 +1,208 @@
+//! Do two runs of one target agree? Evidence, marginals, mode weights, cost, side by side.
+
+use super::summary::ValueError;
+use super::{Column, Mode, columns, mode_weights};
+use crate::error::{Error, Result};
+use oblate_samplers::Run;
+use oblate_samplers::diagnostics::weighted_quantile;
+use serde::Serialize;
+
+/// Differences beyond this many combined errors are disagreement.
+pub const SIGMA_LIMIT: f64 = 3.0;
+
+/// Mode weights are compared by their errors, but never more finely than this: a run that has not found a small cell
+/// reports an error of zero for it.
+const LEAST_MODE_ERROR: f64 = 0.01;
+
+/// One quantity in both runs.
+#[derive(Clone, Debug, Serialize)]
+pub struct MarginalRow {
+    /// Its name.
+    pub name: String,
+    /// Medians.
+    pub median: [f64; 2],
+    /// Difference of the means over its Monte-Carlo error.
+    pub sigma: f64,
+    /// Difference of the medians over the mean 68 % half-width.
+    pub of_width: f64,
+}
+
+/// One orientation cell in both runs.
+#[derive(Clone, Debug, Serialize)]
+pub struct ModeRow {
+    /// Such as `dir_x+ dir_y- oblate`.
+    pub name: String,
+    /// Weights.
+    pub weight: [f64; 2],
+    /// Their errors.
+    pub error: [f64; 2],
+    /// Difference over the combined error.
+    pub sigma: f64,
+}
+
+/// What one run cost.
+#[derive(Clone, Debug, Serialize)]
+pub struct CostRow {
+    /// Values without gradients.
+    pub calls: u64,
+    /// Values with gradients.
+    pub gradients: u64,
+    /// CPU time.
+    pub cpu_seconds: f64,
+    /// The effective sample size to quote.
+    pub ess: f64,
+}
+
+/// Two runs side by side.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// The runs.
+    pub names: [String; 2],
+    /// Evidences.
+    pub ln_z: [ValueError; 2],
+    /// Their difference over the combined error.
+    pub ln_z_sigma: f64,
+    /// Every parameter and derived quantity.
+    pub marginals: Vec<MarginalRow>,
+    /// Orientation cells, where the runs have them.
+    pub modes: Vec<ModeRow>,
+    /// Costs.
+    pub cost: [CostRow; 2],
+    /// Whether both runs have converged by their own gates.
+    pub converged: [bool; 2],
+}
+
+impl Comparison {
+    /// Whether the evidences agree within three combined errors and every marginal mean within 3.5 (there are many).
+    #[must_use]
+    pub fn agree(&self) -> bool {
+        self.ln_z_sigma.abs() <= SIGMA_LIMIT
+            && self
+                .worst_marginal()
+                .is_none_or(|m| m.sigma.abs() <= SIGMA_LIMIT + 0.5)
+    }
+
+    fn worst_marginal(&self) -> Option<&MarginalRow> {
+        self.marginals
+            .iter()
+            .max_by(|a, b| a.sigma.abs().total_cmp(&b.sigma.abs()))
+    }
+
+    /// The comparison in words.
+    #[must_use]
+    pub fn verdict(&self) -> String {
+        let mut words = if self.agree() {
+            "they agree".to_owned()
+        } else {
+            "they DISAGREE".to_owned()
+        };
+        if let Some(worst) = self.worst_marginal() {
+            words.push_str(&format!(
+                " (ln Z by {:+.2} sigma, the worst marginal is {} by {:+.2})",
+                self.ln_z_sigma, worst.name, worst.sigma
+            ));
+        }
+        for (name, converged) in self.names.iter().zip(self.converged) {
+            if !converged {
+                words.push_str(&format!("; {name} has not converged: see its gates"));
+            }
+        }
+        words
+    }
+}
+
+/// Compares two runs of one target.
+///
+/// # Errors
+/// [`Error::Mismatch`] if they have different parameters.
+pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Comparison> {
+    if a.names != b.names {
+        return Err(Error::Mismatch {
+            what: format!(
+                "{name_a} has the parameters {:?}, {name_b} has {:?}",
+                a.names, b.names
+            ),
+            remedy: "compare runs of one target: the same free parameters".to_owned(),
+        });
+    }
+    let ln_z = [a, b].map(|r| ValueError {
+        value: r.evidence.ln_z,
+        error: r.evidence.error,
+    });
+    let (columns_a, columns_b) = (columns(a), columns(b));
+    let weights = [a.draws.weights(), b.draws.weights()];
+    let ess = [a, b].map(|r| r.ess.quoted.max(1.0));
+    let marginals = columns_a
+        .iter()
+        .filter_map(|ca| {
+            let cb = columns_b.iter().find(|cb| cb.name == ca.name)?;
+            Some(marginal(ca, cb, &weights, ess))
+        })
+        .collect();
+    let modes = match (mode_weights(a), mode_weights(b)) {
+        (Some(ma), Some(mb)) => ma
+            .iter()
+            .zip(&mb)
+            .map(|(x, y)| ModeRow {
+                name: mode_name(x.mode),
+                weight: [x.weight, y.weight],
+                error: [x.error, y.error],
+                sigma: (x.weight - y.weight) / x.error.hypot(y.error).max(LEAST_MODE_ERROR),
+            })
+            .collect(),
+        _ => Vec::new(),
+    };
+    let cost = [a, b].map(|r| CostRow {
+        calls: r.cost.calls,
+        gradients: r.cost.gradients,
+        cpu_seconds: r.cost.cpu_seconds,
+        ess: r.ess.quoted,
+    });
+    Ok(Comparison {
+        names: [name_a.to_owned(), name_b.to_owned()],
+        ln_z_sigma: (ln_z[0].value - ln_z[1].value) / ln_z[0].error.hypot(ln_z[1].error),
+        ln_z,
+        marginals,
+        modes,
+        cost,
+        converged: [a.converged(), b.converged()],
+    })
+}
+
+fn mode_name(mode: Mode) -> String {
+    let sign = |positive: bool| if positive { '+' } else { '-' };
+    format!(
+        "dir_x{} dir_y{} {}",
+        sign(mode.dir_x_positive),
+        sign(mode.dir_y_positive),
+        if mode.prolate { "prolate" } else { "oblate" }
+    )
+}
+
+fn marginal(a: &Column, b: &Column, weights: &[Vec<f64>; 2], ess: [f64; 2]) -> MarginalRow {
+    let moments = |values: &[f64], w: &[f64]| {
+        let mean: f64 = values.iter().zip(w).map(|(v, w)| v * w).sum();
+        let variance: f64 = values
+            .iter()
+            .zip(w)
+            .map(|(v, w)| w * (v - mean) * (v - mean))
+            .sum();
+        (mean, variance)
+    };
+    let (ma, va) = moments(&a.values, &weights[0]);
+    let (mb, vb) = moments(&b.values, &weights[1]);
+    let quantile = |values: &[f64], w: &[f64], p: f64| weighted_quantile(values, w, p);
+    let median = [
+        quantile(&a.values, &weights[0], 0.5),
+        quantile(&b.values, &weights[1], 0.5),
+    ];
+    let width =
+        |values: &[f64], w: &[f64]| 0.5 * (quantile(values, w, 0.84) - quantile(values, w, 0.16));
+    let half = 0.5 * (width(&a.values, &weights[0]) + width(&b.values, &weights[1]));
+    MarginalRow {
+        name: a.name.clone(),
+        sigma: (ma - mb) / (va / ess[0] + vb / ess[1]).sqrt(),
+        of_width: (median[0] - median[1]) / half,
+        median,
+    }
+}

@@ -1,0 +1,218 @@
+//! A fit from a track and its settings to a run folder: what `oblate fit` and a study do.
+
+use super::{RunFolder, Versions, Watch};
+use crate::config::{FitConfig, text};
+use crate::data::ObservedTrack;
+use crate::error::Result;
+use crate::inference::{StreamTarget, check_reach, sample};
+use crate::likelihood::{DataBin, StreamLikelihood, TrackLikelihood};
+use crate::params::StreamPrior;
+use crate::posterior::{Summary, SummaryContext, prior_draws, zarr};
+use crate::stream::{Model, ModelSettings};
+use oblate_samplers::control::CheckpointPlan;
+use oblate_samplers::output::Status;
+use oblate_samplers::{Control, Run, Target};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Duration;
+
+/// How a run folder that exists already is met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// It is an error.
+    Refuse,
+    /// It is replaced.
+    Replace,
+    /// It is continued, or left alone if it has finished.
+    Resume,
+}
+
+/// Time between two checkpoints.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(30);
+
+/// Draws of the prior that are kept beside the posterior.
+const PRIOR_DRAWS: usize = 2_000;
+
+/// The target of a track under given settings.
+///
+/// # Errors
+/// What the settings' rooms refuse.
+pub fn target(track: &ObservedTrack, config: &FitConfig) -> Result<StreamTarget> {
+    let prior = StreamPrior::new(&config.prior)?;
+    let model = Model::new(&config.model)?;
+    let data: Vec<DataBin> = track
+        .bins()
+        .into_iter()
+        .zip(track.r_kpc.iter().zip(&track.r_err_kpc))
+        .map(|(bin, (r, e))| DataBin {
+            bin,
+            r_kpc: *r,
+            r_err_kpc: *e,
+        })
+        .collect();
+    let particles = model.table().len();
+    let likelihood =
+        TrackLikelihood::new(&config.likelihood, track.bin_width_deg, &data, particles)?;
+    let q_range = prior.q_range();
+    Ok(StreamTarget::new(
+        StreamLikelihood::new(model, likelihood, q_range),
+        prior,
+    ))
+}
+
+/// Fits a track into the folder `out`. A folder that has finished with the same inputs is read back under
+/// [`Existing::Resume`]. An interrupted run leaves its checkpoint and no summary; its status says so.
+///
+/// # Errors
+/// What the settings, the folder, the files and the sampler refuse.
+pub fn fit(
+    track: &ObservedTrack,
+    config: &FitConfig,
+    out: &Path,
+    existing: Existing,
+    command: &str,
+    watch: &mut Watch<'_>,
+) -> Result<(Run, Summary)> {
+    let target = target(track, config)?;
+    check_reach(&target, config.seed)?;
+    let config_text = text(config)?;
+    let track_bytes = serde_json::to_vec(track).unwrap_or_default();
+    let versions = Versions::of(&[config_text.as_bytes(), &track_bytes]);
+    let folder = match super::open_or_create(out, existing, &versions)? {
+        super::Opened::Finished(run, summary) => return Ok((*run, *summary)),
+        super::Opened::Folder(folder) => folder,
+    };
+    folder.begin(&config_text, &versions)?;
+    track.write(&folder.path().join("track.ecsv"))?;
+    let run = watched(&folder, &versions, watch, existing, |control| {
+        sample(&target, &config.sampling, config.seed, control)
+    })?;
+    let (diagnostics, warnings) = diagnose(&target, track, &run);
+    let context = SummaryContext {
+        command: command.to_owned(),
+        q_prior: Some(target.stream_prior().q_prior()),
+        warnings,
+        diagnostics,
+        input_hash: versions.input_hash.clone(),
+    };
+    let summary = Summary::new(&run, &context);
+    if run.status != Status::Interrupted {
+        let prior = prior_draws(target.prior(), PRIOR_DRAWS, config.seed, |theta| {
+            let mut derived = Vec::new();
+            target.derived(theta, &mut derived);
+            derived
+        });
+        folder.finish(
+            &run,
+            &summary,
+            zarr::Beside {
+                track: Some(track),
+                prior: Some(&prior),
+            },
+        )?;
+    }
+    Ok((run, summary))
+}
+
+/// Runs a sampler under a watch, with checkpoints in the folder and events in its log.
+pub(super) fn watched(
+    folder: &RunFolder,
+    versions: &Versions,
+    watch: &mut Watch<'_>,
+    existing: Existing,
+    run: impl FnOnce(&mut Control<'_>) -> Result<Run>,
+) -> Result<Run> {
+    let mut tee = watch.tee(folder.log()?);
+    let interrupt = tee.interrupt();
+    let mut control = Control::new(&mut tee);
+    control.interrupt = interrupt;
+    control.checkpoint = Some(CheckpointPlan {
+        path: folder.checkpoint(),
+        every: CHECKPOINT_EVERY,
+        resume: existing == Existing::Resume,
+        config_hash: u64::from_str_radix(&versions.input_hash, 16).unwrap_or(0),
+    });
+    run(&mut control)
+}
+
+/// The draw with the highest likelihood.
+#[must_use]
+pub fn best_row(run: &Run) -> Option<usize> {
+    let l = &run.draws.ln_likelihood;
+    (0..l.len()).max_by(|&a, &b| l[a].total_cmp(&l[b]))
+}
+
+/// Numbers and warnings about the model at the best fit: chi-square, what was bounded or unsafe, how far the track moves
+/// when the steps are doubled, whether the density is positive.
+fn diagnose(
+    target: &StreamTarget,
+    track: &ObservedTrack,
+    run: &Run,
+) -> (BTreeMap<String, f64>, Vec<String>) {
+    let mut numbers = BTreeMap::new();
+    let mut warnings = Vec::new();
+    let tally = target.tally();
+    numbers.insert(
+        "bounded_tidal_radius".to_owned(),
+        tally.bounded_tidal_radius as f64,
+    );
+    numbers.insert("unsafe_turns".to_owned(), tally.unsafe_turns as f64);
+    let Some(best) = best_row(run) else {
+        return (numbers, warnings);
+    };
+    let params = target.params(run.draws.theta_row(best));
+    let likelihood = target.likelihood();
+    let (Ok((here, _)), Some(finer)) = (
+        likelihood.track_at(&params),
+        with_twice_the_steps(likelihood),
+    ) else {
+        return (numbers, warnings);
+    };
+    let Ok((there, _)) = finer.track_at(&params) else {
+        return (numbers, warnings);
+    };
+    let mut chi2 = 0.0;
+    let mut shift = 0.0_f64;
+    for (bin, (r, sigma)) in track
+        .bins()
+        .into_iter()
+        .zip(track.r_kpc.iter().zip(&track.r_err_kpc))
+    {
+        let find = |t: &crate::track::Track| t.bins.iter().find(|b| b.bin == bin).map(|b| b.r_kpc);
+        if let (Some(a), Some(b)) = (find(&here), find(&there)) {
+            chi2 += ((a - r) / sigma).powi(2);
+            shift = shift.max((a - b).abs() / sigma);
+        }
+    }
+    numbers.insert("best_fit_chi2".to_owned(), chi2);
+    numbers.insert("best_fit_bins".to_owned(), track.len() as f64);
+    numbers.insert("step_shift_sigma".to_owned(), shift);
+    if shift > 1.0 {
+        warnings.push(format!(
+            "doubling the steps moves the best fit's track by up to {shift:.1} sigma: raise `model.steps`"
+        ));
+    }
+    let galaxy = likelihood.galaxy(&params);
+    let r = galaxy.today.x.norm2().sqrt();
+    let on_axis = galaxy.host.axis * r;
+    let density = crate::potential::Potential::density(&galaxy.host, on_axis);
+    numbers.insert("density_on_minor_axis_msun_kpc3".to_owned(), density);
+    if density < 0.0 {
+        warnings.push(
+            "the best fit's mass density is negative on the symmetry axis at the progenitor's radius (q flattens the potential): \
+             read q as the potential's, or raise prior.q_min to 0.6"
+                .to_owned(),
+        );
+    }
+    (numbers, warnings)
+}
+
+fn with_twice_the_steps(likelihood: &StreamLikelihood) -> Option<StreamLikelihood> {
+    let settings = likelihood.model().settings();
+    let finer = ModelSettings {
+        steps: 2 * settings.steps,
+        orbit_steps: 2 * settings.orbit_steps,
+        ..*settings
+    };
+    Some(likelihood.with_model(Model::new(&finer).ok()?))
+}

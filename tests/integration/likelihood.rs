@@ -1,0 +1,535 @@
+//! The likelihood of a track as a function of the 13 parameters: its gradients against each other and against central
+//! differences in three coordinate systems, its exact symmetry, its coverage rules.
+
+use oblate::likelihood::{
+    Coverage, DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
+};
+use oblate::orbit::OrbitMethod;
+use oblate::params::{DIM, PriorSettings, QRange, StreamPrior};
+use oblate::spray::{Design, Recipe, TableSettings};
+use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
+use oblate::track::{BinEdges, Track};
+use oblate_samplers::Prior;
+use oblate_samplers::rng::{Domain, standard_normal, stream};
+use rayon::prelude::*;
+
+type Theta = [f64; DIM];
+
+/// The parameters of gala's first stream.
+const BASE: Theta = [
+    12.1, 16.0, -0.25, -0.4, 1.64, 8.0, 1.5, 59.0, 53.0, -41.0, 156.0, -29.0, 3.0,
+];
+
+const Q: QRange = QRange {
+    q_min: 0.5,
+    q_max: 1.5,
+};
+
+fn prior() -> Prior {
+    StreamPrior::new(&PriorSettings::default())
+        .expect("the default prior")
+        .prior()
+        .clone()
+}
+
+/// The n-th prior draw, z and theta.
+fn draw(n: u64) -> (Theta, Theta) {
+    let mut rng = stream(20_261_121, Domain::Prior, 0, n);
+    let z: Theta = std::array::from_fn(|_| standard_normal(&mut rng));
+    let mut theta = [0.0; DIM];
+    prior().theta_from_z(&z, &mut theta);
+    (z, theta)
+}
+
+fn model(settings: ModelSettings) -> Model {
+    Model::new(&settings).expect("a model")
+}
+
+fn small() -> ModelSettings {
+    ModelSettings {
+        releases: TableSettings {
+            particles: 256,
+            ..TableSettings::default()
+        },
+        steps: 40,
+        orbit_steps: 256,
+        ..ModelSettings::default()
+    }
+}
+
+/// A likelihood whose data is the model's own track at `theta`, with radii off by a few per cent.
+fn likelihood_at(
+    theta: &Theta,
+    model: &Model,
+    settings: &LikelihoodSettings,
+) -> Option<StreamLikelihood> {
+    let params = oblate::params::StreamParams::from_array(*theta);
+    let setup = model.setup(&Galaxy::from_params(&params, Q)).ok()?;
+    let (mut path, mut out) = (Vec::new(), Arrivals::default());
+    model.carry(&setup, &mut path, &mut out).ok()?;
+    let track = Track::of(&out, 10.0, settings.edges, 0.02 * out.len() as f64);
+    let data: Vec<DataBin> = track
+        .bins
+        .iter()
+        .enumerate()
+        .map(|(i, b)| DataBin {
+            bin: b.bin,
+            r_kpc: b.r_kpc * (1.0 + 0.03 * (i as f64).sin()),
+            r_err_kpc: 0.02 * b.r_kpc,
+        })
+        .collect();
+    if data.len() < 3 {
+        return None;
+    }
+    let track = TrackLikelihood::new(settings, 10.0, &data, out.len()).ok()?;
+    Some(StreamLikelihood::new(model.clone(), track, Q))
+}
+
+fn largest(g: &[f64]) -> f64 {
+    g.iter().fold(0.0, |m, v| m.max(v.abs()))
+}
+
+/// Gradients in units of the prior's own scale: what a relative tolerance can be held against.
+fn in_z(z: &Theta, gradient: &Theta) -> Theta {
+    let mut g = *gradient;
+    prior().gradient_to_z(z, &mut g);
+    g
+}
+
+#[test]
+fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
+    let soft = LikelihoodSettings::default();
+    let noisy = LikelihoodSettings {
+        model_noise: true,
+        ..soft
+    };
+    let hard = LikelihoodSettings {
+        edges: BinEdges::Hard,
+        ..soft
+    };
+    let reject = LikelihoodSettings {
+        edges: BinEdges::Hard,
+        coverage: Coverage::Reject,
+        ..soft
+    };
+    let with = |design, recipe, orbit| {
+        let releases = TableSettings {
+            particles: 200,
+            epochs: 10,
+            design,
+            recipe,
+            seed: 3,
+        };
+        ModelSettings {
+            releases,
+            steps: 30,
+            orbit_steps: 128,
+            orbit,
+        }
+    };
+    let settings = [
+        (small(), soft),
+        (small(), noisy),
+        (
+            with(
+                Design::Random,
+                Recipe::Fardal2015Published,
+                OrbitMethod::Accurate,
+            ),
+            hard,
+        ),
+        (
+            with(Design::Random, Recipe::Chen2025, OrbitMethod::Leapfrog),
+            reject,
+        ),
+        (
+            with(Design::Sobol, Recipe::Chen2025, OrbitMethod::Accurate),
+            soft,
+        ),
+    ];
+    let mut compared = 0;
+    let mut worst = 0.0_f64;
+    let mut differences = Vec::new();
+    for (model_settings, likelihood_settings) in &settings {
+        let model = model(*model_settings);
+        for n in 0..25 {
+            let (z, theta) = draw(n);
+            let Some(likelihood) = likelihood_at(&theta, &model, likelihood_settings) else {
+                continue;
+            };
+            let (Ok((value, fast)), Ok((reference, slow))) = (
+                likelihood.gradient(&theta),
+                likelihood.gradient_by_duals(&theta),
+            ) else {
+                continue;
+            };
+            let plain = likelihood
+                .ln_likelihood(&theta)
+                .expect("a value where there is a gradient");
+            let scale = reference.abs().max(1.0);
+            assert!(
+                (value.ln_likelihood - reference).abs() < 1e-7 * scale,
+                "{n} {value:?} {reference}"
+            );
+            assert!(
+                (plain.ln_likelihood - reference).abs() < 1e-7 * scale,
+                "{n} {plain:?} {reference}"
+            );
+            let (fast, slow) = (in_z(&z, &fast), in_z(&z, &slow));
+            let d = fast
+                .iter()
+                .zip(&slow)
+                .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()))
+                / largest(&slow);
+            differences.push(d);
+            worst = worst.max(d);
+            compared += 1;
+        }
+    }
+    differences.sort_by(f64::total_cmp);
+    println!(
+        "{compared} gradients: median {:e}, worst {worst:e}",
+        differences[compared / 2]
+    );
+    assert!(compared >= 100, "{compared}");
+    // The two differ by rounding alone, which orbits that pass close to the centre amplify.
+    assert!(
+        differences[compared / 2] < 1e-12,
+        "{:e}",
+        differences[compared / 2]
+    );
+    assert!(worst < 1e-7, "{worst:e}");
+}
+
+/// What rounding does to ln L at a point: its change when every parameter moves by a few units in its last place. The
+/// flow amplifies rounding where particles meet a centre in long steps; there derivatives are astronomical, and no
+/// comparison proves anything.
+fn rounding(likelihood: &StreamLikelihood, theta: &Theta) -> f64 {
+    let value = |t: &Theta| {
+        likelihood
+            .ln_likelihood(t)
+            .map_or(f64::NAN, |e| e.ln_likelihood)
+    };
+    let here = value(theta);
+    (1..5)
+        .map(|k| (value(&theta.map(|t| t * (1.0 + f64::from(k) * 4e-16))) - here).abs())
+        .fold(0.0, f64::max)
+}
+
+/// The central difference of `f` at 0, by Richardson's rule, at the step where it has converged best, and how far it
+/// moved between that step and its half.
+fn central(f: impl Fn(f64) -> f64, largest_step: f64) -> (f64, f64) {
+    let plain = |h: f64| (f(h) - f(-h)) / (2.0 * h);
+    let mut best = (f64::NAN, f64::INFINITY);
+    let mut last: Option<f64> = None;
+    for k in 0..12 {
+        let h = largest_step * 0.4_f64.powi(k);
+        let d = (4.0 * plain(0.5 * h) - plain(h)) / 3.0;
+        if let Some(last) = last
+            && (d - last).abs() < best.1
+        {
+            best = (d, (d - last).abs());
+        }
+        last = Some(d);
+    }
+    best
+}
+
+#[test]
+fn the_gradient_matches_central_differences_in_theta_u_and_z() {
+    let model = model(small());
+    let settings = LikelihoodSettings {
+        model_noise: true,
+        ..LikelihoodSettings::default()
+    };
+    let prior = prior();
+    let check = |n: u64| -> Option<bool> {
+        let (z, theta) = draw(n);
+        let likelihood = likelihood_at(&theta, &model, &settings)?;
+        let (_, by_theta) = likelihood.gradient(&theta).ok()?;
+        if rounding(&likelihood, &theta)
+            > 1e-9
+                * likelihood
+                    .ln_likelihood(&theta)
+                    .map_or(0.0, |e| e.ln_likelihood.abs().max(1.0))
+        {
+            return None;
+        }
+        let value = |theta: &Theta| {
+            likelihood
+                .ln_likelihood(theta)
+                .map_or(f64::NAN, |e| e.ln_likelihood)
+        };
+        let scale = largest(&in_z(&z, &by_theta));
+        let mut converged = 0;
+        for i in 0..DIM {
+            let marginal = prior.marginals()[i];
+            let slope = marginal.dtheta_dz(z[i]);
+            let du_dz = oblate_samplers::normal::ln_pdf(z[i]).exp();
+            let u = marginal.u_from_theta(theta[i]);
+            let at = |value_i: f64| {
+                let mut t = theta;
+                t[i] = value_i;
+                value(&t)
+            };
+            // One derivative, in three coordinates, all in units of z.
+            let h = 1e-3;
+            let by_z = by_theta[i] * slope;
+            let numeric = [
+                central(|d| at(theta[i] + d), h * slope),
+                central(|d| at(marginal.theta_from_z(z[i] + d)), h),
+                central(|d| at(marginal.theta_from_u(u + d)), h * du_dz),
+            ];
+            for ((d, moved), unit) in numeric.into_iter().zip([slope, 1.0, du_dz]) {
+                // Where particles meet a centre in steps too long for it, ln L is rough below any step: no central
+                // difference converges, and there is nothing to compare.
+                if moved * unit < 1e-5 * scale {
+                    converged += 1;
+                    let error = (d * unit - by_z).abs();
+                    assert!(
+                        error < 1e-6 * scale + 5.0 * moved * unit,
+                        "draw {n}, {i}: {by_z} {d}, of {scale}"
+                    );
+                }
+            }
+        }
+        Some(converged == 3 * DIM)
+    };
+    let outcomes: Vec<bool> = (100..200_u64).into_par_iter().filter_map(check).collect();
+    let (checked, tried) = (outcomes.iter().filter(|c| **c).count(), outcomes.len());
+    println!("{checked} of {tried} draws have converged differences in all coordinates");
+    assert!(checked >= 50, "{checked} of {tried}");
+}
+
+#[test]
+fn the_gradient_holds_near_q_min_q_one_and_the_bounds() {
+    // Enough steps for the heaviest halo.
+    let model = model(ModelSettings {
+        steps: 400,
+        ..small()
+    });
+    let settings = LikelihoodSettings::default();
+    let prior = prior();
+    // A well-behaved stream with one coordinate pushed to its edge at a time.
+    let base = BASE;
+    let mut cases = vec![base];
+    for (i, value) in [
+        (0, 11.0 + 1e-7),
+        (0, 14.0 - 1e-7),
+        (1, 10.0 + 1e-7),
+        (1, 25.0 - 1e-7),
+        (5, 7.0 + 1e-9),
+        (5, 9.0 - 1e-9),
+        (6, 1.0 + 1e-7),
+        (6, 5.0 - 1e-7),
+        (12, 1.0 + 1e-7),
+        (12, 4.0 - 1e-7),
+        (4, 1e-9),
+        (4, 6.0),
+    ] {
+        let mut theta = base;
+        theta[i] = value;
+        if (i, value > 13.0) == (0, true) {
+            // A heavier halo holds a faster progenitor: without this it would fall through the centre.
+            for v in &mut theta[9..12] {
+                *v *= 7.0;
+            }
+            theta[12] = 1.0 + 1e-7;
+        }
+        cases.push(theta);
+    }
+    // |dir| -> 0 is q_min; |dir| = 1.538 is q = 1.
+    let length = f64::sqrt(0.25 * 0.25 + 0.4 * 0.4 + 1.64 * 1.64);
+    for target in [1e-3, 1.538_172_254_455_5, 5.0] {
+        let mut theta = base;
+        for d in &mut theta[2..5] {
+            *d *= target / length;
+        }
+        cases.push(theta);
+    }
+    for (n, theta) in cases.iter().enumerate() {
+        let likelihood = likelihood_at(theta, &model, &settings).expect("a stream");
+        let (_, fast) = likelihood.gradient(theta).expect("a gradient");
+        let (_, slow) = likelihood.gradient_by_duals(theta).expect("a gradient");
+        let mut z = [0.0; DIM];
+        prior.z_from_theta(theta, &mut z);
+        let (fast, slow) = (in_z(&z, &fast), in_z(&z, &slow));
+        let d = fast
+            .iter()
+            .zip(&slow)
+            .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(d < 1e-9 * largest(&slow), "case {n}: {fast:?} {slow:?}");
+        for i in 2..5 {
+            let value = |d: f64| {
+                let mut t = *theta;
+                t[i] += d;
+                likelihood.ln_likelihood(&t).expect("finite").ln_likelihood
+            };
+            let (numeric, moved) = central(value, 1e-3);
+            let exact = likelihood.gradient(theta).expect("a gradient").1[i];
+            let scale = largest(&slow).max(1.0);
+            assert!(moved < 1e-5 * scale, "case {n}, dir {i}: {moved}");
+            let error = (numeric - exact).abs();
+            assert!(
+                error < 1e-6 * scale + 5.0 * moved,
+                "case {n}, dir {i}: {exact} {numeric}"
+            );
+        }
+    }
+}
+
+/// Masses by s, velocities by sqrt(s), age by 1/sqrt(s).
+fn scaled(theta: &Theta, s: f64) -> Theta {
+    let mut t = *theta;
+    for i in [0, 5] {
+        t[i] += s.log10();
+    }
+    for v in &mut t[9..12] {
+        *v *= s.sqrt();
+    }
+    t[12] /= s.sqrt();
+    t
+}
+
+#[test]
+fn the_scaling_symmetry_is_exact_in_value_and_gradient() {
+    let model = model(small());
+    let mut checked = 0;
+    for n in 200..280 {
+        let (_, theta) = draw(n);
+        let Some(likelihood) = likelihood_at(&theta, &model, &LikelihoodSettings::default()) else {
+            continue;
+        };
+        let value = |t: &Theta| likelihood.ln_likelihood(t).expect("finite").ln_likelihood;
+        let here = value(&theta);
+        let rounding = rounding(&likelihood, &theta);
+        if rounding > 1e-9 * here.abs().max(1.0) {
+            continue;
+        }
+        for s in [1.7, 0.6] {
+            let there = value(&scaled(&theta, s));
+            let tolerance = 1e-11 * here.abs().max(1.0) + 30.0 * rounding;
+            assert!(
+                (here - there).abs() < tolerance,
+                "{n} {s}: {here} {there} {rounding:e}"
+            );
+        }
+        let (_, g) = likelihood.gradient(&theta).expect("a gradient");
+        // The derivative along ln s: 1/ln 10 for the logarithms of mass, v/2 for velocities, -T/2 for the age.
+        let terms = [
+            g[0] / std::f64::consts::LN_10,
+            g[5] / std::f64::consts::LN_10,
+            0.5 * theta[9] * g[9],
+            0.5 * theta[10] * g[10],
+            0.5 * theta[11] * g[11],
+            -0.5 * theta[12] * g[12],
+        ];
+        let along: f64 = terms.iter().sum();
+        assert!(
+            along.abs() < 1e-9 * largest(&terms),
+            "{n}: {along:e} of {terms:?}"
+        );
+        checked += 1;
+    }
+    println!("{checked} draws");
+    assert!(checked >= 25, "{checked}");
+}
+
+#[test]
+fn mirrored_streams_have_the_same_track() {
+    // z -> -z of everything leaves the projection as it is; so does a rotation about z but for the angle's zero, which
+    // is the progenitor's.
+    let model = model(small());
+    let (_, theta) = draw(3);
+    let track = |theta: &Theta| {
+        let params = oblate::params::StreamParams::from_array(*theta);
+        let setup = model
+            .setup(&Galaxy::from_params(&params, Q))
+            .expect("a setup");
+        let (mut path, mut out) = (Vec::new(), Arrivals::default());
+        model.carry(&setup, &mut path, &mut out).expect("particles");
+        out
+    };
+    let mut mirrored = theta;
+    for i in [4, 8, 11] {
+        mirrored[i] = -mirrored[i];
+    }
+    // Out-of-plane kicks follow the angular momentum, a pseudovector: flip them by reversing nothing but z, which the
+    // release does by itself because Fardal's kicks along the pole change sign with it only in distribution.
+    let (a, b) = (track(&theta), track(&mirrored));
+    let mean =
+        |t: &Arrivals| t.x.iter().zip(&t.y).map(|(x, y)| x.hypot(*y)).sum::<f64>() / t.len() as f64;
+    assert!(
+        (mean(&a) / mean(&b) - 1.0).abs() < 0.02,
+        "{} {}",
+        mean(&a),
+        mean(&b)
+    );
+}
+
+#[test]
+fn an_uncovered_track_is_rejected_by_name_or_penalised_smoothly() {
+    let model = model(small());
+    let theta = BASE;
+    let soft = LikelihoodSettings::default();
+    let likelihood = likelihood_at(&theta, &model, &soft).expect("a stream");
+    let mut data: Vec<DataBin> = likelihood.track().data().copied().collect();
+    let last = data[data.len() - 1];
+    data.push(DataBin {
+        bin: last.bin + 40,
+        ..last
+    });
+    let build = |settings: &LikelihoodSettings| {
+        let track = TrackLikelihood::new(settings, 10.0, &data, 256).expect("a likelihood");
+        StreamLikelihood::new(model.clone(), track, Q)
+    };
+    let reject = LikelihoodSettings {
+        edges: BinEdges::Hard,
+        coverage: Coverage::Reject,
+        ..soft
+    };
+    let cause = build(&reject)
+        .ln_likelihood(&theta)
+        .expect_err("the last bin is empty");
+    assert_eq!(cause, oblate::Rejection::Uncovered);
+    let penalised = build(&soft)
+        .ln_likelihood(&theta)
+        .expect("finite")
+        .ln_likelihood;
+    let covered = likelihood
+        .ln_likelihood(&theta)
+        .expect("finite")
+        .ln_likelihood;
+    // One missing bin of n costs z_miss^2/2 and lambda/n^2.
+    let n = data.len() as f64;
+    let miss =
+        -450.0 - last.r_err_kpc.ln() - oblate_samplers::normal::LN_SQRT_2PI - 1_000.0 / (n * n);
+    assert!(
+        (penalised - covered - miss).abs() < 1e-6,
+        "{penalised} {covered} {miss}"
+    );
+}
+
+#[test]
+fn a_nan_parameter_is_a_counted_rejection() {
+    let model = model(small());
+    let theta = BASE;
+    let likelihood =
+        likelihood_at(&theta, &model, &LikelihoodSettings::default()).expect("a stream");
+    for i in 0..DIM {
+        for bad in [f64::NAN, f64::INFINITY] {
+            let mut t = theta;
+            t[i] = bad;
+            let value = likelihood.ln_likelihood(&t);
+            let gradient = likelihood.gradient(&t);
+            assert!(
+                value.is_err() || (2..5).contains(&i),
+                "{i} {bad}: {value:?}"
+            );
+            assert!(gradient.is_err() || (2..5).contains(&i), "{i} {bad}");
+            if let Ok(e) = value {
+                assert!(e.ln_likelihood.is_finite());
+            }
+        }
+    }
+}
