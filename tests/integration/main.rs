@@ -18,6 +18,7 @@ mod potential;
 // The reader of import orders lives with the samplers, which must not depend on this crate.
 #[path = "../../samplers/tests/integration/rooms.rs"]
 mod rooms;
+mod report;
 mod run;
 mod runs;
 mod spray;
