@@ -1,19 +1,22 @@
 //! `oblate report`.
 
 use super::Exit;
-use super::options::Common;
+use super::options::{Common, refuse_existing, say, say_json};
 use crate::error::Result;
+use crate::run::report;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Flags of `oblate report`.
 #[derive(clap::Args, Debug)]
+#[command(after_help = "Example:\n  oblate report runs/* --out report.html\n\n\
+Each figure is also written as SVG into its run folder.")]
 pub struct Args {
     /// Finished runs
     #[arg(required = true)]
     runs: Vec<PathBuf>,
     /// The page to write
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", default_value = "report.html")]
     out: PathBuf,
     /// Replace a page that is there
     #[arg(long)]
@@ -22,11 +25,15 @@ pub struct Args {
     #[arg(long, default_value = "oblate report")]
     title: String,
 }
-pub fn run(args: &Args, _: &Common, _out: &mut dyn Write) -> Result<Exit> {
-    super::options::refuse_existing(&args.out, args.force)?;
-    write(&args.title, &args.runs, &args.out)?;
+
+/// Draws the page.
+pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
+    refuse_existing(&args.out, args.force)?;
+    report(&args.title, &args.runs, &args.out)?;
+    if common.json {
+        say_json(out, &serde_json::json!({"report": args.out}))?;
+    } else {
+        say(out, &format!("{}", args.out.display()))?;
+    }
     Ok(Exit::Done)
-}
-pub fn write(_title: &str, _folders: &[PathBuf], _page: &Path) -> Result<()> {
-    Ok(())
 }

@@ -6,7 +6,7 @@ use super::progress::Progress;
 use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
 use crate::posterior::{Summary, compare};
-use crate::run::{Outcome, Piece, RunFolder, study};
+use crate::run::{Outcome, Piece, RunFolder, report, study};
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -51,7 +51,7 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
     }
     let page = config.out.join("report.html");
     let folders: Vec<PathBuf> = pieces(&outcome).map(|p| p.folder.clone()).collect();
-    super::report::write(&config.title, &folders, &page)?;
+    report(&config.title, &folders, &page)?;
     if common.json {
         let rows: Vec<_> = pieces(&outcome)
             .map(|p| json!({"name": p.name, "sampler": p.sampler, "folder": p.folder, "summary": p.summary}))

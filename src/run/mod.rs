@@ -3,6 +3,7 @@
 mod fit;
 mod folder;
 mod log;
+mod pages;
 mod population;
 mod study;
 mod watch;
@@ -10,6 +11,7 @@ mod watch;
 pub use fit::{Existing, best_row, fit, target};
 pub use folder::{FINISHED, RunFolder, StoredRun, Versions};
 pub use log::Log;
+pub use pages::report;
 pub use population::{population, q_posterior};
 pub use study::{Outcome, Piece, study};
 pub use watch::Watch;

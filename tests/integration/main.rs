@@ -12,9 +12,11 @@ mod ks;
 mod likelihood;
 mod orbit;
 mod params;
+mod population;
 mod posterior;
 mod potential;
 // The reader of import orders lives with the samplers, which must not depend on this crate.
+mod report;
 #[path = "../../samplers/tests/integration/rooms.rs"]
 mod rooms;
 mod run;

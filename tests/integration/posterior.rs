@@ -1,6 +1,7 @@
 //! Summaries of runs with known answers, and their files.
 
 use crate::runs;
+use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
 use oblate::posterior::{
     Interval, Summary, SummaryContext, columns, modes, prior_draws, run_from_parts, zarr,
@@ -125,7 +126,20 @@ fn same(a: &Run, b: &Run) -> bool {
 #[test]
 fn a_run_comes_back_from_its_files_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
+    let track =
+        ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
     for (name, run) in [("n", runs::nested(900, 1)), ("t", runs::tempered(400, 2))] {
+        // What tests/peers/read_back.py opens.
+        if let Ok(kept) = std::env::var("OBLATE_FIGURES") {
+            let kept = std::path::Path::new(&kept);
+            std::fs::create_dir_all(kept).unwrap();
+            let beside = zarr::Beside {
+                track: Some(&track),
+                prior: Some(&run.draws),
+            };
+            zarr::write(&kept.join(format!("{name}.zarr")), &run, beside).unwrap();
+            track.write(&kept.join("track.ecsv")).unwrap();
+        }
         let path = folder.path().join(name);
         zarr::write(&path, &run, zarr::Beside::default()).unwrap();
         let text = serde_json::to_string(&summary(&run)).unwrap();

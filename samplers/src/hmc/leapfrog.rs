@@ -17,6 +17,10 @@ pub struct Plan {
     pub max_leapfrogs: usize,
     /// Energies along a path may differ by this much before it is given up as divergent.
     pub max_energy_range: f64,
+    /// 0 for the exact Metropolis test. Above, a rise in energy is weighed against this share of the depth that the
+    /// path fell: while a chain still falls from the prior by thousands of units its energy errors are large though
+    /// small for the fall, and the exact test would shorten steps until nothing moves. Not invariant.
+    pub slack: f64,
 }
 
 /// How a trajectory ended.
@@ -26,6 +30,8 @@ pub enum End {
     Arrived {
         /// Energy at the end less energy at the start.
         rise: f64,
+        /// Potential energy at the start less the lowest on the path.
+        fall: f64,
     },
     /// At a point without a likelihood.
     Rejected,
@@ -106,6 +112,8 @@ impl<'t, 'm> Explorer<'t, 'm> {
         self.update_force();
         let start = self.energy();
         let (mut low, mut high, mut now) = (start, start, start);
+        let top = self.potential();
+        let mut bottom = top;
         for _ in 0..leapfrogs {
             self.kick(0.5 * step);
             self.metric.velocity(&self.momentum, &mut self.velocity);
@@ -128,11 +136,15 @@ impl<'t, 'm> Explorer<'t, 'm> {
             now = self.energy();
             low = low.min(now);
             high = high.max(now);
+            bottom = bottom.min(self.potential());
             if !now.is_finite() || high - low > max_energy_range {
                 return Ok(End::Diverged);
             }
         }
-        Ok(End::Arrived { rise: now - start })
+        Ok(End::Arrived {
+            rise: now - start,
+            fall: top - bottom,
+        })
     }
 
     /// One move: a fresh momentum, a trajectory of jittered length and step, a Metropolis test.
@@ -170,7 +182,7 @@ impl<'t, 'm> Explorer<'t, 'm> {
         let leapfrogs = wanted.min(plan.max_leapfrogs as f64) as usize;
         let end = self.trajectory(at, step, leapfrogs, plan.max_energy_range)?;
         let acceptance = match end {
-            End::Arrived { rise } => (-rise).exp().min(1.0),
+            End::Arrived { rise, fall } => (-rise / (plan.slack * fall).max(1.0)).exp().min(1.0),
             End::Rejected | End::Diverged => 0.0,
         };
         // Drawn in any case: the stream's use must not depend on the outcome.
@@ -187,10 +199,14 @@ impl<'t, 'm> Explorer<'t, 'm> {
         })
     }
 
-    /// `-beta l + |z|^2 / 2 + |r|^2 / 2` at the present end.
+    /// `-beta l + |z|^2 / 2` at the present end.
+    fn potential(&self) -> f64 {
+        0.5 * dot(&self.end.z, &self.end.z) - self.beta * self.end.ln_likelihood
+    }
+
+    /// The potential and `|r|^2 / 2`.
     fn energy(&self) -> f64 {
-        0.5 * (dot(&self.end.z, &self.end.z) + dot(&self.momentum, &self.momentum))
-            - self.beta * self.end.ln_likelihood
+        self.potential() + 0.5 * dot(&self.momentum, &self.momentum)
     }
 
     fn update_force(&mut self) {

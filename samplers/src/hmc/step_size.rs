@@ -34,12 +34,18 @@ impl StepSize {
     }
 
     /// Learns from the mean acceptance of scan number `scan` of a round of `scans`. The gain starts at 1.5, so that
-    /// a few scans of no acceptance at all shorten the step by orders of magnitude, and falls as `scan^-0.6`.
+    /// a few scans of no acceptance at all shorten the step by orders of magnitude, and falls as `scan^-0.6`. In the
+    /// first half of a round, which the result does not see, an acceptance of almost 1 lengthens it as fast.
     pub fn learn(&mut self, acceptance: f64, target: f64, scan: usize, scans: usize) {
         let gain = 1.5 / ((scan + 1) as f64).powf(0.6);
-        self.ln_step =
-            (self.ln_step + gain * (acceptance - target)).clamp(MIN_STEP.ln(), MAX_STEP.ln());
-        if 2 * (scan + 1) > scans {
+        let counts = 2 * (scan + 1) > scans;
+        let push = if !counts && acceptance > 0.95 {
+            target
+        } else {
+            acceptance - target
+        };
+        self.ln_step = (self.ln_step + gain * push).clamp(MIN_STEP.ln(), MAX_STEP.ln());
+        if counts {
             self.sum += self.ln_step;
             self.count += 1;
         }
@@ -59,6 +65,18 @@ impl StepSize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_step_far_too_short_grows_back_within_one_round() {
+        let mut step = StepSize::new(1e-4);
+        for scan in 0..64 {
+            let acceptance = (-(step.step() / 0.8).powi(4)).exp();
+            step.learn(acceptance, 0.8, scan, 64);
+        }
+        let ideal = 0.8 * (-(0.8_f64.ln())).powf(0.25);
+        let found = step.ln_found().exp();
+        assert!((found / ideal).ln().abs() < 0.3, "{found} {ideal}");
+    }
 
     #[test]
     fn a_step_wrong_by_four_orders_is_mended_within_three_short_rounds() {

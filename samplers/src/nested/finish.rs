@@ -82,12 +82,12 @@ pub(super) fn finish(
             halves: history.halves(),
         },
     );
-    if state.steps > job.first_steps() {
+    if state.tuning.steps > job.first_steps() {
         warnings.push(format!(
             "steps per new point were raised from {} to {} because points moved too little; start the next run with `steps = {}`",
             job.first_steps(),
-            state.steps,
-            state.steps
+            state.tuning.steps,
+            state.tuning.steps
         ));
     }
     let prior = job.target.prior();

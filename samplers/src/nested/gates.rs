@@ -1,7 +1,8 @@
 //! What a nested run must pass to be believed.
 
 use super::settings::Kernel;
-use super::state::{Job, State, mean};
+use super::state::{Job, State};
+use super::tuning::mean;
 use crate::output::Gate;
 use crate::rng::{Domain, stream};
 
@@ -79,12 +80,18 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
             "points per call drawn from the bound; if too small, the bound does not fit: use `random-slice`",
         )),
         Kernel::RandomWalk | Kernel::RandomSlice => {
-            if !state.jumps.is_empty() {
+            if !state.tuning.jumps.is_empty() {
                 gates.push(Gate::at_least(
                     "relative-jump",
-                    mean(&state.jumps),
+                    mean(&state.tuning.jumps),
                     0.5,
                     "distance of new points from their seeds over that between live points; if too small, double `steps`",
+                ));
+                gates.push(Gate::at_most(
+                    "seed-echo",
+                    mean(&state.tuning.echoes),
+                    0.05,
+                    "correlation of a new point's likelihood rank with its seed's; if too large, live points are fewer than they seem and ln Z is too high: double `steps`",
                 ));
             }
         }
@@ -92,7 +99,7 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
     if job.kernel() == Kernel::RandomWalk {
         gates.push(Gate::at_most(
             "no-move",
-            state.stayed as f64 / points,
+            state.tuning.stayed as f64 / points,
             0.01,
             "share of walks that ended where they began; if too large, double `steps`",
         ));

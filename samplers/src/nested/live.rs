@@ -112,8 +112,8 @@ mod tests {
     #[test]
     fn ties_with_the_last_one_die_with_it() {
         let mut live = Points::new(1);
-        for (i, l) in [3.0, 1.0, 2.0, 2.0, 5.0, 2.0].into_iter().enumerate() {
-            live.push(&[0.5], l, f64::NEG_INFINITY, i as u32);
+        for (i, l) in (0..).zip([3.0, 1.0, 2.0, 2.0, 5.0, 2.0]) {
+            live.push(&[0.5], l, f64::NEG_INFINITY, i);
         }
         let batch = lowest(&live, 2);
         assert_eq!(batch.dying, [1, 2, 3, 5]);

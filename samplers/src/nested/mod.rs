@@ -40,6 +40,7 @@ mod rank;
 mod run;
 mod settings;
 mod state;
+mod tuning;
 
 pub use run::run;
 pub use settings::{BoundKind, Kernel, Settings};

@@ -101,8 +101,7 @@ pub(super) fn ks_probability(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Domain, stream};
-    use rand::Rng;
+    use crate::rng::{Domain, below, stream};
 
     #[test]
     fn rank_score_of_uniform_ranks_is_standard_normal() {
@@ -112,7 +111,8 @@ mod tests {
                     let mut rng = stream(7, Domain::Test, case, i);
                     let mut ranks = Ranks::default();
                     for _ in 0..1000 {
-                        ranks.push((rng.next_u64() % u64::from(size + 1)) as u32, size);
+                        let rank = below(&mut rng, size as usize + 1);
+                        ranks.push(u32::try_from(rank).unwrap(), size);
                     }
                     ranks.z_score(0)
                 })

@@ -58,7 +58,10 @@ pub fn run(
             break Status::BudgetSpent;
         }
         if let Err(error) = state.advance(&job) {
-            keeper.save(&mut state, control)?;
+            // The first failure is the one to report; a second one, of the disk, is told besides.
+            if let Err(second) = keeper.save(&mut state, control) {
+                control.tell(&Event::Warning(second.to_string()));
+            }
             return Err(error);
         }
         stop = control.tell(&event(&state, settings));

@@ -55,7 +55,7 @@ pub enum BoundKind {
 
 /// Settings of a static nested run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
+#[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// Number of live points; the error of ln Z falls as its square root.
     pub n_live: usize,
@@ -103,11 +103,11 @@ impl Settings {
                 remedy,
             })
         };
-        if self.n_live < 2 * dim + 2 || self.n_live > 10_000_000 {
+        if self.n_live < 4 * dim + 4 || self.n_live > 10_000_000 {
             return refuse(
-                "n-live",
+                "n_live",
                 self.n_live.to_string(),
-                "give at least two per parameter and two more, better 25 per parameter, and at most ten million",
+                "give at least four per parameter and four more, better 25 per parameter, and at most ten million",
             );
         }
         if !(self.dlnz > 0.0 && self.dlnz.is_finite()) {
@@ -169,7 +169,7 @@ mod tests {
             }
         };
         assert!(Settings::default().check(3).is_ok());
-        assert_eq!(name(&|s| s.n_live = 7), "n-live");
+        assert_eq!(name(&|s| s.n_live = 15), "n_live");
         assert_eq!(name(&|s| s.dlnz = f64::NAN), "dlnz");
         assert_eq!(name(&|s| s.batch = 0.6), "batch");
         assert_eq!(name(&|s| s.steps = Some(0)), "steps");

@@ -5,7 +5,8 @@ use super::kernel::{self, Newborn, Setting};
 use super::likelihood::Likelihood;
 use super::live::{self, Batch, Points, REJECTED};
 use super::rank::Ranks;
-use super::settings::{BoundKind, Kernel, Settings};
+use super::settings::{Kernel, Settings};
+use super::tuning::Tuning;
 use crate::error::{Error, Result};
 use crate::rng::{Domain, Stream, below, stream};
 use crate::target::Target;
@@ -55,28 +56,20 @@ pub(super) struct State {
     /// Evidence and information of the dead, by left Riemann sums: for the stopping rule and for observers.
     pub ln_z: f64,
     pub information: f64,
-    bound: Option<Bound>,
+    /// None, one to draw from, or two metrics: see [`Setting::bounds`].
+    bounds: Vec<Bound>,
     ln_x_at_fit: f64,
     /// Points per call in the first batch after the fit, once known.
     efficiency_at_fit: Option<f64>,
     /// Points per call in the last batch.
     pub efficiency: f64,
-    /// Step length of the kernel in units of the local ellipsoid.
-    scale: f64,
-    pub steps: usize,
+    pub tuning: Tuning,
     pub ranks: Ranks,
-    /// First insertion of the current window of the watch over the kernel.
-    window: usize,
-    /// First entry of `jumps` in that window.
-    window_jumps: usize,
-    /// Relative jump distance of every batch of chains.
-    pub jumps: Vec<f64>,
     pub calls: u64,
     pub rejected: BTreeMap<String, u64>,
-    /// Points drawn with a bound, their calls, and those of them that ended where they began.
+    /// Points drawn with a bound, and their calls.
     pub bounded_points: u64,
     pub bounded_calls: u64,
-    pub stayed: u64,
     pub cpu_seconds: f64,
     pub wall_seconds: f64,
 }
@@ -93,21 +86,16 @@ impl State {
             ln_x: 0.0,
             ln_z: f64::NEG_INFINITY,
             information: 0.0,
-            bound: None,
+            bounds: Vec::new(),
             ln_x_at_fit: 0.0,
             efficiency_at_fit: None,
             efficiency: 1.0,
-            scale: 1.0,
-            steps: job.first_steps(),
+            tuning: Tuning::new(job.first_steps()),
             ranks: Ranks::default(),
-            window: 0,
-            window_jumps: 0,
-            jumps: Vec::new(),
             calls: 0,
             rejected: BTreeMap::new(),
             bounded_points: 0,
             bounded_calls: 0,
-            stayed: 0,
             cpu_seconds: 0.0,
             wall_seconds: 0.0,
         }
@@ -119,10 +107,9 @@ impl State {
         if !self.started || best <= REJECTED {
             return f64::INFINITY;
         }
-        if live::lowest(&self.live, settings.batch_size())
-            .kept
-            .is_empty()
-        {
+        // The next batch would take everyone.
+        let lower = self.live.ln_l.iter().filter(|l| **l < best).count();
+        if lower < settings.batch_size() {
             return 0.0;
         }
         (best + self.ln_x - self.ln_z).exp().ln_1p()
@@ -137,12 +124,11 @@ impl State {
         let kept = self.live.select(&batch.kept);
         let ln_x = self.ln_x_after(&batch);
         let refitted = self.refit_if_due(job, &kept, ln_x);
-        let bound = refitted.as_ref().or(self.bound.as_ref());
-        // A refit keeps the length of steps, whatever the size of the new ellipsoids.
-        let scale = match (&self.bound, &refitted) {
-            (Some(old), Some(new)) => self.scale * (old.ln_unit(&kept) - new.ln_unit(&kept)).exp(),
-            _ => self.scale,
-        };
+        let bounds = refitted.as_ref().unwrap_or(&self.bounds);
+        let mut tuning = self.tuning.clone();
+        if let Some(new) = &refitted {
+            tuning.keep_step_length(&self.bounds, new, &kept);
+        }
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
         let seeds = choose_seeds(&mut rng, kept.len(), births);
@@ -150,9 +136,9 @@ impl State {
             target: job.target,
             contour: batch.contour,
             kernel: job.kernel(),
-            bound,
-            scale,
-            steps: self.steps,
+            bounds,
+            scale: tuning.scale,
+            steps: tuning.steps,
         };
         let first = self.next_point;
         let born: Vec<Result<Newborn>> = seeds
@@ -160,24 +146,24 @@ impl State {
             .enumerate()
             .map(|(i, &s)| {
                 let rng = stream(job.seed, Domain::NestedPoint, 0, first + i as u64);
-                kernel::draw(&setting, kept.row(s), kept.ln_l[s], rng)
+                kernel::draw(&setting, &kept, s, rng)
             })
             .collect();
         let born: Vec<Newborn> = born.into_iter().collect::<Result<_>>()?;
-        let jump = bound
-            .filter(|_| job.kernel() != Kernel::Uniform)
-            .and_then(|bound| relative_jump(&mut rng, bound, &kept, &seeds, &born));
-        self.jumps.extend(jump);
-        if refitted.is_some() {
-            self.bound = refitted;
+        if setting.kernel != Kernel::Uniform && !bounds.is_empty() && !born.is_empty() {
+            tuning.learn(setting.kernel, bounds, &kept, &seeds, &born, &mut rng);
+        }
+        self.tuning = tuning;
+        if let Some(bounds) = refitted {
+            self.bounds = bounds;
             self.ln_x_at_fit = ln_x;
             self.efficiency_at_fit = None;
         }
-        self.scale = scale;
         self.count(&born);
-        self.tune(job, &born);
         self.commit(&batch, &born, &mut rng);
-        self.watch(job);
+        let window = 5 * job.settings.n_live;
+        self.tuning
+            .watch(&self.ranks, window, 10 * job.first_steps());
         Ok(())
     }
 
@@ -225,30 +211,29 @@ impl State {
         self.ln_x - fall
     }
 
-    /// A new bound around the survivors if one is due. `None`: keep the old one, or go on with the prior.
-    fn refit_if_due(&self, job: &Job<'_>, kept: &Points, ln_x: f64) -> Option<Bound> {
-        let settings = job.settings;
-        let due = match &self.bound {
-            None => ln_x < FIRST_BOUND.ln(),
-            Some(_) => {
-                ln_x < self.ln_x_at_fit - REFIT.ln()
-                    || self
-                        .efficiency_at_fit
-                        .is_some_and(|at_fit| self.efficiency < 0.5 * at_fit)
-            }
+    /// New bounds around the survivors if they are due. `None`: keep the old ones, or go on with the prior.
+    fn refit_if_due(&self, job: &Job<'_>, kept: &Points, ln_x: f64) -> Option<Vec<Bound>> {
+        let kind = job.settings.bound;
+        let due = if self.bounds.is_empty() {
+            ln_x < FIRST_BOUND.ln()
+        } else {
+            ln_x < self.ln_x_at_fit - REFIT.ln()
+                || self
+                    .efficiency_at_fit
+                    .is_some_and(|at_fit| self.efficiency < 0.5 * at_fit)
         };
         if !due {
-            return None;
+            None
+        } else if job.kernel() == Kernel::Uniform {
+            Some(vec![Bound::for_draws(
+                kept,
+                kind,
+                job.seed,
+                self.iteration,
+            )?])
+        } else {
+            Some(Bound::for_steps(kept, kind))
         }
-        if job.kernel() == Kernel::Uniform {
-            if settings.bound == BoundKind::Cube {
-                return None;
-            }
-            return Bound::for_draws(kept, settings.bound, job.seed, self.iteration);
-        }
-        Some(
-            Bound::for_steps(kept, settings.bound).unwrap_or_else(|| Bound::cube(job.target.dim())),
-        )
     }
 
     fn count(&mut self, born: &[Newborn]) {
@@ -260,30 +245,10 @@ impl State {
         if calls > 0 {
             self.efficiency = born.len() as f64 / calls as f64;
         }
-        if self.bound.is_some() {
+        if !self.bounds.is_empty() {
             self.efficiency_at_fit.get_or_insert(self.efficiency);
             self.bounded_points += born.len() as u64;
             self.bounded_calls += calls;
-            self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
-        }
-    }
-
-    /// Step length for the next batch, from the motion of all chains of this one.
-    fn tune(&mut self, job: &Job<'_>, born: &[Newborn]) {
-        let grown: u64 = born.iter().map(|b| b.motion.grown).sum();
-        let shrunk: u64 = born.iter().map(|b| b.motion.shrunk).sum();
-        if grown + shrunk == 0 {
-            return;
-        }
-        let share = grown as f64 / (grown + shrunk) as f64;
-        match job.kernel() {
-            // As many steps outward as inward.
-            Kernel::RandomSlice => self.scale *= (2.0 * share).clamp(0.5, 2.0),
-            // Half of the steps accepted.
-            Kernel::RandomWalk => {
-                self.scale *= ((share - 0.5) / (0.5 * job.target.dim() as f64)).exp();
-            }
-            Kernel::Auto | Kernel::Uniform => {}
         }
     }
 
@@ -308,8 +273,11 @@ impl State {
             self.live.replace(row, &b.u, b.ln_l, batch.contour);
         }
         if born.len() < batch.dying.len() {
-            let gone = &batch.dying[born.len()..];
-            let rows: Vec<usize> = (0..self.live.len()).filter(|i| !gone.contains(i)).collect();
+            let mut gone = vec![false; self.live.len()];
+            for &row in &batch.dying[born.len()..] {
+                gone[row] = true;
+            }
+            let rows: Vec<usize> = (0..gone.len()).filter(|&i| !gone[i]).collect();
             self.live = self.live.select(&rows);
         }
         self.next_point += born.len() as u64;
@@ -333,32 +301,6 @@ impl State {
         }
         self.ln_x -= 1.0 / n;
     }
-
-    /// Raises the number of steps if the window of insertions just filled shows that points move too little.
-    fn watch(&mut self, job: &Job<'_>) {
-        let window = 5 * job.settings.n_live;
-        if self.ranks.len() - self.window < window {
-            return;
-        }
-        let jumps = &self.jumps[self.window_jumps..];
-        let short = !jumps.is_empty() && mean(jumps) < 0.5;
-        let uneven = self.bound.is_some() && self.ranks.z_score(self.window).abs() > 3.0;
-        let walks = job.kernel() != Kernel::Uniform;
-        if walks && (short || uneven) && self.steps < 10 * job.first_steps() {
-            self.steps += self.steps.div_ceil(2);
-        }
-        self.window = self.ranks.len();
-        self.window_jumps = self.jumps.len();
-    }
-}
-
-pub(super) fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// `count` rows out of `available`, distinct as far as there are enough.
@@ -373,34 +315,6 @@ fn choose_seeds(rng: &mut Stream, available: usize, count: usize) -> Vec<usize> 
     }
     rows.truncate(count);
     rows
-}
-
-/// Median distance between chains' ends, over the median distance between their starts and other live points of the
-/// same metric region, in that region's metric. `None` if no start has such a neighbour.
-fn relative_jump(
-    rng: &mut Stream,
-    bound: &Bound,
-    kept: &Points,
-    seeds: &[usize],
-    born: &[Newborn],
-) -> Option<f64> {
-    const TRIES: usize = 8;
-    let mut jumps = Vec::with_capacity(seeds.len());
-    let mut pairs = Vec::with_capacity(seeds.len());
-    for (&s, b) in seeds.iter().zip(born) {
-        let start = kept.row(s);
-        let label = bound.label(start);
-        let metric = bound.metric(label);
-        let neighbour = (0..TRIES)
-            .map(|_| below(rng, kept.len()))
-            .find(|&i| i != s && bound.has_label(kept.row(i), label));
-        if let Some(i) = neighbour {
-            jumps.push(metric.distance_between(&b.u, start));
-            pairs.push(metric.distance_between(kept.row(i), start));
-        }
-    }
-    let typical = median(pairs);
-    (typical > 0.0).then(|| median(jumps) / typical)
 }
 
 #[cfg(test)]

@@ -78,7 +78,7 @@ pub struct Estimate {
     /// From the cold side: minus the sum of `ln <exp(-db l)>` at the colder, with the share of the prior that has a
     /// likelihood.
     pub backward: f64,
-    /// Corrected trapezoid of the mean ln L over beta; `None` where the prior has points without likelihood.
+    /// Corrected trapezoid of the mean ln L over beta, too high by tenths on a coarse ladder; `None` where the prior has points without likelihood.
     pub thermodynamic: Option<f64>,
     /// Share of prior draws with a likelihood.
     pub valid: f64,

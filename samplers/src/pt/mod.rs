@@ -5,6 +5,37 @@
 //! between rounds (steps also within all rounds but the last); the last round is frozen and is the result. The top
 //! of each ladder, at inverse temperature 0, draws the prior afresh in every scan, so that each round trip of a state
 //! through the ladder is an independent restart, and every ladder's evidence is one independent estimate.
+//!
+//! ```
+//! use oblate_samplers::control::{Control, Silent};
+//! use oblate_samplers::{Marginal, Outcome, Prior, Target, pt};
+//!
+//! /// A datum 1 with standard deviation 1/3, and a standard normal prior of its mean.
+//! struct Datum(Prior);
+//!
+//! impl Target for Datum {
+//!     fn prior(&self) -> &Prior {
+//!         &self.0
+//!     }
+//!     fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+//!         Outcome::Value(-4.5 * (theta[0] - 1.0).powi(2))
+//!     }
+//!     fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
+//!         gradient[0] = -9.0 * (theta[0] - 1.0);
+//!         self.ln_likelihood(theta)
+//!     }
+//!     fn gradient_cost(&self) -> Option<f64> {
+//!         Some(1.0)
+//!     }
+//! }
+//!
+//! let target = Datum(Prior::new([("mean", "", Marginal::Normal { mean: 0.0, sd: 1.0 })])?);
+//! let run = pt::run(&target, &pt::Settings::default(), 1, &mut Control::new(&mut Silent))?;
+//! let exact = -0.5 * 10_f64.ln() - 0.45;
+//! assert!((run.evidence.ln_z - exact).abs() < 4.0 * run.evidence.error);
+//! assert!(run.converged(), "{:?}", run.gates);
+//! # Ok::<(), oblate_samplers::Error>(())
+//! ```
 
 mod evidence;
 mod gates;

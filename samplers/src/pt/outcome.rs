@@ -9,6 +9,9 @@ use crate::output::{Cost, Draws, Ess, Evidence, Method, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
+/// Swap rejection from which on a gap slows the round trips of the whole ladder.
+const SLOW_GAP: f64 = 0.7;
+
 /// The result of the round in progress: the last one, unless the run was stopped.
 pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Run {
     let dim = target.dim();
@@ -193,16 +196,22 @@ fn warnings(state: &State) -> Vec<String> {
             state.round + 1
         ));
     }
-    for (rung, local) in state.rungs.iter().zip(&state.record.locals) {
-        if state.is_last_round() && local.diverged > 0 {
+    for (rung, rejection) in state.rungs.iter().zip(state.record.mean_rejection()) {
+        if state.is_last_round() && rejection > SLOW_GAP {
             warnings.push(format!(
-                "{} of {} moves at beta = {:.3e} diverged: the posterior has narrower spots than its step of {:.3e}; raise `target_acceptance`",
-                local.diverged,
-                local.moves,
-                rung.beta,
-                rung.step.step(),
+                "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that the ladder can adapt",
+                100.0 * rejection, rung.beta,
             ));
         }
+    }
+    let locals = &state.record.locals;
+    let diverged: u64 = locals.iter().map(|local| local.diverged).sum();
+    if state.is_last_round() && diverged > 0 {
+        let moves: u64 = locals.iter().map(|local| local.moves).sum();
+        let rungs = locals.iter().filter(|local| local.diverged > 0).count();
+        warnings.push(format!(
+            "{diverged} of {moves} moves diverged, at {rungs} temperatures: the posterior has narrower spots than the steps; raise `target_acceptance`, or smooth the likelihood",
+        ));
     }
     warnings
 }

@@ -22,6 +22,9 @@ const EARLY_SCANS: usize = 32;
 /// Most leapfrog steps of a move in an early round.
 const EARLY_LEAPFROGS: usize = 32;
 
+/// Share of a fall that an energy error may be in an early round.
+const EARLY_SLACK: f64 = 0.05;
+
 /// Energy range of a path that marks it as divergent in all other rounds.
 const MAX_ENERGY_RANGE: f64 = 1000.0;
 
@@ -314,6 +317,7 @@ impl State {
             } else {
                 MAX_ENERGY_RANGE
             },
+            slack: if early { EARLY_SLACK } else { 0.0 },
         }
     }
 

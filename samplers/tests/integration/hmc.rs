@@ -156,7 +156,7 @@ fn with_rule(index: u64, rule: impl Fn(&Point, &Point, f64) -> f64) -> ([f64; 2]
         explorer.momentum = vec![standard_normal(&mut rng), standard_normal(&mut rng)];
         let step = 0.36 * (0.9 + 0.2 * unit_open(&mut rng));
         let end = explorer.trajectory(&point, step, 3, 1000.0).unwrap();
-        if let End::Arrived { rise } = end {
+        if let End::Arrived { rise, .. } = end {
             let probability = rule(&point, &explorer.end, rise);
             acceptance += probability.min(1.0) / STEPS as f64;
             if unit_open(&mut rng) < probability {
@@ -178,6 +178,7 @@ fn hamiltonian_moves_leave_the_posterior_invariant() {
             length: 1.2,
             max_leapfrogs: 3,
             max_energy_range: 1000.0,
+            slack: 0.0,
         };
         assert_invariant("binomial", |index| {
             let mut rng = stream(16, Domain::Test, 0, index);
@@ -202,6 +203,7 @@ fn hamiltonian_moves_leave_a_tempered_posterior_invariant() {
         length: 3.0,
         max_leapfrogs: 10,
         max_energy_range: 1000.0,
+        slack: 0.0,
     };
     assert_invariant("one datum at beta 0.3", |index| {
         let mut rng = stream(17, Domain::Test, 0, index);
@@ -306,6 +308,7 @@ fn refreshed(index: u64, prior: &Prior, sd: f64) -> ([f64; 2], f64) {
         length: 1.5,
         max_leapfrogs: 10,
         max_energy_range: 1000.0,
+        slack: 0.0,
     };
     let mut acceptance = 0.0;
     for _ in 0..STEPS {
@@ -349,7 +352,7 @@ fn energy_error(step: f64, leapfrogs: usize) -> f64 {
         .trajectory(&point, step, leapfrogs, 1000.0)
         .unwrap()
     {
-        End::Arrived { rise } => rise,
+        End::Arrived { rise, .. } => rise,
         end => panic!("{end:?}"),
     }
 }
@@ -380,7 +383,7 @@ fn way_back(
     explorer.momentum.iter_mut().for_each(|r| *r = -*r);
     let back = explorer.trajectory(&middle, 0.1, steps, 1000.0).unwrap();
     match (there, back) {
-        (End::Arrived { rise: a }, End::Arrived { rise: b }) => {
+        (End::Arrived { rise: a, .. }, End::Arrived { rise: b, .. }) => {
             assert!((a + b).abs() < 1e-9 * a.abs().max(1.0), "{a} {b}");
         }
         ends => panic!("{ends:?}"),
@@ -485,6 +488,7 @@ fn moves_between_walls_keep_the_truncated_prior() {
         length: 3.0,
         max_leapfrogs: 8,
         max_energy_range: 1000.0,
+        slack: 0.0,
     };
     let pairs: Vec<([f64; 2], [f64; 2])> = (0..DRAWS)
         .into_par_iter()
@@ -547,6 +551,7 @@ fn acceptance_on_an_isotropic_gaussian_is_the_recorded_one() {
         length: std::f64::consts::FRAC_PI_2 * 0.1_f64.sqrt(),
         max_leapfrogs: 100,
         max_energy_range: 1000.0,
+        slack: 0.0,
     };
     let mean = (0..20_000)
         .map(|_| {

@@ -10,7 +10,7 @@ fn blobs(centers: &[[f64; 2]], sd: f64, each: usize) -> Points {
                 c[0] + sd * standard_normal(&mut rng),
                 c[1] + sd * standard_normal(&mut rng),
             ];
-            points.push(&u, 0.0, 0.0, 0);
+            points.push(&u, 0.0, 0.0, u32::from(points.len().is_multiple_of(2)));
         }
     }
     points
@@ -25,29 +25,37 @@ fn nearest(bound: &Bound, x: &[f64]) -> f64 {
 #[test]
 fn two_blobs_make_two_ellipsoids_that_hold_all_points() {
     let points = blobs(&[[0.3, 0.3], [0.7, 0.6]], 0.02, 200);
-    for bound in [
-        Bound::for_steps(&points, BoundKind::MultiEllipsoid).unwrap(),
-        Bound::for_draws(&points, BoundKind::MultiEllipsoid, 1, 0).unwrap(),
-    ] {
+    let drawn = Bound::for_draws(&points, BoundKind::MultiEllipsoid, 1, 0).unwrap();
+    assert!((0..points.len()).all(|i| nearest(&drawn, points.row(i)) <= 1.0));
+    let mut bounds = Bound::for_steps(&points, BoundKind::MultiEllipsoid);
+    bounds.push(drawn);
+    for bound in bounds {
         assert_eq!(bound.pieces().len(), 2);
-        assert!((0..points.len()).all(|i| nearest(&bound, points.row(i)) <= 1.0));
         assert_ne!(bound.label(points.row(0)), bound.label(points.row(399)));
     }
-    assert_eq!(
-        Bound::for_steps(&points, BoundKind::Single)
-            .unwrap()
-            .pieces()
-            .len(),
-        1
-    );
+    let single = Bound::for_steps(&points, BoundKind::Single);
+    assert!(single.iter().all(|bound| bound.pieces().len() == 1));
+}
+
+#[test]
+fn chains_use_the_metric_of_the_other_half() {
+    // Even threads in the left blob, odd ones in the right.
+    let mut points = blobs(&[[0.3, 0.3], [0.7, 0.6]], 0.02, 50);
+    points.thread = (0..100).map(|i| u32::from(i >= 50)).collect();
+    let bounds = Bound::for_steps(&points, BoundKind::Single);
+    for (i, bound) in [(99, &bounds[0]), (0, &bounds[1])] {
+        assert!(nearest(bound, points.row(i)) <= 1.0);
+        assert!(nearest(bound, points.row(99 - i)) > 3.0);
+    }
 }
 
 #[test]
 fn one_blob_stays_one_ellipsoid() {
     let points = blobs(&[[0.5, 0.5]], 0.1, 400);
-    let bound = Bound::for_steps(&points, BoundKind::MultiEllipsoid).unwrap();
-    assert_eq!(bound.pieces().len(), 1);
-    assert_eq!(bound.label(&[0.0, 0.0]), bound.label(&[0.5, 0.5]));
+    for bound in Bound::for_steps(&points, BoundKind::MultiEllipsoid) {
+        assert_eq!(bound.pieces().len(), 1);
+        assert_eq!(bound.label(&[0.0, 0.0]), bound.label(&[0.5, 0.5]));
+    }
 }
 
 #[test]
@@ -94,7 +102,12 @@ fn draws_from_overlapping_ellipsoids_are_uniform() {
     let (mut ball, mut x) = ([0.0; 2], [0.0; 2]);
     for _ in 0..200_000 {
         if bound.draw(&mut rng, &mut ball, &mut x) && x.iter().all(|x| (0.0..1.0).contains(x)) {
-            let cell = |x: f64| (x * SIDE as f64) as usize;
+            let cell = |x: f64| {
+                (0..SIDE)
+                    .rev()
+                    .find(|&k| x >= k as f64 / SIDE as f64)
+                    .unwrap()
+            };
             hits[cell(x[0]) * SIDE + cell(x[1])] += 1;
         }
     }

@@ -7,6 +7,7 @@ mod walk;
 
 use super::bound::Bound;
 use super::likelihood::{Likelihood, Tally};
+use super::live::Points;
 use super::settings::Kernel;
 use crate::error::Result;
 use crate::normal;
@@ -20,8 +21,9 @@ pub(super) struct Setting<'a> {
     pub contour: f64,
     /// The kernel, `Auto` resolved.
     pub kernel: Kernel,
-    /// None: draw from the prior, whatever the kernel.
-    pub bound: Option<&'a Bound>,
+    /// None: draw from the prior, whatever the kernel. One: draw from it. Two: the metrics of chains from even and
+    /// odd threads.
+    pub bounds: &'a [Bound],
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
     /// Slices or walk steps.
@@ -48,18 +50,25 @@ pub(super) struct Newborn {
     pub motion: Motion,
 }
 
-/// Draws a point above the contour. Chains start at `seed`, a live point with log-likelihood `seed_ln_l`.
+/// The bound of chains that start from a point of this thread.
+pub(super) fn bound_of(bounds: &[Bound], thread: u32) -> Option<&Bound> {
+    let index = (thread as usize).checked_rem(bounds.len())?;
+    bounds.get(index)
+}
+
+/// Draws a point above the contour. Chains start at row `seed` of the survivors.
 pub(super) fn draw(
     setting: &Setting<'_>,
-    seed: &[f64],
-    seed_ln_l: f64,
+    kept: &Points,
+    seed: usize,
     mut rng: Stream,
 ) -> Result<Newborn> {
     let rng = &mut rng;
-    let independent = setting.bound.is_none() || setting.kernel == Kernel::Uniform;
-    let Some(bound) = setting.bound.filter(|_| !independent) else {
-        return uniform::draw(setting, rng);
+    let bound = bound_of(setting.bounds, kept.thread[seed]);
+    let Some(bound) = bound.filter(|_| setting.kernel != Kernel::Uniform) else {
+        return uniform::draw(setting, bound, rng);
     };
+    let (seed, seed_ln_l) = (kept.row(seed), kept.ln_l[seed]);
     let mut chain = Chain::new(setting, bound, seed, seed_ln_l);
     for step in 0..setting.steps {
         match setting.kernel {

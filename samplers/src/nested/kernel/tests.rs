@@ -1,1 +1,260 @@
+use super::*;
+use crate::nested::bound::tests::overlapping;
+use crate::nested::rank::ks_probability;
+use crate::nested::settings::BoundKind;
+use crate::rng::{Domain, below, standard_normal, stream, unit_open};
+use crate::target::{HalfSpace, Involution, Marginal, Orbit, Outcome, Prior};
+use rayon::prelude::*;
 
+/// A likelihood on the unit square.
+struct Square {
+    prior: Prior,
+    ln_l: fn(&[f64]) -> f64,
+    walls: Vec<HalfSpace>,
+    symmetries: Vec<Symmetry>,
+}
+
+impl Square {
+    fn new(dim: usize, ln_l: fn(&[f64]) -> f64) -> Self {
+        let unit = Marginal::Uniform { lo: 0.0, hi: 1.0 };
+        Self {
+            prior: Prior::new((0..dim).map(|k| (format!("x{k}"), "", unit))).unwrap(),
+            ln_l,
+            walls: Vec::new(),
+            symmetries: Vec::new(),
+        }
+    }
+}
+
+impl Target for Square {
+    fn prior(&self) -> &Prior {
+        &self.prior
+    }
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        Outcome::from_ln_likelihood((self.ln_l)(theta))
+    }
+    fn walls(&self) -> &[HalfSpace] {
+        &self.walls
+    }
+    fn symmetries(&self) -> &[Symmetry] {
+        &self.symmetries
+    }
+}
+
+/// `count` independent uniform points above the contour, found by rejection.
+fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> Points {
+    let setting = Setting {
+        target,
+        contour,
+        kernel: Kernel::Uniform,
+        bounds: &[],
+        scale: 1.0,
+        steps: 1,
+    };
+    let mut points = Points::new(target.dim());
+    for i in 0..count as u64 {
+        let rng = stream(11, Domain::Test, task, i);
+        let new = uniform::draw(&setting, None, &mut { rng }).unwrap();
+        points.push(&new.u, new.ln_l, f64::NEG_INFINITY, (i % 2) as u32);
+    }
+    points
+}
+
+/// A function of a point by name: the distribution function of some value of it, uniform if the law holds.
+type Law<'a> = (&'a str, &'a (dyn Fn(&[f64]) -> f64 + Sync));
+
+/// Starts many chains from uniform points above the contour; their ends must be uniform there too.
+fn stays_uniform(
+    name: &str,
+    target: &dyn Target,
+    contour: f64,
+    bounds: &[Bound],
+    (kernel, scale, steps): (Kernel, f64, usize),
+    laws: &[Law<'_>],
+) {
+    let count = 40_000;
+    let starts = uniform_above(target, contour, 1, count);
+    let setting = Setting {
+        target,
+        contour,
+        kernel,
+        bounds,
+        scale,
+        steps,
+    };
+    let ends: Vec<Newborn> = (0..count)
+        .into_par_iter()
+        .map(|i| {
+            let rng = stream(12, Domain::Test, 2, i as u64);
+            draw(&setting, &starts, i, rng).unwrap()
+        })
+        .collect();
+    let moved = ends.iter().filter(|e| e.motion.moved).count();
+    assert!(moved > count / 2, "{name}: only {moved} chains moved");
+    for (law, f) in laws {
+        let values: Vec<f64> = ends.iter().map(|e| f(&e.u)).collect();
+        let p = ks_probability(&values);
+        assert!(p > 0.001 / laws.len() as f64, "{name}, {law}: p = {p}");
+    }
+}
+
+/// Above the contour 0: a ring of radii 0.2 to 0.4 about the centre of the square.
+fn ring(x: &[f64]) -> f64 {
+    let r = ((x[0] - 0.5).powi(2) + (x[1] - 0.5).powi(2)).sqrt();
+    (0.1 - (r - 0.3).abs()).clamp(-1.0, 1.0)
+}
+
+fn ring_radius(x: &[f64]) -> f64 {
+    let r2 = (x[0] - 0.5).powi(2) + (x[1] - 0.5).powi(2);
+    (r2 - 0.04) / 0.12
+}
+
+fn ring_angle(x: &[f64]) -> f64 {
+    let angle = (x[1] - 0.5).atan2(x[0] - 0.5);
+    (angle / std::f64::consts::TAU + 1.0).fract()
+}
+
+const STEPPERS: [(Kernel, f64, usize); 2] =
+    [(Kernel::RandomSlice, 0.7, 3), (Kernel::RandomWalk, 0.6, 8)];
+
+#[test]
+fn chains_that_start_uniform_above_a_contour_stay_uniform() {
+    let target = Square::new(2, ring);
+    let fitted = Bound::for_steps(
+        &uniform_above(&target, 0.0, 3, 400),
+        BoundKind::MultiEllipsoid,
+    );
+    for how in STEPPERS {
+        for bounds in [&fitted, &vec![overlapping()], &vec![Bound::cube(2)]] {
+            let laws: [Law<'_>; 2] = [("radius", &ring_radius), ("angle", &ring_angle)];
+            stays_uniform(&format!("{how:?}"), &target, 0.0, bounds, how, &laws);
+        }
+    }
+}
+
+#[test]
+fn independent_draws_from_a_bound_are_uniform_above_the_contour() {
+    let target = Square::new(2, ring);
+    let points = uniform_above(&target, 0.0, 4, 400);
+    let bound = Bound::for_draws(&points, BoundKind::MultiEllipsoid, 1, 0).unwrap();
+    stays_uniform(
+        "uniform",
+        &target,
+        0.0,
+        &[bound],
+        (Kernel::Uniform, 1.0, 1),
+        &[("radius", &ring_radius), ("angle", &ring_angle)],
+    );
+}
+
+#[test]
+fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
+    // A million steps on the whole square, whose regions are two ellipsoids that overlap and the rest.
+    let target = Square::new(2, |_| 0.0);
+    let bounds = [overlapping()];
+    for (kernel, scale, steps) in [(Kernel::RandomSlice, 1.0, 1), (Kernel::RandomWalk, 1.0, 1)] {
+        let setting = Setting {
+            target: &target,
+            contour: -1.0,
+            kernel,
+            bounds: &bounds,
+            scale,
+            steps,
+        };
+        // Regions do not exchange walkers: 10^4 of them start uniform and take 100 steps each, counted half-way and
+        // at the end, when all are independent of each other.
+        let visits: Vec<[usize; 2]> = (0..10_000_u64)
+            .into_par_iter()
+            .map(|w| {
+                let mut rng = stream(13, Domain::Test, 5, w);
+                let u = [unit_open(&mut rng), unit_open(&mut rng)];
+                let mut chain = Chain::new(&setting, &bounds[0], &u, 0.0);
+                let mut cells = [0_usize; 2];
+                for half in &mut cells {
+                    for _ in 0..50 {
+                        match kernel {
+                            Kernel::RandomWalk => walk::step(&mut chain, &mut rng).unwrap(),
+                            _ => slice::step(&mut chain, &mut rng).unwrap(),
+                        }
+                    }
+                    let cell = |x: f64| (0..10).rev().find(|k| 10.0 * x >= f64::from(*k)).unwrap();
+                    *half = usize::try_from(cell(chain.x[0]) * 10 + cell(chain.x[1])).unwrap();
+                }
+                cells
+            })
+            .collect();
+        for half in 0..2 {
+            let mut counts = [0.0_f64; 100];
+            for cells in &visits {
+                counts[cells[half]] += 1.0;
+            }
+            let chi2: f64 = counts.iter().map(|c| (c - 100.0).powi(2) / 100.0).sum();
+            // 99 degrees of freedom: p = 1e-3 at 148.2.
+            assert!(chi2 < 148.2, "{kernel:?}: chi2 {chi2}");
+        }
+    }
+}
+
+/// `z1 -> z2 / 2, z2 -> 2 z1`: its own inverse, with a unit Jacobian, that does not keep the prior.
+struct Squeeze;
+
+impl Involution for Squeeze {
+    fn name(&self) -> &str {
+        "squeeze"
+    }
+    fn apply(&self, z: &mut [f64]) -> Option<f64> {
+        (z[0], z[1]) = (0.5 * z[1], 2.0 * z[0]);
+        Some(0.0)
+    }
+}
+
+/// The second coordinate does not matter to the likelihood.
+struct Second;
+
+impl Orbit for Second {
+    fn name(&self) -> &str {
+        "second"
+    }
+    fn refresh(&self, z: &mut [f64], rng: &mut Stream) {
+        z[1] = standard_normal(rng);
+    }
+}
+
+#[test]
+fn jumps_orbits_and_walls_keep_the_prior_above_the_contour() {
+    // Above the contour: the left three fifths of the square; the wall cuts the lower fifth off.
+    let mut target = Square::new(2, |x| if x[0] < 0.6 { 0.0 } else { -2.0 });
+    target.symmetries = vec![
+        Symmetry::Involution(Box::new(Squeeze)),
+        Symmetry::Orbit(Box::new(Second)),
+    ];
+    target.walls = vec![HalfSpace {
+        normal: vec![0.0, 2.0],
+        offset: 2.0 * normal::quantile(0.2),
+    }];
+    for how in STEPPERS {
+        for bound in [overlapping(), Bound::cube(2)] {
+            let first = |x: &[f64]| x[0] / 0.6;
+            let second = |x: &[f64]| (x[1] - 0.2) / 0.8;
+            let laws: [Law<'_>; 2] = [("first", &first), ("second", &second)];
+            let bounds = [bound];
+            stays_uniform(&format!("{how:?}"), &target, -1.0, &bounds, how, &laws);
+        }
+    }
+}
+
+#[test]
+fn a_jump_without_its_jacobian_would_be_caught() {
+    // The negative control of the test above: the squeeze always accepted is far from uniform.
+    let mut rng = stream(14, Domain::Test, 0, 0);
+    let values: Vec<f64> = (0..40_000)
+        .map(|_| {
+            let mut z = [standard_normal(&mut rng), standard_normal(&mut rng)];
+            if below(&mut rng, 2) == 0 {
+                Squeeze.apply(&mut z);
+            }
+            normal::cdf(z[0])
+        })
+        .collect();
+    assert!(ks_probability(&values) < 1e-6);
+}

@@ -2,6 +2,7 @@
 
 use super::{Motion, Newborn, Setting};
 use crate::error::{Error, Result};
+use crate::nested::bound::Bound;
 use crate::nested::likelihood::Likelihood;
 use crate::rng::Stream;
 
@@ -9,14 +10,18 @@ use crate::rng::Stream;
 const MAX_CALLS: u64 = 100_000;
 const MAX_DRAWS: u64 = 1_000_000;
 
-/// Draws until one is above the contour.
-pub(super) fn draw(setting: &Setting<'_>, rng: &mut Stream) -> Result<Newborn> {
+/// Draws, from the prior or from `bound`, until one is above the contour.
+pub(super) fn draw(
+    setting: &Setting<'_>,
+    bound: Option<&Bound>,
+    rng: &mut Stream,
+) -> Result<Newborn> {
     let dim = setting.target.dim();
     let mut likelihood = Likelihood::new(setting.target);
     let mut ball = vec![0.0; dim];
     let mut u = vec![0.0; dim];
     for _ in 0..MAX_DRAWS {
-        match setting.bound {
+        match bound {
             None => likelihood.draw_prior(rng, &mut u)?,
             Some(bound) => {
                 let ours = bound.draw(rng, &mut ball, &mut u)

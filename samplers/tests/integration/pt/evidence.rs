@@ -89,3 +89,52 @@ fn a_wall_of_the_prior_costs_no_evidence() {
         assert!((above(edge) - share).abs() < 4.0 * error, "{share}");
     }
 }
+
+/// Thirty pulls of an honest error have a mean within 3 / sqrt(30) of zero and a deviation between 0.615 and 1.418
+/// (99.8 % of chi with 29 degrees of freedom).
+#[test]
+#[ignore = "thirty seeds of ten targets take minutes: run before a release with --ignored --nocapture"]
+fn evidences_of_thirty_seeds_scatter_as_their_errors_say() {
+    let targets = [
+        (smooth::iso(2), 8),
+        (smooth::iso(13), 9),
+        (smooth::mvn13(), 9),
+        (smooth::stiff13(), 9),
+        (smooth::far8(), 9),
+        (smooth::gauss3(), 9),
+        (smooth::twins13(0.5), 9),
+        (smooth::binomial(), 9),
+        (smooth::shells(2), 9),
+        (smooth::shells(5), 9),
+        (smooth::shells(13), 9),
+    ];
+    println!(
+        "target dim | mean pull, deviation | error | mean |F - B| | gradients per effective draw"
+    );
+    let mut wrong = Vec::new();
+    for (target, count) in targets {
+        let runs: Vec<_> = (100..130)
+            .map(|seed| run(&target, &rounds(count), seed))
+            .collect();
+        let of = |f: &dyn Fn(&oblate_samplers::Run) -> f64| -> (f64, f64) {
+            let values: Vec<f64> = runs.iter().map(f).collect();
+            let mean = values.iter().sum::<f64>() / 30.0;
+            let square: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+            (mean, (square / 29.0).sqrt())
+        };
+        let (mean, sd) = of(&|r| (r.evidence.ln_z - target.ln_z) / r.evidence.error);
+        let (error, _) = of(&|r| r.evidence.error);
+        let (gap, _) =
+            of(&|r| (r.evidence.estimates["forward"] - r.evidence.estimates["backward"]).abs());
+        let (cost, _) = of(&|r| r.cost.gradients as f64 / r.ess.quoted);
+        let dim = runs[0].draws.dim;
+        println!(
+            "{} {dim} | {mean:+.2} {sd:.2} | {error:.3} | {gap:.3} | {cost:.0}",
+            target.name
+        );
+        if mean.abs() > 0.548 || !(0.615..1.418).contains(&sd) {
+            wrong.push((target.name, mean, sd));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}

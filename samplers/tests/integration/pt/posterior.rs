@@ -53,6 +53,7 @@ fn untempered_chains_in_two_modes_fail_r_hat_and_the_agreement_of_modes() {
         length: 1.5,
         max_leapfrogs: 10,
         max_energy_range: 1000.0,
+        slack: 0.0,
     };
     let mut draws: Vec<Vec<f64>> = Vec::new();
     let mut traces: Vec<Vec<f64>> = Vec::new();
@@ -105,6 +106,11 @@ fn a_ladder_with_a_gap_is_refused() {
     ] {
         assert!(failed.contains(&name), "{name} passed; failed: {failed:?}");
     }
+    let slow = run
+        .warnings
+        .iter()
+        .filter(|w| w.contains("max_temperatures"));
+    assert_eq!(slow.count(), 2, "{:?}", run.warnings);
 }
 
 #[test]
@@ -121,15 +127,26 @@ fn a_run_that_is_too_short_is_refused_with_a_remedy() {
 }
 
 #[test]
-fn a_run_that_is_long_enough_passes_every_gate() {
-    for (target, count) in [
-        (smooth::iso(13), 10),
-        (smooth::binomial(), 10),
-        (with_flip(smooth::twins13(0.5)), 12),
+fn runs_that_are_long_enough_pass_every_gate() {
+    // Two gates refuse one honest run in a hundred each, by their p-values: most of three seeds must pass.
+    for (target, count, seeds) in [
+        (smooth::iso(13), 10, vec![1, 2, 3]),
+        (smooth::binomial(), 10, vec![1, 2, 3]),
+        (with_flip(smooth::twins13(0.5)), 12, vec![1]),
     ] {
-        let run = run(&target, &rounds(count), 1);
-        assert!(run.converged(), "{}: {:?}", target.name, failed(&run));
-        assert!(run.warnings.is_empty(), "{:?}", run.warnings);
+        let mut refused = Vec::new();
+        for &seed in &seeds {
+            let run = run(&target, &rounds(count), seed);
+            assert!(run.warnings.is_empty(), "{:?}", run.warnings);
+            if !run.converged() {
+                refused.push((seed, format!("{:?}", failed(&run))));
+            }
+        }
+        assert!(
+            2 * refused.len() < seeds.len(),
+            "{}: {refused:?}",
+            target.name
+        );
     }
 }
 

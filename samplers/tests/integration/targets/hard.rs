@@ -13,6 +13,16 @@ pub struct Hard {
     pub ln_z: f64,
 }
 
+impl Hard {
+    /// Any log-likelihood on the unit cube; its evidence is not known.
+    pub fn with<F>(dim: usize, ln_l: F) -> Self
+    where
+        F: Fn(&[f64]) -> f64 + Sync + Send + 'static,
+    {
+        hard(dim, 0.0, 1.0, f64::NAN, ln_l)
+    }
+}
+
 impl Target for Hard {
     fn prior(&self) -> &Prior {
         &self.prior

@@ -1,0 +1,166 @@
+//! Length and number of the steps of chains, learned from how the chains moved.
+
+use super::bound::Bound;
+use super::kernel::{self, Newborn};
+use super::live::Points;
+use super::rank::Ranks;
+use super::settings::Kernel;
+use crate::rng::{Stream, below};
+use serde::{Deserialize, Serialize};
+
+/// What chains have shown of themselves, and the steps that follow from it. Every batch runs with fixed ones.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Tuning {
+    /// Step length in units of the local ellipsoid.
+    pub scale: f64,
+    /// Slices or walk steps per point; never lowered in a run.
+    pub steps: usize,
+    /// Relative jump distance of every batch.
+    pub jumps: Vec<f64>,
+    /// Mean over every batch of `12 (v - 1/2) (w - 1/2)`, v and w the fractional ranks of a chain's end and of its
+    /// start: their correlation.
+    pub echoes: Vec<f64>,
+    /// Chains that ended where they began.
+    pub stayed: u64,
+    /// Number of insertions, jumps, echoes and still chains when the current window of the watch began.
+    window: (usize, usize, usize, u64),
+}
+
+impl Tuning {
+    pub fn new(steps: usize) -> Self {
+        Self {
+            scale: 1.0,
+            steps,
+            jumps: Vec::new(),
+            echoes: Vec::new(),
+            stayed: 0,
+            window: (0, 0, 0, 0),
+        }
+    }
+
+    /// Rescales the step length so that a refit of the ellipsoids, its unit, leaves steps as long as they were.
+    pub fn keep_step_length(&mut self, old: &[Bound], new: &[Bound], kept: &Points) {
+        let mean_unit = |bounds: &[Bound]| -> Option<f64> {
+            let units: Option<Vec<f64>> = (0..kept.len())
+                .map(|i| Some(kernel::bound_of(bounds, kept.thread[i])?.ln_unit(kept.row(i))))
+                .collect();
+            units.map(|units| mean(&units))
+        };
+        if let (Some(old), Some(new)) = (mean_unit(old), mean_unit(new)) {
+            self.scale *= (old - new).exp();
+        }
+    }
+
+    /// Records the chains of a batch, from `seeds` to `born`, and sets the step length of the next one.
+    pub fn learn(
+        &mut self,
+        kernel: Kernel,
+        bounds: &[Bound],
+        kept: &Points,
+        seeds: &[usize],
+        born: &[Newborn],
+        rng: &mut Stream,
+    ) {
+        self.jumps
+            .extend(relative_jump(rng, bounds, kept, seeds, born));
+        self.echoes.push(echo(kept, seeds, born));
+        self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
+        let grown: u64 = born.iter().map(|b| b.motion.grown).sum();
+        let shrunk: u64 = born.iter().map(|b| b.motion.shrunk).sum();
+        if grown + shrunk == 0 {
+            return;
+        }
+        let share = grown as f64 / (grown + shrunk) as f64;
+        match kernel {
+            // As many steps outward as inward.
+            Kernel::RandomSlice => self.scale *= (2.0 * share).clamp(0.5, 2.0),
+            // Half of the steps accepted.
+            Kernel::RandomWalk => {
+                self.scale *= ((share - 0.5) / (0.5 * kept.dim() as f64)).exp();
+            }
+            Kernel::Auto | Kernel::Uniform => {}
+        }
+    }
+
+    /// Raises the number of steps by half, up to `most`, if the `window` insertions just made show that points move
+    /// too little.
+    pub fn watch(&mut self, ranks: &Ranks, window: usize, most: usize) {
+        let (insertions, jumps, echoes, stayed) = self.window;
+        let made = ranks.len() - insertions;
+        if made < window {
+            return;
+        }
+        let (jumps, echoes) = (&self.jumps[jumps..], &self.echoes[echoes..]);
+        if !echoes.is_empty() {
+            let short = !jumps.is_empty() && mean(jumps) < 0.5;
+            // Twice the gate's limit: the scatter of a mean over 5 n chains is 1 / sqrt(5 n).
+            let echoing = mean(echoes) > 0.1;
+            let still = (self.stayed - stayed) as f64 > 0.01 * made as f64;
+            let uneven = ranks.z_score(insertions).abs() > 3.0;
+            if (short || echoing || still || uneven) && self.steps < most {
+                self.steps += self.steps.div_ceil(2);
+            }
+        }
+        self.window = (
+            ranks.len(),
+            self.jumps.len(),
+            self.echoes.len(),
+            self.stayed,
+        );
+    }
+}
+
+pub(super) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Median distance between chains' ends, over the median distance between their starts and other live points of the
+/// same metric region, in that region's metric. `None` if no start has such a neighbour.
+fn relative_jump(
+    rng: &mut Stream,
+    bounds: &[Bound],
+    kept: &Points,
+    seeds: &[usize],
+    born: &[Newborn],
+) -> Option<f64> {
+    const TRIES: usize = 8;
+    let mut jumps = Vec::with_capacity(seeds.len());
+    let mut pairs = Vec::with_capacity(seeds.len());
+    for (&s, b) in seeds.iter().zip(born) {
+        let start = kept.row(s);
+        let bound = kernel::bound_of(bounds, kept.thread[s])?;
+        let label = bound.label(start);
+        let metric = bound.metric(label);
+        let neighbour = (0..TRIES)
+            .map(|_| below(rng, kept.len()))
+            .find(|&i| i != s && bound.has_label(kept.row(i), label));
+        if let Some(i) = neighbour {
+            jumps.push(metric.distance_between(&b.u, start));
+            pairs.push(metric.distance_between(kept.row(i), start));
+        }
+    }
+    let typical = median(pairs);
+    (typical > 0.0).then(|| median(jumps) / typical)
+}
+
+/// Correlation of the ranks of chains' ends with those of their starts, among the survivors.
+fn echo(kept: &Points, seeds: &[usize], born: &[Newborn]) -> f64 {
+    let mut sorted = kept.ln_l.clone();
+    sorted.sort_by(f64::total_cmp);
+    let centred = |ln_l: f64| {
+        let below = sorted.partition_point(|l| *l < ln_l);
+        let up_to = sorted.partition_point(|l| *l <= ln_l);
+        0.5 * (below + up_to) as f64 / sorted.len() as f64 - 0.5
+    };
+    let products: Vec<f64> = seeds
+        .iter()
+        .zip(born)
+        .map(|(&s, b)| 12.0 * centred(kept.ln_l[s]) * centred(b.ln_l))
+        .collect();
+    mean(&products)
+}

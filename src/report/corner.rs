@@ -1,0 +1,173 @@
+//! Corner plots: every column's marginal, and 68 and 95 % regions of every pair.
+
+use super::axes::Axes;
+use super::canvas::{Anchor, COLOURS, Canvas, INK};
+use super::density::{Density2, histogram};
+use super::label;
+use crate::posterior::Column;
+use oblate_samplers::diagnostics::weighted_quantile;
+
+/// One column of a corner plot.
+#[derive(Clone, Debug)]
+pub struct CornerColumn {
+    /// Name, unit and draws.
+    pub column: Column,
+    /// The true value, where it is known.
+    pub truth: Option<f64>,
+}
+
+/// The part of a column's range that is shown: 99.4 % of the weight and a margin, and the truth.
+fn range(column: &CornerColumn, weights: &[f64]) -> (f64, f64) {
+    let at = |p| weighted_quantile(&column.column.values, weights, p);
+    super::axes::range_of([at(0.003), at(0.997)].into_iter().chain(column.truth), 0.06)
+}
+
+/// A corner plot of columns that share their weights, `columns x columns` panels at the size of a page.
+///
+/// Filled regions hold 68 and 95 % of the weight; orange lines are the truth; each marginal carries its median and
+/// central 68 % as words.
+#[must_use]
+pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String {
+    let n = columns.len().max(1);
+    let (left, bottom, above) = (48.0, 48.0, 16.0);
+    let gap = if n > 6 { 2.0 } else { 4.0 };
+    // Two columns make a small square, fourteen fill a sheet: the panels must stay legible.
+    let panel = (720.0 / n as f64 - gap).clamp(52.0, 150.0);
+    let side = n as f64 * (panel + gap);
+    let mut canvas = Canvas::new(left + side + 12.0, above + side + bottom);
+    let ranges: Vec<(f64, f64)> = columns.iter().map(|c| range(c, weights)).collect();
+    let size = if n > 6 { 6.0 } else { 8.0 };
+    for row in 0..columns.len() {
+        for col in 0..=row {
+            let rect = (
+                left + col as f64 * (panel + gap),
+                above + row as f64 * (panel + gap),
+                panel,
+                panel,
+            );
+            let words = |shown: bool, at: usize| {
+                if shown {
+                    label::axis(&columns[at].column.name, &columns[at].column.unit, n > 6)
+                } else {
+                    String::new()
+                }
+            };
+            let below = words(row + 1 == columns.len(), col);
+            let most = if n > 6 { 3 } else { 5 };
+            if row == col {
+                let axes = marginal(&mut canvas, &columns[row], weights, ranges[row], rect, size);
+                axes.draw_x(&mut canvas, &below, most, size);
+            } else {
+                let axes = Axes {
+                    rect,
+                    x: ranges[col],
+                    y: ranges[row],
+                };
+                pair(
+                    &mut canvas,
+                    &axes,
+                    [&columns[col], &columns[row]],
+                    weights,
+                    n,
+                );
+                axes.draw_x(&mut canvas, &below, most, size);
+                axes.draw_y(&mut canvas, &words(col == 0, row), most, size, 28.0);
+            }
+        }
+    }
+    canvas.finish(title)
+}
+
+fn marginal(
+    canvas: &mut Canvas,
+    column: &CornerColumn,
+    weights: &[f64],
+    x: (f64, f64),
+    rect: (f64, f64, f64, f64),
+    size: f64,
+) -> Axes {
+    const CELLS: usize = 28;
+    let density = histogram(&column.column.values, weights, x, CELLS);
+    let most = density.iter().copied().fold(0.0, f64::max);
+    let axes = Axes {
+        rect,
+        x,
+        y: (0.0, 1.35 * most.max(f64::MIN_POSITIVE)),
+    };
+    let step = (x.1 - x.0) / CELLS as f64;
+    let mut outline = vec![axes.at(x.0, 0.0)];
+    for (i, d) in density.iter().enumerate() {
+        outline.push(axes.at(x.0 + i as f64 * step, *d));
+        outline.push(axes.at(x.0 + (i + 1) as f64 * step, *d));
+    }
+    outline.push(axes.at(x.1, 0.0));
+    canvas.area(std::slice::from_ref(&outline), COLOURS[5], 0.45);
+    canvas.line(&outline, COLOURS[0], 0.8, "");
+    let at = |p| weighted_quantile(&column.column.values, weights, p);
+    let (median, lo, hi) = (at(0.5), at(0.16), at(0.84));
+    for (q, dash) in [(median, ""), (lo, "2 2"), (hi, "2 2")] {
+        axes.mark(canvas, q, INK, dash);
+    }
+    if let Some(truth) = column.truth {
+        axes.mark(canvas, truth, COLOURS[1], "");
+    }
+    axes.frame(canvas);
+    canvas.text(
+        (rect.0 + 0.5 * rect.2, rect.1 - 3.0),
+        &credible(median, lo, hi),
+        size,
+        Anchor::Middle,
+        0.0,
+    );
+    axes
+}
+
+/// `median +up -down` with the digits that the smaller side deserves, two of them.
+fn credible(median: f64, lo: f64, hi: f64) -> String {
+    let (down, up) = (median - lo, hi - median);
+    let least = down.min(up);
+    let mut digits = 0;
+    let mut unit = 1.0;
+    while digits < 5 && least < 10.0 * unit {
+        digits += 1;
+        unit /= 10.0;
+    }
+    format!("{median:.digits$} +{up:.digits$} \u{2212}{down:.digits$}").replace('-', "\u{2212}")
+}
+
+fn pair(canvas: &mut Canvas, axes: &Axes, columns: [&CornerColumn; 2], weights: &[f64], n: usize) {
+    let cells = if n > 6 { 32 } else { 44 };
+    let density = Density2::new(
+        &columns[0].column.values,
+        &columns[1].column.values,
+        weights,
+        [axes.x, axes.y],
+        cells,
+    );
+    let (left, top, w, h) = axes.rect;
+    let scale = cells as f64;
+    for (region, opacity) in density.regions().iter().zip([0.35, 0.6]) {
+        let rings: Vec<Vec<(f64, f64)>> = region
+            .iter()
+            .map(|ring| {
+                ring.iter()
+                    .map(|(i, j)| (left + w * i / scale, top + h * (1.0 - j / scale)))
+                    .collect()
+            })
+            .collect();
+        canvas.area(&rings, COLOURS[5], opacity);
+        for ring in &rings {
+            canvas.line(ring, COLOURS[0], 0.6, "");
+        }
+    }
+    if let Some(truth) = columns[0].truth {
+        axes.mark(canvas, truth, COLOURS[1], "");
+    }
+    if let Some(truth) = columns[1].truth {
+        axes.level(canvas, truth, COLOURS[1], "");
+    }
+    if let (Some(x), Some(y)) = (columns[0].truth, columns[1].truth) {
+        canvas.dot(axes.at(x, y), 1.6, COLOURS[1], 1.0, "truth");
+    }
+    axes.frame(canvas);
+}

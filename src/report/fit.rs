@@ -1,0 +1,248 @@
+//! The fit overlay: the track against angle with residuals, and on the sky where particles are given.
+
+use super::axes::{Axes, range_of};
+use super::canvas::{Anchor, COLOURS, Canvas, INK};
+use crate::data::ObservedTrack;
+use oblate_samplers::diagnostics::weighted_quantile;
+
+/// One model's track: a radius per bin that it covers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ModelTrack {
+    /// Bin centres in degrees, increasing.
+    pub phi_deg: Vec<f64>,
+    /// Projected radii in kpc.
+    pub r_kpc: Vec<f64>,
+}
+
+/// What the overlay shows.
+#[derive(Clone, Copy, Debug)]
+pub struct FitPicture<'a> {
+    /// The data.
+    pub track: &'a ObservedTrack,
+    /// Equal-weight posterior draws of the model.
+    pub draws: &'a [ModelTrack],
+    /// The best fit.
+    pub best: &'a ModelTrack,
+    /// Particles of the best fit on the sky, (x, y) in kpc; without them there is no panel of the sky.
+    pub particles: &'a [(f64, f64)],
+    /// Angle of the progenitor on the sky in degrees, which turns `phi` into places there.
+    pub progenitor_angle_deg: f64,
+}
+
+/// Quantiles of the models in one bin: 2.5, 16, 84 and 97.5 %, over those draws that cover it.
+struct Band {
+    phi_deg: Vec<f64>,
+    quantiles: Vec<[f64; 4]>,
+}
+
+impl Band {
+    fn new(picture: &FitPicture<'_>) -> Self {
+        let mut phi: Vec<f64> = picture
+            .draws
+            .iter()
+            .flat_map(|d| d.phi_deg.iter().copied())
+            .collect();
+        phi.sort_by(f64::total_cmp);
+        phi.dedup_by(|a, b| (*a - *b).abs() < 0.01 * picture.track.bin_width_deg);
+        let mut band = Self {
+            phi_deg: Vec::new(),
+            quantiles: Vec::new(),
+        };
+        for centre in phi {
+            let radii: Vec<f64> = picture
+                .draws
+                .iter()
+                .filter_map(|d| radius_at(d, centre, picture.track.bin_width_deg))
+                .collect();
+            // A bin that most draws do not reach has no band worth the name.
+            if 2 * radii.len() < picture.draws.len() {
+                continue;
+            }
+            let weights = vec![1.0; radii.len()];
+            band.phi_deg.push(centre);
+            band.quantiles
+                .push([0.025, 0.16, 0.84, 0.975].map(|p| weighted_quantile(&radii, &weights, p)));
+        }
+        band
+    }
+
+    fn rings(&self, axes: &Axes, lo: usize, hi: usize) -> Vec<Vec<(f64, f64)>> {
+        let up = self
+            .phi_deg
+            .iter()
+            .zip(&self.quantiles)
+            .map(|(p, q)| axes.at(*p, q[hi]));
+        let down = self.phi_deg.iter().zip(&self.quantiles).rev();
+        vec![up.chain(down.map(|(p, q)| axes.at(*p, q[lo]))).collect()]
+    }
+}
+
+fn radius_at(model: &ModelTrack, phi_deg: f64, width_deg: f64) -> Option<f64> {
+    let at = model
+        .phi_deg
+        .iter()
+        .position(|p| (p - phi_deg).abs() < 0.01 * width_deg)?;
+    model.r_kpc.get(at).copied().filter(|r| r.is_finite())
+}
+
+impl FitPicture<'_> {
+    /// Draws the overlay.
+    #[must_use]
+    pub fn svg(&self) -> String {
+        let sky = !self.particles.is_empty();
+        let mut canvas = Canvas::new(if sky { 560.0 } else { 320.0 }, 290.0);
+        let track = self.track;
+        let half = 0.5 * track.bin_width_deg;
+        let x = range_of(
+            track.phi_deg.iter().flat_map(|p| [p - half, p + half]),
+            0.03,
+        );
+        let ends = track.r_kpc.iter().zip(&track.r_err_kpc);
+        let top = Axes {
+            rect: (46.0, 12.0, 262.0, 160.0),
+            x,
+            y: range_of(ends.flat_map(|(r, e)| [r - 1.5 * e, r + 1.5 * e]), 0.08),
+        };
+        self.radii(&mut canvas, &top);
+        self.residuals(&mut canvas, x);
+        if sky {
+            self.sky(&mut canvas);
+        }
+        canvas.finish(&format!("Fit of {}", track.name))
+    }
+
+    fn radii(&self, canvas: &mut Canvas, axes: &Axes) {
+        let band = Band::new(self);
+        canvas.clipped(axes.rect, |canvas| {
+            canvas.area(&band.rings(axes, 0, 3), COLOURS[5], 0.30);
+            canvas.area(&band.rings(axes, 1, 2), COLOURS[5], 0.55);
+            let best = axes.all(&self.best.phi_deg, &self.best.r_kpc);
+            canvas.line(&best, COLOURS[0], 1.2, "");
+            self.points(canvas, axes, |i| {
+                (self.track.r_kpc[i], self.track.r_err_kpc[i])
+            });
+        });
+        axes.frame(canvas);
+        axes.draw_x(canvas, "", 7, 8.0);
+        axes.draw_y(canvas, "projected radius r [kpc]", 6, 8.0, 32.0);
+        axes.caption(canvas, &self.track.name, 8.0);
+        // The key, under the caption.
+        let (x, y) = (axes.rect.0 + 6.0, axes.rect.1 + 22.0);
+        canvas.dot((x + 7.0, y), 1.9, INK, 1.0, "key");
+        canvas.text((x + 18.0, y + 2.5), "data", 7.0, Anchor::Start, 0.0);
+        canvas.line(&[(x, y + 9.0), (x + 14.0, y + 9.0)], COLOURS[0], 1.2, "");
+        canvas.text((x + 18.0, y + 11.5), "best fit", 7.0, Anchor::Start, 0.0);
+        if !band.phi_deg.is_empty() {
+            let strip = |d: f64| {
+                vec![
+                    (x, y + 18.0 - d),
+                    (x + 14.0, y + 18.0 - d),
+                    (x + 14.0, y + 18.0 + d),
+                    (x, y + 18.0 + d),
+                ]
+            };
+            canvas.area(&[strip(4.0)], COLOURS[5], 0.30);
+            canvas.area(&[strip(2.0)], COLOURS[5], 0.55);
+            canvas.text(
+                (x + 18.0, y + 20.5),
+                "68, 95 % of draws",
+                7.0,
+                Anchor::Start,
+                0.0,
+            );
+        }
+    }
+
+    fn points(&self, canvas: &mut Canvas, axes: &Axes, value: impl Fn(usize) -> (f64, f64)) {
+        for (i, phi) in self.track.phi_deg.iter().enumerate() {
+            let (middle, error) = value(i);
+            let bar = [axes.at(*phi, middle - error), axes.at(*phi, middle + error)];
+            canvas.line(&bar, INK, 0.7, "");
+            canvas.dot(axes.at(*phi, middle), 1.9, INK, 1.0, "datum");
+        }
+    }
+
+    fn residuals(&self, canvas: &mut Canvas, x: (f64, f64)) {
+        let track = self.track;
+        let residual = |i: usize| {
+            radius_at(self.best, track.phi_deg[i], track.bin_width_deg)
+                .map_or(f64::NAN, |r| (track.r_kpc[i] - r) / track.r_err_kpc[i])
+        };
+        let worst = (0..track.len())
+            .map(residual)
+            .filter(|z| z.is_finite())
+            .fold(2.5_f64, |m, z| m.max(z.abs() + 1.2));
+        let axes = Axes {
+            rect: (46.0, 182.0, 262.0, 72.0),
+            x,
+            y: (-worst, worst),
+        };
+        axes.band(canvas, (-2.0, 2.0), 0.12);
+        axes.band(canvas, (-1.0, 1.0), 0.18);
+        axes.level(canvas, 0.0, COLOURS[0], "");
+        canvas.clipped(axes.rect, |canvas| {
+            for i in 0..track.len() {
+                let z = residual(i);
+                let phi = track.phi_deg[i];
+                if z.is_finite() {
+                    let bar = [axes.at(phi, z - 1.0), axes.at(phi, z + 1.0)];
+                    canvas.line(&bar, INK, 0.7, "");
+                    canvas.dot(axes.at(phi, z), 1.9, INK, 1.0, "residual");
+                } else {
+                    // The best fit does not cover this bin: say so on the zero line.
+                    let at = axes.at(phi, 0.0);
+                    canvas.text((at.0, at.1 + 3.0), "\u{d7}", 10.0, Anchor::Middle, 0.0);
+                }
+            }
+        });
+        axes.frame(canvas);
+        axes.draw_x(canvas, "angle from the progenitor \u{3c6} [deg]", 7, 8.0);
+        axes.draw_y(canvas, "(data \u{2212} fit) / \u{3c3}", 5, 8.0, 32.0);
+    }
+
+    fn sky(&self, canvas: &mut Canvas) {
+        let turn = |phi: f64, r: f64| {
+            let angle = (phi + self.progenitor_angle_deg).to_radians();
+            (r * angle.cos(), r * angle.sin())
+        };
+        let data: Vec<(f64, f64)> = self
+            .track
+            .phi_deg
+            .iter()
+            .zip(&self.track.r_kpc)
+            .map(|(p, r)| turn(*p, *r))
+            .collect();
+        // The frame holds the data and the bulk of the particles: a few thrown far out must not shrink it.
+        let mut reach: Vec<f64> = self.particles.iter().map(|p| p.0.hypot(p.1)).collect();
+        reach.sort_by(f64::total_cmp);
+        let bulk = reach.get(reach.len() * 98 / 100).copied().unwrap_or(0.0);
+        let far = self.track.r_kpc.iter().fold(bulk, |m, r| m.max(*r)) * 1.08;
+        let axes = Axes {
+            rect: (352.0, 12.0, 196.0, 196.0),
+            x: (-far, far),
+            y: (-far, far),
+        };
+        canvas.clipped(axes.rect, |canvas| {
+            for (x, y) in self.particles {
+                canvas.dot(axes.at(*x, *y), 0.6, COLOURS[5], 0.5, "particle");
+            }
+            let best: Vec<(f64, f64)> = self
+                .best
+                .phi_deg
+                .iter()
+                .zip(&self.best.r_kpc)
+                .map(|(p, r)| turn(*p, *r))
+                .map(|(x, y)| axes.at(x, y))
+                .collect();
+            canvas.line(&best, COLOURS[0], 1.2, "");
+            for (x, y) in &data {
+                canvas.dot(axes.at(*x, *y), 1.9, INK, 1.0, "sky-datum");
+            }
+            let centre = axes.at(0.0, 0.0);
+            canvas.text((centre.0, centre.1 + 3.5), "+", 10.0, Anchor::Middle, 0.0);
+        });
+        axes.frame(canvas);
+        axes.draw_x(canvas, "X [kpc]", 5, 8.0);
+        axes.draw_y(canvas, "Y [kpc]", 5, 8.0, 30.0);
+    }
+}

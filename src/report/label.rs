@@ -1,0 +1,38 @@
+//! How columns are called on axes.
+
+/// (name in files, sign in figures): units come from the run.
+const SIGNS: [(&str, &str); 18] = [
+    ("log10_m_halo", "log M halo"),
+    ("r_s_halo_kpc", "r\u{209b} halo"),
+    ("dir_x", "dir x"),
+    ("dir_y", "dir y"),
+    ("dir_z", "dir z"),
+    ("log10_m_prog", "log m prog"),
+    ("r_s_prog_kpc", "r\u{209b} prog"),
+    ("x0_kpc", "x\u{2080}"),
+    ("z0_kpc", "z\u{2080}"),
+    ("vx0_km_s", "vx\u{2080}"),
+    ("vy0_km_s", "vy\u{2080}"),
+    ("vz0_km_s", "vz\u{2080}"),
+    ("age_gyr", "age"),
+    ("axis_x", "axis x"),
+    ("axis_y", "axis y"),
+    ("axis_z", "axis z"),
+    ("mu_pop", "\u{3bc} of q"),
+    ("sigma_pop", "\u{3c3} of q"),
+];
+
+/// A column's sign in figures; its own name where there is none.
+fn sign(name: &str) -> &str {
+    SIGNS.iter().find(|s| s.0 == name).map_or(name, |s| s.1)
+}
+
+/// A column on an axis: sign and, where there is one, unit, which takes a line of its own where there is little room.
+#[must_use]
+pub fn axis(name: &str, unit: &str, narrow: bool) -> String {
+    if unit.is_empty() {
+        return sign(name).to_owned();
+    }
+    let gap = if narrow { '\n' } else { ' ' };
+    format!("{}{gap}[{unit}]", sign(name))
+}

@@ -1,0 +1,253 @@
+//! From run folders to figures and one page: reads them back, makes the model tracks again, hands plain numbers to the
+//! report.
+
+use super::{RunFolder, StoredRun, best_row, target};
+use crate::config::FitConfig;
+use crate::data::ObservedTrack;
+use crate::error::{Error, Result};
+use crate::inference::StreamTarget;
+use crate::params::{NAMES, QPrior};
+use crate::posterior::{Column, column, columns};
+use crate::report::{
+    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, health, page,
+    q_posterior,
+};
+use oblate_samplers::checkpoint::write_atomically;
+use oblate_samplers::rng::{Domain, stream, unit_open};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Posterior draws whose tracks are drawn.
+const TRACKS: usize = 100;
+
+/// Particles of the best fit that are drawn.
+const DOTS: usize = 1_500;
+
+/// Task of the choice of drawn draws within [`Domain::Post`].
+const CHOICE_TASK: u64 = 0x7061_6765;
+
+/// A run with its figures: name, caption, SVG.
+struct Drawn {
+    stored: StoredRun,
+    folder: RunFolder,
+    track: Option<ObservedTrack>,
+    figures: Vec<(&'static str, String, String)>,
+}
+
+/// Draws every figure of finished runs into their folders, and one self-contained page of all of them.
+///
+/// # Errors
+/// What the folders refuse; [`Error::Io`] or [`Error::Sampler`] where a file cannot be written.
+pub fn report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()> {
+    let drawn: Vec<Drawn> = folders.iter().map(|f| draw(f)).collect::<Result<_>>()?;
+    for d in &drawn {
+        for (name, _, svg) in &d.figures {
+            write_atomically(&d.folder.figure(name), svg.as_bytes())?;
+        }
+    }
+    let names = unique_names(&drawn, folders);
+    let captioned: Vec<Vec<(String, String)>> = drawn
+        .iter()
+        .map(|d| {
+            d.figures
+                .iter()
+                .map(|(_, caption, svg)| (caption.clone(), svg.clone()))
+                .collect()
+        })
+        .collect();
+    let runs: Vec<PageRun<'_>> = drawn
+        .iter()
+        .zip(&names)
+        .zip(&captioned)
+        .map(|((d, name), figures)| PageRun {
+            name,
+            summary: &d.stored.summary,
+            config: &d.stored.config,
+            figures,
+        })
+        .collect();
+    write_atomically(out, page(title, &runs, &together(&drawn)?).as_bytes())?;
+    Ok(())
+}
+
+/// Names of runs on the page: the folder's, with its parent's where two are alike.
+fn unique_names(drawn: &[Drawn], folders: &[PathBuf]) -> Vec<String> {
+    drawn
+        .iter()
+        .zip(folders)
+        .map(|(d, path)| {
+            let twins = drawn
+                .iter()
+                .filter(|o| o.stored.name == d.stored.name)
+                .count();
+            if twins > 1 {
+                path.display().to_string()
+            } else {
+                d.stored.name.clone()
+            }
+        })
+        .collect()
+}
+
+fn draw(path: &Path) -> Result<Drawn> {
+    let folder = RunFolder::open(path)?;
+    let stored = folder.read()?;
+    let file = path.join("track.ecsv");
+    let track = if file.is_file() {
+        Some(ObservedTrack::read(&file)?)
+    } else {
+        None
+    };
+    let truth = track.as_ref().map(truths).unwrap_or_default();
+    let mut figures = Vec::new();
+    if let Some(track) = &track {
+        let config: FitConfig = crate::config::read(&folder.config())?;
+        let target = target(track, &config)?;
+        if let Some(svg) = overlay(&target, track, &stored) {
+            let caption = "Data (black), tracks of posterior draws, and the best fit; residuals in units of the data's errors; \
+                           the best fit's particles on the sky";
+            figures.push(("fit", caption.to_owned(), svg));
+        }
+    }
+    let weights = stored.run.draws.weights();
+    if let Ok(q) = column(&stored.run, "q") {
+        let curve = QCurve {
+            name: stored.name.clone(),
+            q: q.values,
+            weights: weights.clone(),
+        };
+        let svg = q_posterior(&[curve], stored.summary.q_prior, truth.get("q").copied());
+        figures.push((
+            "q",
+            "Posterior of the flattening q; dashed: its prior".to_owned(),
+            svg,
+        ));
+    }
+    let shown: Vec<CornerColumn> = corner_columns(&stored)
+        .into_iter()
+        .map(|column| CornerColumn {
+            truth: truth.get(&column.name).copied(),
+            column,
+        })
+        .collect();
+    let svg = corner(&shown, &weights, &stored.name);
+    figures.push((
+        "corner",
+        "Marginals: 68 and 95 % regions; lines: the truth, where it is known".to_owned(),
+        svg,
+    ));
+    figures.push((
+        "health",
+        "The sampler's way from prior to posterior".to_owned(),
+        health(&stored.run),
+    ));
+    Ok(Drawn {
+        stored,
+        folder,
+        track,
+        figures,
+    })
+}
+
+/// The parameters, and q where there is one.
+fn corner_columns(stored: &StoredRun) -> Vec<Column> {
+    columns(&stored.run)
+        .into_iter()
+        .filter(|c| stored.run.names.contains(&c.name) || c.name == "q")
+        .collect()
+}
+
+/// True values that a track's header knows: a mapping `truth`, or `q_true`.
+fn truths(track: &ObservedTrack) -> BTreeMap<String, f64> {
+    let mut known = BTreeMap::new();
+    if let Some(map) = track.meta.get("truth").and_then(|t| t.as_object()) {
+        for name in NAMES.iter().chain(&["q"]) {
+            if let Some(value) = map.get(*name).and_then(serde_json::Value::as_f64) {
+                known.insert((*name).to_owned(), value);
+            }
+        }
+    }
+    if let Some(q) = track.meta.get("q_true").and_then(serde_json::Value::as_f64) {
+        known.insert("q".to_owned(), q);
+    }
+    known
+}
+
+/// The overlay of data, posterior draws and best fit; `None` if the best fit has no track.
+fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> Option<String> {
+    let draws = &stored.run.draws;
+    let model_track = |row: usize| {
+        let (t, arrivals) = target
+            .likelihood()
+            .track_at(&target.params(draws.theta_row(row)))
+            .ok()?;
+        let model = ModelTrack {
+            phi_deg: t.bins.iter().map(|b| b.phi_deg).collect(),
+            r_kpc: t.bins.iter().map(|b| b.r_kpc).collect(),
+        };
+        Some((model, arrivals))
+    };
+    let (best, arrivals) = model_track(best_row(&stored.run)?)?;
+    let offset = unit_open(&mut stream(stored.run.seed, Domain::Post, CHOICE_TASK, 0));
+    let tracks: Vec<ModelTrack> = draws
+        .resample(TRACKS, offset)
+        .into_iter()
+        .filter_map(|row| Some(model_track(row)?.0))
+        .collect();
+    let every = (arrivals.len() / DOTS).max(1);
+    let particles: Vec<(f64, f64)> = arrivals
+        .x
+        .iter()
+        .zip(&arrivals.y)
+        .step_by(every)
+        .map(|(x, y)| (*x, *y))
+        .collect();
+    let picture = FitPicture {
+        track,
+        draws: &tracks,
+        best: &best,
+        particles: &particles,
+        progenitor_angle_deg: 0.0,
+    };
+    Some(picture.svg())
+}
+
+/// Figures of several runs at once: posteriors of q of one track side by side.
+fn together(drawn: &[Drawn]) -> Result<Vec<Section>> {
+    let mut by_track: BTreeMap<String, Vec<&Drawn>> = BTreeMap::new();
+    for d in drawn {
+        if let Some(track) = &d.track {
+            by_track.entry(track.name.clone()).or_default().push(d);
+        }
+    }
+    let mut figures = Vec::new();
+    for (name, runs) in by_track.iter().filter(|(_, runs)| runs.len() > 1) {
+        let curves: Vec<QCurve> = runs
+            .iter()
+            .map(|d| {
+                let q = column(&d.stored.run, "q")?.values;
+                Ok::<_, Error>(QCurve {
+                    name: d.stored.name.clone(),
+                    q,
+                    weights: d.stored.run.draws.weights(),
+                })
+            })
+            .collect::<Result<_>>()?;
+        let prior: Option<QPrior> = runs[0].stored.summary.q_prior;
+        let truth = runs[0]
+            .track
+            .as_ref()
+            .and_then(|t| truths(t).get("q").copied());
+        figures.push((
+            format!("{name}: posteriors of q"),
+            q_posterior(&curves, prior, truth),
+        ));
+    }
+    if figures.is_empty() {
+        return Ok(Vec::new());
+    }
+    Ok(vec![Section {
+        heading: "Samplers side by side".to_owned(),
+        figures,
+    }])
+}

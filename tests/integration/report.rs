@@ -1,0 +1,331 @@
+//! Figures and the page: what they must show, counted in their text. `OBLATE_FIGURES=folder` keeps what is drawn here.
+
+use crate::runs;
+use oblate::data::ObservedTrack;
+use oblate::params::QPrior;
+use oblate::posterior::{Column, Summary, SummaryContext, columns};
+use oblate::report::{
+    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, compare_rows, corner, health,
+    page, q_posterior,
+};
+use oblate_samplers::output::{Gate, Run, Status};
+use oblate_samplers::rng::{Domain, standard_normal, stream};
+
+/// Every figure is checked for what no figure may have; then kept if asked.
+fn sound(name: &str, svg: String) -> String {
+    for bad in ["NaN", "inf", "<image", "href", "font-face"] {
+        assert!(!svg.contains(bad), "{name} has {bad}");
+    }
+    assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
+    assert_eq!(svg.matches("<svg").count(), svg.matches("</svg>").count());
+    assert!(svg.contains("<title>"));
+    keep(&format!("{name}.svg"), &svg);
+    svg
+}
+
+fn keep(name: &str, text: &str) {
+    if let Ok(folder) = std::env::var("OBLATE_FIGURES") {
+        std::fs::create_dir_all(&folder).unwrap();
+        std::fs::write(std::path::Path::new(&folder).join(name), text).unwrap();
+    }
+}
+
+/// A curve with noise of its error: 12 bins with one missing, whose truth is `r = 60 + phi/5 + phi^2/150`.
+fn track() -> (ObservedTrack, ModelTrack, Vec<ModelTrack>) {
+    let truth = |phi: f64| 60.0 + 0.2 * phi + phi * phi / 150.0;
+    let phi: Vec<f64> = (-6..7)
+        .filter(|k| *k != 2)
+        .map(|k| (f64::from(k) + 0.5) * 10.0)
+        .collect();
+    let mut rng = stream(5, Domain::Test, 0, 0);
+    let r: Vec<f64> = phi
+        .iter()
+        .map(|p| truth(*p) * (1.0 + 0.02 * standard_normal(&mut rng)))
+        .collect();
+    let data = ObservedTrack::new("NGC 0000 south", &phi, 10.0, &r, None).unwrap();
+    let grid: Vec<f64> = (-8..9).map(|k| (f64::from(k) + 0.5) * 10.0).collect();
+    let model = |shift: f64, tilt: f64| ModelTrack {
+        phi_deg: grid.clone(),
+        r_kpc: grid.iter().map(|p| truth(*p) + shift + tilt * p).collect(),
+    };
+    let draws = (0..200)
+        .map(|_| {
+            model(
+                0.4 * standard_normal(&mut rng),
+                0.02 * standard_normal(&mut rng),
+            )
+        })
+        .collect();
+    (data, model(0.0, 0.0), draws)
+}
+
+fn picture_of(particles: &[(f64, f64)]) -> String {
+    let (data, best, draws) = track();
+    FitPicture {
+        track: &data,
+        draws: &draws,
+        best: &best,
+        particles,
+        progenitor_angle_deg: 0.0,
+    }
+    .svg()
+}
+
+fn corner_columns(run: &Run, count: usize) -> Vec<CornerColumn> {
+    columns(run)
+        .into_iter()
+        .take(count)
+        .enumerate()
+        .map(|(i, column)| CornerColumn {
+            truth: runs::PARAMETERS.get(i).map(|p| p.2),
+            column,
+        })
+        .collect()
+}
+
+#[test]
+fn fit_overlay_shows_every_datum_and_its_residual() {
+    let svg = sound("fit", picture_of(&[]));
+    assert_eq!(svg.matches("class=\"datum\"").count(), 12);
+    assert_eq!(svg.matches("class=\"residual\"").count(), 12);
+    assert!(svg.contains("[kpc]") && svg.contains("[deg]") && svg.contains("NGC 0000 south"));
+}
+
+#[test]
+fn fit_overlay_shows_the_sky_when_given_particles() {
+    let particles: Vec<(f64, f64)> = (0..1500)
+        .map(|i| {
+            let mut rng = stream(6, Domain::Test, 0, i);
+            let phi = 30.0 * standard_normal(&mut rng);
+            let r = 60.0 + 0.2 * phi + phi * phi / 150.0 + 2.5 * standard_normal(&mut rng);
+            (r * phi.to_radians().cos(), r * phi.to_radians().sin())
+        })
+        .collect();
+    let svg = sound("fit_sky", picture_of(&particles));
+    assert_eq!(svg.matches("class=\"particle\"").count(), 1500);
+    assert_eq!(svg.matches("class=\"sky-datum\"").count(), 12);
+    assert!(svg.contains("X [kpc]") && svg.contains("Y [kpc]"));
+}
+
+#[test]
+fn a_bin_that_the_best_fit_misses_is_crossed_not_drawn() {
+    let (data, mut best, draws) = track();
+    best.phi_deg.truncate(12);
+    best.r_kpc.truncate(12);
+    let missed = data.phi_deg.iter().filter(|p| **p > 35.0).count();
+    assert!(missed > 0);
+    let svg = FitPicture {
+        track: &data,
+        draws: &draws,
+        best: &best,
+        particles: &[],
+        progenitor_angle_deg: 0.0,
+    }
+    .svg();
+    let svg = sound("fit_missed", svg);
+    assert_eq!(svg.matches("class=\"residual\"").count(), 12 - missed);
+    assert_eq!(svg.matches('\u{d7}').count(), missed);
+}
+
+#[test]
+fn corner_of_the_thirteen_and_q_has_all_panels_and_labels() {
+    let run = runs::nested(6000, 21);
+    let svg = sound(
+        "corner",
+        corner(&corner_columns(&run, 14), &run.draws.weights(), "corner"),
+    );
+    // 14 marginals and 91 pairs, each framed; one truth dot per pair of parameters, 13 of them.
+    assert_eq!(svg.matches("<rect x=").count(), 14 + 91);
+    assert_eq!(svg.matches("class=\"truth\"").count(), 13 * 12 / 2);
+    assert!(svg.contains("[km/s]") && svg.contains("[Gyr]") && svg.contains("[kpc]"));
+}
+
+#[test]
+fn corner_of_a_population_has_three_panels() {
+    let values = |k: u64, mean: f64, sd: f64| -> Vec<f64> {
+        (0..3000)
+            .map(|i| mean + sd * standard_normal(&mut stream(8, Domain::Test, k, i)))
+            .collect()
+    };
+    let column = |name: &str, values: Vec<f64>, truth| CornerColumn {
+        column: Column {
+            name: name.to_owned(),
+            unit: String::new(),
+            values,
+        },
+        truth: Some(truth),
+    };
+    let columns = [
+        column("mu_pop", values(1, 0.9, 0.05), 0.92),
+        column("sigma_pop", values(2, 0.2, 0.03), 0.18),
+    ];
+    let svg = sound("population", corner(&columns, &[1.0; 3000], "population"));
+    assert_eq!(svg.matches("<rect x=").count(), 3);
+    assert_eq!(svg.matches("class=\"truth\"").count(), 1);
+}
+
+/// A column that never moves has no spread to draw: the figure must still be one.
+#[test]
+fn corner_of_a_constant_column_is_drawn() {
+    let mut all = corner_columns(&runs::nested(300, 2), 2);
+    all[0].column.values.fill(3.0);
+    sound("corner_constant", corner(&all, &[1.0; 300], "constant"));
+}
+
+#[test]
+fn regions_of_a_normal_hold_68_and_95_per_cent() {
+    // Read off the drawing: for a round normal, the 68 % region has the area 2 pi ln(1 / 0.32) = 7.16 sd^2. The drawn
+    // panel spans 5.5 sd and a margin; smoothing by 1.2 of 44 cells widens it by 2 %.
+    let values = |k: u64| -> Vec<f64> {
+        (0..40_000)
+            .map(|i| standard_normal(&mut stream(9, Domain::Test, k, i)))
+            .collect()
+    };
+    let columns = [1, 2].map(|k| CornerColumn {
+        column: Column {
+            name: format!("x{k}"),
+            unit: String::new(),
+            values: values(k),
+        },
+        truth: None,
+    });
+    let svg = corner(&columns, &vec![1.0; 40_000], "normal");
+    let rings: Vec<Vec<(f64, f64)>> = svg
+        .lines()
+        .filter(|l| {
+            l.contains("fill-rule=\"evenodd\"")
+                && l.contains("Z")
+                && l.contains("fill-opacity=\"0.6\"")
+        })
+        .map(|l| {
+            let d = l.split('"').nth(1).unwrap();
+            d.trim_start_matches('M')
+                .trim_end_matches('Z')
+                .split('L')
+                .map(|p| {
+                    let (x, y) = p.split_once(' ').unwrap();
+                    (x.parse().unwrap(), y.parse().unwrap())
+                })
+                .collect()
+        })
+        .collect();
+    assert_eq!(rings.len(), 1);
+    let ring = &rings[0];
+    let area: f64 = (0..ring.len())
+        .map(|i| {
+            let (a, b) = (ring[i], ring[(i + 1) % ring.len()]);
+            0.5 * (a.0 * b.1 - b.0 * a.1)
+        })
+        .sum::<f64>()
+        .abs();
+    // Panel of 150 points over the 0.3 to 99.7 % range (2 x 2.748 sd) with 6 % margins.
+    let point_per_sd = 150.0 / (2.0 * 2.748 * 1.12);
+    let ratio =
+        area / (point_per_sd * point_per_sd) / (2.0 * std::f64::consts::PI * (1.0 / 0.32_f64).ln());
+    assert!((ratio - 1.02).abs() < 0.06, "{ratio}");
+}
+
+#[test]
+fn q_figure_overlays_runs_with_truth_and_prior() {
+    let curve = |name: &str, run: &Run| QCurve {
+        name: name.to_owned(),
+        q: run.draws.derived_column(0),
+        weights: run.draws.weights(),
+    };
+    let curves = [
+        curve("nested", &runs::nested(4000, 3)),
+        curve("pt-hmc", &runs::tempered(4000, 4)),
+    ];
+    let svg = q_posterior(
+        &curves,
+        Some(QPrior::Uniform { lo: 0.5, hi: 1.5 }),
+        Some(0.83),
+    );
+    let svg = sound("q", svg);
+    assert_eq!(svg.matches("class=\"median\"").count(), 2);
+    for word in ["prior", "truth", "nested", "pt-hmc"] {
+        assert!(svg.contains(word), "{word}");
+    }
+    sound("q_bare", q_posterior(&curves[..1], None, None));
+}
+
+#[test]
+fn health_shows_either_sampler() {
+    let svg = sound("health_nested", health(&runs::nested(6000, 5)));
+    assert!(svg.contains("ln X") && svg.contains("insertion rank"));
+    let svg = sound("health_tempered", health(&runs::tempered(4000, 6)));
+    assert_eq!(svg.matches("class=\"gap\"").count(), 7);
+    assert_eq!(svg.matches("class=\"acceptance\"").count(), 8);
+    assert!(svg.contains("31, 28, 35, 30"));
+}
+
+#[test]
+fn comparison_measures_shifts_against_the_first_run() {
+    let mut other = runs::nested(2000, 9);
+    other.evidence.ln_z += 1.0;
+    let (a, b) = (runs::nested(2000, 9), other);
+    let of = |run: &Run| Summary::new(run, &SummaryContext::default());
+    let (a, b) = (of(&a), of(&b));
+    let rows = compare_rows(&[("a".to_owned(), &a), ("b".to_owned(), &b)]);
+    assert_eq!(rows[0].ln_z_sigma, None);
+    assert!((rows[1].ln_z_sigma.unwrap() - 1.0 / 0.125_f64.hypot(0.125)).abs() < 1e-12);
+    assert!(rows[1].q_shift.unwrap().abs() < 1e-12);
+}
+
+#[test]
+fn page_says_first_that_a_run_has_not_converged_and_why() {
+    let mut bad = runs::tempered(2000, 6);
+    bad.status = Status::BudgetSpent;
+    bad.gates.push(Gate::at_most(
+        "r_hat",
+        1.2,
+        1.01,
+        "chains <disagree>; run longer",
+    ));
+    let good = runs::nested(4000, 5);
+    let of = |run: &Run| {
+        let context = SummaryContext {
+            command: "oblate fit track.ecsv --seed 5".to_owned(),
+            ..SummaryContext::default()
+        };
+        Summary::new(run, &context)
+    };
+    let (a, b) = (of(&good), of(&bad));
+    let drawn = |run: &Run| vec![("Health of the sampler.".to_owned(), health(run))];
+    let (fa, fb) = (drawn(&good), drawn(&bad));
+    let runs_shown = [
+        PageRun {
+            name: "nested",
+            summary: &a,
+            config: "seed = 5\n",
+            figures: &fa,
+        },
+        PageRun {
+            name: "pt-hmc",
+            summary: &b,
+            config: "seed = 6\n",
+            figures: &fb,
+        },
+    ];
+    let overlay = Section {
+        heading: "Fit".to_owned(),
+        figures: vec![("Track and best fit.".to_owned(), picture_of(&[]))],
+    };
+    let html = page("NGC 0000 south", &runs_shown, &[overlay]);
+    keep("page.html", &html);
+    let body = html.split("<body>").nth(1).unwrap();
+    let verdict = body.find("NOT CONVERGED").unwrap();
+    assert!(verdict < body.find("<table").unwrap() && verdict < body.find("<svg").unwrap());
+    assert!(body.contains("chains &lt;disagree&gt;; run longer"));
+    assert!(body.contains("--resume") && body.contains("--seed 5"));
+    // Self-contained: no address but the name of SVG's own language.
+    let addresses = html.matches("http").count();
+    assert_eq!(
+        addresses,
+        html.matches("http://www.w3.org/2000/svg").count()
+    );
+    assert!(!html.contains("<script") && !html.contains("<link") && !html.contains("src="));
+    for name in runs::PARAMETERS.iter().map(|p| p.0) {
+        assert!(html.contains(name), "{name}");
+    }
+}
