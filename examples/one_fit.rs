@@ -13,6 +13,7 @@ use oblate::inference::sample;
 use oblate::posterior::{Interval, column};
 use oblate::run::target;
 use oblate_samplers::control::{Control, Silent};
+use oblate_samplers::nested::Kernel;
 use std::path::Path;
 
 /// What the track was made with.
@@ -33,13 +34,16 @@ fn main() -> Result<()> {
     println!("{}: {} bins", track.name, track.len());
 
     let mut config = FitConfig::default();
-    config.model.releases.particles = 512;
-    config.model.steps = 50;
+    config.model.releases.particles = 256;
+    config.model.steps = 40;
+    config.model.orbit_steps = 256;
     config.likelihood.model_noise = true;
     for (name, known) in KNOWN {
         config.prior.fix(name, known)?;
     }
-    config.sampling.nested.n_live = 200;
+    config.sampling.nested.n_live = 100;
+    config.sampling.nested.kernel = Kernel::RandomSlice;
+    config.sampling.nested.dlnz = 0.1;
 
     let target = target(&track, &config)?;
     let run = sample(
