@@ -11,9 +11,9 @@ fn main() -> Result<()> {
     let params = StreamParams {
         log10_m_halo: 12.1,
         r_s_halo_kpc: 16.0,
-        dir_x: -0.25,
-        dir_y: -0.4,
-        dir_z: 1.64,
+        dir_x: -0.112,
+        dir_y: -0.179,
+        dir_z: 0.735,
         log10_m_prog: 8.0,
         r_s_prog_kpc: 1.5,
         x0_kpc: 59.0,
