@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub enum Coverage {
     /// The paper: the likelihood is zero, with a hard threshold on the number of particles.
     Reject,
-    /// Finite and smooth everywhere: a bin fades out between 0.5 and 1.5 thresholds into a residual of `z_miss` sigma,
-    /// and the uncovered fraction of the data's length costs `-lambda (1 - overlap)^2`.
+    /// Finite and smooth everywhere: below the threshold a bin fades into a residual of `z_miss` sigma, which it is
+    /// when empty, and the uncovered fraction of the data's length costs `-lambda (1 - overlap)^2`.
     Penalty {
         /// Residual of a missing bin, in sigma.
         z_miss: f64,
@@ -258,7 +258,7 @@ impl TrackLikelihood {
                 S::one()
             }
             Coverage::Penalty { .. } if self.threshold > 0.0 => {
-                smooth_step(weight / self.threshold - 0.5)
+                smooth_step(weight / self.threshold)
             }
             Coverage::Penalty { .. } => smooth_step(weight),
         };

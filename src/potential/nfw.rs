@@ -60,6 +60,12 @@ const TINY_M2: f64 = 1e-40;
 /// for small s nothing cancels: the same series gives the centre and the rest.
 #[inline(always)]
 fn profile<S: Scalar>(s: S) -> S {
+    profile_and_reciprocals(s).0
+}
+
+/// The [`profile`], 1/s and 1/(1 + s), which it needs anyway.
+#[inline(always)]
+fn profile_and_reciprocals<S: Scalar>(s: S) -> (S, S, S) {
     let one_plus = s + 1.0;
     let (power, ln_power) = one_plus.binade();
     let below = s + (S::one() + power);
@@ -77,7 +83,11 @@ fn profile<S: Scalar>(s: S) -> S {
         * (inverse_s * inverse_s * inverse_s);
     // Below sqrt(2) - 1 the power of two is 1, and `below` is 2 + s.
     let is_inner = power.lt(S::from_f64(1.5));
-    S::select(is_inner, inner, outer)
+    (
+        S::select(is_inner, inner, outer),
+        inverse_s,
+        inverse_one_plus,
+    )
 }
 
 impl<S: Scalar> FlattenedNfw<S> {
@@ -125,9 +135,8 @@ impl<S: Scalar> FlattenedNfw<S> {
     /// `k = Phi'(m)/m` and `k'(m)/m`.
     #[inline(always)]
     fn slopes(&self, s: S) -> (S, S) {
-        let f = profile(s);
-        let inverse_s = S::one() / s;
-        let ratio = inverse_s / (s + 1.0);
+        let (f, inverse_s, inverse_one_plus) = profile_and_reciprocals(s);
+        let ratio = inverse_s * inverse_one_plus;
         let df = ratio * ratio - f * inverse_s * 3.0;
         let k = self.strength * f;
         let dk = self.strength * df * inverse_s * (self.inverse_r_s * self.inverse_r_s);

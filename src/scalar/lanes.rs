@@ -122,10 +122,18 @@ impl<const N: usize, const FMA: bool> Scalar for Lanes<N, FMA> {
 }
 
 impl<const N: usize, const FMA: bool> Lanes<N, FMA> {
-    /// Adds up the lanes, in order.
+    /// Adds up the lanes by halves: the other order would be one long chain of waits. `N` is a power of two.
     #[inline(always)]
     #[must_use]
     pub fn sum(self) -> f64 {
-        self.0.iter().sum()
+        let mut lanes = self.0;
+        let mut width = N;
+        while width > 1 {
+            width /= 2;
+            for i in 0..width {
+                lanes[i] += lanes[i + width];
+            }
+        }
+        lanes[0]
     }
 }

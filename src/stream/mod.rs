@@ -41,7 +41,7 @@ impl Default for ModelSettings {
             releases: TableSettings::default(),
             steps: 100,
             orbit: OrbitMethod::default(),
-            orbit_steps: 512,
+            orbit_steps: 256,
         }
     }
 }

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 type Theta = [f64; DIM];
 
-/// The parameters of gala's first stream.
+/// An orbit and masses like those of gala's first stream, in a nearly spherical halo.
 const BASE: Theta = [
     12.1, 16.0, -0.25, -0.4, 1.64, 8.0, 1.5, 59.0, 53.0, -41.0, 156.0, -29.0, 3.0,
 ];

@@ -6,6 +6,13 @@ use crate::error::Result;
 use crate::rng::{Stream, standard_normal, unit_open};
 use crate::target::Target;
 
+/// Longest whitened force, in units of sqrt(d): what a Gaussian of the metric's own width never reaches.
+///
+/// A path may follow any field that depends on the position alone and stay reversible and volume-preserving, so bounding
+/// the force keeps a move exact. Where a target is chaotic its gradient can exceed what any finite step sees by ten
+/// orders of magnitude; unbounded, one such point ends every path through it.
+const LONGEST_FORCE: f64 = 10.0;
+
 /// How long and how fine a move is. All of it is fixed before the move and independent of the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
@@ -220,11 +227,23 @@ impl<'t, 'm> Explorer<'t, 'm> {
         }
         self.metric
             .whiten_force(&self.force, &mut self.whitened_force);
+        shorten(&mut self.whitened_force, LONGEST_FORCE);
     }
 
     fn kick(&mut self, time: f64) {
         for (r, f) in self.momentum.iter_mut().zip(&self.whitened_force) {
             *r += time * f;
+        }
+    }
+}
+
+/// Scales a vector of d numbers down to a length of at most `longest` sqrt(d).
+pub fn shorten(vector: &mut [f64], longest: f64) {
+    let limit = longest * (vector.len() as f64).sqrt();
+    let length = dot(vector, vector).sqrt();
+    if length > limit {
+        for v in vector {
+            *v *= limit / length;
         }
     }
 }

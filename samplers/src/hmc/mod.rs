@@ -14,7 +14,7 @@ mod step_size;
 mod walls;
 
 pub use jump::{jump, refresh};
-pub use leapfrog::{End, Explorer, Moved, Plan};
+pub use leapfrog::{End, Explorer, Moved, Plan, shorten};
 pub use metric::{Metric, MetricKind, geodesic};
 pub use moments::Moments;
 pub use point::{Evaluator, Point, Tally};

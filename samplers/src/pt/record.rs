@@ -2,8 +2,12 @@
 
 use super::evidence::Traces;
 use super::swap::{self, Journeys};
-use crate::hmc::{End, Moments, Moved, Point};
+use crate::hmc::{End, Moments, Moved, Point, shorten};
 use serde::{Deserialize, Serialize};
+
+/// Longest score that a metric is estimated from, in units of sqrt(d): the score of a posterior a thousand times narrower
+/// than its prior. One chaotic point would otherwise outweigh all others.
+const LONGEST_SCORE: f64 = 1_000.0;
 
 /// What happened at one temperature in one round, all ladders together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -104,6 +108,7 @@ impl Record {
                         .zip(&point.z)
                         .map(|(g, z)| beta[rung] * g - z),
                 );
+                shorten(&mut score, LONGEST_SCORE);
                 self.moments[rung].push(&point.z, &score);
             }
             if rung + 1 == beta.len() {

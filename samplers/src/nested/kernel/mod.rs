@@ -79,7 +79,7 @@ pub(super) fn draw(
             jump::try_all(&mut chain, rng)?;
         }
     }
-    chain.refresh_orbits(rng);
+    chain.refresh_orbits(rng)?;
     chain.motion.moved = chain.x != seed;
     Ok(Newborn {
         u: chain.x,
@@ -145,19 +145,25 @@ impl<'a> Chain<'a> {
         self.ln_l = ln_l;
     }
 
-    /// Draws the position along every declared orbit afresh: the likelihood is the same there, so no call is needed.
-    /// A draw beyond a wall is refused, which keeps the law inside the walls.
-    fn refresh_orbits(&mut self, rng: &mut Stream) {
+    /// Draws the position along every declared orbit afresh. The likelihood is the same there but for rounding, which a
+    /// chaotic target amplifies: a point must carry the value of its own digits, or chains that start from it may find
+    /// nothing above the contour. So it costs one call. A draw beyond a wall, or one that rounding takes below the
+    /// contour, is refused.
+    fn refresh_orbits(&mut self, rng: &mut Stream) -> Result<()> {
         for symmetry in self.setting.target.symmetries() {
             if let Symmetry::Orbit(orbit) = symmetry {
                 let mut z: Vec<f64> = self.x.iter().map(|u| normal::quantile(*u)).collect();
                 orbit.refresh(&mut z, rng);
                 cube_from_normal(&z, &mut self.trial);
                 if self.likelihood.inside_walls(&self.trial) {
-                    self.x.copy_from_slice(&self.trial);
+                    let ln_l = self.likelihood.at(&self.trial)?;
+                    if ln_l > self.setting.contour {
+                        self.accept(ln_l);
+                    }
                 }
             }
         }
+        Ok(())
     }
 }
 
