@@ -8,7 +8,7 @@ use oblate_samplers::{Outcome, Prior, Symmetry, Target};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Cost of a value with gradient in units of a value, measured at 1,000 to 10,000 particles (`cargo bench`).
-const GRADIENT_COST: f64 = 4.0;
+const GRADIENT_COST: f64 = 5.0;
 
 /// The posterior of one stream.
 pub struct StreamTarget {
@@ -96,7 +96,10 @@ impl Target for StreamTarget {
     }
 
     fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
-        match self.likelihood.gradient(&self.params(theta).to_array()) {
+        match self
+            .likelihood
+            .smooth_gradient(&self.params(theta).to_array())
+        {
             Ok((evaluation, all)) => {
                 self.count(evaluation.tally);
                 for (slot, place) in gradient.iter_mut().zip(self.prior.free()) {

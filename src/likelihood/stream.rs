@@ -5,7 +5,7 @@ use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};
 use crate::params::{DIM, QRange, StreamParams};
 use crate::scalar::{Dual, Real, gradient_of, lift};
-use crate::stream::{Arrivals, Galaxy, Model, Setup, Workspace};
+use crate::stream::{Arrivals, Counted, Galaxy, Model, Setup, Workspace};
 use crate::track::{Sums, Track};
 
 /// ln L at a point, and what was unsafe on the way.
@@ -99,6 +99,27 @@ impl StreamLikelihood {
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood); [`Rejection::BadLikelihood`] too if the gradient is not finite.
     pub fn gradient(&self, theta: &[f64; DIM]) -> Result<(Evaluation, [f64; DIM]), Rejection> {
+        self.gradient_of(theta, Counted::All)
+    }
+
+    /// As [`gradient`](Self::gradient), without the particles whose derivative is chaotic ([`Counted::Regular`]): not the
+    /// derivative of ln L where there are such particles, but a field that a Hamiltonian path can follow. A sampler that
+    /// accepts by ln L itself stays exact with any field.
+    ///
+    /// # Errors
+    /// As [`gradient`](Self::gradient).
+    pub fn smooth_gradient(
+        &self,
+        theta: &[f64; DIM],
+    ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
+        self.gradient_of(theta, Counted::Regular)
+    }
+
+    fn gradient_of(
+        &self,
+        theta: &[f64; DIM],
+        counted: Counted,
+    ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
         let duals: [Dual<DIM>; DIM] = lift(theta);
         let setup = self
             .model
@@ -114,7 +135,7 @@ impl StreamLikelihood {
                 &mut b.work.by_y,
             );
             let tally = b.work.arrivals.tally;
-            let gradient = self.model.pull_back(&setup, &real, &mut b.work);
+            let gradient = self.model.pull_back(&setup, &real, counted, &mut b.work);
             if gradient.iter().all(|g| g.is_finite()) {
                 Ok((
                     Evaluation {

@@ -34,10 +34,26 @@ struct ByShared {
     age_gyr: f64,
 }
 
+/// Which particles a derivative counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Counted {
+    /// All: the exact derivative of the discrete model.
+    All,
+    /// Those whose final position moves by at most [`REGULAR`] times their start's. A particle that meets a centre again
+    /// and again in steps too long for it is chaotic: it moves a bin's mean by little, but its derivative can exceed all
+    /// others together by ten orders of magnitude, and says nothing about any finite step. Without such particles the
+    /// derivative is a smooth field that samplers can follow.
+    Regular,
+}
+
+/// Largest stretch of a regular particle: tides stretch by tens in the age of a stream, eccentric orbits by hundreds.
+pub const REGULAR: f64 = 1_000.0;
+
 struct Backward<'a> {
     model: &'a Model,
     setup: &'a Setup<f64>,
     work: &'a mut Workspace,
+    counted: Counted,
 }
 
 /// Adds `weight * v` to `slot`.
@@ -51,14 +67,20 @@ impl Kernel for Backward<'_> {
 
     #[inline(always)]
     fn run<const FMA: bool>(self) -> ByShared {
-        let Self { model, setup, work } = self;
+        let Self {
+            model,
+            setup,
+            work,
+            counted,
+        } = self;
         let host = FlattenedNfw::<Lanes<LANES, FMA>>::broadcast(&setup.host);
         let sphere = Plummer::<Lanes<LANES, FMA>>::broadcast(&setup.sphere);
         let steps = model.settings.steps;
-        let mut by_host = NfwCotangent::zero();
-        let mut by_sphere = PlummerCotangent::zero();
+        let mut by_host = NfwCotangent::<Lanes<LANES, FMA>>::zero();
+        let mut by_sphere = PlummerCotangent::<Lanes<LANES, FMA>>::zero();
         let mut by_age = 0.0;
         let mut positions = vec![Vec3::<Lanes<LANES, FMA>>::zero(); steps + 1];
+        let mut by_positions = positions.clone();
         let mut epoch = usize::MAX;
         for (i, group) in model.groups.iter().enumerate() {
             if group.epoch != epoch {
@@ -81,7 +103,7 @@ impl Kernel for Backward<'_> {
             let path = &work.path;
             let at = |j: usize| Vec3::from_f64(path[j]);
             advance_recorded(&host, &sphere, at, step, start, &mut positions);
-            let by_path = &mut work.by_path;
+            let (mut host_part, mut sphere_part) = (NfwCotangent::zero(), PlummerCotangent::zero());
             let reversed = reverse(
                 &host,
                 &sphere,
@@ -89,13 +111,28 @@ impl Kernel for Backward<'_> {
                 step,
                 &positions,
                 by_position,
-                &mut by_host,
-                &mut by_sphere,
-                |j, by| by_path[j] += by.map(Lanes::sum),
+                &mut host_part,
+                &mut sphere_part,
+                |j, by| by_positions[j] = by,
             );
-            by_age += model.step_gyr(epoch, reversed.step_gyr.sum());
+            let stretch2 = reversed.start.x.norm2();
+            let counts = match counted {
+                Counted::All => Lanes::<LANES, FMA>::zero().lt(Lanes::one()),
+                Counted::Regular => stretch2.lt(by_position.norm2() * (REGULAR * REGULAR)),
+            };
+            let kept = |l: Lanes<LANES, FMA>| Lanes::select(counts, l, Lanes::zero());
+            by_host.ln_mass += kept(host_part.ln_mass);
+            by_host.ln_r_s += kept(host_part.ln_r_s);
+            by_host.flattening += kept(host_part.flattening);
+            by_host.axis += host_part.axis.map(kept);
+            by_sphere.ln_mass += kept(sphere_part.ln_mass);
+            by_sphere.r_s += kept(sphere_part.r_s);
+            for (slot, by) in work.by_path.iter_mut().zip(&by_positions).take(steps) {
+                *slot += by.map(|l| kept(l).sum());
+            }
+            by_age += model.step_gyr(epoch, kept(reversed.step_gyr).sum());
             let by_launch = &mut work.launches[epoch];
-            let State { x, v } = reversed.start;
+            let (x, v) = (reversed.start.x.map(kept), reversed.start.v.map(kept));
             by_launch.state.x += x.map(Lanes::sum);
             by_launch.state.v += v.map(Lanes::sum);
             for c in 0..3 {
@@ -144,6 +181,7 @@ impl Model {
         &self,
         setup: &Setup<Dual<N>>,
         real: &Setup<f64>,
+        counted: Counted,
         work: &mut Workspace,
     ) -> [f64; N] {
         let zero = Vec3::zero();
@@ -170,6 +208,7 @@ impl Model {
                 model: self,
                 setup: real,
                 work,
+                counted,
             },
         );
         let mut sum = Contraction::<N>([0.0; N]);

@@ -9,7 +9,7 @@ mod gradient;
 mod setup;
 
 pub use forward::{Arrivals, Group};
-pub use gradient::Workspace;
+pub use gradient::{Counted, REGULAR, Workspace};
 pub use setup::{Galaxy, Launch, Setup};
 
 use crate::error::{Error, Rejection, Result};

@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 /// Largest step in metric units: a leapfrog on a Gaussian is unstable beyond 2 and wasteful well before.
 pub const MAX_STEP: f64 = 1.2;
 
-/// Smallest step: below it a trajectory does not move in floating point.
-const MIN_STEP: f64 = 1e-8;
+/// Smallest step: a thousandth of the metric's own width. Where a target is rough below any step, acceptance stops rising as
+/// steps shrink, and without a floor they would shrink until nothing moves.
+const MIN_STEP: f64 = 1e-3;
 
 /// Robbins-Monro on the logarithm of the step, with the average over the second half of a round as its result.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
