@@ -124,6 +124,9 @@ pub struct StudyConfig {
     pub title: String,
     /// Folder of all results, from the working directory.
     pub out: PathBuf,
+    /// Exit with 0 even if a run has not converged; the output and the page still say so first.
+    #[serde(default)]
+    pub allow_unconverged: bool,
     /// Tracks to fit.
     #[serde(default)]
     pub tracks: Option<StudyTracks>,

@@ -65,11 +65,13 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
         say(out, &format!("report: {}", page.display()))?;
     }
     let converged = pieces(&outcome).all(|p| p.summary.converged);
-    Ok(if converged || args.allow_unconverged {
-        Exit::Done
-    } else {
-        Exit::Failed
-    })
+    Ok(
+        if converged || args.allow_unconverged || config.allow_unconverged {
+            Exit::Done
+        } else {
+            Exit::Failed
+        },
+    )
 }
 
 fn pieces(outcome: &Outcome) -> impl Iterator<Item = &Piece> {

@@ -11,7 +11,7 @@ use crate::target::Target;
 /// A path may follow any field that depends on the position alone and stay reversible and volume-preserving, so bounding
 /// the force keeps a move exact. Where a target is chaotic its gradient can exceed what any finite step sees by ten
 /// orders of magnitude; unbounded, one such point ends every path through it.
-const LONGEST_FORCE: f64 = 10.0;
+const LONGEST_FORCE: f64 = 100.0;
 
 /// How long and how fine a move is. All of it is fixed before the move and independent of the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
