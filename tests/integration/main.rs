@@ -5,6 +5,7 @@
 )]
 
 mod arrows;
+mod cli;
 mod data;
 mod gala;
 mod golden;

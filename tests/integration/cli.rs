@@ -1,0 +1,334 @@
+//! The command itself: machine forms, exit codes, and one clear error for each bad input.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+fn example(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("examples")
+        .join(name)
+}
+
+fn oblate(args: &[&str], input: &str) -> Output {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_oblate"))
+        .args(args)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    // A command that refuses its arguments may be gone before it reads.
+    let _ = child
+        .stdin
+        .take()
+        .expect("stdin")
+        .write_all(input.as_bytes());
+    child.wait_with_output().expect("the command ends")
+}
+
+fn json(bytes: &[u8]) -> serde_json::Value {
+    serde_json::from_slice(bytes).expect("JSON on standard output")
+}
+
+/// Asserts exit 2 and one error line that holds all `words`.
+fn refused(output: &Output, words: &[&str]) {
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    assert_eq!(text.matches("error: ").count(), 1, "{text}");
+    for word in words {
+        assert!(text.contains(word), "`{word}` is not in: {text}");
+    }
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> String {
+    let path = folder.join(name);
+    std::fs::write(&path, text).expect("a file");
+    path.display().to_string()
+}
+
+#[test]
+fn stream_prints_its_machine_form() {
+    let params = example("stream.toml").display().to_string();
+    let output = oblate(&["stream", &params, "--particles", "1000", "--json"], "");
+    assert_eq!(output.status.code(), Some(0));
+    let value = json(&output.stdout);
+    let n = value["track"]["phi_deg"].as_array().expect("bins").len();
+    assert!(n >= 3);
+    for key in ["r_kpc", "n"] {
+        assert_eq!(value["track"][key].as_array().expect("a column").len(), n);
+    }
+    let q = value["q"].as_f64().expect("q");
+    assert!(q > 0.5 && q < 1.5);
+    assert_eq!(value["axis"].as_array().expect("axis").len(), 3);
+    assert!(value["seconds"].as_f64().expect("seconds") > 0.0);
+}
+
+#[test]
+fn evaluate_answers_line_by_line_and_its_gradient_is_the_slope() {
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let point = |log10_m: f64| {
+        format!(
+            "{{\"log10_m_halo\":{log10_m},\"r_s_halo_kpc\":15.0,\"dir_x\":0.1,\"dir_y\":0.2,\"dir_z\":1.5,\
+             \"log10_m_prog\":7.7,\"r_s_prog_kpc\":1.5,\"x0_kpc\":60.0,\"z0_kpc\":30.0,\"vx0_km_s\":30.0,\
+             \"vy0_km_s\":140.0,\"vz0_km_s\":45.0,\"age_gyr\":3.0}}"
+        )
+    };
+    let h = 1e-6;
+    let input = format!(
+        "{}\n{}\n{}\n",
+        point(12.0 - h),
+        point(12.0),
+        point(12.0 + h)
+    );
+    let output = oblate(
+        &[
+            "evaluate",
+            &track,
+            "--gradient",
+            "--particles",
+            "256",
+            "--steps",
+            "50",
+        ],
+        &input,
+    );
+    assert_eq!(output.status.code(), Some(0));
+    let lines: Vec<serde_json::Value> = String::from_utf8_lossy(&output.stdout)
+        .lines()
+        .map(|l| json(l.as_bytes()))
+        .collect();
+    assert_eq!(lines.len(), 3);
+    let l = |i: usize| lines[i]["ln_likelihood"].as_f64().expect("a number");
+    let slope = (l(2) - l(0)) / (2.0 * h);
+    let gradient = lines[1]["gradient"]["log10_m_halo"]
+        .as_f64()
+        .expect("a number");
+    assert!(
+        (slope - gradient).abs() < 1e-4 * gradient.abs().max(1.0),
+        "{slope} {gradient}"
+    );
+    assert!(lines[1]["rejected"].is_null());
+}
+
+#[test]
+fn mocks_are_written_with_their_truth_and_never_overwritten() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("mocks").display().to_string();
+    let args = [
+        "mock",
+        "--count",
+        "2",
+        "--seed",
+        "7",
+        "--particles",
+        "2000",
+        "--out",
+        &out,
+        "--json",
+    ];
+    let output = oblate(&args, "");
+    assert_eq!(output.status.code(), Some(0));
+    let value = json(&output.stdout);
+    assert_eq!(value["accepted"], 2);
+    for mock in value["mocks"].as_array().expect("mocks") {
+        let track = mock["track"].as_str().expect("a path");
+        let read = oblate::data::ObservedTrack::read(Path::new(track)).expect("a track");
+        let truth = read.meta["truth"]["q"].as_f64().expect("a number");
+        assert!((truth - mock["q"].as_f64().expect("q")).abs() < 1e-12);
+    }
+    refused(&oblate(&args, ""), &["exists already", "--force"]);
+}
+
+#[test]
+fn every_setting_is_printed_and_read_back() {
+    let output = oblate(&["fit", "--print-config"], "");
+    assert_eq!(output.status.code(), Some(0));
+    let text = String::from_utf8(output.stdout).expect("text");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = write(folder.path(), "all.toml", &text);
+    let again = oblate(&["fit", "--print-config", "--config", &path], "");
+    assert_eq!(String::from_utf8_lossy(&again.stdout), text);
+}
+
+#[test]
+fn bad_settings_and_parameters_name_file_line_and_remedy() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let out = folder.path().join("run").display().to_string();
+    let unknown = write(folder.path(), "unknown.toml", "seed = 1\nsneed = 2\n");
+    let fit = |config: &str| oblate(&["fit", &track, "--config", config, "--out", &out], "");
+    refused(
+        &fit(&unknown),
+        &["unknown.toml", "line 2", "sneed", "--print-config"],
+    );
+    refused(&fit("nowhere.toml"), &["nowhere.toml", "readable"]);
+    let odd = write(
+        folder.path(),
+        "odd.toml",
+        "[model.releases]\nparticles = 1001\n",
+    );
+    refused(&fit(&odd), &["particles = 1001", "multiple"]);
+    let outside = std::fs::read_to_string(example("stream.toml"))
+        .expect("the example")
+        .lines()
+        .map(|l| {
+            if l.starts_with("age_gyr") {
+                "age_gyr = 40.0"
+            } else {
+                l
+            }
+        })
+        .collect::<Vec<_>>()
+        .join("\n");
+    let outside = write(folder.path(), "outside.toml", &outside);
+    refused(
+        &oblate(&["stream", &outside], ""),
+        &["outside.toml", "age_gyr", "[1, 4]"],
+    );
+    refused(
+        &oblate(&["evaluate", &track], "{\"age_gyr\": 1}\n"),
+        &["standard input", "line 1", "missing field"],
+    );
+    assert!(!Path::new(&out).exists(), "nothing is left behind");
+}
+
+#[test]
+fn bad_tracks_name_file_line_and_remedy_and_leave_nothing_behind() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("run").display().to_string();
+    let good = "phi,r,r_err\n-15,60,1.2\n-5,61,1.2\n5,62,1.2\n15,63,1.2\n";
+    for (name, text, words) in [
+        (
+            "column.csv",
+            good.replace("phi,r,", "phi,radius,"),
+            vec!["`r`"],
+        ),
+        ("nan.csv", good.replace("61", "nan"), vec!["line 3"]),
+        ("negative.csv", good.replace("61", "-61"), vec!["line 3"]),
+        (
+            "unsorted.csv",
+            good.replace("5,62", "-25,62"),
+            vec!["line 4"],
+        ),
+        ("unequal.csv", good.replace("5,62", "2,62"), vec!["line"]),
+        ("two.csv", "phi,r\n-5,60\n5,61\n".to_owned(), vec!["3"]),
+    ] {
+        let path = write(folder.path(), name, &text);
+        let output = oblate(&["fit", &path, "--out", &out], "");
+        let mut all = vec![name];
+        all.extend(words);
+        refused(&output, &all);
+    }
+    refused(
+        &oblate(&["fit", "no_such.ecsv", "--out", &out], ""),
+        &["no_such.ecsv"],
+    );
+    // A track that no prior draw can cover: right form, impossible size.
+    let far = write(folder.path(), "far.csv", &good.replace(",6", ",6000000"));
+    refused(
+        &oblate(&["fit", &far, "--particles", "256", "--out", &out], ""),
+        &["none of 1000 prior draws", "widen the prior"],
+    );
+    assert!(!Path::new(&out).exists(), "nothing is left behind");
+}
+
+/// Three free parameters, few particles: a fit of seconds.
+const SMALL: &str = r#"
+model = { steps = 30, orbit_steps = 64, releases = { particles = 128 } }
+likelihood = { model_noise = true }
+prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
+sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6 }
+"#;
+
+#[test]
+fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let run = |name: &str, threads: &str| {
+        let out = folder.path().join(name).display().to_string();
+        let args = [
+            "fit",
+            &track,
+            "--config",
+            &config,
+            "--threads",
+            threads,
+            "--out",
+            &out,
+            "--json",
+            "-q",
+            "--allow-unconverged",
+        ];
+        (out.clone(), oblate(&args, ""))
+    };
+    let (one, output) = run("one", "1");
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let summary = json(&output.stdout);
+    for key in [
+        "ln_z",
+        "ess",
+        "q",
+        "parameters",
+        "cost",
+        "converged",
+        "gates",
+    ] {
+        assert!(!summary[key].is_null(), "{key}");
+    }
+    for file in [
+        "posterior.zarr",
+        "summary.json",
+        "config.toml",
+        "log.jsonl",
+        "track.ecsv",
+    ] {
+        assert!(Path::new(&one).join(file).exists(), "{file}");
+    }
+    let (_, again) = run("one", "1");
+    refused(&again, &["exists already", "--resume", "--force"]);
+    // The same bits on two threads.
+    let (two, output) = run("two", "2");
+    let other = json(&output.stdout);
+    assert_eq!(summary["ln_z"], other["ln_z"]);
+    assert_eq!(summary["parameters"], other["parameters"]);
+    let output = oblate(&["compare", &one, &two], "");
+    assert_eq!(output.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("they agree"));
+    // Fixed shape components leave no closed prior of q: a population must refuse.
+    let out = folder.path().join("population").display().to_string();
+    let output = oblate(
+        &[
+            "population",
+            &one,
+            &two,
+            "--out",
+            &out,
+            "--allow-unconverged",
+        ],
+        "",
+    );
+    refused(&output, &["prior"]);
+    // The page holds the figures.
+    let page = folder.path().join("page.html").display().to_string();
+    let output = oblate(&["report", &one, &two, "--out", &page], "");
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let text = std::fs::read_to_string(&page).expect("the page");
+    assert!(
+        text.matches("<svg").count() >= 8,
+        "{}",
+        text.matches("<svg").count()
+    );
+    assert!(!text.contains("NaN"));
+}
