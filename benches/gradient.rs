@@ -12,7 +12,7 @@ use oblate::stream::{Arrivals, Model, ModelSettings};
 use oblate::track::{BinEdges, Track};
 use std::hint::black_box;
 
-/// An oblate halo with a tilted axis, a progenitor at 80 kpc, 3 Gyr.
+/// A nearly spherical halo with a tilted axis, a progenitor at 80 kpc, 3 Gyr.
 const THETA: [f64; DIM] = [
     12.1, 16.0, -0.25, -0.4, 1.64, 8.0, 1.5, 59.0, 53.0, -41.0, 156.0, -29.0, 3.0,
 ];

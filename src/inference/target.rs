@@ -95,6 +95,7 @@ impl Target for StreamTarget {
         }
     }
 
+    /// ln L, and the smooth gradient: see [`StreamLikelihood::smooth_gradient`].
     fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
         match self
             .likelihood

@@ -216,6 +216,31 @@ fn rounding(likelihood: &StreamLikelihood, theta: &Theta) -> f64 {
         .fold(0.0, f64::max)
 }
 
+#[test]
+fn the_smooth_gradient_leaves_out_chaotic_particles_and_nothing_else() {
+    let model = model(small());
+    let (mut same, mut tamed) = (0, 0);
+    for n in 0..60 {
+        let (z, theta) = draw(n);
+        let Some(likelihood) = likelihood_at(&theta, &model, &LikelihoodSettings::default()) else {
+            continue;
+        };
+        let (Ok((a, exact)), Ok((b, smooth))) = (
+            likelihood.gradient(&theta),
+            likelihood.smooth_gradient(&theta),
+        ) else {
+            continue;
+        };
+        assert_eq!(a, b, "the value is the same: {n}");
+        let (exact, smooth) = (largest(&in_z(&z, &exact)), largest(&in_z(&z, &smooth)));
+        same += usize::from((exact - smooth).abs() <= 1e-12 * exact);
+        // What is left where it is still large is the progenitor's own orbit through the centre.
+        tamed += usize::from(smooth < 1e-1 * exact);
+    }
+    println!("{same} the same, {tamed} tamed by ten or more");
+    assert!(same >= 10 && tamed >= 1, "{same} {tamed}");
+}
+
 /// The central difference of `f` at 0, by Richardson's rule, at the step where it has converged best, and how far it
 /// moved between that step and its half.
 fn central(f: impl Fn(f64) -> f64, largest_step: f64) -> (f64, f64) {
