@@ -1,17 +1,16 @@
 //! A fit from a track and its settings to a run folder: what `oblate fit` and a study do.
 
-use super::{RunFolder, Versions, Watch};
+use super::{RunFolder, Versions, Watch, conclude};
 use crate::config::{FitConfig, text};
 use crate::data::ObservedTrack;
 use crate::error::Result;
 use crate::inference::{StreamTarget, check_reach, sample};
 use crate::likelihood::{DataBin, StreamLikelihood, TrackLikelihood};
 use crate::params::StreamPrior;
-use crate::posterior::{Summary, SummaryContext, prior_draws, zarr};
+use crate::posterior::{Summary, SummaryContext};
 use crate::stream::{Model, ModelSettings};
 use oblate_samplers::control::CheckpointPlan;
-use oblate_samplers::output::Status;
-use oblate_samplers::{Control, Run, Target};
+use oblate_samplers::{Control, Run};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
@@ -29,9 +28,6 @@ pub enum Existing {
 
 /// Time between two checkpoints.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(30);
-
-/// Draws of the prior that are kept beside the posterior.
-const PRIOR_DRAWS: usize = 2_000;
 
 /// The target of a track under given settings.
 ///
@@ -96,21 +92,7 @@ pub fn fit(
         input_hash: versions.input_hash.clone(),
     };
     let summary = Summary::new(&run, &context);
-    if run.status != Status::Interrupted {
-        let prior = prior_draws(target.prior(), PRIOR_DRAWS, config.seed, |theta| {
-            let mut derived = Vec::new();
-            target.derived(theta, &mut derived);
-            derived
-        });
-        folder.finish(
-            &run,
-            &summary,
-            zarr::Beside {
-                track: Some(track),
-                prior: Some(&prior),
-            },
-        )?;
-    }
+    conclude(&folder, &target, &run, &summary, Some(track), config.seed)?;
     Ok((run, summary))
 }
 

@@ -16,10 +16,39 @@ pub use population::{population, q_posterior};
 pub use study::{Outcome, Piece, study};
 pub use watch::Watch;
 
+use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
-use crate::posterior::Summary;
-use oblate_samplers::Run;
+use crate::posterior::{Summary, prior_draws, zarr};
+use oblate_samplers::output::Status;
+use oblate_samplers::{Run, Target};
 use std::path::Path;
+
+/// Draws of the prior that are kept beside the posterior.
+const PRIOR_DRAWS: usize = 2_000;
+
+/// Writes what a run leaves behind, with draws of its prior; an interrupted one leaves only its checkpoint.
+fn conclude(
+    folder: &RunFolder,
+    target: &dyn Target,
+    run: &Run,
+    summary: &Summary,
+    track: Option<&ObservedTrack>,
+    seed: u64,
+) -> Result<()> {
+    if run.status == Status::Interrupted {
+        return Ok(());
+    }
+    let prior = prior_draws(target.prior(), PRIOR_DRAWS, seed, |theta| {
+        let mut derived = Vec::new();
+        target.derived(theta, &mut derived);
+        derived
+    });
+    let beside = zarr::Beside {
+        track,
+        prior: Some(&prior),
+    };
+    folder.finish(run, summary, beside)
+}
 
 /// A folder made ready for a run.
 enum Opened {

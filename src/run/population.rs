@@ -1,20 +1,16 @@
 //! A population from run folders to a run folder.
 
 use super::fit::{Existing, watched};
-use super::{Opened, RunFolder, StoredRun, Versions, Watch, open_or_create};
+use super::{Opened, RunFolder, StoredRun, Versions, Watch, conclude, open_or_create};
 use crate::config::{PopulationConfig, text};
 use crate::error::{Error, Result};
 use crate::inference::sample;
 use crate::params::QPrior;
 use crate::population::{PopulationTarget, QPosterior, TruncatedGaussian};
-use crate::posterior::{Summary, SummaryContext, column, prior_draws, zarr};
-use oblate_samplers::output::Status;
-use oblate_samplers::{Run, Target};
+use crate::posterior::{Summary, SummaryContext, column};
+use oblate_samplers::Run;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// Draws of the prior that are kept beside the posterior.
-const PRIOR_DRAWS: usize = 2_000;
 
 /// The posterior of q of a finished fit, with the prior that the fit really used.
 ///
@@ -89,20 +85,6 @@ pub fn population(
         input_hash: versions.input_hash.clone(),
     };
     let summary = Summary::new(&run, &context);
-    if run.status != Status::Interrupted {
-        let prior = prior_draws(target.prior(), PRIOR_DRAWS, config.seed, |theta| {
-            let mut derived = Vec::new();
-            target.derived(theta, &mut derived);
-            derived
-        });
-        folder.finish(
-            &run,
-            &summary,
-            zarr::Beside {
-                track: None,
-                prior: Some(&prior),
-            },
-        )?;
-    }
+    conclude(&folder, &target, &run, &summary, None, config.seed)?;
     Ok((run, summary))
 }
