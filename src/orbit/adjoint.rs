@@ -84,6 +84,13 @@ pub fn reverse<S: Scalar>(
         by_path(j, -x_sphere);
         by.x = by.x + x_host + x_sphere;
         by = tame(by);
+        std::hint::black_box((
+            &mut by,
+            &mut *by_host,
+            &mut *by_sphere,
+            &mut by_drift,
+            &mut by_kick,
+        ));
     }
     Reversed {
         start: by,

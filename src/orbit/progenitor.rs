@@ -106,7 +106,28 @@ pub struct DenseOrbit<S> {
 }
 
 impl<S: Real> DenseOrbit<S> {
+    /// The real parts.
+    #[must_use]
+    pub fn real_part(&self) -> DenseOrbit<f64> {
+        let v = |a: Vec3<S>| a.map(Real::re);
+        DenseOrbit {
+            nodes: self
+                .nodes
+                .iter()
+                .map(|n| Node {
+                    x: v(n.x),
+                    dx: v(n.dx),
+                    ddx: v(n.ddx),
+                })
+                .collect(),
+            turns: self.turns.iter().map(|t| t.re()).collect(),
+            spacing_gyr: self.spacing_gyr.re(),
+            energy_error: self.energy_error,
+        }
+    }
+
     /// Integrates back from `today` over `age_gyr` in `steps` steps.
+    #[inline(always)]
     pub fn integrate(
         host: &impl Potential<S>,
         today: State<S>,
@@ -124,8 +145,9 @@ impl<S: Real> DenseOrbit<S> {
         let first_energy = energy(&today);
         let mut energy_error = 0.0_f64;
         let mut state = today;
-        let mut nodes = vec![node(&today)];
-        let mut turns = vec![S::zero()];
+        let (mut nodes, mut turns) = (Vec::with_capacity(steps + 1), Vec::with_capacity(steps + 1));
+        nodes.push(node(&today));
+        turns.push(S::zero());
         let mut wound = S::zero();
         for _ in 0..steps {
             let before = state.x;
@@ -149,6 +171,7 @@ impl<S: Real> DenseOrbit<S> {
     }
 
     /// State and winding count at the time `tau` in [-1, 0].
+    #[inline(always)]
     pub fn at(&self, tau: f64) -> (State<S>, S) {
         let steps = self.nodes.len() - 1;
         let (node, t) = locate(tau, steps);
@@ -191,6 +214,7 @@ impl<S: Real> DenseOrbit<S> {
 }
 
 /// One step of the position-extended Forest-Ruth-like method, 4 forces.
+#[inline(always)]
 fn pefrl<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
     // Omelyan, Mryglod & Folk 2002, Comput. Phys. Commun. 146, 188, their "PEFRL".
     const XI: f64 = 0.178_617_895_844_809_1;
@@ -213,6 +237,7 @@ fn pefrl<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
 }
 
 /// One step of the second-order leapfrog.
+#[inline(always)]
 fn kick_drift_kick<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
     let v = s.v.add_scaled(host.acceleration(s.x), h * 0.5);
     let x = s.x.add_scaled(v, h);

@@ -8,7 +8,7 @@ mod dual;
 mod lanes;
 mod vec3;
 
-pub use dual::{Dual, gradient_of, lift, variable};
+pub use dual::{Dual, LaneDual, gradient_of, lift, variable};
 pub use lanes::Lanes;
 pub use vec3::Vec3;
 

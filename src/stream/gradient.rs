@@ -8,7 +8,7 @@
 use super::{Arrivals, Group, LANES, Launch, Model, Setup};
 use crate::orbit::{Kernel, Level, Node, Placement, State, advance_recorded, dispatch, reverse};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
-use crate::scalar::{Dual, Lanes, Scalar, Vec3};
+use crate::scalar::{LaneDual, Lanes, Scalar, Vec3};
 
 /// Buffers of one thread, reused from call to call.
 #[derive(Clone, Debug, Default)]
@@ -178,7 +178,7 @@ impl Model {
     /// particles are the ones that [`carry`](Self::carry) made from it.
     pub fn pull_back<const N: usize>(
         &self,
-        setup: &Setup<Dual<N>>,
+        setup: &Setup<LaneDual<N>>,
         real: &Setup<f64>,
         counted: Counted,
         work: &mut Workspace,
@@ -249,15 +249,13 @@ impl Model {
 struct Contraction<const N: usize>([f64; N]);
 
 impl<const N: usize> Contraction<N> {
-    fn add(&mut self, number: &Dual<N>, by: f64) {
-        if let Some(eps) = &number.eps.0 {
-            for (slot, e) in self.0.iter_mut().zip(eps.iter()) {
-                *slot += by * e;
-            }
+    fn add(&mut self, number: &LaneDual<N>, by: f64) {
+        for (slot, e) in self.0.iter_mut().zip(number.eps) {
+            *slot += by * e;
         }
     }
 
-    fn add_vec(&mut self, vector: &Vec3<Dual<N>>, by: Vec3<f64>) {
+    fn add_vec(&mut self, vector: &Vec3<LaneDual<N>>, by: Vec3<f64>) {
         self.add(&vector.x, by.x);
         self.add(&vector.y, by.y);
         self.add(&vector.z, by.z);
