@@ -5,6 +5,7 @@ use super::State;
 use super::leapfrog::force;
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
+use std::hint::black_box;
 
 /// As [`advance`](super::advance()), and writes the positions of the force evaluations into `positions`, of length
 /// steps + 1, for [`reverse`].
@@ -84,7 +85,9 @@ pub fn reverse<S: Scalar>(
         by_path(j, -x_sphere);
         by.x = by.x + x_host + x_sphere;
         by = tame(by);
-        std::hint::black_box((
+        // Between steps the sweep's state rests in memory. In lanes it is too much for the registers, and a compiler that
+        // may keep it there takes the lanes apart: twice the time.
+        black_box((
             &mut by,
             &mut *by_host,
             &mut *by_sphere,
