@@ -31,6 +31,24 @@ pub struct Node<S> {
     pub ddx: Vec3<S>,
 }
 
+impl<S: Scalar> Node<S> {
+    /// The node of a state, `spacing` Gyr from the next.
+    #[inline(always)]
+    fn of(host: &impl Potential<S>, s: State<S>, spacing: S) -> Self {
+        Self {
+            x: s.x,
+            dx: s.v * spacing,
+            ddx: host.acceleration(s.x) * (spacing * spacing),
+        }
+    }
+}
+
+/// Energy per mass, (kpc/Gyr)^2.
+#[inline(always)]
+fn energy<S: Real>(host: &impl Potential<S>, s: State<S>) -> f64 {
+    (s.v.norm2() * 0.5 + host.value(s.x)).re()
+}
+
 /// Where a time lies between two nodes, and the weights of their six vectors in the position then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
@@ -136,17 +154,11 @@ impl<S: Real> DenseOrbit<S> {
         method: OrbitMethod,
     ) -> Self {
         let spacing = age_gyr / steps as f64;
-        let node = |s: &State<S>| Node {
-            x: s.x,
-            dx: s.v * spacing,
-            ddx: host.acceleration(s.x) * (spacing * spacing),
-        };
-        let energy = |s: &State<S>| (s.v.norm2() * 0.5 + host.value(s.x)).re();
-        let first_energy = energy(&today);
+        let first_energy = energy(host, today);
         let mut energy_error = 0.0_f64;
         let mut state = today;
         let (mut nodes, mut turns) = (Vec::with_capacity(steps + 1), Vec::with_capacity(steps + 1));
-        nodes.push(node(&today));
+        nodes.push(Node::of(host, today, spacing));
         turns.push(S::zero());
         let mut wound = S::zero();
         for _ in 0..steps {
@@ -156,8 +168,9 @@ impl<S: Real> DenseOrbit<S> {
                 OrbitMethod::Leapfrog => kick_drift_kick(host, state, -spacing),
             };
             wound += crossing(before, state.x);
-            energy_error = energy_error.max(((energy(&state) - first_energy) / first_energy).abs());
-            nodes.push(node(&state));
+            energy_error =
+                energy_error.max(((energy(host, state) - first_energy) / first_energy).abs());
+            nodes.push(Node::of(host, state, spacing));
             turns.push(wound);
         }
         nodes.reverse();

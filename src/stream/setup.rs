@@ -135,22 +135,20 @@ impl<S: Real> Setup<S> {
             return Err(Rejection::BadOrbit);
         }
         let mut tally = Tally::default();
-        let launches = table
-            .taus
-            .iter()
-            .map(|tau| {
-                let (state, turns) = orbit.at(*tau);
-                let tidal = Tidal::new(&host, sphere.mass, state);
-                tally.bounded_tidal_radius += u64::from(tidal.bounded);
-                let (length, speed) = table.recipe.scales(&tidal, sphere.mass);
-                Launch {
-                    state,
-                    position: tidal.frame.map(|e| e * length),
-                    velocity: tidal.frame.map(|e| e * speed),
-                    turns,
-                }
-            })
-            .collect();
+        // A loop and not a closure, so that it is inlined into code compiled for any instruction set.
+        let mut launches = Vec::with_capacity(table.taus.len());
+        for tau in &table.taus {
+            let (state, turns) = orbit.at(*tau);
+            let tidal = Tidal::new(&host, sphere.mass, state);
+            tally.bounded_tidal_radius += u64::from(tidal.bounded);
+            let (length, speed) = table.recipe.scales(&tidal, sphere.mass);
+            launches.push(Launch {
+                state,
+                position: tidal.frame.map(|e| e * length),
+                velocity: tidal.frame.map(|e| e * speed),
+                turns,
+            });
+        }
         Ok(Self {
             host,
             sphere,
