@@ -127,7 +127,7 @@ impl StreamLikelihood {
             std::array::from_fn(|i| LaneDual::variable(theta[i], i));
         let setup = self
             .model
-            .setup(&self.galaxy(&StreamParams::from_array(duals)))?;
+            .setup_in_lanes(&self.galaxy(&StreamParams::from_array(duals)))?;
         let real = setup.real_part();
         BUFFERS.with_borrow_mut(|b| {
             self.sum(&real, b)?;

@@ -5,7 +5,7 @@ use crate::error::{Rejection, Tally};
 use crate::orbit::{DenseOrbit, Kernel, State, crossing};
 use crate::params::{QRange, StreamParams};
 use crate::potential::{FlattenedNfw, Plummer};
-use crate::scalar::{Real, Scalar, Vec3};
+use crate::scalar::{LaneDual, Real, Scalar, Vec3};
 use crate::spray::{ReleaseTable, Tidal};
 use crate::units::KPC_PER_GYR_IN_KM_S;
 use std::f64::consts::LN_10;
@@ -109,7 +109,7 @@ pub struct Setup<S> {
 impl<S: Real> Setup<S> {
     /// Integrates the orbit and prepares the launches.
     #[inline(always)]
-    fn new(
+    pub(super) fn new(
         galaxy: &Galaxy<S>,
         settings: &ModelSettings,
         table: &ReleaseTable,
@@ -196,15 +196,15 @@ impl<S: Real> Setup<S> {
     }
 }
 
-/// The cold stage as a kernel: duals make it worth vector registers.
-pub(super) struct Cold<'a, S> {
-    pub galaxy: &'a Galaxy<S>,
+/// The cold stage as a kernel.
+pub(super) struct Cold<'a, const N: usize> {
+    pub galaxy: &'a Galaxy<LaneDual<N>>,
     pub settings: &'a ModelSettings,
     pub table: &'a ReleaseTable,
 }
 
-impl<S: Real> Kernel for Cold<'_, S> {
-    type Output = Result<Setup<S>, Rejection>;
+impl<const N: usize> Kernel for Cold<'_, N> {
+    type Output = Result<Setup<LaneDual<N>>, Rejection>;
 
     #[inline(always)]
     fn run<const FMA: bool>(self) -> Self::Output {
