@@ -3,9 +3,10 @@
 use crate::ks;
 use oblate::params::symmetry::{HalfTurn, MassVelocityAge, QuarterTurnTwin};
 use oblate::params::{PARAMETERS, PriorSettings, StreamPrior, index_of};
+use oblate_samplers::hmc::{Evaluator, Metric, MetricKind, Point, Pool, slice};
 use oblate_samplers::normal;
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
-use oblate_samplers::target::{Involution, Orbit};
+use oblate_samplers::target::{Involution, Orbit, Outcome, Symmetry, Target};
 
 const DRAWS: usize = 20_000;
 
@@ -177,6 +178,74 @@ fn a_refresh_scales_masses_velocities_and_age_exactly_and_nothing_else() {
     }
     // It moves: the age's bounds allow a factor of 16 in mass, and the largest of 2,000 comes near.
     assert!(largest > 2.0, "{largest}");
+}
+
+/// The prior and its symmetries, with a likelihood that sees nothing.
+struct Blind {
+    prior: StreamPrior,
+    symmetries: Vec<Symmetry>,
+}
+
+impl Target for Blind {
+    fn prior(&self) -> &oblate_samplers::Prior {
+        self.prior.prior()
+    }
+    fn ln_likelihood(&self, _: &[f64]) -> Outcome {
+        Outcome::Value(0.0)
+    }
+    fn symmetries(&self) -> &[Symmetry] {
+        &self.symmetries
+    }
+}
+
+#[test]
+fn an_aligned_point_has_the_same_mass_to_the_bit_and_lies_on_its_orbit() {
+    let prior = default_prior();
+    let orbit = MassVelocityAge::new(&prior).unwrap();
+    let mut rng = rng(8);
+    let (mut level, mut refused) = (0, 0);
+    for _ in 0..2_000 {
+        let to: [f64; 13] = std::array::from_fn(|_| standard_normal(&mut rng));
+        let before: [f64; 13] = std::array::from_fn(|_| standard_normal(&mut rng));
+        let mut z = before;
+        if !orbit.align(&mut z, &to) {
+            assert_eq!(z, before, "refused, so left alone");
+            refused += 1;
+            continue;
+        }
+        level += 1;
+        let mass = index_of("log10_m_halo").unwrap();
+        assert_eq!(z[mass].to_bits(), to[mass].to_bits());
+        // And back: only a point on the same orbit can come back to where it was.
+        assert!(orbit.align(&mut z, &before));
+        for (a, b) in z.iter().zip(&before) {
+            assert!((a - b).abs() < 1e-9 * b.abs().max(1.0), "{a} {b}");
+        }
+    }
+    assert!(level > 300 && refused > 300, "{level} {refused}");
+}
+
+#[test]
+fn slices_along_aligned_differences_leave_the_prior_alone() {
+    let prior = default_prior();
+    let orbit = MassVelocityAge::new(&prior).unwrap();
+    let target = Blind {
+        symmetries: vec![Symmetry::Orbit(Box::new(orbit))],
+        prior,
+    };
+    let mut draws = rng(9);
+    let pool = Pool::new((0..13 * 60).map(|_| standard_normal(&mut draws)).collect());
+    let metric = Metric::identity(MetricKind::Dense, 13);
+    assert_leaves_the_prior_alone(10, |z, rng| {
+        let mut evaluator = Evaluator::new(&target);
+        let mut at = Point::new(13);
+        at.z.copy_from_slice(z);
+        at.ln_likelihood = 0.0;
+        for _ in 0..4 {
+            slice(&mut evaluator, 1.0, &metric, &pool, &mut at, rng).unwrap();
+        }
+        z.copy_from_slice(&at.z);
+    });
 }
 
 /// Twice is the identity, the Jacobian is the numerical one, and Metropolis on the prior accepts always.

@@ -67,6 +67,21 @@ fn evidence_by_slices() {
     }
 }
 
+/// Three rounds fewer than from prior draws.
+#[test]
+fn evidence_after_annealing() {
+    let annealed = Settings {
+        annealing: 64,
+        slices: 12,
+        max_leapfrogs: 2,
+        first_scans: 16,
+        ..rounds(5)
+    };
+    for target in [smooth::stiff13(), smooth::twins13(0.9), smooth::shells(5)] {
+        evidence_is_right_with(&target, &annealed);
+    }
+}
+
 #[test]
 fn a_cliff_in_the_likelihood_is_counted_by_every_estimate() {
     for target in [smooth::quarter(), smooth::wall2_as_reject()] {

@@ -91,6 +91,60 @@ fn a_run_stopped_ten_times_and_resumed_has_the_bits_of_one_never_stopped() {
     assert_eq!(again.bits(), expected.bits());
 }
 
+/// Stops a run after so many events of any kind.
+struct StopAfterEvents(u64);
+
+impl Observer for StopAfterEvents {
+    fn event(&mut self, _: &Event) -> ControlFlow<()> {
+        self.0 = self.0.saturating_sub(1);
+        if self.0 == 0 {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    }
+}
+
+fn annealed() -> Settings {
+    Settings {
+        annealing: 40,
+        slices: 2,
+        max_leapfrogs: 4,
+        ..rounds(5)
+    }
+}
+
+#[test]
+fn a_run_stopped_while_it_anneals_says_so_and_resumes_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pt.ckpt");
+    let (target, settings) = (target(), annealed());
+    let expected = whole(&target, &settings);
+    let mut stops = 0;
+    for events in [3, 20, 41, 2] {
+        let mut observer = StopAfterEvents(events);
+        let mut control = Control::new(&mut observer);
+        control.checkpoint = Some(plan(&path));
+        let stopped = pt::run(&target, &settings, 7, &mut control);
+        assert!(matches!(stopped, Err(Error::Interrupted)), "{stopped:?}");
+        stops += 1;
+    }
+    assert_eq!(stops, 4);
+    let run = resumed(&target, &settings, &path, u64::MAX).unwrap();
+    assert_eq!(run.bits(), expected.bits());
+    // One thread or three.
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        assert_eq!(
+            pool.install(|| whole(&target, &settings).bits()),
+            expected.bits()
+        );
+    }
+}
+
 #[test]
 fn a_spent_budget_stops_with_a_valid_unconverged_run_that_resumes() {
     let folder = tempfile::tempdir().unwrap();
