@@ -9,8 +9,10 @@ use crate::population::{PopulationSettings, TruncatedGaussianSettings};
 use crate::spray::{Design, TableSettings};
 use crate::stream::ModelSettings;
 use crate::track::BinEdges;
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::path::{Path, PathBuf};
+use std::result::Result as StdResult;
 
 /// Settings that together have a name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,6 +73,7 @@ pub struct FitConfig {
     /// The prior.
     pub prior: PriorSettings,
     /// The samplers.
+    #[serde(deserialize_with = "over_those_of_streams")]
     pub sampling: SamplerSettings,
 }
 
@@ -81,7 +84,7 @@ impl Default for FitConfig {
             model: ModelSettings::default(),
             likelihood: LikelihoodSettings::default(),
             prior: PriorSettings::default(),
-            sampling: SamplerSettings::default(),
+            sampling: sampling_of_streams(),
         }
     }
 }
@@ -97,23 +100,72 @@ pub struct PopulationConfig {
     /// The reweighting.
     pub reweighting: PopulationSettings,
     /// The samplers.
+    #[serde(deserialize_with = "over_those_of_populations")]
     pub sampling: SamplerSettings,
 }
 
 impl Default for PopulationConfig {
     fn default() -> Self {
-        let mut sampling = SamplerSettings::default();
-        // Two smooth dimensions: short ladders and few draws per stream are enough.
-        sampling.pt_hmc.rounds = 8;
-        sampling.pt_hmc.temperatures = 8;
-        sampling.pt_hmc.max_temperatures = 16;
         Self {
             seed: 1,
             family: TruncatedGaussianSettings::default(),
             reweighting: PopulationSettings::default(),
-            sampling,
+            sampling: sampling_of_populations(),
         }
     }
+}
+
+/// What suits the posterior of a stream: thirteen curved directions, several modes, and a likelihood that is rough at the
+/// scale of a leapfrog step. Slices explore, populations find the modes.
+fn sampling_of_streams() -> SamplerSettings {
+    let mut sampling = SamplerSettings::default();
+    sampling.pt_hmc.annealing = 96;
+    sampling.pt_hmc.slices = 8;
+    sampling.pt_hmc.max_leapfrogs = 4;
+    sampling.pt_hmc.target_acceptance = 0.6;
+    sampling.pt_hmc.first_scans = 8;
+    sampling.pt_hmc.rounds = 8;
+    sampling
+}
+
+/// What suits two smooth dimensions: short ladders and few draws per stream.
+fn sampling_of_populations() -> SamplerSettings {
+    let mut sampling = SamplerSettings::default();
+    sampling.pt_hmc.rounds = 8;
+    sampling.pt_hmc.temperatures = 8;
+    sampling.pt_hmc.max_temperatures = 16;
+    sampling
+}
+
+fn over_those_of_streams<'de, D: Deserializer<'de>>(given: D) -> StdResult<SamplerSettings, D::Error> {
+    over(sampling_of_streams(), given)
+}
+
+fn over_those_of_populations<'de, D: Deserializer<'de>>(
+    given: D,
+) -> StdResult<SamplerSettings, D::Error> {
+    over(sampling_of_populations(), given)
+}
+
+/// What is given, and defaults for the rest: those of the settings' use, where the type's own would suit another.
+fn over<'de, T: Serialize + DeserializeOwned, D: Deserializer<'de>>(
+    defaults: T,
+    given: D,
+) -> StdResult<T, D::Error> {
+    fn merge(base: &mut toml::Table, given: toml::Table) {
+        for (key, value) in given {
+            match (base.get_mut(&key), value) {
+                (Some(toml::Value::Table(inner)), toml::Value::Table(more)) => merge(inner, more),
+                (_, value) => {
+                    base.insert(key, value);
+                }
+            }
+        }
+    }
+    let given = toml::Table::deserialize(given)?;
+    let mut all = toml::Table::try_from(defaults).map_err(D::Error::custom)?;
+    merge(&mut all, given);
+    T::deserialize(all).map_err(D::Error::custom)
 }
 
 /// A study: tracks and mocks, their fits by one or more samplers, a population, a report.
