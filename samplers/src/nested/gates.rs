@@ -79,7 +79,7 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
             1e-3,
             "points per call drawn from the bound; if too small, the bound does not fit: use `random-slice`",
         )),
-        Kernel::RandomWalk | Kernel::RandomSlice => {
+        Kernel::RandomWalk | Kernel::RandomSlice | Kernel::Differential => {
             if !state.tuning.jumps.is_empty() {
                 gates.push(Gate::at_least(
                     "relative-jump",

@@ -14,6 +14,8 @@ pub enum Kernel {
     Uniform,
     /// Slices along random directions of the local ellipsoid (hit and run).
     RandomSlice,
+    /// Slices, half of them along the difference of two live points, half along random directions of the local ellipsoid.
+    Differential,
     /// Metropolis steps, uniform in a ball of the local ellipsoid.
     RandomWalk,
 }
@@ -34,7 +36,7 @@ impl Kernel {
     pub fn default_steps(self, dim: usize) -> usize {
         match self.resolve(dim) {
             Self::RandomWalk => 20 + dim,
-            Self::RandomSlice => 3 + dim,
+            Self::RandomSlice | Self::Differential => 3 + dim,
             Self::Auto | Self::Uniform => 1,
         }
     }

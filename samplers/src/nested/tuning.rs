@@ -1,18 +1,24 @@
 //! Length and number of the steps of chains, learned from how the chains moved.
 
 use super::bound::Bound;
-use super::kernel::{self, Newborn};
+use super::kernel::{self, Newborn, Pace};
 use super::live::Points;
 use super::rank::Ranks;
 use super::settings::Kernel;
 use crate::rng::{Stream, below};
 use serde::{Deserialize, Serialize};
 
+/// Step length along a difference before anything is learned: two points of a region of any dimension are about
+/// `sqrt 2` of its radius apart.
+const FIRST_STRIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
 /// What chains have shown of themselves, and the steps that follow from it. Every batch runs with fixed ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tuning {
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
+    /// Step length along the difference of two points, in units of their distance.
+    pub stride: f64,
     /// Slices or walk steps per point; never lowered in a run.
     pub steps: usize,
     /// Relative jump distance of every batch.
@@ -30,6 +36,7 @@ impl Tuning {
     pub fn new(steps: usize) -> Self {
         Self {
             scale: 1.0,
+            stride: FIRST_STRIDE,
             steps,
             jumps: Vec::new(),
             echoes: Vec::new(),
@@ -65,17 +72,19 @@ impl Tuning {
             .extend(relative_jump(rng, bounds, kept, seeds, born));
         self.echoes.push(echo(kept, seeds, born));
         self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
-        let grown: u64 = born.iter().map(|b| b.motion.grown).sum();
-        let shrunk: u64 = born.iter().map(|b| b.motion.shrunk).sum();
-        if grown + shrunk == 0 {
-            return;
+        let (mut local, mut differences) = (Pace::default(), Pace::default());
+        for b in born {
+            local.add(b.motion.local);
+            differences.add(b.motion.differences);
         }
-        let share = grown as f64 / (grown + shrunk) as f64;
         match kernel {
-            // As many steps outward as inward.
-            Kernel::RandomSlice => self.scale *= (2.0 * share).clamp(0.5, 2.0),
+            Kernel::RandomSlice | Kernel::Differential => {
+                self.scale *= balance(local);
+                self.stride *= balance(differences);
+            }
             // Half of the steps accepted.
             Kernel::RandomWalk => {
+                let share = local.share().unwrap_or(0.5);
                 self.scale *= ((share - 0.5) / (0.5 * kept.dim() as f64)).exp();
             }
             Kernel::Auto | Kernel::Uniform => {}
@@ -108,6 +117,13 @@ impl Tuning {
             self.stayed,
         );
     }
+}
+
+/// What a width is multiplied by so that slices step outward as often as inward.
+fn balance(slices: Pace) -> f64 {
+    slices
+        .share()
+        .map_or(1.0, |share| (2.0 * share).clamp(0.5, 2.0))
 }
 
 pub(super) fn mean(values: &[f64]) -> f64 {
