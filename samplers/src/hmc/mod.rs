@@ -1,5 +1,5 @@
-//! Hamiltonian moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta`: one trajectory, its metric, its
-//! step size, and the jumps that a target's author knows.
+//! Local moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta`: one Hamiltonian trajectory, its metric, its
+//! step size; a slice of a line where gradients do not help; and the jumps that a target's author knows.
 //!
 //! Everything works in standard-normal coordinates and in whitened momenta `r = L' p`, where `L L' = V` is the
 //! metric (an estimate of the posterior's covariance): kinetic energy is `|r|^2 / 2`, the velocity is `L r` and the
@@ -10,6 +10,7 @@ mod leapfrog;
 mod metric;
 mod moments;
 mod point;
+mod slice;
 mod step_size;
 mod walls;
 
@@ -18,5 +19,6 @@ pub use leapfrog::{End, Explorer, Moved, Plan, shorten};
 pub use metric::{Metric, MetricKind, geodesic};
 pub use moments::Moments;
 pub use point::{Evaluator, Point, Tally};
+pub use slice::{Pool, slice};
 pub use step_size::{MAX_STEP, StepSize};
 pub use walls::inside;

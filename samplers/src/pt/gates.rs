@@ -21,6 +21,9 @@ pub(super) struct Evidenced<'a> {
     pub(super) worst_r_hat: f64,
     /// p-value that ladders give modes the same weight.
     pub(super) mode_agreement: f64,
+    /// Whether slices explore too: then it is round trips, R-hat and effective sizes that judge how far states move, and a
+    /// short trajectory is no failure.
+    pub(super) slices: bool,
 }
 
 /// All gates of a run.
@@ -65,7 +68,7 @@ fn journeys(run: &Evidenced<'_>) -> Vec<Gate> {
             "round-trip rate",
             rate / expected,
             0.3,
-            "share of the rate that perfect explorers would have; if low, local moves are too slow: raise `moves` or `max_leapfrogs`, or declare the target's symmetries",
+            "share of the rate that perfect explorers would have; if low, local moves are too slow: raise `slices`, `moves` or `max_leapfrogs`, or declare the target's symmetries",
         ),
     ]
 }
@@ -141,7 +144,7 @@ fn draws(run: &Evidenced<'_>) -> Vec<Gate> {
             "bulk effective size",
             least(&run.ess.bulk),
             400.0,
-            "smallest over parameters; if below, add rounds or raise `moves`",
+            "smallest over parameters; if below, add rounds or raise `slices` or `moves`",
         ),
         Gate::at_least(
             "tail effective size",
@@ -175,6 +178,15 @@ fn moves(run: &Evidenced<'_>) -> Vec<Gate> {
             .map(|local| count(local) as f64 / local.moves.max(1) as f64)
             .fold(0.0, f64::max)
     };
+    let rejected = Gate::at_most(
+        "moves lost to rejected points",
+        worst_share(|local| local.rejected),
+        0.2,
+        "share at the worst temperature of moves that met a point without likelihood; if above, give the target a smooth penalty in place of a cliff",
+    );
+    if run.slices {
+        return vec![rejected];
+    }
     vec![
         Gate::at_least(
             "acceptance, lowest",
@@ -194,12 +206,7 @@ fn moves(run: &Evidenced<'_>) -> Vec<Gate> {
             0.01,
             "share of moves stopped by `max_leapfrogs` at the worst temperature; if above, raise it",
         ),
-        Gate::at_most(
-            "moves lost to rejected points",
-            worst_share(|local| local.rejected),
-            0.2,
-            "share at the worst temperature of moves that met a point without likelihood; if above, give the target a smooth penalty in place of a cliff",
-        ),
+        rejected,
     ]
 }
 

@@ -26,6 +26,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Ru
         ess: &ess,
         worst_r_hat,
         mode_agreement: modes(state, dim),
+        slices: state.slices(),
     });
     Run {
         method: Method::PtHmc,

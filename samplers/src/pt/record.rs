@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 /// than its prior. One chaotic point would otherwise outweigh all others.
 const LONGEST_SCORE: f64 = 1_000.0;
 
+/// Most states that a round remembers at each temperature, spread evenly over its scans.
+const MOST_VISITS: usize = 256;
+
 /// What happened at one temperature in one round, all ladders together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Local {
@@ -62,6 +65,10 @@ pub(super) struct Record {
     pub(super) traces: Traces,
     /// Positions at beta = 1 per ladder, scan by scan.
     pub(super) draws: Vec<Vec<f64>>,
+    /// States of all ladders at each temperature, one after the other: the next round's pool of directions.
+    pub(super) visits: Vec<Vec<f64>>,
+    /// Scans from one remembered state to the next.
+    visit_every: usize,
     /// One per temperature.
     pub(super) locals: Vec<Local>,
     /// One per temperature.
@@ -73,10 +80,13 @@ pub(super) struct Record {
 }
 
 impl Record {
-    pub(super) fn new(dim: usize, ladders: usize, rungs: usize) -> Self {
+    /// An empty record of a round of `scans`.
+    pub(super) fn new(dim: usize, ladders: usize, rungs: usize, scans: usize) -> Self {
         Self {
             traces: Traces::new(ladders, rungs),
             draws: vec![Vec::new(); ladders],
+            visits: vec![Vec::new(); rungs],
+            visit_every: (scans * ladders).div_ceil(MOST_VISITS),
             locals: vec![Local::default(); rungs],
             moments: vec![Moments::new(dim); rungs],
             rejection: vec![0.0; rungs - 1],
@@ -91,6 +101,7 @@ impl Record {
         beta: &[f64],
         points: impl Iterator<Item = &'a Point>,
     ) {
+        let visited = self.traces.scans().is_multiple_of(self.visit_every);
         let mut hotter: Option<f64> = None;
         let mut score = Vec::new();
         for (rung, point) in points.enumerate() {
@@ -110,6 +121,9 @@ impl Record {
                 );
                 shorten(&mut score, LONGEST_SCORE);
                 self.moments[rung].push(&point.z, &score);
+            }
+            if visited {
+                self.visits[rung].extend_from_slice(&point.z);
             }
             if rung + 1 == beta.len() {
                 self.draws[ladder].extend_from_slice(&point.z);

@@ -32,8 +32,11 @@ pub struct Settings {
     pub max_leapfrogs: usize,
     /// Mean length of a trajectory in metric units.
     pub trajectory: f64,
-    /// Local moves per scan and temperature.
+    /// Hamiltonian moves per scan and temperature.
     pub moves: usize,
+    /// Slices per scan and temperature, before the Hamiltonian moves: for likelihoods too rough for long trajectories. Each
+    /// costs about 3 to 8 values and no gradient.
+    pub slices: usize,
 }
 
 impl Default for Settings {
@@ -50,6 +53,7 @@ impl Default for Settings {
             max_leapfrogs: 256,
             trajectory: std::f64::consts::FRAC_PI_2,
             moves: 1,
+            slices: 0,
         }
     }
 }
@@ -132,6 +136,7 @@ impl Settings {
             "give 1 or more, 256 is usual",
         )?;
         whole("moves", self.moves, 1, 1 << 20, "give 1 or more")?;
+        whole("slices", self.slices, 0, 1 << 20, "give 0 or more")?;
         real(
             "target_acceptance",
             self.target_acceptance,

@@ -6,7 +6,7 @@ use super::record::{Local, Record};
 use super::{Settings, swap};
 use crate::control::Event;
 use crate::error::{Error, Result};
-use crate::hmc::{self, Explorer, Metric, Plan, Point, StepSize, Tally};
+use crate::hmc::{self, Explorer, Metric, Plan, Point, Pool, StepSize, Tally};
 use crate::rng::{Domain, Stream, stream, unit_open};
 use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
@@ -34,6 +34,8 @@ pub(super) struct Rung {
     pub(super) beta: f64,
     metric: Metric,
     pub(super) step: StepSize,
+    /// Where the round before stood at this temperature.
+    pool: Pool,
 }
 
 /// One place of one ladder: states stay, machines travel.
@@ -102,6 +104,7 @@ impl State {
                 beta,
                 metric: Metric::identity(settings.metric, dim),
                 step: StepSize::new(0.5),
+                pool: Pool::default(),
             })
             .collect();
         let mut state = Self {
@@ -110,7 +113,7 @@ impl State {
             round: 0,
             scan: 0,
             clock: 0,
-            record: Record::new(dim, settings.ladders, rungs.len()),
+            record: Record::new(dim, settings.ladders, rungs.len(), settings.scans(0)),
             slots: Vec::new(),
             rungs,
             history: Vec::new(),
@@ -181,6 +184,11 @@ impl State {
 
     pub(super) fn is_last_round(&self) -> bool {
         self.round + 1 == self.settings.rounds
+    }
+
+    /// Whether slices explore beside Hamiltonian moves.
+    pub(super) fn slices(&self) -> bool {
+        self.settings.slices > 0
     }
 
     fn is_early_round(&self) -> bool {
@@ -264,7 +272,7 @@ impl State {
         Ok(())
     }
 
-    /// Explores one slot: a fresh draw at beta = 0; symmetries, then local moves elsewhere. Orbits are redrawn in
+    /// Explores one slot: a fresh draw at beta = 0; symmetries, then slices, then Hamiltonian moves elsewhere. Orbits are redrawn in
     /// every scan, being free; involutions are tried with probability 1/2.
     fn explore<'t>(&self, target: &'t dyn Target, slot: usize) -> Result<Explored<'t>> {
         let rung = &self.rungs[slot % self.rungs.len()];
@@ -288,6 +296,11 @@ impl State {
                     }
                     Symmetry::Involution(_) => {}
                 }
+            }
+            for _ in 0..self.settings.slices {
+                let evaluator = &mut explorer.evaluator;
+                let (beta, metric, pool) = (rung.beta, &rung.metric, &rung.pool);
+                hmc::slice(evaluator, beta, metric, pool, &mut point, &mut rng)?;
             }
             let plan = self.plan(rung);
             for _ in 0..self.settings.moves {
@@ -361,6 +374,7 @@ impl State {
                     beta,
                     metric: found[i].0.between(&found[i + 1].0, t),
                     step: StepSize::new(ln_step.exp()),
+                    pool: Pool::new(self.record.visits[i + usize::from(t >= 0.5)].clone()),
                 }
             })
             .collect();
@@ -379,8 +393,9 @@ impl State {
                 }
             })
             .collect();
-        self.record = Record::new(dim, self.settings.ladders, count);
         self.round += 1;
+        let scans = self.settings.scans(self.round);
+        self.record = Record::new(dim, self.settings.ladders, count, scans);
         self.scan = 0;
     }
 

@@ -1,4 +1,4 @@
-//! Hamiltonian moves and jumps: exact invariance, reversibility, walls.
+//! Hamiltonian moves, slices and jumps: exact invariance, reversibility, walls.
 //!
 //! Invariance is tested as in Geweke's joint test: draw z from the prior and data from the model, move z by a kernel
 //! on the posterior given these data, and z must still follow the prior. A kernel that accepts nearly always passes
@@ -7,7 +7,7 @@
 
 use crate::targets::smooth;
 use oblate_samplers::hmc::{
-    End, Evaluator, Explorer, Metric, MetricKind, Plan, Point, inside, jump, refresh,
+    End, Evaluator, Explorer, Metric, MetricKind, Plan, Point, Pool, inside, jump, refresh, slice,
 };
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
 use oblate_samplers::target::{HalfSpace, Involution, Orbit};
@@ -216,6 +216,44 @@ fn hamiltonian_moves_leave_a_tempered_posterior_invariant() {
             acceptance += moved.acceptance / STEPS as f64;
         }
         ([point.z[0], point.z[1]], acceptance)
+    });
+}
+
+/// Steps of slices along directions from a pool that may depend on the point.
+fn sliced(index: u64, beta: f64, pool_at: impl Fn(&Point) -> Pool) -> [f64; 2] {
+    let mut rng = stream(20, Domain::Test, 0, index);
+    let (metric, prior) = (tilted(), plane());
+    let (mut point, datum) = datum_pair(&mut rng, &prior, beta, true);
+    let mut evaluator = Evaluator::new(&datum);
+    point.ln_likelihood = evaluator.value(&point.z).unwrap();
+    for _ in 0..STEPS {
+        let pool = pool_at(&point);
+        slice(&mut evaluator, beta, &metric, &pool, &mut point, &mut rng).unwrap();
+    }
+    [point.z[0], point.z[1]]
+}
+
+/// Acceptance has no meaning for a slice; this lies within the range that the joint test asks for.
+const ALWAYS: f64 = 0.5;
+
+#[test]
+fn slices_leave_a_tempered_posterior_invariant_whatever_the_pool_and_a_pool_that_knows_the_point_does_not()
+ {
+    let pools = [
+        Pool::default(),
+        Pool::new(vec![0.0, 0.1, 2.0, -1.0, 0.3, 0.4, -0.2, 0.9]),
+    ];
+    for pool in &pools {
+        for beta in [0.3, 1.0] {
+            assert_invariant("slices", |index| {
+                (sliced(index, beta, |_| pool.clone()), ALWAYS)
+            });
+        }
+    }
+    // Lines through the origin, drawn from the point: the density along them would need a factor of the distance.
+    assert_caught("radial slices", |index| {
+        let radial = |at: &Point| Pool::new([at.z.clone(), vec![0.0; 2]].concat().repeat(2));
+        (sliced(index, 1.0, radial), ALWAYS)
     });
 }
 
@@ -504,6 +542,16 @@ fn moves_between_walls_keep_the_truncated_prior() {
             let before = [point.z[0], point.z[1]];
             for _ in 0..STEPS {
                 explorer.transition(&mut point, &plan, &mut rng).unwrap();
+                let evaluator = &mut explorer.evaluator;
+                slice(
+                    evaluator,
+                    1.0,
+                    &metric,
+                    &Pool::default(),
+                    &mut point,
+                    &mut rng,
+                )
+                .unwrap();
                 assert!(inside(&target.walls, &point.z) || near_a_wall(&target, &point.z));
             }
             (before, [point.z[0], point.z[1]])

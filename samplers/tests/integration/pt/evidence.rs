@@ -2,11 +2,16 @@
 
 use super::{rounds, run};
 use crate::targets::smooth::{self, Smooth};
+use oblate_samplers::pt::Settings;
 
 /// Five seeds, each within four of its own errors.
 fn evidence_is_right_within_its_error(target: &Smooth, count: usize) {
+    evidence_is_right_with(target, &rounds(count));
+}
+
+fn evidence_is_right_with(target: &Smooth, settings: &Settings) {
     for seed in 1..=5 {
-        let run = run(target, &rounds(count), seed);
+        let run = run(target, settings, seed);
         let pull = (run.evidence.ln_z - target.ln_z) / run.evidence.error;
         assert!(
             pull.abs() < 4.0 && run.evidence.error < 0.4,
@@ -47,6 +52,19 @@ fn evidence_of_bounded_and_correlated_posteriors() {
 #[test]
 fn evidence_of_shells() {
     evidence_is_right_within_its_error(&smooth::shells(5), 9);
+}
+
+/// Trajectories of two steps go nowhere by themselves.
+#[test]
+fn evidence_by_slices() {
+    let by_slices = Settings {
+        slices: 12,
+        max_leapfrogs: 2,
+        ..rounds(8)
+    };
+    for target in [smooth::mvn13(), smooth::twins13(0.9), smooth::shells(5)] {
+        evidence_is_right_with(&target, &by_slices);
+    }
 }
 
 #[test]
