@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 pub enum Kernel {
     /// [`Uniform`](Self::Uniform) below ten parameters, [`Differential`](Self::Differential) from ten on.
     ///
-    /// On exact targets of thirteen parameters it is as unbiased as random slices for as many calls, and better by far
-    /// where there are two narrow modes; on streams it needs a quarter fewer calls for the same number of slices.
+    /// On exact targets of thirteen parameters it costs as many calls as random slices, with no bias of ln Z seen on one
+    /// mode; between two narrow modes both remember their seeds, and its ln Z is a third of the error too high where that
+    /// of random slices is more than one (200 live points, 40 seeds).
     #[default]
     Auto,
     /// Independent draws from the bound.
@@ -70,7 +71,8 @@ pub struct Settings {
     pub batch: f64,
     /// How new points are found.
     pub kernel: Kernel,
-    /// Slices or walk steps per new point; none: `3 + d` and `20 + d`. Raised during a run if points move too little.
+    /// Slices or walk steps per new point; none: `3 + d` and `20 + d`. Raised during a run if new points
+    /// resemble their seeds.
     pub steps: Option<usize>,
     /// What encloses the live points.
     pub bound: BoundKind,

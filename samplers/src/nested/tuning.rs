@@ -28,8 +28,8 @@ pub(super) struct Tuning {
     pub echoes: Vec<f64>,
     /// Chains that ended where they began.
     pub stayed: u64,
-    /// Number of insertions, jumps, echoes and still chains when the current window of the watch began.
-    window: (usize, usize, usize, u64),
+    /// Number of insertions, echoes and still chains when the current window of the watch began.
+    window: (usize, usize, u64),
 }
 
 impl Tuning {
@@ -41,7 +41,7 @@ impl Tuning {
             jumps: Vec::new(),
             echoes: Vec::new(),
             stayed: 0,
-            window: (0, 0, 0, 0),
+            window: (0, 0, 0),
         }
     }
 
@@ -91,31 +91,28 @@ impl Tuning {
         }
     }
 
-    /// Raises the number of steps by half, up to `most`, if the `window` insertions just made show that points move
-    /// too little.
+    /// Raises the number of steps by half, up to `most`, if the `window` insertions just made show that new points owe
+    /// their likelihoods to their seeds.
+    ///
+    /// Short jumps alone raise nothing, they are only gated: on a thin shell points stay close to their seeds for
+    /// long after their likelihoods have forgotten them, and ln Z is as good.
     pub fn watch(&mut self, ranks: &Ranks, window: usize, most: usize) {
-        let (insertions, jumps, echoes, stayed) = self.window;
+        let (insertions, echoes, stayed) = self.window;
         let made = ranks.len() - insertions;
         if made < window {
             return;
         }
-        let (jumps, echoes) = (&self.jumps[jumps..], &self.echoes[echoes..]);
+        let echoes = &self.echoes[echoes..];
         if !echoes.is_empty() {
-            let short = !jumps.is_empty() && mean(jumps) < 0.5;
             // Twice the gate's limit: the scatter of a mean over 5 n chains is 1 / sqrt(5 n).
             let echoing = mean(echoes) > 0.1;
             let still = (self.stayed - stayed) as f64 > 0.01 * made as f64;
             let uneven = ranks.z_score(insertions).abs() > 3.0;
-            if (short || echoing || still || uneven) && self.steps < most {
+            if (echoing || still || uneven) && self.steps < most {
                 self.steps += self.steps.div_ceil(2);
             }
         }
-        self.window = (
-            ranks.len(),
-            self.jumps.len(),
-            self.echoes.len(),
-            self.stayed,
-        );
+        self.window = (ranks.len(), self.echoes.len(), self.stayed);
     }
 }
 
