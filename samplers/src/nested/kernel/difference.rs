@@ -1,8 +1,8 @@
 //! Slices along differences of live points, between slices along random directions of the local ellipsoid (ter Braak
 //! 2006, as the directions of slices; Goodman & Weare 2010 for the use of the other half).
 //!
-//! Live points lie along whatever the region above the contour extends along, ridges within one ellipsoid among it. So
-//! their differences cross it in fewer slices than the directions of any covariance.
+//! Live points lie along whatever the region above the contour extends along, ridges within one ellipsoid and other
+//! modes among it, and their differences point there.
 //!
 //! # Why the prior above the contour stays invariant
 //!
