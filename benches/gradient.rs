@@ -1,7 +1,7 @@
 //! What does the gradient of ln L cost, in units of its value?
 //!
 //! One track with 100 steps per particle and a dense orbit of 512 steps. `value` runs in lanes; `adjoint13` adds all 13
-//! derivatives in reverse; `dual13` is the reference, every number a dual of 13 parts, one particle after the other. All of
+//! derivatives in reverse, `smooth13` those that a sampler follows; `dual13` is the reference, every number a dual of 13 parts, one particle after the other. All of
 //! them do the same physics on the same inputs; the throughput counts particle-steps.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -70,6 +70,9 @@ fn gradient(c: &mut Criterion) {
         });
         group.bench_function(format!("adjoint13/n{n}_s100"), |b| {
             b.iter(|| likelihood.gradient(black_box(&THETA)));
+        });
+        group.bench_function(format!("smooth13/n{n}_s100"), |b| {
+            b.iter(|| likelihood.smooth_gradient(black_box(&THETA)));
         });
         // The reference is slow: once is enough to know by how much.
         if n == 1_000 {

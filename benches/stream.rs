@@ -56,7 +56,7 @@ fn particles(c: &mut Criterion) {
         let model = model(n);
         let setup = model.setup(&galaxy).expect("a setup");
         group.throughput(Throughput::Elements((n * model.settings().steps) as u64));
-        for level in Level::available() {
+        for &level in Level::available() {
             let (mut path, mut out) = (Vec::new(), Arrivals::default());
             let id = format!("carry/{level:?}/n{n}_s100").to_lowercase();
             group.bench_function(id, |b| {

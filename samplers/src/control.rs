@@ -32,6 +32,15 @@ pub enum Event {
         /// Accepted points per call, lately.
         efficiency: f64,
     },
+    /// One sweep of the populations that a tempered run starts from.
+    Annealing {
+        /// Inverse temperature of the least cooled population.
+        beta: f64,
+        /// Mean of their estimates of ln L's mean over the part of the prior cooled through: ln Z at beta = 1.
+        ln_z: f64,
+        /// Likelihood calls so far.
+        calls: u64,
+    },
     /// One scan of a tempered run.
     Tempered {
         /// Round, from 0.

@@ -59,6 +59,9 @@ pub enum Error {
         /// Where, in physical parameters.
         theta: Vec<f64>,
     },
+    /// A run was stopped before it had anything to show.
+    #[error("stopped before the first scan, so there is no result yet; resume from the checkpoint")]
+    Interrupted,
     /// A file could not be read or written.
     #[error("{path}: {source}; check that the folder exists, is writable and has space left")]
     Io {

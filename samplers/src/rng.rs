@@ -24,6 +24,8 @@ pub enum Domain {
     PtExplore = 16,
     /// One swap of a tempered run; task = ladder * 2^20 + gap, index = scan.
     PtSwap = 17,
+    /// One member of an annealed population; task = ladder * 2^20 + member, index = sweep.
+    PtAnneal = 18,
     /// Post-processing: simulated weights, bootstraps, resampling; task says which.
     Post = 32,
     /// Draws of the prior outside any sampler (mocks, checks).

@@ -46,6 +46,7 @@ impl Exit {
     pub fn of(error: &Error) -> Self {
         use oblate_samplers::Error as S;
         match error {
+            Error::Sampler(S::Interrupted) => Self::Interrupted,
             Error::Sampler(S::Fatal(_) | S::Infinite { .. } | S::Io { .. }) | Error::NoTrack(_) => {
                 Self::Failed
             }

@@ -91,6 +91,9 @@ impl Observer for Progress {
                 ),
                 false,
             ),
+            Event::Annealing { beta, ln_z, calls } => {
+                self.show(&format!("annealing, beta {beta:.2e}, ln Z {ln_z:.2}, {calls} calls"), false);
+            }
             Event::Tempered { round, scan, scans, barrier, round_trips, ln_z, gradients } => self.show(
                 &format!(
                     "round {round}, scan {} of {scans}, barrier {barrier:.1}, {round_trips} round trips, ln Z \

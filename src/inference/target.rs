@@ -8,7 +8,7 @@ use oblate_samplers::{Outcome, Prior, Symmetry, Target};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Cost of a value with gradient in units of a value, measured at 1,000 to 10,000 particles (`cargo bench`).
-const GRADIENT_COST: f64 = 5.0;
+const GRADIENT_COST: f64 = 3.5;
 
 /// The posterior of one stream.
 pub struct StreamTarget {

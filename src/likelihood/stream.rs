@@ -4,9 +4,12 @@
 use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};
 use crate::params::{DIM, QRange, StreamParams};
-use crate::scalar::{Dual, Real, gradient_of, lift};
-use crate::stream::{Arrivals, Counted, Galaxy, Model, Setup, Workspace};
+use crate::scalar::{Dual, LaneDual, Real, gradient_of, lift};
+use crate::stream::{Arrivals, Counted, Galaxy, LANES, Model, Setup, Workspace};
 use crate::track::{Sums, Track};
+
+/// Derivatives that the duals of the cold stage carry: whole vector registers.
+const PARTS: usize = DIM.next_multiple_of(LANES);
 
 /// ln L at a point, and what was unsafe on the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,10 +123,11 @@ impl StreamLikelihood {
         theta: &[f64; DIM],
         counted: Counted,
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        let duals: [Dual<DIM>; DIM] = lift(theta);
+        let duals: [LaneDual<PARTS>; DIM] =
+            std::array::from_fn(|i| LaneDual::variable(theta[i], i));
         let setup = self
             .model
-            .setup(&self.galaxy(&StreamParams::from_array(duals)))?;
+            .setup_in_lanes(&self.galaxy(&StreamParams::from_array(duals)))?;
         let real = setup.real_part();
         BUFFERS.with_borrow_mut(|b| {
             self.sum(&real, b)?;
@@ -135,7 +139,8 @@ impl StreamLikelihood {
                 &mut b.work.by_y,
             );
             let tally = b.work.arrivals.tally;
-            let gradient = self.model.pull_back(&setup, &real, counted, &mut b.work);
+            let parts = self.model.pull_back(&setup, &real, counted, &mut b.work);
+            let gradient: [f64; DIM] = std::array::from_fn(|i| parts[i]);
             if gradient.iter().all(|g| g.is_finite()) {
                 Ok((
                     Evaluation {

@@ -5,6 +5,7 @@ use super::State;
 use super::leapfrog::force;
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
+use std::hint::black_box;
 
 /// As [`advance`](super::advance()), and writes the positions of the force evaluations into `positions`, of length
 /// steps + 1, for [`reverse`].
@@ -43,6 +44,8 @@ pub struct Reversed<S> {
 
 /// Pulls the derivative `by_position` of some scalar with respect to a particle's final position back through its
 /// recorded path. Adds what falls on the host, the progenitor's sphere and its path (through `by_path(j, derivative)`).
+/// After each step back the derivative with respect to the state then is what `tame` makes of it: the identity for the
+/// exact derivative.
 #[inline(always)]
 #[allow(
     clippy::too_many_arguments,
@@ -58,29 +61,42 @@ pub fn reverse<S: Scalar>(
     by_host: &mut NfwCotangent<S>,
     by_sphere: &mut PlummerCotangent<S>,
     mut by_path: impl FnMut(usize, Vec3<S>),
+    tame: impl Fn(State<S>) -> State<S>,
 ) -> Reversed<S> {
     let steps = positions.len() - 1;
-    let inverse_step = S::one() / step_gyr;
-    let mut by_step = S::zero();
+    let (mut by_drift, mut by_kick) = (S::zero(), S::zero());
     // The last kick changes velocities only, so the sweep starts at the last drift.
-    let mut by_x = by_position;
-    let mut by_v = Vec3::zero();
+    let mut by = State {
+        x: by_position,
+        v: Vec3::zero(),
+    };
     for j in (0..steps).rev() {
         // Drift x_{j+1} = x_j + h v.
-        by_v = by_v.add_scaled(by_x, step_gyr);
-        by_step += by_x.dot(positions[j + 1] - positions[j]) * inverse_step;
+        by.v = by.v.add_scaled(by.x, step_gyr);
+        by_drift += by.x.dot(positions[j + 1] - positions[j]);
         // Kick v += c a(x_j), c = h, or h/2 for the first.
         let share = if j == 0 { 0.5 } else { 1.0 };
-        let lambda = by_v * (step_gyr * share);
+        let kick = by.v * S::from_f64(share);
+        let lambda = kick * step_gyr;
         let (a_host, x_host) = host.pull_back(positions[j], lambda, by_host);
         let (a_sphere, x_sphere) =
             progenitor.pull_back(positions[j] - progenitor_at(j), lambda, by_sphere);
-        by_step += by_v.dot(a_host + a_sphere) * share;
+        by_kick += kick.dot(a_host + a_sphere);
         by_path(j, -x_sphere);
-        by_x = by_x + x_host + x_sphere;
+        by.x = by.x + x_host + x_sphere;
+        by = tame(by);
+        // Between steps the sweep's state rests in memory. In lanes it is too much for the registers, and a compiler that
+        // may keep it there takes the lanes apart: twice the time.
+        black_box((
+            &mut by,
+            &mut *by_host,
+            &mut *by_sphere,
+            &mut by_drift,
+            &mut by_kick,
+        ));
     }
     Reversed {
-        start: State { x: by_x, v: by_v },
-        step_gyr: by_step,
+        start: by,
+        step_gyr: by_drift / step_gyr + by_kick,
     }
 }

@@ -17,13 +17,17 @@ impl Level {
     /// The best level of this CPU.
     #[must_use]
     pub fn best() -> Self {
-        static BEST: OnceLock<Level> = OnceLock::new();
-        *BEST.get_or_init(|| Self::available().first().copied().unwrap_or(Self::Baseline))
+        Self::available().first().copied().unwrap_or(Self::Baseline)
     }
 
     /// All levels of this CPU, best first.
     #[must_use]
-    pub fn available() -> Vec<Self> {
+    pub fn available() -> &'static [Self] {
+        static AVAILABLE: OnceLock<Vec<Level>> = OnceLock::new();
+        AVAILABLE.get_or_init(Self::detect)
+    }
+
+    fn detect() -> Vec<Self> {
         let mut levels = Vec::new();
         #[cfg(target_arch = "x86_64")]
         {

@@ -31,6 +31,24 @@ pub struct Node<S> {
     pub ddx: Vec3<S>,
 }
 
+impl<S: Scalar> Node<S> {
+    /// The node of a state, `spacing` Gyr from the next.
+    #[inline(always)]
+    fn of(host: &impl Potential<S>, s: State<S>, spacing: S) -> Self {
+        Self {
+            x: s.x,
+            dx: s.v * spacing,
+            ddx: host.acceleration(s.x) * (spacing * spacing),
+        }
+    }
+}
+
+/// Energy per mass, (kpc/Gyr)^2.
+#[inline(always)]
+fn energy<S: Real>(host: &impl Potential<S>, s: State<S>) -> f64 {
+    (s.v.norm2() * 0.5 + host.value(s.x)).re()
+}
+
 /// Where a time lies between two nodes, and the weights of their six vectors in the position then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
@@ -106,7 +124,28 @@ pub struct DenseOrbit<S> {
 }
 
 impl<S: Real> DenseOrbit<S> {
+    /// The real parts.
+    #[must_use]
+    pub fn real_part(&self) -> DenseOrbit<f64> {
+        let v = |a: Vec3<S>| a.map(Real::re);
+        DenseOrbit {
+            nodes: self
+                .nodes
+                .iter()
+                .map(|n| Node {
+                    x: v(n.x),
+                    dx: v(n.dx),
+                    ddx: v(n.ddx),
+                })
+                .collect(),
+            turns: self.turns.iter().map(|t| t.re()).collect(),
+            spacing_gyr: self.spacing_gyr.re(),
+            energy_error: self.energy_error,
+        }
+    }
+
     /// Integrates back from `today` over `age_gyr` in `steps` steps.
+    #[inline(always)]
     pub fn integrate(
         host: &impl Potential<S>,
         today: State<S>,
@@ -115,17 +154,12 @@ impl<S: Real> DenseOrbit<S> {
         method: OrbitMethod,
     ) -> Self {
         let spacing = age_gyr / steps as f64;
-        let node = |s: &State<S>| Node {
-            x: s.x,
-            dx: s.v * spacing,
-            ddx: host.acceleration(s.x) * (spacing * spacing),
-        };
-        let energy = |s: &State<S>| (s.v.norm2() * 0.5 + host.value(s.x)).re();
-        let first_energy = energy(&today);
+        let first_energy = energy(host, today);
         let mut energy_error = 0.0_f64;
         let mut state = today;
-        let mut nodes = vec![node(&today)];
-        let mut turns = vec![S::zero()];
+        let (mut nodes, mut turns) = (Vec::with_capacity(steps + 1), Vec::with_capacity(steps + 1));
+        nodes.push(Node::of(host, today, spacing));
+        turns.push(S::zero());
         let mut wound = S::zero();
         for _ in 0..steps {
             let before = state.x;
@@ -134,8 +168,9 @@ impl<S: Real> DenseOrbit<S> {
                 OrbitMethod::Leapfrog => kick_drift_kick(host, state, -spacing),
             };
             wound += crossing(before, state.x);
-            energy_error = energy_error.max(((energy(&state) - first_energy) / first_energy).abs());
-            nodes.push(node(&state));
+            energy_error =
+                energy_error.max(((energy(host, state) - first_energy) / first_energy).abs());
+            nodes.push(Node::of(host, state, spacing));
             turns.push(wound);
         }
         nodes.reverse();
@@ -149,6 +184,7 @@ impl<S: Real> DenseOrbit<S> {
     }
 
     /// State and winding count at the time `tau` in [-1, 0].
+    #[inline(always)]
     pub fn at(&self, tau: f64) -> (State<S>, S) {
         let steps = self.nodes.len() - 1;
         let (node, t) = locate(tau, steps);
@@ -191,6 +227,7 @@ impl<S: Real> DenseOrbit<S> {
 }
 
 /// One step of the position-extended Forest-Ruth-like method, 4 forces.
+#[inline(always)]
 fn pefrl<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
     // Omelyan, Mryglod & Folk 2002, Comput. Phys. Commun. 146, 188, their "PEFRL".
     const XI: f64 = 0.178_617_895_844_809_1;
@@ -213,6 +250,7 @@ fn pefrl<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
 }
 
 /// One step of the second-order leapfrog.
+#[inline(always)]
 fn kick_drift_kick<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
     let v = s.v.add_scaled(host.acceleration(s.x), h * 0.5);
     let x = s.x.add_scaled(v, h);

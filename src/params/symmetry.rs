@@ -129,6 +129,28 @@ impl Orbit for MassVelocityAge {
         self.prior.theta_from_z(z, &mut theta);
         let (lo, hi, rate) = self.conditional(&theta);
         let s = truncated_exponential(u, rate, lo, hi);
+        self.move_by(z, theta, s);
+    }
+
+    /// The level is the host's mass.
+    fn align(&self, z: &mut [f64], to: &[f64]) -> bool {
+        let (place, ..) = self.masses[0];
+        let level = self.prior.marginals()[place].theta_from_z(to[place]);
+        let mut theta = vec![0.0; z.len()];
+        self.prior.theta_from_z(z, &mut theta);
+        let s = 10_f64.powf(level - theta[place]);
+        let could = self.move_by(z, theta, s);
+        if could {
+            // To the last digit.
+            z[place] = to[place];
+        }
+        could
+    }
+}
+
+impl MassVelocityAge {
+    /// Moves `z`, whose physical parameters are `theta`, along the orbit by the factor `s`, unless a bound is in the way.
+    fn move_by(&self, z: &mut [f64], mut theta: Vec<f64>, s: f64) -> bool {
         self.scale(&mut theta, s);
         let moved = self
             .masses
@@ -144,11 +166,13 @@ impl Orbit for MassVelocityAge {
                 )
             })
             .collect();
-        if new.iter().all(|(_, z)| z.is_finite()) {
+        let inside = new.iter().all(|(_, z)| z.is_finite());
+        if inside {
             for (place, value) in new {
                 z[place] = value;
             }
         }
+        inside
     }
 }
 

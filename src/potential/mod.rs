@@ -46,6 +46,7 @@ pub trait Potential<S: Scalar> {
     }
 
     /// d2 Phi / dr2 along the unit vector `direction` at `x`, in 1/Gyr^2.
+    #[inline(always)]
     fn second_derivative_along(&self, x: Vec3<S>, direction: Vec3<S>) -> S {
         direction.dot(self.hessian_product(x, direction))
     }

@@ -161,12 +161,15 @@ impl<S: Scalar> FlattenedNfw<S> {
         let dk_y = dk * y_lambda;
         cotangent.ln_mass -= k * y_lambda;
         cotangent.ln_r_s += (k * 3.0 + dk * m2) * y_lambda;
-        cotangent.flattening -= dk_y * along * along * 0.5 + k * along * n_lambda;
-        let by_axis =
-            (x * (dk_y * along) + x * (k * n_lambda) + lambda * (k * along)) * self.flattening;
-        cotangent.axis += -by_axis;
-        let hessian = lambda.add_scaled(self.axis, self.flattening * n_lambda) * k + y * dk_y;
-        (y * (-k), -hessian)
+        let pull = dk_y * along + k * n_lambda;
+        cotangent.flattening -= (pull + k * n_lambda) * along * 0.5;
+        cotangent.axis = cotangent
+            .axis
+            .add_scaled(x, -(pull * self.flattening))
+            .add_scaled(lambda, -(k * along * self.flattening));
+        let by_x =
+            (lambda.add_scaled(self.axis, self.flattening * n_lambda) * (-k)).add_scaled(y, -dk_y);
+        (y * (-k), by_x)
     }
 }
 

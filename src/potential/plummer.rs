@@ -63,7 +63,7 @@ impl<S: Scalar> Plummer<S> {
         let pull = inverse * k * x_lambda * 3.0;
         cotangent.ln_mass -= k * x_lambda;
         cotangent.r_s += pull * self.r_s;
-        (x * (-k), x * pull - lambda * k)
+        (x * (-k), (x * pull).add_scaled(lambda, -k))
     }
 }
 

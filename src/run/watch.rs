@@ -63,6 +63,9 @@ fn line(event: &Event) -> serde_json::Value {
             "event": "nested", "iteration": iteration, "ln_x": ln_x, "ln_z": ln_z, "ln_z_error": ln_z_error,
             "remaining": remaining, "calls": calls, "efficiency": efficiency,
         }),
+        Event::Annealing { beta, ln_z, calls } => json!({
+            "event": "annealing", "beta": beta, "ln_z": ln_z, "calls": calls,
+        }),
         Event::Tempered {
             round,
             scan,

@@ -84,6 +84,7 @@ impl Recipe {
     }
 
     /// The length (kpc) and velocity (kpc/Gyr) scales that kicks are counted in, for a progenitor of `mass` Msun.
+    #[inline(always)]
     pub fn scales<S: Real>(self, tidal: &Tidal<S>, mass: S) -> (S, S) {
         match self {
             Self::Fardal2015 | Self::Fardal2015Published => (tidal.r_j, tidal.omega * tidal.r_j),

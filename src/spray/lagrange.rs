@@ -33,6 +33,7 @@ impl<S: Real> Tidal<S> {
     /// The bracket is bounded from below by `G m / (10 r)^3`, smoothly (a hyperbola of relative width 1e-6), because
     /// potentials other than the NFW can make it small or negative; [`bounded`](Self::bounded) says where that acted.
     /// Never NaN for finite input away from the centre: on a radial orbit the directions across it are null vectors.
+    #[inline(always)]
     pub fn new(host: &impl Potential<S>, mass: S, s: State<S>) -> Self {
         let r2 = s.x.norm2();
         let r = r2.sqrt();

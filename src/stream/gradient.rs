@@ -5,10 +5,10 @@
 //! in one (all particles into one likelihood): so the setup runs on duals, the particles backwards, and they meet at
 //! the launches and the orbit's nodes. Memory: one group's path at a time, O(particles + steps).
 
-use super::{Arrivals, LANES, Launch, Model, Setup};
-use crate::orbit::{Kernel, Level, Node, State, advance_recorded, dispatch, reverse};
+use super::{Arrivals, Group, LANES, Launch, Model, Setup};
+use crate::orbit::{Kernel, Level, Node, Placement, State, advance_recorded, dispatch, reverse};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
-use crate::scalar::{Dual, Lanes, Scalar, Vec3};
+use crate::scalar::{LaneDual, Lanes, Scalar, Vec3};
 
 /// Buffers of one thread, reused from call to call.
 #[derive(Clone, Debug, Default)]
@@ -21,7 +21,6 @@ pub struct Workspace {
     pub by_x: Vec<f64>,
     /// The y part.
     pub by_y: Vec<f64>,
-    by_path: Vec<Vec3<f64>>,
     nodes: Vec<Node<f64>>,
     launches: Vec<Launch<f64>>,
 }
@@ -37,59 +36,46 @@ struct ByShared {
 /// Which particles a derivative counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Counted {
-    /// All: the exact derivative of the discrete model.
+    /// All, all the way: the exact derivative of the discrete model.
     All,
-    /// Those whose final position moves by at most [`REGULAR`] times their start's. A particle that meets a centre again
-    /// and again in steps too long for it is chaotic: it moves a bin's mean by little, but its derivative can exceed all
-    /// others together by ten orders of magnitude, and says nothing about any finite step. Without such particles the
-    /// derivative is a smooth field that samplers can follow.
+    /// Each as far back as its final position moves by at most [`REGULAR`] times what its position then does. A particle
+    /// that meets a centre again and again in steps too long for it is chaotic: it moves a bin's mean by little, but its
+    /// derivative can exceed all others together by ten orders of magnitude, and says nothing about any finite step.
+    /// Forgetting its past where that happens leaves a field that samplers can follow.
     Regular,
 }
 
 /// Largest stretch of a regular particle: tides stretch by tens in the age of a stream, eccentric orbits by hundreds.
 pub const REGULAR: f64 = 1_000.0;
 
-struct Backward<'a> {
+/// The particles backwards; `ALL` says whether they count all the way ([`Counted`]).
+struct Backward<'a, const ALL: bool> {
     model: &'a Model,
     setup: &'a Setup<f64>,
     work: &'a mut Workspace,
-    counted: Counted,
 }
 
-/// Adds `weight * v` to `slot`.
-#[inline(always)]
-fn add(slot: &mut Vec3<f64>, v: Vec3<f64>, weight: f64) {
-    *slot = slot.add_scaled(v, weight);
-}
-
-impl Kernel for Backward<'_> {
+impl<const ALL: bool> Kernel for Backward<'_, ALL> {
     type Output = ByShared;
 
     #[inline(always)]
     fn run<const FMA: bool>(self) -> ByShared {
-        let Self {
-            model,
-            setup,
-            work,
-            counted,
-        } = self;
+        let Self { model, setup, work } = self;
         let host = FlattenedNfw::<Lanes<LANES, FMA>>::broadcast(&setup.host);
         let sphere = Plummer::<Lanes<LANES, FMA>>::broadcast(&setup.sphere);
         let steps = model.settings.steps;
         let mut by_host = NfwCotangent::<Lanes<LANES, FMA>>::zero();
         let mut by_sphere = PlummerCotangent::<Lanes<LANES, FMA>>::zero();
-        let mut by_age = 0.0;
+        let mut by_age = Lanes::<LANES, FMA>::zero();
         let mut positions = vec![Vec3::<Lanes<LANES, FMA>>::zero(); steps + 1];
-        let mut by_positions = positions.clone();
+        let mut by_path = positions.clone();
         let mut epoch = usize::MAX;
-        for (i, group) in model.groups.iter().enumerate() {
+        for group in &model.groups {
             if group.epoch != epoch {
                 epoch = group.epoch;
                 work.path.clear();
                 work.path
                     .extend(model.path_of(epoch).iter().map(|p| setup.orbit.position(p)));
-                work.by_path.clear();
-                work.by_path.resize(steps + 1, Vec3::zero());
             }
             let lane = |column: &[f64]| {
                 let mut lanes = [0.0; LANES];
@@ -103,7 +89,7 @@ impl Kernel for Backward<'_> {
             let path = &work.path;
             let at = |j: usize| Vec3::from_f64(path[j]);
             advance_recorded(&host, &sphere, at, step, start, &mut positions);
-            let (mut host_part, mut sphere_part) = (NfwCotangent::zero(), PlummerCotangent::zero());
+            let limit2 = by_position.norm2() * (REGULAR * REGULAR);
             let reversed = reverse(
                 &host,
                 &sphere,
@@ -111,51 +97,14 @@ impl Kernel for Backward<'_> {
                 step,
                 &positions,
                 by_position,
-                &mut host_part,
-                &mut sphere_part,
-                |j, by| by_positions[j] = by,
+                &mut by_host,
+                &mut by_sphere,
+                |j, by| by_path[j] = by,
+                |by| if ALL { by } else { within(by, limit2) },
             );
-            let stretch2 = reversed.start.x.norm2();
-            let counts = match counted {
-                Counted::All => Lanes::<LANES, FMA>::zero().lt(Lanes::one()),
-                Counted::Regular => stretch2.lt(by_position.norm2() * (REGULAR * REGULAR)),
-            };
-            let kept = |l: Lanes<LANES, FMA>| Lanes::select(counts, l, Lanes::zero());
-            by_host.ln_mass += kept(host_part.ln_mass);
-            by_host.ln_r_s += kept(host_part.ln_r_s);
-            by_host.flattening += kept(host_part.flattening);
-            by_host.axis += host_part.axis.map(kept);
-            by_sphere.ln_mass += kept(sphere_part.ln_mass);
-            by_sphere.r_s += kept(sphere_part.r_s);
-            for (slot, by) in work.by_path.iter_mut().zip(&by_positions).take(steps) {
-                *slot += by.map(|l| kept(l).sum());
-            }
-            by_age += model.step_gyr(epoch, kept(reversed.step_gyr).sum());
-            let by_launch = &mut work.launches[epoch];
-            let (x, v) = (reversed.start.x.map(kept), reversed.start.v.map(kept));
-            by_launch.state.x += x.map(Lanes::sum);
-            by_launch.state.v += v.map(Lanes::sum);
-            for c in 0..3 {
-                by_launch.position[c] += (x * Lanes(group.position[c])).map(Lanes::sum);
-                by_launch.velocity[c] += (v * Lanes(group.velocity[c])).map(Lanes::sum);
-            }
-            let last_of_epoch = model
-                .groups
-                .get(i + 1)
-                .is_none_or(|next| next.epoch != epoch);
-            if last_of_epoch {
-                for (place, by) in model.path_of(epoch).iter().zip(&work.by_path) {
-                    let w = place.weights;
-                    let (earlier, later) = work.nodes.split_at_mut(place.node + 1);
-                    let (a, b) = (&mut earlier[place.node], &mut later[0]);
-                    add(&mut a.x, *by, w[0]);
-                    add(&mut a.dx, *by, w[1]);
-                    add(&mut a.ddx, *by, w[2]);
-                    add(&mut b.x, *by, w[3]);
-                    add(&mut b.dx, *by, w[4]);
-                    add(&mut b.ddx, *by, w[5]);
-                }
-            }
+            by_age += model.step_gyr(epoch, reversed.step_gyr);
+            add_launch(&mut work.launches[epoch], group, &reversed.start);
+            add_nodes(&mut work.nodes, model.path_of(epoch), &by_path[..steps]);
         }
         ByShared {
             host: NfwCotangent {
@@ -168,7 +117,57 @@ impl Kernel for Backward<'_> {
                 ln_mass: by_sphere.ln_mass.sum(),
                 r_s: by_sphere.r_s.sum(),
             },
-            age_gyr: by_age,
+            age_gyr: by_age.sum(),
+        }
+    }
+}
+
+/// `by` where its position part is at most sqrt(`limit2`) long, zero elsewhere.
+#[inline(always)]
+fn within<S: Scalar>(by: State<S>, limit2: S) -> State<S> {
+    let regular = by.x.norm2().lt(limit2);
+    let kept = |s: S| S::select(regular, s, S::zero());
+    State {
+        x: by.x.map(kept),
+        v: by.v.map(kept),
+    }
+}
+
+// The two functions below add up lanes. They are calls on purpose: sums across lanes next to the sweep's loop keep the
+// compiler from putting the loop itself into vector registers.
+
+/// Adds derivatives with respect to the starts of a group to those with respect to its launch.
+#[inline(never)]
+fn add_launch<const FMA: bool>(
+    by_launch: &mut Launch<f64>,
+    group: &Group,
+    by_start: &State<Lanes<LANES, FMA>>,
+) {
+    let State { x, v } = *by_start;
+    by_launch.state.x += x.map(Lanes::sum);
+    by_launch.state.v += v.map(Lanes::sum);
+    for c in 0..3 {
+        by_launch.position[c] += (x * Lanes(group.position[c])).map(Lanes::sum);
+        by_launch.velocity[c] += (v * Lanes(group.velocity[c])).map(Lanes::sum);
+    }
+}
+
+/// Adds derivatives with respect to the progenitor's path to those with respect to the nodes that carry it.
+#[inline(never)]
+fn add_nodes<const FMA: bool>(
+    nodes: &mut [Node<f64>],
+    places: &[Placement],
+    by_path: &[Vec3<Lanes<LANES, FMA>>],
+) {
+    for (place, by) in places.iter().zip(by_path) {
+        let by = by.map(Lanes::sum);
+        let (earlier, later) = nodes.split_at_mut(place.node + 1);
+        let (a, b) = (&mut earlier[place.node], &mut later[0]);
+        let slots = [
+            &mut a.x, &mut a.dx, &mut a.ddx, &mut b.x, &mut b.dx, &mut b.ddx,
+        ];
+        for (slot, weight) in slots.into_iter().zip(place.weights) {
+            *slot = slot.add_scaled(by, weight);
         }
     }
 }
@@ -179,7 +178,7 @@ impl Model {
     /// particles are the ones that [`carry`](Self::carry) made from it.
     pub fn pull_back<const N: usize>(
         &self,
-        setup: &Setup<Dual<N>>,
+        setup: &Setup<LaneDual<N>>,
         real: &Setup<f64>,
         counted: Counted,
         work: &mut Workspace,
@@ -202,15 +201,25 @@ impl Model {
         };
         work.launches.clear();
         work.launches.resize(setup.launches.len(), no_launch);
-        let shared = dispatch(
-            Level::best(),
-            Backward {
-                model: self,
-                setup: real,
-                work,
-                counted,
-            },
-        );
+        let model = self;
+        let shared = match counted {
+            Counted::All => dispatch(
+                Level::best(),
+                Backward::<true> {
+                    model,
+                    setup: real,
+                    work,
+                },
+            ),
+            Counted::Regular => dispatch(
+                Level::best(),
+                Backward::<false> {
+                    model,
+                    setup: real,
+                    work,
+                },
+            ),
+        };
         let mut sum = Contraction::<N>([0.0; N]);
         sum.add(&setup.host.mass, shared.host.ln_mass / real.host.mass);
         sum.add(&setup.host.r_s, shared.host.ln_r_s / real.host.r_s);
@@ -240,15 +249,13 @@ impl Model {
 struct Contraction<const N: usize>([f64; N]);
 
 impl<const N: usize> Contraction<N> {
-    fn add(&mut self, number: &Dual<N>, by: f64) {
-        if let Some(eps) = &number.eps.0 {
-            for (slot, e) in self.0.iter_mut().zip(eps.iter()) {
-                *slot += by * e;
-            }
+    fn add(&mut self, number: &LaneDual<N>, by: f64) {
+        for (slot, e) in self.0.iter_mut().zip(number.eps) {
+            *slot += by * e;
         }
     }
 
-    fn add_vec(&mut self, vector: &Vec3<Dual<N>>, by: Vec3<f64>) {
+    fn add_vec(&mut self, vector: &Vec3<LaneDual<N>>, by: Vec3<f64>) {
         self.add(&vector.x, by.x);
         self.add(&vector.y, by.y);
         self.add(&vector.z, by.z);

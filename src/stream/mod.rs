@@ -10,11 +10,12 @@ mod setup;
 
 pub use forward::{Arrivals, Group};
 pub use gradient::{Counted, REGULAR, Workspace};
+use setup::Cold;
 pub use setup::{Galaxy, Launch, Setup};
 
 use crate::error::{Error, Rejection, Result};
-use crate::orbit::{Arrival, OrbitMethod, Placement, advance};
-use crate::scalar::{Real, Scalar};
+use crate::orbit::{Arrival, Level, OrbitMethod, Placement, advance, dispatch};
+use crate::scalar::{LaneDual, Real, Scalar};
 use crate::spray::{ReleaseTable, TableSettings};
 use serde::{Deserialize, Serialize};
 
@@ -126,6 +127,24 @@ impl Model {
     /// [`Rejection::BadParameter`] or [`Rejection::BadOrbit`] where there is no finite orbit.
     pub fn setup<S: Real>(&self, galaxy: &Galaxy<S>) -> std::result::Result<Setup<S>, Rejection> {
         Setup::new(galaxy, &self.settings, &self.table)
+    }
+
+    /// As [`setup`](Self::setup), compiled for the CPU at hand: what duals are worth.
+    ///
+    /// # Errors
+    /// As [`setup`](Self::setup).
+    pub fn setup_in_lanes<const N: usize>(
+        &self,
+        galaxy: &Galaxy<LaneDual<N>>,
+    ) -> std::result::Result<Setup<LaneDual<N>>, Rejection> {
+        dispatch(
+            Level::best(),
+            Cold {
+                galaxy,
+                settings: &self.settings,
+                table: &self.table,
+            },
+        )
     }
 
     /// Every particle today, one by one, in the order of the table, on any number type: the reference that the fast path

@@ -2,10 +2,10 @@
 
 use super::ModelSettings;
 use crate::error::{Rejection, Tally};
-use crate::orbit::{DenseOrbit, Node, State, crossing};
+use crate::orbit::{DenseOrbit, Kernel, State, crossing};
 use crate::params::{QRange, StreamParams};
 use crate::potential::{FlattenedNfw, Plummer};
-use crate::scalar::{Dual, Real, Scalar, Vec3};
+use crate::scalar::{LaneDual, Real, Scalar, Vec3};
 use crate::spray::{ReleaseTable, Tidal};
 use crate::units::KPC_PER_GYR_IN_KM_S;
 use std::f64::consts::LN_10;
@@ -108,6 +108,7 @@ pub struct Setup<S> {
 
 impl<S: Real> Setup<S> {
     /// Integrates the orbit and prepares the launches.
+    #[inline(always)]
     pub(super) fn new(
         galaxy: &Galaxy<S>,
         settings: &ModelSettings,
@@ -134,22 +135,20 @@ impl<S: Real> Setup<S> {
             return Err(Rejection::BadOrbit);
         }
         let mut tally = Tally::default();
-        let launches = table
-            .taus
-            .iter()
-            .map(|tau| {
-                let (state, turns) = orbit.at(*tau);
-                let tidal = Tidal::new(&host, sphere.mass, state);
-                tally.bounded_tidal_radius += u64::from(tidal.bounded);
-                let (length, speed) = table.recipe.scales(&tidal, sphere.mass);
-                Launch {
-                    state,
-                    position: tidal.frame.map(|e| e * length),
-                    velocity: tidal.frame.map(|e| e * speed),
-                    turns,
-                }
-            })
-            .collect();
+        // A loop and not a closure, so that it is inlined into code compiled for any instruction set.
+        let mut launches = Vec::with_capacity(table.taus.len());
+        for tau in &table.taus {
+            let (state, turns) = orbit.at(*tau);
+            let tidal = Tidal::new(&host, sphere.mass, state);
+            tally.bounded_tidal_radius += u64::from(tidal.bounded);
+            let (length, speed) = table.recipe.scales(&tidal, sphere.mass);
+            launches.push(Launch {
+                state,
+                position: tidal.frame.map(|e| e * length),
+                velocity: tidal.frame.map(|e| e * speed),
+                turns,
+            });
+        }
         Ok(Self {
             host,
             sphere,
@@ -161,38 +160,24 @@ impl<S: Real> Setup<S> {
     }
 }
 
-impl<const N: usize> Setup<Dual<N>> {
+impl<S: Real> Setup<S> {
     /// The real parts: what the lanes run on.
     #[must_use]
     pub fn real_part(&self) -> Setup<f64> {
-        let v = |a: Vec3<Dual<N>>| a.map(Real::re);
+        let v = |a: Vec3<S>| a.map(Real::re);
         Setup {
             host: FlattenedNfw::from_flattening(
-                self.host.mass.re,
-                self.host.r_s.re,
-                self.host.flattening.re,
+                self.host.mass.re(),
+                self.host.r_s.re(),
+                self.host.flattening.re(),
                 v(self.host.axis),
             ),
             sphere: Plummer {
-                mass: self.sphere.mass.re,
-                r_s: self.sphere.r_s.re,
+                mass: self.sphere.mass.re(),
+                r_s: self.sphere.r_s.re(),
             },
-            age_gyr: self.age_gyr.re,
-            orbit: DenseOrbit {
-                nodes: self
-                    .orbit
-                    .nodes
-                    .iter()
-                    .map(|n| Node {
-                        x: v(n.x),
-                        dx: v(n.dx),
-                        ddx: v(n.ddx),
-                    })
-                    .collect(),
-                turns: self.orbit.turns.iter().map(|t| t.re).collect(),
-                spacing_gyr: self.orbit.spacing_gyr.re,
-                energy_error: self.orbit.energy_error,
-            },
+            age_gyr: self.age_gyr.re(),
+            orbit: self.orbit.real_part(),
             launches: self
                 .launches
                 .iter()
@@ -203,10 +188,26 @@ impl<const N: usize> Setup<Dual<N>> {
                     },
                     position: l.position.map(v),
                     velocity: l.velocity.map(v),
-                    turns: l.turns.re,
+                    turns: l.turns.re(),
                 })
                 .collect(),
             tally: self.tally,
         }
+    }
+}
+
+/// The cold stage as a kernel.
+pub(super) struct Cold<'a, const N: usize> {
+    pub galaxy: &'a Galaxy<LaneDual<N>>,
+    pub settings: &'a ModelSettings,
+    pub table: &'a ReleaseTable,
+}
+
+impl<const N: usize> Kernel for Cold<'_, N> {
+    type Output = Result<Setup<LaneDual<N>>, Rejection>;
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) -> Self::Output {
+        Setup::new(self.galaxy, self.settings, self.table)
     }
 }

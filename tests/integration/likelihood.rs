@@ -217,7 +217,7 @@ fn rounding(likelihood: &StreamLikelihood, theta: &Theta) -> f64 {
 }
 
 #[test]
-fn the_smooth_gradient_leaves_out_chaotic_particles_and_nothing_else() {
+fn the_smooth_gradient_forgets_chaotic_pasts_and_nothing_else() {
     let model = model(small());
     let (mut same, mut tamed) = (0, 0);
     for n in 0..60 {

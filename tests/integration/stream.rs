@@ -163,7 +163,7 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
         for name in NAMES {
             let setup = model.setup(&galaxy(name)).expect("a setup");
             let reference = model.particles(&setup).expect("particles");
-            for level in Level::available() {
+            for &level in Level::available() {
                 let (mut path, mut out) = (Vec::new(), Arrivals::default());
                 model
                     .carry_at(level, &setup, &mut path, &mut out)

@@ -3,9 +3,10 @@
 //! Where a likelihood is rough at the scale of a leapfrog step (a stream of a thousand particles is), no step is short
 //! enough for a Hamiltonian path, but a slice finds the width that is left by itself, and costs values alone.
 
-use super::{Evaluator, Metric, Point, inside};
+use super::{Evaluator, Metric, Point, inside, jump, refresh};
 use crate::error::Result;
 use crate::rng::{Stream, below, standard_normal, unit_open};
+use crate::target::{Orbit, Symmetry};
 use serde::{Deserialize, Serialize};
 
 /// Width of a slice's first interval in units of its direction: twice as wide as a Gaussian's own slice, since an
@@ -17,6 +18,9 @@ const MAX_CALLS: usize = 100;
 
 /// Share of directions that are differences of the pool's points, if it has two for each dimension.
 const DIFFERENCES: f64 = 0.75;
+
+/// Share of those between points brought level first, where the target has an orbit that can.
+const ALIGNED: f64 = 0.75;
 
 /// Points of an earlier round, whose differences point along the posterior's own ridges and from mode to mode (ter Braak
 /// 2006). It does not change while a chain uses it, and so the law of a direction is the same from wherever a slice
@@ -32,14 +36,34 @@ impl Pool {
     }
 
     /// A direction as long as a typical draw: a difference of two of the pool's points, or a random one in `metric`.
-    fn direction(&self, metric: &Metric, rng: &mut Stream, out: &mut [f64]) {
+    ///
+    /// If the target has an exact symmetry, the two points may first be moved along it until they are level with the
+    /// present one. The law of the direction then depends on the present point, but by its level alone, which a line along
+    /// the direction keeps: the way back has the same law.
+    fn direction(
+        &self,
+        metric: &Metric,
+        orbit: Option<&dyn Orbit>,
+        at: &[f64],
+        rng: &mut Stream,
+        out: &mut [f64],
+    ) {
         let dim = out.len();
         let rows = self.0.len() / dim;
         if rows >= 2 * dim && unit_open(rng) < DIFFERENCES {
             let i = below(rng, rows);
             let j = (i + 1 + below(rng, rows - 1)) % rows;
-            for (k, v) in out.iter_mut().enumerate() {
-                *v = (self.0[i * dim + k] - self.0[j * dim + k]) * std::f64::consts::FRAC_1_SQRT_2;
+            let row = |i: usize| self.0[i * dim..(i + 1) * dim].to_vec();
+            let (mut a, mut b) = (row(i), row(j));
+            if let Some(orbit) = orbit
+                && unit_open(rng) < ALIGNED
+                && !(orbit.align(&mut a, at) && orbit.align(&mut b, at))
+            {
+                // Both as they were, or the level of one alone would be that of the present point.
+                (a, b) = (row(i), row(j));
+            }
+            for ((v, a), b) in out.iter_mut().zip(&a).zip(&b) {
+                *v = (a - b) * std::f64::consts::FRAC_1_SQRT_2;
             }
         } else {
             let normals: Vec<f64> = (0..dim).map(|_| standard_normal(rng)).collect();
@@ -62,8 +86,16 @@ pub fn slice(
     at: &mut Point,
     rng: &mut Stream,
 ) -> Result<()> {
+    let orbit = evaluator
+        .target()
+        .symmetries()
+        .iter()
+        .find_map(|s| match s {
+            Symmetry::Orbit(orbit) => Some(orbit.as_ref()),
+            Symmetry::Involution(_) => None,
+        });
     let mut direction = vec![0.0; at.z.len()];
-    pool.direction(metric, rng, &mut direction);
+    pool.direction(metric, orbit, &at.z, rng, &mut direction);
     let ln_density = |z: &[f64], l: f64| beta * l - 0.5 * z.iter().map(|z| z * z).sum::<f64>();
     let level = ln_density(&at.z, at.ln_likelihood) + unit_open(rng).ln();
     let mut left = -WIDTH * unit_open(rng);
@@ -91,4 +123,42 @@ pub fn slice(
         }
     }
     Ok(())
+}
+
+/// The target's declared moves, orbits redrawn and involutions tried with probability 1/2, and this many slices, each
+/// after a redraw along the orbits.
+///
+/// # Errors
+/// As [`slice`].
+pub fn explore_by_slices(
+    evaluator: &mut Evaluator<'_>,
+    beta: f64,
+    metric: &Metric,
+    pool: &Pool,
+    slices: usize,
+    at: &mut Point,
+    rng: &mut Stream,
+) -> Result<()> {
+    for symmetry in evaluator.target().symmetries() {
+        if let Symmetry::Involution(map) = symmetry
+            && unit_open(rng) < 0.5
+        {
+            jump(evaluator, map.as_ref(), beta, at, rng)?;
+        }
+    }
+    redraw(evaluator, at, rng);
+    for _ in 0..slices {
+        slice(evaluator, beta, metric, pool, at, rng)?;
+        redraw(evaluator, at, rng);
+    }
+    Ok(())
+}
+
+/// The position along every orbit, afresh.
+fn redraw(evaluator: &Evaluator<'_>, at: &mut Point, rng: &mut Stream) {
+    for symmetry in evaluator.target().symmetries() {
+        if let Symmetry::Orbit(orbit) = symmetry {
+            refresh(evaluator, orbit.as_ref(), at, rng);
+        }
+    }
 }

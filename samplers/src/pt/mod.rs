@@ -37,6 +37,7 @@
 //! # Ok::<(), oblate_samplers::Error>(())
 //! ```
 
+mod anneal;
 mod evidence;
 mod gates;
 mod ladder;
@@ -66,7 +67,8 @@ use std::time::Instant;
 ///
 /// # Errors
 /// [`Error::NoGradient`] for a target without gradients; [`Error::Setting`] for settings out of range;
-/// [`Error::NoStart`] if 100,000 prior draws have no likelihood; [`Error::Fatal`] and [`Error::Infinite`] from the
+/// [`Error::NoStart`] if 100,000 prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before the first
+/// scan, after a checkpoint; [`Error::Fatal`] and [`Error::Infinite`] from the
 /// target, after a checkpoint of the last whole scan; [`Error::Io`], [`Error::Checkpoint`] and [`Error::Mismatch`]
 /// from checkpoints.
 pub fn run(
@@ -90,10 +92,16 @@ pub fn run(
         if state.finished() {
             break Status::Complete;
         }
-        if state.scanned() && (stop || control.interrupted()) {
+        let interrupted = stop || control.interrupted();
+        let spent = control.spent(state.tally.calls + state.tally.gradients);
+        if state.annealing() && (interrupted || spent) {
+            save(&state, control, fingerprint)?;
+            return Err(Error::Interrupted);
+        }
+        if state.scanned() && interrupted {
             break Status::Interrupted;
         }
-        if state.scanned() && control.spent(state.tally.calls + state.tally.gradients) {
+        if state.scanned() && spent {
             break Status::BudgetSpent;
         }
         let advanced = state.advance(target);

@@ -34,6 +34,9 @@ pub struct Settings {
     pub trajectory: f64,
     /// Hamiltonian moves per scan and temperature.
     pub moves: usize,
+    /// Members per ladder of a population that is cooled from the prior to find the first states, temperatures and metrics;
+    /// 0: prior draws everywhere. For posteriors of many hollows; costs about 50 slices per member and nat of ln L's spread.
+    pub annealing: usize,
     /// Slices per scan and temperature, before the Hamiltonian moves: for likelihoods too rough for long trajectories. Each
     /// costs about 3 to 8 values and no gradient.
     pub slices: usize,
@@ -53,6 +56,7 @@ impl Default for Settings {
             max_leapfrogs: 256,
             trajectory: std::f64::consts::FRAC_PI_2,
             moves: 1,
+            annealing: 0,
             slices: 0,
         }
     }
@@ -136,6 +140,13 @@ impl Settings {
             "give 1 or more, 256 is usual",
         )?;
         whole("moves", self.moves, 1, 1 << 20, "give 1 or more")?;
+        whole(
+            "annealing",
+            self.annealing,
+            0,
+            1 << 16,
+            "give 0 to 65536 members; some ten per parameter are usual",
+        )?;
         whole("slices", self.slices, 0, 1 << 20, "give 0 or more")?;
         real(
             "target_acceptance",

@@ -1,5 +1,6 @@
 //! The whole of a run between two scans: what a checkpoint holds and a scan advances.
 
+use super::anneal::{Annealing, Level, metric_of};
 use super::evidence::{Estimate, estimate};
 use super::ladder::{barrier, first_schedule, locate, respaced};
 use super::record::{Local, Record};
@@ -7,8 +8,8 @@ use super::{Settings, swap};
 use crate::control::Event;
 use crate::error::{Error, Result};
 use crate::hmc::{self, Explorer, Metric, Plan, Point, Pool, StepSize, Tally};
-use crate::rng::{Domain, Stream, stream, unit_open};
-use crate::target::{Symmetry, Target};
+use crate::rng::{Domain, Stream, below, stream, unit_open};
+use crate::target::Target;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +22,9 @@ const EARLY_SCANS: usize = 32;
 
 /// Most leapfrog steps of a move in an early round.
 const EARLY_LEAPFROGS: usize = 32;
+
+/// Step that Hamiltonian moves begin with in a population's metric: ridges are narrower than the population.
+const FIRST_STEP: f64 = 0.1;
 
 /// Share of a fall that an energy error may be in an early round.
 const EARLY_SLACK: f64 = 0.05;
@@ -73,6 +77,8 @@ impl Time {
 pub(super) struct State {
     settings: Settings,
     pub(super) seed: u64,
+    /// The populations that the ladders start from, until they are cold.
+    annealing: Option<Annealing>,
     /// Present round, and its scans done.
     pub(super) round: usize,
     pub(super) scan: usize,
@@ -110,6 +116,7 @@ impl State {
         let mut state = Self {
             settings: settings.clone(),
             seed,
+            annealing: None,
             round: 0,
             scan: 0,
             clock: 0,
@@ -120,35 +127,60 @@ impl State {
             tally: Tally::default(),
             time: Time::default(),
         };
-        // One slot alone first: a target that rejects everything should be told from it, not from all.
-        let first = state.first_point(target, 1)?;
-        let rest: Vec<Result<(Point, Tally)>> = (0..settings.ladders * state.rungs.len())
-            .into_par_iter()
-            .map(|slot| match slot {
-                1 => Ok(first.clone()),
-                _ => state.first_point(target, slot),
-            })
-            .collect();
-        for (slot, drawn) in rest.into_iter().enumerate() {
-            let (point, tally) = drawn?;
-            state.tally.merge(&tally);
-            state.slots.push(Slot {
-                point,
-                machine: slot % state.rungs.len(),
-            });
+        if settings.annealing > 0 {
+            let populations = state.first_points(target, settings.annealing)?;
+            state.annealing = Some(Annealing::new(populations, settings.metric));
+            return Ok(state);
+        }
+        let rungs = state.rungs.len();
+        for ladder in state.first_points(target, rungs)? {
+            state.slots.extend(
+                ladder
+                    .into_iter()
+                    .enumerate()
+                    .map(|(machine, point)| Slot { point, machine }),
+            );
         }
         Ok(state)
     }
 
-    fn first_point(&self, target: &dyn Target, slot: usize) -> Result<(Point, Tally)> {
-        let mut rng = self.stream(Domain::PtExplore, slot, 0);
+    /// As many draws of the prior for each ladder; all have a likelihood but the first of a
+    /// ladder, if it becomes the one at beta = 0.
+    fn first_points(&mut self, target: &dyn Target, per_ladder: usize) -> Result<Vec<Vec<Point>>> {
+        // One alone first: a target that rejects everything should be told from it, not from all.
+        let one = self.first_point(target, 0, 1)?;
+        let drawn: Vec<Result<(Point, Tally)>> = (0..self.settings.ladders * per_ladder)
+            .into_par_iter()
+            .map(|i| match (i / per_ladder, i % per_ladder) {
+                (0, 1) => Ok(one.clone()),
+                (ladder, member) => self.first_point(target, ladder, member),
+            })
+            .collect();
+        let mut ladders = vec![Vec::new(); self.settings.ladders];
+        for (i, drawn) in drawn.into_iter().enumerate() {
+            let (point, tally) = drawn?;
+            self.tally.merge(&tally);
+            ladders[i / per_ladder].push(point);
+        }
+        Ok(ladders)
+    }
+
+    fn first_point(
+        &self,
+        target: &dyn Target,
+        ladder: usize,
+        member: usize,
+    ) -> Result<(Point, Tally)> {
+        let task = (ladder << 20) + member;
+        let mut rng = stream(self.seed, Domain::PtExplore, task as u64, 0);
         let mut evaluator = hmc::Evaluator::new(target);
         let mut point = Point::new(target.dim());
         let mut tally = Tally::default();
         for _ in 0..START_TRIES {
             evaluator.draw_prior(&mut point.z, &mut rng)?;
             point.ln_likelihood = evaluator.value(&point.z)?;
-            if point.ln_likelihood.is_finite() || slot.is_multiple_of(self.rungs.len()) {
+            let prior = member == 0 && self.settings.annealing == 0;
+            if point.ln_likelihood.is_finite() || prior {
                 tally.add(&evaluator);
                 return Ok((point, tally));
             }
@@ -175,6 +207,11 @@ impl State {
     /// Whether the last round is done.
     pub(super) fn finished(&self) -> bool {
         self.is_last_round() && self.scan == self.settings.scans(self.round)
+    }
+
+    /// Whether the first scan is still to come.
+    pub(super) fn annealing(&self) -> bool {
+        self.annealing.is_some()
     }
 
     /// Whether the present round has anything to show.
@@ -205,6 +242,11 @@ impl State {
 
     /// What an observer is told after a scan; evidence and barrier are NaN before a round has finished.
     pub(super) fn progress(&self) -> Event {
+        if let Some(annealing) = &self.annealing {
+            let (beta, ln_z) = annealing.progress();
+            let calls = self.tally.calls;
+            return Event::Annealing { beta, ln_z, calls };
+        }
         let last = self.history.last();
         Event::Tempered {
             round: self.round,
@@ -220,6 +262,16 @@ impl State {
     /// One scan, and the adaptation before it if a round has just ended. On an error the state is that before the
     /// scan.
     pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
+        if let Some(annealing) = &mut self.annealing {
+            let tally = annealing.advance(target, self.settings.metric, self.seed)?;
+            self.tally.merge(&tally);
+            if annealing.done() {
+                let levels: Vec<Vec<Level>> = annealing.levels().map(<[Level]>::to_vec).collect();
+                self.begin(&levels, target.dim());
+                self.annealing = None;
+            }
+            return Ok(());
+        }
         if self.scan == self.settings.scans(self.round) {
             self.adapt(target.dim());
         }
@@ -272,6 +324,64 @@ impl State {
         Ok(())
     }
 
+    /// Begins the first round where populations ended: temperatures evenly spaced in the barrier that the spread of their
+    /// ln L tells, the nearest population's members as states, metric and pool.
+    fn begin(&mut self, ladders: &[Vec<Level>], dim: usize) {
+        let mut knots: Vec<(f64, f64)> = ladders
+            .iter()
+            .flatten()
+            .map(|level| (level.beta, level.deviation()))
+            .collect();
+        knots.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Ladders share their first and last temperature.
+        knots.dedup_by(|a, b| a.0 <= b.0);
+        let beta: Vec<f64> = knots.iter().map(|k| k.0).collect();
+        // For a Gaussian ln L of deviation s, a small gap d rejects s d / sqrt(pi) of its swaps.
+        let rejection: Vec<f64> = knots
+            .windows(2)
+            .map(|k| 0.5 * (k[0].1 + k[1].1) * (k[1].0 - k[0].0) / std::f64::consts::PI.sqrt())
+            .collect();
+        let lambda = barrier(&rejection);
+        let total = lambda[lambda.len() - 1];
+        let count = self.enough_temperatures(total);
+        let at = |b: f64| {
+            let (i, t) = locate(&beta, b);
+            lambda[i] * (1.0 - t) + lambda[i + 1] * t
+        };
+        let nearest = |levels: &'_ [Level], place: f64| {
+            (0..levels.len()).min_by(|i, j| {
+                let away = |i: usize| (at(levels[i].beta) - place).abs();
+                away(*i).total_cmp(&away(*j))
+            })
+        };
+        let mut rungs = Vec::with_capacity(count);
+        let mut slots = vec![Vec::with_capacity(count); ladders.len()];
+        for (k, beta) in respaced(&beta, &lambda, count).into_iter().enumerate() {
+            let mut rows = Vec::new();
+            for (ladder, levels) in ladders.iter().enumerate() {
+                let place = total * k as f64 / (count - 1) as f64;
+                if let Some(level) = nearest(levels, place).map(|i| &levels[i]) {
+                    let task = (ladder << 20) + k;
+                    let mut rng = stream(self.seed, Domain::PtAnneal, task as u64, u64::MAX);
+                    slots[ladder].push(Slot {
+                        point: level.point(below(&mut rng, level.ln_likelihood.len())),
+                        machine: k,
+                    });
+                    rows.extend_from_slice(&level.z);
+                }
+            }
+            rungs.push(Rung {
+                beta,
+                metric: metric_of(&rows, dim, self.settings.metric),
+                step: StepSize::new(FIRST_STEP),
+                pool: Pool::new(rows),
+            });
+        }
+        self.rungs = rungs;
+        self.slots = slots.concat();
+        self.record = Record::new(dim, self.settings.ladders, count, self.settings.scans(0));
+    }
+
     /// Explores one slot: a fresh draw at beta = 0; symmetries, then slices, then Hamiltonian moves elsewhere. Orbits are redrawn in
     /// every scan, being free; involutions are tried with probability 1/2.
     fn explore<'t>(&self, target: &'t dyn Target, slot: usize) -> Result<Explored<'t>> {
@@ -285,23 +395,11 @@ impl State {
             point.ln_likelihood = explorer.evaluator.value(&point.z)?;
             point.has_gradient = false;
         } else {
-            for symmetry in target.symmetries() {
-                match symmetry {
-                    Symmetry::Orbit(orbit) => {
-                        hmc::refresh(&explorer.evaluator, orbit.as_ref(), &mut point, &mut rng);
-                    }
-                    Symmetry::Involution(map) if unit_open(&mut rng) < 0.5 => {
-                        let evaluator = &mut explorer.evaluator;
-                        hmc::jump(evaluator, map.as_ref(), rung.beta, &mut point, &mut rng)?;
-                    }
-                    Symmetry::Involution(_) => {}
-                }
-            }
-            for _ in 0..self.settings.slices {
-                let evaluator = &mut explorer.evaluator;
-                let (beta, metric, pool) = (rung.beta, &rung.metric, &rung.pool);
-                hmc::slice(evaluator, beta, metric, pool, &mut point, &mut rng)?;
-            }
+            let (metric, pool) = (&rung.metric, &rung.pool);
+            let (evaluator, slices) = (&mut explorer.evaluator, self.settings.slices);
+            hmc::explore_by_slices(
+                evaluator, rung.beta, metric, pool, slices, &mut point, &mut rng,
+            )?;
             let plan = self.plan(rung);
             for _ in 0..self.settings.moves {
                 local.note(&explorer.transition(&mut point, &plan, &mut rng)?);
@@ -406,6 +504,10 @@ impl State {
         if !settled || self.round + 2 >= self.settings.rounds {
             return self.rungs.len();
         }
+        self.enough_temperatures(barrier)
+    }
+
+    fn enough_temperatures(&self, barrier: f64) -> usize {
         let (least, most) = (
             self.settings.min_temperatures,
             self.settings.max_temperatures,

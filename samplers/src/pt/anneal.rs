@@ -1,0 +1,295 @@
+//! Where ladders start: populations cooled from the prior to the posterior, one per ladder (sequential Monte Carlo; Del
+//! Moral, Doucet & Jasra 2006).
+//!
+//! States drawn from the prior and put at a cold temperature settle in the nearest hollow, and a ladder needs many round
+//! trips to replace them. A population that is cooled step by step loses such states at each step, by resampling, and
+//! ends in hollows by their weight. It is only a start: the rounds that follow are exact whatever it was, and ladders
+//! stay independent because each has a population of its own.
+
+use crate::error::Result;
+use crate::hmc::{Evaluator, Metric, MetricKind, Point, Pool, Tally, explore_by_slices};
+use crate::rng::{Domain, stream, unit_open};
+use crate::target::Target;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Effective share of a population that the weights of one cooling step leave.
+const KEPT: f64 = 0.5;
+
+/// Fewest sweeps of slices at one temperature; else as many as dimensions.
+const LEAST_SWEEPS: usize = 8;
+
+/// A population at one temperature, after its sweeps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Level {
+    pub(super) beta: f64,
+    /// Rows of coordinates, one after the other.
+    pub(super) z: Vec<f64>,
+    pub(super) ln_likelihood: Vec<f64>,
+}
+
+impl Level {
+    fn of(beta: f64, points: &[Point]) -> Self {
+        Self {
+            beta,
+            z: points.iter().flat_map(|p| p.z.iter().copied()).collect(),
+            ln_likelihood: points.iter().map(|p| p.ln_likelihood).collect(),
+        }
+    }
+
+    /// Member number `i`.
+    pub(super) fn point(&self, i: usize) -> Point {
+        let dim = self.z.len() / self.ln_likelihood.len();
+        let mut point = Point::new(dim);
+        point.z.copy_from_slice(&self.z[i * dim..(i + 1) * dim]);
+        point.ln_likelihood = self.ln_likelihood[i];
+        point
+    }
+
+    /// Standard deviation of ln L.
+    pub(super) fn deviation(&self) -> f64 {
+        let n = self.ln_likelihood.len() as f64;
+        let mean = self.ln_likelihood.iter().sum::<f64>() / n;
+        let square = |l: &f64| (l - mean).powi(2);
+        (self.ln_likelihood.iter().map(square).sum::<f64>() / n).sqrt()
+    }
+}
+
+/// One ladder's population.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Population {
+    beta: f64,
+    points: Vec<Point>,
+    /// Sweeps done at this temperature.
+    sweeps: usize,
+    metric: Metric,
+    pool: Pool,
+    ln_z: f64,
+    levels: Vec<Level>,
+}
+
+impl Population {
+    fn done(&self) -> bool {
+        self.levels.last().is_some_and(|level| level.beta >= 1.0)
+    }
+
+    /// Lowers the temperature as far as the weights allow, and resamples.
+    fn cool(&mut self, kind: MetricKind, uniform: f64) {
+        let most = 1.0 - self.beta;
+        let enough = KEPT * self.points.len() as f64;
+        let mut step = most;
+        if effective(&self.weights(most)) < enough {
+            let mut bracket = (0.0, most);
+            for _ in 0..60 {
+                step = 0.5 * (bracket.0 + bracket.1);
+                if effective(&self.weights(step)) < enough {
+                    bracket.1 = step;
+                } else {
+                    bracket.0 = step;
+                }
+            }
+        }
+        let weights = self.weights(step);
+        let sum: f64 = weights.iter().sum();
+        let count = self.points.len();
+        self.ln_z += step * self.best() + (sum / count as f64).ln();
+        // A step of almost all that is left takes it all: what remains weighs nothing.
+        self.beta = if step >= most * (1.0 - 1e-9) {
+            1.0
+        } else {
+            self.beta + step
+        };
+        self.points = systematic(&weights, sum, uniform)
+            .into_iter()
+            .map(|i| self.points[i].clone())
+            .collect();
+        let level = Level::of(self.beta, &self.points);
+        self.metric = metric_of(&level.z, self.points[0].z.len(), kind);
+        self.pool = Pool::new(level.z);
+        self.sweeps = 0;
+    }
+
+    fn best(&self) -> f64 {
+        let l = self.points.iter().map(|p| p.ln_likelihood);
+        l.fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    fn weights(&self, step: f64) -> Vec<f64> {
+        let best = self.best();
+        let weight = |p: &Point| (step * (p.ln_likelihood - best)).exp();
+        self.points.iter().map(weight).collect()
+    }
+}
+
+/// Kish's effective number.
+fn effective(weights: &[f64]) -> f64 {
+    let sum: f64 = weights.iter().sum();
+    sum * sum / weights.iter().map(|w| w * w).sum::<f64>()
+}
+
+/// As many indices as weights, each as often as its weight says or once more.
+fn systematic(weights: &[f64], sum: f64, uniform: f64) -> Vec<usize> {
+    let count = weights.len();
+    let mut index = 0;
+    let mut passed = weights[0];
+    (0..count)
+        .map(|j| {
+            let at = (j as f64 + uniform) / count as f64 * sum;
+            while passed < at && index + 1 < count {
+                index += 1;
+                passed += weights[index];
+            }
+            index
+        })
+        .collect()
+}
+
+/// The covariance of rows as a metric; the prior's if they do not span the space.
+pub(super) fn metric_of(rows: &[f64], dim: usize, kind: MetricKind) -> Metric {
+    let rows: Vec<DVector<f64>> = rows
+        .chunks_exact(dim)
+        .map(DVector::from_column_slice)
+        .collect();
+    let n = rows.len() as f64;
+    let mean = rows.iter().sum::<DVector<f64>>() / n;
+    let mut covariance = DMatrix::zeros(dim, dim);
+    for row in &rows {
+        let away = row - &mean;
+        covariance += &away * away.transpose() / n;
+    }
+    Metric::from_covariance(kind, &covariance).unwrap_or_else(|| Metric::identity(kind, dim))
+}
+
+/// All ladders' populations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Annealing {
+    populations: Vec<Population>,
+    /// Sweeps done, over all temperatures: the index of the random streams.
+    clock: u64,
+}
+
+impl Annealing {
+    /// From draws of the prior, ladder by ladder.
+    pub(super) fn new(points: Vec<Vec<Point>>, kind: MetricKind) -> Self {
+        let population = |points: Vec<Point>| Population {
+            beta: 0.0,
+            sweeps: 0,
+            metric: Metric::identity(kind, points[0].z.len()),
+            pool: Pool::default(),
+            ln_z: 0.0,
+            levels: vec![Level::of(0.0, &points)],
+            points,
+        };
+        Self {
+            populations: points.into_iter().map(population).collect(),
+            clock: 0,
+        }
+    }
+
+    /// Whether all have arrived at the posterior.
+    pub(super) fn done(&self) -> bool {
+        self.populations.iter().all(Population::done)
+    }
+
+    /// The least cooled population's inverse temperature, and the mean of the estimates of ln Z so far.
+    pub(super) fn progress(&self) -> (f64, f64) {
+        let count = self.populations.len() as f64;
+        let beta = self.populations.iter().map(|p| p.beta);
+        (
+            beta.fold(f64::INFINITY, f64::min),
+            self.populations.iter().map(|p| p.ln_z).sum::<f64>() / count,
+        )
+    }
+
+    /// Each ladder's levels, from the prior on.
+    pub(super) fn levels(&self) -> impl Iterator<Item = &[Level]> {
+        self.populations.iter().map(|p| p.levels.as_slice())
+    }
+
+    /// One sweep: every member of every population moves by one slice; cooling before it where it is due. On an error
+    /// nothing has changed.
+    pub(super) fn advance(
+        &mut self,
+        target: &dyn Target,
+        kind: MetricKind,
+        seed: u64,
+    ) -> Result<Tally> {
+        let mut next = self.clone();
+        let sweeps = target.dim().max(LEAST_SWEEPS);
+        for (ladder, population) in next.populations.iter_mut().enumerate() {
+            if !population.done() && (population.beta <= 0.0 || population.sweeps == sweeps) {
+                let task = (ladder as u64) << 20 | 0xf_ffff;
+                let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
+                population.cool(kind, unit_open(&mut rng));
+            }
+        }
+        let tasks: Vec<(usize, usize)> = next
+            .populations
+            .iter()
+            .enumerate()
+            .filter(|(_, population)| !population.done())
+            .flat_map(|(ladder, p)| (0..p.points.len()).map(move |i| (ladder, i)))
+            .collect();
+        let moved: Vec<Result<(Point, Evaluator<'_>)>> = tasks
+            .par_iter()
+            .map(|&(ladder, i)| {
+                let population = &next.populations[ladder];
+                let task = (ladder as u64) << 20 | i as u64;
+                let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
+                let mut evaluator = Evaluator::new(target);
+                let mut point = population.points[i].clone();
+                let (metric, pool) = (&population.metric, &population.pool);
+                explore_by_slices(
+                    &mut evaluator,
+                    population.beta,
+                    metric,
+                    pool,
+                    1,
+                    &mut point,
+                    &mut rng,
+                )?;
+                Ok((point, evaluator))
+            })
+            .collect();
+        let mut tally = Tally::default();
+        for (&(ladder, i), moved) in tasks.iter().zip(moved) {
+            let (point, evaluator) = moved?;
+            next.populations[ladder].points[i] = point;
+            tally.add(&evaluator);
+        }
+        for population in next.populations.iter_mut().filter(|p| !p.done()) {
+            population.sweeps += 1;
+            if population.sweeps == sweeps {
+                let level = Level::of(population.beta, &population.points);
+                population.levels.push(level);
+            }
+        }
+        next.clock += 1;
+        *self = next;
+        Ok(tally)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resampling_takes_each_as_often_as_its_weight_says() {
+        let weights = [0.5, 0.0, 2.5, 1.0];
+        assert_eq!(systematic(&weights, 4.0, 0.4), [0, 2, 2, 3]);
+        assert_eq!(systematic(&weights, 4.0, 0.6), [2, 2, 2, 3]);
+        assert!((effective(&[1.0, 1.0, 0.0, 0.0]) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_metric_of_rows_is_their_covariance() {
+        let rows = [1.0, 0.0, -1.0, 0.0, 0.0, 2.0, 0.0, -2.0];
+        let metric = metric_of(&rows, 2, MetricKind::Dense).covariance();
+        assert!((metric[(0, 0)] - 0.5).abs() < 1e-12 && (metric[(1, 1)] - 2.0).abs() < 1e-12);
+        // Rows on a line span nothing.
+        let line = metric_of(&[1.0, 1.0, -1.0, -1.0], 2, MetricKind::Dense);
+        assert_eq!(line, Metric::identity(MetricKind::Dense, 2));
+    }
+}
