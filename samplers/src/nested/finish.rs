@@ -84,7 +84,7 @@ pub(super) fn finish(
     );
     if state.tuning.steps > job.first_steps() {
         warnings.push(format!(
-            "steps per new point were raised from {} to {} because points moved too little; start the next run with `steps = {}`",
+            "steps per new point were raised from {} to {} because new points resembled their seeds; start the next run with `steps = {}`",
             job.first_steps(),
             state.tuning.steps,
             state.tuning.steps

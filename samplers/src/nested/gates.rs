@@ -31,7 +31,7 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
             "insertion-rank",
             state.ranks.z_score(0).abs(),
             3.0,
-            "normal deviate of the insertion ranks; if too large, new points are not drawn evenly: double `steps`, or use `random-slice`",
+            "normal deviate of the insertion ranks; if too large, new points are not drawn evenly: double `steps`, or use `differential`",
         ),
     ];
     let mut rng = stream(job.seed, Domain::Post, SPREAD, 0);
@@ -77,15 +77,15 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
             "bound-efficiency",
             points / state.bounded_calls.max(1) as f64,
             1e-3,
-            "points per call drawn from the bound; if too small, the bound does not fit: use `random-slice`",
+            "points per call drawn from the bound; if too small, the bound does not fit: use `differential`",
         )),
-        Kernel::RandomWalk | Kernel::RandomSlice => {
+        Kernel::RandomWalk | Kernel::RandomSlice | Kernel::Differential => {
             if !state.tuning.jumps.is_empty() {
                 gates.push(Gate::at_least(
                     "relative-jump",
                     mean(&state.tuning.jumps),
                     0.5,
-                    "distance of new points from their seeds over that between live points; if too small, double `steps`",
+                    "distance of new points from their seeds over that between live points; if too small, the posterior is made of fewer independent points than it seems: double `steps`",
                 ));
                 gates.push(Gate::at_most(
                     "seed-echo",

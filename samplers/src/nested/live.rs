@@ -67,6 +67,17 @@ impl Points {
         out
     }
 
+    /// Rows of the even threads, then those of the odd ones. What a chain knows of its target besides its own state, it
+    /// knows from the half that its seed is not in.
+    pub fn halves(&self) -> [Vec<usize>; 2] {
+        let of = |half: u32| -> Vec<usize> {
+            (0..self.len())
+                .filter(|&i| self.thread[i] % 2 == half)
+                .collect()
+        };
+        [of(0), of(1)]
+    }
+
     /// The largest log-likelihood.
     pub fn best(&self) -> f64 {
         self.ln_l.iter().copied().fold(f64::NEG_INFINITY, f64::max)

@@ -7,13 +7,19 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {
-    /// [`Uniform`](Self::Uniform) below ten parameters, [`RandomSlice`](Self::RandomSlice) from ten on.
+    /// [`Uniform`](Self::Uniform) below ten parameters, [`Differential`](Self::Differential) from ten on.
+    ///
+    /// On exact targets of thirteen parameters it costs as many calls as random slices, with no bias of ln Z seen on one
+    /// mode; between two narrow modes both remember their seeds, and its ln Z is a third of the error too high where that
+    /// of random slices is more than one (200 live points, 40 seeds).
     #[default]
     Auto,
     /// Independent draws from the bound.
     Uniform,
     /// Slices along random directions of the local ellipsoid (hit and run).
     RandomSlice,
+    /// Slices, half of them along the difference of two live points, half along random directions of the local ellipsoid.
+    Differential,
     /// Metropolis steps, uniform in a ball of the local ellipsoid.
     RandomWalk,
 }
@@ -24,7 +30,7 @@ impl Kernel {
     pub fn resolve(self, dim: usize) -> Self {
         match self {
             Self::Auto if dim < 10 => Self::Uniform,
-            Self::Auto => Self::RandomSlice,
+            Self::Auto => Self::Differential,
             other => other,
         }
     }
@@ -34,7 +40,7 @@ impl Kernel {
     pub fn default_steps(self, dim: usize) -> usize {
         match self.resolve(dim) {
             Self::RandomWalk => 20 + dim,
-            Self::RandomSlice => 3 + dim,
+            Self::RandomSlice | Self::Differential => 3 + dim,
             Self::Auto | Self::Uniform => 1,
         }
     }
@@ -65,7 +71,8 @@ pub struct Settings {
     pub batch: f64,
     /// How new points are found.
     pub kernel: Kernel,
-    /// Slices or walk steps per new point; none: `3 + d` and `20 + d`. Raised during a run if points move too little.
+    /// Slices or walk steps per new point; none: `3 + d` and `20 + d`. Raised during a run if new points
+    /// resemble their seeds.
     pub steps: Option<usize>,
     /// What encloses the live points.
     pub bound: BoundKind,

@@ -132,12 +132,15 @@ impl State {
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
         let seeds = choose_seeds(&mut rng, kept.len(), births);
+        let halves = kept.halves();
         let setting = Setting {
             target: job.target,
             contour: batch.contour,
             kernel: job.kernel(),
             bounds,
+            halves: &halves,
             scale: tuning.scale,
+            stride: tuning.stride,
             steps: tuning.steps,
         };
         let first = self.next_point;

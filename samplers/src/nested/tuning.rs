@@ -1,18 +1,24 @@
 //! Length and number of the steps of chains, learned from how the chains moved.
 
 use super::bound::Bound;
-use super::kernel::{self, Newborn};
+use super::kernel::{self, Newborn, Pace};
 use super::live::Points;
 use super::rank::Ranks;
 use super::settings::Kernel;
 use crate::rng::{Stream, below};
 use serde::{Deserialize, Serialize};
 
+/// Step length along a difference before anything is learned: two points of a region of any dimension are about
+/// `sqrt 2` of its radius apart.
+const FIRST_STRIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
 /// What chains have shown of themselves, and the steps that follow from it. Every batch runs with fixed ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tuning {
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
+    /// Step length along the difference of two points, in units of their distance.
+    pub stride: f64,
     /// Slices or walk steps per point; never lowered in a run.
     pub steps: usize,
     /// Relative jump distance of every batch.
@@ -22,19 +28,20 @@ pub(super) struct Tuning {
     pub echoes: Vec<f64>,
     /// Chains that ended where they began.
     pub stayed: u64,
-    /// Number of insertions, jumps, echoes and still chains when the current window of the watch began.
-    window: (usize, usize, usize, u64),
+    /// Number of insertions, echoes and still chains when the current window of the watch began.
+    window: (usize, usize, u64),
 }
 
 impl Tuning {
     pub fn new(steps: usize) -> Self {
         Self {
             scale: 1.0,
+            stride: FIRST_STRIDE,
             steps,
             jumps: Vec::new(),
             echoes: Vec::new(),
             stayed: 0,
-            window: (0, 0, 0, 0),
+            window: (0, 0, 0),
         }
     }
 
@@ -65,49 +72,55 @@ impl Tuning {
             .extend(relative_jump(rng, bounds, kept, seeds, born));
         self.echoes.push(echo(kept, seeds, born));
         self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
-        let grown: u64 = born.iter().map(|b| b.motion.grown).sum();
-        let shrunk: u64 = born.iter().map(|b| b.motion.shrunk).sum();
-        if grown + shrunk == 0 {
-            return;
+        let (mut local, mut differences) = (Pace::default(), Pace::default());
+        for b in born {
+            local.add(b.motion.local);
+            differences.add(b.motion.differences);
         }
-        let share = grown as f64 / (grown + shrunk) as f64;
         match kernel {
-            // As many steps outward as inward.
-            Kernel::RandomSlice => self.scale *= (2.0 * share).clamp(0.5, 2.0),
+            Kernel::RandomSlice | Kernel::Differential => {
+                self.scale *= balance(local);
+                self.stride *= balance(differences);
+            }
             // Half of the steps accepted.
             Kernel::RandomWalk => {
+                let share = local.share().unwrap_or(0.5);
                 self.scale *= ((share - 0.5) / (0.5 * kept.dim() as f64)).exp();
             }
             Kernel::Auto | Kernel::Uniform => {}
         }
     }
 
-    /// Raises the number of steps by half, up to `most`, if the `window` insertions just made show that points move
-    /// too little.
+    /// Raises the number of steps by half, up to `most`, if the `window` insertions just made show that new points owe
+    /// their likelihoods to their seeds.
+    ///
+    /// Short jumps alone raise nothing, they are only gated: on a thin shell points stay close to their seeds for
+    /// long after their likelihoods have forgotten them, and ln Z is as good.
     pub fn watch(&mut self, ranks: &Ranks, window: usize, most: usize) {
-        let (insertions, jumps, echoes, stayed) = self.window;
+        let (insertions, echoes, stayed) = self.window;
         let made = ranks.len() - insertions;
         if made < window {
             return;
         }
-        let (jumps, echoes) = (&self.jumps[jumps..], &self.echoes[echoes..]);
+        let echoes = &self.echoes[echoes..];
         if !echoes.is_empty() {
-            let short = !jumps.is_empty() && mean(jumps) < 0.5;
             // Twice the gate's limit: the scatter of a mean over 5 n chains is 1 / sqrt(5 n).
             let echoing = mean(echoes) > 0.1;
             let still = (self.stayed - stayed) as f64 > 0.01 * made as f64;
             let uneven = ranks.z_score(insertions).abs() > 3.0;
-            if (short || echoing || still || uneven) && self.steps < most {
+            if (echoing || still || uneven) && self.steps < most {
                 self.steps += self.steps.div_ceil(2);
             }
         }
-        self.window = (
-            ranks.len(),
-            self.jumps.len(),
-            self.echoes.len(),
-            self.stayed,
-        );
+        self.window = (ranks.len(), self.echoes.len(), self.stayed);
     }
+}
+
+/// What a width is multiplied by so that slices step outward as often as inward.
+fn balance(slices: Pace) -> f64 {
+    slices
+        .share()
+        .map_or(1.0, |share| (2.0 * share).clamp(0.5, 2.0))
 }
 
 pub(super) fn mean(values: &[f64]) -> f64 {

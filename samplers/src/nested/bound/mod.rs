@@ -40,18 +40,16 @@ impl Bound {
     /// to lie far out, and so moves inward: a bias of ln Z of order d H / n, seen at d = 13 as 0.4 for n = 200 and
     /// gone with the halves.
     pub fn for_steps(points: &Points, kind: BoundKind) -> Vec<Self> {
-        [1, 0]
-            .into_iter()
-            .map(|other| {
-                let rows: Vec<usize> = (0..points.len())
-                    .filter(|&i| points.thread[i] % 2 == other)
-                    .collect();
+        let [even, odd] = points.halves();
+        [odd, even]
+            .iter()
+            .map(|rows| {
                 let fit = &mut |rows: &[usize]| {
                     let mut ellipsoid = Ellipsoid::fit(points, rows)?;
                     ellipsoid.enlarge(STEP_ENLARGEMENT);
                     Some(ellipsoid)
                 };
-                Self::assemble(points, &rows, kind, fit).unwrap_or_else(|| Self::cube(points.dim()))
+                Self::assemble(points, rows, kind, fit).unwrap_or_else(|| Self::cube(points.dim()))
             })
             .collect()
     }

@@ -1,5 +1,6 @@
 //! Drawing a new point above a contour: directly from the bound, or by a chain of steps from a live point.
 
+mod difference;
 mod jump;
 mod slice;
 mod uniform;
@@ -24,19 +25,47 @@ pub(super) struct Setting<'a> {
     /// None: draw from the prior, whatever the kernel. One: draw from it. Two: the metrics of chains from even and
     /// odd threads.
     pub bounds: &'a [Bound],
+    /// The rows of the survivors by the parity of their threads: a chain moves along differences of points of the half
+    /// that its seed is not in.
+    pub halves: &'a [Vec<usize>; 2],
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
+    /// Step length along the difference of two points, in units of their distance.
+    pub stride: f64,
     /// Slices or walk steps.
     pub steps: usize,
 }
 
-/// What the steps of a chain did, for the tuning of their length.
+/// What steps did, for the tuning of their length.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Motion {
+pub(super) struct Pace {
     /// Slices: steps outward. Walk: steps accepted.
     pub grown: u64,
     /// Slices: points that fell outside. Walk: steps refused.
     pub shrunk: u64,
+}
+
+impl Pace {
+    /// Adds the steps of another.
+    pub fn add(&mut self, other: Self) {
+        self.grown += other.grown;
+        self.shrunk += other.shrunk;
+    }
+
+    /// Share of the steps that grew; `None` before the first.
+    pub fn share(&self) -> Option<f64> {
+        let all = self.grown + self.shrunk;
+        (all > 0).then(|| self.grown as f64 / all as f64)
+    }
+}
+
+/// The steps of a chain.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Motion {
+    /// Those in units of the local ellipsoid.
+    pub local: Pace,
+    /// Those along differences of points.
+    pub differences: Pace,
     /// Whether the chain ended elsewhere than it began.
     pub moved: bool,
 }
@@ -68,11 +97,11 @@ pub(super) fn draw(
     let Some(bound) = bound.filter(|_| setting.kernel != Kernel::Uniform) else {
         return uniform::draw(setting, bound, rng);
     };
-    let (seed, seed_ln_l) = (kept.row(seed), kept.ln_l[seed]);
-    let mut chain = Chain::new(setting, bound, seed, seed_ln_l);
+    let mut chain = Chain::new(setting, bound, kept, seed);
     for step in 0..setting.steps {
         match setting.kernel {
             Kernel::RandomWalk => walk::step(&mut chain, rng)?,
+            Kernel::Differential => difference::step(&mut chain, rng)?,
             _ => slice::step(&mut chain, rng)?,
         }
         if step == 0 {
@@ -80,7 +109,7 @@ pub(super) fn draw(
         }
     }
     chain.refresh_orbits(rng)?;
-    chain.motion.moved = chain.x != seed;
+    chain.motion.moved = chain.x != kept.row(seed);
     Ok(Newborn {
         u: chain.x,
         ln_l: chain.ln_l,
@@ -93,6 +122,9 @@ pub(super) fn draw(
 struct Chain<'a> {
     setting: &'a Setting<'a>,
     bound: &'a Bound,
+    kept: &'a Points,
+    /// Rows of `kept` in the half that the seed is not in.
+    others: &'a [usize],
     likelihood: Likelihood<'a>,
     x: Vec<f64>,
     ln_l: f64,
@@ -105,15 +137,24 @@ struct Chain<'a> {
 }
 
 impl<'a> Chain<'a> {
-    fn new(setting: &'a Setting<'a>, bound: &'a Bound, seed: &[f64], ln_l: f64) -> Self {
-        let dim = seed.len();
+    /// A chain that starts at row `seed` of `kept`.
+    fn new(setting: &'a Setting<'a>, bound: &'a Bound, kept: &'a Points, seed: usize) -> Self {
+        let [even, odd] = setting.halves;
+        let others = if kept.thread[seed].is_multiple_of(2) {
+            odd
+        } else {
+            even
+        };
+        let dim = kept.dim();
         Self {
             setting,
             bound,
+            kept,
+            others,
             likelihood: Likelihood::new(setting.target),
-            x: seed.to_vec(),
-            ln_l,
-            label: bound.label(seed),
+            x: kept.row(seed).to_vec(),
+            ln_l: kept.ln_l[seed],
+            label: bound.label(kept.row(seed)),
             trial: vec![0.0; dim],
             direction: vec![0.0; dim],
             ball: vec![0.0; dim],
@@ -121,16 +162,16 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Puts `x + t direction` into `trial`; its log-likelihood if it is in the cube, inside the walls, in the metric
-    /// region of `x` and above the contour.
-    fn look(&mut self, t: f64) -> Result<Option<f64>> {
+    /// Puts `x + t direction` into `trial`; its log-likelihood if it is in the cube, inside the walls, in this metric
+    /// region (if one is named) and above the contour.
+    fn look(&mut self, t: f64, region: Option<usize>) -> Result<Option<f64>> {
         let mut in_cube = true;
         for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
             *o = x + t * v;
             in_cube &= *o > 0.0 && *o < 1.0;
         }
         let ours = in_cube
-            && self.bound.has_label(&self.trial, self.label)
+            && region.is_none_or(|label| self.bound.has_label(&self.trial, label))
             && self.likelihood.inside_walls(&self.trial);
         if !ours {
             return Ok(None);

@@ -1,6 +1,7 @@
-//! One slice along a random direction of the local ellipsoid: step out from a random offset, then shrink (Neal 2003).
+//! One slice: step out from a random offset along a line, then shrink (Neal 2003). And the plain choice of the line: a
+//! random direction of the local ellipsoid.
 
-use super::Chain;
+use super::{Chain, Pace};
 use crate::error::{Error, Result};
 use crate::nested::bound::draw_direction;
 use crate::rng::{Stream, below, unit_open};
@@ -12,38 +13,51 @@ const MAX_OUTWARD: usize = 200;
 /// Most steps inward: far more than it takes to shrink an interval to nothing.
 const MAX_INWARD: u64 = 2000;
 
-/// Moves the chain to a new point of the line.
+/// Moves the chain along a random direction of its ellipsoid, inside its metric region.
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     draw_direction(rng, &mut chain.ball);
     chain
         .bound
         .metric(chain.label)
         .stretch(&chain.ball, &mut chain.direction);
-    let width = chain.setting.scale;
+    let pace = along(chain, chain.setting.scale, Some(chain.label), rng)?;
+    chain.motion.local.add(pace);
+    Ok(())
+}
+
+/// Moves the chain to a new point of the line through it along `direction`, of whose length `width` is a multiple; a
+/// region, if one is named, is not left.
+pub(super) fn along(
+    chain: &mut Chain<'_>,
+    width: f64,
+    region: Option<usize>,
+    rng: &mut Stream,
+) -> Result<Pace> {
+    let mut pace = Pace::default();
     let mut left = -width * unit_open(rng);
     let mut right = left + width;
     let leftward = below(rng, MAX_OUTWARD);
     for _ in 0..leftward {
-        if chain.look(left)?.is_none() {
+        if chain.look(left, region)?.is_none() {
             break;
         }
         left -= width;
-        chain.motion.grown += 1;
+        pace.grown += 1;
     }
     for _ in leftward..MAX_OUTWARD - 1 {
-        if chain.look(right)?.is_none() {
+        if chain.look(right, region)?.is_none() {
             break;
         }
         right += width;
-        chain.motion.grown += 1;
+        pace.grown += 1;
     }
     for _ in 0..MAX_INWARD {
         let t = left + (right - left) * unit_open(rng);
-        if let Some(ln_l) = chain.look(t)? {
+        if let Some(ln_l) = chain.look(t, region)? {
             chain.accept(ln_l);
-            return Ok(());
+            return Ok(pace);
         }
-        chain.motion.shrunk += 1;
+        pace.shrunk += 1;
         if t < 0.0 {
             left = t;
         } else {

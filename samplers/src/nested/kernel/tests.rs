@@ -48,7 +48,9 @@ fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> 
         contour,
         kernel: Kernel::Uniform,
         bounds: &[],
+        halves: &[Vec::new(), Vec::new()],
         scale: 1.0,
+        stride: 1.0,
         steps: 1,
     };
     let mut points = Points::new(target.dim());
@@ -79,7 +81,9 @@ fn stays_uniform(
         contour,
         kernel,
         bounds,
+        halves: &starts.halves(),
         scale,
+        stride: scale,
         steps,
     };
     let ends: Vec<Newborn> = (0..count)
@@ -114,8 +118,11 @@ fn ring_angle(x: &[f64]) -> f64 {
     (angle / std::f64::consts::TAU + 1.0).fract()
 }
 
-const STEPPERS: [(Kernel, f64, usize); 2] =
-    [(Kernel::RandomSlice, 0.7, 3), (Kernel::RandomWalk, 0.6, 8)];
+const STEPPERS: [(Kernel, f64, usize); 3] = [
+    (Kernel::RandomSlice, 0.7, 3),
+    (Kernel::Differential, 0.7, 3),
+    (Kernel::RandomWalk, 0.6, 8),
+];
 
 #[test]
 fn chains_that_start_uniform_above_a_contour_stay_uniform() {
@@ -152,28 +159,58 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
     // A million steps on the whole square, whose regions are two ellipsoids that overlap and the rest.
     let target = Square::new(2, |_| 0.0);
     let bounds = [overlapping()];
-    for (kernel, scale, steps) in [(Kernel::RandomSlice, 1.0, 1), (Kernel::RandomWalk, 1.0, 1)] {
+    // 10^4 walkers on the even threads. On the odd ones just six points, far from evenly spread: for no fixed other half
+    // may its differences take walkers of the first half from the uniform law.
+    let walkers = 10_000;
+    let mut kept = Points::new(2);
+    for w in 0..walkers {
+        let mut rng = stream(13, Domain::Test, 6, w);
+        kept.push(
+            &[unit_open(&mut rng), unit_open(&mut rng)],
+            0.0,
+            f64::NEG_INFINITY,
+            0,
+        );
+    }
+    for u in [
+        [0.3, 0.5],
+        [0.31, 0.5],
+        [0.4, 0.52],
+        [0.6, 0.45],
+        [0.62, 0.5],
+        [0.9, 0.9],
+    ] {
+        kept.push(&u, 0.0, f64::NEG_INFINITY, 1);
+    }
+    for kernel in [
+        Kernel::RandomSlice,
+        Kernel::Differential,
+        Kernel::RandomWalk,
+    ] {
         let setting = Setting {
             target: &target,
             contour: -1.0,
             kernel,
             bounds: &bounds,
-            scale,
-            steps,
+            halves: &kept.halves(),
+            scale: 1.0,
+            stride: 1.0,
+            steps: 1,
         };
-        // Regions do not exchange walkers: 10^4 of them start uniform and take 100 steps each, counted half-way and
-        // at the end, when all are independent of each other.
-        let visits: Vec<[usize; 2]> = (0..10_000_u64)
+        // Most regions do not exchange walkers: all start uniform and take 100 steps each, counted half-way and at the
+        // end, when all are independent of each other.
+        let visits: Vec<[usize; 2]> = (0..walkers)
             .into_par_iter()
             .map(|w| {
                 let mut rng = stream(13, Domain::Test, 5, w);
-                let u = [unit_open(&mut rng), unit_open(&mut rng)];
-                let mut chain = Chain::new(&setting, &bounds[0], &u, 0.0);
+                let row = usize::try_from(w).unwrap();
+                let mut chain = Chain::new(&setting, &bounds[0], &kept, row);
                 let mut cells = [0_usize; 2];
                 for half in &mut cells {
                     for _ in 0..50 {
                         match kernel {
                             Kernel::RandomWalk => walk::step(&mut chain, &mut rng).unwrap(),
+                            Kernel::Differential => difference::step(&mut chain, &mut rng).unwrap(),
                             _ => slice::step(&mut chain, &mut rng).unwrap(),
                         }
                     }

@@ -51,6 +51,6 @@ pub(super) fn draw(
     Err(Error::Stuck {
         what: "independent draws from the bound never exceed the contour",
         tries: likelihood.tally.calls,
-        remedy: "use the kernel `random-slice`, which does not depend on how tight the bound is",
+        remedy: "use the kernel `differential`, which does not depend on how tight the bound is",
     })
 }

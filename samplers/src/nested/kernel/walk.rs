@@ -12,12 +12,12 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
         .bound
         .metric(chain.label)
         .stretch(&chain.ball, &mut chain.direction);
-    match chain.look(chain.setting.scale)? {
+    match chain.look(chain.setting.scale, Some(chain.label))? {
         Some(ln_l) => {
             chain.accept(ln_l);
-            chain.motion.grown += 1;
+            chain.motion.local.grown += 1;
         }
-        None => chain.motion.shrunk += 1,
+        None => chain.motion.local.shrunk += 1,
     }
     Ok(())
 }

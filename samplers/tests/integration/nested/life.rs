@@ -57,7 +57,12 @@ fn with_file(
 #[test]
 fn a_run_has_the_same_bits_on_any_number_of_threads() {
     let target = smooth::shells(5);
-    for kernel in [Kernel::Uniform, Kernel::RandomSlice, Kernel::RandomWalk] {
+    for kernel in [
+        Kernel::Uniform,
+        Kernel::RandomSlice,
+        Kernel::Differential,
+        Kernel::RandomWalk,
+    ] {
         let bits: Vec<u64> = [1, 2, 5]
             .into_iter()
             .map(|threads| {
@@ -79,6 +84,7 @@ fn a_run_resumed_after_any_batch_has_the_bits_of_one_never_stopped() {
     for (kernel, target) in [
         (Kernel::Uniform, smooth::shells(2)),
         (Kernel::RandomSlice, smooth::shells(5)),
+        (Kernel::Differential, smooth::shells(5)),
         (Kernel::RandomWalk, smooth::shells(5)),
     ] {
         let settings = small(kernel);

@@ -119,6 +119,15 @@ fn far8_has_its_evidence() {
 }
 
 #[test]
+fn slices_along_differences_find_the_same_evidences() {
+    smooth(&smooth::shells(5), 500, Kernel::Differential);
+    smooth(&smooth::shells(13), 200, Kernel::Differential);
+    smooth(&smooth::mvn13(), 200, Kernel::Differential);
+    smooth(&smooth::twins13(0.5), 200, Kernel::Differential);
+    smooth(&smooth::far8(), 500, Kernel::Differential);
+}
+
+#[test]
 fn random_walks_find_the_same_evidences() {
     smooth(&smooth::shells(5), 500, Kernel::RandomWalk);
     smooth(&smooth::mvn13(), 200, Kernel::RandomWalk);
@@ -186,7 +195,11 @@ fn thirty_seeds_show_no_bias() {
             wrong.push(name);
         }
     };
-    for kernel in [Kernel::RandomSlice, Kernel::RandomWalk] {
+    for kernel in [
+        Kernel::RandomSlice,
+        Kernel::Differential,
+        Kernel::RandomWalk,
+    ] {
         for t in [
             smooth::shells(13),
             smooth::mvn13(),
