@@ -137,7 +137,9 @@ fn sampling_of_populations() -> SamplerSettings {
     sampling
 }
 
-fn over_those_of_streams<'de, D: Deserializer<'de>>(given: D) -> StdResult<SamplerSettings, D::Error> {
+fn over_those_of_streams<'de, D: Deserializer<'de>>(
+    given: D,
+) -> StdResult<SamplerSettings, D::Error> {
     over(sampling_of_streams(), given)
 }
 

@@ -9,6 +9,7 @@ mod cli;
 mod data;
 mod gala;
 mod golden;
+mod inference;
 mod ks;
 mod likelihood;
 mod orbit;

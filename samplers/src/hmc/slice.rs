@@ -129,7 +129,7 @@ pub fn slice(
 /// after a redraw along the orbits.
 ///
 /// # Errors
-/// As [`slice`].
+/// As [`slice()`].
 pub fn explore_by_slices(
     evaluator: &mut Evaluator<'_>,
     beta: f64,

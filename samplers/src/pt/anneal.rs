@@ -6,6 +6,8 @@
 //! ends in hollows by their weight. It is only a start: the rounds that follow are exact whatever it was, and ladders
 //! stay independent because each has a population of its own.
 
+use super::ladder::{barrier, locate, respaced};
+use super::swap;
 use crate::error::Result;
 use crate::hmc::{Evaluator, Metric, MetricKind, Point, Pool, Tally, explore_by_slices};
 use crate::rng::{Domain, stream, unit_open};
@@ -46,13 +48,68 @@ impl Level {
         point.ln_likelihood = self.ln_likelihood[i];
         point
     }
+}
 
-    /// Standard deviation of ln L.
-    pub(super) fn deviation(&self) -> f64 {
-        let n = self.ln_likelihood.len() as f64;
-        let mean = self.ln_likelihood.iter().sum::<f64>() / n;
-        let square = |l: &f64| (l - mean).powi(2);
-        (self.ln_likelihood.iter().map(square).sum::<f64>() / n).sqrt()
+/// Mean rejection of swaps between members of two neighbouring levels: the barrier between them.
+fn rejection(hot: &Level, cold: &Level) -> f64 {
+    let gap = cold.beta - hot.beta;
+    let pairs = (hot.ln_likelihood.len() * cold.ln_likelihood.len()) as f64;
+    let sum: f64 = hot
+        .ln_likelihood
+        .iter()
+        .flat_map(|h| cold.ln_likelihood.iter().map(move |c| (*h, *c)))
+        .map(|(h, c)| 1.0 - swap::acceptance(gap, h, c))
+        .sum();
+    sum / pairs
+}
+
+/// The communication barrier from the prior to each temperature that a ladder's population passed.
+#[derive(Clone, Debug)]
+pub(super) struct Barrier {
+    beta: Vec<f64>,
+    lambda: Vec<f64>,
+}
+
+impl Barrier {
+    /// Of one ladder's levels.
+    pub(super) fn of(levels: &[Level]) -> Self {
+        let between: Vec<f64> = levels.windows(2).map(|l| rejection(&l[0], &l[1])).collect();
+        Self {
+            beta: levels.iter().map(|level| level.beta).collect(),
+            lambda: barrier(&between),
+        }
+    }
+
+    /// The mean of several ladders' barriers, at all their temperatures.
+    pub(super) fn mean(ladders: &[Self]) -> Self {
+        let mut beta: Vec<f64> = ladders
+            .iter()
+            .flat_map(|b| b.beta.iter().copied())
+            .collect();
+        beta.sort_by(f64::total_cmp);
+        // Ladders share their first and last temperature.
+        beta.dedup_by(|a, b| a.to_bits() == b.to_bits());
+        let mean = |b: &f64| ladders.iter().map(|l| l.at(*b)).sum::<f64>() / ladders.len() as f64;
+        Self {
+            lambda: beta.iter().map(mean).collect(),
+            beta,
+        }
+    }
+
+    /// From the prior to inverse temperature `beta`.
+    pub(super) fn at(&self, beta: f64) -> f64 {
+        let (i, t) = locate(&self.beta, beta);
+        self.lambda[i] * (1.0 - t) + self.lambda[i + 1] * t
+    }
+
+    /// To the posterior.
+    pub(super) fn total(&self) -> f64 {
+        self.at(1.0)
+    }
+
+    /// This many temperatures, evenly spaced in the barrier.
+    pub(super) fn schedule(&self, count: usize) -> Vec<f64> {
+        respaced(&self.beta, &self.lambda, count)
     }
 }
 

@@ -1,6 +1,6 @@
 //! The whole of a run between two scans: what a checkpoint holds and a scan advances.
 
-use super::anneal::{Annealing, Level, metric_of};
+use super::anneal::{Annealing, Barrier, Level, metric_of};
 use super::evidence::{Estimate, estimate};
 use super::ladder::{barrier, first_schedule, locate, respaced};
 use super::record::{Local, Record};
@@ -324,42 +324,22 @@ impl State {
         Ok(())
     }
 
-    /// Begins the first round where populations ended: temperatures evenly spaced in the barrier that the spread of their
-    /// ln L tells, the nearest population's members as states, metric and pool.
+    /// Begins the first round where populations ended: temperatures evenly spaced in the barrier between their levels, the nearest population's members as states, metric and pool.
     fn begin(&mut self, ladders: &[Vec<Level>], dim: usize) {
-        let mut knots: Vec<(f64, f64)> = ladders
-            .iter()
-            .flatten()
-            .map(|level| (level.beta, level.deviation()))
-            .collect();
-        knots.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // Ladders share their first and last temperature.
-        knots.dedup_by(|a, b| a.0 <= b.0);
-        let beta: Vec<f64> = knots.iter().map(|k| k.0).collect();
-        // For a Gaussian ln L of deviation s, a small gap d rejects s d / sqrt(pi) of its swaps.
-        let rejection: Vec<f64> = knots
-            .windows(2)
-            .map(|k| 0.5 * (k[0].1 + k[1].1) * (k[1].0 - k[0].0) / std::f64::consts::PI.sqrt())
-            .collect();
-        let lambda = barrier(&rejection);
-        let total = lambda[lambda.len() - 1];
-        let count = self.enough_temperatures(total);
-        let at = |b: f64| {
-            let (i, t) = locate(&beta, b);
-            lambda[i] * (1.0 - t) + lambda[i + 1] * t
-        };
-        let nearest = |levels: &'_ [Level], place: f64| {
+        let path = Barrier::mean(&ladders.iter().map(|l| Barrier::of(l)).collect::<Vec<_>>());
+        let count = self.enough_temperatures(path.total());
+        let nearest = |levels: &[Level], place: f64| {
             (0..levels.len()).min_by(|i, j| {
-                let away = |i: usize| (at(levels[i].beta) - place).abs();
+                let away = |i: usize| (path.at(levels[i].beta) - place).abs();
                 away(*i).total_cmp(&away(*j))
             })
         };
         let mut rungs = Vec::with_capacity(count);
         let mut slots = vec![Vec::with_capacity(count); ladders.len()];
-        for (k, beta) in respaced(&beta, &lambda, count).into_iter().enumerate() {
+        for (k, beta) in path.schedule(count).into_iter().enumerate() {
             let mut rows = Vec::new();
             for (ladder, levels) in ladders.iter().enumerate() {
-                let place = total * k as f64 / (count - 1) as f64;
+                let place = path.total() * k as f64 / (count - 1) as f64;
                 if let Some(level) = nearest(levels, place).map(|i| &levels[i]) {
                     let task = (ladder << 20) + k;
                     let mut rng = stream(self.seed, Domain::PtAnneal, task as u64, u64::MAX);
@@ -458,21 +438,32 @@ impl State {
             barrier: total,
             ln_z: self.evidence().ln_z,
         });
-        let beta = self.beta();
+        if self.settings.annealing > 0 && self.is_early_round() {
+            // What populations tell of temperatures, metrics and directions is better than what a few scans do.
+            for rung in &mut self.rungs {
+                rung.step = StepSize::new(rung.step.ln_found().exp());
+            }
+            self.next_round(dim);
+            return;
+        }
+        let (beta, found) = (self.beta(), self.found(dim));
         let count = self.next_temperatures(total);
-        let found = self.found(dim);
-        let position = |k: usize, n: usize| total * k as f64 / (n - 1) as f64;
-        self.rungs = respaced(&beta, &old, count)
+        let schedule = respaced(&beta, &old, count);
+        // Where a new temperature lies among the old ones.
+        let places: Vec<(usize, f64)> = (0..count)
+            .map(|k| locate(&old, total * k as f64 / (count - 1) as f64))
+            .collect();
+        let nearest = |(i, t): (usize, f64)| i + usize::from(t >= 0.5);
+        self.rungs = schedule
             .into_iter()
-            .enumerate()
-            .map(|(k, beta)| {
-                let (i, t) = locate(&old, position(k, count));
+            .zip(&places)
+            .map(|(beta, &(i, t))| {
                 let ln_step = found[i].1 * (1.0 - t) + found[i + 1].1 * t;
                 Rung {
                     beta,
                     metric: found[i].0.between(&found[i + 1].0, t),
                     step: StepSize::new(ln_step.exp()),
-                    pool: Pool::new(self.record.visits[i + usize::from(t >= 0.5)].clone()),
+                    pool: Pool::new(self.record.visits[nearest((i, t))].clone()),
                 }
             })
             .collect();
@@ -482,8 +473,7 @@ impl State {
                 let from = if count == beta.len() {
                     k
                 } else {
-                    let (i, t) = locate(&old, position(k, count));
-                    i + usize::from(t >= 0.5)
+                    nearest(places[k])
                 };
                 Slot {
                     point: self.slots[ladder * beta.len() + from].point.clone(),
@@ -491,10 +481,14 @@ impl State {
                 }
             })
             .collect();
+        self.next_round(dim);
+    }
+
+    fn next_round(&mut self, dim: usize) {
         self.round += 1;
-        let scans = self.settings.scans(self.round);
-        self.record = Record::new(dim, self.settings.ladders, count, scans);
         self.scan = 0;
+        let scans = self.settings.scans(self.round);
+        self.record = Record::new(dim, self.settings.ladders, self.rungs.len(), scans);
     }
 
     /// `1 + ceil(2 barrier)` temperatures make a round trip cheapest (Syed et al. 2022); their number is left alone

@@ -18,8 +18,8 @@ pub trait Orbit: Sync + Send {
     fn name(&self) -> &str;
     /// Redraws the position along the orbit through `z`, in place.
     fn refresh(&self, z: &mut [f64], rng: &mut Stream);
-    /// Moves `z` along its orbit until it is level with `to`, and says whether it could. The level is a linear function of
-    /// `z`, so that the line between two points that are level with a third keeps that level; where an orbit offers it,
+    /// Moves `z` along its orbit until it is level with `to`, and says whether it could. The level is one of
+    /// the coordinates, so that the line between two points that are level with a third keeps it, in `z` as in the unit cube; where an orbit offers it,
     /// samplers step across orbits along such lines and leave the way along them to [`refresh`](Self::refresh).
     fn align(&self, z: &mut [f64], to: &[f64]) -> bool {
         let _ = (z, to);

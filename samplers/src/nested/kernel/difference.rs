@@ -20,16 +20,26 @@
 //!    the region where the chain then is. (A pair's direction may not be bent by the local metric for the same reason:
 //!    its law would then depend on the state.)
 //!
+//! 4. If the target has an exact symmetry whose orbits can be aligned, most pairs are first moved along it until they are
+//!    level with the chain's present point. Their law then depends on the present state, but by its level alone, which is
+//!    a coordinate that both ends of the pair share and so every point of the line keeps: the way back has the same law.
+//!    Steps across orbits no longer have to follow the bends of the orbit, and the way along it is redrawn at the end.
+//!
 //! So a new point has the right law and owes nothing to the other half. It does resemble its own seed until enough slices
 //! have been made, which the gates watch; and two points born in one batch, each with the other's seed among its pairs,
 //! share what their chains have not forgotten.
 
-use super::{Chain, slice};
+use super::{Chain, cube_from_normal, slice};
 use crate::error::Result;
+use crate::normal;
 use crate::rng::{Stream, below, unit_open};
+use crate::target::{Orbit, Symmetry};
 
 /// Share of the slices along differences. The others reach what differences of few points do not span.
-const SHARE: f64 = 0.5;
+const SHARE: f64 = 0.75;
+
+/// Share of pairs that are aligned, where the target has an orbit that can.
+const ALIGNED: f64 = 0.75;
 
 /// Moves the chain along the difference of two points of the other half, or along a random direction of its ellipsoid.
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
@@ -53,10 +63,38 @@ fn point_along_a_difference(chain: &mut Chain<'_>, rng: &mut Stream) -> bool {
     let first = below(rng, count);
     let second = (first + 1 + below(rng, count - 1)) % count;
     let ends = [first, second].map(|i| chain.kept.row(chain.others[i]));
+    let aligned = align(chain, ends, rng);
+    let (a, b) = match &aligned {
+        Some([a, b]) => (a.as_slice(), b.as_slice()),
+        None => (ends[0], ends[1]),
+    };
     let mut apart = false;
-    for (v, (a, b)) in chain.direction.iter_mut().zip(ends[0].iter().zip(ends[1])) {
+    for (v, (a, b)) in chain.direction.iter_mut().zip(a.iter().zip(b)) {
         *v = a - b;
         apart |= v.abs() > 0.0;
     }
     apart
+}
+
+/// Both points, level with the chain's present one; `None` if this pair is not to be aligned or cannot be.
+fn align(chain: &Chain<'_>, ends: [&[f64]; 2], rng: &mut Stream) -> Option<[Vec<f64>; 2]> {
+    let symmetries = chain.setting.target.symmetries();
+    let orbit: &dyn Orbit = symmetries.iter().find_map(|symmetry| match symmetry {
+        Symmetry::Orbit(orbit) => Some(orbit.as_ref()),
+        Symmetry::Involution(_) => None,
+    })?;
+    if unit_open(rng) > ALIGNED {
+        return None;
+    }
+    let normals = |u: &[f64]| -> Vec<f64> { u.iter().map(|u| normal::quantile(*u)).collect() };
+    let to = normals(&chain.x);
+    let [mut a, mut b] = ends.map(normals);
+    if !(orbit.align(&mut a, &to) && orbit.align(&mut b, &to)) {
+        return None;
+    }
+    Some([a, b].map(|z| {
+        let mut u = vec![0.0; z.len()];
+        cube_from_normal(&z, &mut u);
+        u
+    }))
 }

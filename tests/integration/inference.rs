@@ -1,0 +1,88 @@
+//! The target as samplers see it.
+
+use oblate::config::FitConfig;
+use oblate::data::ObservedTrack;
+use oblate::inference::StreamTarget;
+use oblate::likelihood::Coverage;
+use oblate_samplers::control::Silent;
+use oblate_samplers::diagnostics::ln_sum_exp;
+use oblate_samplers::{Control, Outcome, Target, nested};
+use std::path::Path;
+
+/// A gala track with all but the halo's mass and shape known.
+fn target(coverage: Coverage) -> StreamTarget {
+    let mut config: FitConfig = toml::from_str(
+        r#"
+        model = { steps = 60, orbit_steps = 128, releases = { particles = 512 } }
+        likelihood = { model_noise = true }
+        [prior.fixed]
+        r_s_halo_kpc = 15.0
+        log10_m_prog = 7.7
+        r_s_prog_kpc = 1.0
+        x0_kpc = 60.0
+        z0_kpc = 30.0
+        vx0_km_s = 30.0
+        vy0_km_s = 140.0
+        vz0_km_s = 45.0
+        age_gyr = 3.0
+        "#,
+    )
+    .unwrap();
+    config.likelihood.coverage = coverage;
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
+    oblate::run::target(&ObservedTrack::read(&path).unwrap(), &config).unwrap()
+}
+
+#[test]
+fn rejecting_and_penalising_uncovered_bins_give_the_same_posterior() {
+    let (penalty, reject) = (target(Coverage::default()), target(Coverage::Reject));
+    let settings = nested::Settings {
+        n_live: 120,
+        kernel: nested::Kernel::Differential,
+        steps: Some(12),
+        ..nested::Settings::default()
+    };
+    let run = nested::run(&penalty, &settings, 5, &mut Control::new(&mut Silent)).unwrap();
+    // The posterior under rejection, by reweighting the draws: rejection is never the more generous of the two.
+    let ln_ratio: Vec<f64> = (0..run.draws.len())
+        .map(|i| {
+            let Outcome::Value(l) = reject.ln_likelihood(run.draws.theta_row(i)) else {
+                return f64::NEG_INFINITY;
+            };
+            let gain = l - run.draws.ln_likelihood[i];
+            assert!(gain < 1e-9, "{gain}");
+            gain
+        })
+        .collect();
+    let reweighted: Vec<f64> = run
+        .draws
+        .ln_weight
+        .iter()
+        .zip(&ln_ratio)
+        .map(|(w, r)| w + r)
+        .collect();
+    let shift_of_ln_z = ln_sum_exp(&reweighted);
+    assert!(
+        shift_of_ln_z.abs() < run.evidence.error,
+        "ln Z: {shift_of_ln_z} of {}",
+        run.evidence.error
+    );
+    let q: Vec<f64> = (0..run.draws.len())
+        .map(|i| run.draws.derived[i * run.draws.derived_dim])
+        .collect();
+    let mean = |ln_w: &[f64]| -> f64 {
+        let norm = ln_sum_exp(ln_w);
+        q.iter().zip(ln_w).map(|(q, w)| q * (w - norm).exp()).sum()
+    };
+    let (before, after) = (mean(&run.draws.ln_weight), mean(&reweighted));
+    let variance: f64 = q
+        .iter()
+        .zip(&run.draws.ln_weight)
+        .map(|(q, w)| (q - before).powi(2) * w.exp())
+        .sum();
+    let error = (variance / run.ess.quoted).sqrt();
+    assert!(
+        (after - before).abs() < error,
+        "q: {before} {after} +- {error}"
+    );
+}
