@@ -16,6 +16,12 @@ pub struct Common {
     /// Threads to use; all cores by default. Results do not depend on it
     #[arg(long, global = true)]
     threads: Option<usize>,
+    /// Seconds between checkpoints of a run: what a kill costs at most
+    #[arg(long, global = true, default_value_t = 30, value_name = "SECONDS")]
+    pub checkpoint_every: u64,
+    /// Minutes after which a run ends with what it has, unconverged; --resume goes on from there
+    #[arg(long, global = true, value_name = "MINUTES")]
+    pub max_minutes: Option<u64>,
     /// Print JSON instead of text
     #[arg(long, global = true)]
     pub json: bool,

@@ -34,6 +34,8 @@ pub struct Progress {
     bar: Option<ProgressBar>,
     plain: bool,
     last: Instant,
+    checkpoint_every: Duration,
+    max_wall: Duration,
 }
 
 impl Progress {
@@ -54,14 +56,20 @@ impl Progress {
             bar,
             plain: !terminal && !common.quiet,
             last: Instant::now(),
+            checkpoint_every: Duration::from_secs(common.checkpoint_every),
+            max_wall: common
+                .max_minutes
+                .map_or(Duration::MAX, |minutes| Duration::from_secs(60 * minutes)),
         }
     }
 
     /// A watch by this observer, with the process's interrupt.
     pub fn watch(&mut self) -> Watch<'_> {
         Watch {
-            observer: self,
             interrupt: interrupt(),
+            checkpoint_every: self.checkpoint_every,
+            max_wall: self.max_wall,
+            observer: self,
         }
     }
 

@@ -13,7 +13,6 @@ use oblate_samplers::control::CheckpointPlan;
 use oblate_samplers::{Control, Run};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::Duration;
 
 /// How a run folder that exists already is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,9 +24,6 @@ pub enum Existing {
     /// It is continued, or left alone if it has finished.
     Resume,
 }
-
-/// Time between two checkpoints.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(30);
 
 /// The target of a track under given settings.
 ///
@@ -104,13 +100,15 @@ pub(super) fn watched(
     existing: Existing,
     run: impl FnOnce(&mut Control<'_>) -> Result<Run>,
 ) -> Result<Run> {
+    let (every, max_wall) = (watch.checkpoint_every, watch.max_wall);
     let mut tee = watch.tee(folder.log()?);
     let interrupt = tee.interrupt();
     let mut control = Control::new(&mut tee);
     control.interrupt = interrupt;
+    control.budget.max_wall = max_wall;
     control.checkpoint = Some(CheckpointPlan {
         path: folder.checkpoint(),
-        every: CHECKPOINT_EVERY,
+        every,
         resume: existing == Existing::Resume,
         config_hash: u64::from_str_radix(&versions.input_hash, 16).unwrap_or(0),
     });

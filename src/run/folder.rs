@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::posterior::{Summary, run_from_parts, zarr};
 use oblate_samplers::Run;
 use oblate_samplers::checkpoint::{hash, write_atomically};
+use oblate_samplers::output::Status;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -178,7 +179,8 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Writes the draws, then the summary, then removes the checkpoint: a folder with a summary is whole.
+    /// Writes the draws, then the summary, then removes the checkpoint, unless the run ended by a budget and may go on: a
+    /// folder with a summary is whole.
     ///
     /// # Errors
     /// As of [`zarr::write`]; [`Error::Sampler`] or [`Error::Io`] if the summary cannot be written or the checkpoint
@@ -186,6 +188,9 @@ impl RunFolder {
     pub fn finish(&self, run: &Run, summary: &Summary, beside: zarr::Beside<'_>) -> Result<()> {
         zarr::write(&self.posterior(), run, beside)?;
         self.json(&self.summary(), summary)?;
+        if run.status != Status::Complete {
+            return Ok(());
+        }
         let checkpoint = self.checkpoint();
         for path in [
             oblate_samplers::checkpoint::previous(&checkpoint),

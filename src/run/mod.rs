@@ -52,7 +52,7 @@ fn conclude(
 
 /// A folder made ready for a run.
 enum Opened {
-    /// It has finished already, with the same inputs.
+    /// It has finished already, by its own rule and with the same inputs.
     Finished(Box<Run>, Box<Summary>),
     /// It waits for work.
     Folder(RunFolder),
@@ -78,10 +78,12 @@ fn open_or_create(out: &Path, existing: Existing, versions: &Versions) -> Result
     }
     if folder.finished() {
         let stored = folder.read()?;
-        return Ok(Opened::Finished(
-            Box::new(stored.run),
-            Box::new(stored.summary),
-        ));
+        if stored.run.status == Status::Complete {
+            return Ok(Opened::Finished(
+                Box::new(stored.run),
+                Box::new(stored.summary),
+            ));
+        }
     }
     Ok(Opened::Folder(folder))
 }

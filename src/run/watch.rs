@@ -6,6 +6,7 @@ use serde_json::json;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 /// A caller's observer and interrupt.
 pub struct Watch<'a> {
@@ -13,6 +14,10 @@ pub struct Watch<'a> {
     pub observer: &'a mut dyn Observer,
     /// Set from anywhere to stop at the next safe point.
     pub interrupt: Arc<AtomicBool>,
+    /// Time between two checkpoints: what a kill costs at most.
+    pub checkpoint_every: Duration,
+    /// Wall time after which the run ends with what it has; it can be resumed.
+    pub max_wall: Duration,
 }
 
 impl Watch<'_> {

@@ -239,6 +239,7 @@ model = { steps = 30, orbit_steps = 64, releases = { particles = 128 } }
 likelihood = { model_noise = true }
 prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
 sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6 }
+sampling.pt_hmc = { ladders = 2, rounds = 4, annealing = 24, slices = 3 }
 "#;
 
 #[test]
@@ -331,4 +332,63 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
         text.matches("<svg").count()
     );
     assert!(!text.contains("NaN"));
+}
+
+/// Kills a fit as soon as it has written its first checkpoint, and says whether it was still at work.
+fn killed(args: &[&str], checkpoint: &Path) -> bool {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_oblate"))
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the command starts");
+    while child.try_wait().expect("a child").is_none() {
+        if checkpoint.exists() {
+            child.kill().expect("a kill");
+            return child.wait().expect("its end").code().is_none();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    false
+}
+
+#[test]
+fn a_killed_fit_resumes_in_a_new_process_to_the_same_numbers() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    for sampler in ["nested", "pt-hmc"] {
+        let args = |out: &str, more: &[&str]| -> Vec<String> {
+            let mut args = vec!["fit", &track, "--config", &config, "--out", out];
+            args.extend(["--sampler", sampler, "--checkpoint-every", "0", "-q"]);
+            args.extend(["--json", "--allow-unconverged"]);
+            args.extend(more);
+            args.into_iter().map(str::to_owned).collect()
+        };
+        let of = |args: &[String]| -> serde_json::Value {
+            let args: Vec<&str> = args.iter().map(String::as_str).collect();
+            let output = oblate(&args, "");
+            let say = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(0), "{say}");
+            json(&output.stdout)
+        };
+        let whole = folder.path().join(format!("whole_{sampler}"));
+        let expected = of(&args(&whole.display().to_string(), &[]));
+        let out = folder.path().join(format!("killed_{sampler}"));
+        let name = out.display().to_string();
+        let first = args(&name, &[]);
+        let first: Vec<&str> = first.iter().map(String::as_str).collect();
+        assert!(killed(&first, &out.join("checkpoint")), "{sampler}");
+        assert!(!out.join("summary.json").exists());
+        if sampler == "nested" {
+            // No time at all: a result all the same, which says what it is and may go on.
+            let spent = of(&args(&name, &["--resume", "--max-minutes", "0"]));
+            assert_eq!(spent["converged"], false);
+            assert_ne!(spent["ln_z"], expected["ln_z"]);
+        }
+        let resumed = of(&args(&name, &["--resume"]));
+        for key in ["ln_z", "ess", "parameters", "gates"] {
+            assert_eq!(resumed[key], expected[key], "{sampler}: {key}");
+        }
+    }
 }
