@@ -6,6 +6,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
+use oblate::orbit::Flight;
 use oblate::params::{DIM, QRange, StreamParams};
 use oblate::spray::TableSettings;
 use oblate::stream::{Arrivals, Model, ModelSettings};
@@ -43,9 +44,9 @@ fn likelihood(particles: usize) -> StreamLikelihood {
     let setup = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
         .galaxy(&StreamParams::from_array(THETA));
     let setup = model.setup(&setup).expect("an orbit");
-    let (mut path, mut stars) = (Vec::new(), Arrivals::default());
+    let (mut flight, mut stars) = (Flight::default(), Arrivals::default());
     model
-        .carry(&setup, &mut path, &mut stars)
+        .carry(&setup, &mut flight, &mut stars)
         .expect("particles");
     let data: Vec<DataBin> = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * particles as f64)
         .bins

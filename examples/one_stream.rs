@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release --example one_stream`
 
+use oblate::orbit::Flight;
 use oblate::params::{PriorSettings, StreamParams, StreamPrior};
 use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
 use oblate::track::{BinEdges, Track};
@@ -32,9 +33,9 @@ fn main() -> Result<()> {
     let model = Model::new(&ModelSettings::default())?;
     let galaxy = Galaxy::from_params(&params, prior.q_range());
     let setup = model.setup(&galaxy).map_err(Error::NoTrack)?;
-    let (mut path, mut stars) = (Vec::new(), Arrivals::default());
+    let (mut flight, mut stars) = (Flight::default(), Arrivals::default());
     model
-        .carry(&setup, &mut path, &mut stars)
+        .carry(&setup, &mut flight, &mut stars)
         .map_err(Error::NoTrack)?;
 
     let least = 0.01 * stars.len() as f64;

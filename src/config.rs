@@ -39,6 +39,7 @@ impl Profile {
                     ..TableSettings::default()
                 },
                 steps: 100,
+                step_rule: crate::stream::StepRule::Uniform,
                 orbit: crate::orbit::OrbitMethod::Leapfrog,
                 orbit_steps: 100,
             },

@@ -4,6 +4,7 @@ use super::Exit;
 use super::options::{Common, ModelFlags, refuse_existing, say, say_json, write_file};
 use crate::config::{Profile, read};
 use crate::error::{Error, Result};
+use crate::orbit::Flight;
 use crate::params::{PriorSettings, StreamParams, StreamPrior};
 use crate::stream::{Arrivals, Galaxy, Model};
 use crate::track::{BinEdges, Track};
@@ -66,9 +67,9 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     let setup = model
         .setup(&Galaxy::from_params(&params, prior.q_range()))
         .map_err(Error::NoTrack)?;
-    let (mut path, mut arrivals) = (Vec::new(), Arrivals::default());
+    let (mut flight, mut arrivals) = (Flight::default(), Arrivals::default());
     model
-        .carry(&setup, &mut path, &mut arrivals)
+        .carry(&setup, &mut flight, &mut arrivals)
         .map_err(Error::NoTrack)?;
     let edges = if args.edge > 0.0 {
         BinEdges::Soft {

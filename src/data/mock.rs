@@ -2,6 +2,7 @@
 
 use super::ObservedTrack;
 use crate::error::{Error, Result};
+use crate::orbit::Flight;
 use crate::params::{StreamParams, StreamPrior};
 use crate::scalar::Vec3;
 use crate::spray::{Design, TableSettings};
@@ -226,9 +227,9 @@ fn draw(
     let setup = model
         .setup(&Galaxy::from_params(&params, prior.q_range()))
         .map_err(|_| Cut::NoStream)?;
-    let (mut path, mut arrivals) = (Vec::new(), Arrivals::default());
+    let (mut flight, mut arrivals) = (Flight::default(), Arrivals::default());
     model
-        .carry(&setup, &mut path, &mut arrivals)
+        .carry(&setup, &mut flight, &mut arrivals)
         .map_err(|_| Cut::NoStream)?;
     let least_n = settings.least_fraction * arrivals.len() as f64;
     let track = Track::of(&arrivals, settings.bin_width_deg, BinEdges::Hard, least_n);

@@ -3,6 +3,7 @@
 
 use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};
+use crate::orbit::Flight;
 use crate::params::{DIM, QRange, StreamParams};
 use crate::scalar::{Dual, LaneDual, Real, gradient_of, lift};
 use crate::stream::{Arrivals, Counted, Galaxy, LANES, Model, Setup, Workspace};
@@ -184,8 +185,8 @@ impl StreamLikelihood {
     /// A [`Rejection`] where there is no stream.
     pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Arrivals), Rejection> {
         let setup = self.model.setup(&self.galaxy(params))?;
-        let (mut path, mut arrivals) = (Vec::new(), Arrivals::default());
-        self.model.carry(&setup, &mut path, &mut arrivals)?;
+        let (mut flight, mut arrivals) = (Flight::default(), Arrivals::default());
+        self.model.carry(&setup, &mut flight, &mut arrivals)?;
         let grid = self.track.grid();
         let track = Track::of(
             &arrivals,
@@ -199,7 +200,7 @@ impl StreamLikelihood {
     /// Particles and their sums, into the buffers.
     fn sum(&self, setup: &Setup<f64>, b: &mut Buffers) -> Result<(), Rejection> {
         self.model
-            .carry(setup, &mut b.work.path, &mut b.work.arrivals)?;
+            .carry(setup, &mut b.work.flight, &mut b.work.arrivals)?;
         self.track.grid().sum(&b.work.arrivals, &mut b.sums);
         Ok(())
     }

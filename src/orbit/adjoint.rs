@@ -1,8 +1,8 @@
 //! The leapfrog of [`advance`](super::advance()) run backwards in reverse mode: exact derivatives of the same discrete
 //! map, at about the cost of two values.
 
-use super::State;
 use super::leapfrog::force;
+use super::{Course, State};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
 use std::hint::black_box;
@@ -13,37 +13,52 @@ use std::hint::black_box;
 pub fn advance_recorded<S: Scalar>(
     host: &FlattenedNfw<S>,
     progenitor: &Plummer<S>,
-    progenitor_at: impl Fn(usize) -> Vec3<S>,
-    step_gyr: S,
+    course: &impl Course<S>,
     start: State<S>,
     positions: &mut [Vec3<S>],
 ) {
     let steps = positions.len() - 1;
     let mut x = start.x;
-    let mut v = start
-        .v
-        .add_scaled(force(host, progenitor, x, progenitor_at(0)), step_gyr * 0.5);
+    let first = force(host, progenitor, x, course.progenitor_at(0));
+    let mut v = start.v.add_scaled(first, course.kick_gyr(0));
     positions[0] = x;
     for (j, slot) in positions.iter_mut().enumerate().skip(1) {
-        x = x.add_scaled(v, step_gyr);
+        x = x.add_scaled(v, course.drift_gyr(j - 1));
         *slot = x;
         if j < steps {
-            v = v.add_scaled(force(host, progenitor, x, progenitor_at(j)), step_gyr);
+            let a = force(host, progenitor, x, course.progenitor_at(j));
+            v = v.add_scaled(a, course.kick_gyr(j));
         }
     }
 }
 
-/// Derivatives of a scalar with respect to the start of a particle and the step length.
+/// Derivatives with respect to one step of a course.
 #[derive(Clone, Copy, Debug)]
-pub struct Reversed<S> {
-    /// With respect to the starting position and velocity.
-    pub start: State<S>,
-    /// With respect to the step length in Gyr.
-    pub step_gyr: S,
+pub struct ByStep<S> {
+    /// With respect to the progenitor's position at its kick.
+    pub progenitor: Vec3<S>,
+    /// With respect to the length of its drift, times that length: no division per particle.
+    pub drift: S,
+    /// With respect to the length of its kick, per Gyr.
+    pub kick: S,
+}
+
+impl<S: Scalar> ByStep<S> {
+    /// Nothing yet.
+    #[inline(always)]
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            progenitor: Vec3::zero(),
+            drift: S::zero(),
+            kick: S::zero(),
+        }
+    }
 }
 
 /// Pulls the derivative `by_position` of some scalar with respect to a particle's final position back through its
-/// recorded path. Adds what falls on the host, the progenitor's sphere and its path (through `by_path(j, derivative)`).
+/// recorded path: the derivative with respect to its start. Adds what falls on the host, the progenitor's sphere and the
+/// course.
 /// After each step back the derivative with respect to the state then is what `tame` makes of it: the identity for the
 /// exact derivative.
 #[inline(always)]
@@ -54,17 +69,15 @@ pub struct Reversed<S> {
 pub fn reverse<S: Scalar>(
     host: &FlattenedNfw<S>,
     progenitor: &Plummer<S>,
-    progenitor_at: impl Fn(usize) -> Vec3<S>,
-    step_gyr: S,
+    course: &impl Course<S>,
     positions: &[Vec3<S>],
     by_position: Vec3<S>,
     by_host: &mut NfwCotangent<S>,
     by_sphere: &mut PlummerCotangent<S>,
-    mut by_path: impl FnMut(usize, Vec3<S>),
+    by_course: &mut [ByStep<S>],
     tame: impl Fn(State<S>) -> State<S>,
-) -> Reversed<S> {
+) -> State<S> {
     let steps = positions.len() - 1;
-    let (mut by_drift, mut by_kick) = (S::zero(), S::zero());
     // The last kick changes velocities only, so the sweep starts at the last drift.
     let mut by = State {
         x: by_position,
@@ -72,31 +85,21 @@ pub fn reverse<S: Scalar>(
     };
     for j in (0..steps).rev() {
         // Drift x_{j+1} = x_j + h v.
-        by.v = by.v.add_scaled(by.x, step_gyr);
-        by_drift += by.x.dot(positions[j + 1] - positions[j]);
-        // Kick v += c a(x_j), c = h, or h/2 for the first.
-        let share = if j == 0 { 0.5 } else { 1.0 };
-        let kick = by.v * S::from_f64(share);
-        let lambda = kick * step_gyr;
+        by.v = by.v.add_scaled(by.x, course.drift_gyr(j));
+        let by_step = &mut by_course[j];
+        by_step.drift += by.x.dot(positions[j + 1] - positions[j]);
+        // Kick v += c a(x_j).
+        let lambda = by.v * course.kick_gyr(j);
         let (a_host, x_host) = host.pull_back(positions[j], lambda, by_host);
         let (a_sphere, x_sphere) =
-            progenitor.pull_back(positions[j] - progenitor_at(j), lambda, by_sphere);
-        by_kick += kick.dot(a_host + a_sphere);
-        by_path(j, -x_sphere);
+            progenitor.pull_back(positions[j] - course.progenitor_at(j), lambda, by_sphere);
+        by_step.kick += by.v.dot(a_host + a_sphere);
+        by_step.progenitor = by_step.progenitor - x_sphere;
         by.x = by.x + x_host + x_sphere;
         by = tame(by);
         // Between steps the sweep's state rests in memory. In lanes it is too much for the registers, and a compiler that
         // may keep it there takes the lanes apart: twice the time.
-        black_box((
-            &mut by,
-            &mut *by_host,
-            &mut *by_sphere,
-            &mut by_drift,
-            &mut by_kick,
-        ));
+        black_box((&mut by, &mut *by_host, &mut *by_sphere));
     }
-    Reversed {
-        start: by,
-        step_gyr: by_drift / step_gyr + by_kick,
-    }
+    by
 }

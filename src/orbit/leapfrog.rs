@@ -1,6 +1,6 @@
 //! The hot loop: kick-drift-kick in the host and the moving progenitor, on any number type.
 
-use super::State;
+use super::{Course, State};
 use crate::potential::{Plummer, Potential};
 use crate::scalar::{Scalar, Vec3};
 
@@ -36,8 +36,7 @@ pub(super) fn force<S: Scalar>(
     host.acceleration(x) + progenitor.acceleration(x - centre)
 }
 
-/// Carries one particle (or one lane of particles) through `steps` equal steps of `step_gyr` each, in the sum of `host`
-/// and `progenitor`, whose position at the j-th force evaluation, j = 0..=steps, is `progenitor_at(j)`.
+/// Carries one particle (or one lane of particles) along a course, in the sum of `host` and `progenitor`.
 ///
 /// The last kick of a step is fused with the first of the next: one force per step. `turns` is the winding count at
 /// birth.
@@ -45,27 +44,24 @@ pub(super) fn force<S: Scalar>(
 pub fn advance<S: Scalar>(
     host: &impl Potential<S>,
     progenitor: &Plummer<S>,
-    progenitor_at: impl Fn(usize) -> Vec3<S>,
-    steps: usize,
-    step_gyr: S,
+    course: &impl Course<S>,
     start: State<S>,
     turns: S,
 ) -> Arrival<S> {
-    let half = step_gyr * 0.5;
+    let steps = course.steps();
     let mut x = start.x;
-    let mut v = start
-        .v
-        .add_scaled(force(host, progenitor, x, progenitor_at(0)), half);
+    let first = force(host, progenitor, x, course.progenitor_at(0));
+    let mut v = start.v.add_scaled(first, course.kick_gyr(0));
     let mut turns = turns;
     let mut unsafe_turns = S::zero();
     for j in 1..=steps {
         let before = x;
-        x = x.add_scaled(v, step_gyr);
+        x = x.add_scaled(v, course.drift_gyr(j - 1));
         turns += crossing(before, x);
         let cosine = before.x * x.x + before.y * x.y;
         unsafe_turns += S::select(cosine.lt(S::zero()), S::one(), S::zero());
-        let kick = if j == steps { half } else { step_gyr };
-        v = v.add_scaled(force(host, progenitor, x, progenitor_at(j)), kick);
+        let a = force(host, progenitor, x, course.progenitor_at(j));
+        v = v.add_scaled(a, course.kick_gyr(j));
     }
     Arrival {
         state: State { x, v },

@@ -1,12 +1,16 @@
 //! Moving bodies: the progenitor's dense orbit, and the leapfrog that carries the particles.
 
 mod adjoint;
+mod clock;
 mod dispatch;
+mod flight;
 mod leapfrog;
 mod progenitor;
 
-pub use adjoint::{Reversed, advance_recorded, reverse};
+pub use adjoint::{ByStep, advance_recorded, reverse};
+pub use clock::Clock;
 pub use dispatch::{Kernel, Level, dispatch};
+pub use flight::{Course, Flight, InLanes};
 pub use leapfrog::{Arrival, advance, crossing};
 pub use progenitor::{DenseOrbit, Node, OrbitMethod, Placement};
 

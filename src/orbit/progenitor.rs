@@ -71,7 +71,7 @@ impl Placement {
 }
 
 /// The interval of `tau` and the fraction within it.
-fn locate(tau: f64, steps: usize) -> (usize, f64) {
+pub(super) fn locate(tau: f64, steps: usize) -> (usize, f64) {
     let position = (tau + 1.0).clamp(0.0, 1.0) * steps as f64;
     #[allow(
         clippy::cast_possible_truncation,
@@ -83,16 +83,17 @@ fn locate(tau: f64, steps: usize) -> (usize, f64) {
 }
 
 /// Quintic Hermite basis at `t` in [0, 1].
-fn quintic(t: f64) -> [f64; 6] {
+#[inline(always)]
+fn quintic<S: Scalar>(t: S) -> [S; 6] {
     let (t2, t3) = (t * t, t * t * t);
-    let later = t3 * (10.0 + t * (6.0 * t - 15.0));
+    let later = t3 * (t * (t * 6.0 - 15.0) + 10.0);
     [
-        1.0 - later,
-        t + t3 * (t * (8.0 - 3.0 * t) - 6.0),
-        0.5 * t2 + 0.5 * t3 * (t * (3.0 - t) - 3.0),
+        -later + 1.0,
+        t + t3 * (t * (t * -3.0 + 8.0) - 6.0),
+        t2 * 0.5 + t3 * 0.5 * (t * (-t + 3.0) - 3.0),
         later,
-        t3 * (t * (7.0 - 3.0 * t) - 4.0),
-        0.5 * t3 * (1.0 + t * (t - 2.0)),
+        t3 * (t * (t * -3.0 + 7.0) - 4.0),
+        t3 * 0.5 * (t * (t - 2.0) + 1.0),
     ]
 }
 
@@ -202,11 +203,31 @@ impl<S: Real> DenseOrbit<S> {
         )
     }
 
+    /// Position at a time `tau` in [-1, 0] that has derivatives of its own.
+    #[inline(always)]
+    pub fn position_at(&self, tau: S) -> Vec3<S> {
+        let steps = self.nodes.len() - 1;
+        let (node, _) = locate(tau.re(), steps);
+        self.combine(node, quintic((tau + 1.0) * steps as f64 - node as f64))
+    }
+
+    /// Derivative of the position with respect to `tau`.
+    #[inline(always)]
+    pub fn slope(&self, tau: f64) -> Vec3<S> {
+        let steps = self.nodes.len() - 1;
+        let (node, t) = locate(tau, steps);
+        self.combine(node, quintic_slope(t).map(S::from_f64)) * S::from_f64(steps as f64)
+    }
+
     /// Position at a placement.
     #[inline(always)]
     pub fn position(&self, place: &Placement) -> Vec3<S> {
-        let (a, b) = (&self.nodes[place.node], &self.nodes[place.node + 1]);
-        let w = place.weights.map(S::from_f64);
+        self.combine(place.node, place.weights.map(S::from_f64))
+    }
+
+    #[inline(always)]
+    fn combine(&self, node: usize, w: [S; 6]) -> Vec3<S> {
+        let (a, b) = (&self.nodes[node], &self.nodes[node + 1]);
         (a.x * w[0])
             .add_scaled(a.dx, w[1])
             .add_scaled(a.ddx, w[2])

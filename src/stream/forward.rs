@@ -2,9 +2,9 @@
 
 use super::{LANES, Launch, Model, Setup};
 use crate::error::{Rejection, Tally};
-use crate::orbit::{Arrival, Kernel, Level, State, advance, dispatch};
+use crate::orbit::{Arrival, Flight, InLanes, Kernel, Level, State, advance, dispatch};
 use crate::potential::{FlattenedNfw, Plummer};
-use crate::scalar::{Lanes, Scalar, Vec3};
+use crate::scalar::Lanes;
 use crate::spray::ReleaseTable;
 
 /// Particles of one epoch that travel side by side; short groups repeat their last particle.
@@ -110,7 +110,7 @@ impl Arrivals {
 struct Forward<'a> {
     model: &'a Model,
     setup: &'a Setup<f64>,
-    path: &'a mut Vec<Vec3<f64>>,
+    flight: &'a mut Flight<f64>,
     out: &'a mut Arrivals,
 }
 
@@ -123,33 +123,22 @@ impl Kernel for Forward<'_> {
         let Self {
             model,
             setup,
-            path,
+            flight,
             out,
         } = self;
         let host = FlattenedNfw::<Lanes<LANES, FMA>>::broadcast(&setup.host);
         let sphere = Plummer::<Lanes<LANES, FMA>>::broadcast(&setup.sphere);
-        let steps = model.settings.steps;
         let mut unsafe_turns = 0.0;
         let mut epoch = usize::MAX;
         for group in &model.groups {
             if group.epoch != epoch {
                 epoch = group.epoch;
-                path.clear();
-                path.extend(model.path_of(epoch).iter().map(|p| setup.orbit.position(p)));
+                model.plan(epoch, setup, flight);
             }
             let launch = Launch::broadcast(&setup.launches[epoch]);
             let (start, turns) =
                 launch.release(group.position.map(Lanes), group.velocity.map(Lanes));
-            let step = Lanes::from_f64(model.step_gyr(epoch, setup.age_gyr));
-            let arrival = advance(
-                &host,
-                &sphere,
-                |j| Vec3::from_f64(path[j]),
-                steps,
-                step,
-                start,
-                turns,
-            );
+            let arrival = advance(&host, &sphere, &InLanes(flight), start, turns);
             unsafe_turns += arrival.unsafe_turns.0[..group.len].iter().sum::<f64>();
             let State { x, v } = arrival.state;
             // Zero for finite states, NaN otherwise.
@@ -169,10 +158,10 @@ impl Model {
     pub fn carry(
         &self,
         setup: &Setup<f64>,
-        path: &mut Vec<Vec3<f64>>,
+        flight: &mut Flight<f64>,
         out: &mut Arrivals,
     ) -> Result<(), Rejection> {
-        self.carry_at(Level::best(), setup, path, out)
+        self.carry_at(Level::best(), setup, flight, out)
     }
 
     /// As [`carry`](Self::carry), at a chosen level: how the levels are tested against each other.
@@ -188,7 +177,7 @@ impl Model {
         &self,
         level: Level,
         setup: &Setup<f64>,
-        path: &mut Vec<Vec3<f64>>,
+        flight: &mut Flight<f64>,
         out: &mut Arrivals,
     ) -> Result<(), Rejection> {
         out.resize(self.table.len());
@@ -197,7 +186,7 @@ impl Model {
             Forward {
                 model: self,
                 setup,
-                path,
+                flight,
                 out,
             },
         );

@@ -6,15 +6,18 @@
 //! the launches and the orbit's nodes. Memory: one group's path at a time, O(particles + steps).
 
 use super::{Arrivals, Group, LANES, Launch, Model, Setup};
-use crate::orbit::{Kernel, Level, Node, Placement, State, advance_recorded, dispatch, reverse};
+use crate::orbit::{
+    ByStep, Flight, InLanes, Kernel, Level, Node, Placement, State, advance_recorded, dispatch,
+    reverse,
+};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{LaneDual, Lanes, Scalar, Vec3};
 
 /// Buffers of one thread, reused from call to call.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
-    /// The progenitor during one epoch's flight.
-    pub path: Vec<Vec3<f64>>,
+    /// The course of one epoch's particles.
+    pub flight: Flight<f64>,
     /// The particles today.
     pub arrivals: Arrivals,
     /// Derivative of the result with respect to each particle's sky position.
@@ -23,6 +26,9 @@ pub struct Workspace {
     pub by_y: Vec<f64>,
     nodes: Vec<Node<f64>>,
     launches: Vec<Launch<f64>>,
+    by_course: Vec<ByStep<f64>>,
+    by_times: Vec<f64>,
+    by_phase: Vec<f64>,
 }
 
 /// Derivatives with respect to what the cold stage hands over, beside nodes and launches.
@@ -66,16 +72,14 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
         let steps = model.settings.steps;
         let mut by_host = NfwCotangent::<Lanes<LANES, FMA>>::zero();
         let mut by_sphere = PlummerCotangent::<Lanes<LANES, FMA>>::zero();
-        let mut by_age = Lanes::<LANES, FMA>::zero();
+        let mut by_age = 0.0;
         let mut positions = vec![Vec3::<Lanes<LANES, FMA>>::zero(); steps + 1];
-        let mut by_path = positions.clone();
+        let mut by_course = vec![ByStep::<Lanes<LANES, FMA>>::zero(); steps];
         let mut epoch = usize::MAX;
-        for group in &model.groups {
+        for (i, group) in model.groups.iter().enumerate() {
             if group.epoch != epoch {
                 epoch = group.epoch;
-                work.path.clear();
-                work.path
-                    .extend(model.path_of(epoch).iter().map(|p| setup.orbit.position(p)));
+                model.plan(epoch, setup, &mut work.flight);
             }
             let lane = |column: &[f64]| {
                 let mut lanes = [0.0; LANES];
@@ -85,26 +89,29 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
             let by_position = Vec3::new(lane(&work.by_x), lane(&work.by_y), Lanes::zero());
             let launch = Launch::broadcast(&setup.launches[epoch]);
             let (start, _) = launch.release(group.position.map(Lanes), group.velocity.map(Lanes));
-            let step = Lanes::from_f64(model.step_gyr(epoch, setup.age_gyr));
-            let path = &work.path;
-            let at = |j: usize| Vec3::from_f64(path[j]);
-            advance_recorded(&host, &sphere, at, step, start, &mut positions);
+            let course = InLanes(&work.flight);
+            advance_recorded(&host, &sphere, &course, start, &mut positions);
             let limit2 = by_position.norm2() * (REGULAR * REGULAR);
-            let reversed = reverse(
+            let by_start = reverse(
                 &host,
                 &sphere,
-                at,
-                step,
+                &course,
                 &positions,
                 by_position,
                 &mut by_host,
                 &mut by_sphere,
-                |j, by| by_path[j] = by,
+                &mut by_course,
                 |by| if ALL { by } else { within(by, limit2) },
             );
-            by_age += model.step_gyr(epoch, reversed.step_gyr);
-            add_launch(&mut work.launches[epoch], group, &reversed.start);
-            add_nodes(&mut work.nodes, model.path_of(epoch), &by_path[..steps]);
+            add_launch(&mut work.launches[epoch], group, &by_start);
+            let next = model.groups.get(i + 1);
+            if next.is_none_or(|next| next.epoch != epoch) {
+                sum_lanes(&mut by_course, &mut work.by_course);
+                by_age += add_course(model, setup, epoch, work);
+            }
+        }
+        if let Some(clock) = &setup.clock {
+            clock.pull_back(&setup.orbit, &work.by_phase, &mut work.nodes);
         }
         ByShared {
             host: NfwCotangent {
@@ -117,7 +124,7 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
                 ln_mass: by_sphere.ln_mass.sum(),
                 r_s: by_sphere.r_s.sum(),
             },
-            age_gyr: by_age.sum(),
+            age_gyr: by_age,
         }
     }
 }
@@ -133,7 +140,7 @@ fn within<S: Scalar>(by: State<S>, limit2: S) -> State<S> {
     }
 }
 
-// The two functions below add up lanes. They are calls on purpose: sums across lanes next to the sweep's loop keep the
+// The functions below add up lanes. They are calls on purpose: sums across lanes next to the sweep's loop keep the
 // compiler from putting the loop itself into vector registers.
 
 /// Adds derivatives with respect to the starts of a group to those with respect to its launch.
@@ -152,23 +159,79 @@ fn add_launch<const FMA: bool>(
     }
 }
 
-/// Adds derivatives with respect to the progenitor's path to those with respect to the nodes that carry it.
+/// Sums the derivatives with respect to a course over lanes, and forgets them there.
 #[inline(never)]
-fn add_nodes<const FMA: bool>(
-    nodes: &mut [Node<f64>],
-    places: &[Placement],
-    by_path: &[Vec3<Lanes<LANES, FMA>>],
-) {
-    for (place, by) in places.iter().zip(by_path) {
-        let by = by.map(Lanes::sum);
-        let (earlier, later) = nodes.split_at_mut(place.node + 1);
-        let (a, b) = (&mut earlier[place.node], &mut later[0]);
-        let slots = [
-            &mut a.x, &mut a.dx, &mut a.ddx, &mut b.x, &mut b.dx, &mut b.ddx,
-        ];
-        for (slot, weight) in slots.into_iter().zip(place.weights) {
-            *slot = slot.add_scaled(by, weight);
+fn sum_lanes<const FMA: bool>(lanes: &mut [ByStep<Lanes<LANES, FMA>>], out: &mut Vec<ByStep<f64>>) {
+    out.clear();
+    for by in lanes {
+        out.push(ByStep {
+            progenitor: by.progenitor.map(Lanes::sum),
+            drift: by.drift.sum(),
+            kick: by.kick.sum(),
+        });
+        *by = ByStep::zero();
+    }
+}
+
+/// Adds the derivatives with respect to one epoch's course to those with respect to the orbit's nodes and, where the course
+/// follows a clock, its phases. Returns what falls on the age.
+#[inline(never)]
+fn add_course(model: &Model, setup: &Setup<f64>, epoch: usize, work: &mut Workspace) -> f64 {
+    let Workspace {
+        flight,
+        nodes,
+        by_course,
+        by_times,
+        by_phase,
+        ..
+    } = work;
+    let places = if setup.clock.is_some() {
+        &flight.places
+    } else {
+        model.path_of(epoch)
+    };
+    for (place, by) in places.iter().zip(by_course.iter()) {
+        add_place(nodes, place, by.progenitor);
+    }
+    let steps = by_course.len();
+    // A drift is in itself and by half in the kicks at both of its ends; the kick today moves nothing.
+    let by_drift = |j: usize| {
+        let next = if j + 1 < steps {
+            by_course[j + 1].kick
+        } else {
+            0.0
+        };
+        by_course[j].drift / flight.drift_gyr[j] + 0.5 * (by_course[j].kick + next)
+    };
+    let by_age = (0..steps)
+        .map(|j| by_drift(j) * flight.drift_gyr[j])
+        .sum::<f64>()
+        / setup.age_gyr;
+    if let Some(clock) = &setup.clock {
+        by_times.clear();
+        by_times.resize(steps + 1, 0.0);
+        for j in 0..steps {
+            let by = by_drift(j) * setup.age_gyr;
+            by_times[j + 1] += by;
+            by_times[j] += by_course[j]
+                .progenitor
+                .dot(setup.orbit.slope(flight.times[j]))
+                - by;
         }
+        clock.pull_back_times(model.table.taus[epoch], by_times, by_phase);
+    }
+    by_age
+}
+
+/// Adds the derivative with respect to an interpolated position to those with respect to the two nodes around it.
+fn add_place(nodes: &mut [Node<f64>], place: &Placement, by: Vec3<f64>) {
+    let (earlier, later) = nodes.split_at_mut(place.node + 1);
+    let (a, b) = (&mut earlier[place.node], &mut later[0]);
+    let slots = [
+        &mut a.x, &mut a.dx, &mut a.ddx, &mut b.x, &mut b.dx, &mut b.ddx,
+    ];
+    for (slot, weight) in slots.into_iter().zip(place.weights) {
+        *slot = slot.add_scaled(by, weight);
     }
 }
 
@@ -193,6 +256,8 @@ impl Model {
                 ddx: zero,
             },
         );
+        work.by_phase.clear();
+        work.by_phase.resize(setup.orbit.nodes.len(), 0.0);
         let no_launch = Launch {
             state: State { x: zero, v: zero },
             position: [zero; 3],

@@ -14,13 +14,24 @@ use setup::Cold;
 pub use setup::{Galaxy, Launch, Setup};
 
 use crate::error::{Error, Rejection, Result};
-use crate::orbit::{Arrival, Level, OrbitMethod, Placement, advance, dispatch};
-use crate::scalar::{LaneDual, Real, Scalar};
+use crate::orbit::{Arrival, Flight, Level, OrbitMethod, Placement, advance, dispatch};
+use crate::scalar::{LaneDual, Real};
 use crate::spray::{ReleaseTable, TableSettings};
 use serde::{Deserialize, Serialize};
 
 /// Particles side by side in one group of lanes.
 pub const LANES: usize = 8;
+
+/// How a particle's steps are spread over its time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StepRule {
+    /// Equal steps: the paper.
+    #[default]
+    Uniform,
+    /// Shorter where the progenitor's orbit turns faster, see [`Clock`](crate::orbit::Clock).
+    Dynamical,
+}
 
 /// How a stream is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -30,6 +41,8 @@ pub struct ModelSettings {
     pub releases: TableSettings,
     /// Leapfrog steps per particle.
     pub steps: usize,
+    /// How they are spread over its time.
+    pub step_rule: StepRule,
     /// How the progenitor is carried.
     pub orbit: OrbitMethod,
     /// Steps of the progenitor's orbit.
@@ -41,6 +54,7 @@ impl Default for ModelSettings {
         Self {
             releases: TableSettings::default(),
             steps: 100,
+            step_rule: StepRule::default(),
             orbit: OrbitMethod::default(),
             orbit_steps: 256,
         }
@@ -115,10 +129,30 @@ impl Model {
         &self.path[epoch * n..(epoch + 1) * n]
     }
 
-    /// Step length in Gyr of one epoch's particles.
+    /// Writes the course of one epoch's particles.
     #[inline(always)]
-    fn step_gyr<S: Scalar>(&self, epoch: usize, age_gyr: S) -> S {
-        age_gyr * (-self.table.taus[epoch] / self.settings.steps as f64)
+    fn plan<S: Real>(&self, epoch: usize, setup: &Setup<S>, flight: &mut Flight<S>) {
+        let (tau, steps) = (self.table.taus[epoch], self.settings.steps);
+        flight.path.clear();
+        let Some(clock) = &setup.clock else {
+            for place in self.path_of(epoch) {
+                flight.path.push(setup.orbit.position(place));
+            }
+            let step = setup.age_gyr * (-tau / steps as f64);
+            flight.set_drifts((0..steps).map(|_| step));
+            return;
+        };
+        let mut times = std::mem::take(&mut flight.times);
+        clock.times(tau, steps, &mut times);
+        flight.places.clear();
+        for time in &times {
+            flight.path.push(setup.orbit.position_at(*time));
+            flight
+                .places
+                .push(Placement::at(time.re(), self.settings.orbit_steps));
+        }
+        flight.set_drifts((0..steps).map(|j| (times[j + 1] - times[j]) * setup.age_gyr));
+        flight.times = times;
     }
 
     /// The cold stage.
@@ -157,28 +191,16 @@ impl Model {
         setup: &Setup<S>,
     ) -> std::result::Result<Vec<Arrival<S>>, Rejection> {
         let mut arrivals = Vec::with_capacity(self.table.len());
+        let mut flight = Flight::default();
         for (epoch, launch) in setup.launches.iter().enumerate() {
-            let path: Vec<_> = self
-                .path_of(epoch)
-                .iter()
-                .map(|p| setup.orbit.position(p))
-                .collect();
-            let step = self.step_gyr(epoch, setup.age_gyr);
+            self.plan(epoch, setup, &mut flight);
             let first = epoch * self.table.per_epoch;
             for particle in &self.table.particles[first..first + self.table.per_epoch] {
                 let (start, turns) = launch.release(
                     particle.kick.position.map(S::from_f64),
                     particle.kick.velocity.map(S::from_f64),
                 );
-                let arrival = advance(
-                    &setup.host,
-                    &setup.sphere,
-                    |j| path[j],
-                    self.settings.steps,
-                    step,
-                    start,
-                    turns,
-                );
+                let arrival = advance(&setup.host, &setup.sphere, &flight, start, turns);
                 if !(arrival.state.x.norm2() + arrival.state.v.norm2())
                     .re()
                     .is_finite()

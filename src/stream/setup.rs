@@ -1,8 +1,8 @@
 //! The cold stage of a stream: the progenitor's orbit, and the tidal frame at every release.
 
-use super::ModelSettings;
+use super::{ModelSettings, StepRule};
 use crate::error::{Rejection, Tally};
-use crate::orbit::{DenseOrbit, Kernel, State, crossing};
+use crate::orbit::{Clock, DenseOrbit, Kernel, State, crossing};
 use crate::params::{QRange, StreamParams};
 use crate::potential::{FlattenedNfw, Plummer};
 use crate::scalar::{LaneDual, Real, Scalar, Vec3};
@@ -100,6 +100,8 @@ pub struct Setup<S> {
     pub age_gyr: S,
     /// The progenitor's orbit.
     pub orbit: DenseOrbit<S>,
+    /// The phase that steps are even in, if they are not even in time.
+    pub clock: Option<Clock<S>>,
     /// One launch per epoch.
     pub launches: Vec<Launch<S>>,
     /// What had to be bounded.
@@ -149,7 +151,12 @@ impl<S: Real> Setup<S> {
                 turns,
             });
         }
+        let clock = match settings.step_rule {
+            StepRule::Uniform => None,
+            StepRule::Dynamical => Some(Clock::of(&orbit)),
+        };
         Ok(Self {
+            clock,
             host,
             sphere,
             age_gyr,
@@ -178,6 +185,7 @@ impl<S: Real> Setup<S> {
             },
             age_gyr: self.age_gyr.re(),
             orbit: self.orbit.real_part(),
+            clock: self.clock.as_ref().map(Clock::real_part),
             launches: self
                 .launches
                 .iter()

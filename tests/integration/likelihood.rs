@@ -4,10 +4,10 @@
 use oblate::likelihood::{
     Coverage, DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
 };
-use oblate::orbit::OrbitMethod;
+use oblate::orbit::{Flight, OrbitMethod};
 use oblate::params::{DIM, PriorSettings, QRange, StreamPrior};
 use oblate::spray::{Design, Recipe, TableSettings};
-use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
+use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings, StepRule};
 use oblate::track::{BinEdges, Track};
 use oblate_samplers::Prior;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -65,8 +65,8 @@ fn likelihood_at(
 ) -> Option<StreamLikelihood> {
     let params = oblate::params::StreamParams::from_array(*theta);
     let setup = model.setup(&Galaxy::from_params(&params, Q)).ok()?;
-    let (mut path, mut out) = (Vec::new(), Arrivals::default());
-    model.carry(&setup, &mut path, &mut out).ok()?;
+    let (mut flight, mut out) = (Flight::default(), Arrivals::default());
+    model.carry(&setup, &mut flight, &mut out).ok()?;
     let track = Track::of(&out, 10.0, settings.edges, 0.02 * out.len() as f64);
     let data: Vec<DataBin> = track
         .bins
@@ -125,7 +125,12 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             steps: 30,
             orbit_steps: 128,
             orbit,
+            ..ModelSettings::default()
         }
+    };
+    let dynamical = |settings| ModelSettings {
+        step_rule: StepRule::Dynamical,
+        ..settings
     };
     let settings = [
         (small(), soft),
@@ -144,6 +149,15 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
         ),
         (
             with(Design::Sobol, Recipe::Chen2025, OrbitMethod::Accurate),
+            soft,
+        ),
+        (dynamical(small()), noisy),
+        (
+            dynamical(with(
+                Design::Random,
+                Recipe::default(),
+                OrbitMethod::Leapfrog,
+            )),
             soft,
         ),
     ];
@@ -192,13 +206,15 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
         differences[compared / 2]
     );
     assert!(compared >= 100, "{compared}");
-    // The two differ by rounding alone, which orbits that pass close to the centre amplify.
+    // The two differ by rounding alone, which orbits that pass close to the centre amplify: nineteen of twenty do not.
+    let p95 = differences[compared * 19 / 20];
+    assert!(p95 < 1e-9, "{p95:e}");
     assert!(
         differences[compared / 2] < 1e-12,
         "{:e}",
         differences[compared / 2]
     );
-    assert!(worst < 1e-7, "{worst:e}");
+    assert!(worst < 1e-6, "{worst:e}");
 }
 
 /// What rounding does to ln L at a point: its change when every parameter moves by a few units in its last place. The
@@ -471,8 +487,10 @@ fn mirrored_streams_have_the_same_track() {
         let setup = model
             .setup(&Galaxy::from_params(&params, Q))
             .expect("a setup");
-        let (mut path, mut out) = (Vec::new(), Arrivals::default());
-        model.carry(&setup, &mut path, &mut out).expect("particles");
+        let (mut flight, mut out) = (Flight::default(), Arrivals::default());
+        model
+            .carry(&setup, &mut flight, &mut out)
+            .expect("particles");
         out
     };
     let mut mirrored = theta;

@@ -1,7 +1,7 @@
 //! Whole streams: the integrator and the release against gala, lanes against the scalar path.
 
 use crate::gala::{NAMES, galaxy, subset};
-use oblate::orbit::{DenseOrbit, Level, OrbitMethod, Placement, State, advance};
+use oblate::orbit::{DenseOrbit, Flight, Level, OrbitMethod, Placement, State, advance};
 use oblate::scalar::Vec3;
 use oblate::spray::{Arm, Design, Recipe, TableSettings, Tidal};
 use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
@@ -100,15 +100,12 @@ fn the_leapfrog_converges_to_galas_final_states() {
                     ORBIT_STEPS,
                 ))
             };
-            advance(
-                &galaxy.host,
-                &galaxy.sphere,
-                at,
-                steps,
-                -t_release / steps as f64,
-                start,
-                turns,
-            )
+            let mut flight = Flight {
+                path: (0..=steps).map(at).collect(),
+                ..Flight::default()
+            };
+            flight.set_drifts((0..steps).map(|_| -t_release / steps as f64));
+            advance(&galaxy.host, &galaxy.sphere, &flight, start, turns)
         };
         let mut errors: Vec<f64> = subset(name)
             .par_iter()
@@ -164,9 +161,9 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
             let setup = model.setup(&galaxy(name)).expect("a setup");
             let reference = model.particles(&setup).expect("particles");
             for &level in Level::available() {
-                let (mut path, mut out) = (Vec::new(), Arrivals::default());
+                let (mut flight, mut out) = (Flight::default(), Arrivals::default());
                 model
-                    .carry_at(level, &setup, &mut path, &mut out)
+                    .carry_at(level, &setup, &mut flight, &mut out)
                     .expect("particles");
                 let mut differences: Vec<f64> = reference
                     .iter()

@@ -1,6 +1,7 @@
 //! Tracks against gala's, hard against soft bins, and the bins' derivatives.
 
 use crate::gala::{NAMES, galaxy, track};
+use oblate::orbit::Flight;
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::{Design, TableSettings};
 use oblate::stream::{Arrivals, Model, ModelSettings};
@@ -10,8 +11,10 @@ use proptest::prelude::*;
 fn arrivals(name: &str, settings: &ModelSettings) -> Arrivals {
     let model = Model::new(settings).expect("a model");
     let setup = model.setup(&galaxy(name)).expect("a setup");
-    let (mut path, mut out) = (Vec::new(), Arrivals::default());
-    model.carry(&setup, &mut path, &mut out).expect("particles");
+    let (mut flight, mut out) = (Flight::default(), Arrivals::default());
+    model
+        .carry(&setup, &mut flight, &mut out)
+        .expect("particles");
     out
 }
 

@@ -1,0 +1,101 @@
+//! One epoch's way through time, as the leapfrog asks for it.
+
+use super::Placement;
+use crate::scalar::{Lanes, Scalar, Vec3};
+
+/// What a particle meets on its way: where the progenitor is at each force evaluation, and how long drifts and kicks are.
+pub trait Course<S> {
+    /// Number of steps.
+    fn steps(&self) -> usize;
+    /// The progenitor's position at force evaluation `j`, 0 to `steps`.
+    fn progenitor_at(&self, j: usize) -> Vec3<S>;
+    /// Length of drift `j` in Gyr, 0 to `steps - 1`.
+    fn drift_gyr(&self, j: usize) -> S;
+    /// Length of kick `j` in Gyr, 0 to `steps`: half of both neighbouring drifts.
+    fn kick_gyr(&self, j: usize) -> S;
+}
+
+/// A course spelled out; the same for all particles of an epoch. Its buffers are reused from epoch to epoch.
+#[derive(Clone, Debug)]
+pub struct Flight<S> {
+    /// The progenitor's positions, kpc.
+    pub path: Vec<Vec3<S>>,
+    /// Lengths of the drifts, Gyr.
+    pub drift_gyr: Vec<S>,
+    /// Lengths of the kicks, Gyr.
+    pub kick_gyr: Vec<S>,
+    /// Times of the force evaluations as fractions of the age, if they depend on the parameters.
+    pub times: Vec<S>,
+    /// Where these times lie between the orbit's nodes.
+    pub places: Vec<Placement>,
+}
+
+impl<S> Default for Flight<S> {
+    fn default() -> Self {
+        Self {
+            path: Vec::new(),
+            drift_gyr: Vec::new(),
+            kick_gyr: Vec::new(),
+            times: Vec::new(),
+            places: Vec::new(),
+        }
+    }
+}
+
+impl<S: Scalar> Flight<S> {
+    /// Sets the drifts, and the kicks that belong to them.
+    #[inline(always)]
+    pub fn set_drifts(&mut self, drifts: impl Iterator<Item = S>) {
+        self.drift_gyr.clear();
+        self.drift_gyr.extend(drifts);
+        self.kick_gyr.clear();
+        let mut before = S::zero();
+        for &drift in &self.drift_gyr {
+            self.kick_gyr.push((before + drift) * 0.5);
+            before = drift;
+        }
+        self.kick_gyr.push(before * 0.5);
+    }
+}
+
+impl<S: Scalar> Course<S> for Flight<S> {
+    #[inline(always)]
+    fn steps(&self) -> usize {
+        self.drift_gyr.len()
+    }
+    #[inline(always)]
+    fn progenitor_at(&self, j: usize) -> Vec3<S> {
+        self.path[j]
+    }
+    #[inline(always)]
+    fn drift_gyr(&self, j: usize) -> S {
+        self.drift_gyr[j]
+    }
+    #[inline(always)]
+    fn kick_gyr(&self, j: usize) -> S {
+        self.kick_gyr[j]
+    }
+}
+
+/// The same course for every lane.
+#[derive(Clone, Copy, Debug)]
+pub struct InLanes<'a>(pub &'a Flight<f64>);
+
+impl<const N: usize, const FMA: bool> Course<Lanes<N, FMA>> for InLanes<'_> {
+    #[inline(always)]
+    fn steps(&self) -> usize {
+        self.0.drift_gyr.len()
+    }
+    #[inline(always)]
+    fn progenitor_at(&self, j: usize) -> Vec3<Lanes<N, FMA>> {
+        Vec3::from_f64(self.0.path[j])
+    }
+    #[inline(always)]
+    fn drift_gyr(&self, j: usize) -> Lanes<N, FMA> {
+        Lanes::from_f64(self.0.drift_gyr[j])
+    }
+    #[inline(always)]
+    fn kick_gyr(&self, j: usize) -> Lanes<N, FMA> {
+        Lanes::from_f64(self.0.kick_gyr[j])
+    }
+}
