@@ -71,8 +71,8 @@ pub struct Settings {
     pub batch: f64,
     /// How new points are found.
     pub kernel: Kernel,
-    /// Slices or walk steps per new point; none: `3 + d` and `20 + d`. Raised during a run if new points
-    /// resemble their seeds.
+    /// Slices or walk steps per new point. None: `3 + d` and `20 + d`, raised during a run if new points resemble their
+    /// seeds. Where modes are many and narrow, few steps and many live points find more of them for the same calls.
     pub steps: Option<usize>,
     /// What encloses the live points.
     pub bound: BoundKind,

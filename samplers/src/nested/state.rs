@@ -164,9 +164,12 @@ impl State {
         }
         self.count(&born);
         self.commit(&batch, &born, &mut rng);
-        let window = 5 * job.settings.n_live;
-        self.tuning
-            .watch(&self.ranks, window, 10 * job.first_steps());
+        // Steps that the user chose stay.
+        if job.settings.steps.is_none() {
+            let window = 5 * job.settings.n_live;
+            self.tuning
+                .watch(&self.ranks, window, 10 * job.first_steps());
+        }
         Ok(())
     }
 

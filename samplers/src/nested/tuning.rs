@@ -28,6 +28,8 @@ pub(super) struct Tuning {
     pub echoes: Vec<f64>,
     /// Chains that ended where they began.
     pub stayed: u64,
+    /// The echo that the last raise of `steps` was to lower.
+    echo_at_raise: Option<f64>,
     /// Number of insertions, echoes and still chains when the current window of the watch began.
     window: (usize, usize, u64),
 }
@@ -41,6 +43,7 @@ impl Tuning {
             jumps: Vec::new(),
             echoes: Vec::new(),
             stayed: 0,
+            echo_at_raise: None,
             window: (0, 0, 0),
         }
     }
@@ -95,7 +98,9 @@ impl Tuning {
     /// their likelihoods to their seeds.
     ///
     /// Short jumps alone raise nothing, they are only gated: on a thin shell points stay close to their seeds for
-    /// long after their likelihoods have forgotten them, and ln Z is as good.
+    /// long after their likelihoods have forgotten them, and ln Z is as good. An echo that the last raise has not lowered
+    /// by a quarter is not for want of steps either: chains that keep to their own mode, each with likelihoods of its
+    /// own, echo for ever. It is left to the gate, unless it grows.
     pub fn watch(&mut self, ranks: &Ranks, window: usize, most: usize) {
         let (insertions, echoes, stayed) = self.window;
         let made = ranks.len() - insertions;
@@ -105,11 +110,16 @@ impl Tuning {
         let echoes = &self.echoes[echoes..];
         if !echoes.is_empty() {
             // Twice the gate's limit: the scatter of a mean over 5 n chains is 1 / sqrt(5 n).
-            let echoing = mean(echoes) > 0.1;
+            let echo = mean(echoes);
+            let helps = self
+                .echo_at_raise
+                .is_none_or(|before| echo < 0.75 * before || echo > 1.5 * before);
+            let echoing = echo > 0.1 && helps;
             let still = (self.stayed - stayed) as f64 > 0.01 * made as f64;
             let uneven = ranks.z_score(insertions).abs() > 3.0;
             if (echoing || still || uneven) && self.steps < most {
                 self.steps += self.steps.div_ceil(2);
+                self.echo_at_raise = Some(echo);
             }
         }
         self.window = (ranks.len(), self.echoes.len(), self.stayed);
@@ -176,4 +186,29 @@ fn echo(kept: &Points, seeds: &[usize], born: &[Newborn]) -> f64 {
         .map(|(&s, b)| 12.0 * centred(kept.ln_l[s]) * centred(b.ln_l))
         .collect();
     mean(&products)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_rise_while_that_lowers_the_echo_and_no_longer() {
+        let (mut tuning, mut ranks) = (Tuning::new(10), Ranks::default());
+        let mut after_a_window_of = |echo: f64| {
+            // Even ranks, and chains that move.
+            for i in 0..110 {
+                ranks.push(i % 11, 10);
+            }
+            tuning.echoes.push(echo);
+            tuning.watch(&ranks, 110, 100);
+            tuning.steps
+        };
+        assert_eq!(after_a_window_of(0.05), 10, "nothing to mend");
+        assert_eq!(after_a_window_of(0.30), 15);
+        assert_eq!(after_a_window_of(0.20), 23, "it helped, and echoes still");
+        assert_eq!(after_a_window_of(0.19), 23, "it did not help");
+        assert_eq!(after_a_window_of(0.22), 23);
+        assert_eq!(after_a_window_of(0.35), 35, "another regime");
+    }
 }
