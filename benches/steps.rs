@@ -76,13 +76,13 @@ fn main() {
                 })
                 .collect();
             errors.sort_by(f64::total_cmp);
-            let at = |share: f64| errors[(share * (errors.len() - 1) as f64).round() as usize];
+            let at = |percent: usize| errors[(errors.len() - 1) * percent / 100];
             println!(
                 "| {steps} | {rule:?} | {:.3} | {:.2} | {:.2} | {:.2} |",
-                at(0.5),
-                at(0.9),
-                at(0.95),
-                at(1.0)
+                at(50),
+                at(90),
+                at(95),
+                at(100)
             );
         }
     }
