@@ -36,7 +36,7 @@ use crate::rng::{Stream, below, unit_open};
 use crate::target::{Orbit, Symmetry};
 
 /// Share of the slices along differences. The others reach what differences of few points do not span.
-const SHARE: f64 = 0.75;
+const SHARE: f64 = 0.5;
 
 /// Share of pairs that are aligned, where the target has an orbit that can.
 const ALIGNED: f64 = 0.75;
