@@ -86,14 +86,7 @@ pub fn slice(
     at: &mut Point,
     rng: &mut Stream,
 ) -> Result<()> {
-    let orbit = evaluator
-        .target()
-        .symmetries()
-        .iter()
-        .find_map(|s| match s {
-            Symmetry::Orbit(orbit) => Some(orbit.as_ref()),
-            Symmetry::Involution(_) => None,
-        });
+    let orbit = Symmetry::first_orbit(evaluator.target().symmetries());
     let mut direction = vec![0.0; at.z.len()];
     pool.direction(metric, orbit, &at.z, rng, &mut direction);
     let ln_density = |z: &[f64], l: f64| beta * l - 0.5 * z.iter().map(|z| z * z).sum::<f64>();

@@ -324,7 +324,8 @@ impl State {
         Ok(())
     }
 
-    /// Begins the first round where populations ended: temperatures evenly spaced in the barrier between their levels, the nearest population's members as states, metric and pool.
+    /// Begins the first round where populations ended: temperatures evenly spaced in the barrier between their levels, the
+    /// nearest population's members as states, metric and pool.
     fn begin(&mut self, ladders: &[Vec<Level>], dim: usize) {
         let path = Barrier::mean(&ladders.iter().map(|l| Barrier::of(l)).collect::<Vec<_>>());
         let count = self.enough_temperatures(path.total());
@@ -362,8 +363,7 @@ impl State {
         self.record = Record::new(dim, self.settings.ladders, count, self.settings.scans(0));
     }
 
-    /// Explores one slot: a fresh draw at beta = 0; symmetries, then slices, then Hamiltonian moves elsewhere. Orbits are redrawn in
-    /// every scan, being free; involutions are tried with probability 1/2.
+    /// Explores one slot: a fresh draw at beta = 0; symmetries, then slices, then Hamiltonian moves elsewhere.
     fn explore<'t>(&self, target: &'t dyn Target, slot: usize) -> Result<Explored<'t>> {
         let rung = &self.rungs[slot % self.rungs.len()];
         let mut rng = self.stream(Domain::PtExplore, slot, self.clock + 1);

@@ -34,3 +34,14 @@ pub enum Symmetry {
     /// An exact, free refresh.
     Orbit(Box<dyn Orbit>),
 }
+
+impl Symmetry {
+    /// The first orbit among `symmetries`: the one that differences of points are aligned along.
+    #[must_use]
+    pub fn first_orbit(symmetries: &[Self]) -> Option<&dyn Orbit> {
+        symmetries.iter().find_map(|symmetry| match symmetry {
+            Self::Orbit(orbit) => Some(orbit.as_ref()),
+            Self::Involution(_) => None,
+        })
+    }
+}

@@ -33,7 +33,7 @@ use super::{Chain, cube_from_normal, slice};
 use crate::error::Result;
 use crate::normal;
 use crate::rng::{Stream, below, unit_open};
-use crate::target::{Orbit, Symmetry};
+use crate::target::Symmetry;
 
 /// Share of the slices along differences. The others reach what differences of few points do not span.
 const SHARE: f64 = 0.5;
@@ -78,11 +78,7 @@ fn point_along_a_difference(chain: &mut Chain<'_>, rng: &mut Stream) -> bool {
 
 /// Both points, level with the chain's present one; `None` if this pair is not to be aligned or cannot be.
 fn align(chain: &Chain<'_>, ends: [&[f64]; 2], rng: &mut Stream) -> Option<[Vec<f64>; 2]> {
-    let symmetries = chain.setting.target.symmetries();
-    let orbit: &dyn Orbit = symmetries.iter().find_map(|symmetry| match symmetry {
-        Symmetry::Orbit(orbit) => Some(orbit.as_ref()),
-        Symmetry::Involution(_) => None,
-    })?;
+    let orbit = Symmetry::first_orbit(chain.setting.target.symmetries())?;
     if unit_open(rng) > ALIGNED {
         return None;
     }
