@@ -39,7 +39,7 @@
 //! ```
 //!
 //! Rooms, each of which may only look at the ones before it: [`error`], [`normal`], [`rng`], [`target`],
-//! [`checkpoint`], [`output`], [`control`], [`diagnostics`], then the samplers: [`hmc`], [`nested`] and [`pt`].
+//! [`checkpoint`], [`output`], [`control`], [`diagnostics`], [`neighbours`], then the samplers: [`hmc`], [`nested`] and [`pt`].
 #![cfg_attr(
     test,
     allow(
@@ -62,6 +62,7 @@ pub mod control;
 pub mod diagnostics;
 pub mod error;
 pub mod hmc;
+pub mod neighbours;
 pub mod nested;
 pub mod normal;
 pub mod output;

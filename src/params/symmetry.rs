@@ -92,6 +92,13 @@ impl MassVelocityAge {
         (s_lo, s_hi, rate)
     }
 
+    /// The places that move along the orbit.
+    fn moved(&self) -> impl Iterator<Item = usize> {
+        let velocities = self.velocities.iter().map(|v| v.0);
+        let masses = self.masses.iter().map(|m| m.0);
+        masses.chain(velocities).chain([self.age.0])
+    }
+
     /// Moves physical parameters along the orbit by the factor `s`, in place.
     pub fn scale(&self, theta: &mut [f64], s: f64) {
         for (place, ..) in self.masses {
@@ -132,6 +139,19 @@ impl Orbit for MassVelocityAge {
         self.move_by(z, theta, s);
     }
 
+    /// The parameters moved along the orbit until the host has one solar mass.
+    fn invariants(&self, z: &[f64], out: &mut [f64]) {
+        let mut theta = vec![0.0; z.len()];
+        self.prior.theta_from_z(z, &mut theta);
+        let (host, ..) = self.masses[0];
+        let s = 10_f64.powf(-theta[host]);
+        self.scale(&mut theta, s);
+        out.copy_from_slice(z);
+        for place in self.moved() {
+            out[place] = theta[place];
+        }
+    }
+
     /// The level is the host's mass.
     fn align(&self, z: &mut [f64], to: &[f64]) -> bool {
         let (place, ..) = self.masses[0];
@@ -152,13 +172,8 @@ impl MassVelocityAge {
     /// Moves `z`, whose physical parameters are `theta`, along the orbit by the factor `s`, unless a bound is in the way.
     fn move_by(&self, z: &mut [f64], mut theta: Vec<f64>, s: f64) -> bool {
         self.scale(&mut theta, s);
-        let moved = self
-            .masses
-            .iter()
-            .map(|m| m.0)
-            .chain(self.velocities.iter().map(|v| v.0))
-            .chain([self.age.0]);
-        let new: Vec<(usize, f64)> = moved
+        let new: Vec<(usize, f64)> = self
+            .moved()
             .map(|place| {
                 (
                     place,

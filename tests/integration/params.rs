@@ -3,7 +3,8 @@
 use crate::ks;
 use oblate::params::symmetry::{HalfTurn, MassVelocityAge, QuarterTurnTwin};
 use oblate::params::{PARAMETERS, PriorSettings, StreamPrior, index_of};
-use oblate_samplers::hmc::{Evaluator, Metric, MetricKind, Point, Pool, slice};
+use oblate_samplers::hmc::{Evaluator, Metric, MetricKind, Point, slice};
+use oblate_samplers::neighbours::Neighbours;
 use oblate_samplers::normal;
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
 use oblate_samplers::target::{Involution, Orbit, Outcome, Symmetry, Target};
@@ -230,6 +231,35 @@ fn an_aligned_point_has_the_same_mass_to_the_bit_and_lies_on_its_orbit() {
 }
 
 #[test]
+fn points_on_one_orbit_have_the_same_invariants_and_others_do_not() {
+    let prior = default_prior();
+    let orbit = MassVelocityAge::new(&prior).unwrap();
+    let mut draws = rng(12);
+    let normals =
+        |draws: &mut Stream| -> Vec<f64> { (0..13).map(|_| standard_normal(draws)).collect() };
+    let place = |z: &[f64]| {
+        let mut out = vec![0.0; 13];
+        orbit.invariants(z, &mut out);
+        out
+    };
+    for _ in 0..50 {
+        let z = normals(&mut draws);
+        let mut moved = z.clone();
+        orbit.refresh(&mut moved, &mut draws);
+        let far = |a: &[f64], b: &[f64]| {
+            let parts = a
+                .iter()
+                .zip(b)
+                .map(|(a, b)| (a - b).abs() / (a.abs() + b.abs() + 1e-3));
+            parts.fold(0.0, f64::max)
+        };
+        assert!(far(&z, &moved) > 1e-6);
+        assert!(far(&place(&z), &place(&moved)) < 1e-9);
+        assert!(far(&place(&z), &place(&normals(&mut draws))) > 1e-3);
+    }
+}
+
+#[test]
 fn slices_along_aligned_differences_leave_the_prior_alone() {
     let prior = default_prior();
     let orbit = MassVelocityAge::new(&prior).unwrap();
@@ -238,7 +268,8 @@ fn slices_along_aligned_differences_leave_the_prior_alone() {
         prior,
     };
     let mut draws = rng(9);
-    let pool = Pool::new((0..13 * 60).map(|_| standard_normal(&mut draws)).collect());
+    let rows: Vec<f64> = (0..13 * 60).map(|_| standard_normal(&mut draws)).collect();
+    let pool = Neighbours::new(&rows, 13, Symmetry::first_orbit(target.symmetries()));
     let metric = Metric::identity(MetricKind::Dense, 13);
     assert_leaves_the_prior_alone(10, |z, rng| {
         let mut evaluator = Evaluator::new(&target);

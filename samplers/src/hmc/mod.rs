@@ -19,6 +19,6 @@ pub use leapfrog::{End, Explorer, Moved, Plan, shorten};
 pub use metric::{Metric, MetricKind, geodesic};
 pub use moments::Moments;
 pub use point::{Evaluator, Point, Tally};
-pub use slice::{Pool, explore_by_slices, slice};
+pub use slice::{explore_by_slices, slice};
 pub use step_size::{MAX_STEP, StepSize};
 pub use walls::inside;

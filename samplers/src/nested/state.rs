@@ -132,7 +132,11 @@ impl State {
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
         let seeds = choose_seeds(&mut rng, kept.len(), births);
-        let halves = kept.halves();
+        let halves = if job.kernel() == Kernel::Differential && !bounds.is_empty() {
+            kernel::halves(job.target, &kept)
+        } else {
+            Default::default()
+        };
         let setting = Setting {
             target: job.target,
             contour: batch.contour,

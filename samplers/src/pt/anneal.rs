@@ -9,9 +9,10 @@
 use super::ladder::{barrier, locate, respaced};
 use super::swap;
 use crate::error::Result;
-use crate::hmc::{Evaluator, Metric, MetricKind, Point, Pool, Tally, explore_by_slices};
+use crate::hmc::{Evaluator, Metric, MetricKind, Point, Tally, explore_by_slices};
+use crate::neighbours::Neighbours;
 use crate::rng::{Domain, stream, unit_open};
-use crate::target::Target;
+use crate::target::{Symmetry, Target};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -121,7 +122,7 @@ struct Population {
     /// Sweeps done at this temperature.
     sweeps: usize,
     metric: Metric,
-    pool: Pool,
+    pool: Neighbours,
     ln_z: f64,
     levels: Vec<Level>,
 }
@@ -132,7 +133,7 @@ impl Population {
     }
 
     /// Lowers the temperature as far as the weights allow, and resamples.
-    fn cool(&mut self, kind: MetricKind, uniform: f64) {
+    fn cool(&mut self, target: &dyn Target, kind: MetricKind, uniform: f64) {
         let most = 1.0 - self.beta;
         let enough = KEPT * self.points.len() as f64;
         let mut step = most;
@@ -163,7 +164,8 @@ impl Population {
             .collect();
         let level = Level::of(self.beta, &self.points);
         self.metric = metric_of(&level.z, self.points[0].z.len(), kind);
-        self.pool = Pool::new(level.z);
+        let orbit = Symmetry::first_orbit(target.symmetries());
+        self.pool = Neighbours::new(&level.z, target.dim(), orbit);
         self.sweeps = 0;
     }
 
@@ -233,7 +235,7 @@ impl Annealing {
             beta: 0.0,
             sweeps: 0,
             metric: Metric::identity(kind, points[0].z.len()),
-            pool: Pool::default(),
+            pool: Neighbours::default(),
             ln_z: 0.0,
             levels: vec![Level::of(0.0, &points)],
             points,
@@ -278,7 +280,7 @@ impl Annealing {
             if !population.done() && (population.beta <= 0.0 || population.sweeps == sweeps) {
                 let task = (ladder as u64) << 20 | 0xf_ffff;
                 let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
-                population.cool(kind, unit_open(&mut rng));
+                population.cool(target, kind, unit_open(&mut rng));
             }
         }
         let tasks: Vec<(usize, usize)> = next

@@ -7,9 +7,10 @@ use super::record::{Local, Record};
 use super::{Settings, swap};
 use crate::control::Event;
 use crate::error::{Error, Result};
-use crate::hmc::{self, Explorer, Metric, Plan, Point, Pool, StepSize, Tally};
+use crate::hmc::{self, Explorer, Metric, Plan, Point, StepSize, Tally};
+use crate::neighbours::Neighbours;
 use crate::rng::{Domain, Stream, below, stream, unit_open};
-use crate::target::Target;
+use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -39,7 +40,7 @@ pub(super) struct Rung {
     metric: Metric,
     pub(super) step: StepSize,
     /// Where the round before stood at this temperature.
-    pool: Pool,
+    pool: Neighbours,
 }
 
 /// One place of one ladder: states stay, machines travel.
@@ -110,7 +111,7 @@ impl State {
                 beta,
                 metric: Metric::identity(settings.metric, dim),
                 step: StepSize::new(0.5),
-                pool: Pool::default(),
+                pool: Neighbours::default(),
             })
             .collect();
         let mut state = Self {
@@ -267,13 +268,13 @@ impl State {
             self.tally.merge(&tally);
             if annealing.done() {
                 let levels: Vec<Vec<Level>> = annealing.levels().map(<[Level]>::to_vec).collect();
-                self.begin(&levels, target.dim());
+                self.begin(&levels, target);
                 self.annealing = None;
             }
             return Ok(());
         }
         if self.scan == self.settings.scans(self.round) {
-            self.adapt(target.dim());
+            self.adapt(target);
         }
         let explored: Vec<Result<Explored<'_>>> = (0..self.slots.len())
             .into_par_iter()
@@ -326,7 +327,9 @@ impl State {
 
     /// Begins the first round where populations ended: temperatures evenly spaced in the barrier between their levels, the
     /// nearest population's members as states, metric and pool.
-    fn begin(&mut self, ladders: &[Vec<Level>], dim: usize) {
+    fn begin(&mut self, ladders: &[Vec<Level>], target: &dyn Target) {
+        let dim = target.dim();
+        let orbit = Symmetry::first_orbit(target.symmetries());
         let path = Barrier::mean(&ladders.iter().map(|l| Barrier::of(l)).collect::<Vec<_>>());
         let count = self.enough_temperatures(path.total());
         let nearest = |levels: &[Level], place: f64| {
@@ -355,7 +358,7 @@ impl State {
                 beta,
                 metric: metric_of(&rows, dim, self.settings.metric),
                 step: StepSize::new(FIRST_STEP),
-                pool: Pool::new(rows),
+                pool: Neighbours::new(&rows, dim, orbit),
             });
         }
         self.rungs = rungs;
@@ -431,7 +434,9 @@ impl State {
     }
 
     /// Ends a round: new temperatures, metrics and steps from what it recorded, and states carried over.
-    fn adapt(&mut self, dim: usize) {
+    fn adapt(&mut self, target: &dyn Target) {
+        let dim = target.dim();
+        let orbit = Symmetry::first_orbit(target.symmetries());
         let old = barrier(&self.record.mean_rejection());
         let total = old[old.len() - 1];
         self.history.push(Finished {
@@ -463,7 +468,7 @@ impl State {
                     beta,
                     metric: found[i].0.between(&found[i + 1].0, t),
                     step: StepSize::new(ln_step.exp()),
-                    pool: Pool::new(self.record.visits[nearest((i, t))].clone()),
+                    pool: Neighbours::new(&self.record.visits[nearest((i, t))], dim, orbit),
                 }
             })
             .collect();

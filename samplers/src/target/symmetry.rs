@@ -25,6 +25,11 @@ pub trait Orbit: Sync + Send {
         let _ = (z, to);
         false
     }
+    /// Writes as many numbers as there are coordinates, which tell `z` from points on other orbits and are the same for all
+    /// points on its own, in any units: how near two orbits are. Those of `z` itself where an orbit has none to offer.
+    fn invariants(&self, z: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(z);
+    }
 }
 
 /// A known move.

@@ -7,8 +7,9 @@
 
 use crate::targets::smooth;
 use oblate_samplers::hmc::{
-    End, Evaluator, Explorer, Metric, MetricKind, Plan, Point, Pool, inside, jump, refresh, slice,
+    End, Evaluator, Explorer, Metric, MetricKind, Plan, Point, inside, jump, refresh, slice,
 };
+use oblate_samplers::neighbours::Neighbours;
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
 use oblate_samplers::target::{HalfSpace, Involution, Orbit};
 use oblate_samplers::{Marginal, Outcome, Prior, Target, normal};
@@ -220,7 +221,7 @@ fn hamiltonian_moves_leave_a_tempered_posterior_invariant() {
 }
 
 /// Steps of slices along directions from a pool that may depend on the point.
-fn sliced(index: u64, beta: f64, pool_at: impl Fn(&Point) -> Pool) -> [f64; 2] {
+fn sliced(index: u64, beta: f64, pool_at: impl Fn(&Point) -> Neighbours) -> [f64; 2] {
     let mut rng = stream(20, Domain::Test, 0, index);
     let (metric, prior) = (tilted(), plane());
     let (mut point, datum) = datum_pair(&mut rng, &prior, beta, true);
@@ -240,8 +241,8 @@ const ALWAYS: f64 = 0.5;
 fn slices_leave_a_tempered_posterior_invariant_whatever_the_pool_and_a_pool_that_knows_the_point_does_not()
  {
     let pools = [
-        Pool::default(),
-        Pool::new(vec![0.0, 0.1, 2.0, -1.0, 0.3, 0.4, -0.2, 0.9]),
+        Neighbours::default(),
+        Neighbours::new(&[0.0, 0.1, 2.0, -1.0, 0.3, 0.4, -0.2, 0.9], 2, None),
     ];
     for pool in &pools {
         for beta in [0.3, 1.0] {
@@ -252,7 +253,8 @@ fn slices_leave_a_tempered_posterior_invariant_whatever_the_pool_and_a_pool_that
     }
     // Lines through the origin, drawn from the point: the density along them would need a factor of the distance.
     assert_caught("radial slices", |index| {
-        let radial = |at: &Point| Pool::new([at.z.clone(), vec![0.0; 2]].concat().repeat(2));
+        let radial =
+            |at: &Point| Neighbours::new(&[at.z.clone(), vec![0.0; 2]].concat().repeat(2), 2, None);
         (sliced(index, 1.0, radial), ALWAYS)
     });
 }
@@ -547,7 +549,7 @@ fn moves_between_walls_keep_the_truncated_prior() {
                     evaluator,
                     1.0,
                     &metric,
-                    &Pool::default(),
+                    &Neighbours::default(),
                     &mut point,
                     &mut rng,
                 )

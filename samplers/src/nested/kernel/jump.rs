@@ -2,7 +2,6 @@
 
 use super::{Chain, cube_from_normal};
 use crate::error::Result;
-use crate::normal;
 use crate::rng::{Stream, unit_open};
 use crate::target::{Involution, Symmetry};
 
@@ -21,7 +20,7 @@ pub(super) fn try_all(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
 /// Accepts the image if it is above the contour and the Jacobian of the map on the cube,
 /// `|det dz'/dz| phi(z') / phi(z)`, passes a uniform. The image may be in another metric region.
 fn try_one(chain: &mut Chain<'_>, jump: &dyn Involution, rng: &mut Stream) -> Result<()> {
-    let z: Vec<f64> = chain.x.iter().map(|u| normal::quantile(*u)).collect();
+    let z = chain.normals();
     let mut image = z.clone();
     let Some(ln_det) = jump.apply(&mut image) else {
         return Ok(());

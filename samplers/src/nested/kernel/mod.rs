@@ -11,6 +11,7 @@ use super::likelihood::{Likelihood, Tally};
 use super::live::Points;
 use super::settings::Kernel;
 use crate::error::Result;
+use crate::neighbours::Neighbours;
 use crate::normal;
 use crate::rng::Stream;
 use crate::target::{Symmetry, Target};
@@ -25,9 +26,9 @@ pub(super) struct Setting<'a> {
     /// None: draw from the prior, whatever the kernel. One: draw from it. Two: the metrics of chains from even and
     /// odd threads.
     pub bounds: &'a [Bound],
-    /// The rows of the survivors by the parity of their threads: a chain moves along differences of points of the half
-    /// that its seed is not in.
-    pub halves: &'a [Vec<usize>; 2],
+    /// The survivors of even and of odd threads: a chain moves along differences of points of the half that its seed is not
+    /// in. Empty but for the kernel that asks for them.
+    pub halves: &'a [Neighbours; 2],
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
@@ -122,9 +123,8 @@ pub(super) fn draw(
 struct Chain<'a> {
     setting: &'a Setting<'a>,
     bound: &'a Bound,
-    kept: &'a Points,
-    /// Rows of `kept` in the half that the seed is not in.
-    others: &'a [usize],
+    /// The survivors of the half that the seed is not in.
+    others: &'a Neighbours,
     likelihood: Likelihood<'a>,
     x: Vec<f64>,
     ln_l: f64,
@@ -149,7 +149,6 @@ impl<'a> Chain<'a> {
         Self {
             setting,
             bound,
-            kept,
             others,
             likelihood: Likelihood::new(setting.target),
             x: kept.row(seed).to_vec(),
@@ -180,6 +179,11 @@ impl<'a> Chain<'a> {
         Ok((ln_l > self.setting.contour).then_some(ln_l))
     }
 
+    /// The chain's point in standard-normal coordinates.
+    fn normals(&self) -> Vec<f64> {
+        self.x.iter().map(|u| normal::quantile(*u)).collect()
+    }
+
     /// Moves to `trial`.
     fn accept(&mut self, ln_l: f64) {
         std::mem::swap(&mut self.x, &mut self.trial);
@@ -193,7 +197,7 @@ impl<'a> Chain<'a> {
     fn refresh_orbits(&mut self, rng: &mut Stream) -> Result<()> {
         for symmetry in self.setting.target.symmetries() {
             if let Symmetry::Orbit(orbit) = symmetry {
-                let mut z: Vec<f64> = self.x.iter().map(|u| normal::quantile(*u)).collect();
+                let mut z = self.normals();
                 orbit.refresh(&mut z, rng);
                 cube_from_normal(&z, &mut self.trial);
                 if self.likelihood.inside_walls(&self.trial) {
@@ -206,6 +210,18 @@ impl<'a> Chain<'a> {
         }
         Ok(())
     }
+}
+
+/// The survivors of even and of odd threads, for chains of the other half.
+pub(super) fn halves(target: &dyn Target, kept: &Points) -> [Neighbours; 2] {
+    let orbit = Symmetry::first_orbit(target.symmetries());
+    kept.halves().map(|rows| {
+        let z: Vec<f64> = rows
+            .iter()
+            .flat_map(|&i| kept.row(i).iter().map(|u| normal::quantile(*u)))
+            .collect();
+        Neighbours::new(&z, kept.dim(), orbit)
+    })
 }
 
 /// `u = Phi(z)`, kept inside the open cube where doubles would round it to a wall.
