@@ -6,10 +6,9 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
-use oblate::orbit::Flight;
 use oblate::params::{DIM, QRange, StreamParams};
 use oblate::spray::TableSettings;
-use oblate::stream::{Arrivals, Model, ModelSettings};
+use oblate::stream::{Arrivals, Flights, Model, ModelSettings};
 use oblate::track::{BinEdges, Track};
 use std::hint::black_box;
 
@@ -44,9 +43,9 @@ fn likelihood(particles: usize) -> StreamLikelihood {
     let setup = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
         .galaxy(&StreamParams::from_array(THETA));
     let setup = model.setup(&setup).expect("an orbit");
-    let (mut flight, mut stars) = (Flight::default(), Arrivals::default());
+    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
     model
-        .carry(&setup, &mut flight, &mut stars)
+        .carry(&setup, &mut flights, &mut stars)
         .expect("particles");
     let data: Vec<DataBin> = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * particles as f64)
         .bins
@@ -86,5 +85,31 @@ fn gradient(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, gradient);
+/// What many points gain from all cores, and one point.
+fn threads(c: &mut Criterion) {
+    let mut group = c.benchmark_group("threads");
+    group.sample_size(20);
+    let likelihood = likelihood(4_096);
+    let points = vec![THETA; 64];
+    group.throughput(Throughput::Elements(100 * 4_096 * 64));
+    group.bench_function("batch64/one_by_one/n4096_s100", |b| {
+        b.iter(|| {
+            let values = points.iter().map(|theta| likelihood.ln_likelihood(theta));
+            values.filter(Result::is_ok).count()
+        });
+    });
+    group.bench_function("batch64/all_threads/n4096_s100", |b| {
+        b.iter(|| likelihood.ln_likelihoods(black_box(&points)));
+    });
+    group.throughput(Throughput::Elements(100 * 4_096));
+    group.bench_function("value/all_threads/n4096_s100", |b| {
+        b.iter(|| likelihood.ln_likelihood_in_parallel(black_box(&THETA)));
+    });
+    group.bench_function("adjoint13/all_threads/n4096_s100", |b| {
+        b.iter(|| likelihood.gradient_in_parallel(black_box(&THETA)));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, gradient, threads);
 criterion_main!(benches);

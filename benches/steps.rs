@@ -4,10 +4,9 @@
 //! mean radius against that of the same particles at 3,200 equal steps. The data's errors are 2 per cent. Not a timing.
 
 use oblate::data::{MockSettings, mocks};
-use oblate::orbit::Flight;
 use oblate::params::{PriorSettings, StreamPrior};
 use oblate::spray::TableSettings;
-use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings, StepRule};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule};
 use oblate::track::{BinEdges, Track};
 use rayon::prelude::*;
 
@@ -32,8 +31,8 @@ fn model(steps: usize, step_rule: StepRule) -> Model {
 
 fn track(model: &Model, galaxy: &Galaxy<f64>) -> Option<Track> {
     let setup = model.setup(galaxy).ok()?;
-    let (mut flight, mut stars) = (Flight::default(), Arrivals::default());
-    model.carry(&setup, &mut flight, &mut stars).ok()?;
+    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
+    model.carry(&setup, &mut flights, &mut stars).ok()?;
     let least = 0.01 * PARTICLES as f64;
     Some(Track::of(&stars, 10.0, BinEdges::default(), least))
 }

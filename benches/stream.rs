@@ -5,11 +5,11 @@
 //! counts particle-steps.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use oblate::orbit::{Flight, Level, State};
+use oblate::orbit::{Level, State};
 use oblate::potential::{FlattenedNfw, Plummer};
 use oblate::scalar::Vec3;
 use oblate::spray::TableSettings;
-use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings};
 use std::hint::black_box;
 
 /// A typical prior draw: an oblate halo, a progenitor at 60 kpc.
@@ -57,10 +57,10 @@ fn particles(c: &mut Criterion) {
         let setup = model.setup(&galaxy).expect("a setup");
         group.throughput(Throughput::Elements((n * model.settings().steps) as u64));
         for &level in Level::available() {
-            let (mut flight, mut out) = (Flight::default(), Arrivals::default());
+            let (mut flights, mut out) = (Flights::default(), Arrivals::default());
             let id = format!("carry/{level:?}/n{n}_s100").to_lowercase();
             group.bench_function(id, |b| {
-                b.iter(|| model.carry_at(level, black_box(&setup), &mut flight, &mut out));
+                b.iter(|| model.carry_at(level, black_box(&setup), &mut flights, &mut out));
             });
         }
         group.bench_function(format!("particles/f64/n{n}_s100"), |b| {

@@ -2,9 +2,8 @@
 //!
 //! `cargo run --release --example one_stream`
 
-use oblate::orbit::Flight;
 use oblate::params::{PriorSettings, StreamParams, StreamPrior};
-use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings};
 use oblate::track::{BinEdges, Track};
 use oblate::{Error, Result};
 
@@ -33,9 +32,9 @@ fn main() -> Result<()> {
     let model = Model::new(&ModelSettings::default())?;
     let galaxy = Galaxy::from_params(&params, prior.q_range());
     let setup = model.setup(&galaxy).map_err(Error::NoTrack)?;
-    let (mut flight, mut stars) = (Flight::default(), Arrivals::default());
+    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
     model
-        .carry(&setup, &mut flight, &mut stars)
+        .carry(&setup, &mut flights, &mut stars)
         .map_err(Error::NoTrack)?;
 
     let least = 0.01 * stars.len() as f64;

@@ -59,11 +59,11 @@ pub fn run(args: &Args, _: &Common, input: &mut dyn BufRead, out: &mut dyn Write
         let likelihood = target.likelihood();
         let outcome = if args.gradient {
             likelihood
-                .gradient(&theta)
+                .gradient_in_parallel(&theta)
                 .map(|(e, g)| (e.ln_likelihood, Some(g)))
         } else {
             likelihood
-                .ln_likelihood(&theta)
+                .ln_likelihood_in_parallel(&theta)
                 .map(|e| (e.ln_likelihood, None))
         };
         let seconds = begin.elapsed().as_secs_f64();

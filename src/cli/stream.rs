@@ -4,7 +4,6 @@ use super::Exit;
 use super::options::{Common, ModelFlags, refuse_existing, say, say_json, write_file};
 use crate::config::{Profile, read};
 use crate::error::{Error, Result};
-use crate::orbit::Flight;
 use crate::params::{PriorSettings, StreamParams, StreamPrior};
 use crate::stream::{Arrivals, Galaxy, Model};
 use crate::track::{BinEdges, Track};
@@ -67,9 +66,9 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     let setup = model
         .setup(&Galaxy::from_params(&params, prior.q_range()))
         .map_err(Error::NoTrack)?;
-    let (mut flight, mut arrivals) = (Flight::default(), Arrivals::default());
+    let mut arrivals = Arrivals::default();
     model
-        .carry(&setup, &mut flight, &mut arrivals)
+        .carry_in_parallel(&setup, &mut arrivals)
         .map_err(Error::NoTrack)?;
     let edges = if args.edge > 0.0 {
         BinEdges::Soft {

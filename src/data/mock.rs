@@ -2,11 +2,10 @@
 
 use super::ObservedTrack;
 use crate::error::{Error, Result};
-use crate::orbit::Flight;
 use crate::params::{StreamParams, StreamPrior};
 use crate::scalar::Vec3;
 use crate::spray::{Design, TableSettings};
-use crate::stream::{Arrivals, Galaxy, Model, ModelSettings};
+use crate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings};
 use crate::track::{BinEdges, Track};
 use oblate_samplers::normal::quantile;
 use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
@@ -227,9 +226,9 @@ fn draw(
     let setup = model
         .setup(&Galaxy::from_params(&params, prior.q_range()))
         .map_err(|_| Cut::NoStream)?;
-    let (mut flight, mut arrivals) = (Flight::default(), Arrivals::default());
+    let (mut flights, mut arrivals) = (Flights::default(), Arrivals::default());
     model
-        .carry(&setup, &mut flight, &mut arrivals)
+        .carry(&setup, &mut flights, &mut arrivals)
         .map_err(|_| Cut::NoStream)?;
     let least_n = settings.least_fraction * arrivals.len() as f64;
     let track = Track::of(&arrivals, settings.bin_width_deg, BinEdges::Hard, least_n);

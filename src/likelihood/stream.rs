@@ -3,11 +3,11 @@
 
 use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};
-use crate::orbit::Flight;
 use crate::params::{DIM, QRange, StreamParams};
 use crate::scalar::{Dual, LaneDual, Real, gradient_of, lift};
-use crate::stream::{Arrivals, Counted, Galaxy, LANES, Model, Setup, Workspace};
+use crate::stream::{Arrivals, Counted, Galaxy, LANES, Model, Setup, Threads, Workspace};
 use crate::track::{Sums, Track};
+use rayon::prelude::*;
 
 /// Derivatives that the duals of the cold stage carry: whole vector registers.
 const PARTS: usize = DIM.next_multiple_of(LANES);
@@ -79,31 +79,49 @@ impl StreamLikelihood {
         Galaxy::from_params(params, self.q_range)
     }
 
-    /// ln L, in lanes.
+    /// ln L, in lanes, on the caller's thread.
     ///
     /// # Errors
     /// A [`Rejection`] where there is no stream or, under `coverage = "reject"`, no covering track.
     pub fn ln_likelihood(&self, theta: &[f64; DIM]) -> Result<Evaluation, Rejection> {
-        let setup = self
-            .model
-            .setup(&self.galaxy(&StreamParams::from_array(*theta)))?;
-        BUFFERS.with_borrow_mut(|b| {
-            self.sum(&setup, b)?;
-            let ln_likelihood = self.track.ln_likelihood(&b.sums)?;
-            Ok(Evaluation {
-                ln_likelihood,
-                tally: b.work.arrivals.tally,
-            })
-        })
+        BUFFERS.with_borrow_mut(|b| self.value(theta, Threads::One, b))
+    }
+
+    /// As [`ln_likelihood`](Self::ln_likelihood), over all threads of the present rayon pool: for one value that somebody
+    /// waits for. The same bits.
+    ///
+    /// # Errors
+    /// As [`ln_likelihood`](Self::ln_likelihood).
+    pub fn ln_likelihood_in_parallel(&self, theta: &[f64; DIM]) -> Result<Evaluation, Rejection> {
+        self.value(theta, Threads::All, &mut Buffers::default())
+    }
+
+    /// ln L of many points, over all threads of the present rayon pool; each with the bits that it has alone.
+    pub fn ln_likelihoods(&self, points: &[[f64; DIM]]) -> Vec<Result<Evaluation, Rejection>> {
+        points
+            .par_iter()
+            .map(|theta| self.ln_likelihood(theta))
+            .collect()
     }
 
     /// ln L and its gradient with respect to the 13 physical parameters: the exact derivative of the discrete model, by
-    /// duals for the orbit and in reverse for the particles.
+    /// duals for the orbit and in reverse for the particles. On the caller's thread.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood); [`Rejection::BadLikelihood`] too if the gradient is not finite.
     pub fn gradient(&self, theta: &[f64; DIM]) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        self.gradient_of(theta, Counted::All)
+        BUFFERS.with_borrow_mut(|b| self.gradient_of(theta, Counted::All, Threads::One, b))
+    }
+
+    /// As [`gradient`](Self::gradient), over all threads of the present rayon pool. The same bits.
+    ///
+    /// # Errors
+    /// As [`gradient`](Self::gradient).
+    pub fn gradient_in_parallel(
+        &self,
+        theta: &[f64; DIM],
+    ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
+        self.gradient_of(theta, Counted::All, Threads::All, &mut Buffers::default())
     }
 
     /// As [`gradient`](Self::gradient), without the particles whose derivative is chaotic ([`Counted::Regular`]): not the
@@ -116,13 +134,32 @@ impl StreamLikelihood {
         &self,
         theta: &[f64; DIM],
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        self.gradient_of(theta, Counted::Regular)
+        BUFFERS.with_borrow_mut(|b| self.gradient_of(theta, Counted::Regular, Threads::One, b))
+    }
+
+    fn value(
+        &self,
+        theta: &[f64; DIM],
+        threads: Threads,
+        b: &mut Buffers,
+    ) -> Result<Evaluation, Rejection> {
+        let setup = self
+            .model
+            .setup(&self.galaxy(&StreamParams::from_array(*theta)))?;
+        self.sum(&setup, threads, b)?;
+        let ln_likelihood = self.track.ln_likelihood(&b.sums)?;
+        Ok(Evaluation {
+            ln_likelihood,
+            tally: b.work.arrivals.tally,
+        })
     }
 
     fn gradient_of(
         &self,
         theta: &[f64; DIM],
         counted: Counted,
+        threads: Threads,
+        b: &mut Buffers,
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
         let duals: [LaneDual<PARTS>; DIM] =
             std::array::from_fn(|i| LaneDual::variable(theta[i], i));
@@ -130,30 +167,24 @@ impl StreamLikelihood {
             .model
             .setup_in_lanes(&self.galaxy(&StreamParams::from_array(duals)))?;
         let real = setup.real_part();
-        BUFFERS.with_borrow_mut(|b| {
-            self.sum(&real, b)?;
-            let ln_likelihood = self.track.pull_back(&b.sums, &mut b.by_sums)?;
-            self.track.grid().pull_back(
-                &b.work.arrivals,
-                &b.by_sums,
-                &mut b.work.by_x,
-                &mut b.work.by_y,
-            );
-            let tally = b.work.arrivals.tally;
-            let parts = self.model.pull_back(&setup, &real, counted, &mut b.work);
-            let gradient: [f64; DIM] = std::array::from_fn(|i| parts[i]);
-            if gradient.iter().all(|g| g.is_finite()) {
-                Ok((
-                    Evaluation {
-                        ln_likelihood,
-                        tally,
-                    },
-                    gradient,
-                ))
-            } else {
-                Err(Rejection::BadLikelihood)
-            }
-        })
+        self.sum(&real, threads, b)?;
+        let ln_likelihood = self.track.pull_back(&b.sums, &mut b.by_sums)?;
+        let work = &mut b.work;
+        self.track
+            .grid()
+            .pull_back(&work.arrivals, &b.by_sums, &mut work.by_x, &mut work.by_y);
+        let tally = work.arrivals.tally;
+        let parts = self.model.pull_back(&setup, &real, counted, threads, work);
+        let gradient: [f64; DIM] = std::array::from_fn(|i| parts[i]);
+        if gradient.iter().all(|g| g.is_finite()) {
+            let evaluation = Evaluation {
+                ln_likelihood,
+                tally,
+            };
+            Ok((evaluation, gradient))
+        } else {
+            Err(Rejection::BadLikelihood)
+        }
     }
 
     /// As [`gradient`](Self::gradient), with every number a dual: slow, and the reference for everything faster.
@@ -185,8 +216,8 @@ impl StreamLikelihood {
     /// A [`Rejection`] where there is no stream.
     pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Arrivals), Rejection> {
         let setup = self.model.setup(&self.galaxy(params))?;
-        let (mut flight, mut arrivals) = (Flight::default(), Arrivals::default());
-        self.model.carry(&setup, &mut flight, &mut arrivals)?;
+        let mut arrivals = Arrivals::default();
+        self.model.carry_in_parallel(&setup, &mut arrivals)?;
         let grid = self.track.grid();
         let track = Track::of(
             &arrivals,
@@ -198,10 +229,15 @@ impl StreamLikelihood {
     }
 
     /// Particles and their sums, into the buffers.
-    fn sum(&self, setup: &Setup<f64>, b: &mut Buffers) -> Result<(), Rejection> {
-        self.model
-            .carry(setup, &mut b.work.flight, &mut b.work.arrivals)?;
-        self.track.grid().sum(&b.work.arrivals, &mut b.sums);
+    fn sum(&self, setup: &Setup<f64>, threads: Threads, b: &mut Buffers) -> Result<(), Rejection> {
+        let Workspace {
+            flights, arrivals, ..
+        } = &mut b.work;
+        match threads {
+            Threads::One => self.model.carry(setup, flights, arrivals)?,
+            Threads::All => self.model.carry_in_parallel(setup, arrivals)?,
+        }
+        self.track.grid().sum(arrivals, &mut b.sums);
         Ok(())
     }
 }

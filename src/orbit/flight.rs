@@ -77,6 +77,42 @@ impl<S: Scalar> Course<S> for Flight<S> {
     }
 }
 
+/// One course for the first half of the lanes, another for the second: two groups of particles side by side, so that one's
+/// arithmetic fills the other's waits.
+#[derive(Clone, Copy, Debug)]
+pub struct HalfAndHalf<'a>(pub &'a Flight<f64>, pub &'a Flight<f64>);
+
+impl HalfAndHalf<'_> {
+    #[inline(always)]
+    fn both<const N: usize, const FMA: bool>(a: f64, b: f64) -> Lanes<N, FMA> {
+        Lanes(std::array::from_fn(|l| if l < N / 2 { a } else { b }))
+    }
+}
+
+impl<const N: usize, const FMA: bool> Course<Lanes<N, FMA>> for HalfAndHalf<'_> {
+    #[inline(always)]
+    fn steps(&self) -> usize {
+        self.0.drift_gyr.len()
+    }
+    #[inline(always)]
+    fn progenitor_at(&self, j: usize) -> Vec3<Lanes<N, FMA>> {
+        let (a, b) = (self.0.path[j], self.1.path[j]);
+        Vec3::new(
+            Self::both(a.x, b.x),
+            Self::both(a.y, b.y),
+            Self::both(a.z, b.z),
+        )
+    }
+    #[inline(always)]
+    fn drift_gyr(&self, j: usize) -> Lanes<N, FMA> {
+        Self::both(self.0.drift_gyr[j], self.1.drift_gyr[j])
+    }
+    #[inline(always)]
+    fn kick_gyr(&self, j: usize) -> Lanes<N, FMA> {
+        Self::both(self.0.kick_gyr[j], self.1.kick_gyr[j])
+    }
+}
+
 /// The same course for every lane.
 #[derive(Clone, Copy, Debug)]
 pub struct InLanes<'a>(pub &'a Flight<f64>);

@@ -7,10 +7,10 @@ mod flight;
 mod leapfrog;
 mod progenitor;
 
-pub use adjoint::{ByStep, advance_recorded, reverse};
+pub use adjoint::{ByStep, reverse};
 pub use clock::Clock;
 pub use dispatch::{Kernel, Level, dispatch};
-pub use flight::{Course, Flight, InLanes};
+pub use flight::{Course, Flight, HalfAndHalf, InLanes};
 pub use leapfrog::{Arrival, advance, crossing};
 pub use progenitor::{DenseOrbit, Node, OrbitMethod, Placement};
 

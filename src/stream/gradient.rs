@@ -3,32 +3,78 @@
 //!
 //! Forward mode is cheap where few numbers depend on many (13 parameters into one orbit), reverse mode where many end
 //! in one (all particles into one likelihood): so the setup runs on duals, the particles backwards, and they meet at
-//! the launches and the orbit's nodes. Memory: one group's path at a time, O(particles + steps).
+//! the launches and the orbit's nodes. Paths are run backwards, not remembered: memory is O(particles + steps).
 
-use super::{Arrivals, Group, LANES, Launch, Model, Setup};
+use super::{Arrivals, Flights, Group, LANES, Launch, Model, Setup, Threads};
 use crate::orbit::{
-    ByStep, Flight, InLanes, Kernel, Level, Node, Placement, State, advance_recorded, dispatch,
-    reverse,
+    ByStep, Flight, InLanes, Kernel, Level, Node, Placement, State, dispatch, reverse,
 };
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{LaneDual, Lanes, Scalar, Vec3};
+use rayon::prelude::*;
+use std::ops::Range;
 
-/// Buffers of one thread, reused from call to call.
+/// Parts that the epochs are dealt into. Each sums its own derivatives, and the parts are added up in order: the same bits
+/// for any number of threads, one too.
+const PARTS: usize = 8;
+
+/// Buffers, reused from call to call.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
-    /// The course of one epoch's particles.
-    pub flight: Flight<f64>,
+    /// The courses of the particles on their way here.
+    pub flights: Flights,
     /// The particles today.
     pub arrivals: Arrivals,
     /// Derivative of the result with respect to each particle's sky position.
     pub by_x: Vec<f64>,
     /// The y part.
     pub by_y: Vec<f64>,
+    parts: Vec<Part>,
+}
+
+/// Some epochs, and the derivatives with respect to what their particles were made from.
+#[derive(Clone, Debug, Default)]
+struct Part {
+    /// Its groups.
+    groups: Range<usize>,
+    /// Its first epoch.
+    first_epoch: usize,
+    /// The course of one epoch's particles on their way back.
+    flight: Flight<f64>,
     nodes: Vec<Node<f64>>,
+    /// From the first epoch on.
     launches: Vec<Launch<f64>>,
     by_course: Vec<ByStep<f64>>,
     by_times: Vec<f64>,
     by_phase: Vec<f64>,
+    shared: ByShared,
+}
+
+impl Part {
+    /// Forgets what was; `epochs` of these many groups each, and an orbit of `nodes`.
+    fn reset(&mut self, epochs: Range<usize>, groups_per_epoch: usize, nodes: usize) {
+        let zero = Vec3::zero();
+        let no_node = Node {
+            x: zero,
+            dx: zero,
+            ddx: zero,
+        };
+        let no_launch = Launch {
+            state: State { x: zero, v: zero },
+            position: [zero; 3],
+            velocity: [zero; 3],
+            turns: 0.0,
+        };
+        self.nodes.clear();
+        self.nodes.resize(nodes, no_node);
+        self.by_phase.clear();
+        self.by_phase.resize(nodes, 0.0);
+        self.launches.clear();
+        self.launches.resize(epochs.len(), no_launch);
+        self.first_epoch = epochs.start;
+        self.groups = epochs.start * groups_per_epoch..epochs.end * groups_per_epoch;
+        self.shared = ByShared::zero();
+    }
 }
 
 /// Derivatives with respect to what the cold stage hands over, beside nodes and launches.
@@ -37,6 +83,32 @@ struct ByShared {
     host: NfwCotangent<f64>,
     sphere: PlummerCotangent<f64>,
     age_gyr: f64,
+}
+
+impl ByShared {
+    fn zero() -> Self {
+        Self {
+            host: NfwCotangent::zero(),
+            sphere: PlummerCotangent::zero(),
+            age_gyr: 0.0,
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.host.ln_mass += other.host.ln_mass;
+        self.host.ln_r_s += other.host.ln_r_s;
+        self.host.flattening += other.host.flattening;
+        self.host.axis += other.host.axis;
+        self.sphere.ln_mass += other.sphere.ln_mass;
+        self.sphere.r_s += other.sphere.r_s;
+        self.age_gyr += other.age_gyr;
+    }
+}
+
+impl Default for ByShared {
+    fn default() -> Self {
+        Self::zero()
+    }
 }
 
 /// Which particles a derivative counts.
@@ -54,11 +126,49 @@ pub enum Counted {
 /// Largest stretch of a regular particle: tides stretch by tens in the age of a stream, eccentric orbits by hundreds.
 pub const REGULAR: f64 = 1_000.0;
 
-/// The particles backwards; `ALL` says whether they count all the way ([`Counted`]).
+/// Where the particles are today, and the derivative of the result with respect to that.
+struct Ends<'a> {
+    arrivals: &'a Arrivals,
+    by_x: &'a [f64],
+    by_y: &'a [f64],
+}
+
+impl Ends<'_> {
+    /// Those of a group. A lane without a particle has the state of the last one, and no derivative.
+    #[inline(always)]
+    fn of<const FMA: bool>(
+        &self,
+        group: &Group,
+    ) -> (State<Lanes<LANES, FMA>>, Vec3<Lanes<LANES, FMA>>) {
+        let lanes = |column: &[f64]| {
+            Lanes(std::array::from_fn(|l| {
+                column[group.first + l.min(group.len - 1)]
+            }))
+        };
+        let by = |column: &[f64]| {
+            Lanes(std::array::from_fn(|l| {
+                if l < group.len {
+                    column[group.first + l]
+                } else {
+                    0.0
+                }
+            }))
+        };
+        let Arrivals { x, y, z, v, .. } = self.arrivals;
+        let end = State {
+            x: Vec3::new(lanes(x), lanes(y), lanes(z)),
+            v: Vec3::new(lanes(&v[0]), lanes(&v[1]), lanes(&v[2])),
+        };
+        (end, Vec3::new(by(self.by_x), by(self.by_y), Lanes::zero()))
+    }
+}
+
+/// The particles of a part backwards; `ALL` says whether they count all the way ([`Counted`]).
 struct Backward<'a, const ALL: bool> {
     model: &'a Model,
     setup: &'a Setup<f64>,
-    work: &'a mut Workspace,
+    ends: &'a Ends<'a>,
+    part: &'a mut Part,
 }
 
 impl<const ALL: bool> Kernel for Backward<'_, ALL> {
@@ -66,52 +176,50 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
 
     #[inline(always)]
     fn run<const FMA: bool>(self) -> ByShared {
-        let Self { model, setup, work } = self;
+        let Self {
+            model,
+            setup,
+            ends,
+            part,
+        } = self;
         let host = FlattenedNfw::<Lanes<LANES, FMA>>::broadcast(&setup.host);
         let sphere = Plummer::<Lanes<LANES, FMA>>::broadcast(&setup.sphere);
         let steps = model.settings.steps;
         let mut by_host = NfwCotangent::<Lanes<LANES, FMA>>::zero();
         let mut by_sphere = PlummerCotangent::<Lanes<LANES, FMA>>::zero();
         let mut by_age = 0.0;
-        let mut positions = vec![Vec3::<Lanes<LANES, FMA>>::zero(); steps + 1];
         let mut by_course = vec![ByStep::<Lanes<LANES, FMA>>::zero(); steps];
         let mut epoch = usize::MAX;
-        for (i, group) in model.groups.iter().enumerate() {
+        let groups = &model.groups[part.groups.clone()];
+        for (i, group) in groups.iter().enumerate() {
             if group.epoch != epoch {
                 epoch = group.epoch;
-                model.plan(epoch, setup, &mut work.flight);
+                model.plan(epoch, setup, &mut part.flight);
             }
-            let lane = |column: &[f64]| {
-                let mut lanes = [0.0; LANES];
-                lanes[..group.len].copy_from_slice(&column[group.first..group.first + group.len]);
-                Lanes::<LANES, FMA>(lanes)
-            };
-            let by_position = Vec3::new(lane(&work.by_x), lane(&work.by_y), Lanes::zero());
-            let launch = Launch::broadcast(&setup.launches[epoch]);
-            let (start, _) = launch.release(group.position.map(Lanes), group.velocity.map(Lanes));
-            let course = InLanes(&work.flight);
-            advance_recorded(&host, &sphere, &course, start, &mut positions);
+            let (end, by_position) = ends.of(group);
+            let course = InLanes(&part.flight);
             let limit2 = by_position.norm2() * (REGULAR * REGULAR);
             let by_start = reverse(
                 &host,
                 &sphere,
                 &course,
-                &positions,
+                end,
                 by_position,
                 &mut by_host,
                 &mut by_sphere,
                 &mut by_course,
                 |by| if ALL { by } else { within(by, limit2) },
             );
-            add_launch(&mut work.launches[epoch], group, &by_start);
-            let next = model.groups.get(i + 1);
+            add_launch(
+                &mut part.launches[epoch - part.first_epoch],
+                group,
+                &by_start,
+            );
+            let next = groups.get(i + 1);
             if next.is_none_or(|next| next.epoch != epoch) {
-                sum_lanes(&mut by_course, &mut work.by_course);
-                by_age += add_course(model, setup, epoch, work);
+                sum_lanes(&mut by_course, &mut part.by_course);
+                by_age += add_course(model, setup, epoch, part);
             }
-        }
-        if let Some(clock) = &setup.clock {
-            clock.pull_back(&setup.orbit, &work.by_phase, &mut work.nodes);
         }
         ByShared {
             host: NfwCotangent {
@@ -176,15 +284,15 @@ fn sum_lanes<const FMA: bool>(lanes: &mut [ByStep<Lanes<LANES, FMA>>], out: &mut
 /// Adds the derivatives with respect to one epoch's course to those with respect to the orbit's nodes and, where the course
 /// follows a clock, its phases. Returns what falls on the age.
 #[inline(never)]
-fn add_course(model: &Model, setup: &Setup<f64>, epoch: usize, work: &mut Workspace) -> f64 {
-    let Workspace {
+fn add_course(model: &Model, setup: &Setup<f64>, epoch: usize, part: &mut Part) -> f64 {
+    let Part {
         flight,
         nodes,
         by_course,
         by_times,
         by_phase,
         ..
-    } = work;
+    } = part;
     let places = if setup.clock.is_some() {
         &flight.places
     } else {
@@ -238,76 +346,129 @@ fn add_place(nodes: &mut [Node<f64>], place: &Placement, by: Vec3<f64>) {
 impl Model {
     /// The gradient with respect to the `N` variables of the duals in `setup` of a result whose derivatives with respect
     /// to the particles' sky positions stand in `work.by_x` and `work.by_y`. `real` is the real part of `setup`, and the
-    /// particles are the ones that [`carry`](Self::carry) made from it.
+    /// particles are the ones that [`carry`](Self::carry) made from it. The same bits for any [`Threads`].
     pub fn pull_back<const N: usize>(
         &self,
         setup: &Setup<LaneDual<N>>,
         real: &Setup<f64>,
         counted: Counted,
+        threads: Threads,
         work: &mut Workspace,
     ) -> [f64; N] {
-        let zero = Vec3::zero();
-        work.nodes.clear();
-        work.nodes.resize(
-            setup.orbit.nodes.len(),
-            Node {
-                x: zero,
-                dx: zero,
-                ddx: zero,
-            },
-        );
-        work.by_phase.clear();
-        work.by_phase.resize(setup.orbit.nodes.len(), 0.0);
-        let no_launch = Launch {
-            state: State { x: zero, v: zero },
-            position: [zero; 3],
-            velocity: [zero; 3],
-            turns: 0.0,
+        self.prepare(real, work);
+        let Workspace {
+            arrivals,
+            by_x,
+            by_y,
+            parts,
+            ..
+        } = work;
+        let ends = Ends {
+            arrivals,
+            by_x,
+            by_y,
         };
-        work.launches.clear();
-        work.launches.resize(setup.launches.len(), no_launch);
+        let one = |part: &mut Part| self.pull_back_part(real, counted, &ends, part);
+        match threads {
+            Threads::One => parts.iter_mut().for_each(one),
+            Threads::All => parts.par_iter_mut().for_each(one),
+        }
+        gather(setup, real, parts)
+    }
+
+    /// Deals the epochs into parts.
+    fn prepare(&self, real: &Setup<f64>, work: &mut Workspace) {
+        let epochs = self.table.taus.len();
+        let groups_per_epoch = self.groups.len() / epochs;
+        let per_part = epochs.div_ceil(PARTS);
+        work.parts
+            .resize_with(epochs.div_ceil(per_part), Part::default);
+        for (k, part) in work.parts.iter_mut().enumerate() {
+            let range = k * per_part..epochs.min((k + 1) * per_part);
+            part.reset(range, groups_per_epoch, real.orbit.nodes.len());
+        }
+    }
+
+    fn pull_back_part(
+        &self,
+        setup: &Setup<f64>,
+        counted: Counted,
+        ends: &Ends<'_>,
+        part: &mut Part,
+    ) {
         let model = self;
-        let shared = match counted {
+        let level = Level::best();
+        let part_by = match counted {
             Counted::All => dispatch(
-                Level::best(),
+                level,
                 Backward::<true> {
                     model,
-                    setup: real,
-                    work,
+                    setup,
+                    ends,
+                    part,
                 },
             ),
             Counted::Regular => dispatch(
-                Level::best(),
+                level,
                 Backward::<false> {
                     model,
-                    setup: real,
-                    work,
+                    setup,
+                    ends,
+                    part,
                 },
             ),
         };
-        let mut sum = Contraction::<N>([0.0; N]);
-        sum.add(&setup.host.mass, shared.host.ln_mass / real.host.mass);
-        sum.add(&setup.host.r_s, shared.host.ln_r_s / real.host.r_s);
-        sum.add(&setup.host.flattening, shared.host.flattening);
-        sum.add_vec(&setup.host.axis, shared.host.axis);
-        sum.add(&setup.sphere.mass, shared.sphere.ln_mass / real.sphere.mass);
-        sum.add(&setup.sphere.r_s, shared.sphere.r_s);
-        sum.add(&setup.age_gyr, shared.age_gyr);
-        for (node, by) in setup.orbit.nodes.iter().zip(&work.nodes) {
-            sum.add_vec(&node.x, by.x);
-            sum.add_vec(&node.dx, by.dx);
-            sum.add_vec(&node.ddx, by.ddx);
-        }
-        for (launch, by) in setup.launches.iter().zip(&work.launches) {
-            sum.add_vec(&launch.state.x, by.state.x);
-            sum.add_vec(&launch.state.v, by.state.v);
-            for c in 0..3 {
-                sum.add_vec(&launch.position[c], by.position[c]);
-                sum.add_vec(&launch.velocity[c], by.velocity[c]);
-            }
-        }
-        sum.0
+        part.shared = part_by;
     }
+}
+
+/// Adds up the parts, and joins them to the duals of the cold stage.
+fn gather<const N: usize>(
+    setup: &Setup<LaneDual<N>>,
+    real: &Setup<f64>,
+    parts: &mut [Part],
+) -> [f64; N] {
+    let mut sum = Contraction::<N>([0.0; N]);
+    let Some((total, others)) = parts.split_first_mut() else {
+        return sum.0;
+    };
+    for part in others {
+        total.shared.add(&part.shared);
+        for (sum, by) in total.by_phase.iter_mut().zip(&part.by_phase) {
+            *sum += by;
+        }
+        for (sum, by) in total.nodes.iter_mut().zip(&part.nodes) {
+            sum.x += by.x;
+            sum.dx += by.dx;
+            sum.ddx += by.ddx;
+        }
+        total.launches.append(&mut part.launches);
+    }
+    if let Some(clock) = &real.clock {
+        clock.pull_back(&real.orbit, &total.by_phase, &mut total.nodes);
+    }
+    let shared = total.shared;
+    sum.add(&setup.host.mass, shared.host.ln_mass / real.host.mass);
+    sum.add(&setup.host.r_s, shared.host.ln_r_s / real.host.r_s);
+    sum.add(&setup.host.flattening, shared.host.flattening);
+    sum.add_vec(&setup.host.axis, shared.host.axis);
+    sum.add(&setup.sphere.mass, shared.sphere.ln_mass / real.sphere.mass);
+    sum.add(&setup.sphere.r_s, shared.sphere.r_s);
+    sum.add(&setup.age_gyr, shared.age_gyr);
+    for (node, by) in setup.orbit.nodes.iter().zip(&total.nodes) {
+        sum.add_vec(&node.x, by.x);
+        sum.add_vec(&node.dx, by.dx);
+        sum.add_vec(&node.ddx, by.ddx);
+    }
+    for (launch, by) in setup.launches.iter().zip(&total.launches) {
+        sum.add_vec(&launch.state.x, by.state.x);
+        sum.add_vec(&launch.state.v, by.state.v);
+        for c in 0..3 {
+            sum.add_vec(&launch.position[c], by.position[c]);
+            sum.add_vec(&launch.velocity[c], by.velocity[c]);
+        }
+    }
+    sum.0
 }
 
 /// Sum of derivative times dual part: where reverse mode meets forward mode.

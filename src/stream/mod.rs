@@ -8,7 +8,7 @@ mod forward;
 mod gradient;
 mod setup;
 
-pub use forward::{Arrivals, Group};
+pub use forward::{Arrivals, Flights, Group};
 pub use gradient::{Counted, REGULAR, Workspace};
 use setup::Cold;
 pub use setup::{Galaxy, Launch, Setup};
@@ -21,6 +21,15 @@ use serde::{Deserialize, Serialize};
 
 /// Particles side by side in one group of lanes.
 pub const LANES: usize = 8;
+
+/// Threads that one stream may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Threads {
+    /// The caller's: where many streams are made side by side.
+    One,
+    /// All of the present rayon pool: for one stream that somebody waits for.
+    All,
+}
 
 /// How a particle's steps are spread over its time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

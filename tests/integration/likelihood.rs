@@ -4,10 +4,10 @@
 use oblate::likelihood::{
     Coverage, DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
 };
-use oblate::orbit::{Flight, OrbitMethod};
+use oblate::orbit::OrbitMethod;
 use oblate::params::{DIM, PriorSettings, QRange, StreamPrior};
 use oblate::spray::{Design, Recipe, TableSettings};
-use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings, StepRule};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule};
 use oblate::track::{BinEdges, Track};
 use oblate_samplers::Prior;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -65,8 +65,8 @@ fn likelihood_at(
 ) -> Option<StreamLikelihood> {
     let params = oblate::params::StreamParams::from_array(*theta);
     let setup = model.setup(&Galaxy::from_params(&params, Q)).ok()?;
-    let (mut flight, mut out) = (Flight::default(), Arrivals::default());
-    model.carry(&setup, &mut flight, &mut out).ok()?;
+    let (mut flights, mut out) = (Flights::default(), Arrivals::default());
+    model.carry(&setup, &mut flights, &mut out).ok()?;
     let track = Track::of(&out, 10.0, settings.edges, 0.02 * out.len() as f64);
     let data: Vec<DataBin> = track
         .bins
@@ -488,9 +488,9 @@ fn mirrored_streams_have_the_same_track() {
         let setup = model
             .setup(&Galaxy::from_params(&params, Q))
             .expect("a setup");
-        let (mut flight, mut out) = (Flight::default(), Arrivals::default());
+        let (mut flights, mut out) = (Flights::default(), Arrivals::default());
         model
-            .carry(&setup, &mut flight, &mut out)
+            .carry(&setup, &mut flights, &mut out)
             .expect("particles");
         out
     };
@@ -574,6 +574,41 @@ fn a_nan_parameter_is_a_counted_rejection() {
             if let Ok(e) = value {
                 assert!(e.ln_likelihood.is_finite());
             }
+        }
+    }
+}
+
+#[test]
+fn values_and_gradients_have_the_same_bits_over_many_threads_and_in_batches() {
+    let settings = ModelSettings {
+        step_rule: StepRule::Dynamical,
+        ..small()
+    };
+    for settings in [small(), settings] {
+        let model = model(settings);
+        let likelihood =
+            likelihood_at(&BASE, &model, &LikelihoodSettings::default()).expect("a track");
+        let points: Vec<Theta> = (0..9)
+            .map(|i| {
+                let mut theta = BASE;
+                theta[0] += 0.01 * f64::from(i);
+                theta
+            })
+            .collect();
+        let values: Vec<_> = points.iter().map(|t| likelihood.ln_likelihood(t)).collect();
+        let gradients: Vec<_> = points.iter().map(|t| likelihood.gradient(t)).collect();
+        for threads in [1, 2, 5] {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("threads");
+            pool.install(|| {
+                assert_eq!(values, likelihood.ln_likelihoods(&points));
+                for (theta, (value, gradient)) in points.iter().zip(values.iter().zip(&gradients)) {
+                    assert_eq!(*value, likelihood.ln_likelihood_in_parallel(theta));
+                    assert_eq!(*gradient, likelihood.gradient_in_parallel(theta));
+                }
+            });
         }
     }
 }

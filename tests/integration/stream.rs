@@ -4,7 +4,7 @@ use crate::gala::{NAMES, galaxy, subset};
 use oblate::orbit::{DenseOrbit, Flight, Level, OrbitMethod, Placement, State, advance};
 use oblate::scalar::Vec3;
 use oblate::spray::{Arm, Design, Recipe, TableSettings, Tidal};
-use oblate::stream::{Arrivals, Galaxy, Model, ModelSettings};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings};
 use rayon::prelude::*;
 
 /// Steps of the test orbits: the golden streams were made at a tolerance of 1e-10.
@@ -161,9 +161,9 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
             let setup = model.setup(&galaxy(name)).expect("a setup");
             let reference = model.particles(&setup).expect("particles");
             for &level in Level::available() {
-                let (mut flight, mut out) = (Flight::default(), Arrivals::default());
+                let (mut flights, mut out) = (Flights::default(), Arrivals::default());
                 model
-                    .carry_at(level, &setup, &mut flight, &mut out)
+                    .carry_at(level, &setup, &mut flights, &mut out)
                     .expect("particles");
                 let mut differences: Vec<f64> = reference
                     .iter()
@@ -181,6 +181,32 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
                     "{name} {level:?}: {median:e} {worst:e}"
                 );
             }
+        }
+    }
+}
+
+#[test]
+fn a_stream_over_many_threads_has_the_bits_of_one_thread() {
+    for (design, particles) in [
+        (Design::Random, 1_000),
+        (Design::Sobol, 1_016),
+        (Design::Sobol, 8),
+    ] {
+        let model = model(design, particles);
+        let setup = model.setup(&galaxy(NAMES[0])).expect("a setup");
+        let (mut flights, mut one) = (Flights::default(), Arrivals::default());
+        model
+            .carry(&setup, &mut flights, &mut one)
+            .expect("particles");
+        for threads in [1, 2, 3, 7] {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("threads");
+            let mut many = Arrivals::default();
+            pool.install(|| model.carry_in_parallel(&setup, &mut many))
+                .expect("particles");
+            assert_eq!(one, many, "{design:?} {particles} {threads}");
         }
     }
 }

@@ -1,19 +1,18 @@
 //! Tracks against gala's, hard against soft bins, and the bins' derivatives.
 
 use crate::gala::{NAMES, galaxy, track};
-use oblate::orbit::Flight;
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::{Design, TableSettings};
-use oblate::stream::{Arrivals, Model, ModelSettings};
+use oblate::stream::{Arrivals, Flights, Model, ModelSettings};
 use oblate::track::{BinEdges, BinGrid, Sums, Track};
 use proptest::prelude::*;
 
 fn arrivals(name: &str, settings: &ModelSettings) -> Arrivals {
     let model = Model::new(settings).expect("a model");
     let setup = model.setup(&galaxy(name)).expect("a setup");
-    let (mut flight, mut out) = (Flight::default(), Arrivals::default());
+    let (mut flights, mut out) = (Flights::default(), Arrivals::default());
     model
-        .carry(&setup, &mut flight, &mut out)
+        .carry(&setup, &mut flights, &mut out)
         .expect("particles");
     out
 }
