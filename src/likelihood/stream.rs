@@ -97,6 +97,7 @@ impl StreamLikelihood {
     }
 
     /// ln L of many points, over all threads of the present rayon pool; each with the bits that it has alone.
+    #[must_use]
     pub fn ln_likelihoods(&self, points: &[[f64; DIM]]) -> Vec<Result<Evaluation, Rejection>> {
         points
             .par_iter()
