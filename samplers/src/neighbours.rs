@@ -2,27 +2,30 @@
 //! that knows where the chain is).
 //!
 //! A posterior of thin, bent ridges has no single shape: the difference of two points picked anywhere points across most
-//! of them, and a slice along it shrinks to nothing. Two points that are both near the chain lie on its ridge.
+//! of them, and a slice along it shrinks to nothing. Two points of the chain's own neighbourhood lie on its ridge.
 //!
 //! # Why a move along such a pair is exact
 //!
-//! The points are held fixed while the chain moves. It stands at `x`, picks the ordered pair `(i, j)` with probability
-//! `p_ij(x)`, moves along the line through `x` in the pair's direction by any reversible kernel, to `y`, and stays there
-//! with probability `min(1, p_ij(y) / p_ij(x))`, else returns to `x`. For each pair the flow from `x` to `y` is then
-//! `p_ij(x) K_ij(x, y) min(1, p_ij(y) / p_ij(x))`, which with the density at `x` is the same both ways. The reach of the
-//! weights is drawn without a look at the state.
+//! The points, and with them the cells that divide the space about some of them, are held fixed while the chain moves. A
+//! scale is drawn without a look at the state; the pair is drawn from the points in the cell of that scale where the chain
+//! stands, and the move does not leave the cell. So all states that it can join have the same law of pairs, and it keeps
+//! the law of the chain in each cell by itself, hence on all of them together.
 
-use crate::rng::{Stream, unit_open};
+use crate::rng::{Stream, below};
 use crate::target::Orbit;
 use serde::{Deserialize, Serialize};
 
 /// Most points kept: more take time, and pairs are plenty.
 const MOST: usize = 1024;
 
-/// Reaches are drawn evenly in their logarithm between these, in units of the points' standard deviations.
-const REACH: (f64, f64) = (0.5, 4.0);
+/// Mean number of points in a cell of each scale; the last scale is one cell for all. Few: a cell should hold one bend of a
+/// ridge, and its pairs need not span the space.
+const SIZES: [usize; 2] = [8, 32];
 
-/// Points in standard-normal coordinates, and where they stand relative to each other.
+/// Fewest points of a cell.
+const FEWEST: usize = 4;
+
+/// Points in standard-normal coordinates, and the cells about them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Neighbours {
     dim: usize,
@@ -32,15 +35,25 @@ pub struct Neighbours {
     places: Vec<f64>,
     /// One over the standard deviation of each coordinate of a place; 0 where it does not vary.
     inverse_sd: Vec<f64>,
+    scales: Vec<Cells>,
 }
 
-/// An ordered pair of points, and how it was come by.
+/// A division of the space by the nearest of some points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Cells {
+    /// Numbers of the points that cells are about.
+    centres: Vec<usize>,
+    /// Numbers of the points in each cell.
+    members: Vec<Vec<usize>>,
+}
+
+/// Two points, and the cell that they are from.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
     first: usize,
     second: usize,
-    reach: f64,
-    ln_probability: f64,
+    scale: usize,
+    cell: usize,
 }
 
 impl Neighbours {
@@ -76,12 +89,19 @@ impl Neighbours {
                 *p *= s;
             }
         }
-        Self {
+        let mut neighbours = Self {
             dim,
             rows,
             places,
             inverse_sd,
-        }
+            scales: Vec::new(),
+        };
+        let sizes = SIZES.into_iter().filter(|size| 2 * size <= kept);
+        neighbours.scales = sizes
+            .chain((kept > 1).then_some(kept))
+            .map(|size| neighbours.divide(size))
+            .collect();
+        neighbours
     }
 
     /// Number of points.
@@ -96,33 +116,30 @@ impl Neighbours {
         self.rows.is_empty()
     }
 
-    /// Picks a pair near `at`; `None` if there are fewer than two points.
+    /// Draws a scale, and two points of the cell where `at` is; `None` if there are fewer than two points.
     #[must_use]
     pub fn pick(&self, at: &[f64], orbit: Option<&dyn Orbit>, rng: &mut Stream) -> Option<Pair> {
-        if self.len() < 2 {
+        if self.scales.is_empty() {
             return None;
         }
-        let (lo, hi) = REACH;
-        let reach = lo * (hi / lo).powf(unit_open(rng));
-        let mut ln_weights = self.ln_weights(at, orbit, reach);
-        let (first, ln_first) = draw(&ln_weights, unit_open(rng));
-        ln_weights[first] = f64::NEG_INFINITY;
-        let (second, ln_second) = draw(&ln_weights, unit_open(rng));
+        let scale = below(rng, self.scales.len());
+        let cells = &self.scales[scale];
+        let cell = self.cell(cells, at, orbit);
+        let members = &cells.members[cell];
+        let i = below(rng, members.len());
+        let j = (i + 1 + below(rng, members.len() - 1)) % members.len();
         Some(Pair {
-            first,
-            second,
-            reach,
-            ln_probability: ln_first + ln_second,
+            first: members[i],
+            second: members[j],
+            scale,
+            cell,
         })
     }
 
-    /// `ln` of how much likelier a pair is to be picked from `at` than it was where it was picked.
+    /// Whether `at` is in the cell of a pair, which a move along it must not leave.
     #[must_use]
-    pub fn ln_ratio(&self, pair: &Pair, at: &[f64], orbit: Option<&dyn Orbit>) -> f64 {
-        let mut ln_weights = self.ln_weights(at, orbit, pair.reach);
-        let ln_first = ln_share(&ln_weights, pair.first);
-        ln_weights[pair.first] = f64::NEG_INFINITY;
-        ln_first + ln_share(&ln_weights, pair.second) - pair.ln_probability
+    pub fn holds(&self, pair: &Pair, at: &[f64], orbit: Option<&dyn Orbit>) -> bool {
+        self.cell(&self.scales[pair.scale], at, orbit) == pair.cell
     }
 
     /// The two points of a pair, moved along the orbit until they are level with `at` where both can be. The level is one
@@ -143,20 +160,56 @@ impl Neighbours {
         &self.rows[i * self.dim..(i + 1) * self.dim]
     }
 
-    /// Logarithms of Gaussian weights about `at`.
-    fn ln_weights(&self, at: &[f64], orbit: Option<&dyn Orbit>, reach: f64) -> Vec<f64> {
+    fn place(&self, i: usize) -> &[f64] {
+        &self.places[i * self.dim..(i + 1) * self.dim]
+    }
+
+    /// Cells of about `size` points each, none of fewer than [`FEWEST`] unless it is the only one.
+    fn divide(&self, size: usize) -> Cells {
+        let count = self.len();
+        let mut centres: Vec<usize> = (0..count / size)
+            .map(|k| k * count / (count / size))
+            .collect();
+        loop {
+            let mut members = vec![Vec::new(); centres.len()];
+            for i in 0..count {
+                members[self.nearest(&centres, self.place(i))].push(i);
+            }
+            let smallest = (0..centres.len()).min_by_key(|c| members[*c].len());
+            match smallest {
+                Some(c) if centres.len() > 1 && members[c].len() < FEWEST => {
+                    centres.remove(c);
+                }
+                _ => return Cells { centres, members },
+            }
+        }
+    }
+
+    /// Which of the centres is nearest.
+    fn nearest(&self, centres: &[usize], place: &[f64]) -> usize {
+        let away = |c: usize| {
+            let squares = place.iter().zip(self.place(centres[c]));
+            squares.map(|(a, b)| (a - b) * (a - b)).sum::<f64>()
+        };
+        let mut best = (0, f64::INFINITY);
+        for c in 0..centres.len() {
+            let away = away(c);
+            if away < best.1 {
+                best = (c, away);
+            }
+        }
+        best.0
+    }
+
+    fn cell(&self, cells: &Cells, at: &[f64], orbit: Option<&dyn Orbit>) -> usize {
+        if cells.centres.len() == 1 {
+            return 0;
+        }
         let mut place = place_of(at, orbit);
         for (p, s) in place.iter_mut().zip(&self.inverse_sd) {
             *p *= s;
         }
-        let scale = -0.5 / (reach * reach);
-        self.places
-            .chunks_exact(self.dim)
-            .map(|other| {
-                let squares = place.iter().zip(other).map(|(a, b)| (a - b) * (a - b));
-                scale * squares.sum::<f64>()
-            })
-            .collect()
+        self.nearest(&cells.centres, &place)
     }
 }
 
@@ -169,131 +222,99 @@ fn place_of(z: &[f64], orbit: Option<&dyn Orbit>) -> Vec<f64> {
     place
 }
 
-/// `ln sum exp` and the largest.
-fn ln_sum(ln_weights: &[f64]) -> f64 {
-    let most = ln_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    most + ln_weights
-        .iter()
-        .map(|w| (w - most).exp())
-        .sum::<f64>()
-        .ln()
-}
-
-fn ln_share(ln_weights: &[f64], i: usize) -> f64 {
-    ln_weights[i] - ln_sum(ln_weights)
-}
-
-/// The index that a uniform falls on, and the logarithm of its probability.
-fn draw(ln_weights: &[f64], uniform: f64) -> (usize, f64) {
-    let ln_all = ln_sum(ln_weights);
-    let mut left = uniform;
-    let mut last = 0;
-    for (i, w) in ln_weights.iter().enumerate() {
-        let share = (w - ln_all).exp();
-        if share > 0.0 {
-            last = i;
-            left -= share;
-            if left <= 0.0 {
-                break;
-            }
-        }
-    }
-    (last, ln_weights[last] - ln_all)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rng::{Domain, standard_normal, stream};
 
+    fn normals(count: usize, task: u64) -> Vec<f64> {
+        let mut rng = stream(5, Domain::Test, task, 0);
+        (0..count).map(|_| standard_normal(&mut rng)).collect()
+    }
+
     #[test]
-    fn pairs_come_as_often_as_their_probability_says() {
-        let rows = [0.0, 0.0, 1.0, 0.0, 0.0, 2.0, -1.0, 1.0];
-        let near = Neighbours::new(&rows, 2, None);
-        let at = [0.2, -0.1];
-        let mut rng = stream(1, Domain::Test, 0, 0);
-        let draws = 200_000;
-        let mut expected = [[0.0; 4]; 4];
-        let mut found = [[0.0; 4]; 4];
-        for _ in 0..draws {
-            let pair = near.pick(&at, None, &mut rng).unwrap();
-            found[pair.first][pair.second] += 1.0;
-            // The probability of every pair at this reach, by the same function that corrects moves.
-            for (i, row) in expected.iter_mut().enumerate() {
-                for (j, slot) in row.iter_mut().enumerate().filter(|(j, _)| *j != i) {
-                    let other = Pair {
-                        first: i,
-                        second: j,
-                        ..pair
-                    };
-                    *slot += (near.ln_ratio(&other, &at, None) + pair.ln_probability).exp();
-                }
+    fn cells_divide_the_points_and_none_is_too_small() {
+        let near = Neighbours::new(&normals(3 * 500, 0), 3, None);
+        assert_eq!(near.scales.len(), 3);
+        for cells in &near.scales {
+            let mut all = cells.members.concat();
+            all.sort_unstable();
+            assert_eq!(all, (0..500).collect::<Vec<_>>());
+            assert!(cells.members.iter().all(|m| m.len() >= FEWEST));
+            for (c, members) in cells.members.iter().enumerate() {
+                assert!(
+                    members
+                        .iter()
+                        .all(|i| near.cell(cells, near.row(*i), None) == c)
+                );
             }
         }
-        for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
-            // Five standard deviations of a count.
-            assert!(
-                (found - expected).abs() <= 5.0 * expected.sqrt(),
-                "{found} {expected}"
-            );
+        assert_eq!(near.scales[2].members.len(), 1);
+        assert!(near.scales[0].members.len() > 20);
+    }
+
+    #[test]
+    fn a_pair_is_of_the_cell_where_the_chain_is() {
+        let near = Neighbours::new(&normals(2 * 200, 1), 2, None);
+        let mut rng = stream(6, Domain::Test, 0, 0);
+        for at in normals(2 * 500, 2).chunks_exact(2) {
+            let pair = near.pick(at, None, &mut rng).unwrap();
+            assert!(near.holds(&pair, at, None) && pair.first != pair.second);
+            for i in [pair.first, pair.second] {
+                assert!(near.holds(&pair, near.row(i), None));
+            }
         }
     }
 
     #[test]
-    fn the_way_back_is_known() {
-        let rows: Vec<f64> = (0..40).map(|i| f64::from(i * i % 17)).collect();
-        let near = Neighbours::new(&rows, 2, None);
-        let (x, y) = ([1.0, 2.0], [3.0, -1.0]);
-        let mut rng = stream(2, Domain::Test, 0, 0);
-        let pair = near.pick(&x, None, &mut rng).unwrap();
-        assert!(near.ln_ratio(&pair, &x, None).abs() < 1e-12);
-        let there = near.ln_ratio(&pair, &y, None);
-        let from_there = Pair {
-            ln_probability: pair.ln_probability + there,
-            ..pair
-        };
-        assert!((near.ln_ratio(&from_there, &x, None) + there).abs() < 1e-12);
+    fn many_points_are_thinned_and_one_gives_no_pair() {
+        assert_eq!(Neighbours::new(&normals(3_000, 3), 1, None).len(), MOST);
+        let mut rng = stream(7, Domain::Test, 0, 0);
+        let alone = Neighbours::new(&[1.0, 2.0], 2, None);
+        assert!(alone.pick(&[0.0, 0.0], None, &mut rng).is_none());
+        assert!(Neighbours::default().pick(&[0.0], None, &mut rng).is_none());
     }
 
-    /// The mean of z1 after one move of many chains that start in a standard-normal plane, and its error. A move draws the
-    /// position on its line afresh.
-    fn mean_after_a_move(corrected: bool) -> (f64, f64) {
-        let rows = [2.0, 0.0, 2.2, 1.0, 2.4, -1.0, -1.0, 0.1, -3.0, 0.3];
+    /// The mean of |z1| after three moves of many chains that start in a standard-normal plane, less that of the plane, in
+    /// its errors. A move draws the position on its line afresh, again and again until it is in the cell, or once and
+    /// wherever it is.
+    fn drift(confined: bool) -> f64 {
+        // Points off the centre, so that the law of pairs differs from place to place.
+        let mut rows = normals(2 * 60, 4);
+        for row in rows.chunks_exact_mut(2).skip(30) {
+            row[0] = 2.0 + 0.2 * row[0];
+        }
         let near = Neighbours::new(&rows, 2, None);
-        let chains = 200_000;
-        let mut rng = stream(4, Domain::Test, 0, 0);
+        let chains = 100_000;
+        let mut rng = stream(8, Domain::Test, 0, 0);
         let mut sum = 0.0;
         for _ in 0..chains {
-            let x = [standard_normal(&mut rng), standard_normal(&mut rng)];
-            let pair = near.pick(&x, None, &mut rng).unwrap();
-            let [a, b] = near.ends(&pair, &x, None);
-            let v = [a[0] - b[0], a[1] - b[1]];
-            let square = v[0] * v[0] + v[1] * v[1];
-            let t =
-                (standard_normal(&mut rng) * square.sqrt() - x[0] * v[0] - x[1] * v[1]) / square;
-            let y = [x[0] + t * v[0], x[1] + t * v[1]];
-            let stays = corrected && unit_open(&mut rng).ln() > near.ln_ratio(&pair, &y, None);
-            sum += if stays { x[0] } else { y[0] };
+            let mut x = [standard_normal(&mut rng), standard_normal(&mut rng)];
+            for _ in 0..3 {
+                let pair = near.pick(&x, None, &mut rng).unwrap();
+                let [a, b] = near.ends(&pair, &x, None);
+                let v = [a[0] - b[0], a[1] - b[1]];
+                let square = v[0] * v[0] + v[1] * v[1];
+                for _ in 0..10_000 {
+                    let t = (standard_normal(&mut rng) * square.sqrt() - x[0] * v[0] - x[1] * v[1])
+                        / square;
+                    let y = [x[0] + t * v[0], x[1] + t * v[1]];
+                    if !confined || near.holds(&pair, &y, None) {
+                        x = y;
+                        break;
+                    }
+                }
+            }
+            sum += x[0].abs();
         }
         let n = f64::from(chains);
-        (sum / n, 1.0 / n.sqrt())
+        let mean = (2.0 / std::f64::consts::PI).sqrt();
+        (sum / n - mean) / ((1.0 - mean * mean) / n).sqrt()
     }
 
     #[test]
-    fn moves_along_near_pairs_are_exact_and_would_not_be_without_the_way_back() {
-        let (mean, error) = mean_after_a_move(true);
-        assert!(mean.abs() < 4.0 * error, "{mean}");
-        let (mean, error) = mean_after_a_move(false);
-        assert!(mean.abs() > 6.0 * error, "{mean}");
-    }
-
-    #[test]
-    fn far_from_all_points_the_nearest_are_picked() {
-        let rows = [0.0, 1.0, 2.0, 10.0];
-        let near = Neighbours::new(&rows, 1, None);
-        let mut rng = stream(3, Domain::Test, 0, 0);
-        let pair = near.pick(&[-1e6], None, &mut rng).unwrap();
-        assert_eq!((pair.first, pair.second), (0, 1));
-        assert!(pair.ln_probability.is_finite());
+    fn moves_inside_cells_are_exact_and_would_not_be_across_them() {
+        assert!(drift(true).abs() < 4.0, "{}", drift(true));
+        assert!(drift(false).abs() > 6.0, "{}", drift(false));
     }
 }

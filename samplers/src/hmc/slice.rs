@@ -47,8 +47,8 @@ fn direction(
 
 /// Moves `at` to a draw from a slice of `N(z; 0, I) L(z)^beta` on a line through it: a level under the present density,
 /// an interval about the point at a random offset, then draws from it, which shrinks to each draw that lies below the
-/// level; and back, where the pair of points that gave the line is less likely from the new point ([`Neighbours`]). The pool
-/// does not change while a chain uses it. The gradient at the new point is unknown.
+/// level. Along a pair of the pool's points it stays in the pair's cell ([`Neighbours`]); the pool does not change while a
+/// chain uses it. The gradient at the new point is unknown.
 ///
 /// # Errors
 /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
@@ -73,15 +73,11 @@ pub fn slice(
         for ((o, z), v) in trial.iter_mut().zip(&at.z).zip(&along) {
             *o = z + t * v;
         }
-        // The prior alone can refuse a draw: no call then.
-        if inside(evaluator.target().walls(), &trial) {
+        // The prior alone can refuse a draw, and so can the pair's cell: no call then.
+        let held = pair.is_none_or(|pair| pool.holds(&pair, &trial, orbit));
+        if held && inside(evaluator.target().walls(), &trial) {
             let l = evaluator.value(&trial)?;
             if ln_density(&trial, l) > level {
-                if let Some(pair) = &pair
-                    && unit_open(rng).ln() > pool.ln_ratio(pair, &trial, orbit)
-                {
-                    return Ok(());
-                }
                 at.z = trial;
                 at.ln_likelihood = l;
                 at.has_gradient = false;

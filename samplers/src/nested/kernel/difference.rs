@@ -11,10 +11,10 @@
 //!    from. The seed is still a draw from the prior above the contour. It is enough that every step keeps that law for
 //!    any fixed other half. Had the seed's own half a say, the pair would lean to where the seed is not, as a metric
 //!    fitted to the seeds does ([`Bound::for_steps`](crate::nested::bound::Bound::for_steps)).
-//! 2. Which kind of slice comes next and the width in units of the pair's distance are drawn without a look at the chain's
-//!    present state. The pair is one near the chain, and the move goes back where the pair is less likely from its end
-//!    ([`Neighbours`](crate::neighbours::Neighbours)). A slice along a line keeps the uniform law on the whole region above
-//!    the contour (Neal 2003), so no metric region confines it. It may end in another one, as of another mode.
+//! 2. Which kind of slice comes next, the scale of the pair's cell and the width in units of the pair's distance are drawn
+//!    without a look at the chain's present state. The pair is of the cell where the chain is, and the slice does not leave
+//!    that cell ([`Neighbours`](crate::neighbours::Neighbours)), so that it keeps the uniform law on what of the cell is
+//!    above the contour (Neal 2003). At the largest scale all space is one cell: a slice may end in another mode.
 //! 3. A slice in the local metric keeps the uniform law in each metric region by itself, hence on all of them together,
 //!    however much of it is in each: a move between regions needs no more than that the next such slice goes by
 //!    the region where the chain then is.
@@ -27,13 +27,13 @@
 //! have been made, which the gates watch; and two points born in one batch, each with the other's seed among its pairs,
 //! share what their chains have not forgotten.
 
-use super::{Chain, cube_from_normal, slice};
+use super::{Chain, Fence, cube_from_normal, slice};
 use crate::error::Result;
 use crate::rng::{Stream, unit_open};
 use crate::target::Symmetry;
 
 /// Share of the slices along differences. The others reach what differences of few points do not span.
-const SHARE: f64 = 0.75;
+const SHARE: f64 = 0.5;
 
 /// Moves the chain along the difference of two points of the other half near it, or along a random direction of its
 /// ellipsoid.
@@ -57,17 +57,12 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
         *v = a - b;
         apart |= v.abs() > 0.0;
     }
-    // Points that coincide give no direction, from wherever the chain is.
+    // Points that coincide give no direction, from wherever in the cell the chain is.
     if !apart {
         return Ok(());
     }
-    let before = (chain.x.clone(), chain.ln_l);
-    let pace = slice::along(chain, chain.setting.stride, None, rng)?;
+    let pace = slice::along(chain, chain.setting.stride, Fence::Cell(pair), rng)?;
     chain.motion.differences.add(pace);
-    let ln_ratio = chain.others.ln_ratio(&pair, &chain.normals(), orbit);
-    if unit_open(rng).ln() > ln_ratio {
-        (chain.x, chain.ln_l) = before;
-    }
     chain.label = chain.bound.label(&chain.x);
     Ok(())
 }

@@ -11,7 +11,7 @@ use super::likelihood::{Likelihood, Tally};
 use super::live::Points;
 use super::settings::Kernel;
 use crate::error::Result;
-use crate::neighbours::Neighbours;
+use crate::neighbours::{Neighbours, Pair};
 use crate::normal;
 use crate::rng::Stream;
 use crate::target::{Symmetry, Target};
@@ -35,6 +35,15 @@ pub(super) struct Setting<'a> {
     pub stride: f64,
     /// Slices or walk steps.
     pub steps: usize,
+}
+
+/// What a step does not leave, lest its law change on the way.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Fence {
+    /// The metric region of this label.
+    Region(usize),
+    /// The cell of a pair of points.
+    Cell(Pair),
 }
 
 /// What steps did, for the tuning of their length.
@@ -161,17 +170,15 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Puts `x + t direction` into `trial`; its log-likelihood if it is in the cube, inside the walls, in this metric
-    /// region (if one is named) and above the contour.
-    fn look(&mut self, t: f64, region: Option<usize>) -> Result<Option<f64>> {
+    /// Puts `x + t direction` into `trial`; its log-likelihood if it is in the cube, inside the walls, inside the fence and
+    /// above the contour.
+    fn look(&mut self, t: f64, fence: Fence) -> Result<Option<f64>> {
         let mut in_cube = true;
         for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
             *o = x + t * v;
             in_cube &= *o > 0.0 && *o < 1.0;
         }
-        let ours = in_cube
-            && region.is_none_or(|label| self.bound.has_label(&self.trial, label))
-            && self.likelihood.inside_walls(&self.trial);
+        let ours = in_cube && self.inside(fence) && self.likelihood.inside_walls(&self.trial);
         if !ours {
             return Ok(None);
         }
@@ -179,9 +186,20 @@ impl<'a> Chain<'a> {
         Ok((ln_l > self.setting.contour).then_some(ln_l))
     }
 
+    /// Whether `trial` is inside the fence.
+    fn inside(&self, fence: Fence) -> bool {
+        match fence {
+            Fence::Region(label) => self.bound.has_label(&self.trial, label),
+            Fence::Cell(pair) => {
+                let orbit = Symmetry::first_orbit(self.setting.target.symmetries());
+                self.others.holds(&pair, &normals(&self.trial), orbit)
+            }
+        }
+    }
+
     /// The chain's point in standard-normal coordinates.
     fn normals(&self) -> Vec<f64> {
-        self.x.iter().map(|u| normal::quantile(*u)).collect()
+        normals(&self.x)
     }
 
     /// Moves to `trial`.
@@ -212,14 +230,16 @@ impl<'a> Chain<'a> {
     }
 }
 
+/// A point of the cube in standard-normal coordinates.
+fn normals(u: &[f64]) -> Vec<f64> {
+    u.iter().map(|u| normal::quantile(*u)).collect()
+}
+
 /// The survivors of even and of odd threads, for chains of the other half.
 pub(super) fn halves(target: &dyn Target, kept: &Points) -> [Neighbours; 2] {
     let orbit = Symmetry::first_orbit(target.symmetries());
     kept.halves().map(|rows| {
-        let z: Vec<f64> = rows
-            .iter()
-            .flat_map(|&i| kept.row(i).iter().map(|u| normal::quantile(*u)))
-            .collect();
+        let z: Vec<f64> = rows.iter().flat_map(|&i| normals(kept.row(i))).collect();
         Neighbours::new(&z, kept.dim(), orbit)
     })
 }

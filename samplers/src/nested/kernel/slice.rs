@@ -1,7 +1,7 @@
 //! One slice: step out from a random offset along a line, then shrink (Neal 2003). And the plain choice of the line: a
 //! random direction of the local ellipsoid.
 
-use super::{Chain, Pace};
+use super::{Chain, Fence, Pace};
 use crate::error::{Error, Result};
 use crate::nested::bound::draw_direction;
 use crate::rng::{Stream, below, unit_open};
@@ -20,17 +20,18 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
         .bound
         .metric(chain.label)
         .stretch(&chain.ball, &mut chain.direction);
-    let pace = along(chain, chain.setting.scale, Some(chain.label), rng)?;
+    let fence = Fence::Region(chain.label);
+    let pace = along(chain, chain.setting.scale, fence, rng)?;
     chain.motion.local.add(pace);
     Ok(())
 }
 
-/// Moves the chain to a new point of the line through it along `direction`, of whose length `width` is a multiple; a
-/// region, if one is named, is not left.
+/// Moves the chain to a new point of the line through it along `direction`, of whose length `width` is a multiple; the
+/// fence is not left.
 pub(super) fn along(
     chain: &mut Chain<'_>,
     width: f64,
-    region: Option<usize>,
+    fence: Fence,
     rng: &mut Stream,
 ) -> Result<Pace> {
     let mut pace = Pace::default();
@@ -38,14 +39,14 @@ pub(super) fn along(
     let mut right = left + width;
     let leftward = below(rng, MAX_OUTWARD);
     for _ in 0..leftward {
-        if chain.look(left, region)?.is_none() {
+        if chain.look(left, fence)?.is_none() {
             break;
         }
         left -= width;
         pace.grown += 1;
     }
     for _ in leftward..MAX_OUTWARD - 1 {
-        if chain.look(right, region)?.is_none() {
+        if chain.look(right, fence)?.is_none() {
             break;
         }
         right += width;
@@ -53,7 +54,7 @@ pub(super) fn along(
     }
     for _ in 0..MAX_INWARD {
         let t = left + (right - left) * unit_open(rng);
-        if let Some(ln_l) = chain.look(t, region)? {
+        if let Some(ln_l) = chain.look(t, fence)? {
             chain.accept(ln_l);
             return Ok(pace);
         }

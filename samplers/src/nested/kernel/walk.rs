@@ -1,6 +1,6 @@
 //! One Metropolis step, uniform in a ball of the local ellipsoid's metric.
 
-use super::Chain;
+use super::{Chain, Fence};
 use crate::error::Result;
 use crate::nested::bound::draw_in_ball;
 use crate::rng::Stream;
@@ -12,7 +12,7 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
         .bound
         .metric(chain.label)
         .stretch(&chain.ball, &mut chain.direction);
-    match chain.look(chain.setting.scale, Some(chain.label))? {
+    match chain.look(chain.setting.scale, Fence::Region(chain.label))? {
         Some(ln_l) => {
             chain.accept(ln_l);
             chain.motion.local.grown += 1;
