@@ -285,7 +285,7 @@ mod tests {
             row[0] = 2.0 + 0.2 * row[0];
         }
         let near = Neighbours::new(&rows, 2, None);
-        let chains = 100_000;
+        let chains = 300_000;
         let mut rng = stream(8, Domain::Test, 0, 0);
         let mut sum = 0.0;
         for _ in 0..chains {

@@ -11,6 +11,7 @@ use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule};
 use oblate::track::{BinEdges, Track};
 use oblate_samplers::Prior;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
+use proptest::prelude::*;
 use rayon::prelude::*;
 
 type Theta = [f64; DIM];
@@ -609,6 +610,63 @@ fn values_and_gradients_have_the_same_bits_over_many_threads_and_in_batches() {
                     assert_eq!(*gradient, likelihood.gradient_in_parallel(theta));
                 }
             });
+        }
+    }
+}
+
+/// A parameter from its extremes or anywhere between.
+fn extreme(lo: f64, hi: f64) -> impl Strategy<Value = f64> {
+    prop_oneof![Just(lo), Just(hi), lo..hi]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    /// Whatever is asked of it, a stream is finite or a rejection by name, and so are ln L and its gradient.
+    #[test]
+    fn extremes_give_finite_numbers_or_a_counted_rejection(
+        log10_m_halo in extreme(11.0, 14.0),
+        r_s_halo_kpc in extreme(1.0, 25.0),
+        // Halves to the prior's q of .5 to 1.5: the length of the shape vector.
+        length in extreme(1e-9, 8.0),
+        (along, across) in (extreme(-1.0, 1.0), extreme(-1.0, 1.0)),
+        log10_m_prog in extreme(7.0, 9.0),
+        r_s_prog_kpc in extreme(1.0, 5.0),
+        (x0, z0) in (extreme(1e-6, 150.0), extreme(1e-6, 150.0)),
+        // No velocity at all is a plunge through the centre; one of them alone a radial or a circular start.
+        velocity in [extreme(0.0, 250.0), extreme(1e-9, 250.0), extreme(0.0, -250.0)],
+        age_gyr in extreme(1.0, 4.0),
+        (particles, epochs) in prop_oneof![Just((8, 4)), Just((2, 1)), Just((64, 32)), Just((128, 8))],
+        steps in prop_oneof![Just(1_usize), Just(2), Just(60)],
+        step_rule in prop_oneof![Just(StepRule::Uniform), Just(StepRule::Dynamical)],
+        orbit in prop_oneof![Just(OrbitMethod::Accurate), Just(OrbitMethod::Leapfrog)],
+    ) {
+        let settings = ModelSettings {
+            releases: TableSettings { particles, epochs, ..TableSettings::default() },
+            steps,
+            step_rule,
+            orbit,
+            orbit_steps: 64,
+        };
+        let bin = |bin| DataBin { bin, r_kpc: 50.0, r_err_kpc: 1.0 };
+        let data = [bin(-1), bin(0), bin(1)];
+        let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, particles)
+            .expect("a track");
+        let likelihood = StreamLikelihood::new(model(settings), track, Q);
+        let theta = [
+            log10_m_halo, r_s_halo_kpc, along * length, across * length, length,
+            log10_m_prog, r_s_prog_kpc, x0, z0, velocity[0], velocity[1], velocity[2], age_gyr,
+        ];
+        match likelihood.ln_likelihood(&theta) {
+            Ok(evaluation) => prop_assert!(evaluation.ln_likelihood.is_finite()),
+            Err(cause) => prop_assert!(!cause.name().is_empty()),
+        }
+        match likelihood.gradient(&theta) {
+            Ok((evaluation, gradient)) => {
+                prop_assert!(evaluation.ln_likelihood.is_finite());
+                prop_assert!(gradient.iter().all(|g| g.is_finite()));
+            }
+            Err(cause) => prop_assert!(!cause.name().is_empty()),
         }
     }
 }

@@ -1,10 +1,10 @@
-//! Where ladders start: populations cooled from the prior to the posterior, one per ladder (sequential Monte Carlo; Del
+//! Where ladders start: populations cooled from the prior to the posterior (sequential Monte Carlo; Del
 //! Moral, Doucet & Jasra 2006).
 //!
 //! States drawn from the prior and put at a cold temperature settle in the nearest hollow, and a ladder needs many round
 //! trips to replace them. A population that is cooled step by step loses such states at each step, by resampling, and
-//! ends in hollows by their weight. It is only a start: the rounds that follow are exact whatever it was, and ladders
-//! stay independent because each has a population of its own.
+//! ends in hollows by their weight. It is only a start: the rounds that follow are exact whatever it was. Ladders that share
+//! a population are of one family, and only families count as independent.
 
 use super::ladder::{barrier, locate, respaced};
 use super::swap;
@@ -64,7 +64,7 @@ fn rejection(hot: &Level, cold: &Level) -> f64 {
     sum / pairs
 }
 
-/// The communication barrier from the prior to each temperature that a ladder's population passed.
+/// The communication barrier from the prior to each temperature that a population passed.
 #[derive(Clone, Debug)]
 pub(super) struct Barrier {
     beta: Vec<f64>,
@@ -72,7 +72,7 @@ pub(super) struct Barrier {
 }
 
 impl Barrier {
-    /// Of one ladder's levels.
+    /// Of one population's levels.
     pub(super) fn of(levels: &[Level]) -> Self {
         let between: Vec<f64> = levels.windows(2).map(|l| rejection(&l[0], &l[1])).collect();
         Self {
@@ -81,16 +81,16 @@ impl Barrier {
         }
     }
 
-    /// The mean of several ladders' barriers, at all their temperatures.
-    pub(super) fn mean(ladders: &[Self]) -> Self {
-        let mut beta: Vec<f64> = ladders
+    /// The mean of several populations' barriers, at all their temperatures.
+    pub(super) fn mean(barriers: &[Self]) -> Self {
+        let mut beta: Vec<f64> = barriers
             .iter()
             .flat_map(|b| b.beta.iter().copied())
             .collect();
         beta.sort_by(f64::total_cmp);
-        // Ladders share their first and last temperature.
+        // Populations share their first and last temperature.
         beta.dedup_by(|a, b| a.to_bits() == b.to_bits());
-        let mean = |b: &f64| ladders.iter().map(|l| l.at(*b)).sum::<f64>() / ladders.len() as f64;
+        let mean = |b: &f64| barriers.iter().map(|l| l.at(*b)).sum::<f64>() / barriers.len() as f64;
         Self {
             lambda: beta.iter().map(mean).collect(),
             beta,
@@ -114,7 +114,7 @@ impl Barrier {
     }
 }
 
-/// One ladder's population.
+/// One population.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Population {
     beta: f64,
@@ -220,7 +220,7 @@ pub(super) fn metric_of(rows: &[f64], dim: usize, kind: MetricKind) -> Metric {
     Metric::from_covariance(kind, &covariance).unwrap_or_else(|| Metric::identity(kind, dim))
 }
 
-/// All ladders' populations.
+/// All populations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Annealing {
     populations: Vec<Population>,
@@ -229,7 +229,7 @@ pub(super) struct Annealing {
 }
 
 impl Annealing {
-    /// From draws of the prior, ladder by ladder.
+    /// From draws of the prior, population by population.
     pub(super) fn new(points: Vec<Vec<Point>>, kind: MetricKind) -> Self {
         let population = |points: Vec<Point>| Population {
             beta: 0.0,
@@ -261,7 +261,7 @@ impl Annealing {
         )
     }
 
-    /// Each ladder's levels, from the prior on.
+    /// Each population's levels, from the prior on.
     pub(super) fn levels(&self) -> impl Iterator<Item = &[Level]> {
         self.populations.iter().map(|p| p.levels.as_slice())
     }
@@ -276,9 +276,9 @@ impl Annealing {
     ) -> Result<Tally> {
         let mut next = self.clone();
         let sweeps = target.dim().max(LEAST_SWEEPS);
-        for (ladder, population) in next.populations.iter_mut().enumerate() {
+        for (number, population) in next.populations.iter_mut().enumerate() {
             if !population.done() && (population.beta <= 0.0 || population.sweeps == sweeps) {
-                let task = (ladder as u64) << 20 | 0xf_ffff;
+                let task = (number as u64) << 20 | 0xf_ffff;
                 let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
                 population.cool(target, kind, unit_open(&mut rng));
             }
@@ -288,13 +288,13 @@ impl Annealing {
             .iter()
             .enumerate()
             .filter(|(_, population)| !population.done())
-            .flat_map(|(ladder, p)| (0..p.points.len()).map(move |i| (ladder, i)))
+            .flat_map(|(number, p)| (0..p.points.len()).map(move |i| (number, i)))
             .collect();
         let moved: Vec<Result<(Point, Evaluator<'_>)>> = tasks
             .par_iter()
-            .map(|&(ladder, i)| {
-                let population = &next.populations[ladder];
-                let task = (ladder as u64) << 20 | i as u64;
+            .map(|&(number, i)| {
+                let population = &next.populations[number];
+                let task = (number as u64) << 20 | i as u64;
                 let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
                 let mut evaluator = Evaluator::new(target);
                 let mut point = population.points[i].clone();
@@ -312,9 +312,9 @@ impl Annealing {
             })
             .collect();
         let mut tally = Tally::default();
-        for (&(ladder, i), moved) in tasks.iter().zip(moved) {
+        for (&(number, i), moved) in tasks.iter().zip(moved) {
             let (point, evaluator) = moved?;
-            next.populations[ladder].points[i] = point;
+            next.populations[number].points[i] = point;
             tally.add(&evaluator);
         }
         for population in next.populations.iter_mut().filter(|p| !p.done()) {

@@ -86,7 +86,7 @@ pub struct Estimate {
     pub ladders: Vec<f64>,
     /// Jackknife error of each ladder's estimate.
     pub ladder_errors: Vec<f64>,
-    /// Error from the scatter of ladders, `sd / sqrt(ladders)`.
+    /// Error from the scatter of the estimates of families of ladders, `sd / sqrt(families)`.
     pub error_ladders: f64,
     /// Error by the jackknife over blocks of scans within ladders.
     pub error_blocks: f64,
@@ -103,9 +103,10 @@ impl Estimate {
 /// Estimates ln Z from the traces of a ladder with these inverse temperatures.
 ///
 /// The distance between forward and backward is a check and not an error: it was measured to be half of the true
-/// error and up to seven times smaller. With a single scan errors are infinite.
+/// error and up to seven times smaller. With a single scan errors are infinite. Ladder `k` is of family `k % families`;
+/// only families are independent of each other.
 #[must_use]
-pub fn estimate(beta: &[f64], traces: &Traces) -> Estimate {
+pub fn estimate(beta: &[f64], traces: &Traces, families: usize) -> Estimate {
     let all: Vec<usize> = (0..traces.ladders()).collect();
     let whole = bennett(beta, traces, &all);
     let single: Vec<Bennett> = all
@@ -113,10 +114,17 @@ pub fn estimate(beta: &[f64], traces: &Traces) -> Estimate {
         .map(|ladder| bennett(beta, traces, &[*ladder]))
         .collect();
     let ladders: Vec<f64> = single.iter().map(|b| b.ln_z).collect();
-    let mean = ladders.iter().sum::<f64>() / ladders.len() as f64;
-    let scatter = ladders.iter().map(|l| (l - mean).powi(2)).sum::<f64>();
-    let freedom = ladders.len().saturating_sub(1) as f64;
-    let spread = scatter / (freedom * ladders.len() as f64);
+    let families = families.min(all.len());
+    let families: Vec<f64> = (0..families)
+        .map(|family| {
+            let members: Vec<usize> = all.iter().copied().skip(family).step_by(families).collect();
+            bennett(beta, traces, &members).ln_z
+        })
+        .collect();
+    let mean = families.iter().sum::<f64>() / families.len() as f64;
+    let scatter = families.iter().map(|l| (l - mean).powi(2)).sum::<f64>();
+    let freedom = families.len().saturating_sub(1) as f64;
+    let spread = scatter / (freedom * families.len() as f64);
     let (forward, backward, valid) = stepping_stones(beta, traces);
     Estimate {
         ln_z: whole.ln_z,
@@ -334,7 +342,7 @@ mod tests {
         let truth = -6.5 * 10_f64.ln();
         let mut pulls = Vec::new();
         for seed in 0..40 {
-            let e = estimate(&beta, &toy(13, &beta, 500, seed));
+            let e = estimate(&beta, &toy(13, &beta, 500, seed), usize::MAX);
             pulls.push((e.ln_z - truth) / e.error_blocks);
             assert!((e.forward - truth).abs() < 0.3 && (e.backward - truth).abs() < 0.3);
             assert!((e.thermodynamic.unwrap() - truth).abs() < 0.2);
@@ -362,7 +370,7 @@ mod tests {
                 traces.push(ladder, 2, 0.0);
             }
         }
-        let e = estimate(&[0.0, 0.5, 1.0], &traces);
+        let e = estimate(&[0.0, 0.5, 1.0], &traces, usize::MAX);
         for value in [e.ln_z, e.forward, e.backward] {
             assert!((value - 0.25_f64.ln()).abs() < 1e-10, "{value}");
         }
@@ -378,7 +386,7 @@ mod tests {
                 traces.push(ladder, 1, -3.0 - 0.01 * f64::from(scan));
             }
         }
-        let e = estimate(&[0.0, 1.0], &traces);
+        let e = estimate(&[0.0, 1.0], &traces, usize::MAX);
         assert!(e.ln_z.is_finite() && e.forward.is_finite() && e.backward.is_finite());
         assert!(e.ln_z > e.forward && e.ln_z < e.backward);
     }

@@ -4,6 +4,9 @@ use crate::error::{Error, Result};
 use crate::hmc::MetricKind;
 use serde::{Deserialize, Serialize};
 
+/// Most members of a population: each has a random stream of its own.
+const MOST_MEMBERS: usize = 1 << 19;
+
 /// Settings of a tempered run; the defaults suit smooth posteriors of up to a few dozen parameters.
 ///
 /// The cost in gradients is about `2^rounds first_scans x ladders x temperatures x moves x leapfrogs`, where leapfrogs
@@ -34,9 +37,12 @@ pub struct Settings {
     pub trajectory: f64,
     /// Hamiltonian moves per scan and temperature.
     pub moves: usize,
-    /// Members per ladder of a population that is cooled from the prior to find the first states, temperatures and metrics;
+    /// Members per ladder of populations that are cooled from the prior to find the first states, temperatures and metrics;
     /// 0: prior draws everywhere. For posteriors of many hollows; costs about 50 slices per member and nat of ln L's spread.
     pub annealing: usize,
+    /// Independent populations, at most one per ladder. Ladders take turns to share them: a large population weighs its
+    /// hollows against each other, many small ones only show how little each knows. Errors are the scatter of populations.
+    pub populations: usize,
     /// Slices per scan and temperature, before the Hamiltonian moves: for likelihoods too rough for long trajectories. Each
     /// costs about 3 to 8 values and no gradient.
     pub slices: usize,
@@ -57,6 +63,7 @@ impl Default for Settings {
             trajectory: std::f64::consts::FRAC_PI_2,
             moves: 1,
             annealing: 0,
+            populations: 4,
             slices: 0,
         }
     }
@@ -67,6 +74,22 @@ impl Settings {
     #[must_use]
     pub fn scans(&self, round: usize) -> usize {
         self.first_scans << round
+    }
+
+    /// Groups of ladders that started independently of each other.
+    #[must_use]
+    pub fn families(&self) -> usize {
+        if self.annealing > 0 {
+            self.populations.min(self.ladders)
+        } else {
+            self.ladders
+        }
+    }
+
+    /// Members of each population: rounded up, so that no ladder has fewer than its own.
+    #[must_use]
+    pub fn members(&self) -> usize {
+        (self.annealing * self.ladders).div_ceil(self.families())
     }
 
     /// Refuses what cannot run.
@@ -146,6 +169,20 @@ impl Settings {
             0,
             1 << 16,
             "give 0 to 65536 members; some ten per parameter are usual",
+        )?;
+        whole(
+            "populations",
+            self.populations,
+            2,
+            1024,
+            "give 2 to 1024, 4 is usual: their scatter is the measure of the error",
+        )?;
+        whole(
+            "annealing",
+            self.members(),
+            0,
+            MOST_MEMBERS,
+            "give fewer members per ladder, fewer ladders or more populations: a population has at most 2^19",
         )?;
         whole("slices", self.slices, 0, 1 << 20, "give 0 or more")?;
         real(

@@ -129,12 +129,13 @@ impl State {
             time: Time::default(),
         };
         if settings.annealing > 0 {
-            let populations = state.first_points(target, settings.annealing)?;
+            let families = settings.families();
+            let populations = state.first_points(target, families, settings.members())?;
             state.annealing = Some(Annealing::new(populations, settings.metric));
             return Ok(state);
         }
         let rungs = state.rungs.len();
-        for ladder in state.first_points(target, rungs)? {
+        for ladder in state.first_points(target, settings.ladders, rungs)? {
             state.slots.extend(
                 ladder
                     .into_iter()
@@ -145,19 +146,24 @@ impl State {
         Ok(state)
     }
 
-    /// As many draws of the prior for each ladder; all have a likelihood but the first of a
-    /// ladder, if it becomes the one at beta = 0.
-    fn first_points(&mut self, target: &dyn Target, per_ladder: usize) -> Result<Vec<Vec<Point>>> {
+    /// As many draws of the prior for each ladder, or for each population; all have a likelihood but the first of a
+    /// ladder, which becomes the one at beta = 0.
+    fn first_points(
+        &mut self,
+        target: &dyn Target,
+        ladders: usize,
+        per_ladder: usize,
+    ) -> Result<Vec<Vec<Point>>> {
         // One alone first: a target that rejects everything should be told from it, not from all.
         let one = self.first_point(target, 0, 1)?;
-        let drawn: Vec<Result<(Point, Tally)>> = (0..self.settings.ladders * per_ladder)
+        let drawn: Vec<Result<(Point, Tally)>> = (0..ladders * per_ladder)
             .into_par_iter()
             .map(|i| match (i / per_ladder, i % per_ladder) {
                 (0, 1) => Ok(one.clone()),
                 (ladder, member) => self.first_point(target, ladder, member),
             })
             .collect();
-        let mut ladders = vec![Vec::new(); self.settings.ladders];
+        let mut ladders = vec![Vec::new(); ladders];
         for (i, drawn) in drawn.into_iter().enumerate() {
             let (point, tally) = drawn?;
             self.tally.merge(&tally);
@@ -238,7 +244,7 @@ impl State {
     }
 
     pub(super) fn evidence(&self) -> Estimate {
-        estimate(&self.beta(), &self.record.traces)
+        estimate(&self.beta(), &self.record.traces, self.settings.families())
     }
 
     /// What an observer is told after a scan; evidence and barrier are NaN before a round has finished.
@@ -326,11 +332,12 @@ impl State {
     }
 
     /// Begins the first round where populations ended: temperatures evenly spaced in the barrier between their levels, the
-    /// nearest population's members as states, metric and pool.
-    fn begin(&mut self, ladders: &[Vec<Level>], target: &dyn Target) {
+    /// members of the nearest levels as states, metric and pool.
+    fn begin(&mut self, populations: &[Vec<Level>], target: &dyn Target) {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
-        let path = Barrier::mean(&ladders.iter().map(|l| Barrier::of(l)).collect::<Vec<_>>());
+        let barriers: Vec<Barrier> = populations.iter().map(|l| Barrier::of(l)).collect();
+        let path = Barrier::mean(&barriers);
         let count = self.enough_temperatures(path.total());
         let nearest = |levels: &[Level], place: f64| {
             (0..levels.len()).min_by(|i, j| {
@@ -338,19 +345,27 @@ impl State {
                 away(*i).total_cmp(&away(*j))
             })
         };
+        let ladders = self.settings.ladders;
         let mut rungs = Vec::with_capacity(count);
-        let mut slots = vec![Vec::with_capacity(count); ladders.len()];
+        let mut slots = vec![Vec::with_capacity(count); ladders];
         for (k, beta) in path.schedule(count).into_iter().enumerate() {
             let mut rows = Vec::new();
-            for (ladder, levels) in ladders.iter().enumerate() {
+            for (family, levels) in populations.iter().enumerate() {
                 let place = path.total() * k as f64 / (count - 1) as f64;
                 if let Some(level) = nearest(levels, place).map(|i| &levels[i]) {
-                    let task = (ladder << 20) + k;
+                    let task = (family << 20) + k;
                     let mut rng = stream(self.seed, Domain::PtAnneal, task as u64, u64::MAX);
-                    slots[ladder].push(Slot {
-                        point: level.point(below(&mut rng, level.ln_likelihood.len())),
-                        machine: k,
-                    });
+                    let members = level.ln_likelihood.len();
+                    let first = below(&mut rng, members);
+                    // Ladders of one family take members far apart: those of one ancestor are next to each other.
+                    let family: Vec<usize> = (family..ladders).step_by(populations.len()).collect();
+                    for (turn, ladder) in family.iter().enumerate() {
+                        let member = (first + turn * members / family.len()) % members;
+                        slots[*ladder].push(Slot {
+                            point: level.point(member),
+                            machine: k,
+                        });
+                    }
                     rows.extend_from_slice(&level.z);
                 }
             }
