@@ -48,10 +48,11 @@ class Oblate:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )
 
-    def __call__(self):
-        self.process.stdin.write(json.dumps(POINT) + "\n")
+    def turn(self, calls):
+        """Seconds of each of these many calls, one after the other without a pause."""
+        self.process.stdin.write((json.dumps(POINT) + "\n") * calls)
         self.process.stdin.flush()
-        return json.loads(self.process.stdout.readline())["seconds"]
+        return [json.loads(self.process.stdout.readline())["seconds"] for _ in range(calls)]
 
 
 class Timed:
@@ -61,7 +62,10 @@ class Timed:
         self.function = function
         self.cpu = []
 
-    def __call__(self):
+    def turn(self, calls):
+        return [self.call() for _ in range(calls)]
+
+    def call(self):
         before = resource.getrusage(resource.RUSAGE_SELF)
         begin = time.perf_counter()
         self.function()
@@ -149,7 +153,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("oblate")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--calls", type=int, default=21, help="calls of a job at each of its turns")
     parser.add_argument("--without", nargs="*", default=[], choices=["streamax", "gala"])
     args = parser.parse_args()
     jobs = {
@@ -165,13 +170,14 @@ def main():
     times = {name: [] for name in jobs}
     for _ in range(args.rounds + 1):
         for name, job in jobs.items():
-            times[name].append(job())
+            # Some calls at a turn: the first ones find caches cold and threads asleep or on one core, for every tool.
+            times[name].append(statistics.median(job.turn(args.calls)))
     # The first round warms up.
     median = {name: statistics.median(list_[1:]) for name, list_ in times.items()}
     cpu = {
-        name: statistics.median(job.cpu[1:]) if isinstance(job, Timed) else None for name, job in jobs.items()
+        name: statistics.median(job.cpu[args.calls :]) if isinstance(job, Timed) else None for name, job in jobs.items()
     }
-    print(f"{PARTICLES} particles, {STEPS} steps; {cpu_name()}; medians of {args.rounds}, alternating")
+    print(f"{PARTICLES} particles, {STEPS} steps; {cpu_name()}; medians of {args.rounds} turns of {args.calls} calls, alternating")
     print("| job | wall ms | CPU ms |\n|---|---|---|")
     for name, seconds in median.items():
         spent = "" if cpu[name] is None else f"{1e3 * cpu[name]:.1f}"

@@ -8,6 +8,7 @@ use crate::scalar::{Dual, LaneDual, Real, gradient_of, lift};
 use crate::stream::{Arrivals, Counted, Galaxy, LANES, Model, Setup, Threads, Workspace};
 use crate::track::{Sums, Track};
 use rayon::prelude::*;
+use std::cell::RefCell;
 
 /// Derivatives that the duals of the cold stage carry: whole vector registers.
 const PARTS: usize = DIM.next_multiple_of(LANES);
@@ -31,7 +32,16 @@ pub struct Buffers {
 
 thread_local! {
     // One set per thread: no allocation after a thread's first call, and callers need not carry it.
-    static BUFFERS: std::cell::RefCell<Buffers> = std::cell::RefCell::default();
+    static BUFFERS: RefCell<Buffers> = RefCell::default();
+}
+
+/// Lends this thread's buffers, and new ones to a call within the call: a thread that waits for others may be given
+/// another value to work on.
+fn with_buffers<T>(work: impl FnOnce(&mut Buffers) -> T) -> T {
+    let mut buffers = BUFFERS.take();
+    let result = work(&mut buffers);
+    BUFFERS.set(buffers);
+    result
 }
 
 /// The likelihood of one track as a function of the 13 parameters.
@@ -84,7 +94,7 @@ impl StreamLikelihood {
     /// # Errors
     /// A [`Rejection`] where there is no stream or, under `coverage = "reject"`, no covering track.
     pub fn ln_likelihood(&self, theta: &[f64; DIM]) -> Result<Evaluation, Rejection> {
-        BUFFERS.with_borrow_mut(|b| self.value(theta, Threads::One, b))
+        with_buffers(|b| self.value(theta, Threads::One, b))
     }
 
     /// As [`ln_likelihood`](Self::ln_likelihood), over all threads of the present rayon pool: for one value that somebody
@@ -93,7 +103,7 @@ impl StreamLikelihood {
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
     pub fn ln_likelihood_in_parallel(&self, theta: &[f64; DIM]) -> Result<Evaluation, Rejection> {
-        self.value(theta, Threads::All, &mut Buffers::default())
+        with_buffers(|b| self.value(theta, Threads::All, b))
     }
 
     /// ln L of many points, over all threads of the present rayon pool; each with the bits that it has alone.
@@ -111,7 +121,7 @@ impl StreamLikelihood {
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood); [`Rejection::BadLikelihood`] too if the gradient is not finite.
     pub fn gradient(&self, theta: &[f64; DIM]) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        BUFFERS.with_borrow_mut(|b| self.gradient_of(theta, Counted::All, Threads::One, b))
+        with_buffers(|b| self.gradient_of(theta, Counted::All, Threads::One, b))
     }
 
     /// As [`gradient`](Self::gradient), over all threads of the present rayon pool. The same bits.
@@ -122,7 +132,7 @@ impl StreamLikelihood {
         &self,
         theta: &[f64; DIM],
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        self.gradient_of(theta, Counted::All, Threads::All, &mut Buffers::default())
+        with_buffers(|b| self.gradient_of(theta, Counted::All, Threads::All, b))
     }
 
     /// As [`gradient`](Self::gradient), without the particles whose derivative is chaotic ([`Counted::Regular`]): not the
@@ -135,7 +145,7 @@ impl StreamLikelihood {
         &self,
         theta: &[f64; DIM],
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        BUFFERS.with_borrow_mut(|b| self.gradient_of(theta, Counted::Regular, Threads::One, b))
+        with_buffers(|b| self.gradient_of(theta, Counted::Regular, Threads::One, b))
     }
 
     fn value(
