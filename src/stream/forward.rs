@@ -116,22 +116,15 @@ struct Columns<'a> {
 impl<'a> Columns<'a> {
     /// The parts before and from particle number `at`.
     fn split(self, at: usize) -> (Self, Self) {
-        let mut later = [const { None }; 7];
-        let mut parts = later.iter_mut();
-        let columns = self.columns.map(|column| {
-            let (before, after) = column.split_at_mut(at - self.first);
-            if let Some(slot) = parts.next() {
-                *slot = Some(after);
-            }
-            before
-        });
+        let first = self.first;
+        let [x, y, z, vx, vy, vz, turns] = self.columns.map(|c| c.split_at_mut(at - first));
         let before = Self {
-            first: self.first,
-            columns,
+            first,
+            columns: [x.0, y.0, z.0, vx.0, vy.0, vz.0, turns.0],
         };
         let after = Self {
             first: at,
-            columns: later.map(Option::unwrap_or_default),
+            columns: [x.1, y.1, z.1, vx.1, vy.1, vz.1, turns.1],
         };
         (before, after)
     }
@@ -215,20 +208,24 @@ impl Kernel for Forward<'_> {
         for groups in groups.chunks(IN_FLIGHT) {
             // The last one flies alone, twice.
             let (a, b) = (&groups[0], groups.get(1).unwrap_or(&groups[0]));
-            for (flight, (planned, group)) in [&mut *one, &mut *other]
-                .into_iter()
-                .zip(planned.iter_mut().zip([a, b]))
-            {
-                if *planned != group.epoch {
-                    *planned = group.epoch;
-                    model.plan(group.epoch, setup, flight);
-                }
+            if planned[0] != a.epoch {
+                planned[0] = a.epoch;
+                model.plan(a.epoch, setup, one);
             }
+            let second = if b.epoch == a.epoch {
+                &*one
+            } else {
+                if planned[1] != b.epoch {
+                    planned[1] = b.epoch;
+                    model.plan(b.epoch, setup, other);
+                }
+                &*other
+            };
             let launch = launches(&setup.launches[a.epoch], &setup.launches[b.epoch]);
             let position = std::array::from_fn(|c| side_by_side(&a.position[c], &b.position[c]));
             let velocity = std::array::from_fn(|c| side_by_side(&a.velocity[c], &b.velocity[c]));
             let (start, turns) = launch.release(position, velocity);
-            let arrival = advance(&host, &sphere, &HalfAndHalf(one, other), start, turns);
+            let arrival = advance(&host, &sphere, &HalfAndHalf(one, second), start, turns);
             unsafe_turns += out.store(groups, &arrival);
         }
         unsafe_turns
