@@ -85,9 +85,7 @@ impl Neighbours {
             })
             .collect();
         for place in places.chunks_exact_mut(dim) {
-            for (p, s) in place.iter_mut().zip(&inverse_sd) {
-                *p *= s;
-            }
+            scale(place, &inverse_sd);
         }
         let mut neighbours = Self {
             dim,
@@ -206,10 +204,15 @@ impl Neighbours {
             return 0;
         }
         let mut place = place_of(at, orbit);
-        for (p, s) in place.iter_mut().zip(&self.inverse_sd) {
-            *p *= s;
-        }
+        scale(&mut place, &self.inverse_sd);
         self.nearest(&cells.centres, &place)
+    }
+}
+
+/// Puts a place into units of the standard deviations.
+fn scale(place: &mut [f64], inverse_sd: &[f64]) {
+    for (p, s) in place.iter_mut().zip(inverse_sd) {
+        *p *= s;
     }
 }
 

@@ -39,12 +39,11 @@ const SHARE: f64 = 0.5;
 /// ellipsoid.
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     let orbit = Symmetry::first_orbit(chain.setting.target.symmetries());
-    let differs = unit_open(rng) < SHARE;
+    if unit_open(rng) >= SHARE {
+        return slice::step(chain, rng);
+    }
     let from = chain.normals();
-    let Some(pair) = differs
-        .then(|| chain.others.pick(&from, orbit, rng))
-        .flatten()
-    else {
+    let Some(pair) = chain.others.pick(&from, orbit, rng) else {
         return slice::step(chain, rng);
     };
     let mut apart = false;
