@@ -100,7 +100,7 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
                 "diagnostics": {
                     "bounded_tidal_radius": arrivals.tally.bounded_tidal_radius,
                     "unsafe_turns": arrivals.tally.unsafe_turns,
-                    "orbit_energy_error": setup.orbit.energy_error,
+                    "orbit_energy_error": setup.orbit.energy_error(&setup.host),
                     "particles": arrivals.len(),
                 },
                 "seconds": seconds,

@@ -4,14 +4,11 @@
 use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};
 use crate::params::{DIM, QRange, StreamParams};
-use crate::scalar::{Dual, LaneDual, Real, gradient_of, lift};
-use crate::stream::{Arrivals, Counted, Galaxy, LANES, Model, Setup, Threads, Workspace};
+use crate::scalar::{Dual, Real, gradient_of, lift};
+use crate::stream::{Arrivals, Counted, Galaxy, Model, Setup, Threads, Workspace};
 use crate::track::{Sums, Track};
 use rayon::prelude::*;
 use std::cell::RefCell;
-
-/// Derivatives that the duals of the cold stage carry: whole vector registers.
-const PARTS: usize = DIM.next_multiple_of(LANES);
 
 /// ln L at a point, and what was unsafe on the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +22,7 @@ pub struct Evaluation {
 /// Buffers of one thread.
 #[derive(Clone, Debug, Default)]
 pub struct Buffers {
+    setup: Option<Setup<f64>>,
     work: Workspace,
     sums: Sums<f64>,
     by_sums: Sums<f64>,
@@ -154,10 +152,11 @@ impl StreamLikelihood {
         threads: Threads,
         b: &mut Buffers,
     ) -> Result<Evaluation, Rejection> {
-        let setup = self
-            .model
-            .setup(&self.galaxy(&StreamParams::from_array(*theta)))?;
-        self.sum(&setup, threads, b)?;
+        let galaxy = self.galaxy(&StreamParams::from_array(*theta));
+        let setup = self.model.setup_reusing(&galaxy, b.setup.take())?;
+        let summed = self.sum(&setup, threads, b);
+        b.setup = Some(setup);
+        summed?;
         let ln_likelihood = self.track.ln_likelihood(&b.sums)?;
         Ok(Evaluation {
             ln_likelihood,
@@ -172,21 +171,27 @@ impl StreamLikelihood {
         threads: Threads,
         b: &mut Buffers,
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        let duals: [LaneDual<PARTS>; DIM] =
-            std::array::from_fn(|i| LaneDual::variable(theta[i], i));
-        let setup = self
-            .model
-            .setup_in_lanes(&self.galaxy(&StreamParams::from_array(duals)))?;
-        let real = setup.real_part();
-        self.sum(&real, threads, b)?;
+        let galaxy = self.galaxy(&StreamParams::from_array(*theta));
+        let setup = self.model.setup(&galaxy)?;
+        self.sum(&setup, threads, b)?;
         let ln_likelihood = self.track.pull_back(&b.sums, &mut b.by_sums)?;
         let work = &mut b.work;
         self.track
             .grid()
             .pull_back(&work.arrivals, &b.by_sums, &mut work.by_x, &mut work.by_y);
         let tally = work.arrivals.tally;
-        let parts = self.model.pull_back(&setup, &real, counted, threads, work);
-        let gradient: [f64; DIM] = std::array::from_fn(|i| parts[i]);
+        let by_number = self
+            .model
+            .pull_back(&galaxy, &setup, counted, threads, work);
+        let numbers = self
+            .galaxy::<Dual<DIM>>(&StreamParams::from_array(lift(theta)))
+            .numbers();
+        let mut gradient = [0.0; DIM];
+        for (number, by) in numbers.iter().zip(by_number) {
+            for (slot, derivative) in gradient.iter_mut().zip(gradient_of(number)) {
+                *slot += by * derivative;
+            }
+        }
         if gradient.iter().all(|g| g.is_finite()) {
             let evaluation = Evaluation {
                 ln_likelihood,

@@ -5,7 +5,6 @@ use super::leapfrog::force;
 use super::{Course, State};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
-use std::hint::black_box;
 
 /// Derivatives with respect to one step of a course.
 #[derive(Clone, Copy, Debug)]
@@ -35,8 +34,8 @@ impl<S: Scalar> ByStep<S> {
 /// derivative with respect to its start. Adds what falls on the host, the progenitor's sphere and the course.
 ///
 /// The path is not remembered but run backwards from `end`, the state that [`advance`](super::advance()) arrived at: each
-/// drift and kick is undone by itself, so it is the same path but for rounding. After each step back the derivative with
-/// respect to the state then is what `tame` makes of it: the identity for the exact derivative.
+/// drift and kick is undone by itself, so it is the same path but for rounding. With a `limit2`, the derivative with
+/// respect to a state is forgotten where the square of its position part is not below it; without, it is exact.
 #[inline(always)]
 #[allow(
     clippy::too_many_arguments,
@@ -51,7 +50,7 @@ pub fn reverse<S: Scalar>(
     by_host: &mut NfwCotangent<S>,
     by_sphere: &mut PlummerCotangent<S>,
     by_course: &mut [ByStep<S>],
-    tame: impl Fn(State<S>) -> State<S>,
+    limit2: Option<S>,
 ) -> State<S> {
     let steps = course.steps();
     let mut at = end;
@@ -79,10 +78,19 @@ pub fn reverse<S: Scalar>(
         by_step.kick += by.v.dot(a);
         by_step.progenitor = by_step.progenitor - x_sphere;
         by.x = by.x + x_host + x_sphere;
-        by = tame(by);
-        // Between steps the sweep's state rests in memory. In lanes it is too much for the registers, and a compiler that
-        // may keep it there takes the lanes apart: twice the time.
-        black_box((&mut at, &mut by, &mut *by_host, &mut *by_sphere));
+        if let Some(limit2) = limit2 {
+            by = within(by, limit2);
+        }
     }
     by
+}
+
+/// `by` where its position part is shorter than sqrt(`limit2`), zero elsewhere.
+#[inline(always)]
+fn within<S: Scalar>(by: State<S>, limit2: S) -> State<S> {
+    let regular = by.x.norm2().lt(limit2);
+    State {
+        x: Vec3::select(regular, by.x, Vec3::zero()),
+        v: Vec3::select(regular, by.v, Vec3::zero()),
+    }
 }

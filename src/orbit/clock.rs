@@ -5,8 +5,8 @@
 //! (r / a)^(1/4). Particles stay close enough to their progenitor for one grid to serve all of an epoch, and so each still
 //! goes through one fixed sequence of leapfrog maps. The grid depends on the parameters, and its derivative is taken along.
 
-use super::progenitor::locate;
-use super::{DenseOrbit, Node};
+use super::progenitor::{emptied, locate};
+use super::{DenseOrbit, Moment, Node};
 use crate::scalar::Real;
 
 /// Square of a radius, kpc^2, below which the rate rises no more: a progenitor through the very centre has a phase.
@@ -19,85 +19,91 @@ pub struct Clock<S> {
     rate: Vec<S>,
     /// Phase at every node, from 0 at the oldest, by the trapezoidal rule; between nodes it is linear in time.
     phase: Vec<S>,
+    /// One over the phase between a node and the next.
+    inverse: Vec<S>,
 }
 
 /// The rate of the phase at a node, up to a factor common to all.
-fn rate<S: Real>(node: &Node<S>) -> S {
-    (node.ddx.norm2() / (node.x.norm2() + CORE2))
+fn rate_at<S: Real>(node: &Node<S>) -> S {
+    (node.ddx().norm2() / (node.x().norm2() + CORE2))
         .sqrt()
         .sqrt()
         .sqrt()
 }
 
 impl<S: Real> Clock<S> {
-    /// The clock of an orbit.
+    /// The clock of an orbit, in the memory of another one if there is one.
     #[must_use]
-    pub fn of(orbit: &DenseOrbit<S>) -> Self {
-        let rate: Vec<S> = orbit.nodes.iter().map(rate).collect();
-        let mut phase = Vec::with_capacity(rate.len());
+    pub fn of(orbit: &DenseOrbit<S>, spare: Option<Self>) -> Self {
+        let spare = spare.map_or_else(Default::default, |s| (s.rate, s.phase, s.inverse));
+        let (mut rate, mut phase, mut inverse) = spare;
+        for column in [&mut rate, &mut phase, &mut inverse] {
+            emptied(column, orbit.nodes.len());
+        }
+        rate.extend(orbit.nodes.iter().map(rate_at));
         let mut sum = S::zero();
         phase.push(sum);
         for pair in rate.windows(2) {
+            let before = sum;
             sum += (pair[0] + pair[1]) * 0.5;
             phase.push(sum);
+            inverse.push(S::one() / (sum - before));
         }
-        Self { rate, phase }
-    }
-
-    /// The real parts.
-    #[must_use]
-    pub fn real_part(&self) -> Clock<f64> {
-        let real = |column: &[S]| column.iter().map(|s| s.re()).collect();
-        Clock {
-            rate: real(&self.rate),
-            phase: real(&self.phase),
+        Self {
+            rate,
+            phase,
+            inverse,
         }
     }
 
-    /// Writes `steps + 1` times from `tau` to today, as fractions of the age, evenly spaced in phase. The ends are `tau`
-    /// and 0 exactly.
-    pub fn times(&self, tau: f64, steps: usize, out: &mut Vec<S>) {
-        let intervals = (self.phase.len() - 1) as f64;
-        let (first, share) = locate(tau, self.phase.len() - 1);
+    /// Writes `steps + 1` moments from `tau` to today, evenly spaced in phase. The first and the last are `tau` and today
+    /// exactly.
+    #[inline(always)]
+    pub fn moments(&self, tau: f64, steps: usize, out: &mut Vec<Moment<S>>) {
+        let last = self.phase.len() - 1;
+        let (first, share) = locate(tau, last);
         let start = self.phase[first] * (1.0 - share) + self.phase[first + 1] * share;
-        let end = self.phase[self.phase.len() - 1];
+        let stride = (self.phase[last] - start) / steps as f64;
         let mut node = first;
         out.clear();
-        out.push(S::from_f64(tau));
+        out.push(Moment {
+            node,
+            share: S::from_f64(share),
+        });
         for j in 1..steps {
-            let done = j as f64 / steps as f64;
-            let target = start * (1.0 - done) + end * done;
-            while node + 2 < self.phase.len() && self.phase[node + 1].re() <= target.re() {
+            let target = start + stride * j as f64;
+            while node + 1 < last && self.phase[node + 1].re() <= target.re() {
                 node += 1;
             }
-            let (a, b) = (self.phase[node], self.phase[node + 1]);
-            let within = (target - a) / (b - a);
-            out.push((within + node as f64) / intervals - 1.0);
+            let share = (target - self.phase[node]) * self.inverse[node];
+            out.push(Moment { node, share });
         }
-        out.push(S::zero());
+        out.push(Moment {
+            node: last - 1,
+            share: S::one(),
+        });
     }
 }
 
 impl Clock<f64> {
     /// Adds, to the derivatives with respect to the phases at the nodes, what comes from those with respect to the
-    /// [`times`](Self::times) of one epoch.
+    /// times of one epoch's [`moments`](Self::moments), as fractions of the age.
     pub fn pull_back_times(&self, tau: f64, by_times: &[f64], by_phase: &mut [f64]) {
         let steps = by_times.len() - 1;
         let last = self.phase.len() - 1;
         let intervals = last as f64;
         let (first, share) = locate(tau, last);
         let start = self.phase[first] * (1.0 - share) + self.phase[first + 1] * share;
-        let end = self.phase[last];
+        let stride = (self.phase[last] - start) / steps as f64;
         let mut node = first;
         for (j, by_time) in by_times.iter().enumerate().take(steps).skip(1) {
             let done = j as f64 / steps as f64;
-            let target = start * (1.0 - done) + end * done;
-            while node + 2 < self.phase.len() && self.phase[node + 1] <= target {
+            let target = start + stride * j as f64;
+            while node + 1 < last && self.phase[node + 1] <= target {
                 node += 1;
             }
-            let (a, b) = (self.phase[node], self.phase[node + 1]);
-            let within = (target - a) / (b - a);
-            let by_target = by_time / (intervals * (b - a));
+            let within = (target - self.phase[node]) * self.inverse[node];
+            let by_target = by_time * self.inverse[node] / intervals;
             by_phase[node] += by_target * (within - 1.0);
             by_phase[node + 1] -= by_target * within;
             let by_start = by_target * (1.0 - done);
@@ -118,10 +124,8 @@ impl Clock<f64> {
             let by_rate = 0.5 * (after + before);
             let node = &orbit.nodes[i];
             let scale = 0.25 * self.rate[i] * by_rate;
-            by_node.ddx = by_node.ddx.add_scaled(node.ddx, scale / node.ddx.norm2());
-            by_node.x = by_node
-                .x
-                .add_scaled(node.x, -scale / (node.x.norm2() + CORE2));
+            by_node.add(0, node.x() * (-scale / (node.x().norm2() + CORE2)));
+            by_node.add(2, node.ddx() * (scale / node.ddx().norm2()));
         }
     }
 }

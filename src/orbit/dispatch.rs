@@ -1,5 +1,8 @@
 //! The only file that asks the CPU: compiles a kernel for each instruction set and picks one at run time.
 
+#[cfg(target_arch = "x86_64")]
+use crate::scalar::{Avx2, Avx512};
+use crate::scalar::{Isa, Portable};
 use std::sync::OnceLock;
 
 /// An instruction set that kernels are compiled for.
@@ -51,8 +54,8 @@ impl Level {
 pub trait Kernel {
     /// What it returns.
     type Output;
-    /// The work; implement it with `#[inline(always)]`, and everything hot below it too.
-    fn run<const FMA: bool>(self) -> Self::Output;
+    /// The work, in lanes of `I`; implement it with `#[inline(always)]`, and everything hot below it too.
+    fn run<I: Isa>(self) -> Self::Output;
 }
 
 /// Runs a kernel at a level.
@@ -71,17 +74,17 @@ pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
         }
     }
     let _ = level;
-    kernel.run::<false>()
+    kernel.run::<Portable>()
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,fma")]
 fn avx512<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<true>()
+    kernel.run::<Avx512>()
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 fn avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<true>()
+    kernel.run::<Avx2>()
 }

@@ -1,7 +1,8 @@
 //! One epoch's way through time, as the leapfrog asks for it.
 
-use super::Placement;
-use crate::scalar::{Lanes, Scalar, Vec3};
+use super::progenitor::vector;
+use super::{Moment, Placement};
+use crate::scalar::{Isa, Lanes, Scalar, Vec3};
 
 /// What a particle meets on its way: where the progenitor is at each force evaluation, and how long drifts and kicks are.
 pub trait Course<S> {
@@ -18,15 +19,15 @@ pub trait Course<S> {
 /// A course spelled out; the same for all particles of an epoch. Its buffers are reused from epoch to epoch.
 #[derive(Clone, Debug)]
 pub struct Flight<S> {
-    /// The progenitor's positions, kpc.
-    pub path: Vec<Vec3<S>>,
+    /// The progenitor's positions, kpc, in rows as those of a [`Node`](super::Node).
+    pub path: Vec<[S; 4]>,
     /// Lengths of the drifts, Gyr.
     pub drift_gyr: Vec<S>,
     /// Lengths of the kicks, Gyr.
     pub kick_gyr: Vec<S>,
-    /// Times of the force evaluations as fractions of the age, if they depend on the parameters.
-    pub times: Vec<S>,
-    /// Where these times lie between the orbit's nodes.
+    /// Moments of the force evaluations, if they depend on the parameters.
+    pub moments: Vec<Moment<S>>,
+    /// Their placements on the orbit.
     pub places: Vec<Placement>,
 }
 
@@ -36,18 +37,16 @@ impl<S> Default for Flight<S> {
             path: Vec::new(),
             drift_gyr: Vec::new(),
             kick_gyr: Vec::new(),
-            times: Vec::new(),
+            moments: Vec::new(),
             places: Vec::new(),
         }
     }
 }
 
 impl<S: Scalar> Flight<S> {
-    /// Sets the drifts, and the kicks that belong to them.
+    /// Sets the kicks that belong to the drifts.
     #[inline(always)]
-    pub fn set_drifts(&mut self, drifts: impl Iterator<Item = S>) {
-        self.drift_gyr.clear();
-        self.drift_gyr.extend(drifts);
+    pub fn set_kicks(&mut self) {
         self.kick_gyr.clear();
         let mut before = S::zero();
         for &drift in &self.drift_gyr {
@@ -65,7 +64,7 @@ impl<S: Scalar> Course<S> for Flight<S> {
     }
     #[inline(always)]
     fn progenitor_at(&self, j: usize) -> Vec3<S> {
-        self.path[j]
+        vector(&self.path[j])
     }
     #[inline(always)]
     fn drift_gyr(&self, j: usize) -> S {
@@ -82,56 +81,21 @@ impl<S: Scalar> Course<S> for Flight<S> {
 #[derive(Clone, Copy, Debug)]
 pub struct HalfAndHalf<'a>(pub &'a Flight<f64>, pub &'a Flight<f64>);
 
-impl HalfAndHalf<'_> {
-    #[inline(always)]
-    fn both<const N: usize, const FMA: bool>(a: f64, b: f64) -> Lanes<N, FMA> {
-        Lanes(std::array::from_fn(|l| if l < N / 2 { a } else { b }))
-    }
-}
-
-impl<const N: usize, const FMA: bool> Course<Lanes<N, FMA>> for HalfAndHalf<'_> {
+impl<I: Isa> Course<Lanes<I, 2>> for HalfAndHalf<'_> {
     #[inline(always)]
     fn steps(&self) -> usize {
         self.0.drift_gyr.len()
     }
     #[inline(always)]
-    fn progenitor_at(&self, j: usize) -> Vec3<Lanes<N, FMA>> {
-        let (a, b) = (self.0.path[j], self.1.path[j]);
-        Vec3::new(
-            Self::both(a.x, b.x),
-            Self::both(a.y, b.y),
-            Self::both(a.z, b.z),
-        )
+    fn progenitor_at(&self, j: usize) -> Vec3<Lanes<I, 2>> {
+        Lanes::vectors(vector(&self.0.path[j]), vector(&self.1.path[j]))
     }
     #[inline(always)]
-    fn drift_gyr(&self, j: usize) -> Lanes<N, FMA> {
-        Self::both(self.0.drift_gyr[j], self.1.drift_gyr[j])
+    fn drift_gyr(&self, j: usize) -> Lanes<I, 2> {
+        Lanes::halves(self.0.drift_gyr[j], self.1.drift_gyr[j])
     }
     #[inline(always)]
-    fn kick_gyr(&self, j: usize) -> Lanes<N, FMA> {
-        Self::both(self.0.kick_gyr[j], self.1.kick_gyr[j])
-    }
-}
-
-/// The same course for every lane.
-#[derive(Clone, Copy, Debug)]
-pub struct InLanes<'a>(pub &'a Flight<f64>);
-
-impl<const N: usize, const FMA: bool> Course<Lanes<N, FMA>> for InLanes<'_> {
-    #[inline(always)]
-    fn steps(&self) -> usize {
-        self.0.drift_gyr.len()
-    }
-    #[inline(always)]
-    fn progenitor_at(&self, j: usize) -> Vec3<Lanes<N, FMA>> {
-        Vec3::from_f64(self.0.path[j])
-    }
-    #[inline(always)]
-    fn drift_gyr(&self, j: usize) -> Lanes<N, FMA> {
-        Lanes::from_f64(self.0.drift_gyr[j])
-    }
-    #[inline(always)]
-    fn kick_gyr(&self, j: usize) -> Lanes<N, FMA> {
-        Lanes::from_f64(self.0.kick_gyr[j])
+    fn kick_gyr(&self, j: usize) -> Lanes<I, 2> {
+        Lanes::halves(self.0.kick_gyr[j], self.1.kick_gyr[j])
     }
 }

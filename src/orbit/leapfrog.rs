@@ -15,11 +15,16 @@ pub struct Arrival<S> {
     pub unsafe_turns: S,
 }
 
+/// One for a number below zero, zero for others.
+#[inline(always)]
+fn is_negative<S: Scalar>(s: S) -> S {
+    S::select(s.lt(S::zero()), S::one(), S::zero())
+}
+
 /// +1 if the short way from (x0, y0) to (x1, y1) crosses the negative x axis counter-clockwise, -1 if clockwise, else 0.
 #[inline(always)]
 pub fn crossing<S: Scalar>(from: Vec3<S>, to: Vec3<S>) -> S {
-    let below = |y: S| S::select(y.lt(S::zero()), S::one(), S::zero());
-    let side = below(to.y) - below(from.y);
+    let side = is_negative(to.y) - is_negative(from.y);
     let turn = from.x * to.y - to.x * from.y;
     S::select(S::zero().lt(side * turn), side, S::zero())
 }
@@ -33,7 +38,7 @@ pub(super) fn force<S: Scalar>(
     x: Vec3<S>,
     centre: Vec3<S>,
 ) -> Vec3<S> {
-    host.acceleration(x) + progenitor.acceleration(x - centre)
+    progenitor.add_acceleration(x - centre, host.acceleration(x))
 }
 
 /// Carries one particle (or one lane of particles) along a course, in the sum of `host` and `progenitor`.
@@ -59,7 +64,7 @@ pub fn advance<S: Scalar>(
         x = x.add_scaled(v, course.drift_gyr(j - 1));
         turns += crossing(before, x);
         let cosine = before.x * x.x + before.y * x.y;
-        unsafe_turns += S::select(cosine.lt(S::zero()), S::one(), S::zero());
+        unsafe_turns += is_negative(cosine);
         let a = force(host, progenitor, x, course.progenitor_at(j));
         v = v.add_scaled(a, course.kick_gyr(j));
     }

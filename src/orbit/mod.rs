@@ -10,9 +10,9 @@ mod progenitor;
 pub use adjoint::{ByStep, reverse};
 pub use clock::Clock;
 pub use dispatch::{Kernel, Level, dispatch};
-pub use flight::{Course, Flight, HalfAndHalf, InLanes};
+pub use flight::{Course, Flight, HalfAndHalf};
 pub use leapfrog::{Arrival, advance, crossing};
-pub use progenitor::{DenseOrbit, Node, OrbitMethod, Placement};
+pub use progenitor::{DenseOrbit, Moment, Node, OrbitMethod, Placement, add_placed};
 
 use crate::scalar::{Scalar, Vec3};
 

@@ -20,33 +20,72 @@ pub enum OrbitMethod {
     Leapfrog,
 }
 
-/// One node: position, and velocity and acceleration times the node spacing in Gyr (once, twice).
+/// One node of the orbit, in rows: position in kpc, velocity times the node spacing (kpc), acceleration times the spacing
+/// squared (kpc). A row has a fourth number, zero, because vector registers hold four and not three.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Node<S> {
-    /// Position in kpc.
-    pub x: Vec3<S>,
-    /// Velocity times spacing, kpc.
-    pub dx: Vec3<S>,
-    /// Acceleration times spacing squared, kpc.
-    pub ddx: Vec3<S>,
-}
+pub struct Node<S>(pub [[S; 4]; 3]);
 
 impl<S: Scalar> Node<S> {
+    /// All zeros.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self([[S::zero(); 4]; 3])
+    }
+
     /// The node of a state, `spacing` Gyr from the next.
     #[inline(always)]
     fn of(host: &impl Potential<S>, s: State<S>, spacing: S) -> Self {
-        Self {
-            x: s.x,
-            dx: s.v * spacing,
-            ddx: host.acceleration(s.x) * (spacing * spacing),
+        let (dx, ddx) = (s.v * spacing, host.acceleration(s.x) * (spacing * spacing));
+        Self([row(s.x), row(dx), row(ddx)])
+    }
+
+    /// The vector in a row.
+    #[inline(always)]
+    #[must_use]
+    pub fn vector(&self, row: usize) -> Vec3<S> {
+        vector(&self.0[row])
+    }
+
+    /// Position, kpc.
+    #[inline(always)]
+    #[must_use]
+    pub fn x(&self) -> Vec3<S> {
+        self.vector(0)
+    }
+
+    /// Acceleration times the spacing squared, kpc.
+    #[inline(always)]
+    #[must_use]
+    pub fn ddx(&self) -> Vec3<S> {
+        self.vector(2)
+    }
+
+    /// Adds a vector to a row.
+    #[inline(always)]
+    pub fn add(&mut self, at: usize, vector: Vec3<S>) {
+        for (slot, value) in self.0[at].iter_mut().zip(row(vector)) {
+            *slot += value;
         }
     }
 }
 
-/// Energy per mass, (kpc/Gyr)^2.
+/// Forgets what is in a vector and makes room for `n`.
 #[inline(always)]
-fn energy<S: Real>(host: &impl Potential<S>, s: State<S>) -> f64 {
-    (s.v.norm2() * 0.5 + host.value(s.x)).re()
+pub(super) fn emptied<T>(vector: &mut Vec<T>, n: usize) {
+    vector.clear();
+    vector.reserve_exact(n);
+}
+
+/// The vector in a row.
+#[inline(always)]
+pub(super) fn vector<S: Scalar>(row: &[S; 4]) -> Vec3<S> {
+    Vec3::new(row[0], row[1], row[2])
+}
+
+/// A vector as a row.
+#[inline(always)]
+fn row<S: Scalar>(v: Vec3<S>) -> [S; 4] {
+    [v.x, v.y, v.z, S::zero()]
 }
 
 /// Where a time lies between two nodes, and the weights of their six vectors in the position then.
@@ -70,6 +109,28 @@ impl Placement {
     }
 }
 
+/// A moment on an orbit: in the interval after `node`, a `share` in [0, 1] of the way.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment<S> {
+    /// The earlier node.
+    pub node: usize,
+    /// How far towards the later one.
+    pub share: S,
+}
+
+/// Adds the derivative with respect to an interpolated position to those with respect to the two nodes around it.
+pub fn add_placed(nodes: &mut [Node<f64>], place: &Placement, by: Vec3<f64>) {
+    let by = row(by);
+    let rows = nodes[place.node..place.node + 2]
+        .iter_mut()
+        .flat_map(|n| &mut n.0);
+    for (row, weight) in rows.zip(place.weights) {
+        for (slot, value) in row.iter_mut().zip(by) {
+            *slot += weight * value;
+        }
+    }
+}
+
 /// The interval of `tau` and the fraction within it.
 pub(super) fn locate(tau: f64, steps: usize) -> (usize, f64) {
     let position = (tau + 1.0).clamp(0.0, 1.0) * steps as f64;
@@ -80,6 +141,16 @@ pub(super) fn locate(tau: f64, steps: usize) -> (usize, f64) {
     )]
     let node = (position as usize).min(steps - 1);
     (node, position - node as f64)
+}
+
+/// Weights as numbers of another type.
+#[inline(always)]
+fn constants<S: Scalar>(weights: [f64; 6]) -> [S; 6] {
+    let mut numbers = [S::zero(); 6];
+    for (number, weight) in numbers.iter_mut().zip(weights) {
+        *number = S::from_f64(weight);
+    }
+    numbers
 }
 
 /// Quintic Hermite basis at `t` in [0, 1].
@@ -120,31 +191,9 @@ pub struct DenseOrbit<S> {
     pub turns: Vec<S>,
     /// Spacing of the nodes in Gyr.
     pub spacing_gyr: S,
-    /// Largest relative change of the energy along the nodes.
-    pub energy_error: f64,
 }
 
 impl<S: Real> DenseOrbit<S> {
-    /// The real parts.
-    #[must_use]
-    pub fn real_part(&self) -> DenseOrbit<f64> {
-        let v = |a: Vec3<S>| a.map(Real::re);
-        DenseOrbit {
-            nodes: self
-                .nodes
-                .iter()
-                .map(|n| Node {
-                    x: v(n.x),
-                    dx: v(n.dx),
-                    ddx: v(n.ddx),
-                })
-                .collect(),
-            turns: self.turns.iter().map(|t| t.re()).collect(),
-            spacing_gyr: self.spacing_gyr.re(),
-            energy_error: self.energy_error,
-        }
-    }
-
     /// Integrates back from `today` over `age_gyr` in `steps` steps.
     #[inline(always)]
     pub fn integrate(
@@ -154,11 +203,24 @@ impl<S: Real> DenseOrbit<S> {
         steps: usize,
         method: OrbitMethod,
     ) -> Self {
+        Self::integrate_reusing(host, today, age_gyr, steps, method, None)
+    }
+
+    /// As [`integrate`](Self::integrate), in the memory of another orbit.
+    #[inline(always)]
+    pub fn integrate_reusing(
+        host: &impl Potential<S>,
+        today: State<S>,
+        age_gyr: S,
+        steps: usize,
+        method: OrbitMethod,
+        spare: Option<Self>,
+    ) -> Self {
         let spacing = age_gyr / steps as f64;
-        let first_energy = energy(host, today);
-        let mut energy_error = 0.0_f64;
         let mut state = today;
-        let (mut nodes, mut turns) = (Vec::with_capacity(steps + 1), Vec::with_capacity(steps + 1));
+        let (mut nodes, mut turns) = spare.map_or_else(Default::default, |s| (s.nodes, s.turns));
+        emptied(&mut nodes, steps + 1);
+        emptied(&mut turns, steps + 1);
         nodes.push(Node::of(host, today, spacing));
         turns.push(S::zero());
         let mut wound = S::zero();
@@ -169,8 +231,6 @@ impl<S: Real> DenseOrbit<S> {
                 OrbitMethod::Leapfrog => kick_drift_kick(host, state, -spacing),
             };
             wound += crossing(before, state.x);
-            energy_error =
-                energy_error.max(((energy(host, state) - first_energy) / first_energy).abs());
             nodes.push(Node::of(host, state, spacing));
             turns.push(wound);
         }
@@ -180,7 +240,6 @@ impl<S: Real> DenseOrbit<S> {
             nodes,
             turns,
             spacing_gyr: spacing,
-            energy_error,
         }
     }
 
@@ -189,61 +248,71 @@ impl<S: Real> DenseOrbit<S> {
     pub fn at(&self, tau: f64) -> (State<S>, S) {
         let steps = self.nodes.len() - 1;
         let (node, t) = locate(tau, steps);
-        let x = self.position(&Placement {
-            node,
-            weights: quintic(t),
-        });
-        let v = self.position(&Placement {
-            node,
-            weights: quintic_slope(t),
-        }) * (S::one() / self.spacing_gyr);
+        let x = vector(&self.combine(node, constants(quintic(t))));
+        let dx = vector(&self.combine(node, constants(quintic_slope(t))));
+        let v = dx * (S::one() / self.spacing_gyr);
         (
             State { x, v },
-            self.turns[node] + crossing(self.nodes[node].x, x),
+            self.turns[node] + crossing(self.nodes[node].x(), x),
         )
     }
 
-    /// Position at a time `tau` in [-1, 0] that has derivatives of its own.
+    /// Position, as a row, at a moment that may have derivatives of its own; and its placement.
     #[inline(always)]
-    pub fn position_at(&self, tau: S) -> Vec3<S> {
-        let steps = self.nodes.len() - 1;
-        let (node, _) = locate(tau.re(), steps);
-        self.combine(node, quintic((tau + 1.0) * steps as f64 - node as f64))
+    pub fn position_at(&self, moment: Moment<S>) -> ([S; 4], Placement) {
+        let Moment { node, share } = moment;
+        let numbers = quintic(share);
+        let mut weights = [0.0; 6];
+        for (weight, number) in weights.iter_mut().zip(numbers) {
+            *weight = number.re();
+        }
+        (self.combine(node, numbers), Placement { node, weights })
     }
 
-    /// Derivative of the position with respect to `tau`.
+    /// Derivative of the position at a moment with respect to the time as a fraction of the age.
     #[inline(always)]
-    pub fn slope(&self, tau: f64) -> Vec3<S> {
-        let steps = self.nodes.len() - 1;
-        let (node, t) = locate(tau, steps);
-        self.combine(node, quintic_slope(t).map(S::from_f64)) * S::from_f64(steps as f64)
+    pub fn slope(&self, moment: Moment<f64>) -> Vec3<S> {
+        let weights = constants(quintic_slope(moment.share));
+        vector(&self.combine(moment.node, weights)) * S::from_f64((self.nodes.len() - 1) as f64)
     }
 
-    /// Position at a placement.
+    /// Position at a placement, as a row.
     #[inline(always)]
-    pub fn position(&self, place: &Placement) -> Vec3<S> {
-        self.combine(place.node, place.weights.map(S::from_f64))
+    pub fn position(&self, place: &Placement) -> [S; 4] {
+        self.combine(place.node, constants(place.weights))
     }
 
     #[inline(always)]
-    fn combine(&self, node: usize, w: [S; 6]) -> Vec3<S> {
-        let (a, b) = (&self.nodes[node], &self.nodes[node + 1]);
-        (a.x * w[0])
-            .add_scaled(a.dx, w[1])
-            .add_scaled(a.ddx, w[2])
-            .add_scaled(b.x, w[3])
-            .add_scaled(b.dx, w[4])
-            .add_scaled(b.ddx, w[5])
+    fn combine(&self, node: usize, w: [S; 6]) -> [S; 4] {
+        let ([a, b, c], [d, e, f]) = (&self.nodes[node].0, &self.nodes[node + 1].0);
+        let mut sum = [S::zero(); 4];
+        for k in 0..4 {
+            let earlier = c[k].mul_add(w[2], b[k].mul_add(w[1], a[k] * w[0]));
+            sum[k] = f[k].mul_add(w[5], e[k].mul_add(w[4], d[k].mul_add(w[3], earlier)));
+        }
+        sum
+    }
+
+    /// Largest relative difference of the energy at a node from that today, in the host that the orbit was integrated in.
+    #[must_use]
+    pub fn energy_error(&self, host: &impl Potential<S>) -> f64 {
+        let energies = self.nodes.iter().map(|node| {
+            let v = node.vector(1) * (S::one() / self.spacing_gyr);
+            (v.norm2() * 0.5 + host.value(node.x())).re()
+        });
+        let today = energies.clone().next_back().unwrap_or(f64::NAN);
+        energies
+            .map(|energy| ((energy - today) / today).abs())
+            .fold(0.0, f64::max)
     }
 
     /// Whether every node is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        self.nodes.iter().all(|n| {
-            (n.x.norm2() + n.dx.norm2() + n.ddx.norm2())
-                .re()
-                .is_finite()
-        })
+        let finite = |v: Vec3<S>| v.norm2().re().is_finite();
+        self.nodes
+            .iter()
+            .all(|n| (0..3).all(|row| finite(n.vector(row))))
     }
 }
 

@@ -56,38 +56,22 @@ const TINY_M2: f64 = 1e-40;
 
 /// `g(s) / s^3` with `g = ln(1+s) - s/(1+s)`, which is proportional to the enclosed mass.
 ///
-/// With `u = s/(2+s)` the first terms of the logarithm combine with `s/(1+s)` to `s^2 / ((1+s)(2+s))` exactly, so that
-/// for small s nothing cancels: the same series gives the centre and the rest.
+/// With `1 + s = 2^k (1+u)/(1-u)` the logarithm is `k ln 2 + 2 u + u^3 tail(u^2)`, and
+/// `2 u - s/(1+s) = (s^2 + (1 - 2^k)(2 + 3 s)) / ((1+s) (1+s+2^k))` exactly. Below s = sqrt(2) - 1, where k is 0, every
+/// term left is positive and nothing cancels: one formula for the centre and the rest.
 #[inline(always)]
 fn profile<S: Scalar>(s: S) -> S {
-    profile_and_reciprocals(s).0
-}
-
-/// The [`profile`], 1/s and 1/(1 + s), which it needs anyway.
-#[inline(always)]
-fn profile_and_reciprocals<S: Scalar>(s: S) -> (S, S, S) {
     let one_plus = s + 1.0;
     let (power, ln_power) = one_plus.binade();
     let below = s + (S::one() + power);
-    // One division for the three reciprocals.
-    let all = S::one() / (s * one_plus * below);
-    let inverse_s = all * (one_plus * below);
-    let inverse_one_plus = all * (s * below);
-    let inverse_below = all * (s * one_plus);
-    let u = (s + (S::one() - power)) * inverse_below;
+    let short = S::one() - power;
+    // One division for the two reciprocals.
+    let both = S::one() / (one_plus * below);
+    let u = (s + short) * (both * one_plus);
     let z = u * u;
-    let tail = two_atanh_tail(z);
-    let inner =
-        inverse_below * (inverse_s * inverse_one_plus + inverse_below * inverse_below * tail);
-    let outer = (u * 2.0 + u * z * tail + ln_power - s * inverse_one_plus)
-        * (inverse_s * inverse_s * inverse_s);
-    // Below sqrt(2) - 1 the power of two is 1, and `below` is 2 + s.
-    let is_inner = power.lt(S::from_f64(1.5));
-    (
-        S::select(is_inner, inner, outer),
-        inverse_s,
-        inverse_one_plus,
-    )
+    let rest = s.mul_add(s, short * s.mul_add(S::from_f64(3.0), S::from_f64(2.0)));
+    let g = rest.mul_add(both, (u * z).mul_add(two_atanh_tail(z), ln_power));
+    g / (s * s * s)
 }
 
 impl<S: Scalar> FlattenedNfw<S> {
@@ -97,6 +81,7 @@ impl<S: Scalar> FlattenedNfw<S> {
     }
 
     /// As [`new`](Self::new), from 1/q^2 - 1.
+    #[inline(always)]
     pub fn from_flattening(mass: S, r_s: S, flattening: S, axis: Vec3<S>) -> Self {
         let inverse_r_s = S::one() / r_s;
         Self {
@@ -110,6 +95,7 @@ impl<S: Scalar> FlattenedNfw<S> {
     }
 
     /// The same halo for another number type, from constants.
+    #[inline(always)]
     #[must_use]
     pub fn broadcast(halo: &FlattenedNfw<f64>) -> Self {
         Self {
@@ -135,9 +121,11 @@ impl<S: Scalar> FlattenedNfw<S> {
     /// `k = Phi'(m)/m` and `k'(m)/m`.
     #[inline(always)]
     fn slopes(&self, s: S) -> (S, S) {
-        let (f, inverse_s, inverse_one_plus) = profile_and_reciprocals(s);
-        let ratio = inverse_s * inverse_one_plus;
-        let df = ratio * ratio - f * inverse_s * 3.0;
+        let f = profile(s);
+        // f' = 1/(s (1+s))^2 - 3 f/s.
+        let inverse = S::one() / (s * (s + 1.0));
+        let inverse_s = inverse * (s + 1.0);
+        let df = inverse * inverse - f * inverse_s * 3.0;
         let k = self.strength * f;
         let dk = self.strength * df * inverse_s * (self.inverse_r_s * self.inverse_r_s);
         (k, dk)
@@ -183,7 +171,7 @@ impl<S: Scalar> Potential<S> for FlattenedNfw<S> {
     #[inline(always)]
     fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
         let (_, y, s) = self.geometry(x);
-        y * (-(self.strength * profile(s)))
+        y * (-self.strength * profile(s))
     }
 
     #[inline(always)]

@@ -35,6 +35,7 @@ impl<S: Scalar> PlummerCotangent<S> {
 
 impl<S: Scalar> Plummer<S> {
     /// The same sphere for another number type, from constants.
+    #[inline(always)]
     #[must_use]
     pub fn broadcast(sphere: &Plummer<f64>) -> Self {
         Self {
@@ -48,6 +49,12 @@ impl<S: Scalar> Plummer<S> {
     fn slopes(&self, x: Vec3<S>) -> (S, S) {
         let inverse = S::one() / (x.norm2() + self.r_s * self.r_s);
         (inverse, self.mass * G * (inverse * inverse.sqrt()))
+    }
+
+    /// `a` plus the acceleration at `x`.
+    #[inline(always)]
+    pub fn add_acceleration(&self, x: Vec3<S>, a: Vec3<S>) -> Vec3<S> {
+        a.add_scaled(x, -self.slopes(x).1)
     }
 
     /// Reverse mode, as in [`FlattenedNfw::pull_back`](super::FlattenedNfw::pull_back).
@@ -75,7 +82,7 @@ impl<S: Scalar> Potential<S> for Plummer<S> {
 
     #[inline(always)]
     fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
-        x * (-self.slopes(x).1)
+        self.add_acceleration(x, Vec3::zero())
     }
 
     #[inline(always)]

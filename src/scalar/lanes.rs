@@ -1,62 +1,59 @@
-//! Several numbers side by side: an array that the compiler turns into vector registers.
+//! Several numbers side by side, as one number to the physics.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "closures and iterators are functions of their own: only what is surely inlined is compiled for the \
+              instruction set"
+)]
 
-use super::Scalar;
+use super::isa::{Eights, Isa, LANES};
+use super::{Scalar, Vec3};
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// `N` numbers side by side; `FMA` says whether the code around it is compiled for a CPU with fused multiply-add.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(C, align(64))]
-pub struct Lanes<const N: usize, const FMA: bool>(pub [f64; N]);
+/// `K` times eight numbers in the registers of an instruction set.
+#[derive(Clone, Copy, Debug)]
+pub struct Lanes<I: Isa, const K: usize>([I::Vector; K]);
 
-/// The outcome of a comparison, lane by lane: all bits set, or none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LaneMask<const N: usize>([u64; N]);
+/// The outcome of a comparison, lane by lane.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneMask<I: Isa, const K: usize>([I::Mask; K]);
 
-impl<const N: usize> BitAnd for LaneMask<N> {
+impl<I: Isa, const K: usize> BitAnd for LaneMask<I, K> {
     type Output = Self;
     #[inline(always)]
-    fn bitand(self, other: Self) -> Self {
-        Self(std::array::from_fn(|i| self.0[i] & other.0[i]))
+    fn bitand(mut self, other: Self) -> Self {
+        for i in 0..K {
+            self.0[i] = I::both(self.0[i], other.0[i]);
+        }
+        self
     }
 }
 
-/// `(2^k, k ln 2)` with `x / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal `x`: by the bits of the number, without
-/// a branch.
-#[inline(always)]
-pub(super) fn binade(x: f64) -> (f64, f64) {
-    const MANTISSA: u64 = (1 << 52) - 1;
-    // Adding the distance from sqrt(1/2) to 1 in mantissa bits carries into the exponent exactly above sqrt(2).
-    const SHIFT: u64 = 0x3ff0_0000_0000_0000 - 0x3fe6_a09e_667f_3bcd;
-    let exponent = (x.to_bits() + SHIFT) & !MANTISSA;
-    // The exponent as a double: its biased integer in the low bits of 2^52, less 2^52 and the bias.
-    let k = f64::from_bits((exponent >> 52) | 0x4330_0000_0000_0000)
-        - (4_503_599_627_370_496.0 + 1023.0);
-    (f64::from_bits(exponent), k * std::f64::consts::LN_2)
-}
-
 macro_rules! elementwise {
-    ($($trait:ident $method:ident $op:tt),*) => {$(
-        impl<const N: usize, const FMA: bool> $trait for Lanes<N, FMA> {
+    ($($trait:ident $method:ident),*) => {$(
+        impl<I: Isa, const K: usize> $trait for Lanes<I, K> {
             type Output = Self;
             #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                Self(std::array::from_fn(|i| self.0[i] $op other.0[i]))
+            fn $method(mut self, other: Self) -> Self {
+                for i in 0..K {
+                    self.0[i] = I::$method(self.0[i], other.0[i]);
+                }
+                self
             }
         }
-        impl<const N: usize, const FMA: bool> $trait<f64> for Lanes<N, FMA> {
+        impl<I: Isa, const K: usize> $trait<f64> for Lanes<I, K> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: f64) -> Self {
-                Self(std::array::from_fn(|i| self.0[i] $op other))
+                self.$method(Self::from_f64(other))
             }
         }
     )*};
 }
-elementwise!(Add add +, Sub sub -, Mul mul *, Div div /);
+elementwise!(Add add, Sub sub, Mul mul, Div div);
 
 macro_rules! assigning {
     ($($trait:ident $method:ident $op:tt),*) => {$(
-        impl<const N: usize, const FMA: bool> $trait for Lanes<N, FMA> {
+        impl<I: Isa, const K: usize> $trait for Lanes<I, K> {
             #[inline(always)]
             fn $method(&mut self, other: Self) {
                 *self = *self $op other;
@@ -66,74 +63,130 @@ macro_rules! assigning {
 }
 assigning!(AddAssign add_assign +, SubAssign sub_assign -, MulAssign mul_assign *);
 
-impl<const N: usize, const FMA: bool> Neg for Lanes<N, FMA> {
+impl<I: Isa, const K: usize> Neg for Lanes<I, K> {
     type Output = Self;
     #[inline(always)]
-    fn neg(self) -> Self {
-        Self(std::array::from_fn(|i| -self.0[i]))
+    fn neg(mut self) -> Self {
+        for vector in &mut self.0 {
+            *vector = I::neg(*vector);
+        }
+        self
     }
 }
 
-impl<const N: usize, const FMA: bool> Scalar for Lanes<N, FMA> {
-    type Mask = LaneMask<N>;
+impl<I: Isa, const K: usize> Scalar for Lanes<I, K> {
+    type Mask = LaneMask<I, K>;
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
-        Self([value; N])
+        Self([I::splat(value); K])
     }
 
     #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self(std::array::from_fn(|i| self.0[i].sqrt()))
-    }
-
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        if FMA {
-            Self(std::array::from_fn(|i| self.0[i].mul_add(a.0[i], b.0[i])))
-        } else {
-            self * a + b
+    fn sqrt(mut self) -> Self {
+        for vector in &mut self.0 {
+            *vector = I::sqrt(*vector);
         }
+        self
     }
 
     #[inline(always)]
-    fn lt(self, other: Self) -> LaneMask<N> {
-        LaneMask(std::array::from_fn(|i| {
-            if self.0[i] < other.0[i] { u64::MAX } else { 0 }
-        }))
+    fn mul_add(mut self, a: Self, b: Self) -> Self {
+        for i in 0..K {
+            self.0[i] = I::mul_add(self.0[i], a.0[i], b.0[i]);
+        }
+        self
     }
 
     #[inline(always)]
-    fn select(mask: LaneMask<N>, a: Self, b: Self) -> Self {
-        Self(std::array::from_fn(|i| {
-            let (a, b) = (a.0[i].to_bits(), b.0[i].to_bits());
-            f64::from_bits((a & mask.0[i]) | (b & !mask.0[i]))
-        }))
+    fn lt(self, other: Self) -> LaneMask<I, K> {
+        let mut mask = [I::lt(self.0[0], other.0[0]); K];
+        for i in 1..K {
+            mask[i] = I::lt(self.0[i], other.0[i]);
+        }
+        LaneMask(mask)
+    }
+
+    #[inline(always)]
+    fn select(mask: LaneMask<I, K>, mut a: Self, b: Self) -> Self {
+        for i in 0..K {
+            a.0[i] = I::select(mask.0[i], a.0[i], b.0[i]);
+        }
+        a
     }
 
     #[inline(always)]
     fn binade(self) -> (Self, Self) {
-        let both: [(f64, f64); N] = std::array::from_fn(|i| binade(self.0[i]));
-        (
-            Self(std::array::from_fn(|i| both[i].0)),
-            Self(std::array::from_fn(|i| both[i].1)),
-        )
+        let (mut power, mut ln) = (self, self);
+        for i in 0..K {
+            (power.0[i], ln.0[i]) = I::binade(self.0[i]);
+        }
+        (power, ln)
     }
 }
 
-impl<const N: usize, const FMA: bool> Lanes<N, FMA> {
-    /// Adds up the lanes by halves: the other order would be one long chain of waits. `N` is a power of two.
+impl<I: Isa, const K: usize> Lanes<I, K> {
+    /// From memory, eight by eight.
+    #[inline(always)]
+    #[must_use]
+    pub fn load(eights: &Eights<K>) -> Self {
+        let mut lanes = Self::from_f64(0.0);
+        for i in 0..K {
+            lanes.0[i] = I::load(&eights.0[i]);
+        }
+        lanes
+    }
+
+    /// To memory.
+    #[inline(always)]
+    #[must_use]
+    pub fn store(self) -> Eights<K> {
+        let mut eights = [[0.0; LANES]; K];
+        for i in 0..K {
+            eights[i] = I::store(self.0[i]);
+        }
+        Eights(eights)
+    }
+
+    /// The sum of each eight.
+    #[inline(always)]
+    #[must_use]
+    pub fn sums(self) -> [f64; K] {
+        let mut sums = [0.0; K];
+        for i in 0..K {
+            sums[i] = I::sum(self.0[i]);
+        }
+        sums
+    }
+
+    /// The sum of all lanes.
     #[inline(always)]
     #[must_use]
     pub fn sum(self) -> f64 {
-        let mut lanes = self.0;
-        let mut width = N;
-        while width > 1 {
-            width /= 2;
-            for i in 0..width {
-                lanes[i] += lanes[i + width];
-            }
+        let mut total = self.0[0];
+        for i in 1..K {
+            total = I::add(total, self.0[i]);
         }
-        lanes[0]
+        I::sum(total)
+    }
+}
+
+impl<I: Isa> Lanes<I, 2> {
+    /// One number in the first half of the lanes, another in the second.
+    #[inline(always)]
+    #[must_use]
+    pub fn halves(first: f64, second: f64) -> Self {
+        Self([I::splat(first), I::splat(second)])
+    }
+
+    /// One vector in the first half of the lanes, another in the second.
+    #[inline(always)]
+    #[must_use]
+    pub fn vectors(first: Vec3<f64>, second: Vec3<f64>) -> Vec3<Self> {
+        Vec3::new(
+            Self::halves(first.x, second.x),
+            Self::halves(first.y, second.y),
+            Self::halves(first.z, second.z),
+        )
     }
 }

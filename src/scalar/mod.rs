@@ -5,10 +5,14 @@
 //! code is the same for every number type.
 
 mod dual;
+mod isa;
 mod lanes;
 mod vec3;
 
 pub use dual::{Dual, LaneDual, gradient_of, lift, variable};
+#[cfg(target_arch = "x86_64")]
+pub(crate) use isa::{Avx2, Avx512};
+pub use isa::{Eights, Isa, LANES, Portable};
 pub use lanes::Lanes;
 pub use vec3::Vec3;
 
@@ -132,7 +136,7 @@ where
 
     #[inline(always)]
     fn binade(self) -> (Self, Self) {
-        let (power, ln) = lanes::binade(Real::re(self));
+        let (power, ln) = isa::binade(Real::re(self));
         (Self::from(power), Self::from(ln))
     }
 }
@@ -186,14 +190,20 @@ pub fn ln_1p<S: Scalar>(s: S) -> S {
 /// below 1e-18 of the logarithm.
 #[inline(always)]
 pub fn two_atanh_tail<S: Scalar>(z: S) -> S {
-    let c = |j: usize| S::from_f64(2.0 / (2 * j + 3) as f64);
-    let pair = |j: usize| c(2 * j + 1).mul_add(z, c(2 * j));
     // By pairs (Estrin's scheme): the hot loop waits for this sum, and Horner's is one long chain.
     let z2 = z * z;
     let z4 = z2 * z2;
-    let low = pair(1).mul_add(z2, pair(0));
-    let high = pair(3).mul_add(z2, pair(2));
-    pair(4).mul_add(z4, high).mul_add(z4, low)
+    let low = tail_pair(1, z).mul_add(z2, tail_pair(0, z));
+    let high = tail_pair(3, z).mul_add(z2, tail_pair(2, z));
+    tail_pair(4, z).mul_add(z4, high).mul_add(z4, low)
+}
+
+/// Terms 2 `j` and 2 `j` + 1 of the series, over z^(2j).
+#[inline(always)]
+fn tail_pair<S: Scalar>(j: usize, z: S) -> S {
+    let even = 2.0 / (4 * j + 3) as f64;
+    let odd = 2.0 / (4 * j + 5) as f64;
+    S::from_f64(odd).mul_add(z, S::from_f64(even))
 }
 
 /// The C2 step that is 0 below `x = 0`, 1 above `x = 1` and `x^3 (10 - 15 x + 6 x^2)` between.

@@ -72,6 +72,17 @@ impl<S: Scalar> Vec3<S> {
         )
     }
 
+    /// `a` where the mask is set, `b` elsewhere.
+    #[inline(always)]
+    #[must_use]
+    pub fn select(mask: S::Mask, a: Self, b: Self) -> Self {
+        Self::new(
+            S::select(mask, a.x, b.x),
+            S::select(mask, a.y, b.y),
+            S::select(mask, a.z, b.z),
+        )
+    }
+
     /// Applies `f` to each component.
     #[inline(always)]
     pub fn map<T>(self, mut f: impl FnMut(S) -> T) -> Vec3<T> {

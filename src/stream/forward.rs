@@ -1,57 +1,12 @@
 //! The hot stage in SIMD lanes.
 
-use super::{LANES, Launch, Model, Setup};
+use super::pair::{Flights, Group, IN_FLIGHT, Pair, Planner, Wide};
+use super::{Model, Setup};
 use crate::error::{Rejection, Tally};
-use crate::orbit::{Arrival, Flight, HalfAndHalf, Kernel, Level, State, advance, dispatch};
+use crate::orbit::{Arrival, Kernel, Level, State, advance, dispatch};
 use crate::potential::{FlattenedNfw, Plummer};
-use crate::scalar::{Lanes, Vec3};
-use crate::spray::ReleaseTable;
+use crate::scalar::{Eights, Isa};
 use rayon::prelude::*;
-
-/// Particles of one epoch that travel side by side; short groups repeat their last particle.
-#[derive(Clone, Copy, Debug)]
-pub struct Group {
-    /// Their epoch.
-    pub epoch: usize,
-    /// The first one's number in the table.
-    pub first: usize,
-    /// How many of the lanes are particles.
-    pub len: usize,
-    /// Kicks, component by component.
-    pub position: [[f64; LANES]; 3],
-    /// The velocity parts.
-    pub velocity: [[f64; LANES]; 3],
-}
-
-/// Groups side by side in the hot loop: one alone leaves the arithmetic units waiting for its square roots.
-const IN_FLIGHT: usize = 2;
-
-/// All their lanes.
-const WIDE: usize = IN_FLIGHT * LANES;
-
-/// The courses of the groups in flight; buffers, reused from call to call.
-pub type Flights = [Flight<f64>; IN_FLIGHT];
-
-/// Deals the particles of a table into groups, epoch by epoch.
-pub(super) fn groups(table: &ReleaseTable) -> Vec<Group> {
-    let mut groups = Vec::new();
-    for epoch in 0..table.taus.len() {
-        let begin = epoch * table.per_epoch;
-        let end = begin + table.per_epoch;
-        for first in (begin..end).step_by(LANES) {
-            let len = LANES.min(end - first);
-            let kick = |lane: usize| table.particles[first + lane.min(len - 1)].kick;
-            groups.push(Group {
-                epoch,
-                first,
-                len,
-                position: std::array::from_fn(|c| std::array::from_fn(|l| kick(l).position[c])),
-                velocity: std::array::from_fn(|c| std::array::from_fn(|l| kick(l).velocity[c])),
-            });
-        }
-    }
-    groups
-}
 
 /// Present-day particles, component by component, in the order of the table.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -129,54 +84,46 @@ impl<'a> Columns<'a> {
         (before, after)
     }
 
-    /// Stores the lanes of groups side by side. Returns their unsafe turns, NaN if any state is not finite.
-    ///
-    /// A call on purpose: work on single lanes next to the hot loop keeps the compiler from putting the loop itself into
-    /// vector registers.
-    #[inline(never)]
-    fn store<const FMA: bool>(
-        &mut self,
-        groups: &[Group],
-        arrival: &Arrival<Lanes<WIDE, FMA>>,
-    ) -> f64 {
+    /// Stores the lanes of a pair. Returns their unsafe turns, NaN if any state is not finite.
+    #[inline(always)]
+    fn store<I: Isa>(&mut self, pair: &Pair<'_>, arrival: &Arrival<Wide<I>>) -> f64 {
         let State { x, v } = arrival.state;
         // Zero for finite states, NaN otherwise.
-        let mut unsafe_turns = ((x.norm2() + v.norm2()) * 0.0).sum();
-        let values = [x.x, x.y, x.z, v.x, v.y, v.z, arrival.turns];
-        for (k, group) in groups.iter().enumerate() {
-            let lanes = k * LANES..k * LANES + group.len;
-            unsafe_turns += arrival.unsafe_turns.0[lanes.clone()].iter().sum::<f64>();
-            let from = group.first - self.first;
-            for (column, values) in self.columns.iter_mut().zip(&values) {
-                column[from..from + group.len].copy_from_slice(&values.0[lanes.clone()]);
+        let lost = ((x.norm2() + v.norm2()) * 0.0).sum();
+        let values = [
+            x.x.store(),
+            x.y.store(),
+            x.z.store(),
+            v.x.store(),
+            v.y.store(),
+            v.z.store(),
+            arrival.turns.store(),
+        ];
+        lost + self.copy(pair, &values, &arrival.unsafe_turns.store())
+    }
+
+    /// As [`store`](Self::store), of lanes in memory.
+    #[inline(never)]
+    fn copy(
+        &mut self,
+        pair: &Pair<'_>,
+        values: &[Eights<IN_FLIGHT>; 7],
+        unsafe_turns: &Eights<IN_FLIGHT>,
+    ) -> f64 {
+        let mut sum = 0.0;
+        for (k, len) in pair
+            .lens
+            .into_iter()
+            .enumerate()
+            .filter(|(_, len)| *len > 0)
+        {
+            sum += unsafe_turns.0[k][..len].iter().sum::<f64>();
+            let from = pair.groups[k].first - self.first;
+            for (column, values) in self.columns.iter_mut().zip(values) {
+                column[from..from + len].copy_from_slice(&values.0[k][..len]);
             }
         }
-        unsafe_turns
-    }
-}
-
-/// The same component of two groups, or of one twice.
-#[inline(always)]
-fn side_by_side<const FMA: bool>(a: &[f64; LANES], b: &[f64; LANES]) -> Lanes<WIDE, FMA> {
-    Lanes(std::array::from_fn(|l| {
-        if l < LANES { a[l] } else { b[l - LANES] }
-    }))
-}
-
-/// The launches of two groups.
-#[inline(always)]
-fn launches<const FMA: bool>(a: &Launch<f64>, b: &Launch<f64>) -> Launch<Lanes<WIDE, FMA>> {
-    let both = |a: f64, b: f64| Lanes(std::array::from_fn(|l| if l < LANES { a } else { b }));
-    let vector =
-        |a: Vec3<f64>, b: Vec3<f64>| Vec3::new(both(a.x, b.x), both(a.y, b.y), both(a.z, b.z));
-    Launch {
-        state: State {
-            x: vector(a.state.x, b.state.x),
-            v: vector(a.state.v, b.state.v),
-        },
-        position: std::array::from_fn(|c| vector(a.position[c], b.position[c])),
-        velocity: std::array::from_fn(|c| vector(a.velocity[c], b.velocity[c])),
-        turns: both(a.turns, b.turns),
+        sum
     }
 }
 
@@ -193,40 +140,23 @@ impl Kernel for Forward<'_> {
 
     /// Carries every group; returns the number of unsafe turns, NaN if any state is not finite.
     #[inline(always)]
-    fn run<const FMA: bool>(self) -> f64 {
+    fn run<I: Isa>(self) -> f64 {
         let Self {
             model,
             setup,
             groups,
-            flights: [one, other],
+            flights,
             mut out,
         } = self;
-        let host = FlattenedNfw::<Lanes<WIDE, FMA>>::broadcast(&setup.host);
-        let sphere = Plummer::<Lanes<WIDE, FMA>>::broadcast(&setup.sphere);
+        let host = FlattenedNfw::<Wide<I>>::broadcast(&setup.host);
+        let sphere = Plummer::<Wide<I>>::broadcast(&setup.sphere);
+        let mut planner = Planner::new(model, setup, flights);
         let mut unsafe_turns = 0.0;
-        let mut planned = [usize::MAX; IN_FLIGHT];
-        for groups in groups.chunks(IN_FLIGHT) {
-            // The last one flies alone, twice.
-            let (a, b) = (&groups[0], groups.get(1).unwrap_or(&groups[0]));
-            if planned[0] != a.epoch {
-                planned[0] = a.epoch;
-                model.plan(a.epoch, setup, one);
-            }
-            let second = if b.epoch == a.epoch {
-                &*one
-            } else {
-                if planned[1] != b.epoch {
-                    planned[1] = b.epoch;
-                    model.plan(b.epoch, setup, other);
-                }
-                &*other
-            };
-            let launch = launches(&setup.launches[a.epoch], &setup.launches[b.epoch]);
-            let position = std::array::from_fn(|c| side_by_side(&a.position[c], &b.position[c]));
-            let velocity = std::array::from_fn(|c| side_by_side(&a.velocity[c], &b.velocity[c]));
-            let (start, turns) = launch.release(position, velocity);
-            let arrival = advance(&host, &sphere, &HalfAndHalf(one, second), start, turns);
-            unsafe_turns += out.store(groups, &arrival);
+        for pair in Pair::all(groups) {
+            let launch = pair.launches::<I>(setup);
+            let (start, turns) = launch.release(pair.position(), pair.velocity());
+            let arrival = advance(&host, &sphere, &planner.courses(&pair), start, turns);
+            unsafe_turns += out.store(&pair, &arrival);
         }
         unsafe_turns
     }

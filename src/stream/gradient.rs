@@ -1,16 +1,18 @@
 //! The exact derivative of the hot stage: the discrete adjoint of the leapfrog in lanes, joined to the dual numbers of
 //! the cold stage.
 //!
-//! Forward mode is cheap where few numbers depend on many (13 parameters into one orbit), reverse mode where many end
-//! in one (all particles into one likelihood): so the setup runs on duals, the particles backwards, and they meet at
-//! the launches and the orbit's nodes. Paths are run backwards, not remembered: memory is O(particles + steps).
+//! Forward mode is cheap where many numbers depend on few (an orbit on the 15 numbers of a [`Galaxy`]), reverse mode where
+//! many end in one (all particles in one likelihood): so the particles run backwards, the setup once more on duals, and they
+//! meet at the launches and the orbit's nodes. Paths are run backwards, not remembered: memory is O(particles + steps).
 
-use super::{Arrivals, Flights, Group, LANES, Launch, Model, Setup, Threads};
+use super::pair::{Flights, IN_FLIGHT, Pair, Planner, Wide};
+use super::setup::launch;
+use super::{Arrivals, Galaxy, Launch, Model, ModelSettings, Setup, Threads};
 use crate::orbit::{
-    ByStep, Flight, InLanes, Kernel, Level, Node, Placement, State, dispatch, reverse,
+    ByStep, DenseOrbit, Flight, Kernel, Level, Node, State, add_placed, dispatch, reverse,
 };
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
-use crate::scalar::{LaneDual, Lanes, Scalar, Vec3};
+use crate::scalar::{Eights, Isa, LANES, LaneDual, Lanes, Scalar, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -32,47 +34,52 @@ pub struct Workspace {
     parts: Vec<Part>,
 }
 
-/// Some epochs, and the derivatives with respect to what their particles were made from.
+/// Some epochs on their way back.
 #[derive(Clone, Debug, Default)]
 struct Part {
-    /// Its groups.
+    /// Their groups.
     groups: Range<usize>,
-    /// Its first epoch.
+    /// Their courses.
+    flights: Flights,
+    /// Derivatives with respect to the courses in flight.
+    sums: [Vec<ByStep<f64>>; IN_FLIGHT],
+    /// What comes of it.
+    by: Cotangents,
+}
+
+/// Derivatives with respect to what the cold stage hands over to the particles of some epochs.
+#[derive(Clone, Debug, Default)]
+struct Cotangents {
+    /// The first one.
     first_epoch: usize,
-    /// The course of one epoch's particles on their way back.
-    flight: Flight<f64>,
-    nodes: Vec<Node<f64>>,
-    /// From the first epoch on.
+    /// With respect to the launches from the first epoch on.
     launches: Vec<Launch<f64>>,
-    by_course: Vec<ByStep<f64>>,
-    by_times: Vec<f64>,
-    by_phase: Vec<f64>,
+    /// With respect to the nodes of the orbit.
+    nodes: Vec<Node<f64>>,
+    /// With respect to the phases of the clock at the nodes.
+    phases: Vec<f64>,
+    /// With respect to the times of the course at hand.
+    times: Vec<f64>,
     shared: ByShared,
 }
 
-impl Part {
-    /// Forgets what was; `epochs` of these many groups each, and an orbit of `nodes`.
-    fn reset(&mut self, epochs: Range<usize>, groups_per_epoch: usize, nodes: usize) {
+impl Cotangents {
+    /// Forgets what was: zero for these epochs and an orbit of `nodes`.
+    fn reset(&mut self, epochs: &Range<usize>, nodes: usize) {
         let zero = Vec3::zero();
-        let no_node = Node {
-            x: zero,
-            dx: zero,
-            ddx: zero,
-        };
         let no_launch = Launch {
             state: State { x: zero, v: zero },
             position: [zero; 3],
             velocity: [zero; 3],
             turns: 0.0,
         };
-        self.nodes.clear();
-        self.nodes.resize(nodes, no_node);
-        self.by_phase.clear();
-        self.by_phase.resize(nodes, 0.0);
+        self.first_epoch = epochs.start;
         self.launches.clear();
         self.launches.resize(epochs.len(), no_launch);
-        self.first_epoch = epochs.start;
-        self.groups = epochs.start * groups_per_epoch..epochs.end * groups_per_epoch;
+        self.nodes.clear();
+        self.nodes.resize(nodes, Node::zero());
+        self.phases.clear();
+        self.phases.resize(nodes, 0.0);
         self.shared = ByShared::zero();
     }
 }
@@ -134,33 +141,47 @@ struct Ends<'a> {
 }
 
 impl Ends<'_> {
-    /// Those of a group. A lane without a particle has the state of the last one, and no derivative.
+    /// Those of a pair. A lane without a particle has a state of another, and no derivative.
     #[inline(always)]
-    fn of<const FMA: bool>(
-        &self,
-        group: &Group,
-    ) -> (State<Lanes<LANES, FMA>>, Vec3<Lanes<LANES, FMA>>) {
-        let lanes = |column: &[f64]| {
-            Lanes(std::array::from_fn(|l| {
-                column[group.first + l.min(group.len - 1)]
-            }))
-        };
-        let by = |column: &[f64]| {
-            Lanes(std::array::from_fn(|l| {
-                if l < group.len {
-                    column[group.first + l]
-                } else {
-                    0.0
-                }
-            }))
-        };
+    fn of<I: Isa>(&self, pair: &Pair<'_>) -> (State<Wide<I>>, Vec3<Wide<I>>) {
         let Arrivals { x, y, z, v, .. } = self.arrivals;
         let end = State {
-            x: Vec3::new(lanes(x), lanes(y), lanes(z)),
-            v: Vec3::new(lanes(&v[0]), lanes(&v[1]), lanes(&v[2])),
+            x: Vec3::new(repeated(pair, x), repeated(pair, y), repeated(pair, z)),
+            v: Vec3::new(
+                repeated(pair, &v[0]),
+                repeated(pair, &v[1]),
+                repeated(pair, &v[2]),
+            ),
         };
-        (end, Vec3::new(by(self.by_x), by(self.by_y), Lanes::zero()))
+        let by_position = Vec3::new(
+            padded(pair, self.by_x),
+            padded(pair, self.by_y),
+            Lanes::zero(),
+        );
+        (end, by_position)
     }
+}
+
+/// A pair's parts of a column; the last number of each again in lanes without a particle.
+#[inline(always)]
+fn repeated<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Wide<I> {
+    let mut lanes = Eights([[0.0; LANES]; IN_FLIGHT]);
+    for (lanes, group) in lanes.0.iter_mut().zip(pair.groups) {
+        let (part, rest) = lanes.split_at_mut(group.len);
+        part.copy_from_slice(&column[group.first..group.first + group.len]);
+        rest.fill(part[group.len - 1]);
+    }
+    Lanes::load(&lanes)
+}
+
+/// A pair's parts of a column; zeros in lanes without a particle.
+#[inline(always)]
+fn padded<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Wide<I> {
+    let mut lanes = Eights([[0.0; LANES]; IN_FLIGHT]);
+    for ((lanes, group), len) in lanes.0.iter_mut().zip(pair.groups).zip(pair.lens) {
+        lanes[..len].copy_from_slice(&column[group.first..group.first + len]);
+    }
+    Lanes::load(&lanes)
 }
 
 /// The particles of a part backwards; `ALL` says whether they count all the way ([`Counted`]).
@@ -172,190 +193,203 @@ struct Backward<'a, const ALL: bool> {
 }
 
 impl<const ALL: bool> Kernel for Backward<'_, ALL> {
-    type Output = ByShared;
+    type Output = ();
 
     #[inline(always)]
-    fn run<const FMA: bool>(self) -> ByShared {
+    fn run<I: Isa>(self) {
         let Self {
             model,
             setup,
             ends,
             part,
         } = self;
-        let host = FlattenedNfw::<Lanes<LANES, FMA>>::broadcast(&setup.host);
-        let sphere = Plummer::<Lanes<LANES, FMA>>::broadcast(&setup.sphere);
-        let steps = model.settings.steps;
-        let mut by_host = NfwCotangent::<Lanes<LANES, FMA>>::zero();
-        let mut by_sphere = PlummerCotangent::<Lanes<LANES, FMA>>::zero();
-        let mut by_age = 0.0;
-        let mut by_course = vec![ByStep::<Lanes<LANES, FMA>>::zero(); steps];
-        let mut epoch = usize::MAX;
-        let groups = &model.groups[part.groups.clone()];
-        for (i, group) in groups.iter().enumerate() {
-            if group.epoch != epoch {
-                epoch = group.epoch;
-                model.plan(epoch, setup, &mut part.flight);
-            }
-            let (end, by_position) = ends.of(group);
-            let course = InLanes(&part.flight);
-            let limit2 = by_position.norm2() * (REGULAR * REGULAR);
+        let host = FlattenedNfw::<Wide<I>>::broadcast(&setup.host);
+        let sphere = Plummer::<Wide<I>>::broadcast(&setup.sphere);
+        let mut by_host = NfwCotangent::<Wide<I>>::zero();
+        let mut by_sphere = PlummerCotangent::<Wide<I>>::zero();
+        let mut by_course = vec![ByStep::<Wide<I>>::zero(); model.settings.steps];
+        let Part {
+            flights, sums, by, ..
+        } = part;
+        let mut planner = Planner::new(model, setup, flights);
+        let mut pairs = Pair::all(&model.groups[part.groups.clone()]).peekable();
+        while let Some(pair) = pairs.next() {
+            let (end, by_position) = ends.of::<I>(&pair);
+            let limit2 = (!ALL).then_some(by_position.norm2() * (REGULAR * REGULAR));
+            let courses = planner.courses(&pair);
             let by_start = reverse(
                 &host,
                 &sphere,
-                &course,
+                &courses,
                 end,
                 by_position,
                 &mut by_host,
                 &mut by_sphere,
                 &mut by_course,
-                |by| if ALL { by } else { within(by, limit2) },
+                limit2,
             );
-            add_launch(
-                &mut part.launches[epoch - part.first_epoch],
-                group,
-                &by_start,
-            );
-            let next = groups.get(i + 1);
-            if next.is_none_or(|next| next.epoch != epoch) {
-                sum_lanes(&mut by_course, &mut part.by_course);
-                by_age += add_course(model, setup, epoch, part);
+            by.add_launches(&pair, &by_start);
+            // Pairs of the same epochs are summed together.
+            if pairs
+                .peek()
+                .is_none_or(|next| next.epochs() != pair.epochs())
+            {
+                sum_lanes(&mut by_course, sums);
+                for ((sums, flight), (epoch, len)) in sums
+                    .iter()
+                    .zip([courses.0, courses.1])
+                    .zip(pair.epochs().into_iter().zip(pair.lens))
+                {
+                    if len > 0 {
+                        by.add_course(model, setup, epoch, flight, sums);
+                    }
+                }
             }
         }
-        ByShared {
-            host: NfwCotangent {
-                ln_mass: by_host.ln_mass.sum(),
-                ln_r_s: by_host.ln_r_s.sum(),
-                flattening: by_host.flattening.sum(),
-                axis: by_host.axis.map(Lanes::sum),
-            },
-            sphere: PlummerCotangent {
-                ln_mass: by_sphere.ln_mass.sum(),
-                r_s: by_sphere.r_s.sum(),
-            },
-            age_gyr: by_age,
-        }
+        by.shared.host = NfwCotangent {
+            ln_mass: by_host.ln_mass.sum(),
+            ln_r_s: by_host.ln_r_s.sum(),
+            flattening: by_host.flattening.sum(),
+            axis: sum_vector(by_host.axis),
+        };
+        by.shared.sphere = PlummerCotangent {
+            ln_mass: by_sphere.ln_mass.sum(),
+            r_s: by_sphere.r_s.sum(),
+        };
     }
 }
 
-/// `by` where its position part is at most sqrt(`limit2`) long, zero elsewhere.
+/// The sum of all lanes of a vector.
 #[inline(always)]
-fn within<S: Scalar>(by: State<S>, limit2: S) -> State<S> {
-    let regular = by.x.norm2().lt(limit2);
-    let kept = |s: S| S::select(regular, s, S::zero());
-    State {
-        x: by.x.map(kept),
-        v: by.v.map(kept),
-    }
+fn sum_vector<I: Isa>(v: Vec3<Wide<I>>) -> Vec3<f64> {
+    Vec3::new(v.x.sum(), v.y.sum(), v.z.sum())
 }
 
-// The functions below add up lanes. They are calls on purpose: sums across lanes next to the sweep's loop keep the
-// compiler from putting the loop itself into vector registers.
-
-/// Adds derivatives with respect to the starts of a group to those with respect to its launch.
-#[inline(never)]
-fn add_launch<const FMA: bool>(
-    by_launch: &mut Launch<f64>,
-    group: &Group,
-    by_start: &State<Lanes<LANES, FMA>>,
-) {
-    let State { x, v } = *by_start;
-    by_launch.state.x += x.map(Lanes::sum);
-    by_launch.state.v += v.map(Lanes::sum);
-    for c in 0..3 {
-        by_launch.position[c] += (x * Lanes(group.position[c])).map(Lanes::sum);
-        by_launch.velocity[c] += (v * Lanes(group.velocity[c])).map(Lanes::sum);
-    }
+/// The sums of the lanes of each half of a vector.
+#[inline(always)]
+fn sums_of_vector<I: Isa>(v: Vec3<Wide<I>>) -> [Vec3<f64>; IN_FLIGHT] {
+    let ([x, x_2], [y, y_2], [z, z_2]) = (v.x.sums(), v.y.sums(), v.z.sums());
+    [Vec3::new(x, y, z), Vec3::new(x_2, y_2, z_2)]
 }
 
-/// Sums the derivatives with respect to a course over lanes, and forgets them there.
-#[inline(never)]
-fn sum_lanes<const FMA: bool>(lanes: &mut [ByStep<Lanes<LANES, FMA>>], out: &mut Vec<ByStep<f64>>) {
-    out.clear();
+/// Sums the derivatives with respect to courses over the lanes of each half, and forgets them there.
+#[inline(always)]
+fn sum_lanes<I: Isa>(lanes: &mut [ByStep<Wide<I>>], out: &mut [Vec<ByStep<f64>>; IN_FLIGHT]) {
+    out.iter_mut().for_each(Vec::clear);
     for by in lanes {
-        out.push(ByStep {
-            progenitor: by.progenitor.map(Lanes::sum),
-            drift: by.drift.sum(),
-            kick: by.kick.sum(),
-        });
+        let progenitor = sums_of_vector(by.progenitor);
+        let (drift, kick) = (by.drift.sums(), by.kick.sums());
+        for k in 0..IN_FLIGHT {
+            out[k].push(ByStep {
+                progenitor: progenitor[k],
+                drift: drift[k],
+                kick: kick[k],
+            });
+        }
         *by = ByStep::zero();
     }
 }
 
-/// Adds the derivatives with respect to one epoch's course to those with respect to the orbit's nodes and, where the course
-/// follows a clock, its phases. Returns what falls on the age.
-#[inline(never)]
-fn add_course(model: &Model, setup: &Setup<f64>, epoch: usize, part: &mut Part) -> f64 {
-    let Part {
-        flight,
-        nodes,
-        by_course,
-        by_times,
-        by_phase,
-        ..
-    } = part;
-    let places = if setup.clock.is_some() {
-        &flight.places
-    } else {
-        model.path_of(epoch)
-    };
-    for (place, by) in places.iter().zip(by_course.iter()) {
-        add_place(nodes, place, by.progenitor);
-    }
-    let steps = by_course.len();
-    // A drift is in itself and by half in the kicks at both of its ends; the kick today moves nothing.
-    let by_drift = |j: usize| {
-        let next = if j + 1 < steps {
-            by_course[j + 1].kick
-        } else {
-            0.0
-        };
-        by_course[j].drift / flight.drift_gyr[j] + 0.5 * (by_course[j].kick + next)
-    };
-    let by_age = (0..steps)
-        .map(|j| by_drift(j) * flight.drift_gyr[j])
-        .sum::<f64>()
-        / setup.age_gyr;
-    if let Some(clock) = &setup.clock {
-        by_times.clear();
-        by_times.resize(steps + 1, 0.0);
-        for j in 0..steps {
-            let by = by_drift(j) * setup.age_gyr;
-            by_times[j + 1] += by;
-            by_times[j] += by_course[j]
-                .progenitor
-                .dot(setup.orbit.slope(flight.times[j]))
-                - by;
+impl Cotangents {
+    /// Adds derivatives with respect to the starts of a pair to those with respect to its launches.
+    #[inline(always)]
+    fn add_launches<I: Isa>(&mut self, pair: &Pair<'_>, by_start: &State<Wide<I>>) {
+        let State { x, v } = *by_start;
+        let (position, velocity) = (pair.position::<I>(), pair.velocity::<I>());
+        let (by_x, by_v) = (sums_of_vector(x), sums_of_vector(v));
+        // A half without particles has no derivatives.
+        for k in 0..IN_FLIGHT {
+            let launch = &mut self.launches[pair.groups[k].epoch - self.first_epoch];
+            launch.state.x += by_x[k];
+            launch.state.v += by_v[k];
         }
-        clock.pull_back_times(model.table.taus[epoch], by_times, by_phase);
+        for c in 0..3 {
+            let by_position = sums_of_vector(x * position[c]);
+            let by_velocity = sums_of_vector(v * velocity[c]);
+            for k in 0..IN_FLIGHT {
+                let launch = &mut self.launches[pair.groups[k].epoch - self.first_epoch];
+                launch.position[c] += by_position[k];
+                launch.velocity[c] += by_velocity[k];
+            }
+        }
     }
-    by_age
-}
 
-/// Adds the derivative with respect to an interpolated position to those with respect to the two nodes around it.
-fn add_place(nodes: &mut [Node<f64>], place: &Placement, by: Vec3<f64>) {
-    let (earlier, later) = nodes.split_at_mut(place.node + 1);
-    let (a, b) = (&mut earlier[place.node], &mut later[0]);
-    let slots = [
-        &mut a.x, &mut a.dx, &mut a.ddx, &mut b.x, &mut b.dx, &mut b.ddx,
-    ];
-    for (slot, weight) in slots.into_iter().zip(place.weights) {
-        *slot = slot.add_scaled(by, weight);
+    /// Adds the derivatives with respect to one epoch's course to those with respect to the orbit's nodes, the age and,
+    /// where the course follows a clock, its phases.
+    fn add_course(
+        &mut self,
+        model: &Model,
+        setup: &Setup<f64>,
+        epoch: usize,
+        flight: &Flight<f64>,
+        by_course: &[ByStep<f64>],
+    ) {
+        let places = if setup.clock.is_some() {
+            &flight.places
+        } else {
+            model.path_of(epoch)
+        };
+        for (place, by) in places.iter().zip(by_course) {
+            add_placed(&mut self.nodes, place, by.progenitor);
+        }
+        let steps = by_course.len();
+        // A drift is in itself and by half in the kicks at both of its ends; the kick today moves nothing.
+        let by_drift = |j: usize| {
+            let next = if j + 1 < steps {
+                by_course[j + 1].kick
+            } else {
+                0.0
+            };
+            by_course[j].drift / flight.drift_gyr[j] + 0.5 * (by_course[j].kick + next)
+        };
+        self.shared.age_gyr += (0..steps)
+            .map(|j| by_drift(j) * flight.drift_gyr[j])
+            .sum::<f64>()
+            / setup.age_gyr;
+        if let Some(clock) = &setup.clock {
+            let by_times = &mut self.times;
+            by_times.clear();
+            by_times.resize(steps + 1, 0.0);
+            for j in 0..steps {
+                let by = by_drift(j) * setup.age_gyr;
+                by_times[j + 1] += by;
+                by_times[j] += by_course[j]
+                    .progenitor
+                    .dot(setup.orbit.slope(flight.moments[j]))
+                    - by;
+            }
+            clock.pull_back_times(model.table.taus[epoch], by_times, &mut self.phases);
+        }
+    }
+
+    /// Adds those of the epochs that follow.
+    fn append(&mut self, next: &mut Self) {
+        self.shared.add(&next.shared);
+        for (sum, by) in self.phases.iter_mut().zip(&next.phases) {
+            *sum += by;
+        }
+        for (sum, by) in self.nodes.iter_mut().zip(&next.nodes) {
+            for row in 0..3 {
+                sum.add(row, by.vector(row));
+            }
+        }
+        self.launches.append(&mut next.launches);
     }
 }
 
 impl Model {
-    /// The gradient with respect to the `N` variables of the duals in `setup` of a result whose derivatives with respect
-    /// to the particles' sky positions stand in `work.by_x` and `work.by_y`. `real` is the real part of `setup`, and the
+    /// The gradient with respect to the [numbers](Galaxy::numbers) of a galaxy of a result whose derivatives with respect to
+    /// the particles' sky positions stand in `work.by_x` and `work.by_y`. `setup` was made from this galaxy, and the
     /// particles are the ones that [`carry`](Self::carry) made from it. The same bits for any [`Threads`].
-    pub fn pull_back<const N: usize>(
+    pub fn pull_back(
         &self,
-        setup: &Setup<LaneDual<N>>,
-        real: &Setup<f64>,
+        galaxy: &Galaxy<f64>,
+        setup: &Setup<f64>,
         counted: Counted,
         threads: Threads,
         work: &mut Workspace,
-    ) -> [f64; N] {
-        self.prepare(real, work);
+    ) -> [f64; Galaxy::<f64>::NUMBERS] {
+        self.prepare(setup, work);
         let Workspace {
             arrivals,
             by_x,
@@ -368,16 +402,32 @@ impl Model {
             by_x,
             by_y,
         };
-        let one = |part: &mut Part| self.pull_back_part(real, counted, &ends, part);
+        let one = |part: &mut Part| self.pull_back_part(setup, counted, &ends, part);
         match threads {
             Threads::One => parts.iter_mut().for_each(one),
             Threads::All => parts.par_iter_mut().for_each(one),
         }
-        gather(setup, real, parts)
+        let [Part { by: total, .. }, others @ ..] = parts.as_mut_slice() else {
+            return [0.0; Galaxy::<f64>::NUMBERS];
+        };
+        for part in others {
+            total.append(&mut part.by);
+        }
+        if let Some(clock) = &setup.clock {
+            clock.pull_back(&setup.orbit, &total.phases, &mut total.nodes);
+        }
+        dispatch(
+            Level::best(),
+            Cold {
+                model: self,
+                galaxy,
+                total,
+            },
+        )
     }
 
     /// Deals the epochs into parts.
-    fn prepare(&self, real: &Setup<f64>, work: &mut Workspace) {
+    fn prepare(&self, setup: &Setup<f64>, work: &mut Workspace) {
         let epochs = self.table.taus.len();
         let groups_per_epoch = self.groups.len() / epochs;
         let per_part = epochs.div_ceil(PARTS);
@@ -385,7 +435,8 @@ impl Model {
             .resize_with(epochs.div_ceil(per_part), Part::default);
         for (k, part) in work.parts.iter_mut().enumerate() {
             let range = k * per_part..epochs.min((k + 1) * per_part);
-            part.reset(range, groups_per_epoch, real.orbit.nodes.len());
+            part.by.reset(&range, setup.orbit.nodes.len());
+            part.groups = range.start * groups_per_epoch..range.end * groups_per_epoch;
         }
     }
 
@@ -398,7 +449,7 @@ impl Model {
     ) {
         let model = self;
         let level = Level::best();
-        let part_by = match counted {
+        match counted {
             Counted::All => dispatch(
                 level,
                 Backward::<true> {
@@ -417,71 +468,97 @@ impl Model {
                     part,
                 },
             ),
-        };
-        part.shared = part_by;
+        }
     }
 }
 
-/// Adds up the parts, and joins them to the duals of the cold stage.
-fn gather<const N: usize>(
-    setup: &Setup<LaneDual<N>>,
-    real: &Setup<f64>,
-    parts: &mut [Part],
-) -> [f64; N] {
-    let mut sum = Contraction::<N>([0.0; N]);
-    let Some((total, others)) = parts.split_first_mut() else {
-        return sum.0;
-    };
-    for part in others {
-        total.shared.add(&part.shared);
-        for (sum, by) in total.by_phase.iter_mut().zip(&part.by_phase) {
-            *sum += by;
+/// The cold stage once more, on duals, joined to the derivatives with respect to what it hands over.
+struct Cold<'a> {
+    model: &'a Model,
+    galaxy: &'a Galaxy<f64>,
+    total: &'a Cotangents,
+}
+
+/// Vectors for the derivatives with respect to the numbers of a galaxy.
+const VECTORS: usize = Galaxy::<f64>::NUMBERS.div_ceil(LANES);
+
+impl Kernel for Cold<'_> {
+    type Output = [f64; Galaxy::<f64>::NUMBERS];
+
+    #[inline(always)]
+    fn run<I: Isa>(self) -> Self::Output {
+        let Self {
+            model,
+            galaxy,
+            total,
+        } = self;
+        let mut numbers = [LaneDual::<I, VECTORS>::zero(); Galaxy::<f64>::NUMBERS];
+        for (i, number) in galaxy.numbers().into_iter().enumerate() {
+            numbers[i] = LaneDual::variable(number, i);
         }
-        for (sum, by) in total.nodes.iter_mut().zip(&part.nodes) {
-            sum.x += by.x;
-            sum.dx += by.dx;
-            sum.ddx += by.ddx;
+        let galaxy = Galaxy::from_numbers(numbers);
+        let ModelSettings {
+            orbit_steps, orbit, ..
+        } = model.settings;
+        let orbit = DenseOrbit::integrate(
+            &galaxy.host,
+            galaxy.today,
+            galaxy.age_gyr,
+            orbit_steps,
+            orbit,
+        );
+        let mut sum = Contraction::<I>(Lanes::zero());
+        for (node, by) in orbit.nodes.iter().zip(&total.nodes) {
+            for row in 0..3 {
+                sum.add_vec(&node.vector(row), by.vector(row));
+            }
         }
-        total.launches.append(&mut part.launches);
-    }
-    if let Some(clock) = &real.clock {
-        clock.pull_back(&real.orbit, &total.by_phase, &mut total.nodes);
-    }
-    let shared = total.shared;
-    sum.add(&setup.host.mass, shared.host.ln_mass / real.host.mass);
-    sum.add(&setup.host.r_s, shared.host.ln_r_s / real.host.r_s);
-    sum.add(&setup.host.flattening, shared.host.flattening);
-    sum.add_vec(&setup.host.axis, shared.host.axis);
-    sum.add(&setup.sphere.mass, shared.sphere.ln_mass / real.sphere.mass);
-    sum.add(&setup.sphere.r_s, shared.sphere.r_s);
-    sum.add(&setup.age_gyr, shared.age_gyr);
-    for (node, by) in setup.orbit.nodes.iter().zip(&total.nodes) {
-        sum.add_vec(&node.x, by.x);
-        sum.add_vec(&node.dx, by.dx);
-        sum.add_vec(&node.ddx, by.ddx);
-    }
-    for (launch, by) in setup.launches.iter().zip(&total.launches) {
-        sum.add_vec(&launch.state.x, by.state.x);
-        sum.add_vec(&launch.state.v, by.state.v);
-        for c in 0..3 {
-            sum.add_vec(&launch.position[c], by.position[c]);
-            sum.add_vec(&launch.velocity[c], by.velocity[c]);
+        for (tau, by) in model.table.taus.iter().zip(&total.launches) {
+            let (launch, _) = launch(
+                &galaxy.host,
+                &galaxy.sphere,
+                &orbit,
+                *tau,
+                model.table.recipe,
+            );
+            sum.add_vec(&launch.state.x, by.state.x);
+            sum.add_vec(&launch.state.v, by.state.v);
+            for c in 0..3 {
+                sum.add_vec(&launch.position[c], by.position[c]);
+                sum.add_vec(&launch.velocity[c], by.velocity[c]);
+            }
         }
+        // What the particles meet directly.
+        let ByShared {
+            host,
+            sphere,
+            age_gyr,
+        } = total.shared;
+        sum.add(&galaxy.host.mass, host.ln_mass / galaxy.host.mass.re);
+        sum.add(&galaxy.host.r_s, host.ln_r_s / galaxy.host.r_s.re);
+        sum.add(&galaxy.host.flattening, host.flattening);
+        sum.add_vec(&galaxy.host.axis, host.axis);
+        sum.add(&galaxy.sphere.mass, sphere.ln_mass / galaxy.sphere.mass.re);
+        sum.add(&galaxy.sphere.r_s, sphere.r_s);
+        sum.add(&galaxy.age_gyr, age_gyr);
+        let mut gradient = [0.0; Galaxy::<f64>::NUMBERS];
+        let lanes = sum.0.store();
+        gradient.copy_from_slice(&lanes.0.as_flattened()[..Galaxy::<f64>::NUMBERS]);
+        gradient
     }
-    sum.0
 }
 
 /// Sum of derivative times dual part: where reverse mode meets forward mode.
-struct Contraction<const N: usize>([f64; N]);
+struct Contraction<I: Isa>(Lanes<I, VECTORS>);
 
-impl<const N: usize> Contraction<N> {
-    fn add(&mut self, number: &LaneDual<N>, by: f64) {
-        for (slot, e) in self.0.iter_mut().zip(number.eps) {
-            *slot += by * e;
-        }
+impl<I: Isa> Contraction<I> {
+    #[inline(always)]
+    fn add(&mut self, number: &LaneDual<I, VECTORS>, by: f64) {
+        self.0 = number.eps.mul_add(Lanes::from_f64(by), self.0);
     }
 
-    fn add_vec(&mut self, vector: &Vec3<LaneDual<N>>, by: Vec3<f64>) {
+    #[inline(always)]
+    fn add_vec(&mut self, vector: &Vec3<LaneDual<I, VECTORS>>, by: Vec3<f64>) {
         self.add(&vector.x, by.x);
         self.add(&vector.y, by.y);
         self.add(&vector.z, by.z);

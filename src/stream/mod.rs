@@ -6,21 +6,19 @@
 
 mod forward;
 mod gradient;
+mod pair;
 mod setup;
 
-pub use forward::{Arrivals, Flights, Group};
+pub use forward::Arrivals;
 pub use gradient::{Counted, REGULAR, Workspace};
-use setup::Cold;
+pub use pair::{Flights, Group};
 pub use setup::{Galaxy, Launch, Setup};
 
 use crate::error::{Error, Rejection, Result};
-use crate::orbit::{Arrival, Flight, Level, OrbitMethod, Placement, advance, dispatch};
-use crate::scalar::{LaneDual, Real};
+use crate::orbit::{Arrival, Flight, OrbitMethod, Placement, advance};
+use crate::scalar::Real;
 use crate::spray::{ReleaseTable, TableSettings};
 use serde::{Deserialize, Serialize};
-
-/// Particles side by side in one group of lanes.
-pub const LANES: usize = 8;
 
 /// Threads that one stream may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,7 +97,7 @@ impl Model {
             }
         }
         let table = ReleaseTable::new(&settings.releases)?;
-        let groups = forward::groups(&table);
+        let groups = pair::groups(&table);
         let path = table
             .taus
             .iter()
@@ -148,20 +146,27 @@ impl Model {
                 flight.path.push(setup.orbit.position(place));
             }
             let step = setup.age_gyr * (-tau / steps as f64);
-            flight.set_drifts((0..steps).map(|_| step));
+            flight.drift_gyr.clear();
+            flight.drift_gyr.resize(steps, step);
+            flight.set_kicks();
             return;
         };
-        let mut times = std::mem::take(&mut flight.times);
-        clock.times(tau, steps, &mut times);
+        clock.moments(tau, steps, &mut flight.moments);
         flight.places.clear();
-        for time in &times {
-            flight.path.push(setup.orbit.position_at(*time));
-            flight
-                .places
-                .push(Placement::at(time.re(), self.settings.orbit_steps));
+        flight.drift_gyr.clear();
+        let mut before = flight.moments[0];
+        for (j, moment) in flight.moments.iter().enumerate() {
+            let (row, place) = setup.orbit.position_at(*moment);
+            flight.path.push(row);
+            flight.places.push(place);
+            if j > 0 {
+                let nodes = (moment.node - before.node) as f64;
+                let intervals = moment.share - before.share + nodes;
+                flight.drift_gyr.push(intervals * setup.orbit.spacing_gyr);
+                before = *moment;
+            }
         }
-        flight.set_drifts((0..steps).map(|j| (times[j + 1] - times[j]) * setup.age_gyr));
-        flight.times = times;
+        flight.set_kicks();
     }
 
     /// The cold stage.
@@ -169,25 +174,19 @@ impl Model {
     /// # Errors
     /// [`Rejection::BadParameter`] or [`Rejection::BadOrbit`] where there is no finite orbit.
     pub fn setup<S: Real>(&self, galaxy: &Galaxy<S>) -> std::result::Result<Setup<S>, Rejection> {
-        Setup::new(galaxy, &self.settings, &self.table)
+        self.setup_reusing(galaxy, None)
     }
 
-    /// As [`setup`](Self::setup), compiled for the CPU at hand: what duals are worth.
+    /// As [`setup`](Self::setup), in the memory of an earlier one: no allocation.
     ///
     /// # Errors
     /// As [`setup`](Self::setup).
-    pub fn setup_in_lanes<const N: usize>(
+    pub fn setup_reusing<S: Real>(
         &self,
-        galaxy: &Galaxy<LaneDual<N>>,
-    ) -> std::result::Result<Setup<LaneDual<N>>, Rejection> {
-        dispatch(
-            Level::best(),
-            Cold {
-                galaxy,
-                settings: &self.settings,
-                table: &self.table,
-            },
-        )
+        galaxy: &Galaxy<S>,
+        spare: Option<Setup<S>>,
+    ) -> std::result::Result<Setup<S>, Rejection> {
+        Setup::new(galaxy, &self.settings, &self.table, spare)
     }
 
     /// Every particle today, one by one, in the order of the table, on any number type: the reference that the fast path

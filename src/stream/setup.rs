@@ -2,11 +2,11 @@
 
 use super::{ModelSettings, StepRule};
 use crate::error::{Rejection, Tally};
-use crate::orbit::{Clock, DenseOrbit, Kernel, State, crossing};
+use crate::orbit::{Clock, DenseOrbit, State, crossing};
 use crate::params::{QRange, StreamParams};
 use crate::potential::{FlattenedNfw, Plummer};
-use crate::scalar::{LaneDual, Real, Scalar, Vec3};
-use crate::spray::{ReleaseTable, Tidal};
+use crate::scalar::{Real, Scalar, Vec3};
+use crate::spray::{Recipe, ReleaseTable, Tidal};
 use crate::units::KPC_PER_GYR_IN_KM_S;
 use std::f64::consts::LN_10;
 
@@ -49,6 +49,73 @@ impl<S: Real> Galaxy<S> {
     }
 }
 
+impl<S: Real> Galaxy<S> {
+    /// How many numbers a galaxy is.
+    pub const NUMBERS: usize = 15;
+
+    /// The numbers: mass, scale radius, flattening 1/q^2 - 1 and axis of the halo, mass and scale radius of the
+    /// progenitor, its position and velocity today, the age.
+    #[inline(always)]
+    pub fn numbers(&self) -> [S; 15] {
+        let Self {
+            host,
+            sphere,
+            today: State { x, v },
+            age_gyr,
+        } = *self;
+        let n = host.axis;
+        [
+            host.mass,
+            host.r_s,
+            host.flattening,
+            n.x,
+            n.y,
+            n.z,
+            sphere.mass,
+            sphere.r_s,
+            x.x,
+            x.y,
+            x.z,
+            v.x,
+            v.y,
+            v.z,
+            age_gyr,
+        ]
+    }
+
+    /// The galaxy of its [numbers](Self::numbers).
+    #[inline(always)]
+    pub fn from_numbers(numbers: [S; 15]) -> Self {
+        let [
+            mass,
+            r_s,
+            flattening,
+            n_x,
+            n_y,
+            n_z,
+            m,
+            a,
+            x,
+            y,
+            z,
+            v_x,
+            v_y,
+            v_z,
+            age_gyr,
+        ] = numbers;
+        let axis = Vec3::new(n_x, n_y, n_z);
+        Self {
+            host: FlattenedNfw::from_flattening(mass, r_s, flattening, axis),
+            sphere: Plummer { mass: m, r_s: a },
+            today: State {
+                x: Vec3::new(x, y, z),
+                v: Vec3::new(v_x, v_y, v_z),
+            },
+            age_gyr,
+        }
+    }
+}
+
 /// One epoch's release: the progenitor, and the scaled tidal frame that kicks are counted in.
 #[derive(Clone, Copy, Debug)]
 pub struct Launch<S> {
@@ -66,27 +133,45 @@ impl<S: Scalar> Launch<S> {
     /// The state and the winding count of a particle that leaves with the given kick.
     #[inline(always)]
     pub fn release(&self, position: [S; 3], velocity: [S; 3]) -> (State<S>, S) {
-        let offset = |frame: &[Vec3<S>; 3], c: [S; 3], from: Vec3<S>| {
-            from.add_scaled(frame[0], c[0])
-                .add_scaled(frame[1], c[1])
-                .add_scaled(frame[2], c[2])
-        };
-        let x = offset(&self.position, position, self.state.x);
-        let v = offset(&self.velocity, velocity, self.state.v);
+        let x = offset(self.state.x, &self.position, position);
+        let v = offset(self.state.v, &self.velocity, velocity);
         (State { x, v }, self.turns + crossing(self.state.x, x))
     }
+}
 
-    /// The same constants in another number type.
-    #[inline(always)]
-    #[must_use]
-    pub fn broadcast(launch: &Launch<f64>) -> Self {
-        Self {
-            state: State::from_f64(launch.state),
-            position: launch.position.map(Vec3::from_f64),
-            velocity: launch.velocity.map(Vec3::from_f64),
-            turns: S::from_f64(launch.turns),
-        }
-    }
+/// A vector plus another one given by its components in a frame.
+#[inline(always)]
+fn offset<S: Scalar>(from: Vec3<S>, frame: &[Vec3<S>; 3], components: [S; 3]) -> Vec3<S> {
+    from.add_scaled(frame[0], components[0])
+        .add_scaled(frame[1], components[1])
+        .add_scaled(frame[2], components[2])
+}
+
+/// Three vectors times a factor.
+#[inline(always)]
+fn scaled<S: Scalar>(frame: &[Vec3<S>; 3], factor: S) -> [Vec3<S>; 3] {
+    [frame[0] * factor, frame[1] * factor, frame[2] * factor]
+}
+
+/// The release at the time `tau`, and whether its tidal radius had to be bounded.
+#[inline(always)]
+pub(super) fn launch<S: Real>(
+    host: &FlattenedNfw<S>,
+    sphere: &Plummer<S>,
+    orbit: &DenseOrbit<S>,
+    tau: f64,
+    recipe: Recipe,
+) -> (Launch<S>, bool) {
+    let (state, turns) = orbit.at(tau);
+    let tidal = Tidal::new(host, sphere.mass, state);
+    let (length, speed) = recipe.scales(&tidal, sphere.mass);
+    let launch = Launch {
+        state,
+        position: scaled(&tidal.frame, length),
+        velocity: scaled(&tidal.frame, speed),
+        turns,
+    };
+    (launch, tidal.bounded)
 }
 
 /// Everything that the particles of one parameter set share.
@@ -109,12 +194,13 @@ pub struct Setup<S> {
 }
 
 impl<S: Real> Setup<S> {
-    /// Integrates the orbit and prepares the launches.
+    /// Integrates the orbit and prepares the launches, in the memory of another setup if there is one.
     #[inline(always)]
     pub(super) fn new(
         galaxy: &Galaxy<S>,
         settings: &ModelSettings,
         table: &ReleaseTable,
+        spare: Option<Self>,
     ) -> Result<Self, Rejection> {
         let Galaxy {
             host,
@@ -131,29 +217,31 @@ impl<S: Real> Setup<S> {
         {
             return Err(Rejection::BadParameter);
         }
-        let orbit =
-            DenseOrbit::integrate(&host, today, age_gyr, settings.orbit_steps, settings.orbit);
+        let (spare_orbit, spare_clock, mut launches) = spare
+            .map_or((None, None, Vec::new()), |s| {
+                (Some(s.orbit), s.clock, s.launches)
+            });
+        let orbit = DenseOrbit::integrate_reusing(
+            &host,
+            today,
+            age_gyr,
+            settings.orbit_steps,
+            settings.orbit,
+            spare_orbit,
+        );
         if !orbit.is_finite() {
             return Err(Rejection::BadOrbit);
         }
         let mut tally = Tally::default();
-        // A loop and not a closure, so that it is inlined into code compiled for any instruction set.
-        let mut launches = Vec::with_capacity(table.taus.len());
+        launches.clear();
         for tau in &table.taus {
-            let (state, turns) = orbit.at(*tau);
-            let tidal = Tidal::new(&host, sphere.mass, state);
-            tally.bounded_tidal_radius += u64::from(tidal.bounded);
-            let (length, speed) = table.recipe.scales(&tidal, sphere.mass);
-            launches.push(Launch {
-                state,
-                position: tidal.frame.map(|e| e * length),
-                velocity: tidal.frame.map(|e| e * speed),
-                turns,
-            });
+            let (launch, bounded) = launch(&host, &sphere, &orbit, *tau, table.recipe);
+            tally.bounded_tidal_radius += u64::from(bounded);
+            launches.push(launch);
         }
         let clock = match settings.step_rule {
             StepRule::Uniform => None,
-            StepRule::Dynamical => Some(Clock::of(&orbit)),
+            StepRule::Dynamical => Some(Clock::of(&orbit, spare_clock)),
         };
         Ok(Self {
             clock,
@@ -164,58 +252,5 @@ impl<S: Real> Setup<S> {
             launches,
             tally,
         })
-    }
-}
-
-impl<S: Real> Setup<S> {
-    /// The real parts: what the lanes run on.
-    #[must_use]
-    pub fn real_part(&self) -> Setup<f64> {
-        let v = |a: Vec3<S>| a.map(Real::re);
-        Setup {
-            host: FlattenedNfw::from_flattening(
-                self.host.mass.re(),
-                self.host.r_s.re(),
-                self.host.flattening.re(),
-                v(self.host.axis),
-            ),
-            sphere: Plummer {
-                mass: self.sphere.mass.re(),
-                r_s: self.sphere.r_s.re(),
-            },
-            age_gyr: self.age_gyr.re(),
-            orbit: self.orbit.real_part(),
-            clock: self.clock.as_ref().map(Clock::real_part),
-            launches: self
-                .launches
-                .iter()
-                .map(|l| Launch {
-                    state: State {
-                        x: v(l.state.x),
-                        v: v(l.state.v),
-                    },
-                    position: l.position.map(v),
-                    velocity: l.velocity.map(v),
-                    turns: l.turns.re(),
-                })
-                .collect(),
-            tally: self.tally,
-        }
-    }
-}
-
-/// The cold stage as a kernel.
-pub(super) struct Cold<'a, const N: usize> {
-    pub galaxy: &'a Galaxy<LaneDual<N>>,
-    pub settings: &'a ModelSettings,
-    pub table: &'a ReleaseTable,
-}
-
-impl<const N: usize> Kernel for Cold<'_, N> {
-    type Output = Result<Setup<LaneDual<N>>, Rejection>;
-
-    #[inline(always)]
-    fn run<const FMA: bool>(self) -> Self::Output {
-        Setup::new(self.galaxy, self.settings, self.table)
     }
 }

@@ -104,7 +104,8 @@ fn the_leapfrog_converges_to_galas_final_states() {
                 path: (0..=steps).map(at).collect(),
                 ..Flight::default()
             };
-            flight.set_drifts((0..steps).map(|_| -t_release / steps as f64));
+            flight.drift_gyr.resize(steps, -t_release / steps as f64);
+            flight.set_kicks();
             advance(&galaxy.host, &galaxy.sphere, &flight, start, turns)
         };
         let mut errors: Vec<f64> = subset(name)

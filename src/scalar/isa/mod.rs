@@ -1,0 +1,155 @@
+//! Eight numbers in the registers of one instruction set: the only file that knows an instruction by name is `x86`.
+//!
+//! A compiler turns loops over arrays into vector instructions when it likes to; in a loop as large as the leapfrog's it
+//! leaves some of them in halves and pieces. Named instructions are vectors always.
+
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) use x86::{Avx2, Avx512};
+
+use std::fmt::Debug;
+
+/// Numbers in one [`Isa::Vector`].
+pub const LANES: usize = 8;
+
+/// Lanes in memory, `K` times eight. On cache lines: a function that has some of them keeps its stack on cache lines, and with
+/// it the registers that its loops have to put there; without, every other one of those would straddle two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub struct Eights<const K: usize>(pub [[f64; LANES]; K]);
+
+/// What lanes need of an instruction set, eight numbers at a time.
+///
+/// Those of a CPU that may not be the present one cannot be named outside of this crate, and inside only
+/// [`dispatch`](crate::orbit::dispatch()) does, after it has asked the CPU.
+pub trait Isa: Copy + Debug + 'static {
+    /// Eight numbers.
+    type Vector: Copy + Debug;
+    /// The outcome of a comparison.
+    type Mask: Copy + Debug;
+
+    /// The same number eight times.
+    fn splat(a: f64) -> Self::Vector;
+    /// From memory.
+    fn load(a: &[f64; LANES]) -> Self::Vector;
+    /// To memory.
+    fn store(a: Self::Vector) -> [f64; LANES];
+    /// a + b
+    fn add(a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// a - b
+    fn sub(a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// a b
+    fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// a / b
+    fn div(a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// -a
+    fn neg(a: Self::Vector) -> Self::Vector;
+    /// Square root.
+    fn sqrt(a: Self::Vector) -> Self::Vector;
+    /// a b + c, fused where there is an instruction for it.
+    fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
+    /// a < b
+    fn lt(a: Self::Vector, b: Self::Vector) -> Self::Mask;
+    /// Where both masks are set.
+    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// `a` where the mask is set, `b` elsewhere.
+    fn select(mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// The sum of the eight, by halves: fours, then pairs, then one.
+    fn sum(a: Self::Vector) -> f64;
+    /// [`binade`] of each.
+    fn binade(a: Self::Vector) -> (Self::Vector, Self::Vector);
+}
+
+/// Mantissa bits of a double.
+const MANTISSA: u64 = (1 << 52) - 1;
+/// Added to a double's bits, the distance from sqrt(1/2) to 1 carries into the exponent exactly above sqrt(2).
+const SHIFT: u64 = 0x3ff0_0000_0000_0000 - 0x3fe6_a09e_667f_3bcd;
+/// The bits of 2^52: an integer below 2^52 in the mantissa makes the double 2^52 + integer.
+const TWO_52_BITS: u64 = 0x4330_0000_0000_0000;
+/// 2^52, and the bias of exponents.
+const TWO_52_AND_BIAS: f64 = 4_503_599_627_370_496.0 + 1023.0;
+
+/// `(2^k, k ln 2)` with `x / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal `x`: by the bits of the number, without
+/// a branch.
+#[inline(always)]
+pub(super) fn binade(x: f64) -> (f64, f64) {
+    let exponent = (x.to_bits() + SHIFT) & !MANTISSA;
+    let k = f64::from_bits((exponent >> 52) | TWO_52_BITS) - TWO_52_AND_BIAS;
+    (f64::from_bits(exponent), k * std::f64::consts::LN_2)
+}
+
+/// Plain arrays, for the compiler to make of them what the target promises: every CPU.
+#[derive(Clone, Copy, Debug)]
+pub struct Portable;
+
+impl Isa for Portable {
+    type Vector = [f64; LANES];
+    type Mask = [u64; LANES];
+
+    #[inline(always)]
+    fn splat(a: f64) -> Self::Vector {
+        [a; LANES]
+    }
+    #[inline(always)]
+    fn load(a: &[f64; LANES]) -> Self::Vector {
+        *a
+    }
+    #[inline(always)]
+    fn store(a: Self::Vector) -> [f64; LANES] {
+        a
+    }
+    #[inline(always)]
+    fn add(a: Self::Vector, b: Self::Vector) -> Self::Vector {
+        std::array::from_fn(|i| a[i] + b[i])
+    }
+    #[inline(always)]
+    fn sub(a: Self::Vector, b: Self::Vector) -> Self::Vector {
+        std::array::from_fn(|i| a[i] - b[i])
+    }
+    #[inline(always)]
+    fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector {
+        std::array::from_fn(|i| a[i] * b[i])
+    }
+    #[inline(always)]
+    fn div(a: Self::Vector, b: Self::Vector) -> Self::Vector {
+        std::array::from_fn(|i| a[i] / b[i])
+    }
+    #[inline(always)]
+    fn neg(a: Self::Vector) -> Self::Vector {
+        a.map(|a| -a)
+    }
+    #[inline(always)]
+    fn sqrt(a: Self::Vector) -> Self::Vector {
+        a.map(f64::sqrt)
+    }
+    #[inline(always)]
+    fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector {
+        std::array::from_fn(|i| a[i] * b[i] + c[i])
+    }
+    #[inline(always)]
+    fn lt(a: Self::Vector, b: Self::Vector) -> Self::Mask {
+        std::array::from_fn(|i| if a[i] < b[i] { u64::MAX } else { 0 })
+    }
+    #[inline(always)]
+    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask {
+        std::array::from_fn(|i| a[i] & b[i])
+    }
+    #[inline(always)]
+    fn select(mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector {
+        std::array::from_fn(|i| {
+            f64::from_bits((a[i].to_bits() & mask[i]) | (b[i].to_bits() & !mask[i]))
+        })
+    }
+    #[inline(always)]
+    fn sum(a: Self::Vector) -> f64 {
+        let [a, b, c, d] = [a[0] + a[4], a[1] + a[5], a[2] + a[6], a[3] + a[7]];
+        (a + c) + (b + d)
+    }
+    #[inline(always)]
+    fn binade(a: Self::Vector) -> (Self::Vector, Self::Vector) {
+        let pairs = a.map(binade);
+        (pairs.map(|p| p.0), pairs.map(|p| p.1))
+    }
+}
