@@ -8,7 +8,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
 use oblate::params::{DIM, QRange, StreamParams};
 use oblate::spray::TableSettings;
-use oblate::stream::{Arrivals, Flights, Model, ModelSettings};
+use oblate::stream::{Arrivals, Flights, Model, ModelSettings, StepsPer};
 use oblate::track::{BinEdges, Track};
 use std::hint::black_box;
 
@@ -25,6 +25,7 @@ fn likelihood(particles: usize) -> StreamLikelihood {
             ..TableSettings::default()
         },
         steps: 100,
+        steps_per: StepsPer::Particle,
         ..ModelSettings::default()
     })
     .expect("a model");

@@ -6,7 +6,7 @@
 use oblate::data::{MockSettings, mocks};
 use oblate::params::{PriorSettings, StreamPrior};
 use oblate::spray::TableSettings;
-use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule, StepsPer};
 use oblate::track::{BinEdges, Track};
 use rayon::prelude::*;
 
@@ -22,6 +22,7 @@ fn model(steps: usize, step_rule: StepRule) -> Model {
     Model::new(&ModelSettings {
         releases,
         steps,
+        steps_per: StepsPer::Particle,
         step_rule,
         orbit_steps: 1_024,
         ..ModelSettings::default()

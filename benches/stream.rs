@@ -9,7 +9,7 @@ use oblate::orbit::{Level, State};
 use oblate::potential::{FlattenedNfw, Plummer};
 use oblate::scalar::Vec3;
 use oblate::spray::TableSettings;
-use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepsPer};
 use std::hint::black_box;
 
 /// A typical prior draw: an oblate halo, a progenitor at 60 kpc.
@@ -35,6 +35,8 @@ fn model(particles: usize) -> Model {
     };
     Model::new(&ModelSettings {
         releases,
+        steps: 100,
+        steps_per: StepsPer::Particle,
         ..ModelSettings::default()
     })
     .expect("a model")

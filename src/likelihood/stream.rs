@@ -25,6 +25,8 @@ pub struct Buffers {
     setup: Option<Setup<f64>>,
     work: Workspace,
     sums: Sums<f64>,
+    /// Of some of the particles.
+    part: Sums<f64>,
     by_sums: Sums<f64>,
 }
 
@@ -249,11 +251,17 @@ impl StreamLikelihood {
         let Workspace {
             flights, arrivals, ..
         } = &mut b.work;
+        let grid = self.track.grid();
         match threads {
-            Threads::One => self.model.carry(setup, flights, arrivals)?,
-            Threads::All => self.model.carry_in_parallel(setup, arrivals)?,
+            Threads::One => {
+                self.model.carry(setup, flights, arrivals)?;
+                grid.sum(arrivals, &mut b.sums, &mut b.part);
+            }
+            Threads::All => {
+                self.model.carry_in_parallel(setup, arrivals)?;
+                grid.sum_in_parallel(arrivals, &mut b.sums);
+            }
         }
-        self.track.grid().sum(arrivals, &mut b.sums);
         Ok(())
     }
 }

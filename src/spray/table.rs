@@ -25,7 +25,8 @@ pub enum Design {
 pub struct TableSettings {
     /// Particles, both arms together.
     pub particles: usize,
-    /// Release times; 0 chooses 100 for `random` and particles / 8 for `sobol`.
+    /// Release times; 0 chooses 100 for `random`, and for `sobol` as many as leave each 32 particles (from 2,048 on), else
+    /// 16, else 8: whichever divides them.
     pub epochs: usize,
     /// Spread of the draws.
     pub design: Design,
@@ -38,7 +39,7 @@ pub struct TableSettings {
 impl Default for TableSettings {
     fn default() -> Self {
         Self {
-            particles: 4096,
+            particles: 3_584,
             epochs: 0,
             design: Design::default(),
             recipe: Recipe::default(),
@@ -86,7 +87,7 @@ impl ReleaseTable {
         }
         let epochs = match (settings.epochs, settings.design) {
             (0, Design::Random) => 100,
-            (0, Design::Sobol) => (n / 8).max(1),
+            (0, Design::Sobol) => sobol_epochs(n),
             (given, _) => given,
         };
         if !n.is_multiple_of(2 * epochs) {
@@ -142,6 +143,15 @@ impl ReleaseTable {
     pub fn is_empty(&self) -> bool {
         self.particles.is_empty()
     }
+}
+
+/// Release times of `n` particles of the Sobol design, if nobody says. More than these do not lower the noise of a track, and
+/// 16 particles of one time fill the lanes.
+fn sobol_epochs(n: usize) -> usize {
+    let per_epoch = [32, 16, 8]
+        .into_iter()
+        .find(|k| n.is_multiple_of(*k) && (*k < 32 || n >= 2_048));
+    (n / per_epoch.unwrap_or(8)).max(1)
 }
 
 /// Longest Sobol sequence of the generator in use.

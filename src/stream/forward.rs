@@ -152,7 +152,7 @@ impl Kernel for Forward<'_> {
         let sphere = Plummer::<Wide<I>>::broadcast(&setup.sphere);
         let mut planner = Planner::new(model, setup, flights);
         let mut unsafe_turns = 0.0;
-        for pair in Pair::all(groups) {
+        for pair in Pair::all(model, groups) {
             let launch = pair.launches::<I>(setup);
             let (start, turns) = launch.release(pair.position(), pair.velocity());
             let arrival = advance(&host, &sphere, &planner.courses(&pair), start, turns);

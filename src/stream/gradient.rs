@@ -212,11 +212,12 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
             flights, sums, by, ..
         } = part;
         let mut planner = Planner::new(model, setup, flights);
-        let mut pairs = Pair::all(&model.groups[part.groups.clone()]).peekable();
+        let mut pairs = Pair::all(model, &model.groups[part.groups.clone()]).peekable();
         while let Some(pair) = pairs.next() {
             let (end, by_position) = ends.of::<I>(&pair);
             let limit2 = (!ALL).then_some(by_position.norm2() * (REGULAR * REGULAR));
             let courses = planner.courses(&pair);
+            let by_course = &mut by_course[..model.steps[pair.groups[0].epoch]];
             let by_start = reverse(
                 &host,
                 &sphere,
@@ -225,7 +226,7 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
                 by_position,
                 &mut by_host,
                 &mut by_sphere,
-                &mut by_course,
+                by_course,
                 limit2,
             );
             by.add_launches(&pair, &by_start);
@@ -234,15 +235,12 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
                 .peek()
                 .is_none_or(|next| next.epochs() != pair.epochs())
             {
-                sum_lanes(&mut by_course, sums);
-                for ((sums, flight), (epoch, len)) in sums
-                    .iter()
-                    .zip([courses.0, courses.1])
-                    .zip(pair.epochs().into_iter().zip(pair.lens))
+                sum_lanes(by_course, sums);
+                // A half without particles has no derivatives of its own, but may hold those of an earlier pair.
+                for ((sums, flight), epoch) in
+                    sums.iter().zip([courses.0, courses.1]).zip(pair.epochs())
                 {
-                    if len > 0 {
-                        by.add_course(model, setup, epoch, flight, sums);
-                    }
+                    by.add_course(model, setup, epoch, flight, sums);
                 }
             }
         }

@@ -40,14 +40,43 @@ pub enum StepRule {
     Dynamical,
 }
 
+/// Whose steps are counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StepsPer {
+    /// Every particle takes the same number of steps, longer ones the older it is: the paper.
+    Particle,
+    /// A particle of the stream's age takes this number of steps, others in proportion to their time in flight: the same
+    /// error for about half of the steps. Particles fill the lanes where an epoch has 16 of them or more.
+    #[default]
+    Age,
+}
+
+impl StepsPer {
+    /// The number of steps of a particle released at the time `tau` in [-1, 0).
+    fn of(self, steps: usize, tau: f64) -> usize {
+        match self {
+            Self::Particle => steps,
+            #[allow(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "at most `steps`, at least 0"
+            )]
+            Self::Age => ((-tau * steps as f64).ceil() as usize).clamp(1, steps),
+        }
+    }
+}
+
 /// How a stream is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModelSettings {
     /// The releases.
     pub releases: TableSettings,
-    /// Leapfrog steps per particle.
+    /// Leapfrog steps.
     pub steps: usize,
+    /// Whose steps these are.
+    pub steps_per: StepsPer,
     /// How they are spread over its time.
     pub step_rule: StepRule,
     /// How the progenitor is carried.
@@ -60,7 +89,8 @@ impl Default for ModelSettings {
     fn default() -> Self {
         Self {
             releases: TableSettings::default(),
-            steps: 100,
+            steps: 120,
+            steps_per: StepsPer::default(),
             step_rule: StepRule::default(),
             orbit: OrbitMethod::default(),
             orbit_steps: 256,
@@ -74,8 +104,12 @@ pub struct Model {
     settings: ModelSettings,
     table: ReleaseTable,
     groups: Vec<Group>,
-    /// Placements of the progenitor at every force evaluation, `steps + 1` per epoch.
+    /// Steps of the particles of each epoch.
+    steps: Vec<usize>,
+    /// Placements of the progenitor at every force evaluation, one more than steps in each epoch.
     path: Vec<Placement>,
+    /// Where each epoch's begin.
+    path_starts: Vec<usize>,
 }
 
 impl Model {
@@ -98,22 +132,28 @@ impl Model {
         }
         let table = ReleaseTable::new(&settings.releases)?;
         let groups = pair::groups(&table);
-        let path = table
+        let steps: Vec<usize> = table
             .taus
             .iter()
-            .flat_map(|tau| {
-                (0..=settings.steps).map(move |j| {
-                    // The last one is today, whatever the rounding of the fractions.
-                    let left = 1.0 - j as f64 / settings.steps as f64;
-                    Placement::at(tau * left, settings.orbit_steps)
-                })
-            })
+            .map(|tau| settings.steps_per.of(settings.steps, *tau))
             .collect();
+        let mut path = Vec::new();
+        let mut path_starts = Vec::with_capacity(steps.len());
+        for (tau, steps) in table.taus.iter().zip(&steps) {
+            path_starts.push(path.len());
+            path.extend((0..=*steps).map(|j| {
+                // The last one is today, whatever the rounding of the fractions.
+                let left = 1.0 - j as f64 / *steps as f64;
+                Placement::at(tau * left, settings.orbit_steps)
+            }));
+        }
         Ok(Self {
             settings: *settings,
             table,
             groups,
+            steps,
             path,
+            path_starts,
         })
     }
 
@@ -132,14 +172,14 @@ impl Model {
     /// Placements of the progenitor during the flight of one epoch.
     #[inline(always)]
     fn path_of(&self, epoch: usize) -> &[Placement] {
-        let n = self.settings.steps + 1;
-        &self.path[epoch * n..(epoch + 1) * n]
+        let start = self.path_starts[epoch];
+        &self.path[start..=start + self.steps[epoch]]
     }
 
     /// Writes the course of one epoch's particles.
     #[inline(always)]
     fn plan<S: Real>(&self, epoch: usize, setup: &Setup<S>, flight: &mut Flight<S>) {
-        let (tau, steps) = (self.table.taus[epoch], self.settings.steps);
+        let (tau, steps) = (self.table.taus[epoch], self.steps[epoch]);
         flight.path.clear();
         let Some(clock) = &setup.clock else {
             for place in self.path_of(epoch) {

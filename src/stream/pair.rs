@@ -50,7 +50,7 @@ pub(super) fn groups(table: &ReleaseTable) -> Vec<Group> {
     groups
 }
 
-/// Two groups, or the last one twice: then the second has no particles.
+/// Two groups of equally many steps, or one twice: then the second has no particles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair<'a> {
     pub groups: [&'a Group; IN_FLIGHT],
@@ -58,19 +58,35 @@ pub(super) struct Pair<'a> {
     pub lens: [usize; IN_FLIGHT],
 }
 
+/// The pairs of a run of groups.
+pub(super) struct Pairs<'a> {
+    model: &'a Model,
+    left: &'a [Group],
+}
+
+impl<'a> Iterator for Pairs<'a> {
+    type Item = Pair<'a>;
+
+    fn next(&mut self) -> Option<Pair<'a>> {
+        let (a, rest) = self.left.split_first()?;
+        let partner = rest
+            .first()
+            .filter(|b| self.model.steps[b.epoch] == self.model.steps[a.epoch]);
+        self.left = &rest[usize::from(partner.is_some())..];
+        Some(Pair {
+            groups: [a, partner.unwrap_or(a)],
+            lens: [a.len, partner.map_or(0, |b| b.len)],
+        })
+    }
+}
+
 impl<'a> Pair<'a> {
     /// All pairs of a run of groups.
-    pub fn all(groups: &'a [Group]) -> impl Iterator<Item = Self> {
-        groups.chunks(IN_FLIGHT).map(|chunk| match chunk {
-            [a, b, ..] => Self {
-                groups: [a, b],
-                lens: [a.len, b.len],
-            },
-            _ => Self {
-                groups: [&chunk[0]; IN_FLIGHT],
-                lens: [chunk[0].len, 0],
-            },
-        })
+    pub fn all(model: &'a Model, groups: &'a [Group]) -> Pairs<'a> {
+        Pairs {
+            model,
+            left: groups,
+        }
     }
 
     /// Their epochs.

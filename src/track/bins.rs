@@ -6,6 +6,7 @@
 use crate::orbit::Arrival;
 use crate::scalar::{Dual, Real, Scalar, smooth_step, variable};
 use crate::stream::Arrivals;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
@@ -64,7 +65,23 @@ impl<S> Default for Sums<S> {
     }
 }
 
+/// Particles that are binned together: sums over all particles are sums of theirs, whoever makes them.
+const AT_A_TIME: usize = 1_024;
+
 impl<S: Scalar> Sums<S> {
+    /// Adds the sums of others.
+    fn add(&mut self, other: &Self) {
+        for (sums, others) in [
+            (&mut self.weight, &other.weight),
+            (&mut self.r, &other.r),
+            (&mut self.r2, &other.r2),
+        ] {
+            for (sum, other) in sums.iter_mut().zip(others) {
+                *sum += *other;
+            }
+        }
+    }
+
     /// Empty bins; reuses the buffers.
     pub fn reset(&mut self, len: usize) {
         for column in [&mut self.weight, &mut self.r, &mut self.r2] {
@@ -158,10 +175,36 @@ impl BinGrid {
         }
     }
 
-    /// Bins the particles of the fast path.
-    pub fn sum(&self, arrivals: &Arrivals, sums: &mut Sums<f64>) {
+    /// Bins the particles of the fast path, some thousand at a time; `part` is memory for that.
+    pub fn sum(&self, arrivals: &Arrivals, sums: &mut Sums<f64>, part: &mut Sums<f64>) {
         sums.reset(self.len);
-        for ((x, y), turns) in arrivals.x.iter().zip(&arrivals.y).zip(&arrivals.turns) {
+        for first in (0..arrivals.len()).step_by(AT_A_TIME) {
+            self.sum_some(arrivals, first, part);
+            sums.add(part);
+        }
+    }
+
+    /// As [`sum`](Self::sum), over the threads of the present rayon pool. The same bits.
+    pub fn sum_in_parallel(&self, arrivals: &Arrivals, sums: &mut Sums<f64>) {
+        sums.reset(self.len);
+        let firsts = (0..arrivals.len().div_ceil(AT_A_TIME)).into_par_iter();
+        let parts: Vec<Sums<f64>> = firsts
+            .map(|k| {
+                let mut part = Sums::default();
+                self.sum_some(arrivals, k * AT_A_TIME, &mut part);
+                part
+            })
+            .collect();
+        parts.iter().for_each(|part| sums.add(part));
+    }
+
+    /// Bins the [`AT_A_TIME`] particles from number `first` on, or as many as there are.
+    fn sum_some(&self, arrivals: &Arrivals, first: usize, sums: &mut Sums<f64>) {
+        let last = arrivals.len().min(first + AT_A_TIME);
+        let [x, y, turns] =
+            [&arrivals.x, &arrivals.y, &arrivals.turns].map(|column| &column[first..last]);
+        sums.reset(self.len);
+        for ((x, y), turns) in x.iter().zip(y).zip(turns) {
             self.add(*x, *y, *turns, sums);
         }
     }
@@ -248,7 +291,7 @@ impl Track {
             edges,
         };
         let mut sums = Sums::default();
-        grid.sum(arrivals, &mut sums);
+        grid.sum(arrivals, &mut sums, &mut Sums::default());
         let bins = (0..len)
             .filter(|&i| sums.weight[i] > 0.0 && sums.weight[i] >= least_n)
             .map(|i| {

@@ -1,0 +1,191 @@
+//! How far off is a track for want of particles and steps, and what does each setting cost?
+//!
+//! `cargo bench --bench noise` prints a table: for mocks that meet the paper's criteria, the rms over bins (with at least a
+//! hundredth of the particles) of the mean radius against that of 131,072 Sobol particles of 800 equal steps, in per cent;
+//! every table of releases is drawn four times, and every draw counts. The data's errors are 2 per cent. `time` is that of one stream and its bins
+//! on one thread, the median over mocks, in units of the first row's; rows take turns mock by mock.
+
+use oblate::config::Profile;
+use oblate::data::{MockSettings, mocks};
+use oblate::params::{PriorSettings, StreamPrior};
+use oblate::spray::{Design, TableSettings};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule, StepsPer};
+use oblate::track::{BinEdges, Track};
+use rayon::prelude::*;
+use std::time::Instant;
+
+const MOCKS: usize = 60;
+const SEEDS: u64 = 4;
+
+/// A setting with a name.
+struct Row {
+    name: &'static str,
+    settings: ModelSettings,
+}
+
+fn rows() -> Vec<Row> {
+    let with = |particles, epochs, design, steps, step_rule| ModelSettings {
+        releases: TableSettings {
+            particles,
+            epochs,
+            design,
+            ..TableSettings::default()
+        },
+        steps,
+        step_rule,
+        ..ModelSettings::default()
+    };
+    let sobol = |particles, per_epoch, steps, rule| {
+        with(particles, particles / per_epoch, Design::Sobol, steps, rule)
+    };
+    let row = |name, settings| Row { name, settings };
+    let age = |particles, per_epoch, steps, rule| ModelSettings {
+        steps_per: StepsPer::Age,
+        ..sobol(particles, per_epoch, steps, rule)
+    };
+    use StepRule::{Dynamical, Uniform};
+    vec![
+        row("paper", Profile::Paper.model()),
+        row(
+            "random, 10,000, accurate orbit",
+            with(10_000, 100, Design::Random, 100, Uniform),
+        ),
+        row("fast", Profile::Fast.model()),
+        row("sobol, 1,024", sobol(1_024, 16, 100, Uniform)),
+        row("sobol, 4,096", sobol(4_096, 16, 100, Uniform)),
+        row("sobol, 4,096, 8 per epoch", sobol(4_096, 8, 100, Uniform)),
+        row(
+            "sobol, 4,096, 50 dynamical",
+            sobol(4_096, 16, 50, Dynamical),
+        ),
+        row(
+            "sobol, 4,096, 100 dynamical",
+            sobol(4_096, 16, 100, Dynamical),
+        ),
+        row("sobol, 4,096, 400", sobol(4_096, 16, 400, Uniform)),
+        row("sobol, 4,096, 100 per age", age(4_096, 16, 100, Uniform)),
+        row("sobol, 4,096, 140 per age", age(4_096, 16, 140, Uniform)),
+        row(
+            "sobol, 4,096, 140 dynamical per age",
+            age(4_096, 16, 140, Dynamical),
+        ),
+        row("sobol, 4,096, 400 per age", age(4_096, 16, 400, Uniform)),
+        row(
+            "sobol, 3,072, 32 per epoch, 128 per age",
+            age(3_072, 32, 128, Uniform),
+        ),
+        row(
+            "sobol, 3,584, 32 per epoch, 120 per age",
+            age(3_584, 32, 120, Uniform),
+        ),
+        row(
+            "sobol, 3,584, 64 per epoch, 120 per age",
+            age(3_584, 64, 120, Uniform),
+        ),
+        row("sobol, 1,024, 100 per age", age(1_024, 16, 100, Uniform)),
+        row("sobol, 1,024, 200 per age", age(1_024, 16, 200, Uniform)),
+    ]
+}
+
+/// The models of a setting, one per seed of the table.
+fn models(settings: &ModelSettings, seeds: u64) -> Vec<Model> {
+    let one = |seed| {
+        let releases = TableSettings {
+            seed,
+            ..settings.releases
+        };
+        Model::new(&ModelSettings {
+            releases,
+            ..*settings
+        })
+        .expect("a model")
+    };
+    (1..=seeds).map(one).collect()
+}
+
+fn track(model: &Model, galaxy: &Galaxy<f64>) -> Option<Track> {
+    let setup = model.setup(galaxy).ok()?;
+    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
+    model.carry(&setup, &mut flights, &mut stars).ok()?;
+    let least = 0.01 * model.table().len() as f64;
+    Some(Track::of(&stars, 10.0, BinEdges::default(), least))
+}
+
+/// Rms over the bins that both have of the relative difference, in per cent.
+fn distance(track: &Track, reference: &Track) -> f64 {
+    let squares: Vec<f64> = reference
+        .bins
+        .iter()
+        .filter_map(|b| {
+            let a = track.bins.iter().find(|a| a.bin == b.bin)?;
+            Some((a.r_kpc / b.r_kpc - 1.0).powi(2))
+        })
+        .collect();
+    100.0 * (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+}
+
+/// The values at the middle and at 95 per cent.
+fn median_and_95(mut values: Vec<f64>) -> (f64, f64) {
+    values.sort_by(f64::total_cmp);
+    let last = values.len() - 1;
+    (values[last / 2], values[last * 95 / 100])
+}
+
+fn main() {
+    let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
+    let drawn = mocks(&prior, &MockSettings::default(), MOCKS, 1).expect("mocks");
+    let galaxies: Vec<Galaxy<f64>> = drawn
+        .mocks
+        .iter()
+        .map(|mock| Galaxy::from_params(&mock.params, prior.q_range()))
+        .collect();
+    let exact = ModelSettings {
+        releases: TableSettings {
+            particles: 131_072,
+            seed: 77,
+            ..TableSettings::default()
+        },
+        steps: 800,
+        orbit_steps: 1_024,
+        ..ModelSettings::default()
+    };
+    let reference = Model::new(&exact).expect("a model");
+    let references: Vec<Option<Track>> = galaxies
+        .par_iter()
+        .map(|galaxy| track(&reference, galaxy))
+        .collect();
+    let rows = rows();
+    let models: Vec<Vec<Model>> = rows.iter().map(|r| models(&r.settings, SEEDS)).collect();
+    let mut seconds = vec![Vec::new(); rows.len()];
+    for galaxy in &galaxies {
+        for (models, seconds) in models.iter().zip(&mut seconds) {
+            let best = (0..3).map(|_| {
+                let start = Instant::now();
+                std::hint::black_box(track(&models[0], galaxy));
+                start.elapsed().as_secs_f64()
+            });
+            seconds.push(best.fold(f64::INFINITY, f64::min));
+        }
+    }
+    println!("| setting | median | 95 % | time |\n|---|---|---|---|");
+    let mut unit = None;
+    for ((row, models), seconds) in rows.iter().zip(&models).zip(seconds) {
+        let errors: Vec<f64> = galaxies
+            .par_iter()
+            .zip(&references)
+            .flat_map_iter(|(galaxy, reference)| {
+                models.iter().filter_map(move |model| {
+                    Some(distance(&track(model, galaxy)?, reference.as_ref()?))
+                })
+            })
+            .collect();
+        let (median, p95) = median_and_95(errors);
+        let (seconds, _) = median_and_95(seconds);
+        let unit = *unit.get_or_insert(seconds);
+        println!(
+            "| {} | {median:.3} | {p95:.2} | {:.3} |",
+            row.name,
+            seconds / unit
+        );
+    }
+}
