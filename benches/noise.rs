@@ -32,6 +32,7 @@ fn rows() -> Vec<Row> {
             ..TableSettings::default()
         },
         steps,
+        steps_per: StepsPer::Particle,
         step_rule,
         ..ModelSettings::default()
     };
@@ -146,6 +147,7 @@ fn main() {
             ..TableSettings::default()
         },
         steps: 800,
+        steps_per: StepsPer::Particle,
         orbit_steps: 1_024,
         ..ModelSettings::default()
     };

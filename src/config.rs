@@ -20,7 +20,7 @@ use std::result::Result as StdResult;
 pub enum Profile {
     /// 3,584 Sobol particles, 120 steps per age, soft bins, a smooth penalty: for fits. The error of its tracks against
     /// 131,072 particles of 800 steps each is below that of [`Paper`](Self::Paper) for a quarter of its time: over 60
-    /// mocks and 4 tables 1.47 % (median) and 31 % (95 per cent) against 1.56 and 41 % (`cargo bench --bench noise`).
+    /// mocks and 4 tables 1.63 % (median) and 33 % (95 per cent) against 1.87 and 107 % (`cargo bench --bench noise`).
     #[default]
     Fast,
     /// The paper: 10,000 random particles, 100 uniform steps, a leapfrog orbit, hard bins, `reject`.

@@ -58,7 +58,7 @@ pub trait Isa: Copy + Debug + 'static {
     fn select(mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// The sum of the eight, by halves: fours, then pairs, then one.
     fn sum(a: Self::Vector) -> f64;
-    /// [`binade`] of each.
+    /// The constants `(2^k, k ln 2)` with `a / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal numbers.
     fn binade(a: Self::Vector) -> (Self::Vector, Self::Vector);
 }
 
