@@ -5,14 +5,15 @@
 //! every table of releases is drawn four times, and every draw counts. The data's errors are 2 per cent. `time` is that of one stream and its bins
 //! on one thread, the median over mocks, in units of the first row's; rows take turns mock by mock.
 
+mod tracks;
+
 use oblate::config::Profile;
-use oblate::data::{MockSettings, mocks};
-use oblate::params::{PriorSettings, StreamPrior};
 use oblate::spray::{Design, TableSettings};
-use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule, StepsPer};
-use oblate::track::{BinEdges, Track};
+use oblate::stream::{Model, ModelSettings, StepRule, StepsPer};
+use oblate::track::Track;
 use rayon::prelude::*;
 use std::time::Instant;
+use tracks::{distance, galaxies, track};
 
 const MOCKS: usize = 60;
 const SEEDS: u64 = 4;
@@ -104,27 +105,6 @@ fn models(settings: &ModelSettings, seeds: u64) -> Vec<Model> {
     (1..=seeds).map(one).collect()
 }
 
-fn track(model: &Model, galaxy: &Galaxy<f64>) -> Option<Track> {
-    let setup = model.setup(galaxy).ok()?;
-    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
-    model.carry(&setup, &mut flights, &mut stars).ok()?;
-    let least = 0.01 * model.table().len() as f64;
-    Some(Track::of(&stars, 10.0, BinEdges::default(), least))
-}
-
-/// Rms over the bins that both have of the relative difference, in per cent.
-fn distance(track: &Track, reference: &Track) -> f64 {
-    let squares: Vec<f64> = reference
-        .bins
-        .iter()
-        .filter_map(|b| {
-            let a = track.bins.iter().find(|a| a.bin == b.bin)?;
-            Some((a.r_kpc / b.r_kpc - 1.0).powi(2))
-        })
-        .collect();
-    100.0 * (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
-}
-
 /// The values at the middle and at 95 per cent.
 fn median_and_95(mut values: Vec<f64>) -> (f64, f64) {
     values.sort_by(f64::total_cmp);
@@ -133,13 +113,7 @@ fn median_and_95(mut values: Vec<f64>) -> (f64, f64) {
 }
 
 fn main() {
-    let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
-    let drawn = mocks(&prior, &MockSettings::default(), MOCKS, 1).expect("mocks");
-    let galaxies: Vec<Galaxy<f64>> = drawn
-        .mocks
-        .iter()
-        .map(|mock| Galaxy::from_params(&mock.params, prior.q_range()))
-        .collect();
+    let galaxies = galaxies(MOCKS);
     let exact = ModelSettings {
         releases: TableSettings {
             particles: 131_072,

@@ -3,12 +3,13 @@
 //! `cargo bench --bench steps` prints a table, in per cent: for mocks that meet the paper's criteria, the rms over bins of the
 //! mean radius against that of the same particles at 3,200 equal steps. The data's errors are 2 per cent. Not a timing.
 
-use oblate::data::{MockSettings, mocks};
-use oblate::params::{PriorSettings, StreamPrior};
+mod tracks;
+
 use oblate::spray::TableSettings;
-use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule, StepsPer};
-use oblate::track::{BinEdges, Track};
+use oblate::stream::{Model, ModelSettings, StepRule, StepsPer};
+use oblate::track::Track;
 use rayon::prelude::*;
+use tracks::{distance, galaxies, track};
 
 const MOCKS: usize = 60;
 const PARTICLES: usize = 2_048;
@@ -30,35 +31,8 @@ fn model(steps: usize, step_rule: StepRule) -> Model {
     .expect("a model")
 }
 
-fn track(model: &Model, galaxy: &Galaxy<f64>) -> Option<Track> {
-    let setup = model.setup(galaxy).ok()?;
-    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
-    model.carry(&setup, &mut flights, &mut stars).ok()?;
-    let least = 0.01 * PARTICLES as f64;
-    Some(Track::of(&stars, 10.0, BinEdges::default(), least))
-}
-
-/// Rms over the bins that both have, in per cent.
-fn distance(track: &Track, reference: &Track) -> f64 {
-    let squares: Vec<f64> = reference
-        .bins
-        .iter()
-        .filter_map(|b| {
-            let a = track.bins.iter().find(|a| a.bin == b.bin)?;
-            Some((a.r_kpc / b.r_kpc - 1.0).powi(2))
-        })
-        .collect();
-    100.0 * (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
-}
-
 fn main() {
-    let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
-    let drawn = mocks(&prior, &MockSettings::default(), MOCKS, 1).expect("mocks");
-    let galaxies: Vec<Galaxy<f64>> = drawn
-        .mocks
-        .iter()
-        .map(|mock| Galaxy::from_params(&mock.params, prior.q_range()))
-        .collect();
+    let galaxies = galaxies(MOCKS);
     let reference = model(REFERENCE_STEPS, StepRule::Uniform);
     let references: Vec<Option<Track>> = galaxies
         .par_iter()

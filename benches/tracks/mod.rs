@@ -1,0 +1,36 @@
+//! Tracks of mocks, and how far apart two are: for the tables of errors.
+
+use oblate::data::{MockSettings, mocks};
+use oblate::params::{PriorSettings, StreamPrior};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model};
+use oblate::track::{BinEdges, Track};
+
+/// Galaxies of prior draws that meet the paper's criteria.
+pub fn galaxies(count: usize) -> Vec<Galaxy<f64>> {
+    let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
+    let drawn = mocks(&prior, &MockSettings::default(), count, 1).expect("mocks");
+    let galaxy = |mock: &oblate::data::Mock| Galaxy::from_params(&mock.params, prior.q_range());
+    drawn.mocks.iter().map(galaxy).collect()
+}
+
+/// The track of a galaxy: bins with at least a hundredth of the particles.
+pub fn track(model: &Model, galaxy: &Galaxy<f64>) -> Option<Track> {
+    let setup = model.setup(galaxy).ok()?;
+    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
+    model.carry(&setup, &mut flights, &mut stars).ok()?;
+    let least = 0.01 * model.table().len() as f64;
+    Some(Track::of(&stars, 10.0, BinEdges::default(), least))
+}
+
+/// Rms over the bins that both have of the relative difference, in per cent.
+pub fn distance(track: &Track, reference: &Track) -> f64 {
+    let squares: Vec<f64> = reference
+        .bins
+        .iter()
+        .filter_map(|b| {
+            let a = track.bins.iter().find(|a| a.bin == b.bin)?;
+            Some((a.r_kpc / b.r_kpc - 1.0).powi(2))
+        })
+        .collect();
+    100.0 * (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+}
