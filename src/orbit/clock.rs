@@ -86,29 +86,21 @@ impl<S: Real> Clock<S> {
 }
 
 impl Clock<f64> {
-    /// Adds, to the derivatives with respect to the phases at the nodes, what comes from those with respect to the
-    /// times of one epoch's [`moments`](Self::moments), as fractions of the age.
-    pub fn pull_back_times(&self, tau: f64, by_times: &[f64], by_phase: &mut [f64]) {
+    /// Adds, to the derivatives with respect to the phases at the nodes, what comes from those with respect to the times of
+    /// one epoch's [`moments`](Self::moments), as fractions of the age.
+    pub fn pull_back_times(&self, moments: &[Moment<f64>], by_times: &[f64], by_phase: &mut [f64]) {
         let steps = by_times.len() - 1;
         let last = self.phase.len() - 1;
-        let intervals = last as f64;
-        let (first, share) = locate(tau, last);
-        let start = self.phase[first] * (1.0 - share) + self.phase[first + 1] * share;
-        let stride = (self.phase[last] - start) / steps as f64;
-        let mut node = first;
-        for (j, by_time) in by_times.iter().enumerate().take(steps).skip(1) {
+        let first = moments[0];
+        for (j, (moment, by_time)) in moments.iter().zip(by_times).enumerate().take(steps).skip(1) {
+            let Moment { node, share } = *moment;
             let done = j as f64 / steps as f64;
-            let target = start + stride * j as f64;
-            while node + 1 < last && self.phase[node + 1] <= target {
-                node += 1;
-            }
-            let within = (target - self.phase[node]) * self.inverse[node];
-            let by_target = by_time * self.inverse[node] / intervals;
-            by_phase[node] += by_target * (within - 1.0);
-            by_phase[node + 1] -= by_target * within;
+            let by_target = by_time * self.inverse[node] / last as f64;
+            by_phase[node] += by_target * (share - 1.0);
+            by_phase[node + 1] -= by_target * share;
             let by_start = by_target * (1.0 - done);
-            by_phase[first] += by_start * (1.0 - share);
-            by_phase[first + 1] += by_start * share;
+            by_phase[first.node] += by_start * (1.0 - first.share);
+            by_phase[first.node + 1] += by_start * first.share;
             by_phase[last] += by_target * done;
         }
     }

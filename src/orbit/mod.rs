@@ -14,7 +14,7 @@ pub use flight::{Course, Flight, HalfAndHalf};
 pub use leapfrog::{Arrival, advance, crossing};
 pub use progenitor::{DenseOrbit, Moment, Node, OrbitMethod, Placement, add_placed};
 
-use crate::scalar::{Scalar, Vec3};
+use crate::scalar::Vec3;
 
 /// Position in kpc and velocity in kpc/Gyr.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,16 +23,4 @@ pub struct State<S> {
     pub x: Vec3<S>,
     /// Velocity.
     pub v: Vec3<S>,
-}
-
-impl<S: Scalar> State<S> {
-    /// The same constants in another number type.
-    #[inline(always)]
-    #[must_use]
-    pub fn from_f64(s: State<f64>) -> Self {
-        Self {
-            x: Vec3::from_f64(s.x),
-            v: Vec3::from_f64(s.v),
-        }
-    }
 }

@@ -356,7 +356,7 @@ impl Cotangents {
                     .dot(setup.orbit.slope(flight.moments[j]))
                     - by;
             }
-            clock.pull_back_times(model.table.taus[epoch], by_times, &mut self.phases);
+            clock.pull_back_times(&flight.moments, by_times, &mut self.phases);
         }
     }
 
