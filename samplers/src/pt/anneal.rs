@@ -20,9 +20,6 @@ use serde::{Deserialize, Serialize};
 /// Effective share of a population that the weights of one cooling step leave.
 const KEPT: f64 = 0.5;
 
-/// Fewest sweeps of slices at one temperature; else as many as dimensions.
-const LEAST_SWEEPS: usize = 8;
-
 /// A population at one temperature, after its sweeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Level {
@@ -267,23 +264,22 @@ impl Annealing {
     }
 
     /// One sweep: every member of every population moves by one slice; cooling before it where it is due. On an error
-    /// nothing has changed.
+    /// no member has moved, and the same sweep can be tried again.
     pub(super) fn advance(
         &mut self,
         target: &dyn Target,
         kind: MetricKind,
+        sweeps: usize,
         seed: u64,
     ) -> Result<Tally> {
-        let mut next = self.clone();
-        let sweeps = target.dim().max(LEAST_SWEEPS);
-        for (number, population) in next.populations.iter_mut().enumerate() {
+        for (number, population) in self.populations.iter_mut().enumerate() {
             if !population.done() && (population.beta <= 0.0 || population.sweeps == sweeps) {
                 let task = (number as u64) << 20 | 0xf_ffff;
                 let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
                 population.cool(target, kind, unit_open(&mut rng));
             }
         }
-        let tasks: Vec<(usize, usize)> = next
+        let tasks: Vec<(usize, usize)> = self
             .populations
             .iter()
             .enumerate()
@@ -293,7 +289,7 @@ impl Annealing {
         let moved: Vec<Result<(Point, Evaluator<'_>)>> = tasks
             .par_iter()
             .map(|&(number, i)| {
-                let population = &next.populations[number];
+                let population = &self.populations[number];
                 let task = (number as u64) << 20 | i as u64;
                 let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
                 let mut evaluator = Evaluator::new(target);
@@ -311,21 +307,20 @@ impl Annealing {
                 Ok((point, evaluator))
             })
             .collect();
+        let moved: Vec<(Point, Evaluator<'_>)> = moved.into_iter().collect::<Result<_>>()?;
         let mut tally = Tally::default();
-        for (&(number, i), moved) in tasks.iter().zip(moved) {
-            let (point, evaluator) = moved?;
-            next.populations[number].points[i] = point;
+        for (&(number, i), (point, evaluator)) in tasks.iter().zip(moved) {
+            self.populations[number].points[i] = point;
             tally.add(&evaluator);
         }
-        for population in next.populations.iter_mut().filter(|p| !p.done()) {
+        for population in self.populations.iter_mut().filter(|p| !p.done()) {
             population.sweeps += 1;
             if population.sweeps == sweeps {
                 let level = Level::of(population.beta, &population.points);
                 population.levels.push(level);
             }
         }
-        next.clock += 1;
-        *self = next;
+        self.clock += 1;
         Ok(tally)
     }
 }

@@ -7,6 +7,9 @@ use serde::{Deserialize, Serialize};
 /// Most members of a population: each has a random stream of its own.
 const MOST_MEMBERS: usize = 1 << 19;
 
+/// Fewest sweeps at each temperature, if their number is not given.
+const LEAST_SWEEPS: usize = 8;
+
 /// Settings of a tempered run; the defaults suit smooth posteriors of up to a few dozen parameters.
 ///
 /// The cost in gradients is about `2^rounds first_scans x ladders x temperatures x moves x leapfrogs`, where leapfrogs
@@ -43,6 +46,9 @@ pub struct Settings {
     /// Independent populations, at most one per ladder. Ladders take turns to share them: a large population weighs its
     /// hollows against each other, many small ones only show how little each knows. Errors are the scatter of populations.
     pub populations: usize,
+    /// Slices of each member at each temperature of its population; 0: as many as parameters, at least 8. A population that
+    /// is cooled faster than its members move falls behind, and its evidence is too small.
+    pub sweeps: usize,
     /// Slices per scan and temperature, before the Hamiltonian moves: for likelihoods too rough for long trajectories. Each
     /// costs about 3 to 8 values and no gradient.
     pub slices: usize,
@@ -64,6 +70,7 @@ impl Default for Settings {
             moves: 1,
             annealing: 0,
             populations: 4,
+            sweeps: 0,
             slices: 0,
         }
     }
@@ -90,6 +97,16 @@ impl Settings {
     #[must_use]
     pub fn members(&self) -> usize {
         (self.annealing * self.ladders).div_ceil(self.families())
+    }
+
+    /// Slices of each member at each temperature, for a target of `dim` parameters.
+    #[must_use]
+    pub(super) fn sweeps(&self, dim: usize) -> usize {
+        if self.sweeps > 0 {
+            self.sweeps
+        } else {
+            dim.max(LEAST_SWEEPS)
+        }
     }
 
     /// Refuses what cannot run.
@@ -184,6 +201,7 @@ impl Settings {
             MOST_MEMBERS,
             "give fewer members per ladder, fewer ladders or more populations: a population has at most 2^19",
         )?;
+        whole("sweeps", self.sweeps, 0, 1 << 20, "give 0 or more")?;
         whole("slices", self.slices, 0, 1 << 20, "give 0 or more")?;
         real(
             "target_acceptance",

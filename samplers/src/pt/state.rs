@@ -270,7 +270,8 @@ impl State {
     /// scan.
     pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
         if let Some(annealing) = &mut self.annealing {
-            let tally = annealing.advance(target, self.settings.metric, self.seed)?;
+            let sweeps = self.settings.sweeps(target.dim());
+            let tally = annealing.advance(target, self.settings.metric, sweeps, self.seed)?;
             self.tally.merge(&tally);
             if annealing.done() {
                 let levels: Vec<Vec<Level>> = annealing.levels().map(<[Level]>::to_vec).collect();
