@@ -57,8 +57,8 @@ fn roughness(
 fn main() {
     let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
     let drawn = mocks(&prior, &MockSettings::default(), MOCKS, 1).expect("mocks");
-    let noisy = LikelihoodSettings {
-        model_noise: true,
+    let quiet = LikelihoodSettings {
+        model_noise: false,
         ..LikelihoodSettings::default()
     };
     let with = |settings: ModelSettings, particles, design| ModelSettings {
@@ -79,26 +79,19 @@ fn main() {
     let soft = Profile::Fast.likelihood();
     let rows = [
         ("fast", fast, soft),
-        ("fast, model noise", fast, noisy),
         (
             "fast, 400 steps per age",
             ModelSettings { steps: 400, ..fast },
             soft,
         ),
         (
-            "1,024 Sobol, model noise",
+            "1,024 Sobol particles",
             with(fast, 1_024, Design::Sobol),
-            noisy,
+            soft,
         ),
-        (
-            "1,024 Sobol, 400 steps, model noise",
-            ModelSettings {
-                steps: 400,
-                ..with(fast, 1_024, Design::Sobol)
-            },
-            noisy,
-        ),
-        ("10,000 random x 100, soft bins", paper, soft),
+        ("10,000 random x 100", paper, soft),
+        ("fast, no model noise", fast, quiet),
+        ("10,000 random x 100, no model noise", paper, quiet),
         (
             "paper, penalty",
             Profile::Paper.model(),

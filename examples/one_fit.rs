@@ -37,7 +37,6 @@ fn main() -> Result<()> {
     config.model.releases.particles = 256;
     config.model.steps = 40;
     config.model.orbit_steps = 256;
-    config.likelihood.model_noise = true;
     for (name, known) in KNOWN {
         config.prior.fix(name, known)?;
     }

@@ -39,7 +39,8 @@ pub struct LikelihoodSettings {
     pub edges: BinEdges,
     /// Missing bins.
     pub coverage: Coverage,
-    /// Add the model's own Monte-Carlo variance of each bin's mean to the data's.
+    /// Add the model's own Monte-Carlo variance of each bin's mean to the data's. The draws of a fit are frozen: what they are
+    /// off by is off everywhere, and with a few thousand particles it is as large as the data's errors.
     pub model_noise: bool,
     /// The threshold on a bin's weight, as a fraction of all particles: half of a mock's 1 %.
     pub least_fraction: f64,
@@ -50,7 +51,7 @@ impl Default for LikelihoodSettings {
         Self {
             edges: BinEdges::default(),
             coverage: Coverage::default(),
-            model_noise: false,
+            model_noise: true,
             least_fraction: 0.005,
         }
     }

@@ -14,7 +14,6 @@ fn target(coverage: Coverage) -> StreamTarget {
     let mut config: FitConfig = toml::from_str(
         r#"
         model = { steps = 60, orbit_steps = 128, releases = { particles = 512 } }
-        likelihood = { model_noise = true }
         [prior.fixed]
         r_s_halo_kpc = 15.0
         log10_m_prog = 7.7
