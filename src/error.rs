@@ -83,7 +83,7 @@ pub enum Error {
     },
     /// A point that had to have a track has none.
     #[error(
-        "no track at these parameters: {0}; change the parameters, or see `oblate evaluate` for the cause"
+        "no track at these parameters: {0}; {remedy}", remedy = .0.remedy()
     )]
     NoTrack(Rejection),
     /// The sampler stopped.
@@ -99,6 +99,9 @@ pub enum Rejection {
     BadParameter,
     /// The progenitor's orbit left the finite numbers.
     BadOrbit,
+    /// The progenitor's orbit turns faster somewhere than its particles' steps can follow
+    /// ([`ModelSettings::steps_per_turn`](crate::stream::ModelSettings::steps_per_turn)); more `model.steps` resolve it.
+    UnresolvedOrbit,
     /// A particle's state is NaN or infinite.
     BadParticle,
     /// A data bin has too few model particles (`coverage = "reject"`).
@@ -114,9 +117,24 @@ impl Rejection {
         match self {
             Self::BadParameter => "bad_parameter",
             Self::BadOrbit => "bad_orbit",
+            Self::UnresolvedOrbit => "unresolved_orbit",
             Self::BadParticle => "bad_particle",
             Self::Uncovered => "uncovered",
             Self::BadLikelihood => "bad_likelihood",
+        }
+    }
+
+    /// What to do about it, where a person asked for this one point.
+    #[must_use]
+    pub fn remedy(self) -> &'static str {
+        match self {
+            Self::BadParameter => "give finite parameters, masses, radii and an age above zero",
+            Self::UnresolvedOrbit => {
+                "its progenitor comes too close to the centre for the leapfrog's steps: give more of them (--steps, model.steps), \
+                 or model.steps_per_turn = 0 to have it all the same"
+            }
+            Self::Uncovered => "change the parameters, or take coverage = \"penalty\"",
+            Self::BadOrbit | Self::BadParticle | Self::BadLikelihood => "change the parameters",
         }
     }
 }

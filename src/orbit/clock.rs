@@ -5,12 +5,9 @@
 //! (r / a)^(1/4). Particles stay close enough to their progenitor for one grid to serve all of an epoch, and so each still
 //! goes through one fixed sequence of leapfrog maps. The grid depends on the parameters, and its derivative is taken along.
 
-use super::progenitor::{emptied, locate};
+use super::progenitor::{CORE2, emptied, locate};
 use super::{DenseOrbit, Moment, Node};
 use crate::scalar::Real;
-
-/// Square of a radius, kpc^2, below which the rate rises no more: a progenitor through the very centre has a phase.
-const CORE2: f64 = 1e-4;
 
 /// The phase at the nodes of an orbit.
 #[derive(Clone, Debug)]
@@ -25,10 +22,7 @@ pub struct Clock<S> {
 
 /// The rate of the phase at a node, up to a factor common to all.
 fn rate_at<S: Real>(node: &Node<S>) -> S {
-    (node.ddx().norm2() / (node.x().norm2() + CORE2))
-        .sqrt()
-        .sqrt()
-        .sqrt()
+    node.turn4().sqrt().sqrt().sqrt()
 }
 
 impl<S: Real> Clock<S> {
@@ -54,6 +48,16 @@ impl<S: Real> Clock<S> {
             phase,
             inverse,
         }
+    }
+
+    /// The largest angle, in radians, that a circular orbit through a node would turn by if all of the phase were one step; in
+    /// `n` steps from the oldest node to today it turns by the `n`-th part of it at most.
+    #[must_use]
+    pub fn fastest_turn(&self) -> f64 {
+        let rates = self.rate.iter().map(|rate| rate.re());
+        let all = self.phase.last().map_or(0.0, |phase| phase.re());
+        // The rate is the root of the turn in an interval, and a step takes `step in phase / rate` intervals.
+        rates.fold(0.0, f64::max) * all
     }
 
     /// Writes `steps + 1` moments from `tau` to today, evenly spaced in phase. The first and the last are `tau` and today

@@ -9,6 +9,9 @@ use crate::potential::Potential;
 use crate::scalar::{Real, Scalar, Vec3};
 use serde::{Deserialize, Serialize};
 
+/// Square of a radius, kpc^2, below which a rate of turning rises no more: a progenitor through the very centre has one.
+pub(super) const CORE2: f64 = 1e-4;
+
 /// How the progenitor is carried back in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -58,6 +61,13 @@ impl<S: Scalar> Node<S> {
     #[must_use]
     pub fn ddx(&self) -> Vec3<S> {
         self.vector(2)
+    }
+
+    /// The fourth power of the angle that a circular orbit through this node turns by until the next: of omega times the
+    /// spacing, with omega^2 = acceleration / radius.
+    #[inline(always)]
+    pub(super) fn turn4(&self) -> S {
+        self.ddx().norm2() / (self.x().norm2() + CORE2)
     }
 
     /// Adds a vector to a row.
@@ -291,6 +301,19 @@ impl<S: Real> DenseOrbit<S> {
             sum[k] = f[k].mul_add(w[5], e[k].mul_add(w[4], d[k].mul_add(w[3], earlier)));
         }
         sum
+    }
+
+    /// Number of intervals between nodes.
+    #[must_use]
+    pub fn intervals(&self) -> usize {
+        self.nodes.len() - 1
+    }
+
+    /// The largest angle, in radians, that a circular orbit through a node turns by between two nodes.
+    #[must_use]
+    pub fn fastest_turn(&self) -> f64 {
+        let squares = self.nodes.iter().map(|node| node.turn4().re());
+        squares.fold(0.0, f64::max).sqrt().sqrt()
     }
 
     /// Largest relative difference of the energy at a node from that today, in the host that the orbit was integrated in.

@@ -83,6 +83,10 @@ pub struct ModelSettings {
     pub orbit: OrbitMethod,
     /// Steps of the progenitor's orbit.
     pub orbit_steps: usize,
+    /// Fewest leapfrog steps per turn where the progenitor's orbit turns fastest (a circular orbit there, 2 pi / omega); a
+    /// galaxy with fewer is rejected. With six the energy of a plunging orbit still holds to 1e-4; with two or three its
+    /// particles are scattered by their steps alone, and a track is an accident of rounding. 0: none is rejected.
+    pub steps_per_turn: usize,
 }
 
 impl Default for ModelSettings {
@@ -94,6 +98,7 @@ impl Default for ModelSettings {
             step_rule: StepRule::default(),
             orbit: OrbitMethod::default(),
             orbit_steps: 256,
+            steps_per_turn: 6,
         }
     }
 }
@@ -212,7 +217,8 @@ impl Model {
     /// The cold stage.
     ///
     /// # Errors
-    /// [`Rejection::BadParameter`] or [`Rejection::BadOrbit`] where there is no finite orbit.
+    /// [`Rejection::BadParameter`] or [`Rejection::BadOrbit`] where there is no finite orbit, [`Rejection::UnresolvedOrbit`]
+    /// where the steps are too long for it.
     pub fn setup<S: Real>(&self, galaxy: &Galaxy<S>) -> std::result::Result<Setup<S>, Rejection> {
         self.setup_reusing(galaxy, None)
     }

@@ -8,7 +8,7 @@ use crate::potential::{FlattenedNfw, Plummer};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
 use crate::units::KPC_PER_GYR_IN_KM_S;
-use std::f64::consts::LN_10;
+use std::f64::consts::{LN_10, TAU};
 
 /// What makes a stream: a host, a progenitor, and where it is today.
 #[derive(Clone, Copy, Debug)]
@@ -232,6 +232,19 @@ impl<S: Real> Setup<S> {
         if !orbit.is_finite() {
             return Err(Rejection::BadOrbit);
         }
+        let clock = match settings.step_rule {
+            StepRule::Uniform => None,
+            StepRule::Dynamical => Some(Clock::of(&orbit, spare_clock)),
+        };
+        if settings.steps_per_turn > 0 {
+            let turn = clock.as_ref().map_or_else(
+                || orbit.fastest_turn() * orbit.intervals() as f64,
+                Clock::fastest_turn,
+            );
+            if turn * settings.steps_per_turn as f64 > TAU * settings.steps as f64 {
+                return Err(Rejection::UnresolvedOrbit);
+            }
+        }
         let mut tally = Tally::default();
         launches.clear();
         for tau in &table.taus {
@@ -239,10 +252,6 @@ impl<S: Real> Setup<S> {
             tally.bounded_tidal_radius += u64::from(bounded);
             launches.push(launch);
         }
-        let clock = match settings.step_rule {
-            StepRule::Uniform => None,
-            StepRule::Dynamical => Some(Clock::of(&orbit, spare_clock)),
-        };
         Ok(Self {
             clock,
             host,

@@ -2,7 +2,7 @@
 //! differences in three coordinate systems, its exact symmetry, its coverage rules.
 
 use oblate::likelihood::{
-    Coverage, DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
+    Coverage, DataBin, Evaluation, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
 };
 use oblate::orbit::OrbitMethod;
 use oblate::params::{DIM, PriorSettings, QRange, StreamPrior};
@@ -55,6 +55,7 @@ fn small() -> ModelSettings {
         steps: 40,
         steps_per: StepsPer::Particle,
         orbit_steps: 256,
+        steps_per_turn: 0,
         ..ModelSettings::default()
     }
 }
@@ -100,10 +101,10 @@ fn in_z(z: &Theta, gradient: &Theta) -> Theta {
 
 #[test]
 fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
-    let soft = LikelihoodSettings::default();
-    let noisy = LikelihoodSettings {
-        model_noise: true,
-        ..soft
+    let noisy = LikelihoodSettings::default();
+    let soft = LikelihoodSettings {
+        model_noise: false,
+        ..noisy
     };
     let hard = LikelihoodSettings {
         edges: BinEdges::Hard,
@@ -127,6 +128,7 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             steps: 30,
             steps_per: StepsPer::Particle,
             orbit_steps: 128,
+            steps_per_turn: 0,
             orbit,
             ..ModelSettings::default()
         }
@@ -171,9 +173,9 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             soft,
         ),
     ];
-    let (mut compared, mut chaotic) = (0, 0);
-    let mut worst = 0.0_f64;
+    let (mut compared, mut equal, mut chaotic) = (0, 0, 0);
     let mut differences = Vec::new();
+    let mut worst = 0.0_f64;
     for (model_settings, likelihood_settings) in &settings {
         let model = model(*model_settings);
         for n in 0..25 {
@@ -190,46 +192,62 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             let plain = likelihood
                 .ln_likelihood(&theta)
                 .expect("a value where there is a gradient");
-            let scale = reference.abs().max(1.0);
-            if rounding(&likelihood, &theta) > 1e-8 * scale {
+            let tolerance =
+                1e-10 * reference.abs().max(1.0) + ROUNDINGS * rounding(&likelihood, &theta);
+            for value in [value, plain] {
+                let d = (value.ln_likelihood - reference).abs();
+                assert!(d < tolerance, "{n}: {value:?} {reference}, {tolerance:e}");
+            }
+            let fast = in_z(&z, &fast);
+            let d = distance(&fast, &in_z(&z, &slow));
+            let shaken = shaken(&likelihood, &theta)
+                .map(|(_, gradient)| distance(&in_z(&z, &gradient), &fast))
+                .fold(0.0, f64::max);
+            if shaken > 1e-3 {
                 chaotic += 1;
                 continue;
             }
-            assert!(
-                (value.ln_likelihood - reference).abs() < 1e-7 * scale,
-                "{n} {value:?} {reference}"
-            );
-            assert!(
-                (plain.ln_likelihood - reference).abs() < 1e-7 * scale,
-                "{n} {plain:?} {reference}"
-            );
-            let (fast, slow) = (in_z(&z, &fast), in_z(&z, &slow));
-            let d = fast
-                .iter()
-                .zip(&slow)
-                .fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()))
-                / largest(&slow);
+            assert!(d < 1e-10 + ROUNDINGS * shaken, "{n}: {d:e}, {shaken:e}");
+            worst = worst.max(d / (1e-10 + shaken));
+            equal += usize::from(d < 1e-10);
             differences.push(d);
-            worst = worst.max(d);
             compared += 1;
         }
     }
     differences.sort_by(f64::total_cmp);
     println!(
-        "{compared} gradients, {chaotic} points left out: median {:e}, worst {worst:e}",
+        "{compared} gradients, {equal} equal to 1e-10: median {:e}; at most {worst:.1} roundings beyond; {chaotic} chaotic",
         differences[compared / 2]
     );
-    assert!(compared >= 100, "{compared}");
-    // The two differ by rounding alone, which orbits that pass close to the centre amplify.
-    let p90 = differences[compared * 9 / 10];
-    println!("nine of ten below {p90:e}");
-    assert!(p90 < 1e-8, "{p90:e}");
-    assert!(
-        differences[compared / 2] < 1e-12,
-        "{:e}",
-        differences[compared / 2]
-    );
-    assert!(worst < 1e-6, "{worst:e}");
+    assert!(equal >= 100, "{equal} of {compared}");
+    // Where rounding alone moves the gradient by a thousandth of itself there is nothing to compare.
+    assert!(chaotic < compared / 4, "{chaotic} beside {compared}");
+}
+
+/// How many times the change that rounding the parameters makes two ways of computing may differ by: each of their steps
+/// rounds too.
+const ROUNDINGS: f64 = 10.0;
+
+/// The largest difference of two vectors in units of the second's largest number.
+fn distance(a: &Theta, b: &Theta) -> f64 {
+    let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    differences.fold(0.0, f64::max) / largest(b)
+}
+
+/// Values and gradients where every parameter has moved by a few units in its last place. The flow amplifies that, and all
+/// rounding, where particles meet a centre in long steps.
+fn shaken(
+    likelihood: &StreamLikelihood,
+    theta: &Theta,
+) -> impl Iterator<Item = (Evaluation, Theta)> {
+    let moved = |k: usize| {
+        let mut theta = *theta;
+        for (i, t) in theta.iter_mut().enumerate() {
+            *t *= 1.0 + [-4e-16, 4e-16][(i >> (k % 4)) % 2] * (1.0 + k as f64);
+        }
+        theta
+    };
+    (0..6).filter_map(move |k| likelihood.gradient(&moved(k)).ok())
 }
 
 #[test]
@@ -250,18 +268,14 @@ fn a_value_does_not_allocate_after_the_first() {
     }
 }
 
-/// What rounding does to ln L at a point: its change when every parameter moves by a few units in its last place. The
-/// flow amplifies rounding where particles meet a centre in long steps; there derivatives are astronomical, and no
-/// comparison proves anything.
+/// What rounding does to ln L at a point: there derivatives are astronomical where it is large, and no comparison proves
+/// anything.
 fn rounding(likelihood: &StreamLikelihood, theta: &Theta) -> f64 {
-    let value = |t: &Theta| {
-        likelihood
-            .ln_likelihood(t)
-            .map_or(f64::NAN, |e| e.ln_likelihood)
+    let Ok(here) = likelihood.ln_likelihood(theta) else {
+        return f64::NAN;
     };
-    let here = value(theta);
-    (1..5)
-        .map(|k| (value(&theta.map(|t| t * (1.0 + f64::from(k) * 4e-16))) - here).abs())
+    shaken(likelihood, theta)
+        .map(|(value, _)| (value.ln_likelihood - here.ln_likelihood).abs())
         .fold(0.0, f64::max)
 }
 
@@ -312,10 +326,7 @@ fn central(f: impl Fn(f64) -> f64, largest_step: f64) -> (f64, f64) {
 #[test]
 fn the_gradient_matches_central_differences_in_theta_u_and_z() {
     let model = model(small());
-    let settings = LikelihoodSettings {
-        model_noise: true,
-        ..LikelihoodSettings::default()
-    };
+    let settings = LikelihoodSettings::default();
     let prior = prior();
     let check = |n: u64| -> Option<bool> {
         let (z, theta) = draw(n);
@@ -680,6 +691,7 @@ proptest! {
             step_rule,
             orbit,
             orbit_steps: 64,
+            steps_per_turn: 0,
         };
         let bin = |bin| DataBin { bin, r_kpc: 50.0, r_err_kpc: 1.0 };
         let data = [bin(-1), bin(0), bin(1)];

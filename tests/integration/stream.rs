@@ -1,11 +1,14 @@
 //! Whole streams: the integrator and the release against gala, lanes against the scalar path.
 
 use crate::gala::{NAMES, galaxy, subset};
+use oblate::Rejection;
 use oblate::orbit::{DenseOrbit, Flight, Level, OrbitMethod, Placement, State, advance};
+use oblate::potential::Potential;
 use oblate::scalar::Vec3;
 use oblate::spray::{Arm, Design, Recipe, TableSettings, Tidal};
-use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule};
 use rayon::prelude::*;
+use std::f64::consts::TAU;
 
 /// Steps of the test orbits: the golden streams were made at a tolerance of 1e-10.
 const ORBIT_STEPS: usize = 8_000;
@@ -210,4 +213,61 @@ fn a_stream_over_many_threads_has_the_bits_of_one_thread() {
             assert_eq!(one, many, "{design:?} {particles} {threads}");
         }
     }
+}
+
+#[test]
+fn an_orbit_that_turns_too_fast_for_the_steps_is_rejected_by_name() {
+    // A circular orbit in a round halo turns by omega = sqrt(a / r), whatever the rule of the steps.
+    let base = galaxy("s2_spherical");
+    let x = Vec3::new(30.0, 0.0, 0.0);
+    let omega = (base.host.acceleration(x).norm2().sqrt() / 30.0).sqrt();
+    let circular = Galaxy {
+        today: State {
+            x,
+            v: Vec3::new(0.0, 30.0 * omega, 0.0),
+        },
+        ..base
+    };
+    let turns = omega * base.age_gyr / TAU;
+    let result = |galaxy: &Galaxy<f64>, steps, steps_per_turn, step_rule| {
+        let settings = ModelSettings {
+            steps,
+            steps_per_turn,
+            step_rule,
+            orbit_steps: 1_024,
+            ..ModelSettings::default()
+        };
+        let model = Model::new(&settings).expect("a model");
+        model.setup(galaxy).map(|_| ())
+    };
+    for rule in [StepRule::Uniform, StepRule::Dynamical] {
+        let per_turn = 10;
+        let limit = turns * f64::from(per_turn);
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a small positive number"
+        )]
+        let (below, above) = ((0.99 * limit) as usize, (1.01 * limit).ceil() as usize);
+        let per_turn = per_turn as usize;
+        assert_eq!(
+            result(&circular, below, per_turn, rule),
+            Err(Rejection::UnresolvedOrbit)
+        );
+        assert_eq!(result(&circular, above, per_turn, rule), Ok(()));
+        assert_eq!(result(&circular, below, 0, rule), Ok(()));
+    }
+    // Almost through the centre: steps that are shorter there need to be fewer.
+    let mut plunging = circular;
+    plunging.today.v = Vec3::new(0.0, 3.0 * omega, 0.0);
+    let fewest = |rule| {
+        (1..200)
+            .find(|k| result(&plunging, 20 * k, 6, rule).is_ok())
+            .expect("enough steps")
+    };
+    let (uniform, dynamical) = (fewest(StepRule::Uniform), fewest(StepRule::Dynamical));
+    assert!(
+        2 * dynamical < uniform && dynamical > 1,
+        "{dynamical} {uniform}"
+    );
 }
