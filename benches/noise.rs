@@ -92,8 +92,10 @@ fn models(settings: &ModelSettings, seeds: u64) -> Vec<Model> {
             seed,
             ..settings.releases
         };
+        // Errors are to be seen, not rejected.
         Model::new(&ModelSettings {
             releases,
+            steps_per_turn: 0,
             ..*settings
         })
         .expect("a model")

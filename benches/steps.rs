@@ -26,6 +26,8 @@ fn model(steps: usize, step_rule: StepRule) -> Model {
         steps_per: StepsPer::Particle,
         step_rule,
         orbit_steps: 1_024,
+        // Errors are to be seen, not rejected.
+        steps_per_turn: 0,
         ..ModelSettings::default()
     })
     .expect("a model")

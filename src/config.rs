@@ -19,8 +19,9 @@ use std::result::Result as StdResult;
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
     /// 3,584 Sobol particles, 120 steps per age, soft bins, a smooth penalty, the model's own noise beside the data's: for
-    /// fits. The error of its tracks against 131,072 particles of 800 steps each is below that of [`Paper`](Self::Paper) for a quarter of its time: over 60
-    /// mocks and 4 tables 1.63 % (median) and 33 % (95 per cent) against 1.87 and 107 % (`cargo bench --bench noise`).
+    /// fits. The error of its tracks against 131,072 particles of 800 steps each is below that of [`Paper`](Self::Paper)
+    /// for a quarter of its time: over 60 mocks and 4 tables 1.63 % (median) and 33 % (95 per cent) against 1.87 and 107 %
+    /// (`cargo bench --bench noise`).
     #[default]
     Fast,
     /// The paper: 10,000 random particles, 100 uniform steps, a leapfrog orbit, hard bins, `reject`.

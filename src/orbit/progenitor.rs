@@ -256,8 +256,7 @@ impl<S: Real> DenseOrbit<S> {
     /// State and winding count at the time `tau` in [-1, 0].
     #[inline(always)]
     pub fn at(&self, tau: f64) -> (State<S>, S) {
-        let steps = self.nodes.len() - 1;
-        let (node, t) = locate(tau, steps);
+        let (node, t) = locate(tau, self.intervals());
         let x = vector(&self.combine(node, constants(quintic(t))));
         let dx = vector(&self.combine(node, constants(quintic_slope(t))));
         let v = dx * (S::one() / self.spacing_gyr);
@@ -283,7 +282,7 @@ impl<S: Real> DenseOrbit<S> {
     #[inline(always)]
     pub fn slope(&self, moment: Moment<f64>) -> Vec3<S> {
         let weights = constants(quintic_slope(moment.share));
-        vector(&self.combine(moment.node, weights)) * S::from_f64((self.nodes.len() - 1) as f64)
+        vector(&self.combine(moment.node, weights)) * S::from_f64(self.intervals() as f64)
     }
 
     /// Position at a placement, as a row.
@@ -312,8 +311,8 @@ impl<S: Real> DenseOrbit<S> {
     /// The largest angle, in radians, that a circular orbit through a node turns by between two nodes.
     #[must_use]
     pub fn fastest_turn(&self) -> f64 {
-        let squares = self.nodes.iter().map(|node| node.turn4().re());
-        squares.fold(0.0, f64::max).sqrt().sqrt()
+        let fourth_powers = self.nodes.iter().map(|node| node.turn4().re());
+        fourth_powers.fold(0.0, f64::max).sqrt().sqrt()
     }
 
     /// Largest relative difference of the energy at a node from that today, in the host that the orbit was integrated in.
