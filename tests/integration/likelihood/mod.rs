@@ -1,0 +1,344 @@
+//! The likelihood of a track as a function of the 13 parameters: its coverage rules, its threads, its extremes; and its
+//! gradients.
+
+mod adjoint;
+mod gradient;
+
+use oblate::likelihood::{
+    Coverage, DataBin, Evaluation, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
+};
+use oblate::orbit::OrbitMethod;
+use oblate::params::{DIM, PriorSettings, QRange, StreamPrior};
+use oblate::spray::{Design, Recipe, TableSettings};
+use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule, StepsPer};
+use oblate::track::{BinEdges, Track};
+use oblate_samplers::Prior;
+use oblate_samplers::rng::{Domain, standard_normal, stream};
+use proptest::prelude::*;
+use rayon::prelude::*;
+
+type Theta = [f64; DIM];
+
+/// An orbit and masses like those of gala's first stream, in a nearly spherical halo.
+const BASE: Theta = [
+    12.1, 16.0, -0.25, -0.4, 1.64, 8.0, 1.5, 59.0, 53.0, -41.0, 156.0, -29.0, 3.0,
+];
+
+const Q: QRange = QRange {
+    q_min: 0.5,
+    q_max: 1.5,
+};
+
+fn prior() -> Prior {
+    StreamPrior::new(&PriorSettings::default())
+        .expect("the default prior")
+        .prior()
+        .clone()
+}
+
+/// The n-th prior draw, z and theta.
+fn draw(n: u64) -> (Theta, Theta) {
+    let mut rng = stream(20_261_121, Domain::Prior, 0, n);
+    let z: Theta = std::array::from_fn(|_| standard_normal(&mut rng));
+    let mut theta = [0.0; DIM];
+    prior().theta_from_z(&z, &mut theta);
+    (z, theta)
+}
+
+fn model(settings: ModelSettings) -> Model {
+    Model::new(&settings).expect("a model")
+}
+
+fn small() -> ModelSettings {
+    ModelSettings {
+        releases: TableSettings {
+            particles: 256,
+            ..TableSettings::default()
+        },
+        steps: 40,
+        steps_per: StepsPer::Particle,
+        orbit_steps: 256,
+        steps_per_turn: 0,
+        ..ModelSettings::default()
+    }
+}
+
+/// A likelihood whose data is the model's own track at `theta`, with radii off by a few per cent.
+fn likelihood_at(
+    theta: &Theta,
+    model: &Model,
+    settings: &LikelihoodSettings,
+) -> Option<StreamLikelihood> {
+    let params = oblate::params::StreamParams::from_array(*theta);
+    let setup = model.setup(&Galaxy::from_params(&params, Q)).ok()?;
+    let (mut flights, mut out) = (Flights::default(), Arrivals::default());
+    model.carry(&setup, &mut flights, &mut out).ok()?;
+    let track = Track::of(&out, 10.0, settings.edges, 0.02 * out.len() as f64);
+    let data: Vec<DataBin> = track
+        .bins
+        .iter()
+        .enumerate()
+        .map(|(i, b)| DataBin {
+            bin: b.bin,
+            r_kpc: b.r_kpc * (1.0 + 0.03 * (i as f64).sin()),
+            r_err_kpc: 0.02 * b.r_kpc,
+        })
+        .collect();
+    if data.len() < 3 {
+        return None;
+    }
+    let track = TrackLikelihood::new(settings, 10.0, &data, out.len()).ok()?;
+    Some(StreamLikelihood::new(model.clone(), track, Q))
+}
+
+fn largest(g: &[f64]) -> f64 {
+    g.iter().fold(0.0, |m, v| m.max(v.abs()))
+}
+
+/// Gradients in units of the prior's own scale: what a relative tolerance can be held against.
+fn in_z(z: &Theta, gradient: &Theta) -> Theta {
+    let mut g = *gradient;
+    prior().gradient_to_z(z, &mut g);
+    g
+}
+
+/// Values and gradients where every parameter has moved by a few units in its last place. The flow amplifies that, and all
+/// rounding, where particles meet a centre in long steps.
+fn shaken(
+    likelihood: &StreamLikelihood,
+    theta: &Theta,
+) -> impl Iterator<Item = (Evaluation, Theta)> {
+    let moved = |k: usize| {
+        let mut theta = *theta;
+        for (i, t) in theta.iter_mut().enumerate() {
+            *t *= 1.0 + [-4e-16, 4e-16][(i >> (k % 4)) % 2] * (1.0 + k as f64);
+        }
+        theta
+    };
+    (0..6).filter_map(move |k| likelihood.gradient(&moved(k)).ok())
+}
+
+/// What rounding does to ln L at a point: there derivatives are astronomical where it is large, and no comparison proves
+/// anything.
+fn rounding(likelihood: &StreamLikelihood, theta: &Theta) -> f64 {
+    let Ok(here) = likelihood.ln_likelihood(theta) else {
+        return f64::NAN;
+    };
+    shaken(likelihood, theta)
+        .map(|(value, _)| (value.ln_likelihood - here.ln_likelihood).abs())
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn a_value_does_not_allocate_after_the_first() {
+    let likelihood = likelihood_at(&BASE, &model(small()), &LikelihoodSettings::default());
+    let dynamical = ModelSettings {
+        step_rule: StepRule::Dynamical,
+        ..small()
+    };
+    for likelihood in [
+        likelihood.expect("a likelihood"),
+        likelihood_at(&BASE, &model(dynamical), &LikelihoodSettings::default()).expect("another"),
+    ] {
+        let value = || likelihood.ln_likelihood(&BASE).expect("a value");
+        let first = value();
+        let info = allocation_counter::measure(|| assert_eq!(value(), first));
+        assert_eq!(info.count_total, 0, "{info:?}");
+    }
+}
+
+#[test]
+fn mirrored_streams_have_the_same_track() {
+    // z -> -z of everything leaves the projection as it is; so does a rotation about z but for the angle's zero, which
+    // is the progenitor's.
+    let model = model(small());
+    let (_, theta) = draw(3);
+    let track = |theta: &Theta| {
+        let params = oblate::params::StreamParams::from_array(*theta);
+        let setup = model
+            .setup(&Galaxy::from_params(&params, Q))
+            .expect("a setup");
+        let (mut flights, mut out) = (Flights::default(), Arrivals::default());
+        model
+            .carry(&setup, &mut flights, &mut out)
+            .expect("particles");
+        out
+    };
+    let mut mirrored = theta;
+    for i in [4, 8, 11] {
+        mirrored[i] = -mirrored[i];
+    }
+    // Out-of-plane kicks follow the angular momentum, a pseudovector: flip them by reversing nothing but z, which the
+    // release does by itself because Fardal's kicks along the pole change sign with it only in distribution.
+    let (a, b) = (track(&theta), track(&mirrored));
+    let mean =
+        |t: &Arrivals| t.x.iter().zip(&t.y).map(|(x, y)| x.hypot(*y)).sum::<f64>() / t.len() as f64;
+    assert!(
+        (mean(&a) / mean(&b) - 1.0).abs() < 0.02,
+        "{} {}",
+        mean(&a),
+        mean(&b)
+    );
+}
+
+#[test]
+fn an_uncovered_track_is_rejected_by_name_or_penalised_smoothly() {
+    let model = model(small());
+    let theta = BASE;
+    let soft = LikelihoodSettings::default();
+    let likelihood = likelihood_at(&theta, &model, &soft).expect("a stream");
+    let mut data: Vec<DataBin> = likelihood.track().data().copied().collect();
+    let last = data[data.len() - 1];
+    data.push(DataBin {
+        bin: last.bin + 40,
+        ..last
+    });
+    let build = |settings: &LikelihoodSettings| {
+        let track = TrackLikelihood::new(settings, 10.0, &data, 256).expect("a likelihood");
+        StreamLikelihood::new(model.clone(), track, Q)
+    };
+    let reject = LikelihoodSettings {
+        edges: BinEdges::Hard,
+        coverage: Coverage::Reject,
+        ..soft
+    };
+    let cause = build(&reject)
+        .ln_likelihood(&theta)
+        .expect_err("the last bin is empty");
+    assert_eq!(cause, oblate::Rejection::Uncovered);
+    let penalised = build(&soft)
+        .ln_likelihood(&theta)
+        .expect("finite")
+        .ln_likelihood;
+    let covered = likelihood
+        .ln_likelihood(&theta)
+        .expect("finite")
+        .ln_likelihood;
+    // One missing bin of n costs z_miss^2/2 and lambda/n^2.
+    let n = data.len() as f64;
+    let miss =
+        -450.0 - last.r_err_kpc.ln() - oblate_samplers::normal::LN_SQRT_2PI - 1_000.0 / (n * n);
+    assert!(
+        (penalised - covered - miss).abs() < 1e-6,
+        "{penalised} {covered} {miss}"
+    );
+}
+
+#[test]
+fn a_nan_parameter_is_a_counted_rejection() {
+    let model = model(small());
+    let theta = BASE;
+    let likelihood =
+        likelihood_at(&theta, &model, &LikelihoodSettings::default()).expect("a stream");
+    for i in 0..DIM {
+        for bad in [f64::NAN, f64::INFINITY] {
+            let mut t = theta;
+            t[i] = bad;
+            let value = likelihood.ln_likelihood(&t);
+            let gradient = likelihood.gradient(&t);
+            assert!(
+                value.is_err() || (2..5).contains(&i),
+                "{i} {bad}: {value:?}"
+            );
+            assert!(gradient.is_err() || (2..5).contains(&i), "{i} {bad}");
+            if let Ok(e) = value {
+                assert!(e.ln_likelihood.is_finite());
+            }
+        }
+    }
+}
+
+#[test]
+fn values_and_gradients_have_the_same_bits_over_many_threads_and_in_batches() {
+    let settings = ModelSettings {
+        step_rule: StepRule::Dynamical,
+        ..small()
+    };
+    for settings in [small(), settings] {
+        let model = model(settings);
+        let likelihood =
+            likelihood_at(&BASE, &model, &LikelihoodSettings::default()).expect("a track");
+        let points: Vec<Theta> = (0..9)
+            .map(|i| {
+                let mut theta = BASE;
+                theta[0] += 0.01 * f64::from(i);
+                theta
+            })
+            .collect();
+        let values: Vec<_> = points.iter().map(|t| likelihood.ln_likelihood(t)).collect();
+        let gradients: Vec<_> = points.iter().map(|t| likelihood.gradient(t)).collect();
+        for threads in [1, 2, 5] {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("threads");
+            pool.install(|| {
+                assert_eq!(values, likelihood.ln_likelihoods(&points));
+                for (theta, (value, gradient)) in points.iter().zip(values.iter().zip(&gradients)) {
+                    assert_eq!(*value, likelihood.ln_likelihood_in_parallel(theta));
+                    assert_eq!(*gradient, likelihood.gradient_in_parallel(theta));
+                }
+            });
+        }
+    }
+}
+
+/// A parameter from its extremes or anywhere between.
+fn extreme(lo: f64, hi: f64) -> impl Strategy<Value = f64> {
+    prop_oneof![Just(lo), Just(hi), lo..hi]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1_000))]
+
+    /// Whatever is asked of it, a stream is finite or a rejection by name, and so are ln L and its gradient.
+    #[test]
+    fn extremes_give_finite_numbers_or_a_counted_rejection(
+        log10_m_halo in extreme(11.0, 14.0),
+        r_s_halo_kpc in extreme(1.0, 25.0),
+        // Halves to the prior's q of .5 to 1.5: the length of the shape vector.
+        length in extreme(1e-9, 8.0),
+        (along, across) in (extreme(-1.0, 1.0), extreme(-1.0, 1.0)),
+        log10_m_prog in extreme(7.0, 9.0),
+        r_s_prog_kpc in extreme(1.0, 5.0),
+        (x0, z0) in (extreme(1e-6, 150.0), extreme(1e-6, 150.0)),
+        // No velocity at all is a plunge through the centre; one of them alone a radial or a circular start.
+        velocity in [extreme(0.0, 250.0), extreme(1e-9, 250.0), extreme(-250.0, 0.0)],
+        age_gyr in extreme(1.0, 4.0),
+        (particles, epochs) in prop_oneof![Just((8, 4)), Just((2, 1)), Just((64, 32)), Just((128, 8))],
+        steps in prop_oneof![Just(1_usize), Just(2), Just(60)],
+        step_rule in prop_oneof![Just(StepRule::Uniform), Just(StepRule::Dynamical)],
+        steps_per in prop_oneof![Just(StepsPer::Particle), Just(StepsPer::Age)],
+        orbit in prop_oneof![Just(OrbitMethod::Accurate), Just(OrbitMethod::Leapfrog)],
+    ) {
+        let settings = ModelSettings {
+            releases: TableSettings { particles, epochs, ..TableSettings::default() },
+            steps,
+            steps_per,
+            step_rule,
+            orbit,
+            orbit_steps: 64,
+            steps_per_turn: 0,
+        };
+        let bin = |bin| DataBin { bin, r_kpc: 50.0, r_err_kpc: 1.0 };
+        let data = [bin(-1), bin(0), bin(1)];
+        let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, particles)
+            .expect("a track");
+        let likelihood = StreamLikelihood::new(model(settings), track, Q);
+        let theta = [
+            log10_m_halo, r_s_halo_kpc, along * length, across * length, length,
+            log10_m_prog, r_s_prog_kpc, x0, z0, velocity[0], velocity[1], velocity[2], age_gyr,
+        ];
+        match likelihood.ln_likelihood(&theta) {
+            Ok(evaluation) => prop_assert!(evaluation.ln_likelihood.is_finite()),
+            Err(cause) => prop_assert!(!cause.name().is_empty()),
+        }
+        match likelihood.gradient(&theta) {
+            Ok((evaluation, gradient)) => {
+                prop_assert!(evaluation.ln_likelihood.is_finite());
+                prop_assert!(gradient.iter().all(|g| g.is_finite()));
+            }
+            Err(cause) => prop_assert!(!cause.name().is_empty()),
+        }
+    }
+}
