@@ -308,11 +308,12 @@ impl<S: Real> DenseOrbit<S> {
         self.nodes.len() - 1
     }
 
-    /// The largest angle, in radians, that a circular orbit through a node turns by between two nodes.
+    /// The largest angle, in radians, that a circular orbit through a node turns by in the whole age; in `n` even steps it
+    /// turns by the `n`-th part of it in each.
     #[must_use]
     pub fn fastest_turn(&self) -> f64 {
         let fourth_powers = self.nodes.iter().map(|node| node.turn4().re());
-        fourth_powers.fold(0.0, f64::max).sqrt().sqrt()
+        fourth_powers.fold(0.0, f64::max).sqrt().sqrt() * self.intervals() as f64
     }
 
     /// Largest relative difference of the energy at a node from that today, in the host that the orbit was integrated in.

@@ -237,10 +237,9 @@ impl<S: Real> Setup<S> {
             StepRule::Dynamical => Some(Clock::of(&orbit, spare_clock)),
         };
         if settings.steps_per_turn > 0 {
-            let turn = clock.as_ref().map_or_else(
-                || orbit.fastest_turn() * orbit.intervals() as f64,
-                Clock::fastest_turn,
-            );
+            let turn = clock
+                .as_ref()
+                .map_or_else(|| orbit.fastest_turn(), Clock::fastest_turn);
             if turn * settings.steps_per_turn as f64 > TAU * settings.steps as f64 {
                 return Err(Rejection::UnresolvedOrbit);
             }
