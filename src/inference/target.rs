@@ -1,8 +1,8 @@
 //! The likelihood of a stream as a target of the samplers: free parameters in, ln L and gradient out.
 
 use crate::error::{Rejection, Tally};
-use crate::likelihood::StreamLikelihood;
-use crate::params::{StreamParams, StreamPrior, symmetry};
+use crate::likelihood::{Evaluation, StreamLikelihood};
+use crate::params::{DIM, StreamParams, StreamPrior, symmetry};
 use crate::potential::log10_m200;
 use oblate_samplers::{Outcome, Prior, Symmetry, Target};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -61,6 +61,16 @@ impl StreamTarget {
         }
     }
 
+    fn outcome(&self, evaluated: Result<Evaluation, Rejection>) -> Outcome {
+        match evaluated {
+            Ok(evaluation) => {
+                self.count(evaluation.tally);
+                Outcome::from_ln_likelihood(evaluation.ln_likelihood)
+            }
+            Err(cause) => Outcome::Reject(cause.name()),
+        }
+    }
+
     fn count(&self, tally: Tally) {
         if tally.bounded_tidal_radius > 0 {
             self.bounded_tidal_radius
@@ -73,43 +83,32 @@ impl StreamTarget {
     }
 }
 
-fn rejected(cause: Rejection) -> Outcome {
-    Outcome::Reject(cause.name())
-}
-
 impl Target for StreamTarget {
     fn prior(&self) -> &Prior {
         self.prior.prior()
     }
 
     fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
-        match self
-            .likelihood
-            .ln_likelihood(&self.params(theta).to_array())
-        {
-            Ok(evaluation) => {
-                self.count(evaluation.tally);
-                Outcome::from_ln_likelihood(evaluation.ln_likelihood)
-            }
-            Err(cause) => rejected(cause),
-        }
+        let all = self.params(theta).to_array();
+        self.outcome(self.likelihood.ln_likelihood(&all))
+    }
+
+    fn ln_likelihoods(&self, thetas: &[Vec<f64>]) -> Vec<Outcome> {
+        let all: Vec<[f64; DIM]> = thetas.iter().map(|t| self.params(t).to_array()).collect();
+        let evaluated = self.likelihood.ln_likelihoods(&all);
+        evaluated.into_iter().map(|e| self.outcome(e)).collect()
     }
 
     /// ln L, and the smooth gradient: see [`StreamLikelihood::smooth_gradient`].
     fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
-        match self
-            .likelihood
-            .smooth_gradient(&self.params(theta).to_array())
-        {
-            Ok((evaluation, all)) => {
-                self.count(evaluation.tally);
-                for (slot, place) in gradient.iter_mut().zip(self.prior.free()) {
-                    *slot = all[*place];
-                }
-                Outcome::from_ln_likelihood(evaluation.ln_likelihood)
+        let all = self.params(theta).to_array();
+        let evaluated = self.likelihood.smooth_gradient(&all);
+        self.outcome(evaluated.map(|(evaluation, all)| {
+            for (slot, place) in gradient.iter_mut().zip(self.prior.free()) {
+                *slot = all[*place];
             }
-            Err(cause) => rejected(cause),
-        }
+            evaluation
+        }))
     }
 
     fn gradient_cost(&self) -> Option<f64> {

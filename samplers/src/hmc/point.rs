@@ -116,7 +116,28 @@ impl<'a> Evaluator<'a> {
         self.target.prior().theta_from_z(z, &mut self.theta);
         self.calls += 1;
         let outcome = self.target.ln_likelihood(&self.theta);
-        self.settle(&outcome)
+        self.note(&outcome);
+        outcome.ln_likelihood(&self.theta)
+    }
+
+    /// ln L at many places; minus infinity where rejected.
+    ///
+    /// # Errors
+    /// As [`value`](Self::value).
+    pub fn values(&mut self, places: &[&[f64]]) -> Result<Vec<f64>> {
+        let prior = self.target.prior();
+        let theta = |z: &&[f64]| {
+            let mut theta = vec![0.0; z.len()];
+            prior.theta_from_z(z, &mut theta);
+            theta
+        };
+        let thetas: Vec<Vec<f64>> = places.iter().map(theta).collect();
+        self.calls += thetas.len() as u64;
+        let outcomes = self.target.ln_likelihoods(&thetas);
+        outcomes.iter().for_each(|outcome| self.note(outcome));
+        let both = outcomes.iter().zip(&thetas);
+        both.map(|(outcome, theta)| outcome.ln_likelihood(theta))
+            .collect()
     }
 
     /// Fills ln L and gradient of `point` at its `z`; ln L is minus infinity if rejected, also where a slope is not
@@ -131,7 +152,8 @@ impl<'a> Evaluator<'a> {
         let outcome = self
             .target
             .ln_likelihood_and_gradient(&self.theta, &mut point.gradient);
-        point.ln_likelihood = self.settle(&outcome)?;
+        self.note(&outcome);
+        point.ln_likelihood = outcome.ln_likelihood(&self.theta)?;
         point.has_gradient = point.ln_likelihood > f64::NEG_INFINITY;
         if point.has_gradient {
             prior.gradient_to_z(&point.z, &mut point.gradient);
@@ -162,14 +184,14 @@ impl<'a> Evaluator<'a> {
         })
     }
 
-    fn settle(&mut self, outcome: &Outcome) -> Result<f64> {
+    /// Counts a rejection.
+    fn note(&mut self, outcome: &Outcome) {
         match outcome {
             Outcome::Reject(cause) => self.count(cause),
             Outcome::Value(l) if l.is_nan() => self.count("nan"),
             Outcome::Value(f64::NEG_INFINITY) => self.count("zero likelihood"),
             Outcome::Value(_) | Outcome::Fatal(_) => {}
         }
-        outcome.ln_likelihood(&self.theta)
     }
 
     fn count(&mut self, cause: Cause) {

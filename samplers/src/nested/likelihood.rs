@@ -25,6 +25,21 @@ impl Tally {
         }
     }
 
+    /// The ln L of a call, counted.
+    fn settle(&mut self, outcome: &Outcome, theta: &[f64]) -> Result<f64> {
+        self.calls += 1;
+        let ln_l = outcome.ln_likelihood(theta)?;
+        if ln_l > REJECTED {
+            return Ok(ln_l);
+        }
+        self.reject(match outcome {
+            Outcome::Reject(cause) => cause,
+            Outcome::Value(l) if l.is_nan() => "nan",
+            _ => "zero likelihood",
+        });
+        Ok(REJECTED)
+    }
+
     /// Adds the rejections to named counts.
     pub fn add_to(&self, counts: &mut BTreeMap<String, u64>) {
         for (cause, count) in &self.rejected {
@@ -82,16 +97,21 @@ impl<'a> Likelihood<'a> {
     pub fn at(&mut self, u: &[f64]) -> Result<f64> {
         self.target.prior().theta_from_u(u, &mut self.theta);
         let outcome = self.target.ln_likelihood(&self.theta);
-        self.tally.calls += 1;
-        let ln_l = outcome.ln_likelihood(&self.theta)?;
-        if ln_l > REJECTED {
-            return Ok(ln_l);
-        }
-        self.tally.reject(match outcome {
-            Outcome::Reject(cause) => cause,
-            Outcome::Value(l) if l.is_nan() => "nan",
-            _ => "zero likelihood",
-        });
-        Ok(REJECTED)
+        self.tally.settle(&outcome, &self.theta)
+    }
+
+    /// ln L at many points of the cube; [`REJECTED`] where there is none.
+    pub fn at_all(&mut self, points: &[Vec<f64>]) -> Result<Vec<f64>> {
+        let prior = self.target.prior();
+        let theta = |u: &Vec<f64>| {
+            let mut theta = vec![0.0; u.len()];
+            prior.theta_from_u(u, &mut theta);
+            theta
+        };
+        let thetas: Vec<Vec<f64>> = points.iter().map(theta).collect();
+        let outcomes = self.target.ln_likelihoods(&thetas);
+        let both = outcomes.iter().zip(&thetas);
+        both.map(|(outcome, theta)| self.tally.settle(outcome, theta))
+            .collect()
     }
 }

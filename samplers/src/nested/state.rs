@@ -180,25 +180,18 @@ impl State {
     /// One block of independent prior draws, until a batch of them has a likelihood.
     fn draw_first(&mut self, job: &Job<'_>) -> Result<()> {
         let count = job.settings.n_live;
-        let indices = self.next_point..self.next_point + count as u64;
-        let drawn: Vec<Result<(Vec<f64>, f64, _)>> = indices
-            .into_par_iter()
-            .map(|j| {
-                let mut rng = stream(job.seed, Domain::NestedPoint, 0, j);
-                let mut likelihood = Likelihood::new(job.target);
-                let mut u = vec![0.0; job.target.dim()];
-                likelihood.draw_prior(&mut rng, &mut u)?;
-                let ln_l = likelihood.at(&u)?;
-                Ok((u, ln_l, likelihood.tally))
-            })
-            .collect();
-        let drawn = drawn.into_iter().collect::<Result<Vec<_>>>()?;
-        for (u, ln_l, tally) in drawn {
-            let thread = u32::try_from(self.live.len()).unwrap_or(u32::MAX);
-            self.live.push(&u, ln_l, f64::NEG_INFINITY, thread);
-            self.calls += tally.calls;
-            tally.add_to(&mut self.rejected);
+        let mut likelihood = Likelihood::new(job.target);
+        let mut points = vec![vec![0.0; job.target.dim()]; count];
+        for (j, u) in (self.next_point..).zip(&mut points) {
+            likelihood.draw_prior(&mut stream(job.seed, Domain::NestedPoint, 0, j), u)?;
         }
+        let ln_l = likelihood.at_all(&points)?;
+        for (u, ln_l) in points.iter().zip(ln_l) {
+            let thread = u32::try_from(self.live.len()).unwrap_or(u32::MAX);
+            self.live.push(u, ln_l, f64::NEG_INFINITY, thread);
+        }
+        self.calls += likelihood.tally.calls;
+        likelihood.tally.add_to(&mut self.rejected);
         self.next_point += count as u64;
         let tries = self.live.len();
         let valid = self.live.ln_l.iter().filter(|l| **l > REJECTED).count();

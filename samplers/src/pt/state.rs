@@ -14,7 +14,7 @@ use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Prior draws tried for a slot's first state.
+/// A target where fewer draws of the prior than one in so many have a likelihood is taken to have none.
 const START_TRIES: usize = 100_000;
 
 /// A round of fewer scans is early: it only has to find the scales, so its trajectories are short, and energies far
@@ -154,49 +154,40 @@ impl State {
         ladders: usize,
         per_ladder: usize,
     ) -> Result<Vec<Vec<Point>>> {
-        // One alone first: a target that rejects everything should be told from it, not from all.
-        let one = self.first_point(target, 0, 1)?;
-        let drawn: Vec<Result<(Point, Tally)>> = (0..ladders * per_ladder)
-            .into_par_iter()
-            .map(|i| match (i / per_ladder, i % per_ladder) {
-                (0, 1) => Ok(one.clone()),
-                (ladder, member) => self.first_point(target, ladder, member),
+        let mut evaluator = hmc::Evaluator::new(target);
+        let mut points = vec![Point::new(target.dim()); ladders * per_ladder];
+        let mut streams: Vec<Stream> = (0..points.len())
+            .map(|i| {
+                let task = ((i / per_ladder) << 20) + i % per_ladder;
+                stream(self.seed, Domain::PtExplore, task as u64, 0)
             })
             .collect();
-        let mut ladders = vec![Vec::new(); ladders];
-        for (i, drawn) in drawn.into_iter().enumerate() {
-            let (point, tally) = drawn?;
-            self.tally.merge(&tally);
-            ladders[i / per_ladder].push(point);
-        }
-        Ok(ladders)
-    }
-
-    fn first_point(
-        &self,
-        target: &dyn Target,
-        ladder: usize,
-        member: usize,
-    ) -> Result<(Point, Tally)> {
-        let task = (ladder << 20) + member;
-        let mut rng = stream(self.seed, Domain::PtExplore, task as u64, 0);
-        let mut evaluator = hmc::Evaluator::new(target);
-        let mut point = Point::new(target.dim());
-        let mut tally = Tally::default();
-        for _ in 0..START_TRIES {
-            evaluator.draw_prior(&mut point.z, &mut rng)?;
-            point.ln_likelihood = evaluator.value(&point.z)?;
-            let prior = member == 0 && self.settings.annealing == 0;
-            if point.ln_likelihood.is_finite() || prior {
+        let prior = |i: usize| i.is_multiple_of(per_ladder) && self.settings.annealing == 0;
+        let mut wanting: Vec<usize> = (0..points.len()).collect();
+        let (mut tries, mut found) = (0, 0);
+        while !wanting.is_empty() {
+            for &i in &wanting {
+                evaluator.draw_prior(&mut points[i].z, &mut streams[i])?;
+            }
+            let places: Vec<&[f64]> = wanting.iter().map(|&i| points[i].z.as_slice()).collect();
+            let values = evaluator.values(&places)?;
+            for (&i, value) in wanting.iter().zip(values) {
+                points[i].ln_likelihood = value;
+                found += usize::from(value.is_finite());
+            }
+            tries += wanting.len();
+            wanting.retain(|&i| !points[i].ln_likelihood.is_finite() && !prior(i));
+            if tries / START_TRIES > found {
+                let mut tally = Tally::default();
                 tally.add(&evaluator);
-                return Ok((point, tally));
+                return Err(Error::NoStart {
+                    tries,
+                    cause: tally.main_cause(),
+                });
             }
         }
-        tally.add(&evaluator);
-        Err(Error::NoStart {
-            tries: START_TRIES,
-            cause: tally.main_cause(),
-        })
+        self.tally.add(&evaluator);
+        Ok(points.chunks(per_ladder).map(<[Point]>::to_vec).collect())
     }
 
     /// The stream of slot or gap number `index` (ladder-major over rungs) at a scan.

@@ -7,6 +7,8 @@ mod symmetry;
 pub use prior::{Marginal, Prior};
 pub use symmetry::{Involution, Orbit, Symmetry};
 
+use rayon::prelude::*;
+
 /// Why a point has no likelihood: a short name, counted and reported.
 pub type Cause = &'static str;
 
@@ -77,6 +79,12 @@ pub trait Target: Sync {
 
     /// ln L at the physical parameters `theta`, of length [`dim`](Self::dim).
     fn ln_likelihood(&self, theta: &[f64]) -> Outcome;
+
+    /// ln L at many points, in their order, each the outcome that it has alone: over all threads of the present rayon
+    /// pool. Samplers ask so wherever points do not wait for each other.
+    fn ln_likelihoods(&self, thetas: &[Vec<f64>]) -> Vec<Outcome> {
+        thetas.par_iter().map(|t| self.ln_likelihood(t)).collect()
+    }
 
     /// ln L and its gradient with respect to the physical parameters, written into `gradient` of length
     /// [`dim`](Self::dim). Only called if [`gradient_cost`](Self::gradient_cost) is some.

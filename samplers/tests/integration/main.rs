@@ -5,6 +5,7 @@
 )]
 
 mod arrows;
+mod batch;
 mod hmc;
 mod nested;
 mod pt;

@@ -40,7 +40,13 @@ fn refused(target: &dyn Target, settings: &Settings) -> Error {
 fn a_target_that_rejects_everything_is_told_with_its_cause() {
     let error = refused(&Nothing::new(true), &Settings::default());
     assert!(
-        matches!(error, Error::NoStart { tries: 100_000, .. }),
+        matches!(
+            error,
+            Error::NoStart {
+                tries: 100_000..,
+                ..
+            }
+        ),
         "{error}"
     );
     assert!(error.to_string().contains("bound to nothing"), "{error}");
