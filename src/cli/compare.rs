@@ -58,14 +58,20 @@ fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
     )?;
     say(
         out,
-        "           quantity     median_1     median_2   sigma  of width",
+        "           quantity     median_1     median_2   sigma  of width  distance  by chance",
     )?;
     for row in &c.marginals {
         say(
             out,
             &format!(
-                "{:>19} {:12.4} {:12.4} {:+7.2} {:9.3}",
-                row.name, row.median[0], row.median[1], row.sigma, row.of_width
+                "{:>19} {:12.4} {:12.4} {:+7.2} {:9.3} {:9.3} {:10.3}",
+                row.name,
+                row.median[0],
+                row.median[1],
+                row.sigma,
+                row.of_width,
+                row.distance,
+                row.distance_by_chance
             ),
         )?;
     }
@@ -79,13 +85,14 @@ fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
         )?;
     }
     for (i, cost) in c.cost.iter().enumerate() {
-        say(
-            out,
-            &format!(
-                "{}: {} calls, {} gradients, ESS {:.0}, {:.0} CPU seconds",
-                c.names[i], cost.calls, cost.gradients, cost.ess, cost.cpu_seconds
-            ),
-        )?;
+        let mut line = format!(
+            "{}: {} calls, {} gradients, ESS {:.0}, {:.0} CPU seconds",
+            c.names[i], cost.calls, cost.gradients, cost.ess, cost.cpu_seconds
+        );
+        if let Some(rate) = cost.q_ess_per_cpu_second {
+            line.push_str(&format!(", {rate:.3} effective draws of q per second"));
+        }
+        say(out, &line)?;
     }
     Ok(())
 }

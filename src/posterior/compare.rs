@@ -1,10 +1,12 @@
 //! Do two runs of one target agree? Evidence, marginals, mode weights, cost, side by side.
 
+use super::modes::{Share, prolate_share};
 use super::summary::ValueError;
-use super::{Column, Mode, columns, mode_weights};
+use super::{Column, Mode, ModeWeight, column, columns, mode_weights};
 use crate::error::{Error, Result};
 use oblate_samplers::Run;
-use oblate_samplers::diagnostics::weighted_quantile;
+use oblate_samplers::diagnostics::{bulk_ess, wasserstein, weighted_quantile};
+use oblate_samplers::output::Method;
 use serde::Serialize;
 
 /// Differences beyond this many combined errors are disagreement.
@@ -25,12 +27,16 @@ pub struct MarginalRow {
     pub sigma: f64,
     /// Difference of the medians over the mean 68 % half-width.
     pub of_width: f64,
+    /// First Wasserstein distance of the marginals over the same half-width.
+    pub distance: f64,
+    /// What that distance would be on average for draws of one posterior, as many as the runs' effective sizes.
+    pub distance_by_chance: f64,
 }
 
-/// One orientation cell in both runs.
+/// One orientation cell, or all that are prolate, in both runs.
 #[derive(Clone, Debug, Serialize)]
 pub struct ModeRow {
-    /// Such as `dir_x+ dir_y- oblate`.
+    /// Such as `dir_x+ dir_y- oblate`; `prolate`.
     pub name: String,
     /// Weights.
     pub weight: [f64; 2],
@@ -51,6 +57,8 @@ pub struct CostRow {
     pub cpu_seconds: f64,
     /// The effective sample size to quote.
     pub ess: f64,
+    /// Effective draws of q per second of CPU, where there is a q.
+    pub q_ess_per_cpu_second: Option<f64>,
 }
 
 /// Two runs side by side.
@@ -64,7 +72,7 @@ pub struct Comparison {
     pub ln_z_sigma: f64,
     /// Every parameter and derived quantity.
     pub marginals: Vec<MarginalRow>,
-    /// Orientation cells, where the runs have them.
+    /// Orientation cells and the prolate side, where the runs have them.
     pub modes: Vec<ModeRow>,
     /// Costs.
     pub cost: [CostRow; 2],
@@ -139,24 +147,29 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
             Some(marginal(ca, cb, &weights, ess))
         })
         .collect();
-    let modes = match (mode_weights(a), mode_weights(b)) {
+    let mut modes = match (mode_weights(a), mode_weights(b)) {
         (Some(ma), Some(mb)) => ma
             .iter()
             .zip(&mb)
-            .map(|(x, y)| ModeRow {
-                name: mode_name(x.mode),
-                weight: [x.weight, y.weight],
-                error: [x.error, y.error],
-                sigma: (x.weight - y.weight) / x.error.hypot(y.error).max(LEAST_MODE_ERROR),
+            .map(|(x, y)| {
+                let share = |m: &ModeWeight| Share {
+                    weight: m.weight,
+                    error: m.error,
+                };
+                mode_row(mode_name(x.mode), share(x), share(y))
             })
             .collect(),
         _ => Vec::new(),
     };
+    if let (Some(x), Some(y)) = (prolate_share(a), prolate_share(b)) {
+        modes.push(mode_row("prolate".to_owned(), x, y));
+    }
     let cost = [a, b].map(|r| CostRow {
         calls: r.cost.calls,
         gradients: r.cost.gradients,
         cpu_seconds: r.cost.cpu_seconds,
         ess: r.ess.quoted,
+        q_ess_per_cpu_second: q_ess(r).map(|ess| ess / r.cost.cpu_seconds),
     });
     Ok(Comparison {
         names: [name_a.to_owned(), name_b.to_owned()],
@@ -167,6 +180,32 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
         cost,
         converged: [a.converged(), b.converged()],
     })
+}
+
+fn mode_row(name: String, a: Share, b: Share) -> ModeRow {
+    ModeRow {
+        name,
+        weight: [a.weight, b.weight],
+        error: [a.error, b.error],
+        sigma: (a.weight - b.weight) / a.error.hypot(b.error).max(LEAST_MODE_ERROR),
+    }
+}
+
+/// Effective draws of q: of its chains, or of the weights where draws are independent.
+fn q_ess(run: &Run) -> Option<f64> {
+    let q = column(run, "q").ok()?.values;
+    if run.method == Method::Nested {
+        return Some(run.ess.quoted);
+    }
+    let rows = q.iter().zip(&run.draws.chain);
+    let mut chains: Vec<Vec<f64>> = Vec::new();
+    for (q, chain) in rows {
+        let chain = *chain as usize;
+        chains.resize_with(chains.len().max(chain + 1), Vec::new);
+        chains[chain].push(*q);
+    }
+    let chains: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
+    Some(bulk_ess(&chains))
 }
 
 fn mode_name(mode: Mode) -> String {
@@ -199,10 +238,16 @@ fn marginal(a: &Column, b: &Column, weights: &[Vec<f64>; 2], ess: [f64; 2]) -> M
     let width =
         |values: &[f64], w: &[f64]| 0.5 * (quantile(values, w, 0.84) - quantile(values, w, 0.16));
     let half = 0.5 * (width(&a.values, &weights[0]) + width(&b.values, &weights[1]));
+    let apart = wasserstein(
+        (&a.values, &weights[0], ess[0]),
+        (&b.values, &weights[1], ess[1]),
+    );
     MarginalRow {
         name: a.name.clone(),
         sigma: (ma - mb) / (va / ess[0] + vb / ess[1]).sqrt(),
         of_width: (median[0] - median[1]) / half,
+        distance: apart.distance / half,
+        distance_by_chance: apart.by_chance / half,
         median,
     }
 }

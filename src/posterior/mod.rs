@@ -13,7 +13,7 @@ pub mod zarr;
 
 pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare};
 pub use derived::prior_draws;
-pub use modes::{Mode, ModeWeight, mode_weights};
+pub use modes::{Mode, ModeWeight, Share, mode_weights, prolate_share};
 pub use summary::{
     Counts, GateRow, Interval, SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals,
 };

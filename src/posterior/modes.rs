@@ -35,6 +35,16 @@ pub struct ModeWeight {
     pub error: f64,
 }
 
+/// The probability of one of several exclusive things, and its Monte-Carlo standard error: between chains where a run has at
+/// least four, by bootstrap of the weighted draws otherwise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Share {
+    /// Posterior probability.
+    pub weight: f64,
+    /// Its error. A run that never saw the thing cannot know about it: 0 is then no bound.
+    pub error: f64,
+}
+
 /// The eight cells in a fixed order, or `None` if the run lacks `dir_x`, `dir_y` or `q`.
 #[must_use]
 pub fn mode_weights(run: &Run) -> Option<Vec<ModeWeight>> {
@@ -48,58 +58,74 @@ pub fn mode_weights(run: &Run) -> Option<Vec<ModeWeight>> {
             usize::from(x[i] >= 0.0) + 2 * usize::from(y[i] >= 0.0) + 4 * usize::from(q[i] > 1.0)
         })
         .collect();
+    let weights = shares::<8>(run, &cells).into_iter().enumerate();
+    Some(
+        weights
+            .map(|(cell, Share { weight, error })| ModeWeight {
+                mode: Mode {
+                    dir_x_positive: cell & 1 != 0,
+                    dir_y_positive: cell & 2 != 0,
+                    prolate: cell & 4 != 0,
+                },
+                weight,
+                error,
+            })
+            .collect(),
+    )
+}
+
+/// The probability that q > 1, or `None` if the run lacks `q`.
+#[must_use]
+pub fn prolate_share(run: &Run) -> Option<Share> {
+    let q = column(run, "q").ok()?.values;
+    let sides: Vec<usize> = q.iter().map(|q| usize::from(*q > 1.0)).collect();
+    Some(shares::<2>(run, &sides)[1])
+}
+
+/// The shares of labels below `N`, one label per draw.
+fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
     let weights = run.draws.weights();
-    let mut total = [0.0; 8];
-    for (cell, w) in cells.iter().zip(&weights) {
-        total[*cell] += w;
-    }
-    let groups = run.draws.chain.iter().max().map_or(0, |c| *c as usize + 1);
-    let samples: Vec<[f64; 8]> = if groups >= 4 {
-        (0..groups)
-            .map(|g| {
-                let rows = (0..cells.len()).filter(|i| run.draws.chain[*i] as usize == g);
-                shares(&cells, &weights, rows)
+    let rows = labels.len();
+    let chains = run.draws.chain.iter().max().map_or(0, |c| *c as usize + 1);
+    let samples: Vec<[f64; N]> = if chains >= 4 {
+        (0..chains)
+            .map(|chain| {
+                let own = (0..rows).filter(|i| run.draws.chain[*i] as usize == chain);
+                share(labels, &weights, own)
             })
             .collect()
     } else {
         (0..BOOTSTRAPS)
             .map(|b| {
                 let mut rng = stream(run.seed, Domain::Post, BOOTSTRAP_TASK, b);
-                let rows = (0..cells.len()).map(|_| index(unit_open(&mut rng), cells.len()));
-                shares(&cells, &weights, rows)
+                let drawn = (0..rows).map(|_| index(unit_open(&mut rng), rows));
+                share(labels, &weights, drawn)
             })
             .collect()
     };
     let count = samples.len() as f64;
     // Chains average to the whole: their spread is divided by their number. Bootstraps each have the whole's error.
-    let shrink = if groups >= 4 { count } else { 1.0 };
-    Some(
-        (0..8)
-            .map(|cell| {
-                let mean = samples.iter().map(|s| s[cell]).sum::<f64>() / count;
-                let variance = samples
-                    .iter()
-                    .map(|s| (s[cell] - mean).powi(2))
-                    .sum::<f64>()
-                    / (count - 1.0).max(1.0);
-                ModeWeight {
-                    mode: Mode {
-                        dir_x_positive: cell & 1 != 0,
-                        dir_y_positive: cell & 2 != 0,
-                        prolate: cell & 4 != 0,
-                    },
-                    weight: total[cell],
-                    error: (variance / shrink).sqrt(),
-                }
-            })
-            .collect(),
-    )
+    let shrink = if chains >= 4 { count } else { 1.0 };
+    let whole: [f64; N] = share(labels, &weights, 0..rows);
+    std::array::from_fn(|label| {
+        let mean = samples.iter().map(|s| s[label]).sum::<f64>() / count;
+        let squares = samples.iter().map(|s| (s[label] - mean).powi(2));
+        let variance = squares.sum::<f64>() / (count - 1.0).max(1.0);
+        Share {
+            weight: whole[label],
+            error: (variance / shrink).sqrt(),
+        }
+    })
 }
 
-fn shares(cells: &[usize], weights: &[f64], rows: impl Iterator<Item = usize>) -> [f64; 8] {
-    let mut share = [0.0; 8];
+fn share<const N: usize>(
+    labels: &[usize],
+    weights: &[f64],
+    rows: impl Iterator<Item = usize>,
+) -> [f64; N] {
+    let mut share = [0.0; N];
     for row in rows {
-        share[cells[row]] += weights[row];
+        share[labels[row]] += weights[row];
     }
     let sum: f64 = share.iter().sum();
     if sum > 0.0 {

@@ -4,7 +4,7 @@ use crate::runs;
 use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
 use oblate::posterior::{
-    Interval, Summary, SummaryContext, columns, modes, prior_draws, run_from_parts, zarr,
+    Interval, Summary, SummaryContext, columns, compare, modes, prior_draws, run_from_parts, zarr,
 };
 use oblate_samplers::output::{Gate, Path as RunPath, Run};
 use oblate_samplers::{Marginal, Prior};
@@ -116,6 +116,36 @@ fn mode_weights_add_up_and_match_the_cells_probabilities() {
             assert!(cell.error < 12.0 * floor + 1e-12, "{cell:?} {floor}");
         }
     }
+}
+
+#[test]
+fn a_comparison_holds_distances_against_chance_and_sums_the_prolate_side() {
+    let (a, b) = (runs::nested(20_000, 7), runs::tempered(20_000, 8));
+    let c = compare("a", &a, "b", &b).unwrap();
+    for row in &c.marginals {
+        // A distance is nearly Gaussian in few numbers: five times its mean is far outside of chance.
+        assert!(row.distance < 5.0 * row.distance_by_chance, "{row:?}");
+        assert!(row.distance_by_chance < 0.1, "{row:?}");
+    }
+    let prolate = c.modes.last().unwrap();
+    assert_eq!(prolate.name, "prolate");
+    for run in 0..2 {
+        let cells = c.modes.iter().filter(|m| m.name.ends_with(" prolate"));
+        let sum: f64 = cells.map(|m| m.weight[run]).sum();
+        assert!((sum - prolate.weight[run]).abs() < 1e-9, "{prolate:?}");
+        let rate = c.cost[run].q_ess_per_cpu_second.unwrap();
+        let draws = rate * c.cost[run].cpu_seconds;
+        assert!(draws > 10_000.0 && draws < 40_000.0, "{draws}");
+    }
+    // The same draws, moved.
+    let mut moved = a.clone();
+    for row in moved.draws.theta.chunks_exact_mut(a.draws.dim) {
+        row[0] += 1.0;
+    }
+    let c = compare("a", &a, "moved", &moved).unwrap();
+    let row = &c.marginals[0];
+    assert!((row.distance - row.of_width.abs()).abs() < 1e-6, "{row:?}");
+    assert!(row.distance > 5.0 * row.distance_by_chance, "{row:?}");
 }
 
 /// NaN is equal to itself here: the estimate that a run could not make must come back as one.

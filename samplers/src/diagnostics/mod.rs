@@ -1,9 +1,11 @@
-//! Pure functions of draws: quantiles, effective sizes, ranks.
+//! Pure functions of draws: quantiles, effective sizes, ranks, distances.
 
 mod chains;
+mod distance;
 mod modes;
 
 pub use chains::{autocovariance, bulk_ess, mean_ess, r_hat, tail_ess};
+pub use distance::{Distance, wasserstein};
 pub use modes::{mode_agreement, two_means};
 
 /// Weighted quantile of `values` at probability `p`: the smallest value whose cumulative weight reaches `p`, by
