@@ -32,6 +32,19 @@ pub enum Event {
         /// Accepted points per call, lately.
         efficiency: f64,
     },
+    /// A dynamic nested run has come to an end that is not yet its target, and adds live points.
+    Strand {
+        /// Ends so far.
+        number: usize,
+        /// Evidence.
+        ln_z: f64,
+        /// Its error.
+        ln_z_error: f64,
+        /// Effective draws.
+        ess: f64,
+        /// Likelihood calls so far.
+        calls: u64,
+    },
     /// One sweep of the populations that a tempered run starts from.
     Annealing {
         /// Inverse temperature of the least cooled population.

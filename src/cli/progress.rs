@@ -99,6 +99,10 @@ impl Observer for Progress {
                 ),
                 false,
             ),
+            Event::Strand { number, ln_z, ln_z_error, ess, calls } => self.show(
+                &format!("strand {number}, ln Z {ln_z:.2} +- {ln_z_error:.2}, ESS {ess:.0}, {calls} calls"),
+                false,
+            ),
             Event::Annealing { beta, ln_z, calls } => {
                 self.show(&format!("annealing, beta {beta:.2e}, ln Z {ln_z:.2}, {calls} calls"), false);
             }

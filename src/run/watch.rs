@@ -68,6 +68,15 @@ fn line(event: &Event) -> serde_json::Value {
             "event": "nested", "iteration": iteration, "ln_x": ln_x, "ln_z": ln_z, "ln_z_error": ln_z_error,
             "remaining": remaining, "calls": calls, "efficiency": efficiency,
         }),
+        Event::Strand {
+            number,
+            ln_z,
+            ln_z_error,
+            ess,
+            calls,
+        } => json!({
+            "event": "strand", "number": number, "ln_z": ln_z, "ln_z_error": ln_z_error, "ess": ess, "calls": calls,
+        }),
         Event::Annealing { beta, ln_z, calls } => json!({
             "event": "annealing", "beta": beta, "ln_z": ln_z, "calls": calls,
         }),

@@ -5,6 +5,7 @@
 //! which `ln t` has mean `-1/n` and variance `1/n^2`. With `E ln t` the estimate of ln Z is unbiased; with `ln E t`
 //! the one of Z is.
 
+use super::live::Points;
 use crate::diagnostics::ln_sum_exp;
 use crate::rng::{Domain, below, stream, unit_open};
 use rayon::prelude::*;
@@ -45,6 +46,11 @@ pub(super) struct Weighted {
 }
 
 impl History {
+    /// Of the points of a run.
+    pub fn of(points: &Points) -> Self {
+        Self::new(&points.ln_l, &points.birth, &points.thread)
+    }
+
     /// Points in any order; equal log-likelihoods die in the order given.
     pub fn new(ln_l: &[f64], birth: &[f64], thread: &[u32]) -> Self {
         let mut order: Vec<usize> = (0..ln_l.len()).collect();
@@ -127,21 +133,25 @@ impl History {
     }
 
     /// ln Z and posterior means of `columns` (values per point as given, row-major, `width` of them) in `count`
-    /// bootstraps over threads.
+    /// bootstraps over threads, within each of the strands that begin with the threads named.
     pub fn bootstrap(
         &self,
         seed: u64,
         count: usize,
         columns: &[f64],
         width: usize,
+        strands: &[usize],
     ) -> Vec<(f64, Vec<f64>)> {
         (0..count as u64)
             .into_par_iter()
             .map(|b| {
                 let mut rng = stream(seed, Domain::Post, BOOTSTRAP, b);
                 let mut copies = vec![0; self.threads];
-                for _ in 0..self.threads {
-                    copies[below(&mut rng, self.threads)] += 1;
+                let ends = strands.iter().skip(1).chain([&self.threads]);
+                for (first, end) in strands.iter().zip(ends) {
+                    for _ in *first..*end {
+                        copies[first + below(&mut rng, end - first)] += 1;
+                    }
                 }
                 let (rows, weighted) = self.weigh_threads(&copies);
                 let mut means = vec![0.0; width];

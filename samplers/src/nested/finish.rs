@@ -17,15 +17,18 @@ pub(super) fn finish(
     status: Status,
     mut warnings: Vec<String>,
 ) -> Result<Run> {
-    let mut points = state.dead.clone();
-    for i in 0..state.live.len() {
-        points.push_from(&state.live, i);
-    }
-    let history = History::new(&points.ln_l, &points.birth, &points.thread);
+    let points = state.points();
+    let history = History::of(&points);
     let weighted = history.weigh();
     let dim = points.dim();
     let theta = physical(job, &points);
-    let bootstraps = history.bootstrap(job.seed, job.settings.bootstraps, &theta, dim);
+    let bootstraps = history.bootstrap(
+        job.seed,
+        job.settings.bootstraps,
+        &theta,
+        dim,
+        &state.strands,
+    );
     let simulated = deviation(&history.simulate(job.seed, job.settings.simulations));
     let bootstrapped = deviation(&bootstraps.iter().map(|b| b.0).collect::<Vec<_>>());
     let empty = points.best() <= REJECTED;
@@ -80,6 +83,7 @@ pub(super) fn finish(
             simulated,
             bootstrapped,
             halves: history.halves(),
+            kish,
         },
     );
     if state.tuning.steps > job.first_steps() {
@@ -186,7 +190,7 @@ fn path(history: &History, state: &State) -> Path {
 }
 
 /// Standard deviation about the mean.
-fn deviation(values: &[f64]) -> f64 {
+pub(super) fn deviation(values: &[f64]) -> f64 {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let sum: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();

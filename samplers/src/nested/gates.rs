@@ -15,9 +15,11 @@ pub(super) struct Measured {
     pub bootstrapped: f64,
     /// ln Z of the even and of the odd threads.
     pub halves: [f64; 2],
+    /// Kish's effective number of draws.
+    pub kish: f64,
 }
 
-/// All gates that apply to a static run with this kernel.
+/// All gates that apply to a run with these targets and this kernel.
 pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Gate> {
     let settings = job.settings;
     let mut gates = vec![
@@ -63,6 +65,22 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
         3.0,
         "difference of ln Z between two halves of the threads in units of its error; if too large, modes are found by chance: double `n-live`",
     ));
+    if let Some(target) = settings.target_ess {
+        gates.push(Gate::at_least(
+            "target-ess",
+            measured.kish,
+            target,
+            "effective draws that were asked for; if too few, resume the run with a larger budget",
+        ));
+    }
+    if let Some(target) = settings.target_ln_z_error {
+        gates.push(Gate::at_most(
+            "target-ln-z-error",
+            measured.simulated,
+            target,
+            "error of ln Z that was asked for; if too large, resume the run with a larger budget",
+        ));
+    }
     if state.bounded_points > 0 {
         gates.extend(of_kernel(job, state));
     }

@@ -4,7 +4,8 @@
 //! no longer raise the evidence. Ties with the contour die with it, so plateaus of the likelihood, rejected points
 //! among them, need no other rule. New points come from ellipsoids around the live ones, or from slices or walks whose
 //! steps are those ellipsoids' ([`Kernel`]). Weights, evidence and errors all follow from the contour above which
-//! each point was born and its own likelihood.
+//! each point was born and its own likelihood. So more live points can be added later, where they tell most: a run with a
+//! target ([`Settings::target_ess`]) does so until it is met.
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};
@@ -30,6 +31,7 @@
 //! ```
 
 mod bound;
+mod dynamic;
 mod evidence;
 mod finish;
 mod gates;

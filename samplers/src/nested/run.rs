@@ -13,7 +13,7 @@ use crate::target::Target;
 use cpu_time::ProcessTime;
 use std::time::Instant;
 
-/// Runs static nested sampling on `target` and returns weighted draws of its posterior with the evidence.
+/// Runs nested sampling on `target`, static or until its targets are met, and returns weighted draws of its posterior with the evidence.
 ///
 /// The same target, settings and seed give the same bits on any number of threads (those of the current rayon pool),
 /// and after any number of interruptions. A run that was interrupted or whose budget is spent returns what it has,
@@ -48,8 +48,21 @@ pub fn run(
     keeper.continue_clocks(&state);
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
-        if state.remaining(settings) < settings.dlnz {
-            break Status::Complete;
+        if state.rests(settings) {
+            if !settings.dynamic() {
+                break Status::Complete;
+            }
+            let reached = state.reached(&job);
+            if reached.meets(settings) {
+                break Status::Complete;
+            }
+            stop |= control.tell(&Event::Strand {
+                number: state.strands.len(),
+                ln_z: reached.ln_z,
+                ln_z_error: reached.ln_z_error,
+                ess: reached.ess,
+                calls: state.calls,
+            });
         }
         if stop || control.interrupted() {
             break Status::Interrupted;

@@ -59,7 +59,7 @@ pub enum BoundKind {
     Cube,
 }
 
-/// Settings of a static nested run.
+/// Settings of a nested run: static, or dynamic if it has a target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
@@ -67,6 +67,13 @@ pub struct Settings {
     pub n_live: usize,
     /// The run ends when the live points could raise ln Z by less than this.
     pub dlnz: f64,
+    /// Effective draws (Kish) that a dynamic run goes on for: it adds live points where they tell most, strand by strand, as
+    /// long as there are fewer. None: no such target.
+    pub target_ess: Option<f64>,
+    /// Error of ln Z that a dynamic run goes on for. None: no such target.
+    pub target_ln_z_error: Option<f64>,
+    /// What added live points aim at: 1, the posterior; 0, the evidence; a mix between.
+    pub posterior_share: f64,
     /// Fraction of the live points replaced in one batch.
     pub batch: f64,
     /// How new points are found.
@@ -87,6 +94,9 @@ impl Default for Settings {
         Self {
             n_live: 500,
             dlnz: 0.01,
+            target_ess: None,
+            target_ln_z_error: None,
+            posterior_share: 0.8,
             batch: 0.1,
             kernel: Kernel::Auto,
             steps: None,
@@ -124,6 +134,27 @@ impl Settings {
                 "give a small number above 0, as 0.01",
             );
         }
+        for (name, target) in [
+            ("target_ess", self.target_ess),
+            ("target_ln_z_error", self.target_ln_z_error),
+        ] {
+            if let Some(value) = target
+                && !(value > 0.0 && value.is_finite())
+            {
+                return refuse(
+                    name,
+                    value.to_string(),
+                    "give a number above 0, or leave it out",
+                );
+            }
+        }
+        if !(0.0..=1.0).contains(&self.posterior_share) {
+            return refuse(
+                "posterior_share",
+                self.posterior_share.to_string(),
+                "give a number from 0, the evidence, to 1, the posterior",
+            );
+        }
         if !(self.batch > 0.0 && self.batch <= 0.5) {
             return refuse(
                 "batch",
@@ -147,6 +178,11 @@ impl Settings {
             }
         }
         Ok(())
+    }
+
+    /// Whether live points are added until a target is met.
+    pub(super) fn dynamic(&self) -> bool {
+        self.target_ess.is_some() || self.target_ln_z_error.is_some()
     }
 
     /// Points replaced in one batch.
@@ -179,6 +215,10 @@ mod tests {
         assert_eq!(name(&|s| s.n_live = 15), "n_live");
         assert_eq!(name(&|s| s.dlnz = f64::NAN), "dlnz");
         assert_eq!(name(&|s| s.batch = 0.6), "batch");
+        assert_eq!(name(&|s| s.target_ess = Some(0.0)), "target_ess");
+        let nan = Some(f64::NAN);
+        assert_eq!(name(&|s| s.target_ln_z_error = nan), "target_ln_z_error");
+        assert_eq!(name(&|s| s.posterior_share = 1.1), "posterior_share");
         assert_eq!(name(&|s| s.steps = Some(0)), "steps");
         assert_eq!(name(&|s| s.bootstraps = 3), "bootstraps");
     }

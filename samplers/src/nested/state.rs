@@ -1,8 +1,10 @@
 //! A nested run between two batches: everything that a checkpoint holds, and the step from one batch to the next.
 
 use super::bound::Bound;
+use super::dynamic::{Reached, Span};
+use super::evidence::History;
 use super::kernel::{self, Newborn, Setting};
-use super::likelihood::Likelihood;
+use super::likelihood::{Likelihood, Tally};
 use super::live::{self, Batch, Points, REJECTED};
 use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
@@ -42,6 +44,25 @@ impl Job<'_> {
     }
 }
 
+/// What new points are drawn from.
+struct Ground<'a> {
+    /// Points above the contour, where chains start.
+    kept: &'a Points,
+    contour: f64,
+    bounds: &'a [Bound],
+    /// Slices or walk steps.
+    steps: usize,
+}
+
+/// Whether chains draw the points, from whose motion step lengths are learned.
+fn learns(job: &Job<'_>, bounds: &[Bound]) -> bool {
+    job.kernel() != Kernel::Uniform && !bounds.is_empty()
+}
+
+fn narrow(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
 /// The run so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
@@ -49,11 +70,18 @@ pub(super) struct State {
     pub dead: Points,
     /// Whether the first draws are complete.
     started: bool,
+    /// First thread of every strand.
+    pub strands: Vec<usize>,
+    /// What the present strand spans; none: it is the first one, from the prior to the peak.
+    span: Option<Span>,
+    /// What the first strand left, once there are more.
+    left: Option<f64>,
     pub iteration: u64,
     next_point: u64,
     /// Expected log prior volume of the live points.
     pub ln_x: f64,
-    /// Evidence and information of the dead, by left Riemann sums: for the stopping rule and for observers.
+    /// Evidence and information of the dead, by left Riemann sums, or of all points once there are more strands: for the
+    /// stopping rule and for observers.
     pub ln_z: f64,
     pub information: f64,
     /// None, one to draw from, or two metrics: see [`Setting::bounds`].
@@ -81,6 +109,9 @@ impl State {
             live: Points::new(dim),
             dead: Points::new(dim),
             started: false,
+            strands: vec![0],
+            span: None,
+            left: None,
             iteration: 0,
             next_point: 0,
             ln_x: 0.0,
@@ -101,30 +132,70 @@ impl State {
         }
     }
 
-    /// How much the live points could still raise ln Z; 0 on a final plateau, whose volume the deaths already share.
+    /// All points of the run.
+    pub fn points(&self) -> Points {
+        let mut points = self.dead.clone();
+        for i in 0..self.live.len() {
+            points.push_from(&self.live, i);
+        }
+        points
+    }
+
+    /// How much the live points could still raise ln Z when the first strand ended, or can now; 0 on a final plateau, whose
+    /// volume the deaths already share.
     pub fn remaining(&self, settings: &Settings) -> f64 {
+        self.left.unwrap_or_else(|| self.remaining_now(settings))
+    }
+
+    fn remaining_now(&self, settings: &Settings) -> f64 {
         let best = self.live.best();
         if !self.started || best <= REJECTED {
             return f64::INFINITY;
         }
-        // The next batch would take everyone.
-        let lower = self.live.ln_l.iter().filter(|l| **l < best).count();
-        if lower < settings.batch_size() {
+        if self.on_last_plateau(settings) {
             return 0.0;
         }
         (best + self.ln_x - self.ln_z).exp().ln_1p()
     }
 
-    /// One batch: the lowest points die, as many are born. On an error nothing has changed.
+    /// Whether the next batch would take everyone.
+    fn on_last_plateau(&self, settings: &Settings) -> bool {
+        let best = self.live.best();
+        let lower = self.live.ln_l.iter().filter(|l| **l < best).count();
+        lower < settings.batch_size()
+    }
+
+    /// Whether the present strand has reached its end.
+    pub fn rests(&self, settings: &Settings) -> bool {
+        match &self.span {
+            None => self.remaining(settings) < settings.dlnz,
+            Some(span) => {
+                let lowest = self.live.ln_l.iter().copied().fold(f64::INFINITY, f64::min);
+                lowest > span.ceiling
+                    || self.on_last_plateau(settings)
+                    || self.remaining_now(settings) < settings.dlnz
+            }
+        }
+    }
+
+    /// What the run has come to, all strands together.
+    pub fn reached(&self, job: &Job<'_>) -> Reached {
+        Reached::of(&History::of(&self.points()), job.settings, job.seed)
+    }
+
+    /// One batch: the lowest points die, as many are born; or, where a strand has ended, the beginning of another. On an
+    /// error nothing has changed.
     pub fn advance(&mut self, job: &Job<'_>) -> Result<()> {
         if !self.started {
             return self.draw_first(job);
+        }
+        if self.rests(job.settings) {
+            return self.add_strand(job);
         }
         let batch = live::lowest(&self.live, job.settings.batch_size());
         let kept = self.live.select(&batch.kept);
         let ln_x = self.ln_x_after(&batch);
         let refitted = self.refit_if_due(job, &kept, ln_x);
-        let bounds = refitted.as_ref().unwrap_or(&self.bounds);
         let mut tuning = self.tuning.clone();
         if let Some(new) = &refitted {
             tuning.keep_step_length(&self.bounds, new, &kept);
@@ -132,33 +203,16 @@ impl State {
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
         let seeds = choose_seeds(&mut rng, kept.len(), births);
-        let halves = if job.kernel() == Kernel::Differential && !bounds.is_empty() {
-            kernel::halves(job.target, &kept)
-        } else {
-            Default::default()
-        };
-        let setting = Setting {
-            target: job.target,
+        let bounds = refitted.as_ref().unwrap_or(&self.bounds);
+        let ground = Ground {
+            kept: &kept,
             contour: batch.contour,
-            kernel: job.kernel(),
             bounds,
-            halves: &halves,
-            scale: tuning.scale,
-            stride: tuning.stride,
             steps: tuning.steps,
         };
-        let first = self.next_point;
-        let born: Vec<Result<Newborn>> = seeds
-            .par_iter()
-            .enumerate()
-            .map(|(i, &s)| {
-                let rng = stream(job.seed, Domain::NestedPoint, 0, first + i as u64);
-                kernel::draw(&setting, &kept, s, rng)
-            })
-            .collect();
-        let born: Vec<Newborn> = born.into_iter().collect::<Result<_>>()?;
-        if setting.kernel != Kernel::Uniform && !bounds.is_empty() && !born.is_empty() {
-            tuning.learn(setting.kernel, bounds, &kept, &seeds, &born, &mut rng);
+        let born = self.draw(job, &ground, &tuning, &seeds)?;
+        if learns(job, bounds) && !born.is_empty() {
+            tuning.learn(job.kernel(), bounds, &kept, &seeds, &born, &mut rng);
         }
         self.tuning = tuning;
         if let Some(bounds) = refitted {
@@ -177,21 +231,114 @@ impl State {
         Ok(())
     }
 
+    /// New points above a contour, one from each seed.
+    fn draw(
+        &self,
+        job: &Job<'_>,
+        ground: &Ground<'_>,
+        tuning: &Tuning,
+        seeds: &[usize],
+    ) -> Result<Vec<Newborn>> {
+        let differences = job.kernel() == Kernel::Differential && !ground.bounds.is_empty();
+        let halves = if differences {
+            kernel::halves(job.target, ground.kept)
+        } else {
+            Default::default()
+        };
+        let setting = Setting {
+            target: job.target,
+            contour: ground.contour,
+            kernel: job.kernel(),
+            bounds: ground.bounds,
+            halves: &halves,
+            scale: tuning.scale,
+            stride: tuning.stride,
+            steps: ground.steps,
+        };
+        let first = self.next_point;
+        let born: Vec<Result<Newborn>> = seeds
+            .par_iter()
+            .enumerate()
+            .map(|(i, &s)| {
+                let rng = stream(job.seed, Domain::NestedPoint, 0, first + i as u64);
+                kernel::draw(&setting, ground.kept, s, rng)
+            })
+            .collect();
+        born.into_iter().collect()
+    }
+
+    /// Buries everyone and begins a strand where more points tell most.
+    fn add_strand(&mut self, job: &Job<'_>) -> Result<()> {
+        let points = self.points();
+        let history = History::of(&points);
+        let weighted = history.weigh();
+        let span = Span::of(&history, &weighted, job.settings.posterior_share);
+        // Those alive at the floor, of whatever strand, are draws of the prior above it.
+        let alive: Vec<usize> = (0..points.len())
+            .filter(|&i| points.birth[i] <= span.floor && points.ln_l[i] > span.floor)
+            .collect();
+        let kept = points.select(&alive);
+        let bounds = if span.ln_x < FIRST_BOUND.ln() {
+            self.fit(job, &kept).unwrap_or_default()
+        } else {
+            Vec::new()
+        };
+        let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
+        let mut tuning = self.tuning.clone();
+        tuning.forget_lengths();
+        let count = job.settings.n_live;
+        let thread = points.thread.iter().map(|t| *t as usize + 1).max();
+        let thread = thread.unwrap_or(0);
+        let mut live = Points::new(points.dim());
+        if span.floor == f64::NEG_INFINITY {
+            let (first, tally) = self.draw_prior(job, thread)?;
+            live = first;
+            self.calls += tally.calls;
+            tally.add_to(&mut self.rejected);
+        } else {
+            let seeds = choose_seeds(&mut rng, kept.len(), count);
+            // Seeds are few and of the same strands as each other: twice the steps make them forget.
+            let ground = Ground {
+                kept: &kept,
+                contour: span.floor,
+                bounds: &bounds,
+                steps: 2 * tuning.steps,
+            };
+            let born = self.draw(job, &ground, &tuning, &seeds)?;
+            if learns(job, &bounds) {
+                tuning.learn(job.kernel(), &bounds, &kept, &seeds, &born, &mut rng);
+            }
+            for (i, b) in born.iter().enumerate() {
+                live.push(&b.u, b.ln_l, span.floor, narrow(thread + i));
+            }
+            self.count(&born);
+        }
+        self.left = Some(self.remaining(job.settings));
+        self.next_point += count as u64;
+        self.iteration += 1;
+        self.dead = points;
+        self.live = live;
+        self.strands.push(thread);
+        self.span = Some(span);
+        self.ln_x = span.ln_x;
+        self.ln_z = weighted.ln_z;
+        self.information = weighted.information;
+        self.bounds = bounds;
+        self.ln_x_at_fit = span.ln_x;
+        self.efficiency_at_fit = None;
+        self.tuning = tuning;
+        Ok(())
+    }
+
     /// One block of independent prior draws, until a batch of them has a likelihood.
     fn draw_first(&mut self, job: &Job<'_>) -> Result<()> {
         let count = job.settings.n_live;
-        let mut likelihood = Likelihood::new(job.target);
-        let mut points = vec![vec![0.0; job.target.dim()]; count];
-        for (j, u) in (self.next_point..).zip(&mut points) {
-            likelihood.draw_prior(&mut stream(job.seed, Domain::NestedPoint, 0, j), u)?;
+        let (first, tally) = self.draw_prior(job, self.live.len())?;
+        for i in 0..first.len() {
+            self.live.push_from(&first, i);
         }
-        let ln_l = likelihood.at_all(&points)?;
-        for (u, ln_l) in points.iter().zip(ln_l) {
-            let thread = u32::try_from(self.live.len()).unwrap_or(u32::MAX);
-            self.live.push(u, ln_l, f64::NEG_INFINITY, thread);
-        }
-        self.calls += likelihood.tally.calls;
-        likelihood.tally.add_to(&mut self.rejected);
+        self.calls += tally.calls;
+        tally.add_to(&mut self.rejected);
         self.next_point += count as u64;
         let tries = self.live.len();
         let valid = self.live.ln_l.iter().filter(|l| **l > REJECTED).count();
@@ -206,6 +353,20 @@ impl State {
         Ok(())
     }
 
+    /// As many independent draws of the prior as there are to be live points, of threads from this one on.
+    fn draw_prior(&self, job: &Job<'_>, thread: usize) -> Result<(Points, Tally)> {
+        let mut likelihood = Likelihood::new(job.target);
+        let mut places = vec![vec![0.0; job.target.dim()]; job.settings.n_live];
+        for (j, u) in (self.next_point..).zip(&mut places) {
+            likelihood.draw_prior(&mut stream(job.seed, Domain::NestedPoint, 0, j), u)?;
+        }
+        let mut points = Points::new(job.target.dim());
+        for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {
+            points.push(&places[i], ln_l, f64::NEG_INFINITY, narrow(thread + i));
+        }
+        Ok((points, likelihood.tally))
+    }
+
     fn ln_x_after(&self, batch: &Batch) -> f64 {
         let alive = self.live.len();
         let fall: f64 = (0..batch.dying.len())
@@ -216,7 +377,6 @@ impl State {
 
     /// New bounds around the survivors if they are due. `None`: keep the old ones, or go on with the prior.
     fn refit_if_due(&self, job: &Job<'_>, kept: &Points, ln_x: f64) -> Option<Vec<Bound>> {
-        let kind = job.settings.bound;
         let due = if self.bounds.is_empty() {
             ln_x < FIRST_BOUND.ln()
         } else {
@@ -225,9 +385,12 @@ impl State {
                     .efficiency_at_fit
                     .is_some_and(|at_fit| self.efficiency < 0.5 * at_fit)
         };
-        if !due {
-            None
-        } else if job.kernel() == Kernel::Uniform {
+        if due { self.fit(job, kept) } else { None }
+    }
+
+    fn fit(&self, job: &Job<'_>, kept: &Points) -> Option<Vec<Bound>> {
+        let kind = job.settings.bound;
+        if job.kernel() == Kernel::Uniform {
             Some(vec![Bound::for_draws(
                 kept,
                 kind,
@@ -259,7 +422,10 @@ impl State {
     fn commit(&mut self, batch: &Batch, born: &[Newborn], rng: &mut Stream) {
         for (i, &row) in batch.dying.iter().enumerate() {
             let n = (self.live.len() - i) as f64;
-            self.add_evidence(self.live.ln_l[row], n);
+            if self.span.is_none() {
+                self.add_evidence(self.live.ln_l[row], n);
+            }
+            self.ln_x -= 1.0 / n;
             self.dead.push_from(&self.live, row);
         }
         let mut sorted: Vec<f64> = batch.kept.iter().map(|&i| self.live.ln_l[i]).collect();
@@ -268,7 +434,6 @@ impl State {
             let below_it = sorted.partition_point(|l| *l < b.ln_l);
             let ties = sorted.partition_point(|l| *l <= b.ln_l) - below_it;
             let rank = below_it + below(rng, ties + 1);
-            let narrow = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
             self.ranks.push(narrow(rank), narrow(sorted.len()));
             sorted.insert(rank, b.ln_l);
         }
@@ -302,7 +467,6 @@ impl State {
             };
             self.information = p * ln_l + (1.0 - p) * mean - self.ln_z;
         }
-        self.ln_x -= 1.0 / n;
     }
 }
 

@@ -8,6 +8,9 @@ use super::settings::Kernel;
 use crate::rng::{Stream, below};
 use serde::{Deserialize, Serialize};
 
+/// Step length in units of the local ellipsoid before anything is learned.
+const FIRST_SCALE: f64 = 1.0;
+
 /// Step length along a difference before anything is learned: two points of a region of any dimension are about
 /// `sqrt 2` of its radius apart.
 const FIRST_STRIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -37,7 +40,7 @@ pub(super) struct Tuning {
 impl Tuning {
     pub fn new(steps: usize) -> Self {
         Self {
-            scale: 1.0,
+            scale: FIRST_SCALE,
             stride: FIRST_STRIDE,
             steps,
             jumps: Vec::new(),
@@ -46,6 +49,12 @@ impl Tuning {
             echo_at_raise: None,
             window: (0, 0, 0),
         }
+    }
+
+    /// Step lengths of another contour are not this one's.
+    pub fn forget_lengths(&mut self) {
+        self.scale = FIRST_SCALE;
+        self.stride = FIRST_STRIDE;
     }
 
     /// Rescales the step length so that a refit of the ellipsoids, its unit, leaves steps as long as they were.

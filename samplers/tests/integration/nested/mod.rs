@@ -7,6 +7,7 @@ use oblate_samplers::nested::{Kernel, Settings, run};
 use oblate_samplers::output::Path;
 use oblate_samplers::{Run, Target};
 
+mod dynamic;
 mod life;
 
 fn settings(n_live: usize, kernel: Kernel) -> Settings {

@@ -1,0 +1,130 @@
+//! Where a dynamic run adds live points, and when it has enough (Higson et al. 2019).
+//!
+//! A strand is a run of its own above a contour: its points begin as draws of the prior above the floor, and when the lowest
+//! of them is above the ceiling they all die. Births and deaths of all strands together weigh as those of one run do.
+
+use super::evidence::{History, Weighted};
+use super::settings::Settings;
+use crate::diagnostics::kish_ess;
+use serde::{Deserialize, Serialize};
+
+/// Points of at least this share of the largest importance span a strand.
+const SPAN: f64 = 0.8;
+
+/// The log-likelihoods that a strand spans.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Span {
+    /// Its points are born above this one; minus infinity: draws of the prior.
+    pub floor: f64,
+    /// It ends when its lowest point is above this one.
+    pub ceiling: f64,
+    /// Log prior volume above the floor.
+    pub ln_x: f64,
+}
+
+impl Span {
+    /// Where more points tell most. A point's importance for the posterior is its weight; for the evidence, that of all points
+    /// from it on by the number alive, because they all lie in the volume that its own death leaves uncertain.
+    pub fn of(history: &History, weighted: &Weighted, posterior_share: f64) -> Self {
+        let count = weighted.p.len();
+        let mut rest = 0.0;
+        let mut evidence: Vec<f64> = (0..count)
+            .rev()
+            .map(|i| {
+                rest += weighted.p[i];
+                rest / f64::from(history.live[i])
+            })
+            .collect();
+        evidence.reverse();
+        let sum: f64 = evidence.iter().sum();
+        let importance: Vec<f64> = weighted
+            .p
+            .iter()
+            .zip(evidence)
+            .map(|(p, e)| posterior_share * p + (1.0 - posterior_share) * e / sum)
+            .collect();
+        let enough = SPAN * importance.iter().copied().fold(0.0, f64::max);
+        let within = |i: &usize| importance[*i] >= enough;
+        let first = (0..count).find(within).unwrap_or(0);
+        let last = (0..count).rev().find(within).unwrap_or(0);
+        let floor = match first.checked_sub(1) {
+            Some(before) => history.ln_l[before],
+            None => f64::NEG_INFINITY,
+        };
+        let below = history.ln_l.partition_point(|l| *l <= floor);
+        Self {
+            floor,
+            ceiling: history.ln_l.get(last + 1).copied().unwrap_or(f64::INFINITY),
+            ln_x: history.expected_ln_t()[..below].iter().sum(),
+        }
+    }
+}
+
+/// What a run has come to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reached {
+    pub ln_z: f64,
+    pub ln_z_error: f64,
+    pub ess: f64,
+}
+
+impl Reached {
+    pub fn of(history: &History, settings: &Settings, seed: u64) -> Self {
+        let weighted = history.weigh();
+        Self {
+            ln_z: weighted.ln_z,
+            ln_z_error: super::finish::deviation(&history.simulate(seed, settings.simulations)),
+            ess: kish_ess(&weighted.ln_p),
+        }
+    }
+
+    /// Whether that is what was asked for.
+    pub fn meets(&self, settings: &Settings) -> bool {
+        settings.target_ess.is_none_or(|target| self.ess >= target)
+            && settings
+                .target_ln_z_error
+                .is_none_or(|target| self.ln_z_error <= target)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NEVER: f64 = f64::NEG_INFINITY;
+
+    /// Ten points that die one after the other, none replaced; weights peak where `ln_l` does not grow as fast as the volume
+    /// shrinks.
+    fn history(ln_l: &[f64]) -> History {
+        let threads: Vec<u32> = (0..).take(ln_l.len()).collect();
+        History::new(ln_l, &vec![NEVER; ln_l.len()], &threads)
+    }
+
+    #[test]
+    fn a_strand_for_the_posterior_spans_its_weight_and_one_point_more() {
+        let ln_l: Vec<f64> = (0..10)
+            .map(|i| [0.0, 9.0][usize::from(i > 3)] + 1e-3 * f64::from(i))
+            .collect();
+        let history = history(&ln_l);
+        let span = Span::of(&history, &history.weigh(), 1.0);
+        assert_eq!((span.floor, span.ceiling), (ln_l[3], f64::INFINITY));
+        // Four of ten have died below it.
+        let ln_x: f64 = (7..=10).map(|n| -1.0 / f64::from(n)).sum();
+        assert!((span.ln_x - ln_x).abs() < 1e-12, "{span:?}");
+    }
+
+    #[test]
+    fn a_strand_for_the_evidence_begins_with_the_prior() {
+        let ln_l: Vec<f64> = (0..10).map(f64::from).collect();
+        let history = history(&ln_l);
+        let mut weighted = history.weigh();
+        // With as many alive all along, the first death matters most: everything follows from it.
+        weighted.p = vec![0.65 / 7.0; 10];
+        weighted.p[..3].copy_from_slice(&[0.05, 0.05, 0.25]);
+        let mut even = history.clone();
+        even.live = vec![10; 10];
+        let span = Span::of(&even, &weighted, 0.0);
+        assert_eq!((span.floor, span.ceiling), (NEVER, ln_l[3]));
+        assert!(span.ln_x.abs() < f64::MIN_POSITIVE);
+    }
+}

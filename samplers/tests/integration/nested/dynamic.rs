@@ -1,0 +1,155 @@
+//! Runs that add live points until they meet a target.
+
+use super::{agrees, sample, settings};
+use crate::targets::{hard, smooth};
+use oblate_samplers::Target;
+use oblate_samplers::control::{CheckpointPlan, Control, Event, Observer};
+use oblate_samplers::nested::{Kernel, Settings, run};
+use oblate_samplers::output::Status;
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+fn dynamic(n_live: usize, kernel: Kernel, target_ess: f64) -> Settings {
+    Settings {
+        target_ess: Some(target_ess),
+        ..settings(n_live, kernel)
+    }
+}
+
+#[test]
+fn evidences_are_right_with_live_points_added_for_the_posterior() {
+    let power = hard::power();
+    agrees(
+        "power",
+        &power,
+        power.ln_z,
+        &dynamic(100, Kernel::Uniform, 2_000.0),
+    );
+    let cake = hard::cake(2);
+    agrees(
+        "cake",
+        &cake,
+        cake.ln_z,
+        &dynamic(100, Kernel::Uniform, 2_000.0),
+    );
+    let shells = smooth::shells(5);
+    agrees(
+        "shells",
+        &shells,
+        shells.ln_z,
+        &dynamic(200, Kernel::RandomSlice, 2_000.0),
+    );
+    let mvn = smooth::mvn13();
+    agrees(
+        "mvn13",
+        &mvn,
+        mvn.ln_z,
+        &dynamic(200, Kernel::Differential, 3_000.0),
+    );
+    // Rejected draws of the prior are part of every strand that begins with it.
+    let walled = smooth::wall2_as_reject();
+    agrees(
+        "wall",
+        &walled,
+        walled.ln_z,
+        &dynamic(100, Kernel::Uniform, 1_000.0),
+    );
+}
+
+#[test]
+fn evidences_are_right_with_live_points_added_for_the_evidence() {
+    let target = smooth::gauss3();
+    let aimed = Settings {
+        target_ln_z_error: Some(0.08),
+        posterior_share: 0.0,
+        ..settings(100, Kernel::Uniform)
+    };
+    agrees("gauss3", &target, target.ln_z, &aimed);
+    let done = sample(&target, &aimed, 1);
+    assert!(done.evidence.error_parts["simulated"] <= 0.08);
+    let gate = done.gates.iter().find(|g| g.name == "target-ln-z-error");
+    assert!(gate.is_some_and(|g| g.pass));
+}
+
+#[test]
+fn added_live_points_are_effective_draws_for_fewer_calls() {
+    let target = smooth::shells(5);
+    let aimed = sample(&target, &dynamic(200, Kernel::RandomSlice, 4_000.0), 1);
+    assert_eq!(aimed.status, Status::Complete);
+    assert!(aimed.ess.kish >= 4_000.0, "{}", aimed.ess.kish);
+    let even = sample(&target, &settings(1_000, Kernel::RandomSlice), 1);
+    let cost = |run: &oblate_samplers::Run| run.cost.calls as f64 / run.ess.kish;
+    let (aimed, even) = (cost(&aimed), cost(&even));
+    println!("calls per effective draw: {aimed:.1} dynamic, {even:.1} static");
+    assert!(aimed < 0.8 * even, "{aimed} {even}");
+}
+
+#[test]
+fn posterior_means_are_right_within_their_effective_sizes() {
+    let target = smooth::mvn13();
+    let run = sample(&target, &dynamic(200, Kernel::Differential, 3_000.0), 2);
+    // The prior is N(mean, 1) and the likelihood Gaussian: what an own long static run gives is a mean of the same.
+    let even = sample(&target, &settings(1_000, Kernel::Differential), 3);
+    let moments = |run: &oblate_samplers::Run, k: usize| {
+        let (x, w) = (run.draws.column(k), run.draws.weights());
+        let mean: f64 = x.iter().zip(&w).map(|(x, w)| x * w).sum();
+        let variance: f64 = x.iter().zip(&w).map(|(x, w)| w * (x - mean).powi(2)).sum();
+        (mean, variance / run.ess.bulk[k])
+    };
+    for k in 0..target.dim() {
+        let ((a, va), (b, vb)) = (moments(&run, k), moments(&even, k));
+        let z = (a - b) / (va + vb).sqrt();
+        // One in 1,200 for thirteen numbers.
+        assert!(z.abs() < 4.0, "{k}: {z}");
+    }
+}
+
+/// Breaks at event `at`.
+struct StopAt(u64);
+
+impl Observer for StopAt {
+    fn event(&mut self, event: &Event) -> ControlFlow<()> {
+        if let Event::Nested { .. } | Event::Strand { .. } = event {
+            self.0 = self.0.saturating_sub(1);
+        }
+        if self.0 == 0 {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    }
+}
+
+#[test]
+fn a_dynamic_run_has_the_same_bits_on_any_threads_and_after_any_stop() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = smooth::shells(5);
+    let aimed = dynamic(60, Kernel::Differential, 500.0);
+    let whole = sample(&target, &aimed, 1);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
+    let threaded = pool.unwrap().install(|| sample(&target, &aimed, 1));
+    assert_eq!(threaded.bits(), whole.bits());
+    let part = |at: u64| {
+        let mut observer = StopAt(at);
+        let mut control = Control::new(&mut observer);
+        control.checkpoint = Some(CheckpointPlan {
+            path: folder.path().join("run"),
+            every: Duration::MAX,
+            resume: true,
+            config_hash: 5,
+        });
+        run(&target, &aimed, 1, &mut control).unwrap()
+    };
+    let mut stops = 0;
+    let resumed = loop {
+        let run = part(17);
+        if run.status == Status::Complete {
+            break run;
+        }
+        assert_eq!(run.status, Status::Interrupted);
+        assert!(run.evidence.ln_z.is_finite() && !run.converged());
+        stops += 1;
+    };
+    assert!(stops > 5, "{stops}");
+    assert_eq!(resumed.bits(), whole.bits());
+}
