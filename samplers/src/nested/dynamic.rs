@@ -9,7 +9,7 @@ use crate::diagnostics::kish_ess;
 use serde::{Deserialize, Serialize};
 
 /// Points of at least this share of the largest importance span a strand.
-const SPAN: f64 = 0.8;
+const SPAN: f64 = 0.5;
 
 /// The log-likelihoods that a strand spans.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -124,7 +124,8 @@ mod tests {
         let mut even = history.clone();
         even.live = vec![10; 10];
         let span = Span::of(&even, &weighted, 0.0);
-        assert_eq!((span.floor, span.ceiling), (NEVER, ln_l[3]));
+        // From the sixth on less than half of the weight is left.
+        assert_eq!((span.floor, span.ceiling), (NEVER, ln_l[5]));
         assert!(span.ln_x.abs() < f64::MIN_POSITIVE);
     }
 }

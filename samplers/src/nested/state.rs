@@ -297,12 +297,11 @@ impl State {
             tally.add_to(&mut self.rejected);
         } else {
             let seeds = choose_seeds(&mut rng, kept.len(), count);
-            // Seeds are few and of the same strands as each other: twice the steps make them forget.
             let ground = Ground {
                 kept: &kept,
                 contour: span.floor,
                 bounds: &bounds,
-                steps: 2 * tuning.steps,
+                steps: tuning.steps,
             };
             let born = self.draw(job, &ground, &tuning, &seeds)?;
             if learns(job, &bounds) {
