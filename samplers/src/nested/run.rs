@@ -13,7 +13,8 @@ use crate::target::Target;
 use cpu_time::ProcessTime;
 use std::time::Instant;
 
-/// Runs nested sampling on `target`, static or until its targets are met, and returns weighted draws of its posterior with the evidence.
+/// Runs nested sampling on `target`, once or until the settings' targets are met, and returns weighted draws of its
+/// posterior with the evidence.
 ///
 /// The same target, settings and seed give the same bits on any number of threads (those of the current rayon pool),
 /// and after any number of interruptions. A run that was interrupted or whose budget is spent returns what it has,

@@ -155,6 +155,14 @@ impl Settings {
                 "give a number from 0, the evidence, to 1, the posterior",
             );
         }
+        // Points at the peak alone never bring the volumes above it nearer.
+        if self.target_ln_z_error.is_some() && self.posterior_share >= 1.0 {
+            return refuse(
+                "posterior_share",
+                self.posterior_share.to_string(),
+                "give less than 1 with `target_ln_z_error`, better 0",
+            );
+        }
         if !(self.batch > 0.0 && self.batch <= 0.5) {
             return refuse(
                 "batch",
@@ -219,6 +227,11 @@ mod tests {
         let nan = Some(f64::NAN);
         assert_eq!(name(&|s| s.target_ln_z_error = nan), "target_ln_z_error");
         assert_eq!(name(&|s| s.posterior_share = 1.1), "posterior_share");
+        let peak_alone = |s: &mut Settings| {
+            s.target_ln_z_error = Some(0.1);
+            s.posterior_share = 1.0;
+        };
+        assert_eq!(name(&peak_alone), "posterior_share");
         assert_eq!(name(&|s| s.steps = Some(0)), "steps");
         assert_eq!(name(&|s| s.bootstraps = 3), "bootstraps");
     }
