@@ -59,6 +59,20 @@ pub struct SamplerSettings {
     pub pt_hmc: pt::Settings,
 }
 
+impl SamplerSettings {
+    /// Whether the chosen sampler can work with its settings on a target of `dim` parameters: asked before anything is written.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range ([`Error::Sampler`]).
+    pub fn check(&self, dim: usize) -> Result<()> {
+        match self.sampler {
+            Sampler::Nested => self.nested.check(dim)?,
+            Sampler::PtHmc => self.pt_hmc.check()?,
+        }
+        Ok(())
+    }
+}
+
 /// Samples a target with the chosen sampler: one call, one kind of result.
 ///
 /// # Errors

@@ -10,7 +10,7 @@ use crate::params::StreamPrior;
 use crate::posterior::{Summary, SummaryContext};
 use crate::stream::{Model, ModelSettings};
 use oblate_samplers::control::CheckpointPlan;
-use oblate_samplers::{Control, Run};
+use oblate_samplers::{Control, Run, Target};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -66,6 +66,7 @@ pub fn fit(
     watch: &mut Watch<'_>,
 ) -> Result<(Run, Summary)> {
     let target = target(track, config)?;
+    config.sampling.check(target.dim())?;
     check_reach(&target, config.seed)?;
     let config_text = text(config)?;
     let track_bytes = serde_json::to_vec(track).unwrap_or_default();

@@ -8,7 +8,7 @@ use crate::inference::sample;
 use crate::params::QPrior;
 use crate::population::{PopulationTarget, QPosterior, TruncatedGaussian};
 use crate::posterior::{Summary, SummaryContext, column};
-use oblate_samplers::Run;
+use oblate_samplers::{Run, Target};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -61,6 +61,7 @@ pub fn population(
     let streams: Vec<QPosterior> = stored.iter().map(q_posterior).collect::<Result<_>>()?;
     let family = TruncatedGaussian::new(config.family)?;
     let target = PopulationTarget::new(family, &streams, config.reweighting)?;
+    config.sampling.check(target.dim())?;
     let config_text = text(config)?;
     let hashes: Vec<String> = stored
         .iter()

@@ -158,6 +158,10 @@ fn bad_settings_and_parameters_name_file_line_and_remedy() {
     let out = folder.path().join("run").display().to_string();
     let unknown = write(folder.path(), "unknown.toml", "seed = 1\nsneed = 2\n");
     let fit = |config: &str| oblate(&["fit", &track, "--config", config, "--out", &out], "");
+    // A setting that no sampler can work with is refused before there is a folder in the way of the next try.
+    let few = write(folder.path(), "few.toml", "[sampling.nested]\nn_live = 3\n");
+    refused(&fit(&few), &["n_live", "3"]);
+    assert!(!folder.path().join("run").exists());
     refused(
         &fit(&unknown),
         &["unknown.toml", "line 2", "sneed", "--print-config"],
