@@ -71,6 +71,15 @@ pub enum Event {
         /// Gradients so far.
         gradients: u64,
     },
+    /// One block of a boost.
+    Boost {
+        /// Draws so far.
+        draws: usize,
+        /// Evidence.
+        ln_z: f64,
+        /// Effective draws.
+        ess: f64,
+    },
     /// A checkpoint was written.
     Checkpointed,
     /// Something the user should know, with its remedy.

@@ -39,7 +39,8 @@
 //! ```
 //!
 //! Rooms, each of which may only look at the ones before it: [`error`], [`normal`], [`rng`], [`target`],
-//! [`checkpoint`], [`output`], [`control`], [`diagnostics`], [`neighbours`], then the samplers: [`hmc`], [`nested`] and [`pt`].
+//! [`checkpoint`], [`output`], [`control`], [`diagnostics`], [`neighbours`], then the samplers: [`hmc`], [`nested`] and [`pt`],
+//! and [`boost`], which makes more of what they found.
 #![cfg_attr(
     test,
     allow(
@@ -57,6 +58,7 @@
     )
 )]
 
+pub mod boost;
 pub mod checkpoint;
 pub mod control;
 pub mod diagnostics;

@@ -1,5 +1,7 @@
 //! What every sampler returns: draws with weights, an evidence with its error, what it cost, and a verdict.
 
+use crate::error::{Error, Result};
+use crate::target::Target;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -11,6 +13,8 @@ pub enum Method {
     Nested,
     /// Non-reversible parallel tempering with Hamiltonian moves.
     PtHmc,
+    /// Importance sampling from a mixture fitted to another run.
+    Boost,
 }
 
 /// Why a run ended.
@@ -45,6 +49,45 @@ pub struct Draws {
 }
 
 impl Draws {
+    /// No draws yet of this target.
+    #[must_use]
+    pub fn of(target: &dyn Target) -> Self {
+        Self {
+            dim: target.dim(),
+            derived_dim: target.derived_names().len(),
+            ..Self::default()
+        }
+    }
+
+    /// Adds a row, its derived quantities computed.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] if the target gives another number of derived quantities than it names.
+    pub fn push(
+        &mut self,
+        target: &dyn Target,
+        theta: &[f64],
+        ln_likelihood: f64,
+        ln_weight: f64,
+        chain: u32,
+    ) -> Result<()> {
+        self.theta.extend_from_slice(theta);
+        target.derived(theta, &mut self.derived);
+        self.ln_likelihood.push(ln_likelihood);
+        self.ln_weight.push(ln_weight);
+        self.chain.push(chain);
+        if self.derived.len() != self.len() * self.derived_dim {
+            return Err(Error::Mismatch {
+                what: "derived quantities",
+                why: format!(
+                    "the target names {} of them and gives another number; mend its `derived` or `derived_names`",
+                    self.derived_dim
+                ),
+            });
+        }
+        Ok(())
+    }
+
     /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -203,6 +246,17 @@ pub enum Path {
         round_trips: Vec<u64>,
         /// Log-likelihood of the coldest chain, every scan of the last round, ladder by ladder.
         trace: Vec<Vec<f64>>,
+    },
+    /// Importance sampling goes there in one step: what tells how well is the largest weights and the mixture's components.
+    Importance {
+        /// The largest log weights, ascending, in units of the mean weight.
+        ln_tail: Vec<f64>,
+        /// The same by the generalised Pareto distribution fitted to them.
+        ln_tail_smooth: Vec<f64>,
+        /// Weight of every component of the mixture.
+        share: Vec<f64>,
+        /// The same in the run that the mixture was fitted to.
+        parent_share: Vec<f64>,
     },
 }
 

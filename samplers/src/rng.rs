@@ -26,6 +26,8 @@ pub enum Domain {
     PtSwap = 17,
     /// One member of an annealed population; task = ladder * 2^20 + member, index = sweep.
     PtAnneal = 18,
+    /// Importance sampling from a mixture; task says what for, index = draw.
+    Boost = 24,
     /// Post-processing: simulated weights, bootstraps, resampling; task says which.
     Post = 32,
     /// Draws of the prior outside any sampler (mocks, checks).

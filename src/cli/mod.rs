@@ -1,5 +1,6 @@
 //! The command line: one file per verb. Verbs parse, call the library, and write to the writer they are handed.
 
+mod boost;
 mod compare;
 mod evaluate;
 mod fit;
@@ -78,6 +79,8 @@ enum Verb {
     Evaluate(evaluate::Args),
     /// Samples the posterior of one stream into a run folder
     Fit(fit::Args),
+    /// Makes more effective draws of a finished fit by importance sampling, or says that it cannot
+    Boost(boost::Args),
     /// Says whether runs agree: evidence, marginals, mode weights, cost
     Compare(compare::Args),
     /// Samples a population of q from finished fits into a run folder
@@ -119,6 +122,7 @@ pub fn run(args: &[String], out: &mut dyn Write) -> Result<Exit> {
         Verb::Stream(a) => stream::run(a, &cli.common, out),
         Verb::Evaluate(a) => evaluate::run(a, &cli.common, &mut std::io::stdin().lock(), out),
         Verb::Fit(a) => fit::run(a, &cli.common, &command, out),
+        Verb::Boost(a) => boost::run(a, &cli.common, &command, out),
         Verb::Compare(a) => compare::run(a, &cli.common, out),
         Verb::Population(a) => population::run(a, &cli.common, &command, out),
         Verb::Report(a) => report::run(a, &cli.common, out),

@@ -114,6 +114,9 @@ impl Observer for Progress {
                 ),
                 false,
             ),
+            Event::Boost { draws, ln_z, ess } => {
+                self.show(&format!("{draws} draws, ln Z {ln_z:.2}, ESS {ess:.0}"), false);
+            }
             Event::Warning(say) => self.show(&format!("warning: {say}"), true),
             Event::Finished => {
                 if let Some(bar) = &self.bar {

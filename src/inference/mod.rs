@@ -1,4 +1,5 @@
-//! The single doorway to the samplers: wraps a likelihood as a target, and runs nested sampling or tempered HMC on it.
+//! The single doorway to the samplers: wraps a likelihood as a target, runs nested sampling or tempered HMC on it, and makes
+//! more of what they found.
 
 mod coverage;
 mod target;
@@ -7,7 +8,7 @@ pub use coverage::check_reach;
 pub use target::StreamTarget;
 
 use crate::error::{Error, Result};
-use oblate_samplers::{Control, Run, Target, nested, pt};
+use oblate_samplers::{Control, Run, Target, boost, nested, pt};
 use serde::{Deserialize, Serialize};
 
 /// Which sampler runs.
@@ -47,7 +48,7 @@ impl std::str::FromStr for Sampler {
     }
 }
 
-/// Settings of both samplers, and which one runs.
+/// Settings of both samplers, of what may follow them, and which one runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SamplerSettings {
@@ -57,6 +58,8 @@ pub struct SamplerSettings {
     pub nested: nested::Settings,
     /// Of the tempered sampler.
     pub pt_hmc: pt::Settings,
+    /// Of the importance sampling that may follow either.
+    pub boost: boost::Settings,
 }
 
 impl SamplerSettings {
@@ -88,4 +91,18 @@ pub fn sample(
         Sampler::PtHmc => pt::run(target, &settings.pt_hmc, seed, control)?,
     };
     Ok(run)
+}
+
+/// Draws more of what a run on the target found, by importance sampling: the same kind of result.
+///
+/// # Errors
+/// What the importance sampling refuses ([`Error::Sampler`]).
+pub fn boosted(
+    target: &dyn Target,
+    parent: &Run,
+    settings: &SamplerSettings,
+    seed: u64,
+    control: &mut Control<'_>,
+) -> Result<Run> {
+    Ok(boost::run(target, parent, &settings.boost, seed, control)?)
 }

@@ -194,7 +194,7 @@ fn mode_row(name: String, a: Share, b: Share) -> ModeRow {
 /// Effective draws of q: of its chains, or of the weights where draws are independent.
 fn q_ess(run: &Run) -> Option<f64> {
     let q = column(run, "q").ok()?.values;
-    if run.method == Method::Nested {
+    if run.method != Method::PtHmc {
         return Some(run.ess.quoted);
     }
     let rows = q.iter().zip(&run.draws.chain);

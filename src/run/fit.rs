@@ -76,11 +76,24 @@ pub fn fit(
         super::Opened::Folder(folder) => folder,
     };
     folder.begin(&config_text, &versions)?;
-    track.write(&folder.path().join("track.ecsv"))?;
+    track.write(&folder.track())?;
     let run = watched(&folder, &versions, watch, existing, |control| {
         sample(&target, &config.sampling, config.seed, control)
     })?;
-    let (diagnostics, warnings) = diagnose(&target, track, &run);
+    let summary = close(&folder, &target, track, &run, &versions, command)?;
+    Ok((run, summary))
+}
+
+/// Summarises a run on a track and writes what it leaves behind.
+pub(super) fn close(
+    folder: &RunFolder,
+    target: &StreamTarget,
+    track: &ObservedTrack,
+    run: &Run,
+    versions: &Versions,
+    command: &str,
+) -> Result<Summary> {
+    let (diagnostics, warnings) = diagnose(target, track, run);
     let context = SummaryContext {
         command: command.to_owned(),
         q_prior: Some(target.stream_prior().q_prior()),
@@ -88,9 +101,9 @@ pub fn fit(
         diagnostics,
         input_hash: versions.input_hash.clone(),
     };
-    let summary = Summary::new(&run, &context);
-    conclude(&folder, &target, &run, &summary, Some(track), config.seed)?;
-    Ok((run, summary))
+    let summary = Summary::new(run, &context);
+    conclude(folder, target, run, &summary, Some(track), run.seed)?;
+    Ok(summary)
 }
 
 /// Runs a sampler under a watch, with checkpoints in the folder and events in its log.

@@ -137,6 +137,12 @@ impl RunFolder {
         self.path.join(FINISHED)
     }
 
+    /// The track that was fitted; a population has none.
+    #[must_use]
+    pub fn track(&self) -> PathBuf {
+        self.path.join("track.ecsv")
+    }
+
     /// Draws.
     #[must_use]
     pub fn posterior(&self) -> PathBuf {

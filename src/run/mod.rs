@@ -1,5 +1,6 @@
 //! A run folder: what one fit or one population leaves behind, never overwritten unasked; and the work that fills it.
 
+mod boost;
 mod fit;
 mod folder;
 mod log;
@@ -8,6 +9,7 @@ mod population;
 mod study;
 mod watch;
 
+pub use boost::boost;
 pub use fit::{Existing, best_row, fit, target};
 pub use folder::{FINISHED, RunFolder, StoredRun, Versions};
 pub use log::Log;

@@ -92,7 +92,7 @@ fn unique_names(drawn: &[Drawn], folders: &[PathBuf]) -> Vec<String> {
 fn draw(path: &Path) -> Result<Drawn> {
     let folder = RunFolder::open(path)?;
     let stored = folder.read()?;
-    let file = path.join("track.ecsv");
+    let file = folder.track();
     let track = if file.is_file() {
         Some(ObservedTrack::read(&file)?)
     } else {

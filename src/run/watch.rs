@@ -92,6 +92,9 @@ fn line(event: &Event) -> serde_json::Value {
             "event": "tempered", "round": round, "scan": scan, "scans": scans, "barrier": barrier,
             "round_trips": round_trips, "ln_z": ln_z, "gradients": gradients,
         }),
+        Event::Boost { draws, ln_z, ess } => json!({
+            "event": "boost", "draws": draws, "ln_z": ln_z, "ess": ess,
+        }),
         Event::Checkpointed => json!({"event": "checkpointed"}),
         Event::Warning(say) => json!({"event": "warning", "say": say}),
         Event::Finished => json!({"event": "finished"}),

@@ -337,6 +337,42 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
     assert!(!text.contains("NaN"));
 }
 
+#[test]
+fn a_fit_is_boosted_into_another_folder_which_says_when_not_to_trust_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (fit, out) = (path("fit"), path("boosted"));
+    let mut arguments = vec!["fit", &track, "--config", &config, "--live", "150"];
+    arguments.extend(["--out", &fit, "-q", "--allow-unconverged"]);
+    assert_eq!(oblate(&arguments, "").status.code(), Some(0));
+    let boost = |more: &[&str]| {
+        let mut arguments = vec!["boost", &fit, "--out", &out, "--json", "-q"];
+        arguments.extend(more);
+        oblate(&arguments, "")
+    };
+    refused(&boost(&["--draws", "10"]), &["draws", "at least 1,000"]);
+    assert!(!Path::new(&out).exists(), "nothing is left behind");
+    // A hundred particles make a posterior so rough that no mixture resembles it.
+    let output = boost(&["--draws", "2000"]);
+    assert_eq!(output.status.code(), Some(1));
+    let summary = json(&output.stdout);
+    assert_eq!(summary["method"], "boost");
+    assert_eq!(summary["cost"]["calls"], 2000);
+    let gates = summary["gates"].as_array().expect("gates");
+    let k = gates.iter().find(|g| g["name"] == "pareto-k");
+    assert_eq!(k.expect("a tail index")["pass"], false);
+    refused(&boost(&[]), &["exists already", "--resume", "--force"]);
+    let page = path("page.html");
+    let output = oblate(&["report", &out, "--out", &page], "");
+    assert_eq!(output.status.code(), Some(0));
+    // A folder without a track, as a population's.
+    std::fs::remove_file(Path::new(&fit).join("track.ecsv")).expect("a track");
+    let output = oblate(&["boost", &fit, "--out", &path("other")], "");
+    refused(&output, &["has no track", "oblate fit"]);
+}
+
 /// Kills a fit as soon as it has written its first checkpoint, and says whether it was still at work.
 fn killed(args: &[&str], checkpoint: &Path) -> bool {
     let mut child = Command::new(env!("CARGO_BIN_EXE_oblate"))

@@ -158,7 +158,11 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
     let track =
         ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
-    for (name, run) in [("n", runs::nested(900, 1)), ("t", runs::tempered(400, 2))] {
+    for (name, run) in [
+        ("n", runs::nested(900, 1)),
+        ("t", runs::tempered(400, 2)),
+        ("b", runs::boosted(400, 3)),
+    ] {
         // What tests/peers/read_back.py opens.
         if let Ok(kept) = std::env::var("OBLATE_FIGURES") {
             let kept = std::path::Path::new(&kept);
@@ -182,7 +186,7 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
         assert_eq!(back.cost, run.cost);
     }
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
-    assert_eq!(left.len(), 2, "temporary folders are gone");
+    assert_eq!(left.len(), 3, "temporary folders are gone");
 }
 
 #[test]

@@ -250,13 +250,16 @@ fn q_figure_overlays_runs_with_truth_and_prior() {
 }
 
 #[test]
-fn health_shows_either_sampler() {
+fn health_shows_every_kind_of_run() {
     let svg = sound("health_nested", health(&runs::nested(6000, 5)));
     assert!(svg.contains("ln X") && svg.contains("insertion rank"));
     let svg = sound("health_tempered", health(&runs::tempered(4000, 6)));
     assert_eq!(svg.matches("class=\"gap\"").count(), 7);
     assert_eq!(svg.matches("class=\"acceptance\"").count(), 8);
     assert!(svg.contains("31, 28, 35, 30"));
+    let svg = sound("health_boosted", health(&runs::boosted(2000, 6)));
+    assert_eq!(svg.matches("class=\"weight\"").count(), 30);
+    assert_eq!(svg.matches("class=\"component\"").count(), 3);
 }
 
 #[test]

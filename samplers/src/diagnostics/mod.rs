@@ -3,10 +3,12 @@
 mod chains;
 mod distance;
 mod modes;
+mod pareto;
 
 pub use chains::{autocovariance, bulk_ess, mean_ess, r_hat, tail_ess};
 pub use distance::{Distance, wasserstein};
 pub use modes::{mode_agreement, two_means};
+pub use pareto::Tail;
 
 /// Weighted quantile of `values` at probability `p`: the smallest value whose cumulative weight reaches `p`, by
 /// linear interpolation between the mid-points of the weights. Weights need not be normalised. NaN without values.

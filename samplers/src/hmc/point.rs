@@ -186,11 +186,8 @@ impl<'a> Evaluator<'a> {
 
     /// Counts a rejection.
     fn note(&mut self, outcome: &Outcome) {
-        match outcome {
-            Outcome::Reject(cause) => self.count(cause),
-            Outcome::Value(l) if l.is_nan() => self.count("nan"),
-            Outcome::Value(f64::NEG_INFINITY) => self.count("zero likelihood"),
-            Outcome::Value(_) | Outcome::Fatal(_) => {}
+        if let Some(cause) = outcome.cause() {
+            self.count(cause);
         }
     }
 

@@ -5,7 +5,7 @@ use super::gates::{self, Measured};
 use super::live::{Points, REJECTED};
 use super::state::{Job, State};
 use crate::diagnostics::kish_ess;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::output::{Cost, Draws, Ess, Evidence, Method, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
 use std::collections::BTreeMap;
@@ -136,29 +136,11 @@ fn physical(job: &Job<'_>, points: &Points) -> Vec<f64> {
 /// Draws in order of death, without the rejected ones, which have no likelihood and no weight.
 fn draws(job: &Job<'_>, history: &History, ln_p: &[f64], theta: &[f64]) -> Result<Draws> {
     let dim = job.target.dim();
-    let derived_dim = job.target.derived_names().len();
-    let mut draws = Draws {
-        dim,
-        derived_dim,
-        ..Draws::default()
-    };
+    let mut draws = Draws::of(job.target);
     for ((&row, &ln_l), &ln_p) in history.order.iter().zip(&history.ln_l).zip(ln_p) {
-        if ln_l <= REJECTED {
-            continue;
-        }
-        let theta = &theta[row * dim..(row + 1) * dim];
-        draws.theta.extend_from_slice(theta);
-        job.target.derived(theta, &mut draws.derived);
-        draws.ln_likelihood.push(ln_l);
-        draws.ln_weight.push(ln_p);
-        draws.chain.push(0);
-        if draws.derived.len() != draws.len() * derived_dim {
-            return Err(Error::Mismatch {
-                what: "derived quantities",
-                why: format!(
-                    "the target names {derived_dim} of them and gives another number; mend its `derived` or `derived_names`"
-                ),
-            });
+        if ln_l > REJECTED {
+            let theta = &theta[row * dim..(row + 1) * dim];
+            draws.push(job.target, theta, ln_l, ln_p, 0)?;
         }
     }
     Ok(draws)

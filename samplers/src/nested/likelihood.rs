@@ -29,15 +29,11 @@ impl Tally {
     fn settle(&mut self, outcome: &Outcome, theta: &[f64]) -> Result<f64> {
         self.calls += 1;
         let ln_l = outcome.ln_likelihood(theta)?;
-        if ln_l > REJECTED {
-            return Ok(ln_l);
+        if let Some(cause) = outcome.cause() {
+            self.reject(cause);
+            return Ok(REJECTED);
         }
-        self.reject(match outcome {
-            Outcome::Reject(cause) => cause,
-            Outcome::Value(l) if l.is_nan() => "nan",
-            _ => "zero likelihood",
-        });
-        Ok(REJECTED)
+        Ok(ln_l)
     }
 
     /// Adds the rejections to named counts.

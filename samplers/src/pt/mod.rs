@@ -117,7 +117,7 @@ pub fn run(
     };
     // Also a finished run leaves its checkpoint: resuming it gives the result again.
     save(&state, control, fingerprint)?;
-    let run = outcome::assemble(target, &state, status);
+    let run = outcome::assemble(target, &state, status)?;
     for warning in &run.warnings {
         control.tell(&Event::Warning(warning.clone()));
     }

@@ -5,6 +5,7 @@ use super::gates::{Evidenced, gates};
 use super::ladder::barrier;
 use super::state::State;
 use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
+use crate::error::Result;
 use crate::output::{Cost, Draws, Ess, Evidence, Method, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
@@ -13,7 +14,7 @@ use crate::target::Target;
 const SLOW_GAP: f64 = 0.7;
 
 /// The result of the round in progress: the last one, unless the run was stopped.
-pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Run {
+pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Result<Run> {
     let dim = target.dim();
     let estimate = state.evidence();
     let (ess, worst_r_hat) = effective_sizes(state, dim);
@@ -28,7 +29,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Ru
         mode_agreement: modes(state, dim),
         slices: state.slices(),
     });
-    Run {
+    Ok(Run {
         method: Method::PtHmc,
         status,
         seed: state.seed,
@@ -36,7 +37,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Ru
         names: target.prior().names().to_vec(),
         units: target.prior().units().to_vec(),
         derived_names: target.derived_names(),
-        draws: draws(target, state),
+        draws: draws(target, state)?,
         evidence: evidence(state, estimate),
         ess,
         cost: Cost {
@@ -49,32 +50,23 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Ru
         path: path(state, steps),
         gates,
         warnings: warnings(state),
-    }
+    })
 }
 
-fn draws(target: &dyn Target, state: &State) -> Draws {
-    let dim = target.dim();
+fn draws(target: &dyn Target, state: &State) -> Result<Draws> {
     let cold = state.rungs.len() - 1;
-    let mut draws = Draws {
-        dim,
-        derived_dim: target.derived_names().len(),
-        ..Draws::default()
-    };
-    let mut theta = vec![0.0; dim];
+    let rows: usize = state.record.draws.iter().map(Vec::len).sum();
+    let ln_weight = -((rows / target.dim()) as f64).ln();
+    let mut draws = Draws::of(target);
+    let mut theta = vec![0.0; target.dim()];
     for (chain, rows) in (0_u32..).zip(&state.record.draws) {
-        for z in rows.chunks_exact(dim) {
+        let trace = state.record.traces.of(chain as usize, cold);
+        for (z, ln_l) in rows.chunks_exact(target.dim()).zip(trace) {
             target.prior().theta_from_z(z, &mut theta);
-            draws.theta.extend_from_slice(&theta);
-            target.derived(&theta, &mut draws.derived);
-            draws.chain.push(chain);
+            draws.push(target, &theta, *ln_l, ln_weight, chain)?;
         }
-        draws
-            .ln_likelihood
-            .extend_from_slice(state.record.traces.of(chain as usize, cold));
     }
-    let ln_weight = -(draws.len() as f64).ln();
-    draws.ln_weight = vec![ln_weight; draws.len()];
-    draws
+    Ok(draws)
 }
 
 fn evidence(state: &State, estimate: Estimate) -> Evidence {

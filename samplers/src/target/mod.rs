@@ -27,12 +27,18 @@ impl Outcome {
     /// An outcome from a bare number: NaN becomes a rejection, minus infinity too.
     #[must_use]
     pub fn from_ln_likelihood(ln_likelihood: f64) -> Self {
-        if ln_likelihood.is_nan() {
-            Self::Reject("nan")
-        } else if ln_likelihood == f64::NEG_INFINITY {
-            Self::Reject("zero likelihood")
-        } else {
-            Self::Value(ln_likelihood)
+        let value = Self::Value(ln_likelihood);
+        value.cause().map_or(value, Self::Reject)
+    }
+
+    /// Why there is no likelihood; none if there is one, or if the target failed.
+    #[must_use]
+    pub fn cause(&self) -> Option<Cause> {
+        match self {
+            Self::Reject(cause) => Some(cause),
+            Self::Value(l) if l.is_nan() => Some("nan"),
+            Self::Value(f64::NEG_INFINITY) => Some("zero likelihood"),
+            Self::Value(_) | Self::Fatal(_) => None,
         }
     }
 

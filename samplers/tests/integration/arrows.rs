@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// From the ground floor up. `checkpoint` stands before `output`, whose hash of a run is the checkpoints' hash; `nested`
 /// and `hmc` do not know each other, which the order alone cannot say (see the second test).
-const ORDER: [&str; 12] = [
+const ORDER: [&str; 13] = [
     "error",
     "normal",
     "rng",
@@ -19,6 +19,7 @@ const ORDER: [&str; 12] = [
     "hmc",
     "nested",
     "pt",
+    "boost",
 ];
 
 fn src() -> &'static Path {

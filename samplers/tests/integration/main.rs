@@ -6,6 +6,7 @@
 
 mod arrows;
 mod batch;
+mod boost;
 mod hmc;
 mod nested;
 mod pt;

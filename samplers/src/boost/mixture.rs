@@ -1,0 +1,422 @@
+//! A mixture of multivariate Student distributions: fitted to draws, evaluated, drawn from.
+
+use crate::diagnostics::ln_sum_exp;
+use crate::rng::{Stream, below, standard_normal, unit_open};
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Degrees of freedom of every component: tails heavy enough for importance weights, a centre still close to a Gaussian's.
+const FREEDOM: u32 = 5;
+
+/// Rounds of expectation and maximisation.
+const MAX_ROUNDS: usize = 100;
+
+/// The fit has settled when the mean log density grows by less than this.
+const SETTLED: f64 = 1e-4;
+
+/// Added to the diagonal of every covariance, in units of the draws' own: draws of a chain may repeat.
+const RIDGE: f64 = 1e-9;
+
+/// Draws, row by row.
+#[derive(Clone, Debug)]
+pub(super) struct Rows {
+    pub dim: usize,
+    pub values: Vec<f64>,
+}
+
+impl Rows {
+    pub fn len(&self) -> usize {
+        self.values.len() / self.dim
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = &[f64]> {
+        self.values.chunks_exact(self.dim)
+    }
+
+    /// These rows and those.
+    pub fn with(&self, other: &Self) -> Self {
+        Self {
+            dim: self.dim,
+            values: [self.values.as_slice(), &other.values].concat(),
+        }
+    }
+}
+
+/// One Student distribution and its weight.
+#[derive(Clone, Debug)]
+struct Component {
+    share: f64,
+    mean: DVector<f64>,
+    /// `L` of the scale matrix `L L'`, and its inverse.
+    lower: DMatrix<f64>,
+    inverse: DMatrix<f64>,
+    /// Log density at the mean.
+    ln_peak: f64,
+}
+
+impl Component {
+    /// None unless the scale matrix is positive definite.
+    fn new(share: f64, mean: DVector<f64>, scale: DMatrix<f64>) -> Option<Self> {
+        let lower = Cholesky::new(scale)?.unpack();
+        Self::of_lower(share, mean, lower)
+    }
+
+    fn of_lower(share: f64, mean: DVector<f64>, lower: DMatrix<f64>) -> Option<Self> {
+        let dim = mean.len() as f64;
+        let freedom = f64::from(FREEDOM);
+        let inverse = lower.solve_lower_triangular(&DMatrix::identity(mean.len(), mean.len()))?;
+        let ln_peak = libm::lgamma(0.5 * (freedom + dim))
+            - libm::lgamma(0.5 * freedom)
+            - 0.5 * dim * (freedom * PI).ln()
+            - lower.diagonal().iter().map(|l| l.ln()).sum::<f64>();
+        Some(Self {
+            share,
+            mean,
+            lower,
+            inverse,
+            ln_peak,
+        })
+    }
+
+    /// Squared distance from the mean in units of the scale.
+    fn distance2(&self, x: &[f64]) -> f64 {
+        let dim = x.len();
+        let mut sum = 0.0;
+        for i in 0..dim {
+            let y: f64 = (0..=i)
+                .map(|j| self.inverse[(i, j)] * (x[j] - self.mean[j]))
+                .sum();
+            sum += y * y;
+        }
+        sum
+    }
+
+    /// Log density at this squared distance, its share included.
+    fn ln_density(&self, distance2: f64) -> f64 {
+        let freedom = f64::from(FREEDOM);
+        let power = 0.5 * (freedom + self.mean.len() as f64);
+        self.share.ln() + self.ln_peak - power * (distance2 / freedom).ln_1p()
+    }
+}
+
+/// A mixture; shares add up to 1.
+#[derive(Clone, Debug)]
+pub(super) struct Mixture {
+    components: Vec<Component>,
+}
+
+/// What maximisation learns of one component.
+struct Learned {
+    /// Draws that belong to it.
+    count: f64,
+    mean: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl Mixture {
+    /// The mixture of at most this many components that fits the rows best, by expectation and maximisation from centres chosen
+    /// far apart. Covariances are drawn towards their common mean by as much as one draw per dimension would. None if the rows
+    /// do not span their space.
+    pub fn fit(rows: &Rows, count: usize, rng: &mut Stream) -> Option<Self> {
+        let dim = rows.dim;
+        let n = rows.len() as f64;
+        // In the rows' own units every tolerance is a pure number.
+        let whole = learn(rows, |_| (1.0, 1.0));
+        let units = Cholesky::new(whole.covariance)?.unpack();
+        let white = whiten(rows, &whole.mean, &units)?;
+        let mut mixture = Self::around(&far_apart(&white, count, rng), dim)?;
+        let mut last = f64::NEG_INFINITY;
+        for _ in 0..MAX_ROUNDS {
+            let (belongs, mean_ln_density) = mixture.expect(&white);
+            if mean_ln_density - last < SETTLED {
+                break;
+            }
+            last = mean_ln_density;
+            mixture = Self::maximise(&white, &belongs, n)?;
+        }
+        mixture.in_units(&whole.mean, &units)
+    }
+
+    /// Equal components about these centres, each as wide as its share of the unit ball.
+    fn around(centres: &[Vec<f64>], dim: usize) -> Option<Self> {
+        let share = 1.0 / centres.len() as f64;
+        let width = share.powf(2.0 / dim as f64);
+        let components = centres.iter().map(|centre| {
+            let scale = DMatrix::identity(dim, dim) * width;
+            Component::new(share, DVector::from_column_slice(centre), scale)
+        });
+        Some(Self {
+            components: components.collect::<Option<_>>()?,
+        })
+    }
+
+    /// How much every row belongs to every component, with the weight that Student's tails give it there; and the mean log
+    /// density.
+    fn expect(&self, rows: &Rows) -> (Vec<Vec<(f64, f64)>>, f64) {
+        let freedom = f64::from(FREEDOM);
+        let heavy = freedom + rows.dim as f64;
+        let mut belongs: Vec<Vec<(f64, f64)>> = self
+            .components
+            .par_iter()
+            .map(|component| {
+                let place = |x: &[f64]| {
+                    let distance2 = component.distance2(x);
+                    (
+                        component.ln_density(distance2),
+                        heavy / (freedom + distance2),
+                    )
+                };
+                rows.iter().map(place).collect()
+            })
+            .collect();
+        let mut total = 0.0;
+        let mut here = vec![0.0; belongs.len()];
+        for row in 0..rows.len() {
+            for (here, component) in here.iter_mut().zip(&belongs) {
+                *here = component[row].0;
+            }
+            let sum = ln_sum_exp(&here);
+            total += sum;
+            for component in &mut belongs {
+                component[row].0 = (component[row].0 - sum).exp();
+            }
+        }
+        (belongs, total / rows.len() as f64)
+    }
+
+    /// The components that fit best, given how much every row belongs to each. One that less than a row belongs to ends.
+    fn maximise(rows: &Rows, belongs: &[Vec<(f64, f64)>], n: f64) -> Option<Self> {
+        let dim = rows.dim;
+        let learned: Vec<Learned> = belongs
+            .par_iter()
+            .map(|component| learn(rows, |row| component[row]))
+            .filter(|learned| learned.count >= 1.0)
+            .collect();
+        let kept: f64 = learned.iter().map(|l| l.count).sum();
+        let mut common = DMatrix::identity(dim, dim) * RIDGE;
+        for l in &learned {
+            common += &l.covariance * (l.count / n);
+        }
+        let pull = dim as f64;
+        let components = learned.into_iter().map(|l| {
+            let scale = (l.covariance * l.count + &common * pull) / (l.count + pull);
+            Component::new(l.count / kept, l.mean, scale)
+        });
+        Some(Self {
+            components: components.collect::<Option<_>>()?,
+        })
+    }
+
+    /// The same mixture in the units in which the rows were.
+    fn in_units(&self, mean: &DVector<f64>, units: &DMatrix<f64>) -> Option<Self> {
+        let components = self
+            .components
+            .iter()
+            .map(|c| Component::of_lower(c.share, mean + units * &c.mean, units * &c.lower));
+        Some(Self {
+            components: components.collect::<Option<_>>()?,
+        })
+    }
+
+    /// Number of components.
+    pub fn len(&self) -> usize {
+        self.components.len()
+    }
+
+    /// Log density of every component at a point, its share included.
+    fn ln_densities(&self, x: &[f64]) -> Vec<f64> {
+        let ln_density = |c: &Component| c.ln_density(c.distance2(x));
+        self.components.iter().map(ln_density).collect()
+    }
+
+    /// Log density.
+    pub fn ln_density(&self, x: &[f64]) -> f64 {
+        ln_sum_exp(&self.ln_densities(x))
+    }
+
+    /// Mean log density of rows.
+    pub fn mean_ln_density(&self, rows: &Rows) -> f64 {
+        rows.iter().map(|x| self.ln_density(x)).sum::<f64>() / rows.len() as f64
+    }
+
+    /// The probabilities that a point belongs to each component.
+    pub fn belonging(&self, x: &[f64]) -> Vec<f64> {
+        let here = self.ln_densities(x);
+        let sum = ln_sum_exp(&here);
+        here.iter().map(|l| (l - sum).exp()).collect()
+    }
+
+    /// A draw.
+    pub fn draw(&self, rng: &mut Stream) -> Vec<f64> {
+        let mut place = unit_open(rng);
+        let chosen = self.components.iter().find(|c| {
+            place -= c.share;
+            place < 0.0
+        });
+        // Rounding can leave the shares' sum just below 1.
+        let Some(chosen) = chosen.or(self.components.last()) else {
+            return Vec::new();
+        };
+        let normals = DVector::from_fn(chosen.mean.len(), |_, _| standard_normal(rng));
+        let chi2: f64 = (0..FREEDOM).map(|_| standard_normal(rng).powi(2)).sum();
+        let stretch = (f64::from(FREEDOM) / chi2).sqrt();
+        (&chosen.mean + &chosen.lower * normals * stretch)
+            .iter()
+            .copied()
+            .collect()
+    }
+}
+
+/// Weighted mean and covariance of the rows: `weigh` says how much a row belongs, and how much it counts there.
+fn learn(rows: &Rows, weigh: impl Fn(usize) -> (f64, f64)) -> Learned {
+    let dim = rows.dim;
+    let (mut count, mut sum) = (0.0, 0.0);
+    let mut mean = DVector::zeros(dim);
+    for (row, x) in rows.iter().enumerate() {
+        let (belongs, counts) = weigh(row);
+        count += belongs;
+        let weight = belongs * counts;
+        sum += weight;
+        if weight > 0.0 {
+            for (m, x) in mean.iter_mut().zip(x) {
+                *m += (x - *m) * (weight / sum);
+            }
+        }
+    }
+    let mut covariance = DMatrix::zeros(dim, dim);
+    let mut apart = vec![0.0; dim];
+    for (row, x) in rows.iter().enumerate() {
+        let (belongs, counts) = weigh(row);
+        let weight = belongs * counts / count;
+        if weight > 1e-12 {
+            for ((a, x), m) in apart.iter_mut().zip(x).zip(mean.iter()) {
+                *a = x - m;
+            }
+            for i in 0..dim {
+                for j in 0..=i {
+                    covariance[(i, j)] += weight * apart[i] * apart[j];
+                }
+            }
+        }
+    }
+    covariance.fill_upper_triangle_with_lower_triangle();
+    Learned {
+        count,
+        mean,
+        covariance,
+    }
+}
+
+/// Rows about this mean in these units.
+fn whiten(rows: &Rows, mean: &DVector<f64>, units: &DMatrix<f64>) -> Option<Rows> {
+    let mut values = Vec::with_capacity(rows.values.len());
+    for x in rows.iter() {
+        let apart = DVector::from_column_slice(x) - mean;
+        values.extend(units.solve_lower_triangular(&apart)?.iter());
+    }
+    Some(Rows {
+        dim: rows.dim,
+        values,
+    })
+}
+
+/// At most this many different rows, each new one drawn with the square of its distance from the nearest (k-means++).
+fn far_apart(rows: &Rows, count: usize, rng: &mut Stream) -> Vec<Vec<f64>> {
+    let Some(first) = rows.iter().nth(below(rng, rows.len())) else {
+        return Vec::new();
+    };
+    let mut centres = vec![first.to_vec()];
+    let mut nearest = vec![f64::INFINITY; rows.len()];
+    while centres.len() < count {
+        let last = &centres[centres.len() - 1];
+        for (nearest, x) in nearest.iter_mut().zip(rows.iter()) {
+            let d2: f64 = x.iter().zip(last).map(|(x, c)| (x - c).powi(2)).sum();
+            *nearest = nearest.min(d2);
+        }
+        let mut place = unit_open(rng) * nearest.iter().sum::<f64>();
+        let next = rows.iter().zip(&nearest).find(|(_, d2)| {
+            place -= **d2;
+            place < 0.0
+        });
+        match next {
+            Some((x, _)) => centres.push(x.to_vec()),
+            None => break,
+        }
+    }
+    centres
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Domain, stream};
+
+    /// Draws of two normals of deviation 0.1 at -+ 1 along the first axis, three quarters of them at +1.
+    fn twins(count: usize) -> Rows {
+        let mut rng = stream(1, Domain::Test, 2, 0);
+        let mut values = Vec::new();
+        for i in 0..count {
+            let centre = if i % 4 == 0 { -1.0 } else { 1.0 };
+            values.push(centre + 0.1 * standard_normal(&mut rng));
+            values.push(5.0 + 0.1 * standard_normal(&mut rng));
+        }
+        Rows { dim: 2, values }
+    }
+
+    #[test]
+    fn two_clumps_are_two_components_with_their_shares() {
+        let rows = twins(2000);
+        let two = Mixture::fit(&rows, 2, &mut stream(1, Domain::Test, 3, 0)).unwrap();
+        let mut shares: Vec<f64> = two.components.iter().map(|c| c.share).collect();
+        shares.sort_by(f64::total_cmp);
+        assert!((shares[0] - 0.25).abs() < 1e-3, "{shares:?}");
+        for c in &two.components {
+            assert!((c.mean[0].abs() - 1.0).abs() < 0.02, "{}", c.mean);
+            assert!((c.mean[1] - 5.0).abs() < 0.02, "{}", c.mean);
+        }
+        let one = Mixture::fit(&rows, 1, &mut stream(1, Domain::Test, 3, 0)).unwrap();
+        assert!(two.mean_ln_density(&rows) > one.mean_ln_density(&rows) + 1.0);
+        let belongs = two.belonging(&[1.0, 5.0]);
+        assert!((belongs.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!(belongs.iter().any(|b| *b > 0.999));
+    }
+
+    #[test]
+    fn the_density_is_that_of_the_draws() {
+        // The mean of prior over density is 1 for draws of the density. Its own error decides.
+        let mixture = Mixture::fit(&twins(500), 2, &mut stream(1, Domain::Test, 4, 0)).unwrap();
+        let ln_other = |x: &[f64]| -0.5 * ((x[0] / 0.7).powi(2) + ((x[1] - 5.0) / 0.07).powi(2));
+        let ln_norm = (2.0 * PI * 0.7 * 0.07).ln();
+        let ratios: Vec<f64> = (0..20_000)
+            .map(|i| {
+                let x = mixture.draw(&mut stream(1, Domain::Test, 5, i));
+                // Where the mixture has next to nothing the ratio's variance would not be finite.
+                let inside = x[0].abs() < 1.5 && x[0].abs() > 0.5;
+                if inside {
+                    (ln_other(&x) - ln_norm - mixture.ln_density(&x)).exp()
+                } else {
+                    0.0
+                }
+            })
+            .collect();
+        let n = ratios.len() as f64;
+        let mean = ratios.iter().sum::<f64>() / n;
+        let variance = ratios.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / n;
+        let cdf = |x: f64| crate::normal::cdf(x / 0.7);
+        let truth = 2.0 * (cdf(1.5) - cdf(0.5));
+        assert!(
+            (mean - truth).abs() < 3.0 * (variance / n).sqrt(),
+            "{mean} {truth}"
+        );
+    }
+
+    #[test]
+    fn rows_that_do_not_span_their_space_have_no_mixture() {
+        let rows = Rows {
+            dim: 2,
+            values: (0..100).flat_map(|i| [f64::from(i), 2.0]).collect(),
+        };
+        assert!(Mixture::fit(&rows, 2, &mut stream(1, Domain::Test, 6, 0)).is_none());
+    }
+}
