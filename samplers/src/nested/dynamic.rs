@@ -4,6 +4,7 @@
 //! of them is above the ceiling they all die. Births and deaths of all strands together weigh as those of one run do.
 
 use super::evidence::{History, Weighted};
+use super::live::Points;
 use super::settings::Settings;
 use crate::diagnostics::kish_ess;
 use serde::{Deserialize, Serialize};
@@ -60,21 +61,27 @@ impl Span {
     }
 }
 
-/// What a run has come to.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Reached {
-    pub ln_z: f64,
+/// What a run has come to, all strands together.
+pub(super) struct Survey {
+    pub points: Points,
+    pub history: History,
+    pub weighted: Weighted,
+    /// Simulated error of ln Z.
     pub ln_z_error: f64,
+    /// Kish's effective number of draws.
     pub ess: f64,
 }
 
-impl Reached {
-    pub fn of(history: &History, settings: &Settings, seed: u64) -> Self {
+impl Survey {
+    pub fn of(points: Points, settings: &Settings, seed: u64) -> Self {
+        let history = History::of(&points);
         let weighted = history.weigh();
         Self {
-            ln_z: weighted.ln_z,
             ln_z_error: super::finish::deviation(&history.simulate(seed, settings.simulations)),
             ess: kish_ess(&weighted.ln_p),
+            points,
+            history,
+            weighted,
         }
     }
 

@@ -1,5 +1,6 @@
 //! The loop around the batches: limits, checkpoints, events.
 
+use super::dynamic::Survey;
 use super::finish::finish;
 use super::likelihood::Likelihood;
 use super::settings::Settings;
@@ -49,21 +50,23 @@ pub fn run(
     keeper.continue_clocks(&state);
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
+        let mut ended = None;
         if state.rests(settings) {
             if !settings.dynamic() {
                 break Status::Complete;
             }
-            let reached = state.reached(&job);
-            if reached.meets(settings) {
+            let survey = Survey::of(state.points(), settings, seed);
+            if survey.meets(settings) {
                 break Status::Complete;
             }
             stop |= control.tell(&Event::Strand {
                 number: state.strands.len(),
-                ln_z: reached.ln_z,
-                ln_z_error: reached.ln_z_error,
-                ess: reached.ess,
+                ln_z: survey.weighted.ln_z,
+                ln_z_error: survey.ln_z_error,
+                ess: survey.ess,
                 calls: state.calls,
             });
+            ended = Some(survey);
         }
         if stop || control.interrupted() {
             break Status::Interrupted;
@@ -71,7 +74,11 @@ pub fn run(
         if control.spent(state.calls) {
             break Status::BudgetSpent;
         }
-        if let Err(error) = state.advance(&job) {
+        let step = match ended {
+            Some(survey) => state.add_strand(&job, survey),
+            None => state.advance(&job),
+        };
+        if let Err(error) = step {
             // The first failure is the one to report; a second one, of the disk, is told besides.
             if let Err(second) = keeper.save(&mut state, control) {
                 control.tell(&Event::Warning(second.to_string()));

@@ -1,8 +1,7 @@
 //! A nested run between two batches: everything that a checkpoint holds, and the step from one batch to the next.
 
 use super::bound::Bound;
-use super::dynamic::{Reached, Span};
-use super::evidence::History;
+use super::dynamic::{Span, Survey};
 use super::kernel::{self, Newborn, Setting};
 use super::likelihood::{Likelihood, Tally};
 use super::live::{self, Batch, Points, REJECTED};
@@ -178,19 +177,10 @@ impl State {
         }
     }
 
-    /// What the run has come to, all strands together.
-    pub fn reached(&self, job: &Job<'_>) -> Reached {
-        Reached::of(&History::of(&self.points()), job.settings, job.seed)
-    }
-
-    /// One batch: the lowest points die, as many are born; or, where a strand has ended, the beginning of another. On an
-    /// error nothing has changed.
+    /// One batch: the lowest points die, as many are born. On an error nothing has changed.
     pub fn advance(&mut self, job: &Job<'_>) -> Result<()> {
         if !self.started {
             return self.draw_first(job);
-        }
-        if self.rests(job.settings) {
-            return self.add_strand(job);
         }
         let batch = live::lowest(&self.live, job.settings.batch_size());
         let kept = self.live.select(&batch.kept);
@@ -267,11 +257,15 @@ impl State {
         born.into_iter().collect()
     }
 
-    /// Buries everyone and begins a strand where more points tell most.
-    fn add_strand(&mut self, job: &Job<'_>) -> Result<()> {
-        let points = self.points();
-        let history = History::of(&points);
-        let weighted = history.weigh();
+    /// Buries everyone and begins a strand where, by a survey of the run, more points tell most. On an error nothing has
+    /// changed.
+    pub fn add_strand(&mut self, job: &Job<'_>, survey: Survey) -> Result<()> {
+        let Survey {
+            points,
+            history,
+            weighted,
+            ..
+        } = survey;
         let span = Span::of(&history, &weighted, job.settings.posterior_share);
         // Those alive at the floor, of whatever strand, are draws of the prior above it.
         let alive: Vec<usize> = (0..points.len())
