@@ -253,9 +253,11 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
     })?;
     toml::from_str(&text).map_err(|e| Error::Input {
         path: path.to_path_buf(),
-        line: e
-            .span()
-            .map(|span| text[..span.start.min(text.len())].matches('\n').count() + 1),
+        line: e.span().map(|span| {
+            let start = span.start.min(text.len());
+            let own = unknown_key(e.message(), &text[start..]).unwrap_or(0);
+            text[..start + own].matches('\n').count() + 1
+        }),
         what: e.message().trim().replace('\n', " "),
         remedy: "see `oblate fit --print-config` for every key and its default".to_owned(),
     })
@@ -271,4 +273,18 @@ pub fn text<T: Serialize>(settings: &T) -> Result<String> {
         value: e.to_string(),
         remedy: "give numbers that a settings file can hold, seeds below 2^63".to_owned(),
     })
+}
+
+/// Where in `text`, the table that the parser points at, an unknown key itself stands: tables that are laid over defaults are
+/// checked as a whole.
+fn unknown_key(message: &str, text: &str) -> Option<usize> {
+    let key = message.split("unknown field `").nth(1)?.split('`').next()?;
+    let stands_alone = |at: &usize| {
+        let before = text[..*at].chars().next_back();
+        let after = text[at + key.len()..].trim_start();
+        before.is_none_or(|c| c.is_whitespace() || "{,.[".contains(c))
+            && after.starts_with(['=', '.', ']'])
+    };
+    let mut places = text.match_indices(key).map(|(at, _)| at);
+    places.find(stands_alone)
 }

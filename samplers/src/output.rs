@@ -140,6 +140,18 @@ impl Draws {
         self.ln_weight.iter().map(|w| w.exp()).collect()
     }
 
+    /// Row numbers, chain by chain.
+    #[must_use]
+    pub fn chains(&self) -> Vec<Vec<usize>> {
+        let mut chains: Vec<Vec<usize>> = Vec::new();
+        for (row, chain) in self.chain.iter().enumerate() {
+            let chain = *chain as usize;
+            chains.resize_with(chains.len().max(chain + 1), Vec::new);
+            chains[chain].push(row);
+        }
+        chains
+    }
+
     /// `count` equal-weight rows by systematic resampling with the one uniform `offset` in [0, 1): row numbers, in
     /// order.
     #[must_use]

@@ -2,7 +2,7 @@
 
 use super::modes::{Share, prolate_share};
 use super::summary::ValueError;
-use super::{Column, Mode, ModeWeight, column, columns, mode_weights};
+use super::{Column, Mode, column, columns, mode_weights};
 use crate::error::{Error, Result};
 use oblate_samplers::Run;
 use oblate_samplers::diagnostics::{bulk_ess, wasserstein, weighted_quantile};
@@ -151,13 +151,7 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
         (Some(ma), Some(mb)) => ma
             .iter()
             .zip(&mb)
-            .map(|(x, y)| {
-                let share = |m: &ModeWeight| Share {
-                    weight: m.weight,
-                    error: m.error,
-                };
-                mode_row(mode_name(x.mode), share(x), share(y))
-            })
+            .map(|(x, y)| mode_row(mode_name(x.mode), x.share, y.share))
             .collect(),
         _ => Vec::new(),
     };
@@ -197,13 +191,10 @@ fn q_ess(run: &Run) -> Option<f64> {
     if run.method != Method::PtHmc {
         return Some(run.ess.quoted);
     }
-    let rows = q.iter().zip(&run.draws.chain);
-    let mut chains: Vec<Vec<f64>> = Vec::new();
-    for (q, chain) in rows {
-        let chain = *chain as usize;
-        chains.resize_with(chains.len().max(chain + 1), Vec::new);
-        chains[chain].push(*q);
-    }
+    let chains = run.draws.chains().into_iter();
+    let chains: Vec<Vec<f64>> = chains
+        .map(|rows| rows.into_iter().map(|row| q[row]).collect())
+        .collect();
     let chains: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
     Some(bulk_ess(&chains))
 }

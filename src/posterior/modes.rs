@@ -28,16 +28,14 @@ pub struct ModeWeight {
     /// Which cell.
     #[serde(flatten)]
     pub mode: Mode,
-    /// Posterior probability of the cell.
-    pub weight: f64,
-    /// Its Monte-Carlo standard error: between chains where a run has at least four, by bootstrap of the weighted
-    /// draws otherwise. A run that never found a cell cannot know about it: 0 is then no bound.
-    pub error: f64,
+    /// Its posterior probability.
+    #[serde(flatten)]
+    pub share: Share,
 }
 
 /// The probability of one of several exclusive things, and its Monte-Carlo standard error: between chains where a run has at
 /// least four, by bootstrap of the weighted draws otherwise.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Share {
     /// Posterior probability.
     pub weight: f64,
@@ -61,14 +59,13 @@ pub fn mode_weights(run: &Run) -> Option<Vec<ModeWeight>> {
     let weights = shares::<8>(run, &cells).into_iter().enumerate();
     Some(
         weights
-            .map(|(cell, Share { weight, error })| ModeWeight {
+            .map(|(cell, share)| ModeWeight {
                 mode: Mode {
                     dir_x_positive: cell & 1 != 0,
                     dir_y_positive: cell & 2 != 0,
                     prolate: cell & 4 != 0,
                 },
-                weight,
-                error,
+                share,
             })
             .collect(),
     )
@@ -86,13 +83,12 @@ pub fn prolate_share(run: &Run) -> Option<Share> {
 fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
     let weights = run.draws.weights();
     let rows = labels.len();
-    let chains = run.draws.chain.iter().max().map_or(0, |c| *c as usize + 1);
-    let samples: Vec<[f64; N]> = if chains >= 4 {
-        (0..chains)
-            .map(|chain| {
-                let own = (0..rows).filter(|i| run.draws.chain[*i] as usize == chain);
-                share(labels, &weights, own)
-            })
+    let chains = run.draws.chains();
+    let by_chain = chains.len() >= 4;
+    let samples: Vec<[f64; N]> = if by_chain {
+        chains
+            .into_iter()
+            .map(|own| share(labels, &weights, own.into_iter()))
             .collect()
     } else {
         (0..BOOTSTRAPS)
@@ -105,7 +101,7 @@ fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
     };
     let count = samples.len() as f64;
     // Chains average to the whole: their spread is divided by their number. Bootstraps each have the whole's error.
-    let shrink = if chains >= 4 { count } else { 1.0 };
+    let shrink = if by_chain { count } else { 1.0 };
     let whole: [f64; N] = share(labels, &weights, 0..rows);
     std::array::from_fn(|label| {
         let mean = samples.iter().map(|s| s[label]).sum::<f64>() / count;

@@ -275,8 +275,8 @@ fn modes(out: &mut String, s: &Summary) {
             sign(m.mode.dir_x_positive),
             sign(m.mode.dir_y_positive),
             if m.mode.prolate { "prolate" } else { "oblate" },
-            m.weight,
-            m.error
+            m.share.weight,
+            m.share.error
         );
     }
     put!(out, "</tbody></table>");

@@ -57,7 +57,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`Error::Exists`] if something is there and `force` is not given, or if it is not a run folder;
-    /// [`Error::Io`] if it cannot be made.
+    /// [`Error::Io`] if it cannot be made, or if a run works in it.
     pub fn create(path: &Path, force: bool) -> Result<Self> {
         const REMEDY: &str = "choose an --out whose parent is writable";
         let folder = Self {
@@ -75,6 +75,8 @@ impl RunFolder {
                     path: path.to_path_buf(),
                 });
             }
+            // Nor what another run is writing.
+            drop(folder.log()?);
             std::fs::remove_dir_all(path).map_err(io(path, REMEDY))?;
         }
         std::fs::create_dir_all(path).map_err(io(path, REMEDY))?;

@@ -166,6 +166,10 @@ fn bad_settings_and_parameters_name_file_line_and_remedy() {
         &fit(&unknown),
         &["unknown.toml", "line 2", "sneed", "--print-config"],
     );
+    // Keys of a table that is laid over defaults have lines of their own too.
+    let deep = "[sampling]\nsampler = \"nested\"\n\n[sampling.nested]\nn_live = 100\nn_alive = 3\n";
+    let deep = write(folder.path(), "deep.toml", deep);
+    refused(&fit(&deep), &["deep.toml", "line 6", "n_alive"]);
     refused(&fit("nowhere.toml"), &["nowhere.toml", "readable"]);
     let odd = write(
         folder.path(),

@@ -98,7 +98,7 @@ fn a_failed_gate_keeps_its_infinite_value_and_leads_the_verdict() {
 fn mode_weights_add_up_and_match_the_cells_probabilities() {
     for run in [runs::nested(20_000, 7), runs::tempered(20_000, 7)] {
         let weights = modes::mode_weights(&run).unwrap();
-        let total: f64 = weights.iter().map(|w| w.weight).sum();
+        let total: f64 = weights.iter().map(|w| w.share.weight).sum();
         assert!((total - 1.0).abs() < 1e-9);
         for cell in &weights {
             let side = |positive: bool, z: f64| {
@@ -111,9 +111,12 @@ fn mode_weights_add_up_and_match_the_cells_probabilities() {
             // The error comes from four chains at worst: t with 3 degrees of freedom passes 12 once in 1,600, and a
             // binomial floor keeps chance agreement between chains from tightening it. Independent draws: ESS > 15,000.
             let floor = (truth * (1.0 - truth) / 15_000.0).sqrt();
-            let limit = 4.0 * floor.max(cell.error);
-            assert!((cell.weight - truth).abs() < limit, "{cell:?} {truth}");
-            assert!(cell.error < 12.0 * floor + 1e-12, "{cell:?} {floor}");
+            let limit = 4.0 * floor.max(cell.share.error);
+            assert!(
+                (cell.share.weight - truth).abs() < limit,
+                "{cell:?} {truth}"
+            );
+            assert!(cell.share.error < 12.0 * floor + 1e-12, "{cell:?} {floor}");
         }
     }
 }

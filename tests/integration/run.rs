@@ -95,6 +95,22 @@ fn a_damaged_summary_is_refused_with_its_line() {
 }
 
 #[test]
+fn a_folder_in_use_is_neither_shared_nor_replaced() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = finished(&temporary.path().join("fit"));
+    let log = folder.log().unwrap();
+    for error in [
+        folder.log().unwrap_err(),
+        RunFolder::create(folder.path(), true).unwrap_err(),
+    ] {
+        assert!(error.to_string().contains("another run works"), "{error}");
+    }
+    assert!(folder.finished());
+    drop(log);
+    assert!(RunFolder::create(folder.path(), true).is_ok());
+}
+
+#[test]
 fn inputs_are_told_apart_by_their_hash() {
     let of = |inputs: &[&[u8]]| Versions::of(inputs).input_hash;
     assert_eq!(of(&[b"a", b"bc"]), of(&[b"a", b"bc"]));

@@ -79,11 +79,7 @@ impl Table<'_> {
 fn equal_weight_rows(run: &Run) -> Vec<Vec<usize>> {
     let draws = &run.draws;
     if run.method == Method::PtHmc {
-        let chains = draws.chain.iter().max().map_or(0, |c| *c as usize + 1);
-        let mut rows = vec![Vec::new(); chains];
-        for (row, chain) in draws.chain.iter().enumerate() {
-            rows[*chain as usize].push(row);
-        }
+        let rows = draws.chains();
         let equal = draws
             .ln_weight
             .windows(2)
