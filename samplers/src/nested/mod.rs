@@ -31,6 +31,7 @@
 //! ```
 
 mod bound;
+mod closure;
 mod dynamic;
 mod evidence;
 mod finish;
@@ -44,5 +45,6 @@ mod settings;
 mod state;
 mod tuning;
 
+pub use closure::{Sample, sample};
 pub use run::run;
 pub use settings::{BoundKind, Kernel, Settings};

@@ -8,6 +8,7 @@ use oblate_samplers::output::Path;
 use oblate_samplers::{Run, Target};
 
 mod dynamic;
+mod echo;
 mod life;
 
 fn settings(n_live: usize, kernel: Kernel) -> Settings {
