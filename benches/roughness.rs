@@ -1,13 +1,13 @@
 //! How rough is ln L along a short line, by setting?
 //!
-//! `cargo bench --bench roughness` prints a table: for mocks that meet the paper's criteria, lines through the truth in six
-//! random directions of z, .05 to both sides (the prior is a unit normal in z), 41 points each. The roughness is the rms of ln L
-//! about the best cubic on the line: what a step of a sampler meets beside the posterior's own shape. Quantiles over all lines;
-//! lines with a rejected point are counted, not measured. Not a timing.
+//! `cargo bench --bench roughness` prints a table: for draws of the posteriors of five gala tracks (`benches/draws.csv`, twelve
+//! each), lines in six random directions of z, .05 to both sides (the prior is a unit normal in z), 41 points each. The roughness
+//! is the rms of ln L about the best cubic on the line: what a step of a sampler meets beside the posterior's own shape. Quantiles
+//! over all lines; lines with a rejected point are counted, not measured. Not a timing.
 
 use nalgebra::{DMatrix, DVector};
 use oblate::config::{FitConfig, Profile};
-use oblate::data::{Mock, MockSettings, mocks};
+use oblate::data::ObservedTrack;
 use oblate::likelihood::{LikelihoodSettings, StreamLikelihood};
 use oblate::params::{DIM, PriorSettings, StreamPrior};
 use oblate::run::target;
@@ -15,26 +15,43 @@ use oblate::spray::{Design, TableSettings};
 use oblate::stream::ModelSettings;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
 
-const MOCKS: usize = 60;
 const LINES: u64 = 6;
 const POINTS: usize = 41;
 const REACH: f64 = 0.05;
 
-/// Rms about the best cubic of ln L on line number `line` through a mock's truth; None where a point is rejected.
+/// A draw of the posterior of a track.
+struct Draw {
+    track: String,
+    theta: [f64; DIM],
+}
+
+/// The draws that are kept beside this file.
+fn draws(folder: &Path) -> Vec<Draw> {
+    let mut reader = csv::ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .from_path(folder.join("benches/draws.csv"))
+        .expect("the draws");
+    let rows = reader.deserialize::<(String, [f64; DIM])>();
+    rows.map(|row| row.expect("a name and 13 numbers"))
+        .map(|(track, theta)| Draw { track, theta })
+        .collect()
+}
+
+/// Rms about the best cubic of ln L on line number `line` through a draw; None where a point is rejected.
 fn roughness(
     likelihood: &StreamLikelihood,
     prior: &StreamPrior,
-    mock: &Mock,
+    draw: &Draw,
     line: u64,
 ) -> Option<f64> {
     let mut rng = stream(1, Domain::Prior, 0, line);
     let direction: [f64; DIM] = std::array::from_fn(|_| standard_normal(&mut rng));
     let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
-    let mut truth = [0.0; DIM];
-    prior
-        .prior()
-        .z_from_theta(&mock.params.to_array(), &mut truth);
+    let mut middle = [0.0; DIM];
+    prior.prior().z_from_theta(&draw.theta, &mut middle);
     let places: Vec<f64> = (0..POINTS)
         .map(|k| 2.0 * k as f64 / (POINTS - 1) as f64 - 1.0)
         .collect();
@@ -42,7 +59,7 @@ fn roughness(
         .iter()
         .map(|place| {
             let z: [f64; DIM] =
-                std::array::from_fn(|i| truth[i] + REACH * place * direction[i] / length);
+                std::array::from_fn(|i| middle[i] + REACH * place * direction[i] / length);
             let mut theta = [0.0; DIM];
             prior.prior().theta_from_z(&z, &mut theta);
             Some(likelihood.ln_likelihood(&theta).ok()?.ln_likelihood)
@@ -56,7 +73,16 @@ fn roughness(
 
 fn main() {
     let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
-    let drawn = mocks(&prior, &MockSettings::default(), MOCKS, 1).expect("mocks");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let draws = draws(folder);
+    let tracks: BTreeMap<&str, ObservedTrack> = draws
+        .iter()
+        .map(|draw| {
+            let file = folder.join(format!("examples/tracks/{}.ecsv", draw.track));
+            let track = ObservedTrack::read(&file).expect("a gala track");
+            (draw.track.as_str(), track)
+        })
+        .collect();
     let quiet = LikelihoodSettings {
         model_noise: false,
         ..LikelihoodSettings::default()
@@ -108,13 +134,13 @@ fn main() {
             likelihood: rules,
             ..FitConfig::default()
         };
-        let lines: Vec<Option<f64>> = drawn
-            .mocks
+        let lines: Vec<Option<f64>> = draws
             .par_iter()
-            .flat_map_iter(|mock| {
-                let target = target(&mock.track, &config).expect("a mock's track is data");
+            .flat_map_iter(|draw| {
+                let track = &tracks[draw.track.as_str()];
+                let target = target(track, &config).expect("a gala track is data");
                 let prior = &prior;
-                (0..LINES).map(move |line| roughness(target.likelihood(), prior, mock, line))
+                (0..LINES).map(move |line| roughness(target.likelihood(), prior, draw, line))
             })
             .collect();
         let mut rough: Vec<f64> = lines.iter().flatten().copied().collect();

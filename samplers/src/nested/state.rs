@@ -192,7 +192,8 @@ impl State {
         }
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
-        let seeds = choose_seeds(&mut rng, kept.len(), births);
+        let heirs = batch.dying[..births].iter().map(|&i| self.live.thread[i]);
+        let seeds = choose_seeds(&mut rng, &kept, heirs);
         let bounds = refitted.as_ref().unwrap_or(&self.bounds);
         let ground = Ground {
             kept: &kept,
@@ -290,7 +291,8 @@ impl State {
             self.calls += tally.calls;
             tally.add_to(&mut self.rejected);
         } else {
-            let seeds = choose_seeds(&mut rng, kept.len(), count);
+            let threads = (thread..thread + count).map(narrow);
+            let seeds = choose_seeds(&mut rng, &kept, threads);
             let ground = Ground {
                 kept: &kept,
                 contour: span.floor,
@@ -463,18 +465,25 @@ impl State {
     }
 }
 
-/// `count` rows out of `available`, distinct as far as there are enough.
-fn choose_seeds(rng: &mut Stream, available: usize, count: usize) -> Vec<usize> {
-    if count > available {
-        return (0..count).map(|_| below(rng, available)).collect();
-    }
-    let mut rows: Vec<usize> = (0..available).collect();
-    for i in 0..count {
-        let j = i + below(rng, available - i);
-        rows.swap(i, j);
-    }
-    rows.truncate(count);
-    rows
+/// A row for each of these threads, of the same half as the thread, distinct as far as there are enough.
+///
+/// Chains of a half take their metric and their directions from the other half, which must know nothing of their seeds. So
+/// lineages stay within halves: a point that resembles its seed would else tell the other half where the seed is.
+fn choose_seeds(rng: &mut Stream, kept: &Points, threads: impl Iterator<Item = u32>) -> Vec<usize> {
+    let halves = kept.halves();
+    let mut waiting = halves.clone();
+    threads
+        .map(|thread| {
+            let own = thread as usize % 2;
+            let half = if halves[own].is_empty() { 1 - own } else { own };
+            let waiting = &mut waiting[half];
+            if waiting.is_empty() {
+                halves[half][below(rng, halves[half].len())]
+            } else {
+                waiting.swap_remove(below(rng, waiting.len()))
+            }
+        })
+        .collect()
 }
 
 #[cfg(test)]

@@ -44,5 +44,9 @@ fn bias_of_the_evidence_by_echo() {
             let t = hard::log_gamma(10);
             row("log-gamma10", &t, t.ln_z, kernel, 300, steps);
         }
+        let t = smooth::mvn13();
+        for n_live in [150, 600, 1200] {
+            row("mvn13", &t, t.ln_z, kernel, n_live, 4);
+        }
     }
 }
