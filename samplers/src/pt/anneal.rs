@@ -5,6 +5,9 @@
 //! trips to replace them. A population that is cooled step by step loses such states at each step, by resampling, and
 //! ends in hollows by their weight. It is only a start: the rounds that follow are exact whatever it was. Ladders that share
 //! a population are of one family, and only families count as independent.
+//!
+//! All populations cool together, and members of the even ones take metric and directions from the odd ones and the other way
+//! round: a population is full of relatives, and a slice that is led by its own relatives does not keep the law it should.
 
 use super::ladder::{barrier, locate, respaced};
 use super::swap;
@@ -114,56 +117,39 @@ impl Barrier {
 /// One population.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Population {
-    beta: f64,
     points: Vec<Point>,
-    /// Sweeps done at this temperature.
-    sweeps: usize,
-    metric: Metric,
-    pool: Neighbours,
     ln_z: f64,
     levels: Vec<Level>,
 }
 
 impl Population {
-    fn done(&self) -> bool {
-        self.levels.last().is_some_and(|level| level.beta >= 1.0)
-    }
-
-    /// Lowers the temperature as far as the weights allow, and resamples.
-    fn cool(&mut self, target: &dyn Target, kind: MetricKind, uniform: f64) {
-        let most = 1.0 - self.beta;
+    /// The longest step down from `beta` that leaves weights enough.
+    fn longest_step(&self, most: f64) -> f64 {
         let enough = KEPT * self.points.len() as f64;
-        let mut step = most;
-        if effective(&self.weights(most)) < enough {
-            let mut bracket = (0.0, most);
-            for _ in 0..60 {
-                step = 0.5 * (bracket.0 + bracket.1);
-                if effective(&self.weights(step)) < enough {
-                    bracket.1 = step;
-                } else {
-                    bracket.0 = step;
-                }
+        if effective(&self.weights(most)) >= enough {
+            return most;
+        }
+        let mut bracket = (0.0, most);
+        for _ in 0..60 {
+            let step = 0.5 * (bracket.0 + bracket.1);
+            if effective(&self.weights(step)) < enough {
+                bracket.1 = step;
+            } else {
+                bracket.0 = step;
             }
         }
+        0.5 * (bracket.0 + bracket.1)
+    }
+
+    /// Resamples by the weights of a step.
+    fn resample(&mut self, step: f64, uniform: f64) {
         let weights = self.weights(step);
         let sum: f64 = weights.iter().sum();
-        let count = self.points.len();
-        self.ln_z += step * self.best() + (sum / count as f64).ln();
-        // A step of almost all that is left takes it all: what remains weighs nothing.
-        self.beta = if step >= most * (1.0 - 1e-9) {
-            1.0
-        } else {
-            self.beta + step
-        };
+        self.ln_z += step * self.best() + (sum / self.points.len() as f64).ln();
         self.points = systematic(&weights, sum, uniform)
             .into_iter()
             .map(|i| self.points[i].clone())
             .collect();
-        let level = Level::of(self.beta, &self.points);
-        self.metric = metric_of(&level.z, self.points[0].z.len(), kind);
-        let orbit = Symmetry::first_orbit(target.symmetries());
-        self.pool = Neighbours::new(&level.z, target.dim(), orbit);
-        self.sweeps = 0;
     }
 
     fn best(&self) -> f64 {
@@ -220,7 +206,13 @@ pub(super) fn metric_of(rows: &[f64], dim: usize, kind: MetricKind) -> Metric {
 /// All populations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Annealing {
+    beta: f64,
+    /// Sweeps done at this temperature.
+    sweeps: usize,
     populations: Vec<Population>,
+    /// What members of the even and of the odd populations move by.
+    metrics: [Metric; 2],
+    pools: [Neighbours; 2],
     /// Sweeps done, over all temperatures: the index of the random streams.
     clock: u64,
 }
@@ -228,39 +220,65 @@ pub(super) struct Annealing {
 impl Annealing {
     /// From draws of the prior, population by population.
     pub(super) fn new(points: Vec<Vec<Point>>, kind: MetricKind) -> Self {
+        let metric = Metric::identity(kind, points[0][0].z.len());
         let population = |points: Vec<Point>| Population {
-            beta: 0.0,
-            sweeps: 0,
-            metric: Metric::identity(kind, points[0].z.len()),
-            pool: Neighbours::default(),
             ln_z: 0.0,
             levels: vec![Level::of(0.0, &points)],
             points,
         };
         Self {
+            beta: 0.0,
+            sweeps: 0,
             populations: points.into_iter().map(population).collect(),
+            metrics: [metric.clone(), metric],
+            pools: Default::default(),
             clock: 0,
         }
     }
 
     /// Whether all have arrived at the posterior.
     pub(super) fn done(&self) -> bool {
-        self.populations.iter().all(Population::done)
+        let last = self.populations.iter().filter_map(|p| p.levels.last());
+        last.into_iter().all(|level| level.beta >= 1.0)
     }
 
-    /// The least cooled population's inverse temperature, and the mean of the estimates of ln Z so far.
+    /// The inverse temperature, and the mean of the estimates of ln Z so far.
     pub(super) fn progress(&self) -> (f64, f64) {
-        let count = self.populations.len() as f64;
-        let beta = self.populations.iter().map(|p| p.beta);
-        (
-            beta.fold(f64::INFINITY, f64::min),
-            self.populations.iter().map(|p| p.ln_z).sum::<f64>() / count,
-        )
+        let sum: f64 = self.populations.iter().map(|p| p.ln_z).sum();
+        (self.beta, sum / self.populations.len() as f64)
     }
 
     /// Each population's levels, from the prior on.
     pub(super) fn levels(&self) -> impl Iterator<Item = &[Level]> {
         self.populations.iter().map(|p| p.levels.as_slice())
+    }
+
+    /// Lowers the temperature as far as every population's weights allow, and resamples.
+    fn cool(&mut self, target: &dyn Target, kind: MetricKind, seed: u64) {
+        let most = 1.0 - self.beta;
+        let steps = self.populations.iter().map(|p| p.longest_step(most));
+        let step = steps.fold(most, f64::min);
+        // A step of almost all that is left takes it all: what remains weighs nothing.
+        self.beta = if step >= most * (1.0 - 1e-9) {
+            1.0
+        } else {
+            self.beta + step
+        };
+        for (number, population) in self.populations.iter_mut().enumerate() {
+            let task = (number as u64) << 20 | 0xf_ffff;
+            let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
+            population.resample(step, unit_open(&mut rng));
+        }
+        let dim = target.dim();
+        let orbit = Symmetry::first_orbit(target.symmetries());
+        let rows = self.populations.iter().map(|p| {
+            let z = p.points.iter().map(|point| point.z.as_slice());
+            z.collect::<Vec<_>>().concat()
+        });
+        let others = of_others(rows);
+        self.metrics = [0, 1].map(|half| metric_of(&others[half], dim, kind));
+        self.pools = [0, 1].map(|half| Neighbours::new(&others[half], dim, orbit));
+        self.sweeps = 0;
     }
 
     /// One sweep: every member of every population moves by one slice; cooling before it where it is due. On an error
@@ -272,34 +290,28 @@ impl Annealing {
         sweeps: usize,
         seed: u64,
     ) -> Result<Tally> {
-        for (number, population) in self.populations.iter_mut().enumerate() {
-            if !population.done() && (population.beta <= 0.0 || population.sweeps == sweeps) {
-                let task = (number as u64) << 20 | 0xf_ffff;
-                let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
-                population.cool(target, kind, unit_open(&mut rng));
-            }
+        if self.beta <= 0.0 || self.sweeps == sweeps {
+            self.cool(target, kind, seed);
         }
         let tasks: Vec<(usize, usize)> = self
             .populations
             .iter()
             .enumerate()
-            .filter(|(_, population)| !population.done())
             .flat_map(|(number, p)| (0..p.points.len()).map(move |i| (number, i)))
             .collect();
         let moved: Vec<Result<(Point, Evaluator<'_>)>> = tasks
             .par_iter()
             .map(|&(number, i)| {
-                let population = &self.populations[number];
                 let task = (number as u64) << 20 | i as u64;
                 let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
                 let mut evaluator = Evaluator::new(target);
-                let mut point = population.points[i].clone();
-                let (metric, pool) = (&population.metric, &population.pool);
+                let mut point = self.populations[number].points[i].clone();
+                let half = number % 2;
                 explore_by_slices(
                     &mut evaluator,
-                    population.beta,
-                    metric,
-                    pool,
+                    self.beta,
+                    &self.metrics[half],
+                    &self.pools[half],
                     1,
                     &mut point,
                     &mut rng,
@@ -313,15 +325,30 @@ impl Annealing {
             self.populations[number].points[i] = point;
             tally.add(&evaluator);
         }
-        for population in self.populations.iter_mut().filter(|p| !p.done()) {
-            population.sweeps += 1;
-            if population.sweeps == sweeps {
-                let level = Level::of(population.beta, &population.points);
+        self.sweeps += 1;
+        if self.sweeps == sweeps {
+            for population in &mut self.populations {
+                let level = Level::of(self.beta, &population.points);
                 population.levels.push(level);
             }
         }
         self.clock += 1;
         Ok(tally)
+    }
+}
+
+/// The rows of families for those of the other half: of the odd ones for the even, and of the even ones for the odd. A family
+/// without others has its own.
+pub(super) fn of_others(rows: impl Iterator<Item = Vec<f64>>) -> [Vec<f64>; 2] {
+    let mut halves: [Vec<f64>; 2] = Default::default();
+    for (family, rows) in rows.enumerate() {
+        halves[1 - family % 2].extend(rows);
+    }
+    let [even, odd] = halves;
+    if even.is_empty() {
+        [odd.clone(), odd]
+    } else {
+        [even, odd]
     }
 }
 

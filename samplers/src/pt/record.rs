@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// than its prior. One chaotic point would otherwise outweigh all others.
 const LONGEST_SCORE: f64 = 1_000.0;
 
-/// Most states that a round remembers at each temperature, spread evenly over its scans.
+/// Most states of half of the ladders that a round remembers at each temperature, spread evenly over its scans.
 const MOST_VISITS: usize = 256;
 
 /// What happened at one temperature in one round, all ladders together.
@@ -65,8 +65,8 @@ pub(super) struct Record {
     pub(super) traces: Traces,
     /// Positions at beta = 1 per ladder, scan by scan.
     pub(super) draws: Vec<Vec<f64>>,
-    /// States of all ladders at each temperature, one after the other: the next round's pool of directions.
-    pub(super) visits: Vec<Vec<f64>>,
+    /// States at each temperature, of the ladders of each family, one after the other: the next round's pools of directions.
+    pub(super) visits: Vec<Vec<Vec<f64>>>,
     /// Scans from one remembered state to the next.
     visit_every: usize,
     /// One per temperature.
@@ -80,13 +80,19 @@ pub(super) struct Record {
 }
 
 impl Record {
-    /// An empty record of a round of `scans`.
-    pub(super) fn new(dim: usize, ladders: usize, rungs: usize, scans: usize) -> Self {
+    /// An empty record of a round of `scans`; ladder `k` is of family `k % families`.
+    pub(super) fn new(
+        dim: usize,
+        ladders: usize,
+        families: usize,
+        rungs: usize,
+        scans: usize,
+    ) -> Self {
         Self {
             traces: Traces::new(ladders, rungs),
             draws: vec![Vec::new(); ladders],
-            visits: vec![Vec::new(); rungs],
-            visit_every: (scans * ladders).div_ceil(MOST_VISITS),
+            visits: vec![vec![Vec::new(); families]; rungs],
+            visit_every: (scans * ladders).div_ceil(2 * MOST_VISITS),
             locals: vec![Local::default(); rungs],
             moments: vec![Moments::new(dim); rungs],
             rejection: vec![0.0; rungs - 1],
@@ -123,7 +129,8 @@ impl Record {
                 self.moments[rung].push(&point.z, &score);
             }
             if visited {
-                self.visits[rung].extend_from_slice(&point.z);
+                let family = ladder % self.visits[rung].len();
+                self.visits[rung][family].extend_from_slice(&point.z);
             }
             if rung + 1 == beta.len() {
                 self.draws[ladder].extend_from_slice(&point.z);

@@ -1,6 +1,6 @@
 //! The whole of a run between two scans: what a checkpoint holds and a scan advances.
 
-use super::anneal::{Annealing, Barrier, Level, metric_of};
+use super::anneal::{Annealing, Barrier, Level, metric_of, of_others};
 use super::evidence::{Estimate, estimate};
 use super::ladder::{barrier, first_schedule, locate, respaced};
 use super::record::{Local, Record};
@@ -39,8 +39,8 @@ pub(super) struct Rung {
     pub(super) beta: f64,
     metric: Metric,
     pub(super) step: StepSize,
-    /// Where the round before stood at this temperature.
-    pool: Neighbours,
+    /// Where the round before stood at this temperature: its odd families for the even ones, and the other way round.
+    pools: [Neighbours; 2],
 }
 
 /// One place of one ladder: states stay, machines travel.
@@ -111,7 +111,7 @@ impl State {
                 beta,
                 metric: Metric::identity(settings.metric, dim),
                 step: StepSize::new(0.5),
-                pool: Neighbours::default(),
+                pools: Default::default(),
             })
             .collect();
         let mut state = Self {
@@ -121,7 +121,13 @@ impl State {
             round: 0,
             scan: 0,
             clock: 0,
-            record: Record::new(dim, settings.ladders, rungs.len(), settings.scans(0)),
+            record: Record::new(
+                dim,
+                settings.ladders,
+                settings.families(),
+                rungs.len(),
+                settings.scans(0),
+            ),
             slots: Vec::new(),
             rungs,
             history: Vec::new(),
@@ -341,7 +347,7 @@ impl State {
         let mut rungs = Vec::with_capacity(count);
         let mut slots = vec![Vec::with_capacity(count); ladders];
         for (k, beta) in path.schedule(count).into_iter().enumerate() {
-            let mut rows = Vec::new();
+            let mut rows = vec![Vec::new(); populations.len()];
             for (family, levels) in populations.iter().enumerate() {
                 let place = path.total() * k as f64 / (count - 1) as f64;
                 if let Some(level) = nearest(levels, place).map(|i| &levels[i]) {
@@ -350,27 +356,27 @@ impl State {
                     let members = level.ln_likelihood.len();
                     let first = below(&mut rng, members);
                     // Ladders of one family take members far apart: those of one ancestor are next to each other.
-                    let family: Vec<usize> = (family..ladders).step_by(populations.len()).collect();
-                    for (turn, ladder) in family.iter().enumerate() {
-                        let member = (first + turn * members / family.len()) % members;
+                    let own: Vec<usize> = (family..ladders).step_by(populations.len()).collect();
+                    for (turn, ladder) in own.iter().enumerate() {
+                        let member = (first + turn * members / own.len()) % members;
                         slots[*ladder].push(Slot {
                             point: level.point(member),
                             machine: k,
                         });
                     }
-                    rows.extend_from_slice(&level.z);
+                    rows[family].clone_from(&level.z);
                 }
             }
             rungs.push(Rung {
                 beta,
-                metric: metric_of(&rows, dim, self.settings.metric),
+                metric: metric_of(&rows.concat(), dim, self.settings.metric),
                 step: StepSize::new(FIRST_STEP),
-                pool: Neighbours::new(&rows, dim, orbit),
+                pools: of_others(rows.into_iter()).map(|r| Neighbours::new(&r, dim, orbit)),
             });
         }
         self.rungs = rungs;
         self.slots = slots.concat();
-        self.record = Record::new(dim, self.settings.ladders, count, self.settings.scans(0));
+        self.record = self.new_record(dim, 0);
     }
 
     /// Explores one slot: a fresh draw at beta = 0; symmetries, then slices, then Hamiltonian moves elsewhere.
@@ -385,7 +391,8 @@ impl State {
             point.ln_likelihood = explorer.evaluator.value(&point.z)?;
             point.has_gradient = false;
         } else {
-            let (metric, pool) = (&rung.metric, &rung.pool);
+            let family = slot / self.rungs.len() % self.settings.families();
+            let (metric, pool) = (&rung.metric, &rung.pools[family % 2]);
             let (evaluator, slices) = (&mut explorer.evaluator, self.settings.slices);
             hmc::explore_by_slices(
                 evaluator, rung.beta, metric, pool, slices, &mut point, &mut rng,
@@ -475,7 +482,8 @@ impl State {
                     beta,
                     metric: found[i].0.between(&found[i + 1].0, t),
                     step: StepSize::new(ln_step.exp()),
-                    pool: Neighbours::new(&self.record.visits[nearest((i, t))], dim, orbit),
+                    pools: of_others(self.record.visits[nearest((i, t))].iter().cloned())
+                        .map(|rows| Neighbours::new(&rows, dim, orbit)),
                 }
             })
             .collect();
@@ -499,8 +507,13 @@ impl State {
     fn next_round(&mut self, dim: usize) {
         self.round += 1;
         self.scan = 0;
-        let scans = self.settings.scans(self.round);
-        self.record = Record::new(dim, self.settings.ladders, self.rungs.len(), scans);
+        self.record = self.new_record(dim, self.round);
+    }
+
+    fn new_record(&self, dim: usize, round: usize) -> Record {
+        let (ladders, families) = (self.settings.ladders, self.settings.families());
+        let scans = self.settings.scans(round);
+        Record::new(dim, ladders, families, self.rungs.len(), scans)
     }
 
     /// `1 + ceil(2 barrier)` temperatures make a round trip cheapest (Syed et al. 2022); their number is left alone

@@ -1,5 +1,6 @@
 //! Parallel tempering against exact evidences and posteriors.
 
+mod anneal;
 mod evidence;
 mod honesty;
 mod posterior;
