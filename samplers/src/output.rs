@@ -44,7 +44,8 @@ pub struct Draws {
     pub ln_likelihood: Vec<f64>,
     /// Log weight of each row; their exponentials add up to 1.
     pub ln_weight: Vec<f64>,
-    /// Chain (ladder) of each row; 0 for nested runs.
+    /// Which group of dependent draws each row is of: its ladder, or its lineage in a nested run. Groups are independent of each
+    /// other, so that their scatter is the error of whatever is computed from the draws; all 0 where every draw is independent.
     pub chain: Vec<u32>,
 }
 

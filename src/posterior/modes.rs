@@ -2,14 +2,14 @@
 
 use super::column;
 use oblate_samplers::Run;
-use oblate_samplers::rng::{Domain, stream, unit_open};
+use oblate_samplers::rng::{Domain, below, stream};
 use serde::{Deserialize, Serialize};
 
 /// Task of the bootstrap's streams within [`Domain::Post`].
 const BOOTSTRAP_TASK: u64 = 0x6d6f_6465;
 
 /// Resamples behind each error.
-const BOOTSTRAPS: u64 = 64;
+const BOOTSTRAPS: u64 = 200;
 
 /// One cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,8 +33,8 @@ pub struct ModeWeight {
     pub share: Share,
 }
 
-/// The probability of one of several exclusive things, and its Monte-Carlo standard error: between chains where a run has at
-/// least four, by bootstrap of the weighted draws otherwise.
+/// The probability of one of several exclusive things, and its Monte-Carlo standard error: by bootstrap over ladders or lineages, or
+/// over the draws where they are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Share {
     /// Posterior probability.
@@ -82,60 +82,61 @@ pub fn prolate_share(run: &Run) -> Option<Share> {
 /// The shares of labels below `N`, one label per draw.
 fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
     let weights = run.draws.weights();
-    let rows = labels.len();
     let chains = run.draws.chains();
-    let by_chain = chains.len() >= 4;
-    let samples: Vec<[f64; N]> = if by_chain {
-        chains
-            .into_iter()
-            .map(|own| share(labels, &weights, own.into_iter()))
+    // Groups of dependent draws are drawn whole; where there are none, rows.
+    let groups: Vec<[f64; N]> = if chains.len() > 1 {
+        let sums = chains.into_iter();
+        sums.map(|own| sums_of(labels, &weights, own.into_iter()))
             .collect()
     } else {
-        (0..BOOTSTRAPS)
-            .map(|b| {
-                let mut rng = stream(run.seed, Domain::Post, BOOTSTRAP_TASK, b);
-                let drawn = (0..rows).map(|_| index(unit_open(&mut rng), rows));
-                share(labels, &weights, drawn)
-            })
+        (0..labels.len())
+            .map(|row| sums_of(labels, &weights, std::iter::once(row)))
             .collect()
     };
-    let count = samples.len() as f64;
-    // Chains average to the whole: their spread is divided by their number. Bootstraps each have the whole's error.
-    let shrink = if by_chain { count } else { 1.0 };
-    let whole: [f64; N] = share(labels, &weights, 0..rows);
+    let count = groups.len();
+    let samples: Vec<[f64; N]> = (0..BOOTSTRAPS)
+        .map(|b| {
+            let mut rng = stream(run.seed, Domain::Post, BOOTSTRAP_TASK, b);
+            let mut sums = [0.0; N];
+            for _ in 0..count {
+                let drawn = groups[below(&mut rng, count)];
+                sums.iter_mut().zip(drawn).for_each(|(s, d)| *s += d);
+            }
+            normalised(sums)
+        })
+        .collect();
+    let whole: [f64; N] = normalised(sums_of(labels, &weights, 0..labels.len()));
+    // Few groups scatter a little less about their own mean than about the truth.
+    let freedom = count as f64 / (count as f64 - 1.0).max(1.0);
     std::array::from_fn(|label| {
-        let mean = samples.iter().map(|s| s[label]).sum::<f64>() / count;
+        let mean = samples.iter().map(|s| s[label]).sum::<f64>() / BOOTSTRAPS as f64;
         let squares = samples.iter().map(|s| (s[label] - mean).powi(2));
-        let variance = squares.sum::<f64>() / (count - 1.0).max(1.0);
+        let variance = freedom * squares.sum::<f64>() / (BOOTSTRAPS as f64 - 1.0);
         Share {
             weight: whole[label],
-            error: (variance / shrink).sqrt(),
+            error: variance.sqrt(),
         }
     })
 }
 
-fn share<const N: usize>(
+/// Summed weights of the labels of some rows.
+fn sums_of<const N: usize>(
     labels: &[usize],
     weights: &[f64],
     rows: impl Iterator<Item = usize>,
 ) -> [f64; N] {
-    let mut share = [0.0; N];
+    let mut sums = [0.0; N];
     for row in rows {
-        share[labels[row]] += weights[row];
+        sums[labels[row]] += weights[row];
     }
-    let sum: f64 = share.iter().sum();
-    if sum > 0.0 {
-        share.map(|s| s / sum)
-    } else {
-        share
-    }
+    sums
 }
 
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "u < 1, so the product is below len"
-)]
-fn index(u: f64, len: usize) -> usize {
-    ((u * len as f64) as usize).min(len.saturating_sub(1))
+fn normalised<const N: usize>(sums: [f64; N]) -> [f64; N] {
+    let sum: f64 = sums.iter().sum();
+    if sum > 0.0 {
+        sums.map(|s| s / sum)
+    } else {
+        sums
+    }
 }

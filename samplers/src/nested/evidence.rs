@@ -133,26 +133,24 @@ impl History {
     }
 
     /// ln Z and posterior means of `columns` (values per point as given, row-major, `width` of them) in `count`
-    /// bootstraps over threads, within each of the strands that begin with the threads named.
+    /// bootstraps over lineages: thread k is of lineage k modulo their number.
     pub fn bootstrap(
         &self,
         seed: u64,
         count: usize,
         columns: &[f64],
         width: usize,
-        strands: &[usize],
+        lineages: usize,
     ) -> Vec<(f64, Vec<f64>)> {
         (0..count as u64)
             .into_par_iter()
             .map(|b| {
                 let mut rng = stream(seed, Domain::Post, BOOTSTRAP, b);
-                let mut copies = vec![0; self.threads];
-                let ends = strands.iter().skip(1).chain([&self.threads]);
-                for (first, end) in strands.iter().zip(ends) {
-                    for _ in *first..*end {
-                        copies[first + below(&mut rng, end - first)] += 1;
-                    }
+                let mut drawn = vec![0; lineages];
+                for _ in 0..lineages {
+                    drawn[below(&mut rng, lineages)] += 1;
                 }
+                let copies: Vec<u32> = (0..self.threads).map(|k| drawn[k % lineages]).collect();
                 let (rows, weighted) = self.weigh_threads(&copies);
                 let mut means = vec![0.0; width];
                 for (&row, p) in rows.iter().zip(&weighted.p) {

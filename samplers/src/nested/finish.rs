@@ -22,15 +22,13 @@ pub(super) fn finish(
     let weighted = history.weigh();
     let dim = points.dim();
     let theta = physical(job, &points);
-    let bootstraps = history.bootstrap(
-        job.seed,
-        job.settings.bootstraps,
-        &theta,
-        dim,
-        &state.strands,
-    );
+    let lineages = job.lineages();
+    // So few scatter a little less about their own mean than about the truth.
+    let freedom = (lineages as f64 / (lineages as f64 - 1.0)).sqrt();
+    let bootstraps = history.bootstrap(job.seed, job.settings.bootstraps, &theta, dim, lineages);
     let simulated = deviation(&history.simulate(job.seed, job.settings.simulations));
-    let bootstrapped = deviation(&bootstraps.iter().map(|b| b.0).collect::<Vec<_>>());
+    let ln_z: Vec<f64> = bootstraps.iter().map(|b| b.0).collect();
+    let bootstrapped = freedom * deviation(&ln_z);
     let empty = points.best() <= REJECTED;
 
     let draws = draws(job, &history, &weighted.ln_p, &theta)?;
@@ -44,7 +42,7 @@ pub(super) fn finish(
                 .map(|(x, p)| p * (x - mean).powi(2))
                 .sum();
             let means: Vec<f64> = bootstraps.iter().map(|b| b.1[k]).collect();
-            (variance / deviation(&means).powi(2)).min(draws.len() as f64)
+            (variance / (freedom * deviation(&means)).powi(2)).min(draws.len() as f64)
         })
         .map(|ess| {
             if ess.is_nan() {
@@ -137,10 +135,13 @@ fn physical(job: &Job<'_>, points: &Points) -> Vec<f64> {
 fn draws(job: &Job<'_>, history: &History, ln_p: &[f64], theta: &[f64]) -> Result<Draws> {
     let dim = job.target.dim();
     let mut draws = Draws::of(job.target);
-    for ((&row, &ln_l), &ln_p) in history.order.iter().zip(&history.ln_l).zip(ln_p) {
+    let lineages = u32::try_from(job.lineages()).unwrap_or(u32::MAX);
+    for (death, &row) in history.order.iter().enumerate() {
+        let ln_l = history.ln_l[death];
         if ln_l > REJECTED {
             let theta = &theta[row * dim..(row + 1) * dim];
-            draws.push(job.target, theta, ln_l, ln_p, 0)?;
+            let lineage = history.thread[death] % lineages;
+            draws.push(job.target, theta, ln_l, ln_p[death], lineage)?;
         }
     }
     Ok(draws)

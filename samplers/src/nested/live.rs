@@ -6,6 +6,14 @@ use serde::{Deserialize, Serialize};
 /// first points are born. So a point born above the plateau of rejected points can be told from a first one.
 pub(super) const REJECTED: f64 = f64::MIN;
 
+/// Groups of threads whose scatter is the error of ln Z and of posterior means: thread k is of lineage k modulo their number,
+/// which is even, so that each lies in one half.
+pub(super) fn lineages(n_live: usize) -> usize {
+    const MOST: usize = 20;
+    const LEAST_POINTS: usize = 5;
+    (n_live / LEAST_POINTS).clamp(2, MOST) & !1
+}
+
 /// Points in rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Points {
@@ -16,7 +24,8 @@ pub(super) struct Points {
     pub ln_l: Vec<f64>,
     /// Log-likelihood of the contour above which each was drawn; minus infinity for the prior itself.
     pub birth: Vec<f64>,
-    /// The thread each belongs to: a point continues the thread of the one that it replaces.
+    /// The thread each belongs to: that of its seed, whom it resembles while steps are few; a point drawn without a seed
+    /// continues the thread of the one that it replaces.
     pub thread: Vec<u32>,
 }
 
@@ -51,11 +60,12 @@ impl Points {
         self.push(other.row(i), other.ln_l[i], other.birth[i], other.thread[i]);
     }
 
-    /// Replaces row `i`, which keeps its thread.
-    pub fn replace(&mut self, i: usize, u: &[f64], ln_l: f64, birth: f64) {
+    /// Replaces row `i`.
+    pub fn replace(&mut self, i: usize, u: &[f64], ln_l: f64, birth: f64, thread: u32) {
         self.u[i * self.dim..(i + 1) * self.dim].copy_from_slice(u);
         self.ln_l[i] = ln_l;
         self.birth[i] = birth;
+        self.thread[i] = thread;
     }
 
     /// Keeps the rows named, in the order given.

@@ -8,10 +8,6 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {
     /// [`Uniform`](Self::Uniform) below ten parameters, [`Differential`](Self::Differential) from ten on.
-    ///
-    /// On exact targets of thirteen parameters it costs as many calls as random slices, with no bias of ln Z seen on one
-    /// mode; between two narrow modes both remember their seeds, and its ln Z is a third of the error too high where that
-    /// of random slices is more than one (200 live points, 40 seeds).
     #[default]
     Auto,
     /// Independent draws from the bound.
@@ -35,12 +31,12 @@ impl Kernel {
         }
     }
 
-    /// Steps per new point if the user gives none: `3 + d` slices, `20 + d` walk steps.
+    /// Steps per new point if the user gives none: `(3 + d) / 2` slices, `20 + d` walk steps.
     #[must_use]
     pub fn default_steps(self, dim: usize) -> usize {
         match self.resolve(dim) {
             Self::RandomWalk => 20 + dim,
-            Self::RandomSlice | Self::Differential => 3 + dim,
+            Self::RandomSlice | Self::Differential => (3 + dim).div_ceil(2),
             Self::Auto | Self::Uniform => 1,
         }
     }
@@ -78,14 +74,14 @@ pub struct Settings {
     pub batch: f64,
     /// How new points are found.
     pub kernel: Kernel,
-    /// Slices or walk steps per new point. None: `3 + d` and `20 + d`, raised during a run if new points resemble their
-    /// seeds. Where modes are many and narrow, few steps and many live points find more of them for the same calls.
+    /// Slices or walk steps per new point. None: `(3 + d) / 2` and `20 + d`, raised during a run if new points resemble
+    /// their seeds. Where modes are many and narrow, few steps and many live points find more of them for the same calls.
     pub steps: Option<usize>,
     /// What encloses the live points.
     pub bound: BoundKind,
     /// Simulations of the unknown prior volumes, for the error of ln Z.
     pub simulations: usize,
-    /// Bootstraps over threads of points, for the error of ln Z and the effective sizes.
+    /// Bootstraps over lineages of points, for the error of ln Z and the effective sizes.
     pub bootstraps: usize,
 }
 

@@ -37,6 +37,10 @@ impl Job<'_> {
         self.settings.kernel.resolve(self.target.dim())
     }
 
+    pub fn lineages(&self) -> usize {
+        live::lineages(self.settings.n_live)
+    }
+
     pub fn first_steps(&self) -> usize {
         let default = self.settings.kernel.default_steps(self.target.dim());
         self.settings.steps.unwrap_or(default)
@@ -192,8 +196,7 @@ impl State {
         }
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let births = job.settings.n_live.saturating_sub(kept.len());
-        let heirs = batch.dying[..births].iter().map(|&i| self.live.thread[i]);
-        let seeds = choose_seeds(&mut rng, &kept, heirs);
+        let seeds = choose_seeds(&mut rng, kept.len(), births);
         let bounds = refitted.as_ref().unwrap_or(&self.bounds);
         let ground = Ground {
             kept: &kept,
@@ -212,7 +215,12 @@ impl State {
             self.efficiency_at_fit = None;
         }
         self.count(&born);
-        self.commit(&batch, &born, &mut rng);
+        let threads: Vec<u32> = if learns(job, &self.bounds) {
+            seeds.iter().map(|&s| kept.thread[s]).collect()
+        } else {
+            batch.dying.iter().map(|&i| self.live.thread[i]).collect()
+        };
+        self.commit(&batch, &born, &threads, &mut rng);
         // Steps that the user chose stay.
         if job.settings.steps.is_none() {
             let window = 5 * job.settings.n_live;
@@ -291,8 +299,7 @@ impl State {
             self.calls += tally.calls;
             tally.add_to(&mut self.rejected);
         } else {
-            let threads = (thread..thread + count).map(narrow);
-            let seeds = choose_seeds(&mut rng, &kept, threads);
+            let seeds = choose_seeds(&mut rng, kept.len(), count);
             let ground = Ground {
                 kept: &kept,
                 contour: span.floor,
@@ -304,7 +311,12 @@ impl State {
                 tuning.learn(job.kernel(), &bounds, &kept, &seeds, &born, &mut rng);
             }
             for (i, b) in born.iter().enumerate() {
-                live.push(&b.u, b.ln_l, span.floor, narrow(thread + i));
+                let own = if learns(job, &bounds) {
+                    kept.thread[seeds[i]]
+                } else {
+                    narrow(thread + i)
+                };
+                live.push(&b.u, b.ln_l, span.floor, own);
             }
             self.count(&born);
         }
@@ -413,8 +425,8 @@ impl State {
         }
     }
 
-    /// Buries the dying, in order, and puts the newborn in their places.
-    fn commit(&mut self, batch: &Batch, born: &[Newborn], rng: &mut Stream) {
+    /// Buries the dying, in order, and puts the newborn, of these threads, in their places.
+    fn commit(&mut self, batch: &Batch, born: &[Newborn], threads: &[u32], rng: &mut Stream) {
         for (i, &row) in batch.dying.iter().enumerate() {
             let n = (self.live.len() - i) as f64;
             if self.span.is_none() {
@@ -432,8 +444,8 @@ impl State {
             self.ranks.push(narrow(rank), narrow(sorted.len()));
             sorted.insert(rank, b.ln_l);
         }
-        for (&row, b) in batch.dying.iter().zip(born) {
-            self.live.replace(row, &b.u, b.ln_l, batch.contour);
+        for ((&row, b), thread) in batch.dying.iter().zip(born).zip(threads) {
+            self.live.replace(row, &b.u, b.ln_l, batch.contour, *thread);
         }
         if born.len() < batch.dying.len() {
             let mut gone = vec![false; self.live.len()];
@@ -465,25 +477,18 @@ impl State {
     }
 }
 
-/// A row for each of these threads, of the same half as the thread, distinct as far as there are enough.
-///
-/// Chains of a half take their metric and their directions from the other half, which must know nothing of their seeds. So
-/// lineages stay within halves: a point that resembles its seed would else tell the other half where the seed is.
-fn choose_seeds(rng: &mut Stream, kept: &Points, threads: impl Iterator<Item = u32>) -> Vec<usize> {
-    let halves = kept.halves();
-    let mut waiting = halves.clone();
-    threads
-        .map(|thread| {
-            let own = thread as usize % 2;
-            let half = if halves[own].is_empty() { 1 - own } else { own };
-            let waiting = &mut waiting[half];
-            if waiting.is_empty() {
-                halves[half][below(rng, halves[half].len())]
-            } else {
-                waiting.swap_remove(below(rng, waiting.len()))
-            }
-        })
-        .collect()
+/// `count` rows out of `available`, distinct as far as there are enough.
+fn choose_seeds(rng: &mut Stream, available: usize, count: usize) -> Vec<usize> {
+    if count > available {
+        return (0..count).map(|_| below(rng, available)).collect();
+    }
+    let mut rows: Vec<usize> = (0..available).collect();
+    for i in 0..count {
+        let j = i + below(rng, available - i);
+        rows.swap(i, j);
+    }
+    rows.truncate(count);
+    rows
 }
 
 #[cfg(test)]

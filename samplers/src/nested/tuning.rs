@@ -1,6 +1,7 @@
 //! Length and number of the steps of chains, learned from how the chains moved.
 
 use super::bound::Bound;
+use super::gates::MOST_ECHO;
 use super::kernel::{self, Newborn, Pace};
 use super::live::Points;
 use super::rank::Ranks;
@@ -118,12 +119,11 @@ impl Tuning {
         }
         let echoes = &self.echoes[echoes..];
         if !echoes.is_empty() {
-            // Twice the gate's limit: the scatter of a mean over 5 n chains is 1 / sqrt(5 n).
             let echo = mean(echoes);
             let helps = self
                 .echo_at_raise
                 .is_none_or(|before| echo < 0.75 * before || echo > 1.5 * before);
-            let echoing = echo > 0.1 && helps;
+            let echoing = echo > MOST_ECHO && helps;
             let still = (self.stayed - stayed) as f64 > 0.01 * made as f64;
             let uneven = ranks.z_score(insertions).abs() > 3.0;
             if (echoing || still || uneven) && self.steps < most {
@@ -213,11 +213,11 @@ mod tests {
             tuning.watch(&ranks, 110, 100);
             tuning.steps
         };
-        assert_eq!(after_a_window_of(0.05), 10, "nothing to mend");
-        assert_eq!(after_a_window_of(0.30), 15);
-        assert_eq!(after_a_window_of(0.20), 23, "it helped, and echoes still");
-        assert_eq!(after_a_window_of(0.19), 23, "it did not help");
-        assert_eq!(after_a_window_of(0.22), 23);
-        assert_eq!(after_a_window_of(0.35), 35, "another regime");
+        assert_eq!(after_a_window_of(0.20), 10, "nothing to mend");
+        assert_eq!(after_a_window_of(0.60), 15);
+        assert_eq!(after_a_window_of(0.40), 23, "it helped, and echoes still");
+        assert_eq!(after_a_window_of(0.38), 23, "it did not help");
+        assert_eq!(after_a_window_of(0.44), 23);
+        assert_eq!(after_a_window_of(0.70), 35, "another regime");
     }
 }

@@ -68,7 +68,8 @@ fn perfect(
                 newborn(x, ln_l(x))
             })
             .collect();
-        state.commit(&batch, &born, &mut rng);
+        let threads: Vec<u32> = batch.dying.iter().map(|&i| state.live.thread[i]).collect();
+        state.commit(&batch, &born, &threads, &mut rng);
     }
     let mut points = state.dead.clone();
     for i in 0..state.live.len() {
