@@ -348,7 +348,7 @@ fn a_fit_is_boosted_into_another_folder_which_says_when_not_to_trust_it() {
     let track = example("tracks/s2_spherical.ecsv").display().to_string();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (fit, out) = (path("fit"), path("boosted"));
-    let mut arguments = vec!["fit", &track, "--config", &config, "--live", "150"];
+    let mut arguments = vec!["fit", &track, "--config", &config, "--live", "300"];
     arguments.extend(["--out", &fit, "-q", "--allow-unconverged"]);
     assert_eq!(oblate(&arguments, "").status.code(), Some(0));
     let boost = |more: &[&str]| {
