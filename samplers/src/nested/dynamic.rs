@@ -103,8 +103,8 @@ mod tests {
     /// Ten points that die one after the other, none replaced; weights peak where `ln_l` does not grow as fast as the volume
     /// shrinks.
     fn history(ln_l: &[f64]) -> History {
-        let threads: Vec<u32> = (0..).take(ln_l.len()).collect();
-        History::new(ln_l, &vec![NEVER; ln_l.len()], &threads)
+        let lineages: Vec<u32> = (0..).take(ln_l.len()).collect();
+        History::new(ln_l, &vec![NEVER; ln_l.len()], &lineages)
     }
 
     #[test]

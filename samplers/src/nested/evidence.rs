@@ -22,14 +22,15 @@ pub(super) struct History {
     /// Contours of birth.
     pub birth: Vec<f64>,
     /// Threads.
-    pub thread: Vec<u32>,
+    pub lineage: Vec<u32>,
     /// Row numbers of the points as they were given.
     pub order: Vec<usize>,
     /// Rows in order of birth.
     by_birth: Vec<usize>,
     /// Number alive at each death, the dying one included.
     pub live: Vec<u32>,
-    threads: usize,
+    /// Number of lineages.
+    pub lineages: usize,
 }
 
 /// Weights, their sum and what follows from it.
@@ -48,34 +49,34 @@ pub(super) struct Weighted {
 impl History {
     /// Of the points of a run.
     pub fn of(points: &Points) -> Self {
-        Self::new(&points.ln_l, &points.birth, &points.thread)
+        Self::new(&points.ln_l, &points.birth, &points.lineage)
     }
 
     /// Points in any order; equal log-likelihoods die in the order given.
-    pub fn new(ln_l: &[f64], birth: &[f64], thread: &[u32]) -> Self {
+    pub fn new(ln_l: &[f64], birth: &[f64], lineage: &[u32]) -> Self {
         let mut order: Vec<usize> = (0..ln_l.len()).collect();
         order.sort_by(|&a, &b| ln_l[a].total_cmp(&ln_l[b]));
         let birth: Vec<f64> = order.iter().map(|&i| birth[i]).collect();
         let mut by_birth: Vec<usize> = (0..birth.len()).collect();
         by_birth.sort_by(|&a, &b| birth[a].total_cmp(&birth[b]));
-        let thread: Vec<u32> = order.iter().map(|&i| thread[i]).collect();
+        let lineage: Vec<u32> = order.iter().map(|&i| lineage[i]).collect();
         let mut history = Self {
             ln_l: order.iter().map(|&i| ln_l[i]).collect(),
-            threads: thread.iter().map(|t| *t as usize + 1).max().unwrap_or(0),
+            lineages: lineage.iter().map(|t| *t as usize + 1).max().unwrap_or(0),
             birth,
-            thread,
+            lineage,
             order,
             by_birth,
             live: Vec::new(),
         };
-        let everyone = vec![1; history.threads];
+        let everyone = vec![1; history.lineages];
         history.live = history.count_live(&everyone);
         history
     }
 
-    /// Number alive at each death if thread k is there `copies[k]` times: births strictly below, less earlier deaths.
+    /// Number alive at each death if lineage k is there `copies[k]` times: births strictly below, less earlier deaths.
     fn count_live(&self, copies: &[u32]) -> Vec<u32> {
-        let copies_of = |i: usize| copies[self.thread[i] as usize];
+        let copies_of = |i: usize| copies[self.lineage[i] as usize];
         let mut born = self.by_birth.iter().peekable();
         let mut alive = 0;
         self.ln_l
@@ -133,25 +134,23 @@ impl History {
     }
 
     /// ln Z and posterior means of `columns` (values per point as given, row-major, `width` of them) in `count`
-    /// bootstraps over lineages: thread k is of lineage k modulo their number.
+    /// bootstraps over lineages.
     pub fn bootstrap(
         &self,
         seed: u64,
         count: usize,
         columns: &[f64],
         width: usize,
-        lineages: usize,
     ) -> Vec<(f64, Vec<f64>)> {
         (0..count as u64)
             .into_par_iter()
             .map(|b| {
                 let mut rng = stream(seed, Domain::Post, BOOTSTRAP, b);
-                let mut drawn = vec![0; lineages];
-                for _ in 0..lineages {
-                    drawn[below(&mut rng, lineages)] += 1;
+                let mut copies = vec![0; self.lineages];
+                for _ in 0..self.lineages {
+                    copies[below(&mut rng, self.lineages)] += 1;
                 }
-                let copies: Vec<u32> = (0..self.threads).map(|k| drawn[k % lineages]).collect();
-                let (rows, weighted) = self.weigh_threads(&copies);
+                let (rows, weighted) = self.weigh_lineages(&copies);
                 let mut means = vec![0.0; width];
                 for (&row, p) in rows.iter().zip(&weighted.p) {
                     let at = self.order[row] * width;
@@ -164,24 +163,24 @@ impl History {
             .collect()
     }
 
-    /// ln Z from the threads of even and of odd number: two runs of half the points.
+    /// ln Z from the lineages of even and of odd number.
     pub fn halves(&self) -> [f64; 2] {
         [0, 1].map(|parity| {
-            let copies: Vec<u32> = (0..self.threads)
+            let copies: Vec<u32> = (0..self.lineages)
                 .map(|k| u32::from(k % 2 == parity))
                 .collect();
-            self.weigh_threads(&copies).1.ln_z
+            self.weigh_lineages(&copies).1.ln_z
         })
     }
 
-    /// Rows that are there at all, and their weights, if thread k is there `copies[k]` times.
-    fn weigh_threads(&self, copies: &[u32]) -> (Vec<usize>, Weighted) {
+    /// Rows that are there at all, and their weights, if lineage k is there `copies[k]` times.
+    fn weigh_lineages(&self, copies: &[u32]) -> (Vec<usize>, Weighted) {
         let live = self.count_live(copies);
         let mut rows = Vec::with_capacity(live.len());
         let mut ln_l = Vec::with_capacity(live.len());
         let mut ln_t = Vec::with_capacity(live.len());
         for (i, &n) in live.iter().enumerate() {
-            let c = copies[self.thread[i] as usize];
+            let c = copies[self.lineage[i] as usize];
             if c > 0 {
                 rows.push(i);
                 ln_l.push(self.ln_l[i]);

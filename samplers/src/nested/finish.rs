@@ -22,10 +22,10 @@ pub(super) fn finish(
     let weighted = history.weigh();
     let dim = points.dim();
     let theta = physical(job, &points);
-    let lineages = job.lineages();
+    let lineages = history.lineages as f64;
     // So few scatter a little less about their own mean than about the truth.
-    let freedom = (lineages as f64 / (lineages as f64 - 1.0)).sqrt();
-    let bootstraps = history.bootstrap(job.seed, job.settings.bootstraps, &theta, dim, lineages);
+    let freedom = (lineages / (lineages - 1.0)).sqrt();
+    let bootstraps = history.bootstrap(job.seed, job.settings.bootstraps, &theta, dim);
     let simulated = deviation(&history.simulate(job.seed, job.settings.simulations));
     let ln_z: Vec<f64> = bootstraps.iter().map(|b| b.0).collect();
     let bootstrapped = freedom * deviation(&ln_z);
@@ -135,13 +135,11 @@ fn physical(job: &Job<'_>, points: &Points) -> Vec<f64> {
 fn draws(job: &Job<'_>, history: &History, ln_p: &[f64], theta: &[f64]) -> Result<Draws> {
     let dim = job.target.dim();
     let mut draws = Draws::of(job.target);
-    let lineages = u32::try_from(job.lineages()).unwrap_or(u32::MAX);
     for (death, &row) in history.order.iter().enumerate() {
         let ln_l = history.ln_l[death];
         if ln_l > REJECTED {
             let theta = &theta[row * dim..(row + 1) * dim];
-            let lineage = history.thread[death] % lineages;
-            draws.push(job.target, theta, ln_l, ln_p[death], lineage)?;
+            draws.push(job.target, theta, ln_l, ln_p[death], history.lineage[death])?;
         }
     }
     Ok(draws)

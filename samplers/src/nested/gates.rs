@@ -65,7 +65,7 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
     let error = 2.0 * measured.simulated.max(measured.bootstrapped);
     let apart = (even - odd).abs();
     gates.push(Gate::at_most(
-        "thread-halves",
+        "lineage-halves",
         if apart > 0.0 { apart / error } else { 0.0 },
         3.0,
         "difference of ln Z between two halves of the lineages in units of its error; if too large, modes are found by chance: double `n-live`",

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 /// first points are born. So a point born above the plateau of rejected points can be told from a first one.
 pub(super) const REJECTED: f64 = f64::MIN;
 
-/// Groups of threads whose scatter is the error of ln Z and of posterior means: thread k is of lineage k modulo their number,
-/// which is even, so that each lies in one half.
+/// Number of lineages that this many live points found: even, so that each lies in one half. Their scatter is the error of ln Z and
+/// of posterior means.
 pub(super) fn lineages(n_live: usize) -> usize {
     const MOST: usize = 20;
     const LEAST_POINTS: usize = 5;
@@ -24,9 +24,9 @@ pub(super) struct Points {
     pub ln_l: Vec<f64>,
     /// Log-likelihood of the contour above which each was drawn; minus infinity for the prior itself.
     pub birth: Vec<f64>,
-    /// The thread each belongs to: that of its seed, whom it resembles while steps are few; a point drawn without a seed
-    /// continues the thread of the one that it replaces.
-    pub thread: Vec<u32>,
+    /// The lineage each belongs to: that of its seed, whom it resembles while steps are few; a point drawn without a seed
+    /// continues that of the one that it replaces.
+    pub lineage: Vec<u32>,
 }
 
 impl Points {
@@ -49,23 +49,28 @@ impl Points {
         &self.u[i * self.dim..(i + 1) * self.dim]
     }
 
-    pub fn push(&mut self, u: &[f64], ln_l: f64, birth: f64, thread: u32) {
+    pub fn push(&mut self, u: &[f64], ln_l: f64, birth: f64, lineage: u32) {
         self.u.extend_from_slice(u);
         self.ln_l.push(ln_l);
         self.birth.push(birth);
-        self.thread.push(thread);
+        self.lineage.push(lineage);
     }
 
     pub fn push_from(&mut self, other: &Self, i: usize) {
-        self.push(other.row(i), other.ln_l[i], other.birth[i], other.thread[i]);
+        self.push(
+            other.row(i),
+            other.ln_l[i],
+            other.birth[i],
+            other.lineage[i],
+        );
     }
 
     /// Replaces row `i`.
-    pub fn replace(&mut self, i: usize, u: &[f64], ln_l: f64, birth: f64, thread: u32) {
+    pub fn replace(&mut self, i: usize, u: &[f64], ln_l: f64, birth: f64, lineage: u32) {
         self.u[i * self.dim..(i + 1) * self.dim].copy_from_slice(u);
         self.ln_l[i] = ln_l;
         self.birth[i] = birth;
-        self.thread[i] = thread;
+        self.lineage[i] = lineage;
     }
 
     /// Keeps the rows named, in the order given.
@@ -77,12 +82,12 @@ impl Points {
         out
     }
 
-    /// Rows of the even threads, then those of the odd ones. What a chain knows of its target besides its own state, it
+    /// Rows of the even lineages, then those of the odd ones. What a chain knows of its target besides its own state, it
     /// knows from the half that its seed is not in.
     pub fn halves(&self) -> [Vec<usize>; 2] {
         let of = |half: u32| -> Vec<usize> {
             (0..self.len())
-                .filter(|&i| self.thread[i] % 2 == half)
+                .filter(|&i| self.lineage[i] % 2 == half)
                 .collect()
         };
         [of(0), of(1)]

@@ -17,7 +17,7 @@ use std::time::Instant;
 /// Runs nested sampling on `target`, once or until the settings' targets are met, and returns weighted draws of its
 /// posterior with the evidence.
 ///
-/// The same target, settings and seed give the same bits on any number of threads (those of the current rayon pool),
+/// The same target, settings and seed give the same bits on any number of lineages (those of the current rayon pool),
 /// and after any number of interruptions. A run that was interrupted or whose budget is spent returns what it has,
 /// unconverged; it can be resumed from its checkpoint, which stays after completion too.
 ///
@@ -60,7 +60,7 @@ pub fn run(
                 break Status::Complete;
             }
             stop |= control.tell(&Event::Strand {
-                number: state.strands.len(),
+                number: state.strands,
                 ln_z: survey.weighted.ln_z,
                 ln_z_error: survey.ln_z_error,
                 ess: survey.ess,

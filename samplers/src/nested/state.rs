@@ -37,8 +37,9 @@ impl Job<'_> {
         self.settings.kernel.resolve(self.target.dim())
     }
 
-    pub fn lineages(&self) -> usize {
-        live::lineages(self.settings.n_live)
+    /// The lineage of live point number `i` if it has no seed.
+    pub fn lineage(&self, i: usize) -> u32 {
+        narrow(i % live::lineages(self.settings.n_live))
     }
 
     pub fn first_steps(&self) -> usize {
@@ -73,8 +74,8 @@ pub(super) struct State {
     pub dead: Points,
     /// Whether the first draws are complete.
     started: bool,
-    /// First thread of every strand.
-    pub strands: Vec<usize>,
+    /// Strands begun so far.
+    pub strands: usize,
     /// What the present strand spans; none: it is the first one, from the prior to the peak.
     span: Option<Span>,
     /// What the first strand left, once there are more.
@@ -112,7 +113,7 @@ impl State {
             live: Points::new(dim),
             dead: Points::new(dim),
             started: false,
-            strands: vec![0],
+            strands: 1,
             span: None,
             left: None,
             iteration: 0,
@@ -215,12 +216,12 @@ impl State {
             self.efficiency_at_fit = None;
         }
         self.count(&born);
-        let threads: Vec<u32> = if learns(job, &self.bounds) {
-            seeds.iter().map(|&s| kept.thread[s]).collect()
+        let lineages: Vec<u32> = if learns(job, &self.bounds) {
+            seeds.iter().map(|&s| kept.lineage[s]).collect()
         } else {
-            batch.dying.iter().map(|&i| self.live.thread[i]).collect()
+            batch.dying.iter().map(|&i| self.live.lineage[i]).collect()
         };
-        self.commit(&batch, &born, &threads, &mut rng);
+        self.commit(&batch, &born, &lineages, &mut rng);
         // Steps that the user chose stay.
         if job.settings.steps.is_none() {
             let window = 5 * job.settings.n_live;
@@ -290,11 +291,9 @@ impl State {
         let mut tuning = self.tuning.clone();
         tuning.forget_lengths();
         let count = job.settings.n_live;
-        let thread = points.thread.iter().map(|t| *t as usize + 1).max();
-        let thread = thread.unwrap_or(0);
         let mut live = Points::new(points.dim());
         if span.floor == f64::NEG_INFINITY {
-            let (first, tally) = self.draw_prior(job, thread)?;
+            let (first, tally) = self.draw_prior(job)?;
             live = first;
             self.calls += tally.calls;
             tally.add_to(&mut self.rejected);
@@ -312,9 +311,9 @@ impl State {
             }
             for (i, b) in born.iter().enumerate() {
                 let own = if learns(job, &bounds) {
-                    kept.thread[seeds[i]]
+                    kept.lineage[seeds[i]]
                 } else {
-                    narrow(thread + i)
+                    job.lineage(i)
                 };
                 live.push(&b.u, b.ln_l, span.floor, own);
             }
@@ -325,7 +324,7 @@ impl State {
         self.iteration += 1;
         self.dead = points;
         self.live = live;
-        self.strands.push(thread);
+        self.strands += 1;
         self.span = Some(span);
         self.ln_x = span.ln_x;
         self.ln_z = weighted.ln_z;
@@ -340,7 +339,7 @@ impl State {
     /// One block of independent prior draws, until a batch of them has a likelihood.
     fn draw_first(&mut self, job: &Job<'_>) -> Result<()> {
         let count = job.settings.n_live;
-        let (first, tally) = self.draw_prior(job, self.live.len())?;
+        let (first, tally) = self.draw_prior(job)?;
         for i in 0..first.len() {
             self.live.push_from(&first, i);
         }
@@ -360,8 +359,8 @@ impl State {
         Ok(())
     }
 
-    /// As many independent draws of the prior as there are to be live points, of threads from this one on.
-    fn draw_prior(&self, job: &Job<'_>, thread: usize) -> Result<(Points, Tally)> {
+    /// As many independent draws of the prior as there are to be live points.
+    fn draw_prior(&self, job: &Job<'_>) -> Result<(Points, Tally)> {
         let mut likelihood = Likelihood::new(job.target);
         let mut places = vec![vec![0.0; job.target.dim()]; job.settings.n_live];
         for (j, u) in (self.next_point..).zip(&mut places) {
@@ -369,7 +368,7 @@ impl State {
         }
         let mut points = Points::new(job.target.dim());
         for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {
-            points.push(&places[i], ln_l, f64::NEG_INFINITY, narrow(thread + i));
+            points.push(&places[i], ln_l, f64::NEG_INFINITY, job.lineage(i));
         }
         Ok((points, likelihood.tally))
     }
@@ -425,8 +424,8 @@ impl State {
         }
     }
 
-    /// Buries the dying, in order, and puts the newborn, of these threads, in their places.
-    fn commit(&mut self, batch: &Batch, born: &[Newborn], threads: &[u32], rng: &mut Stream) {
+    /// Buries the dying, in order, and puts the newborn, of these lineages, in their places.
+    fn commit(&mut self, batch: &Batch, born: &[Newborn], lineages: &[u32], rng: &mut Stream) {
         for (i, &row) in batch.dying.iter().enumerate() {
             let n = (self.live.len() - i) as f64;
             if self.span.is_none() {
@@ -444,8 +443,9 @@ impl State {
             self.ranks.push(narrow(rank), narrow(sorted.len()));
             sorted.insert(rank, b.ln_l);
         }
-        for ((&row, b), thread) in batch.dying.iter().zip(born).zip(threads) {
-            self.live.replace(row, &b.u, b.ln_l, batch.contour, *thread);
+        for ((&row, b), lineage) in batch.dying.iter().zip(born).zip(lineages) {
+            self.live
+                .replace(row, &b.u, b.ln_l, batch.contour, *lineage);
         }
         if born.len() < batch.dying.len() {
             let mut gone = vec![false; self.live.len()];

@@ -33,7 +33,7 @@ pub(super) struct Bound {
 }
 
 impl Bound {
-    /// Bounds for kernels that walk: the first for chains from points of even threads, the second for odd ones, each
+    /// Bounds for kernels that walk: the first for chains from points of even lineages, the second for odd ones, each
     /// fitted to the points of the other half. A half with too few points, or all alike, gives the cube's metric.
     ///
     /// A metric fitted to the very points that chains start from favours the directions in which each of them happens

@@ -17,8 +17,8 @@ fn a_constant_likelihood_has_evidence_one_for_any_history() {
                 }
                 top += 2.0;
             }
-            let thread = vec![0; ln_l.len()];
-            let history = History::new(&ln_l, &birth, &thread);
+            let lineage = vec![0; ln_l.len()];
+            let history = History::new(&ln_l, &birth, &lineage);
             let flat = vec![0.0; ln_l.len()];
             let weighted = weigh(&flat, &history.expected_ln_t());
             assert!(weighted.ln_z.abs() < 1e-12, "n = {n}: {}", weighted.ln_z);
@@ -35,8 +35,8 @@ fn births_and_deaths_reproduce_a_run_made_by_hand() {
     let birth = [
         NEVER, NEVER, NEVER, NEVER, 1.0, 1.0, 2.0, 2.5, 3.0, 3.5, 3.5, 4.0,
     ];
-    let thread = [0, 1, 2, 3, 0, 1, 2, 2, 0, 2, 0, 1];
-    let history = History::new(&ln_l, &birth, &thread);
+    let lineage = [0, 1, 2, 3, 0, 1, 2, 2, 0, 2, 0, 1];
+    let history = History::new(&ln_l, &birth, &lineage);
     let sorted = [1.0, 1.0, 2.0, 2.5, 3.0, 3.5, 3.5, 4.0, 5.0, 5.5, 6.0, 7.0];
     assert!(
         history
@@ -84,16 +84,16 @@ fn simulated_volumes_have_the_moments_of_beta_draws() {
 }
 
 #[test]
-fn bootstrap_of_all_threads_once_is_the_run_itself() {
+fn bootstrap_of_all_lineages_once_is_the_run_itself() {
     let ln_l = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     let birth = [NEVER, NEVER, NEVER, 1.0, 2.0, 3.0];
-    let thread = [0, 1, 2, 0, 1, 2];
-    let history = History::new(&ln_l, &birth, &thread);
-    let (rows, weighted) = history.weigh_threads(&[1, 1, 1]);
+    let lineage = [0, 1, 2, 0, 1, 2];
+    let history = History::new(&ln_l, &birth, &lineage);
+    let (rows, weighted) = history.weigh_lineages(&[1, 1, 1]);
     assert_eq!(rows, [0, 1, 2, 3, 4, 5]);
     assert!((weighted.ln_z - history.weigh().ln_z).abs() < 1e-14);
-    // A thread alone is a run with one live point: every death shrinks the volume by e.
-    let (rows, weighted) = history.weigh_threads(&[0, 1, 0]);
+    // A lineage alone is a run with one live point: every death shrinks the volume by e.
+    let (rows, weighted) = history.weigh_lineages(&[0, 1, 0]);
     assert_eq!(rows, [1, 4]);
     let single = weigh(&[2.0, 5.0], &[-1.0, -1.0]);
     assert!((weighted.ln_z - single.ln_z).abs() < 1e-14);

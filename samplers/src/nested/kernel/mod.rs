@@ -24,9 +24,9 @@ pub(super) struct Setting<'a> {
     /// The kernel, `Auto` resolved.
     pub kernel: Kernel,
     /// None: draw from the prior, whatever the kernel. One: draw from it. Two: the metrics of chains from even and
-    /// odd threads.
+    /// odd lineages.
     pub bounds: &'a [Bound],
-    /// The survivors of even and of odd threads: a chain moves along differences of points of the half that its seed is not
+    /// The survivors of even and of odd lineages: a chain moves along differences of points of the half that its seed is not
     /// in. Empty but for the kernel that asks for them.
     pub halves: &'a [Neighbours; 2],
     /// Step length in units of the local ellipsoid.
@@ -89,9 +89,9 @@ pub(super) struct Newborn {
     pub motion: Motion,
 }
 
-/// The bound of chains that start from a point of this thread.
-pub(super) fn bound_of(bounds: &[Bound], thread: u32) -> Option<&Bound> {
-    let index = (thread as usize).checked_rem(bounds.len())?;
+/// The bound of chains that start from a point of this lineage.
+pub(super) fn bound_of(bounds: &[Bound], lineage: u32) -> Option<&Bound> {
+    let index = (lineage as usize).checked_rem(bounds.len())?;
     bounds.get(index)
 }
 
@@ -103,7 +103,7 @@ pub(super) fn draw(
     mut rng: Stream,
 ) -> Result<Newborn> {
     let rng = &mut rng;
-    let bound = bound_of(setting.bounds, kept.thread[seed]);
+    let bound = bound_of(setting.bounds, kept.lineage[seed]);
     let Some(bound) = bound.filter(|_| setting.kernel != Kernel::Uniform) else {
         return uniform::draw(setting, bound, rng);
     };
@@ -149,7 +149,7 @@ impl<'a> Chain<'a> {
     /// A chain that starts at row `seed` of `kept`.
     fn new(setting: &'a Setting<'a>, bound: &'a Bound, kept: &'a Points, seed: usize) -> Self {
         let [even, odd] = setting.halves;
-        let others = if kept.thread[seed].is_multiple_of(2) {
+        let others = if kept.lineage[seed].is_multiple_of(2) {
             odd
         } else {
             even
@@ -235,7 +235,7 @@ fn normals(u: &[f64]) -> Vec<f64> {
     u.iter().map(|u| normal::quantile(*u)).collect()
 }
 
-/// The survivors of even and of odd threads, for chains of the other half.
+/// The survivors of even and of odd lineages, for chains of the other half.
 pub(super) fn halves(target: &dyn Target, kept: &Points) -> [Neighbours; 2] {
     let orbit = Symmetry::first_orbit(target.symmetries());
     kept.halves().map(|rows| {

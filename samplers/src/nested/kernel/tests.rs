@@ -159,7 +159,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
     // A million steps on the whole square, whose regions are two ellipsoids that overlap and the rest.
     let target = Square::new(2, |_| 0.0);
     let bounds = [overlapping()];
-    // 10^4 walkers on the even threads. On the odd ones just six points, far from evenly spread: for no fixed other half
+    // 10^4 walkers on the even lineages. On the odd ones just six points, far from evenly spread: for no fixed other half
     // may its differences take walkers of the first half from the uniform law.
     let walkers = 10_000;
     let mut kept = Points::new(2);

@@ -51,10 +51,10 @@ fn perfect(
     };
     let mut rng = stream(seed, Domain::Test, 0, 0);
     let mut state = State::new(&job);
-    for thread in 0..n_live {
+    for lineage in 0..n_live {
         let x = unit_open(&mut rng);
-        let thread = u32::try_from(thread).unwrap();
-        state.live.push(&[x], ln_l(x), f64::NEG_INFINITY, thread);
+        let lineage = u32::try_from(lineage).unwrap();
+        state.live.push(&[x], ln_l(x), f64::NEG_INFINITY, lineage);
     }
     state.started = true;
     while state.remaining(&settings) >= settings.dlnz {
@@ -68,14 +68,14 @@ fn perfect(
                 newborn(x, ln_l(x))
             })
             .collect();
-        let threads: Vec<u32> = batch.dying.iter().map(|&i| state.live.thread[i]).collect();
-        state.commit(&batch, &born, &threads, &mut rng);
+        let lineages: Vec<u32> = batch.dying.iter().map(|&i| state.live.lineage[i]).collect();
+        state.commit(&batch, &born, &lineages, &mut rng);
     }
     let mut points = state.dead.clone();
     for i in 0..state.live.len() {
         points.push_from(&state.live, i);
     }
-    let history = History::new(&points.ln_l, &points.birth, &points.thread);
+    let history = History::new(&points.ln_l, &points.birth, &points.lineage);
     (history.weigh().ln_z, state.ranks.z_score(0))
 }
 
