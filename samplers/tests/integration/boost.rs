@@ -224,3 +224,29 @@ fn a_run_of_another_target_or_too_short_is_refused() {
     run.names.clone_from(&walls.prior().names().to_vec());
     assert!(refused(&walls, &run).contains("walls"));
 }
+
+#[test]
+#[ignore = "a table of a minute: run before a release with --ignored --nocapture"]
+fn calls_of_a_boost() {
+    println!("| target | calls per draw | tail index | z | error |\n|---|---|---|---|---|");
+    for target in [
+        smooth::mvn13(),
+        smooth::twins13(0.5),
+        smooth::shells(5),
+        smooth::shells(13),
+        smooth::shells(20),
+    ] {
+        let run = boosted(&target, &parent(&target, 1), 40_000, 1);
+        let k = run.gates.iter().find(|g| g.name == "pareto-k").unwrap();
+        println!(
+            "| {} {} | {:.1} | {:.2} | {:+.2} | {:.3} | {:?}",
+            target.name,
+            target.dim(),
+            run.cost.calls as f64 / run.ess.kish,
+            k.value,
+            (run.evidence.ln_z - target.ln_z) / run.evidence.error,
+            run.evidence.error,
+            failed(&run),
+        );
+    }
+}
