@@ -226,9 +226,10 @@ pub enum Path {
     Nested {
         /// Expected log prior volume.
         ln_x: Vec<f64>,
-        /// Log-likelihood at death.
+        /// Log-likelihood at death; minus infinity for rejected points.
         ln_likelihood: Vec<f64>,
-        /// Log-likelihood contour above which the point was born.
+        /// Log-likelihood contour above which the point was born: minus infinity for draws of the prior, the smallest number
+        /// above rejected points.
         ln_likelihood_birth: Vec<f64>,
         /// Number of live points.
         live: Vec<u32>,

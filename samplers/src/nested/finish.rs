@@ -164,7 +164,7 @@ fn path(history: &History, state: &State) -> Path {
             })
             .collect(),
         ln_likelihood: history.ln_l.iter().map(shown).collect(),
-        ln_likelihood_birth: history.birth.iter().map(shown).collect(),
+        ln_likelihood_birth: history.birth.clone(),
         live: history.live.clone(),
         insertion_rank: state.ranks.fractions(),
     }

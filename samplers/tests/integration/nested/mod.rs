@@ -58,6 +58,34 @@ fn quarter_has_its_evidence() {
 }
 
 #[test]
+fn births_tell_the_first_draws_from_those_above_rejected_points() {
+    let run = sample(&hard::quarter(), &settings(100, Kernel::Uniform), 1);
+    let Path::Nested {
+        ln_likelihood,
+        ln_likelihood_birth: birth,
+        live,
+        ..
+    } = &run.path
+    else {
+        panic!("a nested run has births")
+    };
+    let first = birth.iter().filter(|b| **b == f64::NEG_INFINITY).count();
+    assert_eq!(first, live[0] as usize);
+    let rejected = ln_likelihood.iter().filter(|l| !l.is_finite()).count();
+    let above = birth.iter().filter(|b| b.total_cmp(&f64::MIN).is_eq());
+    let above = above.count();
+    assert!(rejected > 50 && above > 50, "{rejected} {above}");
+    // From births and deaths alone anyone counts the living as the run did.
+    let died = |i: usize| ln_likelihood[i].max(f64::MIN);
+    for i in (0..birth.len()).step_by(7) {
+        let born = birth.iter().filter(|b| **b < died(i)).count();
+        let earlier = (0..i).filter(|j| died(*j) < died(i)).count();
+        let ties = (0..i).filter(|j| died(*j) >= died(i)).count();
+        assert_eq!(born - earlier - ties, live[i] as usize, "{i}");
+    }
+}
+
+#[test]
 fn eggbox_has_its_evidence() {
     uniform("eggbox", &hard::eggbox());
 }

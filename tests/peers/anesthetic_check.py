@@ -1,0 +1,45 @@
+"""Reads a nested run with anesthetic, which weighs it from births and deaths alone: both must come to one ln Z.
+
+    pip install anesthetic xarray zarr
+    oblate fit examples/tracks/s2_spherical.ecsv --config examples/quick_fit.toml --sampler nested --out runs/s2_nested
+    python tests/peers/anesthetic_check.py runs/s2_nested
+"""
+
+import json
+import sys
+import warnings
+from pathlib import Path
+
+import anesthetic
+import numpy as np
+import xarray as xr
+
+warnings.filterwarnings("ignore", message=".*[Cc]onsolidated.*")
+
+folder = Path(sys.argv[1])
+summary = json.loads((folder / "summary.json").read_text())
+zarr = folder / "posterior.zarr"
+path = xr.open_zarr(zarr, group="path", consolidated=False)
+weighted = xr.open_zarr(zarr, group="weighted", consolidated=False)
+names = list(summary["parameters"])
+
+# Rejected points have no likelihood and no row of parameters, but they were alive.
+ln_l = path["ln_likelihood"].values
+theta = np.full((ln_l.size, len(names)), np.nan)
+theta[np.isfinite(ln_l)] = weighted["theta"].values
+# Points born above rejected ones have the smallest number as birth: so that is where those died.
+lowest = np.finfo(float).min
+samples = anesthetic.NestedSamples(
+    data=np.nan_to_num(theta),
+    columns=names,
+    logL=np.maximum(ln_l, lowest),
+    logL_birth=path["ln_likelihood_birth"].values,
+)
+ln_z, error = float(samples.logZ()), float(samples.logZ(200).std())
+ours, our_error = summary["ln_z"]["value"], summary["ln_z"]["error"]
+print(f"oblate     {ours:.3f} +- {our_error:.3f}")
+print(f"anesthetic {ln_z:.3f} +- {error:.3f}")
+for name in names:
+    median = float(samples[name].quantile(0.5))
+    print(f"{name:>16} {summary['parameters'][name]['median']:10.4f} {median:10.4f}")
+assert abs(ours - ln_z) < 0.2 * our_error
