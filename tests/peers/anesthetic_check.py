@@ -27,13 +27,16 @@ names = list(summary["parameters"])
 ln_l = path["ln_likelihood"].values
 theta = np.full((ln_l.size, len(names)), np.nan)
 theta[np.isfinite(ln_l)] = weighted["theta"].values
-# Points born above rejected ones have the smallest number as birth: so that is where those died.
-lowest = np.finfo(float).min
+# Points born above rejected ones have the smallest number as birth, so that is where those died; anesthetic wants another, below
+# all others but not as far.
+birth = path["ln_likelihood_birth"].values
+lowest = ln_l[np.isfinite(ln_l)].min() - 1.0
+birth = np.where(birth == np.finfo(float).min, lowest, birth)
 samples = anesthetic.NestedSamples(
     data=np.nan_to_num(theta),
     columns=names,
     logL=np.maximum(ln_l, lowest),
-    logL_birth=path["ln_likelihood_birth"].values,
+    logL_birth=birth,
 )
 ln_z, error = float(samples.logZ()), float(samples.logZ(200).std())
 ours, our_error = summary["ln_z"]["value"], summary["ln_z"]["error"]
