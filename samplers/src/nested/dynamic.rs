@@ -87,10 +87,27 @@ impl Survey {
 
     /// Whether that is what was asked for.
     pub fn meets(&self, settings: &Settings) -> bool {
-        settings.target_ess.is_none_or(|target| self.ess >= target)
-            && settings
+        self.wants(settings) == [false, false]
+    }
+
+    /// What more points are to aim at: what the settings say, or the one target of two that is left.
+    pub fn posterior_share(&self, settings: &Settings) -> f64 {
+        let both = settings.target_ess.is_some() && settings.target_ln_z_error.is_some();
+        match self.wants(settings) {
+            [true, false] if both => 1.0,
+            [false, true] if both => 0.0,
+            _ => settings.posterior_share,
+        }
+    }
+
+    /// Whether draws are wanting, and whether digits of ln Z are.
+    fn wants(&self, settings: &Settings) -> [bool; 2] {
+        [
+            settings.target_ess.is_some_and(|target| self.ess < target),
+            settings
                 .target_ln_z_error
-                .is_none_or(|target| self.ln_z_error <= target)
+                .is_some_and(|target| self.ln_z_error > target),
+        ]
     }
 }
 
@@ -118,6 +135,31 @@ mod tests {
         // Four of ten have died below it.
         let ln_x: f64 = (7..=10).map(|n| -1.0 / f64::from(n)).sum();
         assert!((span.ln_x - ln_x).abs() < 1e-12, "{span:?}");
+    }
+
+    #[test]
+    fn strands_aim_at_the_target_that_is_left() {
+        let mut points = Points::new(1);
+        points.push(&[0.5], 0.0, NEVER, 0);
+        let mut survey = Survey::of(points, &Settings::default(), 1);
+        let settings = Settings {
+            target_ess: Some(100.0),
+            target_ln_z_error: Some(0.1),
+            ..Settings::default()
+        };
+        let alone = Settings {
+            target_ln_z_error: None,
+            ..settings.clone()
+        };
+        for (ess, error, share) in [(90.0, 0.2, 0.8), (90.0, 0.1, 1.0), (100.0, 0.2, 0.0)] {
+            (survey.ess, survey.ln_z_error) = (ess, error);
+            assert!(!survey.meets(&settings));
+            assert!((survey.posterior_share(&settings) - share).abs() < 1e-12);
+        }
+        (survey.ess, survey.ln_z_error) = (90.0, 0.1);
+        assert!((survey.posterior_share(&alone) - 0.8).abs() < 1e-12);
+        survey.ess = 100.0;
+        assert!(survey.meets(&settings) && survey.meets(&alone));
     }
 
     #[test]

@@ -68,7 +68,8 @@ pub struct Settings {
     pub target_ess: Option<f64>,
     /// Error of ln Z that a dynamic run goes on for. None: no such target.
     pub target_ln_z_error: Option<f64>,
-    /// What added live points aim at: 1, the posterior; 0, the evidence; a mix between.
+    /// What added live points aim at: 1, the posterior; 0, the evidence; a mix between. Of two targets the one that is left
+    /// alone counts once the other is met.
     pub posterior_share: f64,
     /// Fraction of the live points replaced in one batch.
     pub batch: f64,

@@ -270,13 +270,11 @@ impl State {
     /// Buries everyone and begins a strand where, by a survey of the run, more points tell most. On an error nothing has
     /// changed.
     pub fn add_strand(&mut self, job: &Job<'_>, survey: Survey) -> Result<()> {
+        let share = survey.posterior_share(job.settings);
+        let span = Span::of(&survey.history, &survey.weighted, share);
         let Survey {
-            points,
-            history,
-            weighted,
-            ..
+            points, weighted, ..
         } = survey;
-        let span = Span::of(&history, &weighted, job.settings.posterior_share);
         // Those alive at the floor, of whatever strand, are draws of the prior above it.
         let alive: Vec<usize> = (0..points.len())
             .filter(|&i| points.birth[i] <= span.floor && points.ln_l[i] > span.floor)
