@@ -12,6 +12,9 @@ use serde::{Deserialize, Serialize};
 /// Points of at least this share of the largest importance span a strand.
 const SPAN: f64 = 0.5;
 
+/// Share of the posterior that no strand goes on for.
+const LEFT: f64 = 0.01;
+
 /// The log-likelihoods that a strand spans.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Span {
@@ -52,10 +55,17 @@ impl Span {
             Some(before) => history.ln_l[before],
             None => f64::NEG_INFINITY,
         };
+        // Above this contour next to nothing of the posterior is left.
+        let mut above = 0.0;
+        let top = (0..count).rev().find(|i| {
+            above += weighted.p[*i];
+            above >= LEFT
+        });
+        let end = (last + 1).min(top.unwrap_or(last) + 1).min(count - 1);
         let below = history.ln_l.partition_point(|l| *l <= floor);
         Self {
             floor,
-            ceiling: history.ln_l.get(last + 1).copied().unwrap_or(f64::INFINITY),
+            ceiling: history.ln_l[end],
             ln_x: history.expected_ln_t()[..below].iter().sum(),
         }
     }
@@ -131,7 +141,7 @@ mod tests {
             .collect();
         let history = history(&ln_l);
         let span = Span::of(&history, &history.weigh(), 1.0);
-        assert_eq!((span.floor, span.ceiling), (ln_l[3], f64::INFINITY));
+        assert_eq!((span.floor, span.ceiling), (ln_l[3], ln_l[9]));
         // Four of ten have died below it.
         let ln_x: f64 = (7..=10).map(|n| -1.0 / f64::from(n)).sum();
         assert!((span.ln_x - ln_x).abs() < 1e-12, "{span:?}");

@@ -175,9 +175,7 @@ impl State {
             None => self.remaining(settings) < settings.dlnz,
             Some(span) => {
                 let lowest = self.live.ln_l.iter().copied().fold(f64::INFINITY, f64::min);
-                lowest > span.ceiling
-                    || self.on_last_plateau(settings)
-                    || self.remaining_now(settings) < settings.dlnz
+                lowest > span.ceiling || self.on_last_plateau(settings)
             }
         }
     }

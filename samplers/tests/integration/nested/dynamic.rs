@@ -71,6 +71,33 @@ fn evidences_are_right_with_live_points_added_for_the_evidence() {
     assert!(gate.is_some_and(|g| g.pass));
 }
 
+/// Counts strands.
+#[derive(Default)]
+struct Strands(usize);
+
+impl Observer for Strands {
+    fn event(&mut self, event: &Event) -> ControlFlow<()> {
+        self.0 += usize::from(matches!(event, Event::Strand { .. }));
+        ControlFlow::Continue(())
+    }
+}
+
+#[test]
+fn strands_from_the_prior_go_all_the_way() {
+    let target = smooth::mvn13();
+    let aimed = Settings {
+        target_ln_z_error: Some(0.22),
+        posterior_share: 0.0,
+        ..settings(200, Kernel::RandomSlice)
+    };
+    let mut strands = Strands::default();
+    let run = run(&target, &aimed, 1, &mut Control::new(&mut strands)).unwrap();
+    assert!((run.evidence.ln_z - target.ln_z).abs() < 4.0 * run.evidence.error);
+    // 200 live points have an error of sqrt(18.8 / 200) = .31: two more strands of as many make it .18. Strands that ended while
+    // they were still far below the posterior took hundreds.
+    assert!(strands.0 <= 6, "{}", strands.0);
+}
+
 #[test]
 fn added_live_points_are_effective_draws_for_fewer_calls() {
     let target = smooth::shells(5);
