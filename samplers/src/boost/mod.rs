@@ -215,16 +215,19 @@ fn halves(target: &dyn Target, parent: &Run, seed: u64) -> [Rows; 2] {
             dim: draws.dim,
             values: Vec::new(),
         };
-        let mut z = vec![0.0; draws.dim];
         for row in part.resample(count, offset) {
-            target.prior().z_from_theta(draws.theta_row(row), &mut z);
-            // Rounding can put a draw on the wall of a bounded prior.
-            if z.iter().all(|z| z.is_finite()) {
-                rows.values.extend_from_slice(&z);
-            }
+            rows.values
+                .extend(normals(target, draws.theta_row(row)).into_iter().flatten());
         }
         rows
     })
+}
+
+/// A draw in standard-normal coordinates; none where rounding has put it on the wall of a bounded prior.
+fn normals(target: &dyn Target, theta: &[f64]) -> Option<Vec<f64>> {
+    let mut z = vec![0.0; theta.len()];
+    target.prior().z_from_theta(theta, &mut z);
+    z.iter().all(|z| z.is_finite()).then_some(z)
 }
 
 /// Draw number `index` of the proposal.

@@ -1,7 +1,7 @@
 //! From weighted points to a result, and whether to believe it.
 
-use super::Weighted;
 use super::mixture::Mixture;
+use super::{Weighted, normals};
 use crate::diagnostics::{Tail, kish_ess, ln_sum_exp};
 use crate::error::Result;
 use crate::hmc::{Evaluator, Tally};
@@ -46,14 +46,11 @@ impl Boosted<'_> {
             .filter(|(w, _)| **w > 0.0)
             .map(|(w, l)| w * l)
             .sum();
+        let error = (1.0 / kish - 1.0 / made).max(0.0).sqrt();
         let evidence = Evidence {
             ln_z,
-            error: (1.0 / kish - 1.0 / made).max(0.0).sqrt(),
-            error_parts: [(
-                "weights".to_owned(),
-                (1.0 / kish - 1.0 / made).max(0.0).sqrt(),
-            )]
-            .into(),
+            error,
+            error_parts: [("weights".to_owned(), error)].into(),
             estimates: [(
                 "pareto-smoothed".to_owned(),
                 tail.ln_smooth_sum(&all) - made.ln(),
@@ -122,12 +119,10 @@ impl Boosted<'_> {
             }
         }
         let draws = &self.parent.draws;
-        let mut z = vec![0.0; draws.dim];
         for (row, weight) in draws.weights().into_iter().enumerate() {
-            self.target
-                .prior()
-                .z_from_theta(draws.theta_row(row), &mut z);
-            if weight > 0.0 && z.iter().all(|z| z.is_finite()) {
+            if weight > 0.0
+                && let Some(z) = normals(self.target, draws.theta_row(row))
+            {
                 for (share, belongs) in shares.iter_mut().zip(self.mixture.belonging(&z)) {
                     share.parent += weight * belongs;
                 }

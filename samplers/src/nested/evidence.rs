@@ -21,7 +21,7 @@ pub(super) struct History {
     pub ln_l: Vec<f64>,
     /// Contours of birth.
     pub birth: Vec<f64>,
-    /// Threads.
+    /// Lineages.
     pub lineage: Vec<u32>,
     /// Row numbers of the points as they were given.
     pub order: Vec<usize>,

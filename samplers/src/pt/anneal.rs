@@ -339,10 +339,10 @@ impl Annealing {
 
 /// The rows of families for those of the other half: of the odd ones for the even, and of the even ones for the odd. A family
 /// without others has its own.
-pub(super) fn of_others(rows: impl Iterator<Item = Vec<f64>>) -> [Vec<f64>; 2] {
+pub(super) fn of_others<R: AsRef<[f64]>>(rows: impl Iterator<Item = R>) -> [Vec<f64>; 2] {
     let mut halves: [Vec<f64>; 2] = Default::default();
     for (family, rows) in rows.enumerate() {
-        halves[1 - family % 2].extend(rows);
+        halves[1 - family % 2].extend_from_slice(rows.as_ref());
     }
     let [even, odd] = halves;
     if even.is_empty() {

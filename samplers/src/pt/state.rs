@@ -371,7 +371,7 @@ impl State {
                 beta,
                 metric: metric_of(&rows.concat(), dim, self.settings.metric),
                 step: StepSize::new(FIRST_STEP),
-                pools: of_others(rows.into_iter()).map(|r| Neighbours::new(&r, dim, orbit)),
+                pools: of_others(rows.iter()).map(|r| Neighbours::new(&r, dim, orbit)),
             });
         }
         self.rungs = rungs;
@@ -482,7 +482,7 @@ impl State {
                     beta,
                     metric: found[i].0.between(&found[i + 1].0, t),
                     step: StepSize::new(ln_step.exp()),
-                    pools: of_others(self.record.visits[nearest((i, t))].iter().cloned())
+                    pools: of_others(self.record.visits[nearest((i, t))].iter())
                         .map(|rows| Neighbours::new(&rows, dim, orbit)),
                 }
             })
