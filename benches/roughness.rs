@@ -13,6 +13,7 @@ use oblate::params::{DIM, PriorSettings, StreamPrior};
 use oblate::run::target;
 use oblate::spray::{Design, TableSettings};
 use oblate::stream::ModelSettings;
+use oblate::track::BinEdges;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -103,8 +104,15 @@ fn main() {
         ..Profile::Paper.model()
     };
     let soft = Profile::Fast.likelihood();
+    let wide = LikelihoodSettings {
+        edges: BinEdges::Soft {
+            half_width_deg: 5.0,
+        },
+        ..soft
+    };
     let rows = [
         ("fast", fast, soft),
+        ("fast, edges of 5 degrees", fast, wide),
         (
             "fast, 400 steps per age",
             ModelSettings { steps: 400, ..fast },
@@ -116,6 +124,12 @@ fn main() {
             soft,
         ),
         ("10,000 random x 100", paper, soft),
+        ("10,000 random x 100, edges of 5 degrees", paper, wide),
+        (
+            "10,000 Sobol particles",
+            with(fast, 10_000, Design::Sobol),
+            soft,
+        ),
         ("fast, no model noise", fast, quiet),
         ("10,000 random x 100, no model noise", paper, quiet),
         (

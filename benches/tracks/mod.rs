@@ -15,11 +15,20 @@ pub fn galaxies(count: usize) -> Vec<Galaxy<f64>> {
 
 /// The track of a galaxy: bins with at least a hundredth of the particles.
 pub fn track(model: &Model, galaxy: &Galaxy<f64>) -> Option<Track> {
+    Some(binned(&stars(model, galaxy)?, BinEdges::default()))
+}
+
+/// Where the particles of a galaxy's stream are today.
+pub fn stars(model: &Model, galaxy: &Galaxy<f64>) -> Option<Arrivals> {
     let setup = model.setup(galaxy).ok()?;
     let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
     model.carry(&setup, &mut flights, &mut stars).ok()?;
-    let least = 0.01 * model.table().len() as f64;
-    Some(Track::of(&stars, 10.0, BinEdges::default(), least))
+    Some(stars)
+}
+
+/// Their track in bins with these edges.
+pub fn binned(stars: &Arrivals, edges: BinEdges) -> Track {
+    Track::of(stars, 10.0, edges, 0.01 * stars.len() as f64)
 }
 
 /// Rms over the bins that both have of the relative difference, in per cent.

@@ -7,7 +7,7 @@
 
 use super::live::Points;
 use crate::diagnostics::ln_sum_exp;
-use crate::rng::{Domain, below, stream, unit_open};
+use crate::rng::{Domain, stream, unit_open};
 use rayon::prelude::*;
 
 /// Task numbers of the post-processing streams.
@@ -29,8 +29,8 @@ pub(super) struct History {
     by_birth: Vec<usize>,
     /// Number alive at each death, the dying one included.
     pub live: Vec<u32>,
-    /// Number of lineages.
-    pub lineages: usize,
+    /// One more than the largest number of a lineage.
+    lineages: usize,
 }
 
 /// Weights, their sum and what follows from it.
@@ -69,16 +69,22 @@ impl History {
             by_birth,
             live: Vec::new(),
         };
-        let everyone = vec![1; history.lineages];
-        history.live = history.count_live(&everyone);
+        let everyone = vec![1.0; history.lineages];
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "sums of ones are counts"
+        )]
+        let counts = history.alive(&everyone).iter().map(|n| *n as u32).collect();
+        history.live = counts;
         history
     }
 
-    /// Number alive at each death if lineage k is there `copies[k]` times: births strictly below, less earlier deaths.
-    fn count_live(&self, copies: &[u32]) -> Vec<u32> {
-        let copies_of = |i: usize| copies[self.lineage[i] as usize];
+    /// Weight of those alive at each death if lineage k counts `weights[k]`: births strictly below, less earlier deaths.
+    fn alive(&self, weights: &[f64]) -> Vec<f64> {
+        let weight_of = |i: usize| weights[self.lineage[i] as usize];
         let mut born = self.by_birth.iter().peekable();
-        let mut alive = 0;
+        let mut alive = 0.0;
         self.ln_l
             .iter()
             .enumerate()
@@ -87,11 +93,11 @@ impl History {
                     if self.birth[b] >= *l {
                         break;
                     }
-                    alive += copies_of(b);
+                    alive += weight_of(b);
                     born.next();
                 }
                 let now = alive;
-                alive -= copies_of(i);
+                alive -= weight_of(i);
                 now
             })
             .collect()
@@ -133,8 +139,9 @@ impl History {
             .collect()
     }
 
-    /// ln Z and posterior means of `columns` (values per point as given, row-major, `width` of them) in `count`
-    /// bootstraps over lineages.
+    /// ln Z and posterior means of `columns` (values per point as given, row-major, `width` of them) in `count` Bayesian
+    /// bootstraps (Rubin 1981) over lineages: each has a weight drawn from the unit exponential. None is ever left out, as when
+    /// whole lineages are drawn, so that no bootstrap lacks a peak that few of them have reached.
     pub fn bootstrap(
         &self,
         seed: u64,
@@ -146,11 +153,10 @@ impl History {
             .into_par_iter()
             .map(|b| {
                 let mut rng = stream(seed, Domain::Post, BOOTSTRAP, b);
-                let mut copies = vec![0; self.lineages];
-                for _ in 0..self.lineages {
-                    copies[below(&mut rng, self.lineages)] += 1;
-                }
-                let (rows, weighted) = self.weigh_lineages(&copies);
+                let weights: Vec<f64> = (0..self.lineages)
+                    .map(|_| -unit_open(&mut rng).ln())
+                    .collect();
+                let (rows, weighted) = self.weigh_lineages(&weights);
                 let mut means = vec![0.0; width];
                 for (&row, p) in rows.iter().zip(&weighted.p) {
                     let at = self.order[row] * width;
@@ -166,26 +172,26 @@ impl History {
     /// ln Z from the lineages of even and of odd number.
     pub fn halves(&self) -> [f64; 2] {
         [0, 1].map(|parity| {
-            let copies: Vec<u32> = (0..self.lineages)
-                .map(|k| u32::from(k % 2 == parity))
+            let weights: Vec<f64> = (0..self.lineages)
+                .map(|k| if k % 2 == parity { 1.0 } else { 0.0 })
                 .collect();
-            self.weigh_lineages(&copies).1.ln_z
+            self.weigh_lineages(&weights).1.ln_z
         })
     }
 
-    /// Rows that are there at all, and their weights, if lineage k is there `copies[k]` times.
-    fn weigh_lineages(&self, copies: &[u32]) -> (Vec<usize>, Weighted) {
-        let live = self.count_live(copies);
-        let mut rows = Vec::with_capacity(live.len());
-        let mut ln_l = Vec::with_capacity(live.len());
-        let mut ln_t = Vec::with_capacity(live.len());
-        for (i, &n) in live.iter().enumerate() {
-            let c = copies[self.lineage[i] as usize];
-            if c > 0 {
+    /// Rows that are there at all, and their posterior weights, if lineage k counts `weights[k]`.
+    fn weigh_lineages(&self, weights: &[f64]) -> (Vec<usize>, Weighted) {
+        let alive = self.alive(weights);
+        let mut rows = Vec::with_capacity(alive.len());
+        let mut ln_l = Vec::with_capacity(alive.len());
+        let mut ln_t = Vec::with_capacity(alive.len());
+        for (i, &all) in alive.iter().enumerate() {
+            let own = weights[self.lineage[i] as usize];
+            if own > 0.0 {
                 rows.push(i);
                 ln_l.push(self.ln_l[i]);
-                // Copies die one after the other.
-                ln_t.push((0..c).map(|k| -1.0 / f64::from(n - k)).sum());
+                // The sum over the living is rounded, and cannot be less than the one who dies.
+                ln_t.push(-own / all.max(own));
             }
         }
         let weighted = weigh(&ln_l, &ln_t);

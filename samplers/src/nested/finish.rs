@@ -22,9 +22,9 @@ pub(super) fn finish(
     let weighted = history.weigh();
     let dim = points.dim();
     let theta = physical(job, &points);
-    let lineages = history.lineages as f64;
-    // So few scatter a little less about their own mean than about the truth.
-    let freedom = (lineages / (lineages - 1.0)).sqrt();
+    let lineages = job.lineages() as f64;
+    // So few scatter a little less, weighted at random, about their own mean than about the truth.
+    let freedom = ((lineages + 1.0) / (lineages - 1.0)).sqrt();
     let bootstraps = history.bootstrap(job.seed, job.settings.bootstraps, &theta, dim);
     let simulated = deviation(&history.simulate(job.seed, job.settings.simulations));
     let ln_z: Vec<f64> = bootstraps.iter().map(|b| b.0).collect();

@@ -1,13 +1,14 @@
 //! Points of a nested run, and the choice of those that die next.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Log-likelihood of a rejected point: below every likelihood, yet above minus infinity, the contour on which the
 /// first points are born. So a point born above the plateau of rejected points can be told from a first one.
 pub(super) const REJECTED: f64 = f64::MIN;
 
-/// Number of lineages that this many live points found: even, so that each lies in one half. Their scatter is the error of ln Z and
-/// of posterior means.
+/// Number of lineages that this many live points found, whenever few are left of them ([`Points::found`]): even, so that each lies
+/// in one half. Their scatter is the error of ln Z and of posterior means.
 pub(super) fn lineages(n_live: usize) -> usize {
     const MOST: usize = 20;
     const LEAST_POINTS: usize = 5;
@@ -82,6 +83,25 @@ impl Points {
         out
     }
 
+    /// How many lineages of equal shares would be as unlike each other as these are.
+    pub fn effective_lineages(&self) -> f64 {
+        let mut counts = BTreeMap::new();
+        for lineage in &self.lineage {
+            *counts.entry(lineage).or_insert(0.0) += 1.0;
+        }
+        let squares: f64 = counts.values().map(|c: &f64| c * c).sum();
+        (self.len() as f64).powi(2) / squares
+    }
+
+    /// Gives all rows new lineages, `count` of them from this number on, each in the half where it was.
+    pub fn found(&mut self, first: u32, count: u32) {
+        for (half, rows) in (0..).zip(self.halves()) {
+            for (turn, row) in (0..count / 2).cycle().zip(rows) {
+                self.lineage[row] = first + 2 * turn + half;
+            }
+        }
+    }
+
     /// Rows of the even lineages, then those of the odd ones. What a chain knows of its target besides its own state, it
     /// knows from the half that its seed is not in.
     pub fn halves(&self) -> [Vec<usize>; 2] {
@@ -146,5 +166,19 @@ mod tests {
         assert_eq!(batch.kept, [0, 4]);
         assert!((batch.contour - 2.0).abs() < 1e-15);
         assert!(lowest(&live, 6).kept.is_empty());
+    }
+
+    #[test]
+    fn lineages_are_founded_anew_each_in_its_half() {
+        let mut live = Points::new(1);
+        for lineage in [0, 0, 0, 3, 2, 3, 0, 3] {
+            live.push(&[0.5], 0.0, 0.0, lineage);
+        }
+        // Four of one, three of another, one alone.
+        assert!((live.effective_lineages() - 64.0 / 26.0).abs() < 1e-12);
+        let halves = live.halves();
+        live.found(20, 4);
+        assert_eq!(live.lineage, [20, 22, 20, 21, 22, 23, 20, 21]);
+        assert_eq!(live.halves(), halves);
     }
 }

@@ -21,6 +21,10 @@ const MAX_FIRST_DRAWS: usize = 100_000;
 /// Prior volume from which on bounds are used; plain draws of the prior above it cost less than any chain.
 const FIRST_BOUND: f64 = 0.1;
 
+/// Share of the lineages that must be left, in effect, or else they are founded anew. Chance alone makes more and more points
+/// relatives, until the scatter of two or three lineages says nothing; what a chain forgets is forgotten by then.
+const LEAST_LINEAGES: f64 = 0.3;
+
 /// Shrinkage of the volume after which the bound is fitted again.
 const REFIT: f64 = 1.5;
 
@@ -37,9 +41,13 @@ impl Job<'_> {
         self.settings.kernel.resolve(self.target.dim())
     }
 
+    pub fn lineages(&self) -> usize {
+        live::lineages(self.settings.n_live)
+    }
+
     /// The lineage of live point number `i` if it has no seed.
     pub fn lineage(&self, i: usize) -> u32 {
-        narrow(i % live::lineages(self.settings.n_live))
+        narrow(i % self.lineages())
     }
 
     pub fn first_steps(&self) -> usize {
@@ -91,6 +99,8 @@ pub(super) struct State {
     /// None, one to draw from, or two metrics: see [`Setting::bounds`].
     bounds: Vec<Bound>,
     ln_x_at_fit: f64,
+    /// Lineages founded so far.
+    founded: u32,
     /// Points per call in the first batch after the fit, once known.
     efficiency_at_fit: Option<f64>,
     /// Points per call in the last batch.
@@ -123,6 +133,7 @@ impl State {
             information: 0.0,
             bounds: Vec::new(),
             ln_x_at_fit: 0.0,
+            founded: narrow(job.lineages()),
             efficiency_at_fit: None,
             efficiency: 1.0,
             tuning: Tuning::new(job.first_steps()),
@@ -220,6 +231,11 @@ impl State {
             batch.dying.iter().map(|&i| self.live.lineage[i]).collect()
         };
         self.commit(&batch, &born, &lineages, &mut rng);
+        if self.live.effective_lineages() < LEAST_LINEAGES * job.lineages() as f64 {
+            let count = narrow(job.lineages());
+            self.live.found(self.founded, count);
+            self.founded += count;
+        }
         // Steps that the user chose stay.
         if job.settings.steps.is_none() {
             let window = 5 * job.settings.n_live;

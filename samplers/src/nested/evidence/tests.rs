@@ -89,11 +89,11 @@ fn bootstrap_of_all_lineages_once_is_the_run_itself() {
     let birth = [NEVER, NEVER, NEVER, 1.0, 2.0, 3.0];
     let lineage = [0, 1, 2, 0, 1, 2];
     let history = History::new(&ln_l, &birth, &lineage);
-    let (rows, weighted) = history.weigh_lineages(&[1, 1, 1]);
+    let (rows, weighted) = history.weigh_lineages(&[1.0, 1.0, 1.0]);
     assert_eq!(rows, [0, 1, 2, 3, 4, 5]);
     assert!((weighted.ln_z - history.weigh().ln_z).abs() < 1e-14);
     // A lineage alone is a run with one live point: every death shrinks the volume by e.
-    let (rows, weighted) = history.weigh_lineages(&[0, 1, 0]);
+    let (rows, weighted) = history.weigh_lineages(&[0.0, 1.0, 0.0]);
     assert_eq!(rows, [1, 4]);
     let single = weigh(&[2.0, 5.0], &[-1.0, -1.0]);
     assert!((weighted.ln_z - single.ln_z).abs() < 1e-14);
