@@ -101,6 +101,13 @@ impl Draws {
         self.ln_likelihood.is_empty()
     }
 
+    /// The row of the highest likelihood, if there is one.
+    #[must_use]
+    pub fn best(&self) -> Option<usize> {
+        let l = &self.ln_likelihood;
+        (0..l.len()).max_by(|&a, &b| l[a].total_cmp(&l[b]))
+    }
+
     /// Physical parameters of one row.
     #[must_use]
     pub fn theta_row(&self, row: usize) -> &[f64] {
@@ -353,6 +360,34 @@ impl Run {
     #[must_use]
     pub fn converged(&self) -> bool {
         self.status == Status::Complete && self.gates.iter().all(|g| g.pass)
+    }
+
+    /// Whether it is a run on this target: parameters have the same names, and the best draw the same ln L.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] about `what`, if it is not or has no draws; those of the target.
+    pub fn check_belongs(&self, target: &dyn Target, what: &'static str) -> Result<()> {
+        let refuse = |why: &str| {
+            Err(Error::Mismatch {
+                what,
+                why: why.to_owned(),
+            })
+        };
+        if self.names != target.prior().names() {
+            return refuse("it has other parameters than the target; give the run's own settings");
+        }
+        let Some(best) = self.draws.best() else {
+            return refuse("it has no draws; let it go on until it has");
+        };
+        let theta = self.draws.theta_row(best);
+        let there = self.draws.ln_likelihood[best];
+        let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
+        if (here - there).abs() > 1e-9 * (1.0 + here.abs()) {
+            return refuse(&format!(
+                "ln L of its best draw is {here} here and was {there} there; give the run's own data and settings"
+            ));
+        }
+        Ok(())
     }
 
     /// A hash of everything but times: equal for runs with the same bits.

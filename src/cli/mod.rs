@@ -4,6 +4,7 @@ mod boost;
 mod compare;
 mod evaluate;
 mod fit;
+mod merge;
 mod mock;
 mod options;
 mod population;
@@ -81,6 +82,8 @@ enum Verb {
     Fit(fit::Args),
     /// Makes more effective draws of a finished fit by importance sampling, or says that it cannot
     Boost(boost::Args),
+    /// Makes one fit of nested fits of one track from several seeds
+    Merge(merge::Args),
     /// Says whether runs agree: evidence, marginals, mode weights, cost
     Compare(compare::Args),
     /// Samples a population of q from finished fits into a run folder
@@ -123,6 +126,7 @@ pub fn run(args: &[String], out: &mut dyn Write) -> Result<Exit> {
         Verb::Evaluate(a) => evaluate::run(a, &cli.common, &mut std::io::stdin().lock(), out),
         Verb::Fit(a) => fit::run(a, &cli.common, &command, out),
         Verb::Boost(a) => boost::run(a, &cli.common, &command, out),
+        Verb::Merge(a) => merge::run(a, &cli.common, &command, out),
         Verb::Compare(a) => compare::run(a, &cli.common, out),
         Verb::Population(a) => population::run(a, &cli.common, &command, out),
         Verb::Report(a) => report::run(a, &cli.common, out),

@@ -106,3 +106,11 @@ pub fn boosted(
 ) -> Result<Run> {
     Ok(boost::run(target, parent, &settings.boost, seed, control)?)
 }
+
+/// Nested runs on the target from several seeds, as one.
+///
+/// # Errors
+/// What they are refused for ([`Error::Sampler`]).
+pub fn merged(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
+    Ok(nested::merge(target, runs)?)
+}

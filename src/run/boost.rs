@@ -3,8 +3,7 @@
 use super::fit::{Existing, close, target, watched};
 use super::{Opened, RunFolder, Versions, Watch, open_or_create};
 use crate::config::{FitConfig, read, text};
-use crate::data::ObservedTrack;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::inference::boosted;
 use crate::posterior::Summary;
 use oblate_samplers::Run;
@@ -14,7 +13,7 @@ use std::path::Path;
 /// parent's importance sampling and its seed.
 ///
 /// # Errors
-/// What the folders and the importance sampling refuse; [`Error::Mismatch`] if `parent` is not a fit.
+/// What the folders and the importance sampling refuse; [`Error::Mismatch`](crate::error::Error::Mismatch) if `parent` is not a fit.
 pub fn boost(
     parent: &Path,
     change: impl FnOnce(&mut FitConfig),
@@ -25,13 +24,7 @@ pub fn boost(
 ) -> Result<(Run, Summary)> {
     let from = RunFolder::open(parent)?;
     let stored = from.read()?;
-    if !from.track().is_file() {
-        return Err(Error::Mismatch {
-            what: format!("{} has no track: it is not a fit", parent.display()),
-            remedy: "give a run folder that `oblate fit` made".to_owned(),
-        });
-    }
-    let track = ObservedTrack::read(&from.track())?;
+    let track = from.read_track()?;
     let mut config: FitConfig = read(&from.config())?;
     change(&mut config);
     config.sampling.boost.check()?;

@@ -129,13 +129,6 @@ pub(super) fn watched(
     run(&mut control)
 }
 
-/// The draw with the highest likelihood.
-#[must_use]
-pub fn best_row(run: &Run) -> Option<usize> {
-    let l = &run.draws.ln_likelihood;
-    (0..l.len()).max_by(|&a, &b| l[a].total_cmp(&l[b]))
-}
-
 /// Numbers and warnings about the model at the best fit: chi-square, what was bounded or unsafe, how far the track moves
 /// when the steps are doubled, whether the density is positive.
 fn diagnose(
@@ -151,7 +144,7 @@ fn diagnose(
         tally.bounded_tidal_radius as f64,
     );
     numbers.insert("unsafe_turns".to_owned(), tally.unsafe_turns as f64);
-    let Some(best) = best_row(run) else {
+    let Some(best) = run.draws.best() else {
         return (numbers, warnings);
     };
     let params = target.params(run.draws.theta_row(best));

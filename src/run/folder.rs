@@ -1,6 +1,7 @@
 //! The folder itself: paths, what is written when, and reading it all back.
 
 use super::Log;
+use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::posterior::{Summary, run_from_parts, zarr};
 use oblate_samplers::Run;
@@ -143,6 +144,20 @@ impl RunFolder {
     #[must_use]
     pub fn track(&self) -> PathBuf {
         self.path.join("track.ecsv")
+    }
+
+    /// The track that was fitted, read back.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] if there is none; as of [`ObservedTrack::read`].
+    pub fn read_track(&self) -> Result<ObservedTrack> {
+        if !self.track().is_file() {
+            return Err(Error::Mismatch {
+                what: format!("{} has no track: it is not a fit", self.path.display()),
+                remedy: "give a run folder that `oblate fit` made".to_owned(),
+            });
+        }
+        ObservedTrack::read(&self.track())
     }
 
     /// Draws.

@@ -4,15 +4,17 @@ mod boost;
 mod fit;
 mod folder;
 mod log;
+mod merge;
 mod pages;
 mod population;
 mod study;
 mod watch;
 
 pub use boost::boost;
-pub use fit::{Existing, best_row, fit, target};
+pub use fit::{Existing, fit, target};
 pub use folder::{FINISHED, RunFolder, StoredRun, Versions};
 pub use log::Log;
+pub use merge::merge;
 pub use pages::report;
 pub use population::{population, q_posterior};
 pub use study::{Outcome, Piece, study};

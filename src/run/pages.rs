@@ -1,7 +1,7 @@
 //! From run folders to figures and one page: reads them back, makes the model tracks again, hands plain numbers to the
 //! report.
 
-use super::{RunFolder, StoredRun, best_row, target};
+use super::{RunFolder, StoredRun, target};
 use crate::config::FitConfig;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
@@ -187,7 +187,7 @@ fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> 
         };
         Some((model, arrivals))
     };
-    let (best, arrivals) = model_track(best_row(&stored.run)?)?;
+    let (best, arrivals) = model_track(stored.run.draws.best()?)?;
     let offset = unit_open(&mut stream(stored.run.seed, Domain::Post, CHOICE_TASK, 0));
     let tracks: Vec<ModelTrack> = draws
         .resample(TRACKS, offset)

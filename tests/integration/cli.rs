@@ -377,6 +377,56 @@ fn a_fit_is_boosted_into_another_folder_which_says_when_not_to_trust_it() {
     refused(&output, &["has no track", "oblate fit"]);
 }
 
+#[test]
+fn fits_from_several_seeds_are_merged_into_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let fit = |track: &str, seed: &str, out: &str| {
+        let track = example(&format!("tracks/{track}.ecsv"))
+            .display()
+            .to_string();
+        let mut arguments = vec!["fit", &track, "--config", &config, "--live", "100"];
+        arguments.extend(["--seed", seed, "--out", out, "-q", "--allow-unconverged"]);
+        assert_eq!(oblate(&arguments, "").status.code(), Some(0));
+    };
+    let (one, two, other, both) = (path("one"), path("two"), path("other"), path("both"));
+    fit("s2_spherical", "1", &one);
+    fit("s2_spherical", "2", &two);
+    fit("s3_oblate_edge_on", "3", &other);
+    let merge = |runs: &[&String], out: &String| {
+        let mut arguments = vec!["merge"];
+        arguments.extend(runs.iter().map(|run| run.as_str()));
+        arguments.extend(["--out", out, "--json", "--allow-unconverged"]);
+        oblate(&arguments, "")
+    };
+    refused(&merge(&[&one, &one], &both), &["same seed"]);
+    refused(&merge(&[&one, &other], &both), &["differ in their track"]);
+    refused(&merge(&[&one, &two], &two), &["one of the runs to merge"]);
+    assert!(!Path::new(&both).exists(), "nothing is left behind");
+    let output = merge(&[&one, &two], &both);
+    assert_eq!(output.status.code(), Some(0));
+    let summary = json(&output.stdout);
+    let part = |run: &str| {
+        let text = std::fs::read(Path::new(run).join("summary.json")).expect("a summary");
+        json(&text)
+    };
+    let calls = |summary: &serde_json::Value| summary["cost"]["calls"].as_u64().expect("calls");
+    assert_eq!(calls(&summary), calls(&part(&one)) + calls(&part(&two)));
+    let names: Vec<&str> = summary["gates"]
+        .as_array()
+        .expect("gates")
+        .iter()
+        .filter_map(|gate| gate["name"].as_str())
+        .collect();
+    assert!(names.contains(&"seeds agree on the means"), "{names:?}");
+    refused(&merge(&[&one, &two], &both), &["exists already"]);
+    // It is a fit like any other.
+    let page = path("page.html");
+    let output = oblate(&["report", &both, "--out", &page], "");
+    assert_eq!(output.status.code(), Some(0));
+}
+
 /// Kills a command after so many milliseconds, and says whether it was still at work.
 fn killed(args: &[String], after: u64) -> bool {
     let mut child = Command::new(env!("CARGO_BIN_EXE_oblate"))

@@ -125,33 +125,16 @@ pub fn run(
     Ok(run)
 }
 
-/// Whether the parent is a run on this target: names, and ln L of its best draw.
+/// Whether the parent is a run on this target, whose prior a mixture can be compared with.
 fn belongs(target: &dyn Target, parent: &Run) -> Result<()> {
-    let refuse = |why: &str| {
-        Err(Error::Mismatch {
-            what: "the run to boost",
-            why: why.to_owned(),
-        })
-    };
+    const WHAT: &str = "the run to boost";
     if !target.walls().is_empty() {
-        return refuse("its prior has walls, whose mass is not known; use the run as it is");
+        return Err(Error::Mismatch {
+            what: WHAT,
+            why: "its prior has walls, whose mass is not known; use the run as it is".to_owned(),
+        });
     }
-    if parent.names != target.prior().names() {
-        return refuse("it has other parameters than the target; give the run's own settings");
-    }
-    let l = &parent.draws.ln_likelihood;
-    let Some(best) = (0..l.len()).max_by(|&a, &b| l[a].total_cmp(&l[b])) else {
-        return refuse("it has no draws; let it go on until it has");
-    };
-    let theta = parent.draws.theta_row(best);
-    let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
-    if (here - l[best]).abs() > 1e-9 * (1.0 + here.abs()) {
-        return refuse(&format!(
-            "ln L of its best draw is {here} here and was {} there; give the run's own data and settings",
-            l[best]
-        ));
-    }
-    Ok(())
+    parent.check_belongs(target, WHAT)
 }
 
 /// The mixture: its size chosen by the half of the parent's draws that did not fit it.

@@ -5,6 +5,7 @@
 
 use super::evidence::{History, Weighted};
 use super::live::Points;
+use super::reckoning::deviation;
 use super::settings::Settings;
 use crate::diagnostics::kish_ess;
 use serde::{Deserialize, Serialize};
@@ -87,7 +88,7 @@ impl Survey {
         let history = History::of(&points);
         let weighted = history.weigh();
         Self {
-            ln_z_error: super::finish::deviation(&history.simulate(seed, settings.simulations)),
+            ln_z_error: deviation(&history.simulate(seed, settings.simulations)),
             ess: kish_ess(&weighted.ln_p),
             points,
             history,

@@ -50,27 +50,7 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
         0.01 / windows.len() as f64,
         "smallest Kolmogorov-Smirnov probability of the insertion ranks over parts of the run; if too small, double `steps` or raise `n-live`",
     ));
-    let ratio = if measured.bootstrapped > 0.0 {
-        measured.bootstrapped / measured.simulated
-    } else {
-        0.0
-    };
-    gates.push(Gate::at_most(
-        "bootstrap-to-simulated",
-        ratio,
-        1.5,
-        "error of ln Z by the scatter of lineages over that of ideal draws; if too large, new points resemble their seeds: double `steps`",
-    ));
-    let [even, odd] = measured.halves;
-    // Each half has half of the points: the difference has twice the error of the whole.
-    let error = 2.0 * measured.simulated.max(measured.bootstrapped);
-    let apart = (even - odd).abs();
-    gates.push(Gate::at_most(
-        "lineage-halves",
-        if apart > 0.0 { apart / error } else { 0.0 },
-        3.0,
-        "difference of ln Z between two halves of the lineages in units of its error; if too large, modes are found by chance: double `n-live`",
-    ));
+    gates.extend(of_lineages(measured));
     if let Some(target) = settings.target_ess {
         gates.push(Gate::at_least(
             "target-ess",
@@ -91,6 +71,33 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
         gates.extend(of_kernel(job, state));
     }
     gates
+}
+
+/// What the scatter of lineages tells.
+pub(super) fn of_lineages(measured: &Measured) -> [Gate; 2] {
+    let ratio = if measured.bootstrapped > 0.0 {
+        measured.bootstrapped / measured.simulated
+    } else {
+        0.0
+    };
+    let [even, odd] = measured.halves;
+    // Each half has half of the points: the difference has twice the error of the whole.
+    let error = 2.0 * measured.simulated.max(measured.bootstrapped);
+    let apart = (even - odd).abs();
+    [
+        Gate::at_most(
+            "bootstrap-to-simulated",
+            ratio,
+            1.5,
+            "error of ln Z by the scatter of lineages over that of ideal draws; if too large, new points resemble their seeds: double `steps`",
+        ),
+        Gate::at_most(
+            "lineage-halves",
+            if apart > 0.0 { apart / error } else { 0.0 },
+            3.0,
+            "difference of ln Z between two halves of the lineages in units of its error; if too large, modes are found by chance: double `n-live`",
+        ),
+    ]
 }
 
 fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {

@@ -15,6 +15,11 @@ pub(super) fn lineages(n_live: usize) -> usize {
     (n_live / LEAST_POINTS).clamp(2, MOST) & !1
 }
 
+/// A count as it is stored.
+pub(super) fn narrow(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
 /// Points in rows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Points {

@@ -7,7 +7,7 @@
 //! each point was born and its own likelihood. A chain's point resembles its seed until it has made steps enough: it is of its
 //! seed's lineage, the other half of the lineages alone tells a chain where to go, and the scatter of lineages is the error that
 //! is quoted. So few steps cost digits, not truth. More live points can be added later, where they tell most: a run with a
-//! target ([`Settings::target_ess`]) does so until it is met.
+//! target ([`Settings::target_ess`]) does so until it is met. Runs of several seeds are one longer run ([`merge`]).
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};
@@ -41,12 +41,15 @@ mod gates;
 mod kernel;
 mod likelihood;
 mod live;
+mod merge;
 mod rank;
+mod reckoning;
 mod run;
 mod settings;
 mod state;
 mod tuning;
 
 pub use closure::{Sample, sample};
+pub use merge::merge;
 pub use run::run;
 pub use settings::{BoundKind, Kernel, Settings};

@@ -4,7 +4,7 @@ use super::bound::Bound;
 use super::dynamic::{Span, Survey};
 use super::kernel::{self, Newborn, Setting};
 use super::likelihood::{Likelihood, Tally};
-use super::live::{self, Batch, Points, REJECTED};
+use super::live::{self, Batch, Points, REJECTED, narrow};
 use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
 use super::tuning::Tuning;
@@ -69,10 +69,6 @@ struct Ground<'a> {
 /// Whether chains draw the points, from whose motion step lengths are learned.
 fn learns(job: &Job<'_>, bounds: &[Bound]) -> bool {
     job.kernel() != Kernel::Uniform && !bounds.is_empty()
-}
-
-fn narrow(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
 }
 
 /// The run so far.

@@ -10,6 +10,7 @@ use oblate_samplers::{Run, Target};
 mod dynamic;
 mod echo;
 mod life;
+mod merge;
 
 fn settings(n_live: usize, kernel: Kernel) -> Settings {
     Settings {

@@ -1,0 +1,260 @@
+//! Runs of several seeds as one.
+//!
+//! Births and deaths of independent runs weigh together as those of one run with as many live points as all of them had (Skilling
+//! 2006; Higson et al. 2019). What each of them found is compared first: a mode that one run has missed shows as a difference.
+
+use super::evidence::History;
+use super::gates::of_lineages;
+use super::live::{self, REJECTED, narrow};
+use super::reckoning::Reckoning;
+use super::settings::Settings;
+use crate::error::{Error, Result};
+use crate::output::{Cost, Draws, Gate, Method, Path, Run, Status};
+use crate::target::Target;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use std::collections::BTreeSet;
+
+const WHAT: &str = "the runs to merge";
+
+/// Least probability that runs of one posterior differ as these do.
+const LEAST_PROBABILITY: f64 = 0.01;
+
+/// One nested run out of several on the same `target`, of different seeds, at no further cost. Its gates are the worst of theirs and
+/// whether they agree; it has the seed of the first.
+///
+/// # Errors
+/// [`Error::Mismatch`] if there are fewer than two, one is not a nested run or not of this target, or two have the same seed; those
+/// of the target.
+pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
+    let parts = runs
+        .iter()
+        .map(|run| Part::of(target, run))
+        .collect::<Result<Vec<Part<'_>>>>()?;
+    let seeds: BTreeSet<u64> = runs.iter().map(|run| run.seed).collect();
+    let [first, _, ..] = runs else {
+        return refuse("one run is whole already; give two or more");
+    };
+    if seeds.len() < runs.len() {
+        return refuse("two have the same seed, which are the same draws twice; give each its own");
+    }
+    let dim = target.dim();
+    let mut all = Together::default();
+    for part in &parts {
+        all.add(part, dim);
+    }
+    let settings = Settings::default();
+    let reckoning = Reckoning::of(
+        History::new(&all.ln_l, &all.birth, &all.lineage),
+        &all.theta,
+        dim,
+        parts.iter().map(Part::founders).sum(),
+        &settings,
+        first.seed,
+    );
+    let draws = reckoning.draws(target, &all.theta)?;
+    let ess = reckoning.ess(&draws);
+    let mut gates = worst(runs);
+    gates.extend(of_lineages(&reckoning.measured(ess.kish)));
+    gates.extend(agreement(runs));
+    let ranks = parts.iter().flat_map(|part| part.insertion_rank);
+    Ok(Run {
+        method: Method::Nested,
+        status: status(runs),
+        seed: first.seed,
+        stream_version: first.stream_version,
+        names: first.names.clone(),
+        units: first.units.clone(),
+        derived_names: first.derived_names.clone(),
+        draws,
+        evidence: reckoning.evidence(),
+        ess,
+        cost: cost(runs),
+        path: reckoning.path(ranks.copied().collect()),
+        gates,
+        warnings: runs.iter().flat_map(|run| run.warnings.clone()).collect(),
+    })
+}
+
+fn refuse<T>(why: &str) -> Result<T> {
+    Err(Error::Mismatch {
+        what: WHAT,
+        why: why.to_owned(),
+    })
+}
+
+/// A run, taken apart.
+struct Part<'a> {
+    draws: &'a Draws,
+    ln_l: &'a [f64],
+    birth: &'a [f64],
+    live: &'a [u32],
+    insertion_rank: &'a [f64],
+}
+
+impl<'a> Part<'a> {
+    fn of(target: &dyn Target, run: &'a Run) -> Result<Self> {
+        run.check_belongs(target, WHAT)?;
+        let Path::Nested {
+            ln_likelihood,
+            ln_likelihood_birth,
+            live,
+            insertion_rank,
+            ..
+        } = &run.path
+        else {
+            return refuse(
+                "one is not a nested run, which alone has births and deaths; leave it out",
+            );
+        };
+        Ok(Self {
+            draws: &run.draws,
+            ln_l: ln_likelihood,
+            birth: ln_likelihood_birth,
+            live,
+            insertion_rank,
+        })
+    }
+
+    /// Deaths without a likelihood, of which there are no draws.
+    fn rejected(&self) -> usize {
+        self.ln_l.len() - self.draws.len()
+    }
+
+    fn founders(&self) -> usize {
+        live::lineages(self.live.first().map_or(0, |n| *n as usize))
+    }
+}
+
+/// The points of all runs.
+#[derive(Default)]
+struct Together {
+    ln_l: Vec<f64>,
+    birth: Vec<f64>,
+    lineage: Vec<u32>,
+    /// Zero where a point has no likelihood, and so no weight.
+    theta: Vec<f64>,
+    /// Lineages so far.
+    lineages: u32,
+}
+
+impl Together {
+    /// Adds a run, its lineages after those there are: even ones stay even.
+    fn add(&mut self, part: &Part<'_>, dim: usize) {
+        self.ln_l.extend(part.ln_l.iter().map(|l| l.max(REJECTED)));
+        self.birth.extend(part.birth);
+        let founders = narrow(part.founders());
+        let rejected = (0..founders).cycle().take(part.rejected());
+        let first = self.lineages;
+        let own = rejected.chain(part.draws.chain.iter().copied());
+        self.lineage.extend(own.map(|l| first + l));
+        let last = part.draws.chain.iter().max().map_or(0, |l| l + 1);
+        self.lineages += last.max(founders).next_multiple_of(2);
+        self.theta
+            .extend(std::iter::repeat_n(0.0, part.rejected() * dim));
+        self.theta.extend(&part.draws.theta);
+    }
+}
+
+/// Of every gate that all runs have, and that does not depend on their number, one that failed, or else the first.
+fn worst(runs: &[&Run]) -> Vec<Gate> {
+    const NOT_OF_ONE: [&str; 4] = [
+        "bootstrap-to-simulated",
+        "lineage-halves",
+        "target-ess",
+        "target-ln-z-error",
+    ];
+    let of = |name: &str| -> Option<Gate> {
+        let own = |run: &&Run| run.gates.iter().find(|g| g.name == name).cloned();
+        let all: Vec<Gate> = runs.iter().filter_map(own).collect();
+        let failed = all.iter().find(|g| !g.pass);
+        failed.or(all.first()).cloned()
+    };
+    let names = runs
+        .iter()
+        .flat_map(|run| run.gates.iter().map(|g| &g.name));
+    let mut seen = BTreeSet::new();
+    names
+        .filter(|name| !NOT_OF_ONE.contains(&name.as_str()) && seen.insert(*name))
+        .filter_map(|name| of(name))
+        .collect()
+}
+
+/// Whether the runs agree on ln Z, and on the mean of every parameter.
+fn agreement(runs: &[&Run]) -> [Gate; 2] {
+    let ln_z = runs.iter().map(|r| (r.evidence.ln_z, r.evidence.error));
+    let dim = runs[0].names.len();
+    let least = (0..dim)
+        .map(|k| probability(runs.iter().map(|run| mean(run, k))))
+        .fold(1.0, f64::min);
+    [
+        Gate::at_least(
+            "seeds agree on the evidence",
+            probability(ln_z),
+            LEAST_PROBABILITY,
+            "probability that ln Z of the runs differ by chance as they do; if too small, some run misses a mode or its error is too small: double `n-live` or `steps`",
+        ),
+        Gate::at_least(
+            "seeds agree on the means",
+            least,
+            LEAST_PROBABILITY / dim as f64,
+            "smallest probability, over parameters, that their means differ by chance as they do; if too small, some run misses a mode: double `n-live`",
+        ),
+    ]
+}
+
+/// Posterior mean of a parameter and its error.
+fn mean(run: &Run, parameter: usize) -> (f64, f64) {
+    let weights = run.draws.weights();
+    let column = run.draws.column(parameter);
+    let rows = || column.iter().zip(&weights);
+    let mean: f64 = rows().map(|(x, w)| w * x).sum();
+    let variance: f64 = rows().map(|(x, w)| w * (x - mean).powi(2)).sum();
+    (mean, (variance / run.ess.bulk[parameter]).sqrt())
+}
+
+/// Probability that values with these errors differ from their weighted mean by at least as much, in chi-square. Values without an
+/// error are the same or nothing is.
+fn probability(values: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let values: Vec<(f64, f64)> = values.collect();
+    let weight = |error: f64| error.max(f64::MIN_POSITIVE.sqrt()).powi(-2);
+    let sum: f64 = values.iter().map(|(_, e)| weight(*e)).sum();
+    let mean = values
+        .iter()
+        .map(|(x, e)| x * weight(*e) / sum)
+        .sum::<f64>();
+    let chi2: f64 = values
+        .iter()
+        .map(|(x, e)| (x - mean).powi(2) * weight(*e))
+        .sum();
+    let freedom = (values.len() as f64 - 1.0).max(1.0);
+    ChiSquared::new(freedom).map_or(0.0, |law| law.sf(chi2))
+}
+
+/// Complete if all are; else why the first other one ended.
+fn status(runs: &[&Run]) -> Status {
+    let ends = runs.iter().map(|run| run.status);
+    ends.into_iter()
+        .find(|status| *status != Status::Complete)
+        .unwrap_or(Status::Complete)
+}
+
+fn cost(runs: &[&Run]) -> Cost {
+    let mut sum = Cost::default();
+    for Cost {
+        calls,
+        gradients,
+        cpu_seconds,
+        wall_seconds,
+        rejected,
+    } in runs.iter().map(|run| &run.cost)
+    {
+        sum.calls += calls;
+        sum.gradients += gradients;
+        sum.cpu_seconds += cpu_seconds;
+        sum.wall_seconds += wall_seconds;
+        for (cause, count) in rejected {
+            *sum.rejected.entry(cause.clone()).or_default() += count;
+        }
+    }
+    sum
+}

@@ -1,0 +1,92 @@
+//! Runs of several seeds as one run.
+
+use super::{sample, settings};
+use crate::targets::{hard, smooth};
+use oblate_samplers::nested::{Kernel, merge};
+use oblate_samplers::output::Path;
+use oblate_samplers::{Run, Target};
+
+fn runs(target: &dyn Target, n_live: usize, seeds: std::ops::RangeInclusive<u64>) -> Vec<Run> {
+    seeds
+        .map(|seed| sample(target, &settings(n_live, Kernel::Uniform), seed))
+        .collect()
+}
+
+fn merged(target: &dyn Target, runs: &[Run]) -> Run {
+    merge(target, &runs.iter().collect::<Vec<_>>()).unwrap()
+}
+
+#[test]
+fn runs_of_four_seeds_weigh_as_one_of_four_times_the_live_points() {
+    let target = hard::quarter();
+    let parts = runs(&target, 200, 1..=4);
+    let whole = merged(&target, &parts);
+    assert!(whole.converged(), "{:#?}", whole.gates);
+    let (evidence, part) = (&whole.evidence, &parts[0].evidence);
+    // A fixed seed: four errors are one in 15,000.
+    assert!((evidence.ln_z - target.ln_z).abs() < 4.0 * evidence.error);
+    // The error of an error by 20 lineages of one run is a sixth of it.
+    let simulated = |e: &oblate_samplers::output::Evidence| e.error_parts["simulated"];
+    let ratio = simulated(evidence) / simulated(part);
+    assert!((0.4..0.6).contains(&ratio), "{ratio}");
+    let sum = |of: fn(&Run) -> f64| parts.iter().map(of).sum::<f64>();
+    assert!((whole.ess.kish / sum(|r| r.ess.kish) - 1.0).abs() < 0.05);
+    assert_eq!(
+        whole.draws.len(),
+        parts.iter().map(|r| r.draws.len()).sum::<usize>()
+    );
+    let calls: u64 = parts.iter().map(|r| r.cost.calls).sum();
+    assert_eq!(whole.cost.calls, calls);
+    let Path::Nested { live, .. } = &whole.path else {
+        panic!("a nested run")
+    };
+    let Path::Nested { live: one, .. } = &parts[0].path else {
+        panic!("a nested run")
+    };
+    // Rejected points are drawn until there are 200 others, so that each begins with about 800.
+    assert!(live[0] > 3 * one[0] && live[0] < 5 * one[0]);
+    // Lineages of one run are not those of another, and stay in their half.
+    let groups = whole.draws.chains();
+    assert_eq!(groups.iter().filter(|g| !g.is_empty()).count(), 80);
+}
+
+#[test]
+fn a_mode_that_one_run_missed_fails_the_merged_run() {
+    let target = smooth::shells(2);
+    let mut parts = runs(&target, 200, 1..=3);
+    let verdict = |parts: &[Run]| -> Vec<bool> {
+        let whole = merged(&target, parts);
+        let seeds = whole.gates.iter().filter(|g| g.name.starts_with("seeds"));
+        seeds.map(|g| g.pass).collect()
+    };
+    assert_eq!(verdict(&parts), [true, true]);
+    // As if it had found the right-hand shell alone.
+    let draws = &mut parts[2].draws;
+    for row in 0..draws.len() {
+        if draws.theta_row(row)[0] < 0.0 {
+            draws.ln_weight[row] = f64::NEG_INFINITY;
+        }
+    }
+    assert_eq!(verdict(&parts), [true, false]);
+    parts[2].evidence.ln_z -= 5.0 * parts[2].evidence.error;
+    assert_eq!(verdict(&parts), [false, false]);
+}
+
+#[test]
+fn what_does_not_belong_together_is_refused() {
+    let target = hard::power();
+    let parts = runs(&target, 50, 1..=2);
+    let why = |runs: &[&Run]| merge(&target, runs).unwrap_err().to_string();
+    assert!(why(&[&parts[0]]).contains("two or more"));
+    assert!(why(&[&parts[0], &parts[0]]).contains("same seed"));
+    let other = sample(&hard::quarter(), &settings(50, Kernel::Uniform), 3);
+    assert!(why(&[&parts[0], &other]).contains("ln L of its best draw"));
+    let mut tempered = parts[1].clone();
+    tempered.path = Path::Importance {
+        ln_tail: Vec::new(),
+        ln_tail_smooth: Vec::new(),
+        share: Vec::new(),
+        parent_share: Vec::new(),
+    };
+    assert!(why(&[&parts[0], &tempered]).contains("births and deaths"));
+}

@@ -1,0 +1,33 @@
+//! `oblate merge`.
+
+use super::Exit;
+use super::fit::finish;
+use super::options::{Common, FolderFlags};
+use crate::error::Result;
+use crate::run::merge;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Flags of `oblate merge`.
+#[derive(clap::Args, Debug)]
+#[command(
+    after_help = "Example:\n  oblate fit track.ecsv --seed 1 --out runs/one\n  oblate fit track.ecsv --seed 2 --out runs/two\n  oblate merge runs/one runs/two --out runs/both"
+)]
+pub struct Args {
+    /// Finished nested fits of one track, each with a seed of its own
+    #[arg(required = true, num_args = 2..)]
+    runs: Vec<PathBuf>,
+    #[command(flatten)]
+    folder: FolderFlags,
+}
+
+/// Merges fits.
+pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+    let (run, summary) = merge(
+        &args.runs,
+        &args.folder.out,
+        args.folder.existing(),
+        command,
+    )?;
+    finish(run.status, &summary, &args.folder, common, out)
+}
