@@ -134,6 +134,12 @@ impl Neighbours {
         })
     }
 
+    /// Whether the cell of a pair is all there is, so that no move leaves it.
+    #[must_use]
+    pub fn unfenced(&self, pair: &Pair) -> bool {
+        self.scales[pair.scale].centres.len() == 1
+    }
+
     /// Whether `at` is in the cell of a pair, which a move along it must not leave.
     #[must_use]
     pub fn holds(&self, pair: &Pair, at: &[f64], orbit: Option<&dyn Orbit>) -> bool {

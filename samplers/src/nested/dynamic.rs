@@ -77,7 +77,7 @@ pub(super) struct Survey {
     pub points: Points,
     pub history: History,
     pub weighted: Weighted,
-    /// Simulated error of ln Z.
+    /// Error of ln Z: to first order while it is above its target, then simulated, as the run will be judged by.
     pub ln_z_error: f64,
     /// Kish's effective number of draws.
     pub ess: f64,
@@ -87,8 +87,15 @@ impl Survey {
     pub fn of(points: Points, settings: &Settings, seed: u64) -> Self {
         let history = History::of(&points);
         let weighted = history.weigh();
+        let expected = history.expected_error(&weighted);
+        // Simulations of the whole history cost more than a strand's worth of cheap likelihoods.
+        let near = |target| expected <= target;
         Self {
-            ln_z_error: deviation(&history.simulate(seed, settings.simulations)),
+            ln_z_error: if settings.target_ln_z_error.is_some_and(near) {
+                deviation(&history.simulate(seed, settings.simulations))
+            } else {
+                expected
+            },
             ess: kish_ess(&weighted.ln_p),
             points,
             history,
@@ -125,13 +132,14 @@ impl Survey {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nested::live::Kin;
 
     const NEVER: f64 = f64::NEG_INFINITY;
 
     /// Ten points that die one after the other, none replaced; weights peak where `ln_l` does not grow as fast as the volume
     /// shrinks.
     fn history(ln_l: &[f64]) -> History {
-        let lineages: Vec<u32> = (0..).take(ln_l.len()).collect();
+        let lineages: Vec<Kin> = (0..).take(ln_l.len()).map(Kin::from).collect();
         History::new(ln_l, &vec![NEVER; ln_l.len()], &lineages)
     }
 
@@ -151,7 +159,7 @@ mod tests {
     #[test]
     fn strands_aim_at_the_target_that_is_left() {
         let mut points = Points::new(1);
-        points.push(&[0.5], 0.0, NEVER, 0);
+        points.push(&[0.5], 0.0, NEVER, Kin::default());
         let mut survey = Survey::of(points, &Settings::default(), 1);
         let settings = Settings {
             target_ess: Some(100.0),

@@ -5,7 +5,7 @@
 //! which `ln t` has mean `-1/n` and variance `1/n^2`. With `E ln t` the estimate of ln Z is unbiased; with `ln E t`
 //! the one of Z is.
 
-use super::live::Points;
+use super::live::{Kin, Points};
 use crate::diagnostics::ln_sum_exp;
 use crate::rng::{Domain, stream, unit_open};
 use rayon::prelude::*;
@@ -21,16 +21,41 @@ pub(super) struct History {
     pub ln_l: Vec<f64>,
     /// Contours of birth.
     pub birth: Vec<f64>,
-    /// Lineages.
-    pub lineage: Vec<u32>,
+    /// Lineages, for what chains never forget: modes.
+    pub lineages: Groups,
+    /// Clans, for what they do forget: volumes.
+    pub clans: Groups,
     /// Row numbers of the points as they were given.
     pub order: Vec<usize>,
     /// Rows in order of birth.
     by_birth: Vec<usize>,
     /// Number alive at each death, the dying one included.
     pub live: Vec<u32>,
-    /// One more than the largest number of a lineage.
-    lineages: usize,
+}
+
+/// Points in groups: those of one group are related.
+#[derive(Clone, Debug)]
+pub(super) struct Groups {
+    /// The number of each point's group.
+    pub of: Vec<u32>,
+    /// One more than the largest number.
+    count: usize,
+}
+
+impl Groups {
+    fn new(of: Vec<u32>) -> Self {
+        let count = of.iter().map(|g| *g as usize + 1).max().unwrap_or(0);
+        Self { of, count }
+    }
+
+    /// Sums over each group of one number per point.
+    pub fn sums(&self, values: impl Iterator<Item = f64>) -> Vec<f64> {
+        let mut sums = vec![0.0; self.count];
+        for (group, value) in self.of.iter().zip(values) {
+            sums[*group as usize] += value;
+        }
+        sums
+    }
 }
 
 /// Weights, their sum and what follows from it.
@@ -49,40 +74,45 @@ pub(super) struct Weighted {
 impl History {
     /// Of the points of a run.
     pub fn of(points: &Points) -> Self {
-        Self::new(&points.ln_l, &points.birth, &points.lineage)
+        Self::new(&points.ln_l, &points.birth, &points.kin)
     }
 
     /// Points in any order; equal log-likelihoods die in the order given.
-    pub fn new(ln_l: &[f64], birth: &[f64], lineage: &[u32]) -> Self {
+    pub fn new(ln_l: &[f64], birth: &[f64], kin: &[Kin]) -> Self {
         let mut order: Vec<usize> = (0..ln_l.len()).collect();
         order.sort_by(|&a, &b| ln_l[a].total_cmp(&ln_l[b]));
         let birth: Vec<f64> = order.iter().map(|&i| birth[i]).collect();
         let mut by_birth: Vec<usize> = (0..birth.len()).collect();
         by_birth.sort_by(|&a, &b| birth[a].total_cmp(&birth[b]));
-        let lineage: Vec<u32> = order.iter().map(|&i| lineage[i]).collect();
+        let groups =
+            |of: fn(&Kin) -> u32| Groups::new(order.iter().map(|&i| of(&kin[i])).collect());
         let mut history = Self {
             ln_l: order.iter().map(|&i| ln_l[i]).collect(),
-            lineages: lineage.iter().map(|t| *t as usize + 1).max().unwrap_or(0),
+            lineages: groups(|kin| kin.lineage),
+            clans: groups(|kin| kin.clan),
             birth,
-            lineage,
             order,
             by_birth,
             live: Vec::new(),
         };
-        let everyone = vec![1.0; history.lineages];
+        let everyone = vec![1.0; history.lineages.count];
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "sums of ones are counts"
         )]
-        let counts = history.alive(&everyone).iter().map(|n| *n as u32).collect();
+        let counts = history
+            .alive(&history.lineages, &everyone)
+            .iter()
+            .map(|n| *n as u32)
+            .collect();
         history.live = counts;
         history
     }
 
-    /// Weight of those alive at each death if lineage k counts `weights[k]`: births strictly below, less earlier deaths.
-    fn alive(&self, weights: &[f64]) -> Vec<f64> {
-        let weight_of = |i: usize| weights[self.lineage[i] as usize];
+    /// Weight of those alive at each death if group k counts `weights[k]`: births strictly below, less earlier deaths.
+    fn alive(&self, groups: &Groups, weights: &[f64]) -> Vec<f64> {
+        let weight_of = |i: usize| weights[groups.of[i] as usize];
         let mut born = self.by_birth.iter().peekable();
         let mut alive = 0.0;
         self.ln_l
@@ -123,6 +153,17 @@ impl History {
         weigh(&self.ln_l, &ln_t).ln_z
     }
 
+    /// Error of ln Z to first order in the shrinkages: `ln t` of a death scatters by `1/n`, and moves the volume of all points
+    /// from it on, so ln Z by their posterior mass.
+    pub fn expected_error(&self, weighted: &Weighted) -> f64 {
+        let deaths = weighted.p.iter().zip(&self.live).rev();
+        let variance = deaths.scan(0.0, |rest, (p, n)| {
+            *rest += p;
+            Some((*rest / f64::from(*n)).powi(2))
+        });
+        variance.sum::<f64>().sqrt()
+    }
+
     /// ln Z in `count` simulations of all volumes.
     pub fn simulate(&self, seed: u64, count: usize) -> Vec<f64> {
         (0..count as u64)
@@ -139,54 +180,51 @@ impl History {
             .collect()
     }
 
-    /// ln Z and posterior means of `columns` (values per point as given, row-major, `width` of them) in `count` Bayesian
-    /// bootstraps (Rubin 1981) over lineages: each has a weight drawn from the unit exponential. None is ever left out, as when
-    /// whole lineages are drawn, so that no bootstrap lacks a peak that few of them have reached.
-    pub fn bootstrap(
+    /// The run weighed in `count` Bayesian bootstraps (Rubin 1981) over groups: each has a weight drawn from the unit exponential.
+    /// None is ever left out, as when whole groups are drawn, so that no bootstrap lacks a peak that few of them have reached.
+    pub fn bootstrap<T: Send>(
         &self,
+        groups: &Groups,
         seed: u64,
         count: usize,
-        columns: &[f64],
-        width: usize,
-    ) -> Vec<(f64, Vec<f64>)> {
+        read: impl Fn(&Weighted) -> T + Sync,
+    ) -> Vec<T> {
         (0..count as u64)
             .into_par_iter()
             .map(|b| {
                 let mut rng = stream(seed, Domain::Post, BOOTSTRAP, b);
-                let weights: Vec<f64> = (0..self.lineages)
+                let weights: Vec<f64> = (0..groups.count)
                     .map(|_| -unit_open(&mut rng).ln())
                     .collect();
-                let (rows, weighted) = self.weigh_lineages(&weights);
-                let mut means = vec![0.0; width];
-                for (&row, p) in rows.iter().zip(&weighted.p) {
-                    let at = self.order[row] * width;
-                    for (m, x) in means.iter_mut().zip(&columns[at..at + width]) {
-                        *m += p * x;
-                    }
-                }
-                (weighted.ln_z, means)
+                read(&self.weigh_groups(groups, &weights).1)
             })
             .collect()
     }
 
-    /// ln Z from the lineages of even and of odd number.
+    /// How many lineages of equal shares of the posterior would be as unlike each other as these are.
+    pub fn effective_lineages(&self, weighted: &Weighted) -> f64 {
+        let shares = self.lineages.sums(weighted.p.iter().copied());
+        1.0 / shares.iter().map(|s| s * s).sum::<f64>()
+    }
+
+    /// ln Z from the clans of even and of odd number.
     pub fn halves(&self) -> [f64; 2] {
         [0, 1].map(|parity| {
-            let weights: Vec<f64> = (0..self.lineages)
+            let weights: Vec<f64> = (0..self.clans.count)
                 .map(|k| if k % 2 == parity { 1.0 } else { 0.0 })
                 .collect();
-            self.weigh_lineages(&weights).1.ln_z
+            self.weigh_groups(&self.clans, &weights).1.ln_z
         })
     }
 
-    /// Rows that are there at all, and their posterior weights, if lineage k counts `weights[k]`.
-    fn weigh_lineages(&self, weights: &[f64]) -> (Vec<usize>, Weighted) {
-        let alive = self.alive(weights);
+    /// Rows that are there at all, and their posterior weights, if group k counts `weights[k]`.
+    fn weigh_groups(&self, groups: &Groups, weights: &[f64]) -> (Vec<usize>, Weighted) {
+        let alive = self.alive(groups, weights);
         let mut rows = Vec::with_capacity(alive.len());
         let mut ln_l = Vec::with_capacity(alive.len());
         let mut ln_t = Vec::with_capacity(alive.len());
         for (i, &all) in alive.iter().enumerate() {
-            let own = weights[self.lineage[i] as usize];
+            let own = weights[groups.of[i] as usize];
             if own > 0.0 {
                 rows.push(i);
                 ln_l.push(self.ln_l[i]);

@@ -7,8 +7,7 @@ use std::collections::BTreeMap;
 /// first points are born. So a point born above the plateau of rejected points can be told from a first one.
 pub(super) const REJECTED: f64 = f64::MIN;
 
-/// Number of lineages that this many live points found, whenever few are left of them ([`Points::found`]): even, so that each lies
-/// in one half. Their scatter is the error of ln Z and of posterior means.
+/// Number of lineages that this many live points found: even, so that each lies in one half.
 pub(super) fn lineages(n_live: usize) -> usize {
     const MOST: usize = 20;
     const LEAST_POINTS: usize = 5;
@@ -18,6 +17,27 @@ pub(super) fn lineages(n_live: usize) -> usize {
 /// A count as it is stored.
 pub(super) fn narrow(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
+}
+
+/// Whom a point is related to. A point drawn by a chain is of its seed's kin, whom it resembles while steps are few; one drawn
+/// without a seed takes the place of the one that dies for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Kin {
+    /// Descent from the first points, for ever: a mode that lineages stay in is theirs. Even and odd ones are the two halves.
+    pub lineage: u32,
+    /// Descent from lineages founded anew whenever few clans are left ([`Points::found`]): how far the volumes are known depends
+    /// on what chains have not forgotten yet. Of its lineage's half.
+    pub clan: u32,
+}
+
+impl From<u32> for Kin {
+    /// Of this lineage, and the clan of the same number.
+    fn from(lineage: u32) -> Self {
+        Self {
+            lineage,
+            clan: lineage,
+        }
+    }
 }
 
 /// Points in rows.
@@ -30,9 +50,8 @@ pub(super) struct Points {
     pub ln_l: Vec<f64>,
     /// Log-likelihood of the contour above which each was drawn; minus infinity for the prior itself.
     pub birth: Vec<f64>,
-    /// The lineage each belongs to: that of its seed, whom it resembles while steps are few; a point drawn without a seed
-    /// continues that of the one that it replaces.
-    pub lineage: Vec<u32>,
+    /// Whom each is related to.
+    pub kin: Vec<Kin>,
 }
 
 impl Points {
@@ -55,28 +74,23 @@ impl Points {
         &self.u[i * self.dim..(i + 1) * self.dim]
     }
 
-    pub fn push(&mut self, u: &[f64], ln_l: f64, birth: f64, lineage: u32) {
+    pub fn push(&mut self, u: &[f64], ln_l: f64, birth: f64, kin: impl Into<Kin>) {
         self.u.extend_from_slice(u);
         self.ln_l.push(ln_l);
         self.birth.push(birth);
-        self.lineage.push(lineage);
+        self.kin.push(kin.into());
     }
 
     pub fn push_from(&mut self, other: &Self, i: usize) {
-        self.push(
-            other.row(i),
-            other.ln_l[i],
-            other.birth[i],
-            other.lineage[i],
-        );
+        self.push(other.row(i), other.ln_l[i], other.birth[i], other.kin[i]);
     }
 
     /// Replaces row `i`.
-    pub fn replace(&mut self, i: usize, u: &[f64], ln_l: f64, birth: f64, lineage: u32) {
+    pub fn replace(&mut self, i: usize, u: &[f64], ln_l: f64, birth: f64, kin: Kin) {
         self.u[i * self.dim..(i + 1) * self.dim].copy_from_slice(u);
         self.ln_l[i] = ln_l;
         self.birth[i] = birth;
-        self.lineage[i] = lineage;
+        self.kin[i] = kin;
     }
 
     /// Keeps the rows named, in the order given.
@@ -88,21 +102,21 @@ impl Points {
         out
     }
 
-    /// How many lineages of equal shares would be as unlike each other as these are.
-    pub fn effective_lineages(&self) -> f64 {
+    /// How many clans of equal shares would be as unlike each other as these are.
+    pub fn effective_clans(&self) -> f64 {
         let mut counts = BTreeMap::new();
-        for lineage in &self.lineage {
-            *counts.entry(lineage).or_insert(0.0) += 1.0;
+        for kin in &self.kin {
+            *counts.entry(kin.clan).or_insert(0.0) += 1.0;
         }
         let squares: f64 = counts.values().map(|c: &f64| c * c).sum();
         (self.len() as f64).powi(2) / squares
     }
 
-    /// Gives all rows new lineages, `count` of them from this number on, each in the half where it was.
+    /// Founds new clans, `count` of them from this number on, each in the half where it was.
     pub fn found(&mut self, first: u32, count: u32) {
         for (half, rows) in (0..).zip(self.halves()) {
             for (turn, row) in (0..count / 2).cycle().zip(rows) {
-                self.lineage[row] = first + 2 * turn + half;
+                self.kin[row].clan = first + 2 * turn + half;
             }
         }
     }
@@ -112,7 +126,7 @@ impl Points {
     pub fn halves(&self) -> [Vec<usize>; 2] {
         let of = |half: u32| -> Vec<usize> {
             (0..self.len())
-                .filter(|&i| self.lineage[i] % 2 == half)
+                .filter(|&i| self.kin[i].lineage % 2 == half)
                 .collect()
         };
         [of(0), of(1)]
@@ -174,16 +188,17 @@ mod tests {
     }
 
     #[test]
-    fn lineages_are_founded_anew_each_in_its_half() {
+    fn clans_are_founded_anew_each_in_its_half() {
         let mut live = Points::new(1);
-        for lineage in [0, 0, 0, 3, 2, 3, 0, 3] {
+        for lineage in [0_u32, 0, 0, 3, 2, 3, 0, 3] {
             live.push(&[0.5], 0.0, 0.0, lineage);
         }
         // Four of one, three of another, one alone.
-        assert!((live.effective_lineages() - 64.0 / 26.0).abs() < 1e-12);
+        assert!((live.effective_clans() - 64.0 / 26.0).abs() < 1e-12);
         let halves = live.halves();
         live.found(20, 4);
-        assert_eq!(live.lineage, [20, 22, 20, 21, 22, 23, 20, 21]);
+        let clans: Vec<u32> = live.kin.iter().map(|kin| kin.clan).collect();
+        assert_eq!(clans, [20, 22, 20, 21, 22, 23, 20, 21]);
         assert_eq!(live.halves(), halves);
     }
 }

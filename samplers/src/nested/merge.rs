@@ -4,8 +4,8 @@
 //! 2006; Higson et al. 2019). What each of them found is compared first: a mode that one run has missed shows as a difference.
 
 use super::evidence::History;
-use super::gates::of_lineages;
-use super::live::{self, REJECTED, narrow};
+use super::gates::of_kin;
+use super::live::{self, Kin, REJECTED, narrow};
 use super::reckoning::Reckoning;
 use super::settings::Settings;
 use crate::error::{Error, Result};
@@ -44,17 +44,18 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     }
     let settings = Settings::default();
     let reckoning = Reckoning::of(
-        History::new(&all.ln_l, &all.birth, &all.lineage),
+        History::new(&all.ln_l, &all.birth, &all.kin),
         &all.theta,
         dim,
         parts.iter().map(Part::founders).sum(),
         &settings,
         first.seed,
-    );
+    )
+    .with_bootstrapped(together(runs));
     let draws = reckoning.draws(target, &all.theta)?;
     let ess = reckoning.ess(&draws);
     let mut gates = worst(runs);
-    gates.extend(of_lineages(&reckoning.measured(ess.kish)));
+    gates.extend(of_kin(&reckoning.measured(ess.kish)));
     gates.extend(agreement(runs));
     let ranks = parts.iter().flat_map(|part| part.insertion_rank);
     Ok(Run {
@@ -130,7 +131,7 @@ impl<'a> Part<'a> {
 struct Together {
     ln_l: Vec<f64>,
     birth: Vec<f64>,
-    lineage: Vec<u32>,
+    kin: Vec<Kin>,
     /// Zero where a point has no likelihood, and so no weight.
     theta: Vec<f64>,
     /// Lineages so far.
@@ -146,7 +147,7 @@ impl Together {
         let rejected = (0..founders).cycle().take(part.rejected());
         let first = self.lineages;
         let own = rejected.chain(part.draws.chain.iter().copied());
-        self.lineage.extend(own.map(|l| first + l));
+        self.kin.extend(own.map(|l| Kin::from(first + l)));
         let last = part.draws.chain.iter().max().map_or(0, |l| l + 1);
         self.lineages += last.max(founders).next_multiple_of(2);
         self.theta
@@ -157,7 +158,8 @@ impl Together {
 
 /// Of every gate that all runs have, and that does not depend on their number, one that failed, or else the first.
 fn worst(runs: &[&Run]) -> Vec<Gate> {
-    const NOT_OF_ONE: [&str; 4] = [
+    const NOT_OF_ONE: [&str; 5] = [
+        "lineages-left",
         "bootstrap-to-simulated",
         "lineage-halves",
         "target-ess",
@@ -200,6 +202,14 @@ fn agreement(runs: &[&Run]) -> [Gate; 2] {
             "smallest probability, over parameters, that their means differ by chance as they do; if too small, some run misses a mode: double `n-live`",
         ),
     ]
+}
+
+/// Error of ln Z by the runs' clans, which are not kept: of independent errors together.
+fn together(runs: &[&Run]) -> f64 {
+    let parts = runs.iter().map(|run| &run.evidence.error_parts);
+    let own = parts.filter_map(|parts| parts.get("bootstrap"));
+    let precision: f64 = own.map(|error| error.powi(-2)).sum();
+    precision.powf(-0.5)
 }
 
 /// Posterior mean of a parameter and its error.

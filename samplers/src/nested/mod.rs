@@ -5,8 +5,8 @@
 //! among them, need no other rule. New points come from ellipsoids around the live ones, or from slices or walks whose
 //! steps are those ellipsoids' ([`Kernel`]). Weights, evidence and errors all follow from the contour above which
 //! each point was born and its own likelihood. A chain's point resembles its seed until it has made steps enough: it is of its
-//! seed's lineage, the other half of the lineages alone tells a chain where to go, and the scatter of lineages is the error that
-//! is quoted. So few steps cost digits, not truth. More live points can be added later, where they tell most: a run with a
+//! seed's lineage, the other half of the lineages alone tells a chain where to go, and the scatter of lineages is the error of means
+//! that is quoted, as that of lineages founded lately, of clans, is of ln Z. So few steps cost digits, not truth. More live points can be added later, where they tell most: a run with a
 //! target ([`Settings::target_ess`]) does so until it is met. Runs of several seeds are one longer run ([`merge`]).
 //!
 //! ```

@@ -22,7 +22,7 @@ pub(super) struct Reckoning {
 
 impl Reckoning {
     /// Of a history whose points, in the order given to it, have these physical parameters, row-major, `dim` each, and were
-    /// founded by so many lineages at a time.
+    /// founded so many clans at a time.
     pub fn of(
         history: History,
         theta: &[f64],
@@ -32,19 +32,15 @@ impl Reckoning {
         seed: u64,
     ) -> Self {
         let weighted = history.weigh();
-        let lineages = founders as f64;
+        let clans = founders as f64;
         // So few scatter a little less, weighted at random, about their own mean than about the truth.
-        let freedom = ((lineages + 1.0) / (lineages - 1.0)).sqrt();
-        let bootstraps = history.bootstrap(seed, settings.bootstraps, theta, dim);
-        let ln_z: Vec<f64> = bootstraps.iter().map(|b| b.0).collect();
+        let freedom = ((clans + 1.0) / (clans - 1.0)).sqrt();
+        let read = |weighted: &Weighted| weighted.ln_z;
+        let ln_z = history.bootstrap(&history.clans, seed, settings.bootstraps, read);
         let sizes = (0..dim)
             .map(|k| {
-                let column = || history.order.iter().map(|&i| theta[i * dim + k]);
-                let mean: f64 = column().zip(&weighted.p).map(|(x, p)| p * x).sum();
-                let squares = column().zip(&weighted.p);
-                let variance: f64 = squares.map(|(x, p)| p * (x - mean).powi(2)).sum();
-                let means: Vec<f64> = bootstraps.iter().map(|b| b.1[k]).collect();
-                variance / (freedom * deviation(&means)).powi(2)
+                let column: Vec<f64> = history.order.iter().map(|&i| theta[i * dim + k]).collect();
+                size_of_mean(&history, &weighted, &column)
             })
             .collect();
         Self {
@@ -53,6 +49,14 @@ impl Reckoning {
             sizes,
             history,
             weighted,
+        }
+    }
+
+    /// The same with an error of ln Z that others have found by their clans.
+    pub fn with_bootstrapped(self, bootstrapped: f64) -> Self {
+        Self {
+            bootstrapped,
+            ..self
         }
     }
 
@@ -85,7 +89,7 @@ impl Reckoning {
             let ln_l = self.history.ln_l[death];
             if ln_l > REJECTED {
                 let theta = &theta[row * dim..(row + 1) * dim];
-                let (ln_p, lineage) = (self.weighted.ln_p[death], self.history.lineage[death]);
+                let (ln_p, lineage) = (self.weighted.ln_p[death], self.history.lineages.of[death]);
                 draws.push(target, theta, ln_l, ln_p, lineage)?;
             }
         }
@@ -112,6 +116,7 @@ impl Reckoning {
             simulated: self.simulated,
             bootstrapped: self.bootstrapped,
             halves: self.history.halves(),
+            lineages: self.history.effective_lineages(&self.weighted),
             kish,
         }
     }
@@ -142,6 +147,18 @@ impl Reckoning {
             insertion_rank,
         }
     }
+}
+
+/// Effective size of a column's mean: its variance over that of the mean by the scatter of lineages, of each of which the summed
+/// deviation of its draws is one number. A few scatter less about their common mean than about the truth, one alone not at all.
+fn size_of_mean(history: &History, weighted: &Weighted, column: &[f64]) -> f64 {
+    let rows = || column.iter().zip(&weighted.p);
+    let mean: f64 = rows().map(|(x, p)| p * x).sum();
+    let variance: f64 = rows().map(|(x, p)| p * (x - mean).powi(2)).sum();
+    let sums = history.lineages.sums(rows().map(|(x, p)| p * (x - mean)));
+    let scatter: f64 = sums.iter().map(|s| s * s).sum();
+    let freedom = 1.0 - 1.0 / history.effective_lineages(weighted);
+    variance * freedom / scatter
 }
 
 fn named<const N: usize>(pairs: [(&str, f64); N]) -> BTreeMap<String, f64> {

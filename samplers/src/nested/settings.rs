@@ -82,7 +82,7 @@ pub struct Settings {
     pub bound: BoundKind,
     /// Simulations of the unknown prior volumes, for the error of ln Z.
     pub simulations: usize,
-    /// Bootstraps over lineages of points, for the error of ln Z and the effective sizes.
+    /// Bootstraps over clans of points, for the error of ln Z.
     pub bootstraps: usize,
 }
 

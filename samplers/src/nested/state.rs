@@ -4,7 +4,7 @@ use super::bound::Bound;
 use super::dynamic::{Span, Survey};
 use super::kernel::{self, Newborn, Setting};
 use super::likelihood::{Likelihood, Tally};
-use super::live::{self, Batch, Points, REJECTED, narrow};
+use super::live::{self, Batch, Kin, Points, REJECTED, narrow};
 use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
 use super::tuning::Tuning;
@@ -21,9 +21,9 @@ const MAX_FIRST_DRAWS: usize = 100_000;
 /// Prior volume from which on bounds are used; plain draws of the prior above it cost less than any chain.
 const FIRST_BOUND: f64 = 0.1;
 
-/// Share of the lineages that must be left, in effect, or else they are founded anew. Chance alone makes more and more points
-/// relatives, until the scatter of two or three lineages says nothing; what a chain forgets is forgotten by then.
-const LEAST_LINEAGES: f64 = 0.3;
+/// Share of the clans that must be left, in effect, or else they are founded anew. Chance alone makes more and more points
+/// relatives, until the scatter of two or three clans says nothing; what a chain forgets is forgotten by then.
+const LEAST_CLANS: f64 = 0.3;
 
 /// Shrinkage of the volume after which the bound is fitted again.
 const REFIT: f64 = 1.5;
@@ -45,9 +45,9 @@ impl Job<'_> {
         live::lineages(self.settings.n_live)
     }
 
-    /// The lineage of live point number `i` if it has no seed.
-    pub fn lineage(&self, i: usize) -> u32 {
-        narrow(i % self.lineages())
+    /// The kin of live point number `i` if it has no seed.
+    pub fn kin(&self, i: usize) -> Kin {
+        Kin::from(narrow(i % self.lineages()))
     }
 
     pub fn first_steps(&self) -> usize {
@@ -95,7 +95,7 @@ pub(super) struct State {
     /// None, one to draw from, or two metrics: see [`Setting::bounds`].
     bounds: Vec<Bound>,
     ln_x_at_fit: f64,
-    /// Lineages founded so far.
+    /// Clans founded so far.
     founded: u32,
     /// Points per call in the first batch after the fit, once known.
     efficiency_at_fit: Option<f64>,
@@ -221,16 +221,14 @@ impl State {
             self.efficiency_at_fit = None;
         }
         self.count(&born);
-        let lineages: Vec<u32> = if learns(job, &self.bounds) {
-            seeds.iter().map(|&s| kept.lineage[s]).collect()
+        let kin: Vec<Kin> = if learns(job, &self.bounds) {
+            seeds.iter().map(|&s| kept.kin[s]).collect()
         } else {
-            batch.dying.iter().map(|&i| self.live.lineage[i]).collect()
+            batch.dying.iter().map(|&i| self.live.kin[i]).collect()
         };
-        self.commit(&batch, &born, &lineages, &mut rng);
-        if self.live.effective_lineages() < LEAST_LINEAGES * job.lineages() as f64 {
-            let count = narrow(job.lineages());
-            self.live.found(self.founded, count);
-            self.founded += count;
+        self.commit(&batch, &born, &kin, &mut rng);
+        if self.live.effective_clans() < LEAST_CLANS * job.lineages() as f64 {
+            self.found_clans(job);
         }
         // Steps that the user chose stay.
         if job.settings.steps.is_none() {
@@ -319,9 +317,9 @@ impl State {
             }
             for (i, b) in born.iter().enumerate() {
                 let own = if learns(job, &bounds) {
-                    kept.lineage[seeds[i]]
+                    kept.kin[seeds[i]]
                 } else {
-                    job.lineage(i)
+                    job.kin(i)
                 };
                 live.push(&b.u, b.ln_l, span.floor, own);
             }
@@ -332,6 +330,8 @@ impl State {
         self.iteration += 1;
         self.dead = points;
         self.live = live;
+        // Another strand from the same seeds would have other volumes.
+        self.found_clans(job);
         self.strands += 1;
         self.span = Some(span);
         self.ln_x = span.ln_x;
@@ -342,6 +342,12 @@ impl State {
         self.efficiency_at_fit = None;
         self.tuning = tuning;
         Ok(())
+    }
+
+    fn found_clans(&mut self, job: &Job<'_>) {
+        let count = narrow(job.lineages());
+        self.live.found(self.founded, count);
+        self.founded += count;
     }
 
     /// One block of independent prior draws, until a batch of them has a likelihood.
@@ -376,7 +382,7 @@ impl State {
         }
         let mut points = Points::new(job.target.dim());
         for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {
-            points.push(&places[i], ln_l, f64::NEG_INFINITY, job.lineage(i));
+            points.push(&places[i], ln_l, f64::NEG_INFINITY, job.kin(i));
         }
         Ok((points, likelihood.tally))
     }
@@ -432,8 +438,8 @@ impl State {
         }
     }
 
-    /// Buries the dying, in order, and puts the newborn, of these lineages, in their places.
-    fn commit(&mut self, batch: &Batch, born: &[Newborn], lineages: &[u32], rng: &mut Stream) {
+    /// Buries the dying, in order, and puts the newborn, of this kin, in their places.
+    fn commit(&mut self, batch: &Batch, born: &[Newborn], kin: &[Kin], rng: &mut Stream) {
         for (i, &row) in batch.dying.iter().enumerate() {
             let n = (self.live.len() - i) as f64;
             if self.span.is_none() {
@@ -451,9 +457,8 @@ impl State {
             self.ranks.push(narrow(rank), narrow(sorted.len()));
             sorted.insert(rank, b.ln_l);
         }
-        for ((&row, b), lineage) in batch.dying.iter().zip(born).zip(lineages) {
-            self.live
-                .replace(row, &b.u, b.ln_l, batch.contour, *lineage);
+        for ((&row, b), kin) in batch.dying.iter().zip(born).zip(kin) {
+            self.live.replace(row, &b.u, b.ln_l, batch.contour, *kin);
         }
         if born.len() < batch.dying.len() {
             let mut gone = vec![false; self.live.len()];

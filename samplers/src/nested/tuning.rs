@@ -62,7 +62,7 @@ impl Tuning {
     pub fn keep_step_length(&mut self, old: &[Bound], new: &[Bound], kept: &Points) {
         let mean_unit = |bounds: &[Bound]| -> Option<f64> {
             let units: Option<Vec<f64>> = (0..kept.len())
-                .map(|i| Some(kernel::bound_of(bounds, kept.lineage[i])?.ln_unit(kept.row(i))))
+                .map(|i| Some(kernel::bound_of(bounds, kept.kin[i].lineage)?.ln_unit(kept.row(i))))
                 .collect();
             units.map(|units| mean(&units))
         };
@@ -165,7 +165,7 @@ fn relative_jump(
     let mut pairs = Vec::with_capacity(seeds.len());
     for (&s, b) in seeds.iter().zip(born) {
         let start = kept.row(s);
-        let bound = kernel::bound_of(bounds, kept.lineage[s])?;
+        let bound = kernel::bound_of(bounds, kept.kin[s].lineage)?;
         let label = bound.label(start);
         let metric = bound.metric(label);
         let neighbour = (0..TRIES)

@@ -232,7 +232,7 @@ mod tests {
                 unit_open(&mut rng),
                 0.3 + 1e-3 * x,
             ];
-            points.push(&u, 0.0, 0.0, 0);
+            points.push(&u, 0.0, 0.0, 0_u32);
         }
         let rows: Vec<usize> = (0..60).collect();
         let e = Ellipsoid::fit(&points, &rows).unwrap();
@@ -254,7 +254,7 @@ mod tests {
             [0.4, 0.4, 0.6],
             [0.2, 0.9, 0.5],
         ] {
-            points.push(&u, 0.0, 0.0, 0);
+            points.push(&u, 0.0, 0.0, 0_u32);
         }
         let e = Ellipsoid::fit(&points, &[0, 1, 2, 3, 4]).unwrap();
         let mut rng = stream(2, Domain::Test, 0, 0);
@@ -268,7 +268,7 @@ mod tests {
             .sum::<f64>()
             / 1e4;
         assert!((mean - 0.5).abs() < 0.0087, "{mean}");
-        points.push(&[0.1, 0.2, 0.3], 0.0, 0.0, 0);
+        points.push(&[0.1, 0.2, 0.3], 0.0, 0.0, 0_u32);
         assert!(Ellipsoid::fit(&points, &[0, 5]).is_none());
     }
 }

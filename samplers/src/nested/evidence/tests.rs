@@ -1,4 +1,5 @@
 use super::*;
+use crate::nested::live::Kin;
 
 const NEVER: f64 = f64::NEG_INFINITY;
 
@@ -17,7 +18,7 @@ fn a_constant_likelihood_has_evidence_one_for_any_history() {
                 }
                 top += 2.0;
             }
-            let lineage = vec![0; ln_l.len()];
+            let lineage = vec![Kin::default(); ln_l.len()];
             let history = History::new(&ln_l, &birth, &lineage);
             let flat = vec![0.0; ln_l.len()];
             let weighted = weigh(&flat, &history.expected_ln_t());
@@ -35,7 +36,7 @@ fn births_and_deaths_reproduce_a_run_made_by_hand() {
     let birth = [
         NEVER, NEVER, NEVER, NEVER, 1.0, 1.0, 2.0, 2.5, 3.0, 3.5, 3.5, 4.0,
     ];
-    let lineage = [0, 1, 2, 3, 0, 1, 2, 2, 0, 2, 0, 1];
+    let lineage = [0, 1, 2, 3, 0, 1, 2, 2, 0, 2, 0, 1].map(Kin::from);
     let history = History::new(&ln_l, &birth, &lineage);
     let sorted = [1.0, 1.0, 2.0, 2.5, 3.0, 3.5, 3.5, 4.0, 5.0, 5.5, 6.0, 7.0];
     assert!(
@@ -55,7 +56,7 @@ fn simulated_volumes_have_the_moments_of_beta_draws() {
     // With L = 1/X at the last point alone, ln Z is ln X there: all weight sits on one point.
     let n = [20_u32, 20, 20, 19, 18, 20, 20];
     let count = n.len();
-    let mut history = History::new(&[0.0; 7], &[NEVER; 7], &[0; 7]);
+    let mut history = History::new(&[0.0; 7], &[NEVER; 7], &[Kin::default(); 7]);
     history.live = n.to_vec();
     history.ln_l = vec![-1e6; count];
     history.ln_l[count - 1] = 0.0;
@@ -87,14 +88,43 @@ fn simulated_volumes_have_the_moments_of_beta_draws() {
 fn bootstrap_of_all_lineages_once_is_the_run_itself() {
     let ln_l = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     let birth = [NEVER, NEVER, NEVER, 1.0, 2.0, 3.0];
-    let lineage = [0, 1, 2, 0, 1, 2];
+    let lineage = [0, 1, 2, 0, 1, 2].map(Kin::from);
     let history = History::new(&ln_l, &birth, &lineage);
-    let (rows, weighted) = history.weigh_lineages(&[1.0, 1.0, 1.0]);
+    let (rows, weighted) = history.weigh_groups(&history.lineages, &[1.0; 3]);
     assert_eq!(rows, [0, 1, 2, 3, 4, 5]);
     assert!((weighted.ln_z - history.weigh().ln_z).abs() < 1e-14);
     // A lineage alone is a run with one live point: every death shrinks the volume by e.
-    let (rows, weighted) = history.weigh_lineages(&[0.0, 1.0, 0.0]);
+    let (rows, weighted) = history.weigh_groups(&history.lineages, &[0.0, 1.0, 0.0]);
     assert_eq!(rows, [1, 4]);
     let single = weigh(&[2.0, 5.0], &[-1.0, -1.0]);
     assert!((weighted.ln_z - single.ln_z).abs() < 1e-14);
+}
+
+#[test]
+fn expected_error_of_ln_z_is_that_of_simulated_volumes() {
+    // A Gaussian in five dimensions: ln L = -r^2 / 2s^2 where X = r^5, 100 live points all along.
+    let count = 3_000;
+    let ln_l: Vec<f64> = (0..count)
+        .map(|i| -0.5 * (-2.0 * f64::from(i) / 500.0).exp() / 0.01_f64.powi(2))
+        .collect();
+    let birth: Vec<f64> = (0..count)
+        .map(|i| {
+            if i < 100 {
+                NEVER
+            } else {
+                ln_l[i as usize - 100]
+            }
+        })
+        .collect();
+    let history = History::new(&ln_l, &birth, &vec![Kin::default(); ln_l.len()]);
+    assert!(history.live[1..2_900].iter().all(|n| *n == 100));
+    let simulated = history.simulate(2, 2_000);
+    let mean = simulated.iter().sum::<f64>() / 2e3;
+    let variance = simulated.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / 2e3;
+    let expected = history.expected_error(&history.weigh());
+    // The deviation of 2,000 has an error of 1.6 %; the first order errs by less.
+    assert!(
+        (expected / variance.sqrt() - 1.0).abs() < 0.06,
+        "{expected} {variance}"
+    );
 }

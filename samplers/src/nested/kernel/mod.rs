@@ -103,7 +103,7 @@ pub(super) fn draw(
     mut rng: Stream,
 ) -> Result<Newborn> {
     let rng = &mut rng;
-    let bound = bound_of(setting.bounds, kept.lineage[seed]);
+    let bound = bound_of(setting.bounds, kept.kin[seed].lineage);
     let Some(bound) = bound.filter(|_| setting.kernel != Kernel::Uniform) else {
         return uniform::draw(setting, bound, rng);
     };
@@ -149,7 +149,7 @@ impl<'a> Chain<'a> {
     /// A chain that starts at row `seed` of `kept`.
     fn new(setting: &'a Setting<'a>, bound: &'a Bound, kept: &'a Points, seed: usize) -> Self {
         let [even, odd] = setting.halves;
-        let others = if kept.lineage[seed].is_multiple_of(2) {
+        let others = if kept.kin[seed].lineage.is_multiple_of(2) {
             odd
         } else {
             even
@@ -192,7 +192,8 @@ impl<'a> Chain<'a> {
             Fence::Region(label) => self.bound.has_label(&self.trial, label),
             Fence::Cell(pair) => {
                 let orbit = Symmetry::first_orbit(self.setting.target.symmetries());
-                self.others.holds(&pair, &normals(&self.trial), orbit)
+                self.others.unfenced(&pair)
+                    || self.others.holds(&pair, &normals(&self.trial), orbit)
             }
         }
     }

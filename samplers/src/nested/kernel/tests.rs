@@ -169,7 +169,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
             &[unit_open(&mut rng), unit_open(&mut rng)],
             0.0,
             f64::NEG_INFINITY,
-            0,
+            0_u32,
         );
     }
     for u in [
@@ -180,7 +180,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
         [0.62, 0.5],
         [0.9, 0.9],
     ] {
-        kept.push(&u, 0.0, f64::NEG_INFINITY, 1);
+        kept.push(&u, 0.0, f64::NEG_INFINITY, 1_u32);
     }
     for kernel in [
         Kernel::RandomSlice,

@@ -68,14 +68,14 @@ fn perfect(
                 newborn(x, ln_l(x))
             })
             .collect();
-        let lineages: Vec<u32> = batch.dying.iter().map(|&i| state.live.lineage[i]).collect();
-        state.commit(&batch, &born, &lineages, &mut rng);
+        let kin: Vec<Kin> = batch.dying.iter().map(|&i| state.live.kin[i]).collect();
+        state.commit(&batch, &born, &kin, &mut rng);
     }
     let mut points = state.dead.clone();
     for i in 0..state.live.len() {
         points.push_from(&state.live, i);
     }
-    let history = History::new(&points.ln_l, &points.birth, &points.lineage);
+    let history = History::of(&points);
     (history.weigh().ln_z, state.ranks.z_score(0))
 }
 

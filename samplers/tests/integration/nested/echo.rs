@@ -30,8 +30,7 @@ fn bias_of_the_evidence_by_echo() {
             echo += gate("seed-echo").value / 30.0;
             jump += gate("relative-jump").value / 30.0;
         }
-        let mean = z.iter().sum::<f64>() / 30.0;
-        let sd = (z.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / 29.0).sqrt();
+        let (mean, sd) = moments(&z);
         println!(
             "| {name} | {kernel:?} | {n_live} | {steps} | {echo:.3} | {jump:.2} | {mean:+.2} | {sd:.2} |"
         );
@@ -50,6 +49,60 @@ fn bias_of_the_evidence_by_echo() {
         let t = smooth::mvn13();
         for n_live in [75, 1200] {
             row("mvn13", &t, t.ln_z, kernel, n_live, 4);
+        }
+    }
+}
+
+/// Mean and standard deviation.
+fn moments(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+    (mean, (squares / (count - 1.0)).sqrt())
+}
+
+#[test]
+#[ignore = "a table of minutes: whether the errors of means, and so of modes' weights, hold"]
+fn errors_of_means() {
+    println!(
+        "| target | kernel | strands | mean z, sd z of ln Z | mean z, sd z of x1 | Kish | true draws of x1 | lineages |\n|---|---|---|---|---|---|---|---|"
+    );
+    for (name, target, variance) in [
+        ("mvn13", smooth::mvn13(), None),
+        // Modes at +- 1.5; shells of radius 2 about +- 3.5.
+        ("twins13", smooth::twins13(0.5), Some(1.5_f64.powi(2))),
+        ("shells5", smooth::shells(5), Some(3.5_f64.powi(2) + 0.8)),
+        ("shells13", smooth::shells(13), Some(3.5_f64.powi(2) + 0.3)),
+    ] {
+        for kernel in [Kernel::Differential, Kernel::RandomSlice] {
+            for target_ess in [None, Some(6_000.0)] {
+                let settings = Settings {
+                    target_ess,
+                    ..settings(300, kernel)
+                };
+                let (mut ln_z, mut x1, mut square) = (Vec::new(), Vec::new(), 0.0);
+                let (mut kish, mut left) = (0.0, 0.0);
+                for seed in 301..=330 {
+                    let run = sample(&target, &settings, seed);
+                    ln_z.push((run.evidence.ln_z - target.ln_z) / run.evidence.error);
+                    let (weights, column) = (run.draws.weights(), run.draws.column(0));
+                    let rows = || column.iter().zip(&weights);
+                    // By symmetry, or because the Gaussian is about 0, the mean is 0.
+                    let mean: f64 = rows().map(|(x, w)| w * x).sum();
+                    let own: f64 = rows().map(|(x, w)| w * (x - mean).powi(2)).sum();
+                    x1.push(mean / (own / run.ess.bulk[0]).sqrt());
+                    square += mean * mean / variance.unwrap_or(own) / 30.0;
+                    kish += run.ess.kish / 30.0;
+                    let gate = run.gates.iter().find(|g| g.name == "lineages-left");
+                    left += gate.unwrap().value / 30.0;
+                }
+                let ((z, z_sd), (x, x_sd)) = (moments(&ln_z), moments(&x1));
+                let strands = target_ess.map_or("static", |_| "dynamic");
+                println!(
+                    "| {name} | {kernel:?} | {strands} | {z:+.2}, {z_sd:.2} | {x:+.2}, {x_sd:.2} | {kish:.0} | {:.0} | {left:.1} |",
+                    1.0 / square
+                );
+            }
         }
     }
 }
