@@ -1,0 +1,86 @@
+//! Where does the time of one ln L go?
+//!
+//! `cargo bench --bench parts` prints a table: for each profile, on one thread, the time of the cold stage (the progenitor's orbit
+//! and the releases), of the particles in lanes, and of the rest (bins and likelihood), at the truth of a gala track. The parts take
+//! turns, each is the median of 101, and `rest` is what the whole takes beyond the other two.
+
+use oblate::config::{FitConfig, Profile};
+use oblate::data::ObservedTrack;
+use oblate::params::DIM;
+use oblate::run::target;
+use oblate::stream::{Arrivals, Flights};
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Instant;
+
+const TURNS: usize = 101;
+
+/// A draw of the posterior of s0.
+fn theta(folder: &Path) -> [f64; DIM] {
+    let mut reader = csv::ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .from_path(folder.join("benches/draws.csv"))
+        .expect("the draws");
+    let mut rows = reader.deserialize::<(String, [f64; DIM])>();
+    rows.find_map(|row| {
+        let (track, theta) = row.expect("a name and 13 numbers");
+        (track == "s0_oblate_tilted").then_some(theta)
+    })
+    .expect("a draw of s0")
+}
+
+fn milliseconds(work: impl FnOnce()) -> f64 {
+    let start = Instant::now();
+    work();
+    1e3 * start.elapsed().as_secs_f64()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn main() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let theta = theta(folder);
+    let file = folder.join("examples/tracks/s0_oblate_tilted.ecsv");
+    let track = ObservedTrack::read(&file).expect("a gala track");
+    println!(
+        "| profile | orbit and releases, ms | particles | bins and ln L | all | beside the particles |\n|---|---|---|---|---|---|"
+    );
+    for (name, profile) in [("fast", Profile::Fast), ("paper", Profile::Paper)] {
+        let config = FitConfig {
+            model: profile.model(),
+            likelihood: profile.likelihood(),
+            ..FitConfig::default()
+        };
+        let target = target(&track, &config).expect("a gala track is data");
+        let likelihood = target.likelihood();
+        let (model, galaxy) = (
+            likelihood.model(),
+            likelihood.galaxy(&target.params(&theta)),
+        );
+        let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
+        let (mut cold, mut hot, mut whole) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..TURNS {
+            let mut setup = None;
+            cold.push(milliseconds(|| {
+                setup = model.setup(black_box(&galaxy)).ok()
+            }));
+            let setup = setup.expect("an orbit");
+            hot.push(milliseconds(|| {
+                let carried = model.carry(black_box(&setup), &mut flights, &mut stars);
+                black_box(carried).expect("particles");
+            }));
+            whole.push(milliseconds(|| {
+                black_box(likelihood.ln_likelihood(black_box(&theta))).ok();
+            }));
+        }
+        let (cold, hot, whole) = (median(cold), median(hot), median(whole));
+        println!(
+            "| {name} | {cold:.3} | {hot:.3} | {:.3} | {whole:.3} | {:.1} % |",
+            whole - cold - hot,
+            100.0 * (1.0 - hot / whole)
+        );
+    }
+}
