@@ -151,6 +151,19 @@ impl Ellipsoid {
         }
     }
 
+    /// `out = A' a`: the covector `a` as the coordinates y of [`stretch`](Self::stretch) see it.
+    pub fn whiten_covector(&self, a: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        let mut start = 0;
+        for (i, a) in a.iter().enumerate() {
+            let row = &self.axes[start..=start + i];
+            for (o, r) in out.iter_mut().zip(row) {
+                *o += r * a;
+            }
+            start += i + 1;
+        }
+    }
+
     /// A uniform draw from the inside.
     pub fn draw(&self, rng: &mut Stream, ball: &mut [f64], out: &mut [f64]) {
         draw_in_ball(rng, ball);
@@ -270,5 +283,22 @@ mod tests {
         assert!((mean - 0.5).abs() < 0.0087, "{mean}");
         points.push(&[0.1, 0.2, 0.3], 0.0, 0.0, 0_u32);
         assert!(Ellipsoid::fit(&points, &[0, 5]).is_none());
+    }
+
+    #[test]
+    fn a_covector_on_a_stretched_vector_is_the_whitened_one_on_the_vector() {
+        let mut rng = stream(3, Domain::Test, 0, 0);
+        let mut points = Points::new(3);
+        for _ in 0..10 {
+            let u = [(); 3].map(|()| unit_open(&mut rng));
+            points.push(&u, 0.0, 0.0, 0);
+        }
+        let e = Ellipsoid::fit(&points, &(0..10).collect::<Vec<_>>()).unwrap();
+        let (a, y) = ([0.3, -2.0, 1.1], [0.7, 0.2, -0.4]);
+        let (mut whitened, mut stretched) = ([f64::NAN; 3], [0.0; 3]);
+        e.whiten_covector(&a, &mut whitened);
+        e.stretch(&y, &mut stretched);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        assert!((dot(&a, &stretched) - dot(&whitened, &y)).abs() < 1e-14);
     }
 }
