@@ -41,12 +41,12 @@ pub enum Error {
         remedy: &'static str,
     },
     /// The sampler needs gradients and the target has none.
-    #[error(
-        "{sampler} needs gradients, and this target offers none; use the nested sampler instead"
-    )]
+    #[error("{sampler} needs gradients, and this target offers none; {remedy}")]
     NoGradient {
         /// Which sampler asked.
         sampler: &'static str,
+        /// What to use instead.
+        remedy: &'static str,
     },
     /// The target failed in a way that no other point can mend.
     #[error("the target failed: {0}; mend the cause and resume from the checkpoint")]

@@ -51,7 +51,7 @@ pub(super) fn finish(
         ess,
         cost: Cost {
             calls: state.calls,
-            gradients: 0,
+            gradients: state.gradients,
             cpu_seconds: state.cpu_seconds,
             wall_seconds: state.wall_seconds,
             rejected: state.rejected.clone(),

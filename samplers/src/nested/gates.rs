@@ -123,7 +123,10 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
             1e-3,
             "points per call drawn from the bound; if too small, the bound does not fit: use `differential`",
         )),
-        Kernel::RandomWalk | Kernel::RandomSlice | Kernel::Differential => {
+        Kernel::RandomWalk
+        | Kernel::RandomSlice
+        | Kernel::Differential
+        | Kernel::Reflective => {
             if !state.tuning.jumps.is_empty() {
                 gates.push(Gate::at_least(
                     "relative-jump",
@@ -140,12 +143,12 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
             }
         }
     }
-    if job.kernel() == Kernel::RandomWalk {
+    if matches!(job.kernel(), Kernel::RandomWalk | Kernel::Reflective) {
         gates.push(Gate::at_most(
             "no-move",
             state.tuning.stayed as f64 / points,
             0.01,
-            "share of walks that ended where they began; if too large, double `steps`",
+            "share of chains that ended where they began; if too large, double `steps`",
         ));
     }
     gates

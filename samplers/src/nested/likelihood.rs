@@ -10,10 +10,13 @@ use std::collections::BTreeMap;
 /// Draws of the prior in search of one inside its walls.
 const MAX_WALL_DRAWS: u64 = 10_000_000;
 
-/// Calls, and rejections by cause.
+/// Calls, gradients, and rejections by cause.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Tally {
+    /// Values without a gradient.
     pub calls: u64,
+    /// Values with a gradient.
+    pub gradients: u64,
     pub rejected: Vec<(Cause, u64)>,
 }
 
@@ -94,6 +97,22 @@ impl<'a> Likelihood<'a> {
         self.target.prior().theta_from_u(u, &mut self.theta);
         let outcome = self.target.ln_likelihood(&self.theta);
         self.tally.settle(&outcome, &self.theta)
+    }
+
+    /// The gradient of ln L with respect to `u`, into `gradient`; false where there is none: no likelihood, or a slope that is not
+    /// finite.
+    pub fn gradient_at(&mut self, u: &[f64], gradient: &mut [f64]) -> Result<bool> {
+        let prior = self.target.prior();
+        prior.theta_from_u(u, &mut self.theta);
+        self.tally.gradients += 1;
+        let outcome = self
+            .target
+            .ln_likelihood_and_gradient(&self.theta, gradient);
+        if outcome.ln_likelihood(&self.theta)? == f64::NEG_INFINITY {
+            return Ok(false);
+        }
+        prior.gradient_to_u(u, gradient);
+        Ok(gradient.iter().all(|g| g.is_finite()))
     }
 
     /// ln L at many points of the cube; [`REJECTED`] where there is none.

@@ -3,7 +3,7 @@
 use super::dynamic::Survey;
 use super::finish::finish;
 use super::likelihood::Likelihood;
-use super::settings::Settings;
+use super::settings::{Kernel, Settings};
 use super::state::{Job, State};
 use crate::checkpoint;
 use crate::control::{Control, Event};
@@ -22,7 +22,8 @@ use std::time::Instant;
 /// unconverged; it can be resumed from its checkpoint, which stays after completion too.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;
+/// [`Error::Setting`] for settings out of range; [`Error::NoGradient`] for a kernel that needs gradients of a target that has
+/// none; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;
 /// [`Error::Fatal`] and [`Error::Infinite`] from the target and [`Error::Stuck`] from a kernel, after a checkpoint
 /// of the last whole batch; [`Error::Checkpoint`] and [`Error::Io`] from the file.
 pub fn run(
@@ -37,6 +38,12 @@ pub fn run(
         settings,
         seed,
     };
+    if job.kernel() == Kernel::Reflective && target.gradient_cost().is_none() {
+        return Err(Error::NoGradient {
+            sampler: "the nested sampler's kernel `reflective`",
+            remedy: "use `differential` or `random-slice`, which ask for values alone",
+        });
+    }
     let mut keeper = Keeper::new(&job, control)?;
     let mut warnings = Vec::new();
     let mut state = State::new(&job);
@@ -71,7 +78,7 @@ pub fn run(
         if stop || control.interrupted() {
             break Status::Interrupted;
         }
-        if control.spent(state.calls) {
+        if control.spent(state.calls + state.gradients) {
             break Status::BudgetSpent;
         }
         let step = match ended {

@@ -18,6 +18,9 @@ pub enum Kernel {
     Differential,
     /// Metropolis steps, uniform in a ball of the local ellipsoid.
     RandomWalk,
+    /// Straight flights in the metric of the local ellipsoid, reflected off the contour at the gradient of ln L; for targets that
+    /// have one.
+    Reflective,
 }
 
 impl Kernel {
@@ -31,12 +34,13 @@ impl Kernel {
         }
     }
 
-    /// Steps per new point if the user gives none: `(3 + d) / 2` slices, `20 + d` walk steps.
+    /// Steps per new point if the user gives none: `(3 + d) / 2` slices, `(3 + d) / 3` flights, `20 + d` walk steps.
     #[must_use]
     pub fn default_steps(self, dim: usize) -> usize {
         match self.resolve(dim) {
             Self::RandomWalk => 20 + dim,
             Self::RandomSlice | Self::Differential => (3 + dim).div_ceil(2),
+            Self::Reflective => (3 + dim).div_ceil(3),
             Self::Auto | Self::Uniform => 1,
         }
     }
@@ -75,8 +79,8 @@ pub struct Settings {
     pub batch: f64,
     /// How new points are found.
     pub kernel: Kernel,
-    /// Slices or walk steps per new point. None: `(3 + d) / 2` and `20 + d`, raised during a run if new points resemble
-    /// their seeds. Where modes are many and narrow, few steps and many live points find more of them for the same calls.
+    /// Slices, flights or walk steps per new point. None: `(3 + d) / 2`, `(3 + d) / 3` and `20 + d`, raised during a run if new
+    /// points resemble their seeds. Where modes are many and narrow, few steps and many live points find more of them for the same calls.
     pub steps: Option<usize>,
     /// What encloses the live points.
     pub bound: BoundKind,

@@ -62,7 +62,7 @@ struct Ground<'a> {
     kept: &'a Points,
     contour: f64,
     bounds: &'a [Bound],
-    /// Slices or walk steps.
+    /// Slices, flights or walk steps.
     steps: usize,
 }
 
@@ -103,7 +103,9 @@ pub(super) struct State {
     pub efficiency: f64,
     pub tuning: Tuning,
     pub ranks: Ranks,
+    /// Likelihood values without a gradient, and with one.
     pub calls: u64,
+    pub gradients: u64,
     pub rejected: BTreeMap<String, u64>,
     /// Points drawn with a bound, and their calls.
     pub bounded_points: u64,
@@ -135,6 +137,7 @@ impl State {
             tuning: Tuning::new(job.first_steps()),
             ranks: Ranks::default(),
             calls: 0,
+            gradients: 0,
             rejected: BTreeMap::new(),
             bounded_points: 0,
             bounded_calls: 0,
@@ -426,6 +429,7 @@ impl State {
         let calls: u64 = born.iter().map(|b| b.tally.calls).sum();
         self.calls += calls;
         for b in born {
+            self.gradients += b.tally.gradients;
             b.tally.add_to(&mut self.rejected);
         }
         if calls > 0 {

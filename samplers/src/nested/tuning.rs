@@ -16,6 +16,11 @@ const FIRST_SCALE: f64 = 1.0;
 /// `sqrt 2` of its radius apart.
 const FIRST_STRIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
+/// Share of the moves of flights that shall go straight on: of 0.4 to 0.85 those from 0.65 to 0.75 forgot their seeds best for the
+/// same calls, on a Gaussian and on shells in 13 dimensions. Whatever has no mirror turns chains round at any length of move, so
+/// that the share that is reflected would not do.
+const STRAIGHT: f64 = 0.7;
+
 /// What chains have shown of themselves, and the steps that follow from it. Every batch runs with fixed ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tuning {
@@ -23,7 +28,7 @@ pub(super) struct Tuning {
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
     pub stride: f64,
-    /// Slices or walk steps per point; never lowered in a run.
+    /// Slices, flights or walk steps per point; never lowered in a run.
     pub steps: usize,
     /// Relative jump distance of every batch.
     pub jumps: Vec<f64>,
@@ -99,6 +104,10 @@ impl Tuning {
             Kernel::RandomWalk => {
                 let share = local.share().unwrap_or(0.5);
                 self.scale *= ((share - 0.5) / (0.5 * kept.dim() as f64)).exp();
+            }
+            Kernel::Reflective => {
+                let share = local.share().unwrap_or(STRAIGHT);
+                self.scale *= (share - STRAIGHT).exp();
             }
             Kernel::Auto | Kernel::Uniform => {}
         }

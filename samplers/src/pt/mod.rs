@@ -81,6 +81,7 @@ pub fn run(
     if target.gradient_cost().is_none() {
         return Err(Error::NoGradient {
             sampler: "parallel tempering",
+            remedy: "use the nested sampler instead",
         });
     }
     let clock = Clock::start();

@@ -1,6 +1,7 @@
 //! Drawing a new point above a contour: directly from the bound, or by a chain of steps from a live point.
 
 mod difference;
+mod flight;
 mod jump;
 mod slice;
 mod uniform;
@@ -33,7 +34,7 @@ pub(super) struct Setting<'a> {
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
     pub stride: f64,
-    /// Slices or walk steps.
+    /// Slices, flights or walk steps.
     pub steps: usize,
 }
 
@@ -49,9 +50,9 @@ pub(super) enum Fence {
 /// What steps did, for the tuning of their length.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pace {
-    /// Slices: steps outward. Walk: steps accepted.
+    /// Slices: steps outward. Flights: moves straight on. Walk: steps accepted.
     pub grown: u64,
-    /// Slices: points that fell outside. Walk: steps refused.
+    /// Slices: points that fell outside. Flights: moves that met an edge. Walk: steps refused.
     pub shrunk: u64,
 }
 
@@ -112,6 +113,7 @@ pub(super) fn draw(
         match setting.kernel {
             Kernel::RandomWalk => walk::step(&mut chain, rng)?,
             Kernel::Differential => difference::step(&mut chain, rng)?,
+            Kernel::Reflective => flight::step(&mut chain, rng)?,
             _ => slice::step(&mut chain, rng)?,
         }
         if step == 0 {
@@ -170,16 +172,19 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Puts `x + t direction` into `trial`; its log-likelihood if it is in the cube, inside the walls, inside the fence and
-    /// above the contour.
-    fn look(&mut self, t: f64, fence: Fence) -> Result<Option<f64>> {
+    /// Puts `x + t direction` into `trial`; whether it is in the cube, inside the walls and inside the fence.
+    fn aim(&mut self, t: f64, fence: Fence) -> bool {
         let mut in_cube = true;
         for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
             *o = x + t * v;
             in_cube &= *o > 0.0 && *o < 1.0;
         }
-        let ours = in_cube && self.inside(fence) && self.likelihood.inside_walls(&self.trial);
-        if !ours {
+        in_cube && self.inside(fence) && self.likelihood.inside_walls(&self.trial)
+    }
+
+    /// Puts `x + t direction` into `trial`; its log-likelihood if the chain may go there and it is above the contour.
+    fn look(&mut self, t: f64, fence: Fence) -> Result<Option<f64>> {
+        if !self.aim(t, fence) {
             return Ok(None);
         }
         let ln_l = self.likelihood.at(&self.trial)?;

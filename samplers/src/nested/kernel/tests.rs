@@ -1,4 +1,5 @@
 use super::*;
+use crate::nested::bound::draw_direction;
 use crate::nested::bound::tests::overlapping;
 use crate::nested::rank::ks_probability;
 use crate::nested::settings::BoundKind;
@@ -10,6 +11,7 @@ use rayon::prelude::*;
 struct Square {
     prior: Prior,
     ln_l: fn(&[f64]) -> f64,
+    gradient: fn(&[f64], &mut [f64]),
     walls: Vec<HalfSpace>,
     symmetries: Vec<Symmetry>,
 }
@@ -20,6 +22,7 @@ impl Square {
         Self {
             prior: Prior::new((0..dim).map(|k| (format!("x{k}"), "", unit))).unwrap(),
             ln_l,
+            gradient: |_, gradient| gradient.fill(0.0),
             walls: Vec::new(),
             symmetries: Vec::new(),
         }
@@ -32,6 +35,10 @@ impl Target for Square {
     }
     fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
         Outcome::from_ln_likelihood((self.ln_l)(theta))
+    }
+    fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
+        (self.gradient)(theta, gradient);
+        self.ln_likelihood(theta)
     }
     fn walls(&self) -> &[HalfSpace] {
         &self.walls
@@ -108,6 +115,20 @@ fn ring(x: &[f64]) -> f64 {
     (0.1 - (r - 0.3).abs()).clamp(-1.0, 1.0)
 }
 
+fn ring_slope(x: &[f64], gradient: &mut [f64]) {
+    let r = ((x[0] - 0.5).powi(2) + (x[1] - 0.5).powi(2)).sqrt();
+    for (g, x) in gradient.iter_mut().zip(x) {
+        *g = (0.3 - r).signum() * (x - 0.5) / r;
+    }
+}
+
+fn ring_target() -> Square {
+    Square {
+        gradient: ring_slope,
+        ..Square::new(2, ring)
+    }
+}
+
 fn ring_radius(x: &[f64]) -> f64 {
     let r2 = (x[0] - 0.5).powi(2) + (x[1] - 0.5).powi(2);
     (r2 - 0.04) / 0.12
@@ -118,15 +139,16 @@ fn ring_angle(x: &[f64]) -> f64 {
     (angle / std::f64::consts::TAU + 1.0).fract()
 }
 
-const STEPPERS: [(Kernel, f64, usize); 3] = [
+const STEPPERS: [(Kernel, f64, usize); 4] = [
     (Kernel::RandomSlice, 0.7, 3),
     (Kernel::Differential, 0.7, 3),
     (Kernel::RandomWalk, 0.6, 8),
+    (Kernel::Reflective, 0.2, 6),
 ];
 
 #[test]
 fn chains_that_start_uniform_above_a_contour_stay_uniform() {
-    let target = Square::new(2, ring);
+    let target = ring_target();
     let fitted = Bound::for_steps(
         &uniform_above(&target, 0.0, 3, 400),
         BoundKind::MultiEllipsoid,
@@ -186,6 +208,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
         Kernel::RandomSlice,
         Kernel::Differential,
         Kernel::RandomWalk,
+        Kernel::Reflective,
     ] {
         let setting = Setting {
             target: &target,
@@ -211,6 +234,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
                         match kernel {
                             Kernel::RandomWalk => walk::step(&mut chain, &mut rng).unwrap(),
                             Kernel::Differential => difference::step(&mut chain, &mut rng).unwrap(),
+                            Kernel::Reflective => flight::step(&mut chain, &mut rng).unwrap(),
                             _ => slice::step(&mut chain, &mut rng).unwrap(),
                         }
                     }
@@ -261,6 +285,8 @@ impl Orbit for Second {
 fn jumps_orbits_and_walls_keep_the_prior_above_the_contour() {
     // Above the contour: the left three fifths of the square; the wall cuts the lower fifth off.
     let mut target = Square::new(2, |x| if x[0] < 0.6 { 0.0 } else { -2.0 });
+    // Not the slope of anything: no mirror is wrong, as long as it depends on its own place alone.
+    target.gradient = |x, gradient| gradient.copy_from_slice(&[-1.0, x[1]]);
     target.symmetries = vec![
         Symmetry::Involution(Box::new(Squeeze)),
         Symmetry::Orbit(Box::new(Second)),
@@ -294,4 +320,109 @@ fn a_jump_without_its_jacobian_would_be_caught() {
         })
         .collect();
     assert!(ks_probability(&values) < 1e-6);
+}
+
+#[test]
+fn flights_between_the_cube_a_mirror_and_rejected_points_stay_uniform() {
+    // Above the contour: over 0.3, where the mirror is. Beyond 0.8 all is rejected; the other two sides are those of the cube.
+    let target = Square {
+        gradient: |_, gradient| gradient.copy_from_slice(&[0.0, 1.0]),
+        ..Square::new(2, |x| if x[0] > 0.8 { f64::NAN } else { x[1] - 0.3 })
+    };
+    let first = |x: &[f64]| x[0] / 0.8;
+    let second = |x: &[f64]| (x[1] - 0.3) / 0.7;
+    let laws: [Law<'_>; 2] = [("first", &first), ("second", &second)];
+    for scale in [0.1, 0.5] {
+        for bound in [overlapping(), Bound::cube(2)] {
+            let how = (Kernel::Reflective, scale, 5);
+            stays_uniform(&format!("{how:?}"), &target, 0.0, &[bound], how, &laws);
+        }
+    }
+}
+
+/// A setting for flights in the ring from `kept`.
+fn in_the_ring<'a>(
+    target: &'a Square,
+    bounds: &'a [Bound],
+    halves: &'a [Neighbours; 2],
+) -> Setting<'a> {
+    Setting {
+        target,
+        contour: 0.0,
+        kernel: Kernel::Reflective,
+        bounds,
+        halves,
+        scale: 0.2,
+        stride: 1.0,
+        steps: 1,
+    }
+}
+
+#[test]
+fn a_move_of_a_flight_then_a_flip_is_its_own_inverse() {
+    let target = ring_target();
+    let kept = uniform_above(&target, 0.0, 7, 10_000);
+    let bounds = [overlapping()];
+    let halves = Default::default();
+    let setting = in_the_ring(&target, &bounds, &halves);
+    let mut seen = [0; 3];
+    for row in 0..kept.len() {
+        let mut rng = stream(15, Domain::Test, 7, row as u64);
+        let mut chain = Chain::new(&setting, &bounds[0], &kept, row);
+        draw_direction(&mut rng, &mut chain.ball);
+        let velocity = chain.ball.clone();
+        for turn in 0..2 {
+            let moved = flight::advance(&mut chain, 0.15).unwrap();
+            // A flip undoes the turn of a chain that cannot move.
+            if moved {
+                chain.ball.iter_mut().for_each(|w| *w = -*w);
+            }
+            if turn == 0 {
+                let straight = chain.motion.local.grown > 0;
+                seen[usize::from(moved) + usize::from(straight)] += 1;
+            }
+        }
+        let away = |a: &[f64], b: &[f64]| {
+            let both = a.iter().zip(b);
+            both.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        assert!(away(&chain.x, kept.row(row)) < 1e-12, "{row}");
+        assert!(away(&chain.ball, &velocity) < 1e-12, "{row}");
+    }
+    assert!(seen.iter().all(|n| *n > 500), "{seen:?}");
+}
+
+/// Kolmogorov-Smirnov probability of the radii where flights of two moves end that began uniform in the ring; a chain that can
+/// neither go on nor be reflected turns round, or waits.
+fn radii_after_flights(turns: bool) -> f64 {
+    let target = ring_target();
+    let count = 40_000;
+    let kept = uniform_above(&target, 0.0, 8, count);
+    let bounds = [Bound::cube(2)];
+    let halves = Default::default();
+    let setting = in_the_ring(&target, &bounds, &halves);
+    let radii: Vec<f64> = (0..count)
+        .into_par_iter()
+        .map(|row| {
+            let mut rng = stream(16, Domain::Test, 8, row as u64);
+            let mut chain = Chain::new(&setting, &bounds[0], &kept, row);
+            for _ in 0..6 {
+                draw_direction(&mut rng, &mut chain.ball);
+                for _ in 0..2 {
+                    let moved = flight::advance(&mut chain, setting.scale).unwrap();
+                    if turns && !moved {
+                        chain.ball.iter_mut().for_each(|w| *w = -*w);
+                    }
+                }
+            }
+            ring_radius(&chain.x)
+        })
+        .collect();
+    ks_probability(&radii)
+}
+
+#[test]
+fn a_flight_that_waits_where_it_should_turn_round_would_be_caught() {
+    let (right, wrong) = (radii_after_flights(true), radii_after_flights(false));
+    assert!(right > 0.001 && wrong < 1e-6, "{right} {wrong}");
 }

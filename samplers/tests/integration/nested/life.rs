@@ -62,6 +62,7 @@ fn a_run_has_the_same_bits_on_any_number_of_threads() {
         Kernel::RandomSlice,
         Kernel::Differential,
         Kernel::RandomWalk,
+        Kernel::Reflective,
     ] {
         let bits: Vec<u64> = [1, 2, 5]
             .into_iter()
@@ -86,6 +87,7 @@ fn a_run_resumed_after_any_batch_has_the_bits_of_one_never_stopped() {
         (Kernel::RandomSlice, smooth::shells(5)),
         (Kernel::Differential, smooth::shells(5)),
         (Kernel::RandomWalk, smooth::shells(5)),
+        (Kernel::Reflective, smooth::shells(5)),
     ] {
         let settings = small(kernel);
         let whole = sample(&target, &settings, 1);
@@ -250,6 +252,58 @@ fn an_interrupt_before_the_first_likelihood_is_an_empty_run_without_evidence() {
     assert!(run.draws.is_empty() && !run.converged());
     assert!(run.evidence.ln_z == f64::NEG_INFINITY && run.evidence.error == f64::INFINITY);
     assert_eq!(run.cost.rejected["no stream"], run.cost.calls);
+}
+
+/// Counts what it is asked for.
+struct Counts {
+    inner: smooth::Smooth,
+    values: AtomicU64,
+    gradients: AtomicU64,
+}
+
+impl Target for Counts {
+    fn prior(&self) -> &Prior {
+        self.inner.prior()
+    }
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        self.values.fetch_add(1, Ordering::Relaxed);
+        self.inner.ln_likelihood(theta)
+    }
+    fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
+        self.gradients.fetch_add(1, Ordering::Relaxed);
+        self.inner.ln_likelihood_and_gradient(theta, gradient)
+    }
+    fn gradient_cost(&self) -> Option<f64> {
+        self.inner.gradient_cost()
+    }
+}
+
+#[test]
+fn values_and_gradients_are_counted_as_they_are_asked_for() {
+    for kernel in [Kernel::Differential, Kernel::Reflective] {
+        let target = Counts {
+            inner: smooth::shells(5),
+            values: AtomicU64::new(0),
+            gradients: AtomicU64::new(0),
+        };
+        let cost = sample(&target, &small(kernel), 1).cost;
+        assert_eq!(cost.calls, target.values.into_inner());
+        assert_eq!(cost.gradients, target.gradients.into_inner());
+        assert_eq!(cost.gradients > 0, kernel == Kernel::Reflective);
+    }
+}
+
+#[test]
+fn flights_without_gradients_are_refused_before_any_call() {
+    let target = Always(unit(), Outcome::Fatal("not to be called".to_owned()));
+    let settings = small(Kernel::Reflective);
+    let error = run(&target, &settings, 1, &mut Control::new(&mut Silent)).unwrap_err();
+    assert!(matches!(error, Error::NoGradient { .. }), "{error}");
+    let text = error.to_string();
+    assert!(
+        text.contains("`reflective`") && text.contains("`differential`"),
+        "{text}"
+    );
 }
 
 /// Fails at one of its calls, until it is mended.

@@ -179,6 +179,15 @@ fn random_walks_find_the_same_evidences() {
 }
 
 #[test]
+fn flights_find_the_same_evidences() {
+    smooth(&smooth::shells(5), 500, Kernel::Reflective);
+    smooth(&smooth::shells(13), 200, Kernel::Reflective);
+    smooth(&smooth::mvn13(), 200, Kernel::Reflective);
+    smooth(&smooth::twins13(0.5), 200, Kernel::Reflective);
+    smooth(&smooth::far8(), 500, Kernel::Reflective);
+}
+
+#[test]
 fn walls_of_the_prior_are_kept() {
     smooth(&smooth::wall2(), 500, Kernel::Uniform);
     smooth(&smooth::wall2_as_reject(), 500, Kernel::Uniform);
@@ -243,6 +252,7 @@ fn thirty_seeds_show_no_bias() {
         Kernel::RandomSlice,
         Kernel::Differential,
         Kernel::RandomWalk,
+        Kernel::Reflective,
     ] {
         for t in [
             smooth::shells(13),
