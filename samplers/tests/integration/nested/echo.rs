@@ -106,3 +106,51 @@ fn errors_of_means() {
         }
     }
 }
+
+#[test]
+#[ignore = "a table of minutes: what values and gradients bring, kernel by kernel, at the same echo"]
+fn cost_of_a_draw_by_echo() {
+    println!(
+        "| target | kernel | steps | echo | jump | mean z | sd z | calls / Kish | gradients / Kish |\n|---|---|---|---|---|---|---|---|---|"
+    );
+    let seeds = 10;
+    for target in [smooth::mvn13(), smooth::shells(13)] {
+        for (kernel, all_steps) in [
+            (Kernel::RandomSlice, [4, 6, 8]),
+            (Kernel::Differential, [4, 6, 8]),
+            (Kernel::Reflective, [3, 4, 6]),
+        ] {
+            for steps in all_steps {
+                let settings = Settings {
+                    steps: Some(steps),
+                    ..settings(300, kernel)
+                };
+                let runs: Vec<[f64; 5]> = (301..301 + seeds)
+                    .map(|seed| {
+                        let run = sample(&target, &settings, seed);
+                        let gate = |name| run.gates.iter().find(|g| g.name == name).unwrap().value;
+                        [
+                            (run.evidence.ln_z - target.ln_z) / run.evidence.error,
+                            gate("seed-echo"),
+                            gate("relative-jump"),
+                            run.cost.calls as f64 / run.ess.kish,
+                            run.cost.gradients as f64 / run.ess.kish,
+                        ]
+                    })
+                    .collect();
+                let mean = |k: usize| runs.iter().map(|r| r[k]).sum::<f64>() / seeds as f64;
+                let (_, scatter) = moments(&runs.iter().map(|r| r[0]).collect::<Vec<_>>());
+                println!(
+                    "| {} | {kernel:?} | {steps} | {:.3} | {:.2} | {:+.2} | {:.2} | {:.1} | {:.1} |",
+                    target.name,
+                    mean(1),
+                    mean(2),
+                    mean(0),
+                    scatter,
+                    mean(3),
+                    mean(4)
+                );
+            }
+        }
+    }
+}
