@@ -7,6 +7,7 @@
 mod arrows;
 mod batch;
 mod boost;
+mod exact;
 mod hmc;
 mod nested;
 mod pt;
