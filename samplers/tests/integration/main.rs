@@ -11,5 +11,6 @@ mod exact;
 mod hmc;
 mod nested;
 mod pt;
+mod pulls;
 mod rooms;
 mod targets;

@@ -1,6 +1,7 @@
 //! What an echo of the seeds costs: bias and scatter of ln Z against the value of the gate, on exact targets.
 
 use super::{sample, settings};
+use crate::pulls::{pull, scatter};
 use crate::targets::hard;
 use crate::targets::smooth;
 use oblate_samplers::Target;
@@ -25,12 +26,12 @@ fn bias_of_the_evidence_by_echo() {
         let (mut z, mut echo, mut jump) = (Vec::new(), 0.0, 0.0);
         for seed in 201..=230 {
             let run = sample(target, &settings, seed);
-            z.push((run.evidence.ln_z - truth) / run.evidence.error);
+            z.push(pull(&run, truth));
             let gate = |name| run.gates.iter().find(|g| g.name == name).unwrap();
             echo += gate("seed-echo").value / 30.0;
             jump += gate("relative-jump").value / 30.0;
         }
-        let (mean, sd) = moments(&z);
+        let (mean, sd) = scatter(&z);
         println!(
             "| {name} | {kernel:?} | {n_live} | {steps} | {echo:.3} | {jump:.2} | {mean:+.2} | {sd:.2} |"
         );
@@ -51,14 +52,6 @@ fn bias_of_the_evidence_by_echo() {
             row("mvn13", &t, t.ln_z, kernel, n_live, 4);
         }
     }
-}
-
-/// Mean and standard deviation.
-fn moments(values: &[f64]) -> (f64, f64) {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let squares = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
-    (mean, (squares / (count - 1.0)).sqrt())
 }
 
 #[test]
@@ -96,7 +89,7 @@ fn errors_of_means() {
                     let gate = run.gates.iter().find(|g| g.name == "lineages-left");
                     left += gate.unwrap().value / 30.0;
                 }
-                let ((z, z_sd), (x, x_sd)) = (moments(&ln_z), moments(&x1));
+                let ((z, z_sd), (x, x_sd)) = (scatter(&ln_z), scatter(&x1));
                 let strands = target_ess.map_or("static", |_| "dynamic");
                 println!(
                     "| {name} | {kernel:?} | {strands} | {z:+.2}, {z_sd:.2} | {x:+.2}, {x_sd:.2} | {kish:.0} | {:.0} | {left:.1} |",
@@ -139,7 +132,7 @@ fn cost_of_a_draw_by_echo() {
                     })
                     .collect();
                 let mean = |k: usize| runs.iter().map(|r| r[k]).sum::<f64>() / seeds as f64;
-                let (_, scatter) = moments(&runs.iter().map(|r| r[0]).collect::<Vec<_>>());
+                let (_, scatter) = scatter(&runs.iter().map(|r| r[0]).collect::<Vec<_>>());
                 println!(
                     "| {} | {kernel:?} | {steps} | {:.3} | {:.2} | {:+.2} | {:.2} | {:.1} | {:.1} |",
                     target.name,

@@ -1,0 +1,18 @@
+//! Thirty seeds of every target whose evidence is known: does ln Z scatter about the truth as its errors say?
+//!
+//! ```text
+//! cargo test -p oblate-samplers --release --test campaign -- --ignored --nocapture --test-threads 1 nested
+//! cargo test -p oblate-samplers --release --test campaign -- --ignored --nocapture --test-threads 1 pt
+//! ```
+//!
+//! Rows of a table appear as they are done; a test fails after its last row. CI runs the same targets with five seeds, in
+//! `integration`.
+
+mod nested;
+mod pt;
+#[path = "../integration/pulls.rs"]
+mod pulls;
+mod table;
+#[allow(dead_code, reason = "some targets belong to other tests")]
+#[path = "../integration/targets/mod.rs"]
+mod targets;

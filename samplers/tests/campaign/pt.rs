@@ -1,0 +1,42 @@
+//! Parallel tempering: how often the quoted error, the scatter of ladders or of blocks of scans, covers the truth.
+
+use crate::table::{Case, Column, Table};
+use crate::targets::smooth;
+use oblate_samplers::control::{Control, Silent};
+use oblate_samplers::pt::{self, Settings};
+
+const COLUMNS: [Column; 2] = [
+    ("gradients", |run| run.cost.gradients as f64),
+    ("forward - backward", |run| {
+        (run.evidence.estimates["forward"] - run.evidence.estimates["backward"]).abs()
+    }),
+];
+
+/// Holds thirty seeds of each target to limits that follow from thirty unit normals alone: |mean z| < 0.548, three errors of their
+/// mean, and sd z from 0.615 to 1.418, 99.8 % of their scatter (chi with 29 degrees of freedom).
+#[test]
+#[ignore = "minutes: before a release"]
+fn ladders() {
+    let cases: [Case; 11] = [
+        smooth::iso(2).into(),
+        smooth::iso(13).into(),
+        smooth::mvn13().into(),
+        smooth::stiff13().into(),
+        smooth::binomial().into(),
+        smooth::gauss3().into(),
+        smooth::far8().into(),
+        smooth::shells(2).into(),
+        smooth::shells(5).into(),
+        smooth::twins13(0.5).into(),
+        Case::from(smooth::twins13(0.9)).called("twins13, 9 to 1"),
+    ];
+    let settings = Settings::default();
+    let how = format!("{} ladders, {} rounds", settings.ladders, settings.rounds);
+    let mut table = Table::new(&COLUMNS);
+    for case in cases {
+        table.row(&case, &how, |target, seed| {
+            pt::run(target, &settings, seed, &mut Control::new(&mut Silent)).unwrap()
+        });
+    }
+    table.judge();
+}

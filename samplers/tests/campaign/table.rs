@@ -1,0 +1,137 @@
+//! Thirty runs become a row, and rows a verdict.
+
+use crate::pulls::{pull, scatter};
+use crate::targets::hard::Hard;
+use crate::targets::smooth::Smooth;
+use oblate_samplers::{Run, Target};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+
+const SEEDS: RangeInclusive<u64> = 101..=130;
+
+/// Three errors of a mean of thirty, `3 / sqrt(30)`.
+const MOST_MEAN: f64 = 0.548;
+
+/// The scatter of thirty unit normals, chi with 29 degrees of freedom: 99.8 % lie between.
+const LEAST_SD: f64 = 0.615;
+const MOST_SD: f64 = 1.418;
+
+/// A target and its exact ln Z.
+pub struct Case {
+    name: String,
+    target: Box<dyn Target>,
+    ln_z: f64,
+}
+
+impl From<Smooth> for Case {
+    fn from(target: Smooth) -> Self {
+        Self {
+            name: target.name.to_owned(),
+            ln_z: target.ln_z,
+            target: Box::new(target),
+        }
+    }
+}
+
+impl Case {
+    /// The same under another name.
+    pub fn called(mut self, name: &str) -> Self {
+        name.clone_into(&mut self.name);
+        self
+    }
+
+    pub fn dim(&self) -> usize {
+        self.target.dim()
+    }
+}
+
+/// Such a target has no name of its own.
+pub fn hard(name: &str, target: Hard) -> Case {
+    Case {
+        name: name.to_owned(),
+        ln_z: target.ln_z,
+        target: Box::new(target),
+    }
+}
+
+/// A column of means over the seeds.
+pub type Column = (&'static str, fn(&Run) -> f64);
+
+/// Rows so far, and what is wrong with them.
+pub struct Table {
+    columns: Vec<Column>,
+    wrong: Vec<String>,
+}
+
+impl Table {
+    /// Prints its head: columns that all tables have, and its own.
+    pub fn new(own: &[Column]) -> Self {
+        let mut columns: Vec<Column> = vec![
+            ("error", |run| run.evidence.error),
+            ("calls", |run| run.cost.calls as f64),
+            ("ESS", |run| run.ess.quoted),
+            ("Kish", |run| run.ess.kish),
+        ];
+        columns.extend(own);
+        let names: Vec<&str> = columns.iter().map(|c| c.0).collect();
+        println!(
+            "\n| target | d | how | mean z | sd z | {} | gates failed |\n|{}",
+            names.join(" | "),
+            "---|".repeat(6 + names.len())
+        );
+        Self {
+            columns,
+            wrong: Vec::new(),
+        }
+    }
+
+    /// Runs all seeds and prints their row.
+    pub fn row(&mut self, case: &Case, how: &str, run: impl Fn(&dyn Target, u64) -> Run + Sync) {
+        let seeds: Vec<u64> = SEEDS.collect();
+        let runs: Vec<Run> = seeds.par_iter().map(|&s| run(&*case.target, s)).collect();
+        let z: Vec<f64> = runs.iter().map(|run| pull(run, case.ln_z)).collect();
+        let (mean, sd) = scatter(&z);
+        let means: Vec<String> = self
+            .columns
+            .iter()
+            .map(|(_, of)| figures(runs.iter().map(of).sum::<f64>() / runs.len() as f64))
+            .collect();
+        println!(
+            "| {} | {} | {how} | {mean:+.2} | {sd:.2} | {} | {} |",
+            case.name,
+            case.target.dim(),
+            means.join(" | "),
+            failures(&runs)
+        );
+        // A NaN is wrong too.
+        if !(mean.abs() < MOST_MEAN && (LEAST_SD..=MOST_SD).contains(&sd)) {
+            self.wrong
+                .push(format!("{} {how}: {mean:+.3} {sd:.3}", case.name));
+        }
+    }
+
+    /// # Panics
+    /// If a row was outside its limits.
+    pub fn judge(self) {
+        assert!(self.wrong.is_empty(), "{:#?}", self.wrong);
+    }
+}
+
+fn figures(value: f64) -> String {
+    if value.abs() < 10.0 {
+        format!("{value:.3}")
+    } else {
+        format!("{value:.0}")
+    }
+}
+
+/// Gates that failed, and in how many runs.
+fn failures(runs: &[Run]) -> String {
+    let mut counts = BTreeMap::new();
+    for gate in runs.iter().flat_map(|r| &r.gates).filter(|g| !g.pass) {
+        *counts.entry(gate.name.as_str()).or_insert(0) += 1;
+    }
+    let told: Vec<String> = counts.iter().map(|(n, c)| format!("{n} {c}")).collect();
+    told.join(", ")
+}
