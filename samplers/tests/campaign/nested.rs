@@ -79,9 +79,9 @@ fn chains(of: Kernel) {
         case("log-gamma", hard::log_gamma(2)),
         case("log-gamma", hard::log_gamma(10)),
         smooth::mvn13().into(),
-        smooth::mvn30().into(),
         smooth::far8().into(),
         smooth::twins13(0.5).into(),
+        smooth::mvn30().into(),
     ];
     judge(cases.map(|case| (case, kernel(of, 400))).into());
 }
