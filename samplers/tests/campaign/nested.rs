@@ -104,6 +104,26 @@ fn random_walks() {
     chains(Kernel::RandomWalk);
 }
 
+/// On those of the targets that have gradients.
+#[test]
+#[ignore = "minutes: before a release"]
+fn reflected_flights() {
+    let cases = [
+        smooth::shells(2),
+        smooth::shells(5),
+        smooth::shells(13),
+        smooth::mvn13(),
+        smooth::far8(),
+        smooth::twins13(0.5),
+        smooth::mvn30(),
+    ];
+    judge(
+        cases
+            .map(|case| (case.into(), kernel(Kernel::Reflective, 400)))
+            .into(),
+    );
+}
+
 /// Live points added until there are 4,000 effective draws.
 #[test]
 #[ignore = "minutes: before a release"]
