@@ -1,5 +1,6 @@
 //! What a nested run must pass to be believed.
 
+use super::reckoning::Errors;
 use super::settings::Kernel;
 use super::state::{Job, State};
 use super::tuning::mean;
@@ -22,8 +23,7 @@ const LEAST_LINEAGES: f64 = 4.0;
 
 /// What the evidence knows about itself.
 pub(super) struct Measured {
-    pub simulated: f64,
-    pub bootstrapped: f64,
+    pub errors: Errors,
     /// ln Z of the even and of the odd clans.
     pub halves: [f64; 2],
     /// Effective number of lineages that the posterior is of.
@@ -69,7 +69,7 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
     if let Some(target) = settings.target_ln_z_error {
         gates.push(Gate::at_most(
             "target-ln-z-error",
-            measured.simulated,
+            measured.errors.simulated,
             target,
             "error of ln Z that was asked for; if too large, resume the run with a larger budget",
         ));
@@ -82,14 +82,19 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
 
 /// What the scatter of lineages and clans tells.
 pub(super) fn of_kin(measured: &Measured) -> [Gate; 3] {
-    let ratio = if measured.bootstrapped > 0.0 {
-        measured.bootstrapped / measured.simulated
+    let Errors {
+        simulated,
+        bootstrapped,
+        ..
+    } = measured.errors;
+    let ratio = if bootstrapped > 0.0 {
+        bootstrapped / simulated
     } else {
         0.0
     };
     let [even, odd] = measured.halves;
     // Each half has half of the points: the difference has twice the error of the whole.
-    let error = 2.0 * measured.simulated.max(measured.bootstrapped);
+    let error = 2.0 * simulated.max(bootstrapped);
     let apart = (even - odd).abs();
     [
         Gate::at_least(

@@ -51,7 +51,10 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
         &settings,
         first.seed,
     )
-    .with_bootstrapped(together(runs));
+    .with_kin(
+        together(runs, &parts, "bootstrap"),
+        together(runs, &parts, "ancestry"),
+    );
     let draws = reckoning.draws(target, &all.theta)?;
     let ess = reckoning.ess(&draws);
     let mut gates = worst(runs);
@@ -204,12 +207,17 @@ fn agreement(runs: &[&Run]) -> [Gate; 2] {
     ]
 }
 
-/// Error of ln Z by the runs' clans, which are not kept: of independent errors together.
-fn together(runs: &[&Run]) -> f64 {
-    let parts = runs.iter().map(|run| &run.evidence.error_parts);
-    let own = parts.filter_map(|parts| parts.get("bootstrap"));
-    let precision: f64 = own.map(|error| error.powi(-2)).sum();
-    precision.powf(-0.5)
+/// Error of ln Z that the runs' independent errors of this name make together, each with the share of its live points: a run keeps
+/// neither its clans nor the number of its ancestors.
+fn together(runs: &[&Run], parts: &[Part<'_>], name: &str) -> f64 {
+    let size = |part: &Part<'_>| part.live.first().map_or(0.0, |n| f64::from(*n));
+    let all: f64 = parts.iter().map(size).sum();
+    let own = |run: &Run| run.evidence.error_parts.get(name).copied().unwrap_or(0.0);
+    let squares = runs.iter().zip(parts);
+    let sum: f64 = squares
+        .map(|(run, part)| (size(part) * own(run)).powi(2))
+        .sum();
+    sum.sqrt() / all
 }
 
 /// Posterior mean of a parameter and its error.

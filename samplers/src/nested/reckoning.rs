@@ -16,8 +16,18 @@ pub(super) struct Reckoning {
     pub weighted: Weighted,
     /// Effective size of each parameter: its variance over that of its mean.
     sizes: Vec<f64>,
-    simulated: f64,
-    bootstrapped: f64,
+    errors: Errors,
+}
+
+/// Errors of ln Z, by what they see.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Errors {
+    /// Volumes of ideal draws.
+    pub simulated: f64,
+    /// Relatives of late, whom chains have not forgotten: the scatter of clans.
+    pub bootstrapped: f64,
+    /// Necks that few ancestors came through: see [`of_ancestry`].
+    pub ancestral: f64,
 }
 
 impl Reckoning {
@@ -44,20 +54,22 @@ impl Reckoning {
             })
             .collect();
         Self {
-            simulated: deviation(&history.simulate(seed, settings.simulations)),
-            bootstrapped: freedom * deviation(&ln_z),
+            errors: Errors {
+                simulated: deviation(&history.simulate(seed, settings.simulations)),
+                bootstrapped: freedom * deviation(&ln_z),
+                ancestral: of_ancestry(&history, &weighted, founders, settings.n_live),
+            },
             sizes,
             history,
             weighted,
         }
     }
 
-    /// The same with an error of ln Z that others have found by their clans.
-    pub fn with_bootstrapped(self, bootstrapped: f64) -> Self {
-        Self {
-            bootstrapped,
-            ..self
-        }
+    /// The same with errors that those have found who knew the clans and ancestors.
+    pub fn with_kin(mut self, bootstrapped: f64, ancestral: f64) -> Self {
+        self.errors.bootstrapped = bootstrapped;
+        self.errors.ancestral = ancestral;
+        self
     }
 
     pub fn evidence(&self) -> Evidence {
@@ -69,12 +81,18 @@ impl Reckoning {
                 ..Evidence::default()
             };
         }
+        let Errors {
+            simulated,
+            bootstrapped,
+            ancestral,
+        } = self.errors;
         Evidence {
             ln_z: self.weighted.ln_z,
-            error: self.simulated.max(self.bootstrapped),
+            error: simulated.max(bootstrapped).max(ancestral),
             error_parts: named([
-                ("simulated", self.simulated),
-                ("bootstrap", self.bootstrapped),
+                ("simulated", simulated),
+                ("bootstrap", bootstrapped),
+                ("ancestry", ancestral),
             ]),
             estimates: named([("ln-of-mean-z", self.history.ln_of_mean_z())]),
             information: self.weighted.information,
@@ -113,8 +131,7 @@ impl Reckoning {
 
     pub fn measured(&self, kish: f64) -> Measured {
         Measured {
-            simulated: self.simulated,
-            bootstrapped: self.bootstrapped,
+            errors: self.errors,
             halves: self.history.halves(),
             lineages: self.history.effective_lineages(&self.weighted),
             kish,
@@ -149,6 +166,18 @@ impl Reckoning {
     }
 }
 
+/// Error of ln Z for want of ancestors, after the estimate of Lee & Whiteley (2018) for particle filters. Two draws of the posterior
+/// descend from one first point more often than seeds drawn by chance would make them only where the descendants of few first points
+/// found the way to the peak; and as many as found it, by chance, measure its volume. The excess is the relative variance of Z.
+fn of_ancestry(history: &History, weighted: &Weighted, founders: usize, n_live: usize) -> f64 {
+    let alike = 1.0 / history.effective_lineages(weighted);
+    let at_first = 1.0 / founders as f64;
+    // Of n living ones every e-fold replaces n, and each time 2 / n^2 of the pairs become siblings.
+    let siblings = -(-2.0 * weighted.information / n_live as f64).exp_m1();
+    let by_chance = at_first + (1.0 - at_first) * siblings;
+    (alike - by_chance).max(0.0).sqrt()
+}
+
 /// Effective size of a column's mean: its variance over that of the mean by the scatter of lineages, of each of which the summed
 /// deviation of its draws is one number. A few scatter less about their common mean than about the truth, one alone not at all.
 fn size_of_mean(history: &History, weighted: &Weighted, column: &[f64]) -> f64 {
@@ -171,4 +200,47 @@ pub(super) fn deviation(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / count;
     let sum: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
     (sum / (count - 1.0)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nested::live::Kin;
+
+    /// Error for want of ancestors, 20 first lineages of 100 live points, of a run whose posterior is of the last `shared` of them.
+    fn error(shared: u32) -> f64 {
+        let count = 2_000;
+        let ln_l: Vec<f64> = (0..count).map(f64::from).collect();
+        let birth: Vec<f64> = (0..count)
+            .map(|i| f64::from(i - 100).max(-1.0))
+            .map(|l| if l < 0.0 { f64::NEG_INFINITY } else { l })
+            .collect();
+        let kin: Vec<Kin> = (0..20_u32)
+            .cycle()
+            .take(ln_l.len())
+            .map(|i| Kin::from(i % shared))
+            .collect();
+        let history = History::new(&ln_l, &birth, &kin);
+        // A hundredth of the prior, evenly: ln X = -4.6.
+        let mut weighted = history.weigh();
+        let end = 460..660;
+        weighted.p = (0..ln_l.len())
+            .map(|i| if end.contains(&i) { 1.0 / 200.0 } else { 0.0 })
+            .collect();
+        weighted.information = 4.6;
+        of_ancestry(&history, &weighted, 20, 100)
+    }
+
+    #[test]
+    fn few_ancestors_are_an_error_where_chance_would_have_left_more() {
+        // Of 20 lineages 4.6 e-folds leave 7.5 in effect.
+        assert!(error(20) < 1e-12 && error(10) < 1e-12);
+        // Half of the volume by two lineages alone: 1/2 less the .13 of chance.
+        assert!(
+            (error(2) - (0.5_f64 - 0.1335).sqrt()).abs() < 2e-3,
+            "{}",
+            error(2)
+        );
+        assert!((error(1) - (1.0_f64 - 0.1335).sqrt()).abs() < 2e-3);
+    }
 }
