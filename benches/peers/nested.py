@@ -3,9 +3,8 @@
     python benches/peers/nested.py [--samplers NAME ...] [--targets NAME ...] [--seed 1] [--limit 420]
 
 Prints one row of a Markdown table at the end of each run. The targets are those of samplers/tests/integration/targets/smooth.rs.
-There the basis of the Gaussian comes from oblate's own random numbers; here it is another fixed rotation, which changes neither
-the evidence nor, by the symmetry of the prior, the shape of the posterior. All peers walk in the unit cube, in which a rotation
-does change the shape of the Gaussian: the cost of a call is that of this rotation. See README.md beside this file.
+There the basis of the Gaussian comes from oblate's own random numbers; here it is another fixed rotation: the evidence depends
+on the eigenvalues alone. See README.md beside this file.
 """
 
 import argparse
