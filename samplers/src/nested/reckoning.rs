@@ -181,12 +181,16 @@ fn of_ancestry(history: &History, weighted: &Weighted, founders: usize, n_live: 
 /// Effective size of a column's mean: its variance over that of the mean by the scatter of lineages, of each of which the summed
 /// deviation of its draws is one number. A few scatter less about their common mean than about the truth, one alone not at all.
 fn size_of_mean(history: &History, weighted: &Weighted, column: &[f64]) -> f64 {
+    let freedom = 1.0 - 1.0 / history.effective_lineages(weighted);
+    // One alone has no scatter but that of rounding.
+    if freedom < 1e-9 {
+        return 0.0;
+    }
     let rows = || column.iter().zip(&weighted.p);
     let mean: f64 = rows().map(|(x, p)| p * x).sum();
     let variance: f64 = rows().map(|(x, p)| p * (x - mean).powi(2)).sum();
     let sums = history.lineages.sums(rows().map(|(x, p)| p * (x - mean)));
     let scatter: f64 = sums.iter().map(|s| s * s).sum();
-    let freedom = 1.0 - 1.0 / history.effective_lineages(weighted);
     variance * freedom / scatter
 }
 
@@ -242,5 +246,20 @@ mod tests {
             error(2)
         );
         assert!((error(1) - (1.0_f64 - 0.1335).sqrt()).abs() < 2e-3);
+    }
+
+    #[test]
+    fn means_are_as_many_draws_as_their_lineages_scatter() {
+        // Four points of equal weight: two lineages, of which each has both values, or one value, or all are of one.
+        let sizes = [[0, 0, 1, 1], [0, 1, 0, 1], [0; 4]].map(|lineages: [u32; 4]| {
+            let history = History::new(&[0.0; 4], &[-1.0; 4], &lineages.map(Kin::from));
+            let weighted = Weighted {
+                p: vec![0.25; 4],
+                ..Weighted::default()
+            };
+            size_of_mean(&history, &weighted, &[1.0, 3.0, 1.0, 3.0])
+        });
+        assert!(sizes[0].is_infinite() && (sizes[1] - 1.0).abs() < 1e-12);
+        assert!(sizes[2].abs() < 1e-12);
     }
 }
