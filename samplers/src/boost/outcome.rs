@@ -2,7 +2,7 @@
 
 use super::mixture::Mixture;
 use super::{Weighted, normals};
-use crate::diagnostics::{Tail, kish_ess, ln_sum_exp};
+use crate::diagnostics::{Tail, kish_ess, ln_sum_exp, weighted_moments};
 use crate::error::Result;
 use crate::hmc::{Evaluator, Tally};
 use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Path, Run, Status};
@@ -182,10 +182,9 @@ fn bulk(draws: &Draws, weights: &[f64]) -> Vec<f64> {
     (0..draws.dim)
         .map(|j| {
             let column = draws.column(j);
-            let rows = || column.iter().zip(weights);
-            let mean: f64 = rows().map(|(x, w)| x * w).sum();
-            let variance: f64 = rows().map(|(x, w)| w * (x - mean).powi(2)).sum();
-            let of_mean: f64 = rows().map(|(x, w)| (w * (x - mean)).powi(2)).sum();
+            let (mean, variance) = weighted_moments(&column, weights);
+            let rows = column.iter().zip(weights);
+            let of_mean: f64 = rows.map(|(x, w)| (w * (x - mean)).powi(2)).sum();
             let size = variance / of_mean;
             if size.is_nan() { 0.0 } else { size }
         })

@@ -10,6 +10,8 @@ pub use distance::{Distance, wasserstein};
 pub use modes::{mode_agreement, two_means};
 pub use pareto::Tail;
 
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
 /// Weighted quantile of `values` at probability `p`: the smallest value whose cumulative weight reaches `p`, by
 /// linear interpolation between the mid-points of the weights. Weights need not be normalised. NaN without values.
 #[must_use]
@@ -31,6 +33,22 @@ pub fn weighted_quantile(values: &[f64], weights: &[f64], p: f64) -> f64 {
         last = Some((middle, values[i]));
     }
     last.map_or(f64::NAN, |(_, v)| v)
+}
+
+/// Mean and variance of `values` with weights that add up to 1.
+#[must_use]
+pub fn weighted_moments(values: &[f64], weights: &[f64]) -> (f64, f64) {
+    let rows = || values.iter().zip(weights);
+    let mean: f64 = rows().map(|(x, w)| w * x).sum();
+    let variance = rows().map(|(x, w)| w * (x - mean).powi(2)).sum();
+    (mean, variance)
+}
+
+/// Probability that the scatter of `count` values about their common mean, in chi-square, is at least this by chance.
+#[must_use]
+pub fn chance_of_scatter(chi2: f64, count: usize) -> f64 {
+    let freedom = (count as f64 - 1.0).max(1.0);
+    ChiSquared::new(freedom).map_or(0.0, |law| law.sf(chi2))
 }
 
 /// Kish effective size of normalised log weights: 1 / sum of squares.

@@ -1,8 +1,7 @@
 //! Whether several chains give the modes of a posterior the same weights.
 
-use super::{bulk_ess, mean_ess};
+use super::{bulk_ess, chance_of_scatter, mean_ess};
 use nalgebra::DMatrix;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Rounds of 2-means: it settles in a few.
 const ITERATIONS: usize = 10;
@@ -93,7 +92,7 @@ pub fn mode_agreement(labels: &[&[bool]], traces: &[&[f64]]) -> f64 {
         .zip(&sizes)
         .map(|(w, n)| (w - common).powi(2) * n / (common * (1.0 - common)))
         .sum();
-    ChiSquared::new((weights.len() as f64 - 1.0).max(1.0)).map_or(0.0, |law| law.sf(chi2))
+    chance_of_scatter(chi2, weights.len())
 }
 
 fn scaled(draws: &[f64], dim: usize) -> Vec<f64> {

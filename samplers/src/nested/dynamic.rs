@@ -5,7 +5,7 @@
 
 use super::evidence::{History, Weighted};
 use super::live::Points;
-use super::reckoning::deviation;
+use super::reckoning::simulated;
 use super::settings::Settings;
 use crate::diagnostics::kish_ess;
 use serde::{Deserialize, Serialize};
@@ -92,7 +92,7 @@ impl Survey {
         let near = |target| expected <= target;
         Self {
             ln_z_error: if settings.target_ln_z_error.is_some_and(near) {
-                deviation(&history.simulate(seed, settings.simulations))
+                simulated(&history, settings, seed)
             } else {
                 expected
             },

@@ -180,23 +180,17 @@ impl History {
             .collect()
     }
 
-    /// The run weighed in `count` Bayesian bootstraps (Rubin 1981) over groups: each has a weight drawn from the unit exponential.
-    /// None is ever left out, as when whole groups are drawn, so that no bootstrap lacks a peak that few of them have reached.
-    pub fn bootstrap<T: Send>(
-        &self,
-        groups: &Groups,
-        seed: u64,
-        count: usize,
-        read: impl Fn(&Weighted) -> T + Sync,
-    ) -> Vec<T> {
+    /// ln Z in `count` Bayesian bootstraps (Rubin 1981) over clans: each has a weight drawn from the unit exponential. None is ever
+    /// left out, as when whole clans are drawn, so that no bootstrap lacks a peak that few of them have reached.
+    pub fn bootstrap(&self, seed: u64, count: usize) -> Vec<f64> {
         (0..count as u64)
             .into_par_iter()
             .map(|b| {
                 let mut rng = stream(seed, Domain::Post, BOOTSTRAP, b);
-                let weights: Vec<f64> = (0..groups.count)
+                let weights: Vec<f64> = (0..self.clans.count)
                     .map(|_| -unit_open(&mut rng).ln())
                     .collect();
-                read(&self.weigh_groups(groups, &weights).1)
+                self.weigh_groups(&self.clans, &weights).1.ln_z
             })
             .collect()
     }

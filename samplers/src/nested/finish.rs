@@ -3,7 +3,7 @@
 use super::evidence::History;
 use super::gates;
 use super::live::Points;
-use super::reckoning::Reckoning;
+use super::reckoning::{Errors, Reckoning};
 use super::state::{Job, State};
 use crate::error::Result;
 use crate::output::{Cost, Method, Run, Status};
@@ -22,9 +22,7 @@ pub(super) fn finish(
         History::of(&points),
         &theta,
         points.dim(),
-        job.lineages(),
-        job.settings,
-        job.seed,
+        |history, weighted| Errors::of(history, weighted, job.settings, job.seed),
     );
     let draws = reckoning.draws(job.target, &theta)?;
     let ess = reckoning.ess(&draws);

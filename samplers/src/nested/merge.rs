@@ -6,12 +6,12 @@
 use super::evidence::History;
 use super::gates::of_kin;
 use super::live::{self, Kin, REJECTED, narrow};
-use super::reckoning::Reckoning;
+use super::reckoning::{Errors, Reckoning, simulated};
 use super::settings::Settings;
+use crate::diagnostics::{chance_of_scatter, weighted_moments};
 use crate::error::{Error, Result};
 use crate::output::{Cost, Draws, Gate, Method, Path, Run, Status};
 use crate::target::Target;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 use std::collections::BTreeSet;
 
 const WHAT: &str = "the runs to merge";
@@ -42,19 +42,12 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     for part in &parts {
         all.add(part, dim);
     }
-    let settings = Settings::default();
-    let reckoning = Reckoning::of(
-        History::new(&all.ln_l, &all.birth, &all.kin),
-        &all.theta,
-        dim,
-        parts.iter().map(Part::founders).sum(),
-        &settings,
-        first.seed,
-    )
-    .with_kin(
-        together(runs, &parts, "bootstrap"),
-        together(runs, &parts, "ancestry"),
-    );
+    let history = History::new(&all.ln_l, &all.birth, &all.kin);
+    let reckoning = Reckoning::of(history, &all.theta, dim, |history, _| Errors {
+        simulated: simulated(history, &Settings::default(), first.seed),
+        bootstrapped: together(runs, &parts, "bootstrap"),
+        ancestral: together(runs, &parts, "ancestry"),
+    });
     let draws = reckoning.draws(target, &all.theta)?;
     let ess = reckoning.ess(&draws);
     let mut gates = worst(runs);
@@ -223,10 +216,7 @@ fn together(runs: &[&Run], parts: &[Part<'_>], name: &str) -> f64 {
 /// Posterior mean of a parameter and its error.
 fn mean(run: &Run, parameter: usize) -> (f64, f64) {
     let weights = run.draws.weights();
-    let column = run.draws.column(parameter);
-    let rows = || column.iter().zip(&weights);
-    let mean: f64 = rows().map(|(x, w)| w * x).sum();
-    let variance: f64 = rows().map(|(x, w)| w * (x - mean).powi(2)).sum();
+    let (mean, variance) = weighted_moments(&run.draws.column(parameter), &weights);
     (mean, (variance / run.ess.bulk[parameter]).sqrt())
 }
 
@@ -244,8 +234,7 @@ fn probability(values: impl Iterator<Item = (f64, f64)>) -> f64 {
         .iter()
         .map(|(x, e)| (x - mean).powi(2) * weight(*e))
         .sum();
-    let freedom = (values.len() as f64 - 1.0).max(1.0);
-    ChiSquared::new(freedom).map_or(0.0, |law| law.sf(chi2))
+    chance_of_scatter(chi2, values.len())
 }
 
 /// Complete if all are; else why the first other one ended.

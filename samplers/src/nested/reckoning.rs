@@ -2,9 +2,9 @@
 
 use super::evidence::{History, Weighted};
 use super::gates::Measured;
-use super::live::REJECTED;
+use super::live::{REJECTED, lineages};
 use super::settings::Settings;
-use crate::diagnostics::kish_ess;
+use crate::diagnostics::{kish_ess, weighted_moments};
 use crate::error::Result;
 use crate::output::{Draws, Ess, Evidence, Path};
 use crate::target::Target;
@@ -30,23 +30,31 @@ pub(super) struct Errors {
     pub ancestral: f64,
 }
 
+impl Errors {
+    /// Of one run with these settings and seed.
+    pub fn of(history: &History, weighted: &Weighted, settings: &Settings, seed: u64) -> Self {
+        let founders = lineages(settings.n_live);
+        let clans = founders as f64;
+        // So few scatter a little less, weighted at random, about their own mean than about the truth.
+        let freedom = ((clans + 1.0) / (clans - 1.0)).sqrt();
+        let ln_z = history.bootstrap(seed, settings.bootstraps);
+        Self {
+            simulated: simulated(history, settings, seed),
+            bootstrapped: freedom * deviation(&ln_z),
+            ancestral: of_ancestry(history, weighted, founders, settings.n_live),
+        }
+    }
+}
+
 impl Reckoning {
-    /// Of a history whose points, in the order given to it, have these physical parameters, row-major, `dim` each, and were
-    /// founded so many clans at a time.
+    /// Of a history whose points, in the order given to it, have these physical parameters, row-major, `dim` each.
     pub fn of(
         history: History,
         theta: &[f64],
         dim: usize,
-        founders: usize,
-        settings: &Settings,
-        seed: u64,
+        errors: impl FnOnce(&History, &Weighted) -> Errors,
     ) -> Self {
         let weighted = history.weigh();
-        let clans = founders as f64;
-        // So few scatter a little less, weighted at random, about their own mean than about the truth.
-        let freedom = ((clans + 1.0) / (clans - 1.0)).sqrt();
-        let read = |weighted: &Weighted| weighted.ln_z;
-        let ln_z = history.bootstrap(&history.clans, seed, settings.bootstraps, read);
         let sizes = (0..dim)
             .map(|k| {
                 let column: Vec<f64> = history.order.iter().map(|&i| theta[i * dim + k]).collect();
@@ -54,22 +62,11 @@ impl Reckoning {
             })
             .collect();
         Self {
-            errors: Errors {
-                simulated: deviation(&history.simulate(seed, settings.simulations)),
-                bootstrapped: freedom * deviation(&ln_z),
-                ancestral: of_ancestry(&history, &weighted, founders, settings.n_live),
-            },
+            errors: errors(&history, &weighted),
             sizes,
             history,
             weighted,
         }
-    }
-
-    /// The same with errors that those have found who knew the clans and ancestors.
-    pub fn with_kin(mut self, bootstrapped: f64, ancestral: f64) -> Self {
-        self.errors.bootstrapped = bootstrapped;
-        self.errors.ancestral = ancestral;
-        self
     }
 
     pub fn evidence(&self) -> Evidence {
@@ -166,6 +163,11 @@ impl Reckoning {
     }
 }
 
+/// Error of ln Z by the volumes of ideal draws.
+pub(super) fn simulated(history: &History, settings: &Settings, seed: u64) -> f64 {
+    deviation(&history.simulate(seed, settings.simulations))
+}
+
 /// Error of ln Z for want of ancestors, after the estimate of Lee & Whiteley (2018) for particle filters. Two draws of the posterior
 /// descend from one first point more often than seeds drawn by chance would make them only where the descendants of few first points
 /// found the way to the peak; and as many as found it, by chance, measure its volume. The excess is the relative variance of Z.
@@ -186,10 +188,9 @@ fn size_of_mean(history: &History, weighted: &Weighted, column: &[f64]) -> f64 {
     if freedom < 1e-9 {
         return 0.0;
     }
-    let rows = || column.iter().zip(&weighted.p);
-    let mean: f64 = rows().map(|(x, p)| p * x).sum();
-    let variance: f64 = rows().map(|(x, p)| p * (x - mean).powi(2)).sum();
-    let sums = history.lineages.sums(rows().map(|(x, p)| p * (x - mean)));
+    let (mean, variance) = weighted_moments(column, &weighted.p);
+    let rows = column.iter().zip(&weighted.p);
+    let sums = history.lineages.sums(rows.map(|(x, p)| p * (x - mean)));
     let scatter: f64 = sums.iter().map(|s| s * s).sum();
     variance * freedom / scatter
 }
@@ -199,7 +200,7 @@ fn named<const N: usize>(pairs: [(&str, f64); N]) -> BTreeMap<String, f64> {
 }
 
 /// Standard deviation about the mean.
-pub(super) fn deviation(values: &[f64]) -> f64 {
+fn deviation(values: &[f64]) -> f64 {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let sum: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();

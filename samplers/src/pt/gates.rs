@@ -4,9 +4,9 @@ use super::evidence::Estimate;
 use super::ladder::round_trip_rate;
 use super::record::Record;
 use super::state::Finished;
+use crate::diagnostics::chance_of_scatter;
 use crate::hmc::MAX_STEP;
 use crate::output::{Ess, Gate};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// What the gates look at.
 pub(super) struct Evidenced<'a> {
@@ -107,8 +107,7 @@ fn evidence(estimate: &Estimate) -> Vec<Gate> {
         // A flat likelihood has no error but that of rounding.
         .map(|(l, e)| ((l - estimate.ln_z) / e.max(1e-6)).powi(2))
         .sum();
-    let freedom = (estimate.ladders.len() as f64 - 1.0).max(1.0);
-    let p = ChiSquared::new(freedom).map_or(0.0, |law| law.sf(chi2));
+    let p = chance_of_scatter(chi2, estimate.ladders.len());
     vec![
         Gate::at_most(
             "evidence error",

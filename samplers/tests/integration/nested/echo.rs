@@ -77,7 +77,7 @@ fn errors_of_means() {
                 let (mut kish, mut left) = (0.0, 0.0);
                 for seed in 301..=330 {
                     let run = sample(&target, &settings, seed);
-                    ln_z.push((run.evidence.ln_z - target.ln_z) / run.evidence.error);
+                    ln_z.push(pull(&run, target.ln_z));
                     let (weights, column) = (run.draws.weights(), run.draws.column(0));
                     let rows = || column.iter().zip(&weights);
                     // By symmetry, or because the Gaussian is about 0, the mean is 0.
@@ -123,7 +123,7 @@ fn cost_of_a_draw_by_echo() {
                         let run = sample(&target, &settings, seed);
                         let gate = |name| run.gates.iter().find(|g| g.name == name).unwrap().value;
                         [
-                            (run.evidence.ln_z - target.ln_z) / run.evidence.error,
+                            pull(&run, target.ln_z),
                             gate("seed-echo"),
                             gate("relative-jump"),
                             run.cost.calls as f64 / run.ess.kish,
