@@ -140,7 +140,7 @@ fn particles(arrivals: &Arrivals, model: &Model) -> String {
         String::from("arm,t_release_fraction,x_kpc,y_kpc,z_kpc,vx_km_s,vy_km_s,vz_km_s,phi_deg\n");
     let table = model.table();
     for (i, particle) in table.particles.iter().enumerate() {
-        let angle = arrivals.y[i].atan2(arrivals.x[i]).to_degrees() + 360.0 * arrivals.turns[i];
+        let angle = arrivals.angle(i).to_degrees();
         let v = |c: usize| crate::units::km_s_from_kpc_per_gyr(arrivals.v[c][i]);
         text.push_str(&format!(
             "{},{},{},{},{},{},{},{},{}\n",

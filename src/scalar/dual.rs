@@ -1,6 +1,6 @@
 //! Dual numbers: those of `num-dual`, the reference, and ones in lanes for where duals are the cost.
 
-use super::isa::{Eights, Isa, LANES, binade};
+use super::isa::{Eights, Isa, LANES, binade, nearest};
 use super::{Lanes, Real, Scalar};
 use num_dual::DualSVec64;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -213,6 +213,11 @@ impl<I: Isa, const K: usize> Scalar for LaneDual<I, K> {
         let (power, ln) = binade(self.re);
         (Self::from_f64(power), Self::from_f64(ln))
     }
+
+    #[inline(always)]
+    fn nearest(self) -> Self {
+        Self::from_f64(nearest(self.re))
+    }
 }
 
 impl<I: Isa, const K: usize> Real for LaneDual<I, K> {
@@ -242,12 +247,6 @@ impl<I: Isa, const K: usize> Real for LaneDual<I, K> {
     fn tanh(self) -> Self {
         let t = self.re.tanh();
         self.chain(t, 1.0 - t * t)
-    }
-
-    #[inline(always)]
-    fn atan2(self, x: Self) -> Self {
-        let r2 = self.re * self.re + x.re * x.re;
-        self.chain2(x, self.re.atan2(x.re), x.re / r2, -self.re / r2)
     }
 
     #[inline(always)]
@@ -286,7 +285,8 @@ mod tests {
             a.ln(),
             a.cbrt(),
             a.tanh(),
-            a.atan2(b),
+            a.nearest(),
+            crate::scalar::angle(a, b),
             a.with_derivative(2.0, -3.0),
             crate::scalar::ln_1p(a),
             crate::scalar::smooth_step(a),

@@ -5,7 +5,7 @@
               instruction set"
 )]
 
-use super::isa::{Eights, Isa, LANES};
+use super::isa::{Eights, Isa, LANES, NO_FRACTION};
 use super::{Scalar, Vec3};
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -122,6 +122,11 @@ impl<I: Isa, const K: usize> Scalar for Lanes<I, K> {
             (power.0[i], ln.0[i]) = I::binade(self.0[i]);
         }
         (power, ln)
+    }
+
+    #[inline(always)]
+    fn nearest(self) -> Self {
+        (self + NO_FRACTION) - NO_FRACTION
     }
 }
 

@@ -17,6 +17,7 @@ pub use lanes::Lanes;
 pub use vec3::Vec3;
 
 use num_dual::DualNum;
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -59,6 +60,9 @@ pub trait Scalar:
     /// For a positive normal number, the constants `(2^k, k ln 2)` with `self / 2^k` in [sqrt(1/2), sqrt(2)).
     fn binade(self) -> (Self, Self);
 
+    /// The nearest whole number, a constant; below 2^51.
+    fn nearest(self) -> Self;
+
     /// Zero.
     #[must_use]
     fn zero() -> Self {
@@ -96,8 +100,6 @@ pub trait Real: Scalar {
     fn cbrt(self) -> Self;
     /// Hyperbolic tangent.
     fn tanh(self) -> Self;
-    /// The angle of the point (`x`, `self`).
-    fn atan2(self, x: Self) -> Self;
     /// The value at the real part with the given first derivative: how a function without a formula in dual numbers
     /// (the error function) enters them.
     fn with_derivative(self, value: f64, derivative: f64) -> Self;
@@ -139,6 +141,11 @@ where
         let (power, ln) = isa::binade(Real::re(self));
         (Self::from(power), Self::from(ln))
     }
+
+    #[inline(always)]
+    fn nearest(self) -> Self {
+        Self::from(isa::nearest(Real::re(self)))
+    }
 }
 
 impl<T> Real for T
@@ -164,10 +171,6 @@ where
 
     fn tanh(self) -> Self {
         DualNum::tanh(&self)
-    }
-
-    fn atan2(self, x: Self) -> Self {
-        DualNum::atan2(&self, x)
     }
 
     fn with_derivative(self, value: f64, derivative: f64) -> Self {
@@ -206,6 +209,43 @@ fn tail_pair<S: Scalar>(j: usize, z: S) -> S {
     S::from_f64(odd).mul_add(z, S::from_f64(even))
 }
 
+/// The angle of the point (`x`, `y`) in radians, above -pi and up to pi, to 4e-16; 0 at the origin.
+#[inline(always)]
+pub fn angle<S: Scalar>(y: S, x: S) -> S {
+    // The point in the first eighth of the circle, then turned back by what is nearest to it of 0, pi/8 and pi/4.
+    let (width, height) = (x.max(-x), y.max(-y));
+    let (far, near) = (width.max(height), width.min(height));
+    // Tangents of pi/16 and 3 pi/16.
+    let beyond_first = (far * 0.198_912_367_379_658).lt(near);
+    let beyond_second = (far * 0.668_178_637_919_298_9).lt(near);
+    let turn = |zeroth: f64, first: f64, second: f64| {
+        let below = S::select(beyond_first, S::from_f64(first), S::from_f64(zeroth));
+        S::select(beyond_second, S::from_f64(second), below)
+    };
+    let cos = turn(1.0, 0.923_879_532_511_286_7, FRAC_1_SQRT_2);
+    let sin = turn(0.0, 0.382_683_432_365_089_8, FRAC_1_SQRT_2);
+    let along = far.mul_add(cos, near * sin);
+    let across = near.mul_add(cos, -(far * sin));
+    let tangent = across / along.max(S::from_f64(f64::MIN_POSITIVE));
+    let eighth = turn(0.0, FRAC_PI_8, FRAC_PI_4) + small_angle(tangent);
+    let upright = width.lt(height);
+    let quarter = S::select(upright, -eighth + FRAC_PI_2, eighth);
+    let half = S::select(x.lt(S::zero()), -quarter + PI, quarter);
+    S::select(y.lt(S::zero()), -half, half)
+}
+
+/// The angle with this tangent, of at most pi/16: the series t - t^3/3 + t^5/5 - .., cut where the next term is below 2e-17
+/// of the angle.
+#[inline(always)]
+fn small_angle<S: Scalar>(tangent: S) -> S {
+    let z = tangent * tangent;
+    let mut sum = S::from_f64(1.0 / 21.0);
+    for odd in [19, 17, 15, 13, 11, 9, 7, 5, 3] {
+        sum = sum.mul_add(-z, S::from_f64(1.0 / f64::from(odd)));
+    }
+    (tangent * z).mul_add(-sum, tangent)
+}
+
 /// The C2 step that is 0 below `x = 0`, 1 above `x = 1` and `x^3 (10 - 15 x + 6 x^2)` between.
 #[inline(always)]
 pub fn smooth_step<S: Scalar>(x: S) -> S {
@@ -225,6 +265,31 @@ mod tests {
             let ulp = f64::from_bits(theirs.to_bits() + 1) - theirs;
             assert!((ours - theirs).abs() <= 2.0 * ulp, "{s}: {ours} {theirs}");
             s *= 1.000_7;
+        }
+    }
+
+    #[test]
+    fn angles_are_those_of_the_library() {
+        for i in 0..100_000 {
+            // Along the circle in steps that fall nowhere twice, and at all sizes.
+            let (at, r) = (
+                f64::from(i) * 2.399_963,
+                (f64::from(i % 600) - 300.0).exp2(),
+            );
+            let (y, x) = (r * at.sin(), r * at.cos());
+            let (ours, theirs) = (angle(y, x), y.atan2(x));
+            assert!(
+                (ours - theirs).abs() <= 4e-16 * theirs.abs().max(1.0),
+                "{y}, {x}: {ours} {theirs}"
+            );
+        }
+        for (y, x, is) in [
+            (0.0, 1.0, 0.0),
+            (0.0, -1.0, PI),
+            (0.0, 0.0, 0.0),
+            (-1.0, 0.0, -FRAC_PI_2),
+        ] {
+            assert!((angle(y, x) - is).abs() < 1e-300, "{y}, {x}");
         }
     }
 

@@ -5,8 +5,9 @@ use super::{Model, Setup};
 use crate::error::{Rejection, Tally};
 use crate::orbit::{Arrival, Kernel, Level, State, advance, dispatch};
 use crate::potential::{FlattenedNfw, Plummer};
-use crate::scalar::{Eights, Isa};
+use crate::scalar::{Eights, Isa, angle};
 use rayon::prelude::*;
+use std::f64::consts::TAU;
 
 /// Present-day particles, component by component, in the order of the table.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,6 +37,12 @@ impl Arrivals {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.x.is_empty()
+    }
+
+    /// Angle of particle number `i` on the sky in radians, its turns counted.
+    #[must_use]
+    pub fn angle(&self, i: usize) -> f64 {
+        angle(self.y[i], self.x[i]) + TAU * self.turns[i]
     }
 
     /// All columns at the length `n`, to be written.

@@ -3,8 +3,10 @@
 //! Angles are the particles' own, unwrapped, counted from the progenitor; leading is positive. Bin b covers
 //! [b, b + 1) widths.
 
-use crate::orbit::Arrival;
-use crate::scalar::{Dual, Real, Scalar, smooth_step, variable};
+use crate::orbit::{Arrival, Kernel, Level, dispatch};
+use crate::scalar::{
+    Dual, Eights, Isa, LANES, Lanes, Real, Scalar, angle, gradient_of, smooth_step, variable,
+};
 use crate::stream::Arrivals;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -91,78 +93,59 @@ impl<S: Scalar> Sums<S> {
     }
 }
 
-/// One particle's part in a bin: which one, and its share.
-struct Share<S> {
-    bin: i64,
-    weight: S,
+/// A particle beside the edge that is nearest to it.
+struct Placed<S> {
+    /// The edge: number of the bin above it.
+    edge: S,
+    /// Its share of the bin above; the rest is of the bin below.
+    above: S,
 }
 
 impl BinGrid {
-    /// The bin of a position counted in widths, and the fraction of the way through it.
-    fn locate(position: f64) -> (i64, f64) {
-        let bin = position.floor();
+    /// Bin widths per radian.
+    fn per_radian(&self) -> f64 {
+        180.0 / (PI * self.width_deg)
+    }
+
+    /// Angle of a particle in bin widths from the progenitor.
+    #[inline(always)]
+    fn position<S: Scalar>(&self, x: S, y: S, turns: S) -> S {
+        (angle(y, x) + turns * TAU) * self.per_radian()
+    }
+
+    /// Where a particle at a position belongs.
+    #[inline(always)]
+    fn place<S: Scalar>(&self, position: S) -> Placed<S> {
+        let edge = position.nearest();
+        let above = match self.edges {
+            BinEdges::Hard => S::select(position.lt(edge), S::zero(), S::one()),
+            BinEdges::Soft { half_width_deg } => {
+                let half = half_width_deg / self.width_deg;
+                smooth_step((position - edge + half) * (0.5 / half))
+            }
+        };
+        Placed { edge, above }
+    }
+
+    /// Index of the bin below an edge and of that above it.
+    #[inline(always)]
+    fn beside(&self, edge: f64) -> [Option<usize>; 2] {
         #[allow(
             clippy::cast_possible_truncation,
-            reason = "a finite angle is below 2^52 bins"
+            reason = "a finite angle is below 2^51 bins"
         )]
-        let number = bin as i64;
-        (number, position - bin)
+        let above = edge as i64 - self.first;
+        [above - 1, above].map(|i| usize::try_from(i).ok().filter(|i| *i < self.len))
     }
 
-    /// The shares of a particle at `position` (in bin widths from the progenitor), one or two. They add up to 1.
-    #[inline]
-    fn shares<S: Real>(&self, position: S) -> (Share<S>, Option<Share<S>>) {
-        let (bin, fraction) = Self::locate(position.re());
-        let half = match self.edges {
-            BinEdges::Hard => 0.0,
-            BinEdges::Soft { half_width_deg } => half_width_deg / self.width_deg,
-        };
-        let edge = if fraction < half {
-            bin
-        } else if 1.0 - fraction < half {
-            bin + 1
-        } else {
-            return (
-                Share {
-                    bin,
-                    weight: S::one(),
-                },
-                None,
-            );
-        };
-        // The share of the bin above the edge.
-        let above = smooth_step((position - edge as f64 + half) / (2.0 * half));
-        let below = S::one() - above;
-        (
-            Share {
-                bin: edge,
-                weight: above,
-            },
-            Some(Share {
-                bin: edge - 1,
-                weight: below,
-            }),
-        )
-    }
-
-    /// Index of a bin in the grid.
-    fn index(&self, bin: i64) -> Option<usize> {
-        usize::try_from(bin - self.first)
-            .ok()
-            .filter(|i| *i < self.len)
-    }
-
-    /// Adds one particle of sky position (x, y) in kpc and winding count `turns`.
-    fn add<S: Real>(&self, x: S, y: S, turns: S, sums: &mut Sums<S>) {
-        let r2 = x * x + y * y;
-        let r = r2.sqrt();
-        let position = (y.atan2(x) + turns * TAU) * (180.0 / (PI * self.width_deg));
-        let (one, other) = self.shares(position);
-        for share in [Some(one), other].into_iter().flatten() {
-            if let Some(i) = self.index(share.bin) {
-                sums.weight[i] += share.weight;
-                sums.r[i] += share.weight * r;
-                sums.r2[i] += share.weight * r2;
+    /// Adds one particle's shares.
+    #[inline(always)]
+    fn add<S: Scalar>(&self, edge: f64, above: S, r2: S, r: S, sums: &mut Sums<S>) {
+        for (i, weight) in self.beside(edge).into_iter().zip([S::one() - above, above]) {
+            if let Some(i) = i {
+                sums.weight[i] += weight;
+                sums.r[i] += weight * r;
+                sums.r2[i] += weight * r2;
             }
         }
     }
@@ -171,15 +154,29 @@ impl BinGrid {
     pub fn sum_arrivals<S: Real>(&self, arrivals: &[Arrival<S>], sums: &mut Sums<S>) {
         sums.reset(self.len);
         for a in arrivals {
-            self.add(a.state.x.x, a.state.x.y, a.turns, sums);
+            let (x, y) = (a.state.x.x, a.state.x.y);
+            let r2 = x * x + y * y;
+            let Placed { edge, above } = self.place(self.position(x, y, a.turns));
+            self.add(edge.re(), above, r2, r2.sqrt(), sums);
         }
     }
 
     /// Bins the particles of the fast path, some thousand at a time; `part` is memory for that.
     pub fn sum(&self, arrivals: &Arrivals, sums: &mut Sums<f64>, part: &mut Sums<f64>) {
+        self.sum_at(Level::best(), arrivals, sums, part);
+    }
+
+    /// As [`sum`](Self::sum), at a chosen level: how the levels are tested against each other.
+    pub fn sum_at(
+        &self,
+        level: Level,
+        arrivals: &Arrivals,
+        sums: &mut Sums<f64>,
+        part: &mut Sums<f64>,
+    ) {
         sums.reset(self.len);
         for first in (0..arrivals.len()).step_by(AT_A_TIME) {
-            self.sum_some(arrivals, first, part);
+            self.sum_some(level, arrivals, first, part);
             sums.add(part);
         }
     }
@@ -191,7 +188,7 @@ impl BinGrid {
         let parts: Vec<Sums<f64>> = firsts
             .map(|k| {
                 let mut part = Sums::default();
-                self.sum_some(arrivals, k * AT_A_TIME, &mut part);
+                self.sum_some(Level::best(), arrivals, k * AT_A_TIME, &mut part);
                 part
             })
             .collect();
@@ -199,14 +196,20 @@ impl BinGrid {
     }
 
     /// Bins the [`AT_A_TIME`] particles from number `first` on, or as many as there are.
-    fn sum_some(&self, arrivals: &Arrivals, first: usize, sums: &mut Sums<f64>) {
+    fn sum_some(&self, level: Level, arrivals: &Arrivals, first: usize, sums: &mut Sums<f64>) {
         let last = arrivals.len().min(first + AT_A_TIME);
-        let [x, y, turns] =
-            [&arrivals.x, &arrivals.y, &arrivals.turns].map(|column| &column[first..last]);
         sums.reset(self.len);
-        for ((x, y), turns) in x.iter().zip(y).zip(turns) {
-            self.add(*x, *y, *turns, sums);
-        }
+        let particles =
+            [&arrivals.x, &arrivals.y, &arrivals.turns].map(|column| &column[first..last]);
+        let grid = self;
+        dispatch(
+            level,
+            Binning {
+                grid,
+                particles,
+                sums,
+            },
+        );
     }
 
     /// Reverse mode of [`sum`](Self::sum): turns derivatives with respect to the sums into derivatives with respect to
@@ -220,23 +223,61 @@ impl BinGrid {
     ) {
         by_x.clear();
         by_y.clear();
-        let per_radian = 180.0 / (PI * self.width_deg);
         for ((&x, &y), &turns) in arrivals.x.iter().zip(&arrivals.y).zip(&arrivals.turns) {
             let r2 = x * x + y * y;
             let r = r2.sqrt();
-            let position: Dual<1> = variable((y.atan2(x) + turns * TAU) * per_radian, 0);
-            let (one, other) = self.shares(position);
+            let Placed { edge, above } =
+                self.place::<Dual<1>>(variable(self.position(x, y, turns), 0));
+            let [slope] = gradient_of(&above);
+            let shares = [(1.0 - above.re, -slope), (above.re, slope)];
             let (mut by_r, mut by_position) = (0.0, 0.0);
-            for share in [Some(one), other].into_iter().flatten() {
-                if let Some(i) = self.index(share.bin) {
-                    by_r += share.weight.re * (by.r[i] + 2.0 * r * by.r2[i]);
-                    let [slope] = crate::scalar::gradient_of(&share.weight);
+            for (i, (weight, slope)) in self.beside(edge.re).into_iter().zip(shares) {
+                if let Some(i) = i {
+                    by_r += weight * (by.r[i] + 2.0 * r * by.r2[i]);
                     by_position += slope * (by.weight[i] + by.r[i] * r + by.r2[i] * r2);
                 }
             }
-            let by_angle = by_position * per_radian;
+            let by_angle = by_position * self.per_radian();
             by_x.push(by_r * x / r - by_angle * y / r2);
             by_y.push(by_r * y / r + by_angle * x / r2);
+        }
+    }
+}
+
+/// Adds particles to sums: where they belong is found in lanes, and added one by one.
+struct Binning<'a> {
+    grid: &'a BinGrid,
+    /// Sky x, y and turns.
+    particles: [&'a [f64]; 3],
+    sums: &'a mut Sums<f64>,
+}
+
+impl Kernel for Binning<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self) {
+        let Self {
+            grid,
+            particles,
+            sums,
+        } = self;
+        let len = particles[0].len();
+        for first in (0..len).step_by(LANES) {
+            let n = LANES.min(len - first);
+            let mut lanes = [Lanes::<I, 1>::zero(); 3];
+            for (lanes, column) in lanes.iter_mut().zip(particles) {
+                let mut eights = Eights([[0.0; LANES]]);
+                eights.0[0][..n].copy_from_slice(&column[first..first + n]);
+                *lanes = Lanes::load(&eights);
+            }
+            let [x, y, turns] = lanes;
+            let r2 = x * x + y * y;
+            let Placed { edge, above } = grid.place(grid.position(x, y, turns));
+            let [edge, above, r2, r] = [edge, above, r2, r2.sqrt()].map(|v| v.store().0[0]);
+            for i in 0..n {
+                grid.add(edge[i], above[i], r2[i], r[i], sums);
+            }
         }
     }
 }
@@ -270,8 +311,12 @@ impl Track {
     #[must_use]
     pub fn of(arrivals: &Arrivals, width_deg: f64, edges: BinEdges, least_n: f64) -> Self {
         let bin_of = |i: usize| {
-            let angle = arrivals.y[i].atan2(arrivals.x[i]) + TAU * arrivals.turns[i];
-            BinGrid::locate(angle.to_degrees() / width_deg).0
+            #[allow(
+                clippy::cast_possible_truncation,
+                reason = "a finite angle is below 2^51 bins"
+            )]
+            let bin = (arrivals.angle(i).to_degrees() / width_deg).floor() as i64;
+            bin
         };
         let numbers = (0..arrivals.len()).map(bin_of);
         let (lo, hi) = numbers.fold((i64::MAX, i64::MIN), |(lo, hi), b| (lo.min(b), hi.max(b)));

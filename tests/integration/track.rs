@@ -1,7 +1,8 @@
 //! Tracks against gala's, hard against soft bins, and the bins' derivatives.
 
 use crate::gala::{NAMES, galaxy, track};
-use oblate::scalar::{Dual, gradient_of, lift};
+use oblate::orbit::{Arrival, Level, State};
+use oblate::scalar::{Dual, Vec3, gradient_of, lift};
 use oblate::spray::{Design, TableSettings};
 use oblate::stream::{Arrivals, Flights, Model, ModelSettings};
 use oblate::track::{BinEdges, BinGrid, Sums, Track};
@@ -118,6 +119,47 @@ fn the_shares_of_all_particles_add_up_to_their_number() {
     }
 }
 
+#[test]
+fn every_level_bins_as_the_reference_does() {
+    for name in NAMES {
+        let ours = arrivals(name, &ModelSettings::default());
+        let reference: Vec<_> = (0..ours.len())
+            .map(|i| Arrival {
+                state: State {
+                    x: Vec3::new(ours.x[i], ours.y[i], ours.z[i]),
+                    v: Vec3::zero(),
+                },
+                turns: ours.turns[i],
+                unsafe_turns: 0.0,
+            })
+            .collect();
+        for edges in [BinEdges::Hard, BinEdges::default()] {
+            let grid = BinGrid {
+                width_deg: 10.0,
+                first: -20,
+                len: 40,
+                edges,
+            };
+            let (mut by_reference, mut by_level) = (Sums::default(), Sums::default());
+            grid.sum_arrivals(&reference, &mut by_reference);
+            for level in Level::available() {
+                grid.sum_at(*level, &ours, &mut by_level, &mut Sums::default());
+                for (a, b) in [
+                    (&by_level.weight, &by_reference.weight),
+                    (&by_level.r, &by_reference.r),
+                    (&by_level.r2, &by_reference.r2),
+                ] {
+                    let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b));
+                    assert!(
+                        apart.fold(0.0, f64::max) < 1e-11,
+                        "{name} {edges:?} {level:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
 proptest! {
     /// Reverse mode of the bins against duals, particles anywhere, at edges too.
     #[test]
@@ -136,10 +178,10 @@ proptest! {
         let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges };
         let [dx, dy]: [Dual<2>; 2] = lift(&[x, y]);
         let turns = f64::from(turns);
-        let arrival = oblate::orbit::Arrival {
-            state: oblate::orbit::State {
-                x: oblate::scalar::Vec3::new(dx, dy, Dual::from_re(0.0)),
-                v: oblate::scalar::Vec3::from_f64(oblate::scalar::Vec3::zero()),
+        let arrival = Arrival {
+            state: State {
+                x: Vec3::new(dx, dy, Dual::from_re(0.0)),
+                v: Vec3::from_f64(Vec3::zero()),
             },
             turns: Dual::from_re(turns),
             unsafe_turns: Dual::from_re(0.0),

@@ -80,6 +80,15 @@ pub(super) fn binade(x: f64) -> (f64, f64) {
     (f64::from_bits(exponent), k * std::f64::consts::LN_2)
 }
 
+/// 1.5 * 2^52: a number below 2^51 loses its fraction when this is added to it.
+pub(super) const NO_FRACTION: f64 = 6_755_399_441_055_744.0;
+
+/// The nearest whole number; of two, the even one.
+#[inline(always)]
+pub(super) fn nearest(x: f64) -> f64 {
+    (x + NO_FRACTION) - NO_FRACTION
+}
+
 /// Plain arrays, for the compiler to make of them what the target promises: every CPU.
 #[derive(Clone, Copy, Debug)]
 pub struct Portable;
