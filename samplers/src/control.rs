@@ -80,6 +80,15 @@ pub enum Event {
         /// Effective draws.
         ess: f64,
     },
+    /// One step of a refinement.
+    Refining {
+        /// Share of the fine likelihood in ln L.
+        share: f64,
+        /// Evidence there.
+        ln_z: f64,
+        /// Likelihood calls so far.
+        calls: u64,
+    },
     /// A checkpoint was written.
     Checkpointed,
     /// Something the user should know, with its remedy.

@@ -60,7 +60,7 @@ pub enum Error {
         theta: Vec<f64>,
     },
     /// A run was stopped before it had anything to show.
-    #[error("stopped before the first scan, so there is no result yet; resume from the checkpoint")]
+    #[error("stopped before there was a result; resume it, from its checkpoint where it has one")]
     Interrupted,
     /// A file could not be read or written.
     #[error("{path}: {source}; check that the folder exists, is writable and has space left")]

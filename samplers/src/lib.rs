@@ -39,8 +39,8 @@
 //! ```
 //!
 //! Rooms, each of which may only look at the ones before it: [`error`], [`normal`], [`rng`], [`target`],
-//! [`checkpoint`], [`output`], [`control`], [`diagnostics`], [`neighbours`], then the samplers: [`hmc`], [`nested`] and [`pt`],
-//! and [`boost`], which makes more of what they found.
+//! [`checkpoint`], [`output`], [`control`], [`diagnostics`], [`neighbours`], [`cooling`], then the samplers: [`hmc`], [`nested`] and [`pt`],
+//! [`boost`], which makes more of what they found, and [`refine`], which carries it to a finer likelihood.
 #![cfg_attr(
     test,
     allow(
@@ -61,6 +61,7 @@
 pub mod boost;
 pub mod checkpoint;
 pub mod control;
+pub mod cooling;
 pub mod diagnostics;
 pub mod error;
 pub mod hmc;
@@ -69,6 +70,7 @@ pub mod nested;
 pub mod normal;
 pub mod output;
 pub mod pt;
+pub mod refine;
 pub mod rng;
 pub mod target;
 

@@ -15,6 +15,8 @@ pub enum Method {
     PtHmc,
     /// Importance sampling from a mixture fitted to another run.
     Boost,
+    /// A run on a coarse likelihood, carried to a fine one.
+    Refine,
 }
 
 /// Why a run ended.
@@ -278,6 +280,17 @@ pub enum Path {
         share: Vec<f64>,
         /// The same in the run that the mixture was fitted to.
         parent_share: Vec<f64>,
+    },
+    /// One entry per step from the coarse likelihood to the fine one.
+    Refinement {
+        /// The fine one's share in ln L.
+        share: Vec<f64>,
+        /// ln Z over that of the coarse run.
+        ln_ratio: Vec<f64>,
+        /// Draws of the coarse run that are left as ancestors, in effect.
+        ancestors: Vec<f64>,
+        /// Correlation of the difference in ln L before and after the step's slices.
+        echo: Vec<f64>,
     },
 }
 

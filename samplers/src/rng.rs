@@ -28,6 +28,8 @@ pub enum Domain {
     PtAnneal = 18,
     /// Importance sampling from a mixture; task says what for, index = draw.
     Boost = 24,
+    /// Refinement of a run; task = level, index = member.
+    Refine = 25,
     /// Post-processing: simulated weights, bootstraps, resampling; task says which.
     Post = 32,
     /// Draws of the prior outside any sampler (mocks, checks).

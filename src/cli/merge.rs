@@ -3,6 +3,7 @@
 use super::Exit;
 use super::fit::finish;
 use super::options::{Common, FolderFlags};
+use super::progress::Progress;
 use crate::error::Result;
 use crate::run::merge;
 use std::io::Write;
@@ -23,11 +24,13 @@ pub struct Args {
 
 /// Merges fits.
 pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+    let mut progress = Progress::new("merge", common);
     let (run, summary) = merge(
         &args.runs,
         &args.folder.out,
         args.folder.existing(),
         command,
+        &mut progress.watch(),
     )?;
     finish(run.status, &summary, &args.folder, common, out)
 }

@@ -9,6 +9,7 @@ mod mock;
 mod options;
 mod population;
 mod progress;
+mod refine;
 mod report;
 mod stream;
 mod study;
@@ -82,6 +83,8 @@ enum Verb {
     Fit(fit::Args),
     /// Makes more effective draws of a finished fit by importance sampling, or says that it cannot
     Boost(boost::Args),
+    /// Carries a finished fit to a finer model of its stream: most of the work at a fraction of the price
+    Refine(refine::Args),
     /// Makes one fit of nested fits of one track from several seeds
     Merge(merge::Args),
     /// Says whether runs agree: evidence, marginals, mode weights, cost
@@ -126,6 +129,7 @@ pub fn run(args: &[String], out: &mut dyn Write) -> Result<Exit> {
         Verb::Evaluate(a) => evaluate::run(a, &cli.common, &mut std::io::stdin().lock(), out),
         Verb::Fit(a) => fit::run(a, &cli.common, &command, out),
         Verb::Boost(a) => boost::run(a, &cli.common, &command, out),
+        Verb::Refine(a) => refine::run(a, &cli.common, &command, out),
         Verb::Merge(a) => merge::run(a, &cli.common, &command, out),
         Verb::Compare(a) => compare::run(a, &cli.common, out),
         Verb::Population(a) => population::run(a, &cli.common, &command, out),

@@ -117,6 +117,12 @@ impl Observer for Progress {
             Event::Boost { draws, ln_z, ess } => {
                 self.show(&format!("{draws} draws, ln Z {ln_z:.2}, ESS {ess:.0}"), false);
             }
+            Event::Refining { share, ln_z, calls } => {
+                self.show(
+                    &format!("{:.0} % of the way, ln Z {ln_z:.2}, {calls} calls", 100.0 * share),
+                    false,
+                );
+            }
             Event::Warning(say) => self.show(&format!("warning: {say}"), true),
             Event::Finished => {
                 if let Some(bar) = &self.bar {

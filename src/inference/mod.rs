@@ -8,7 +8,7 @@ pub use coverage::check_reach;
 pub use target::StreamTarget;
 
 use crate::error::{Error, Result};
-use oblate_samplers::{Control, Run, Target, boost, nested, pt};
+use oblate_samplers::{Control, Run, Target, boost, nested, pt, refine};
 use serde::{Deserialize, Serialize};
 
 /// Which sampler runs.
@@ -60,6 +60,8 @@ pub struct SamplerSettings {
     pub pt_hmc: pt::Settings,
     /// Of the importance sampling that may follow either.
     pub boost: boost::Settings,
+    /// Of the refinement that may follow either.
+    pub refine: refine::Settings,
 }
 
 impl SamplerSettings {
@@ -105,6 +107,28 @@ pub fn boosted(
     control: &mut Control<'_>,
 ) -> Result<Run> {
     Ok(boost::run(target, parent, &settings.boost, seed, control)?)
+}
+
+/// Carries a run on a coarse target to a fine one: the same kind of result.
+///
+/// # Errors
+/// What the refinement refuses ([`Error::Sampler`]).
+pub fn refined(
+    target: &dyn Target,
+    coarse: &dyn Target,
+    parent: &Run,
+    settings: &SamplerSettings,
+    seed: u64,
+    control: &mut Control<'_>,
+) -> Result<Run> {
+    Ok(refine::run(
+        target,
+        coarse,
+        parent,
+        &settings.refine,
+        seed,
+        control,
+    )?)
 }
 
 /// Nested runs on the target from several seeds, as one.

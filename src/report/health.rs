@@ -16,7 +16,7 @@ const MOST_POINTS: usize = 1500;
 /// Nested: ln L against ln X with the posterior weight per unit of ln X, and the histogram of insertion ranks with the 95 %
 /// band of uniform ranks. Tempered: swap rejection and barrier, acceptance and step size against temperature, and the
 /// trace of the coldest chains with their round trips. Boosted: the largest weights with the distribution fitted to them, and
-/// the components' shares against those of the parent run.
+/// the components' shares against those of the parent run. Refined: ln Z and the ancestors left on the way.
 #[must_use]
 pub fn health(run: &Run) -> String {
     match &run.path {
@@ -53,7 +53,48 @@ pub fn health(run: &Run) -> String {
             shares(&mut canvas, share, parent_share);
             canvas.finish("Health of a boost")
         }
+        Path::Refinement {
+            share,
+            ln_ratio,
+            ancestors,
+            ..
+        } => {
+            let mut canvas = Canvas::new(560.0, 220.0);
+            let (left, right) = ((56.0, 12.0, 216.0, 160.0), (330.0, 12.0, 216.0, 160.0));
+            way(
+                &mut canvas,
+                left,
+                share,
+                ln_ratio,
+                "ln Z over the coarse run's",
+            );
+            way(
+                &mut canvas,
+                right,
+                share,
+                ancestors,
+                "draws left as ancestors",
+            );
+            canvas.finish("Health of a refinement")
+        }
     }
+}
+
+/// One number after every step from the coarse likelihood to the fine one.
+fn way(canvas: &mut Canvas, rect: (f64, f64, f64, f64), share: &[f64], values: &[f64], what: &str) {
+    let axes = Axes {
+        rect,
+        x: range_of([0.0, 1.0], 0.04),
+        y: range_of(values.iter().copied().chain([0.0]), 0.1),
+    };
+    let points = axes.all(share, values);
+    canvas.line(&points, COLOURS[0], 1.1, "");
+    for at in points {
+        canvas.dot(at, 2.0, COLOURS[0], 1.0, "step");
+    }
+    axes.frame(canvas);
+    axes.draw_x(canvas, "share of the fine likelihood", 5, 8.0);
+    axes.draw_y(canvas, what, 5, 8.0, 42.0);
 }
 
 /// The largest weights against how many are larger: as drawn, and by the distribution fitted to them.

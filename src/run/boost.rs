@@ -1,8 +1,9 @@
 //! More draws of a finished fit, from its run folder to another one.
 
-use super::fit::{Existing, close, target, watched};
-use super::{Opened, RunFolder, Versions, Watch, open_or_create};
-use crate::config::{FitConfig, read, text};
+use super::Watch;
+use super::fit::{Existing, target};
+use super::job::{Fit, Job};
+use crate::config::FitConfig;
 use crate::error::Result;
 use crate::inference::boosted;
 use crate::posterior::Summary;
@@ -22,28 +23,21 @@ pub fn boost(
     command: &str,
     watch: &mut Watch<'_>,
 ) -> Result<(Run, Summary)> {
-    let from = RunFolder::open(parent)?;
-    let stored = from.read()?;
-    let track = from.read_track()?;
-    let mut config: FitConfig = read(&from.config())?;
+    let Fit {
+        stored,
+        track,
+        mut config,
+    } = Fit::read(parent)?;
     change(&mut config);
     config.sampling.boost.check()?;
     let target = target(&track, &config)?;
-    let config_text = text(&config)?;
-    let versions = Versions::of(&[
-        config_text.as_bytes(),
-        b"boost",
-        stored.summary.input_hash.as_bytes(),
-    ]);
-    let folder = match open_or_create(out, existing, &versions)? {
-        Opened::Finished(run, summary) => return Ok((*run, *summary)),
-        Opened::Folder(folder) => folder,
+    let job = Job {
+        out,
+        existing,
+        command,
     };
-    folder.begin(&config_text, &versions)?;
-    track.write(&folder.track())?;
-    let run = watched(&folder, &versions, watch, existing, |control| {
+    let inputs = [b"boost".as_slice(), stored.summary.input_hash.as_bytes()];
+    job.run(&target, &track, &config, &inputs, watch, |control| {
         boosted(&target, &stored.run, &config.sampling, config.seed, control)
-    })?;
-    let summary = close(&folder, &target, &track, &run, &versions, command)?;
-    Ok((run, summary))
+    })
 }

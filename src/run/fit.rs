@@ -1,7 +1,8 @@
 //! A fit from a track and its settings to a run folder: what `oblate fit` and a study do.
 
+use super::job::Job;
 use super::{RunFolder, Versions, Watch, conclude};
-use crate::config::{FitConfig, text};
+use crate::config::FitConfig;
 use crate::data::ObservedTrack;
 use crate::error::Result;
 use crate::inference::{StreamTarget, check_reach, sample};
@@ -68,20 +69,15 @@ pub fn fit(
     let target = target(track, config)?;
     config.sampling.check(target.dim())?;
     check_reach(&target, config.seed)?;
-    let config_text = text(config)?;
     let track_bytes = serde_json::to_vec(track).unwrap_or_default();
-    let versions = Versions::of(&[config_text.as_bytes(), &track_bytes]);
-    let folder = match super::open_or_create(out, existing, &versions)? {
-        super::Opened::Finished(run, summary) => return Ok((*run, *summary)),
-        super::Opened::Folder(folder) => folder,
+    let job = Job {
+        out,
+        existing,
+        command,
     };
-    folder.begin(&config_text, &versions)?;
-    track.write(&folder.track())?;
-    let run = watched(&folder, &versions, watch, existing, |control| {
+    job.run(&target, track, config, &[&track_bytes], watch, |control| {
         sample(&target, &config.sampling, config.seed, control)
-    })?;
-    let summary = close(&folder, &target, track, &run, &versions, command)?;
-    Ok((run, summary))
+    })
 }
 
 /// Summarises a run on a track and writes what it leaves behind.

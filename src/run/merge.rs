@@ -1,9 +1,8 @@
 //! Fits of one track from several seeds, as one fit.
 
-use super::fit::{Existing, close, target};
-use super::{Opened, RunFolder, StoredRun, Versions, open_or_create};
-use crate::config::{FitConfig, read, text};
-use crate::data::ObservedTrack;
+use super::Watch;
+use super::fit::{Existing, target};
+use super::job::{Fit, Job};
 use crate::error::{Error, Result};
 use crate::inference::merged;
 use crate::posterior::Summary;
@@ -21,6 +20,7 @@ pub fn merge(
     out: &Path,
     existing: Existing,
     command: &str,
+    watch: &mut Watch<'_>,
 ) -> Result<(Run, Summary)> {
     let fits = parts
         .iter()
@@ -37,10 +37,6 @@ pub fn merge(
         first.matches(other)?;
     }
     let target = target(&first.track, &first.config)?;
-    let config_text = text(&first.config)?;
-    let mut inputs = vec![config_text.as_bytes(), b"merge"];
-    inputs.extend(fits.iter().map(|f| f.stored.summary.input_hash.as_bytes()));
-    let versions = Versions::of(&inputs);
     // Before anything is written: what does not belong together leaves no folder behind.
     let runs: Vec<&Run> = fits.iter().map(|f| &f.stored.run).collect();
     let run = merged(&target, &runs)?;
@@ -51,14 +47,16 @@ pub fn merge(
             remedy: "it is one of the runs to merge; choose another folder".to_owned(),
         });
     }
-    let folder = match open_or_create(out, existing, &versions)? {
-        Opened::Finished(run, summary) => return Ok((*run, *summary)),
-        Opened::Folder(folder) => folder,
+    let mut inputs = vec![b"merge".as_slice()];
+    inputs.extend(fits.iter().map(|f| f.stored.summary.input_hash.as_bytes()));
+    let job = Job {
+        out,
+        existing,
+        command,
     };
-    folder.begin(&config_text, &versions)?;
-    first.track.write(&folder.track())?;
-    let summary = close(&folder, &target, &first.track, &run, &versions, command)?;
-    Ok((run, summary))
+    job.run(&target, &first.track, &first.config, &inputs, watch, |_| {
+        Ok(run)
+    })
 }
 
 /// Whether two paths lead to one folder.
@@ -67,24 +65,7 @@ fn same(one: &Path, other: &Path) -> bool {
     real(one).is_some_and(|path| real(other) == Some(path))
 }
 
-/// A finished fit with what it was a fit of.
-struct Fit {
-    stored: StoredRun,
-    track: ObservedTrack,
-    config: FitConfig,
-}
-
 impl Fit {
-    fn read(path: &Path) -> Result<Self> {
-        let folder = RunFolder::open(path)?;
-        let stored = folder.read()?;
-        Ok(Self {
-            track: folder.read_track()?,
-            config: read(&folder.config())?,
-            stored,
-        })
-    }
-
     /// Refuses a fit of another posterior.
     fn matches(&self, other: &Self) -> Result<()> {
         let differs = if self.track != other.track {

@@ -3,10 +3,12 @@
 mod boost;
 mod fit;
 mod folder;
+mod job;
 mod log;
 mod merge;
 mod pages;
 mod population;
+mod refine;
 mod study;
 mod watch;
 
@@ -17,6 +19,7 @@ pub use log::Log;
 pub use merge::merge;
 pub use pages::report;
 pub use population::{population, q_posterior};
+pub use refine::refine;
 pub use study::{Outcome, Piece, study};
 pub use watch::Watch;
 

@@ -95,6 +95,9 @@ fn line(event: &Event) -> serde_json::Value {
         Event::Boost { draws, ln_z, ess } => json!({
             "event": "boost", "draws": draws, "ln_z": ln_z, "ess": ess,
         }),
+        Event::Refining { share, ln_z, calls } => json!({
+            "event": "refining", "share": share, "ln_z": ln_z, "calls": calls,
+        }),
         Event::Checkpointed => json!({"event": "checkpointed"}),
         Event::Warning(say) => json!({"event": "warning", "say": say}),
         Event::Finished => json!({"event": "finished"}),

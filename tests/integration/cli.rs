@@ -342,6 +342,49 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
 }
 
 #[test]
+fn a_fit_is_refined_to_another_model_of_its_stream() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (fit, out) = (path("fit"), path("refined"));
+    let mut arguments = vec!["fit", &track, "--config", &config, "--live", "300"];
+    arguments.extend(["--out", &fit, "-q", "--allow-unconverged"]);
+    assert_eq!(oblate(&arguments, "").status.code(), Some(0));
+    let refine = |more: &[&str]| {
+        let mut arguments = vec!["refine", &fit, "--out", &out, "--json", "-q"];
+        arguments.extend(more);
+        oblate(&arguments, "")
+    };
+    refused(&refine(&[]), &["that of the fit itself", "--particles"]);
+    refused(
+        &refine(&["--particles", "200", "--members", "10"]),
+        &["members", "ten per parameter"],
+    );
+    assert!(!Path::new(&out).exists(), "nothing is left behind");
+    let output = refine(&[
+        "--particles",
+        "200",
+        "--members",
+        "200",
+        "--allow-unconverged",
+    ]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let summary = json(&output.stdout);
+    assert_eq!(summary["method"], "refine");
+    let parts = &summary["ln_z_error_parts"];
+    for part in ["parent", "weights", "shares"] {
+        assert!(parts[part].as_f64().expect("a number") >= 0.0, "{parts}");
+    }
+    // The settings that it leaves are those of the model that it came to.
+    let left = std::fs::read_to_string(Path::new(&out).join("config.toml")).expect("settings");
+    assert!(left.contains("particles = 200"), "{left}");
+    let page = path("page.html");
+    let output = oblate(&["report", &out, "--out", &page], "");
+    assert_eq!(output.status.code(), Some(0));
+}
+
+#[test]
 fn a_fit_is_boosted_into_another_folder_which_says_when_not_to_trust_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);

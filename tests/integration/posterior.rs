@@ -165,6 +165,7 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
         ("n", runs::nested(900, 1)),
         ("t", runs::tempered(400, 2)),
         ("b", runs::boosted(400, 3)),
+        ("r", runs::refined(400, 4)),
     ] {
         // What tests/peers/read_back.py opens.
         if let Ok(kept) = std::env::var("OBLATE_FIGURES") {
@@ -189,7 +190,7 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
         assert_eq!(back.cost, run.cost);
     }
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
-    assert_eq!(left.len(), 3, "temporary folders are gone");
+    assert_eq!(left.len(), 4, "temporary folders are gone");
 }
 
 #[test]

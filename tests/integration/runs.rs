@@ -174,3 +174,14 @@ pub fn boosted(rows: usize, seed: u64) -> Run {
     };
     run(Method::Boost, draws(rows, 1, seed), path, seed)
 }
+
+/// A refined run's shape: equal weights, three steps.
+pub fn refined(rows: usize, seed: u64) -> Run {
+    let path = Path::Refinement {
+        share: vec![0.3, 0.7, 1.0],
+        ln_ratio: vec![1.0, 1.8, 2.1],
+        ancestors: vec![600.0, 450.0, 400.0],
+        echo: vec![0.3, 0.25, 0.2],
+    };
+    run(Method::Refine, draws(rows, 1, seed), path, seed)
+}

@@ -6,7 +6,7 @@
 //! of `C` and `(P C P)^-1` is `P^-1`. That is what lets a rung find its scales while it still falls from the prior.
 
 use super::Moments;
-use nalgebra::{Cholesky, DMatrix, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
 
 /// Which shape a metric has.
@@ -50,6 +50,23 @@ impl Metric {
             }
             MetricKind::Dense => cholesky(covariance).map(|c| Self::Dense(packed(&c.l()))),
         }
+    }
+
+    /// The covariance of rows of coordinates, one after the other, as a metric; the prior's if they do not span the space.
+    #[must_use]
+    pub fn of_rows(kind: MetricKind, rows: &[f64], dim: usize) -> Self {
+        let rows: Vec<DVector<f64>> = rows
+            .chunks_exact(dim)
+            .map(DVector::from_column_slice)
+            .collect();
+        let n = rows.len() as f64;
+        let mean = rows.iter().sum::<DVector<f64>>() / n;
+        let mut covariance = DMatrix::zeros(dim, dim);
+        for row in &rows {
+            let away = row - &mean;
+            covariance += &away * away.transpose() / n;
+        }
+        Self::from_covariance(kind, &covariance).unwrap_or_else(|| Self::identity(kind, dim))
     }
 
     /// Its shape.
@@ -292,5 +309,15 @@ mod tests {
                 .refined(&moments)
                 .is_none()
         );
+    }
+
+    #[test]
+    fn the_metric_of_rows_is_their_covariance() {
+        let rows = [1.0, 0.0, -1.0, 0.0, 0.0, 2.0, 0.0, -2.0];
+        let metric = Metric::of_rows(MetricKind::Dense, &rows, 2).covariance();
+        assert!((metric[(0, 0)] - 0.5).abs() < 1e-12 && (metric[(1, 1)] - 2.0).abs() < 1e-12);
+        // Rows on a line span nothing.
+        let line = Metric::of_rows(MetricKind::Dense, &[1.0, 1.0, -1.0, -1.0], 2);
+        assert_eq!(line, Metric::identity(MetricKind::Dense, 2));
     }
 }

@@ -11,17 +11,14 @@
 
 use super::ladder::{barrier, locate, respaced};
 use super::swap;
+use crate::cooling::Cooling;
 use crate::error::Result;
 use crate::hmc::{Evaluator, Metric, MetricKind, Point, Tally, explore_by_slices};
 use crate::neighbours::Neighbours;
 use crate::rng::{Domain, stream, unit_open};
 use crate::target::{Symmetry, Target};
-use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-
-/// Effective share of a population that the weights of one cooling step leave.
-const KEPT: f64 = 0.5;
 
 /// A population at one temperature, after its sweeps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -123,84 +120,18 @@ struct Population {
 }
 
 impl Population {
-    /// The longest step down from `beta` that leaves weights enough.
-    fn longest_step(&self, most: f64) -> f64 {
-        let enough = KEPT * self.points.len() as f64;
-        if effective(&self.weights(most)) >= enough {
-            return most;
-        }
-        let mut bracket = (0.0, most);
-        for _ in 0..60 {
-            let step = 0.5 * (bracket.0 + bracket.1);
-            if effective(&self.weights(step)) < enough {
-                bracket.1 = step;
-            } else {
-                bracket.0 = step;
-            }
-        }
-        0.5 * (bracket.0 + bracket.1)
+    /// How members weigh at lower temperatures.
+    fn cooling(&self) -> Cooling {
+        Cooling::new(self.points.iter().map(|p| p.ln_likelihood).collect())
     }
 
     /// Resamples by the weights of a step.
     fn resample(&mut self, step: f64, uniform: f64) {
-        let weights = self.weights(step);
-        let sum: f64 = weights.iter().sum();
-        self.ln_z += step * self.best() + (sum / self.points.len() as f64).ln();
-        self.points = systematic(&weights, sum, uniform)
-            .into_iter()
-            .map(|i| self.points[i].clone())
-            .collect();
+        let cooling = self.cooling();
+        self.ln_z += cooling.ln_mean_weight(step);
+        let drawn = cooling.resample(step, uniform).into_iter();
+        self.points = drawn.map(|i| self.points[i].clone()).collect();
     }
-
-    fn best(&self) -> f64 {
-        let l = self.points.iter().map(|p| p.ln_likelihood);
-        l.fold(f64::NEG_INFINITY, f64::max)
-    }
-
-    fn weights(&self, step: f64) -> Vec<f64> {
-        let best = self.best();
-        let weight = |p: &Point| (step * (p.ln_likelihood - best)).exp();
-        self.points.iter().map(weight).collect()
-    }
-}
-
-/// Kish's effective number.
-fn effective(weights: &[f64]) -> f64 {
-    let sum: f64 = weights.iter().sum();
-    sum * sum / weights.iter().map(|w| w * w).sum::<f64>()
-}
-
-/// As many indices as weights, each as often as its weight says or once more.
-fn systematic(weights: &[f64], sum: f64, uniform: f64) -> Vec<usize> {
-    let count = weights.len();
-    let mut index = 0;
-    let mut passed = weights[0];
-    (0..count)
-        .map(|j| {
-            let at = (j as f64 + uniform) / count as f64 * sum;
-            while passed < at && index + 1 < count {
-                index += 1;
-                passed += weights[index];
-            }
-            index
-        })
-        .collect()
-}
-
-/// The covariance of rows as a metric; the prior's if they do not span the space.
-pub(super) fn metric_of(rows: &[f64], dim: usize, kind: MetricKind) -> Metric {
-    let rows: Vec<DVector<f64>> = rows
-        .chunks_exact(dim)
-        .map(DVector::from_column_slice)
-        .collect();
-    let n = rows.len() as f64;
-    let mean = rows.iter().sum::<DVector<f64>>() / n;
-    let mut covariance = DMatrix::zeros(dim, dim);
-    for row in &rows {
-        let away = row - &mean;
-        covariance += &away * away.transpose() / n;
-    }
-    Metric::from_covariance(kind, &covariance).unwrap_or_else(|| Metric::identity(kind, dim))
 }
 
 /// All populations.
@@ -256,7 +187,10 @@ impl Annealing {
     /// Lowers the temperature as far as every population's weights allow, and resamples.
     fn cool(&mut self, target: &dyn Target, kind: MetricKind, seed: u64) {
         let most = 1.0 - self.beta;
-        let steps = self.populations.iter().map(|p| p.longest_step(most));
+        let steps = self
+            .populations
+            .iter()
+            .map(|p| p.cooling().longest_step(most));
         let step = steps.fold(most, f64::min);
         // A step of almost all that is left takes it all: what remains weighs nothing.
         self.beta = if step >= most * (1.0 - 1e-9) {
@@ -276,7 +210,7 @@ impl Annealing {
             z.collect::<Vec<_>>().concat()
         });
         let others = of_others(rows);
-        self.metrics = [0, 1].map(|half| metric_of(&others[half], dim, kind));
+        self.metrics = [0, 1].map(|half| Metric::of_rows(kind, &others[half], dim));
         self.pools = [0, 1].map(|half| Neighbours::new(&others[half], dim, orbit));
         self.sweeps = 0;
     }
@@ -349,28 +283,5 @@ pub(super) fn of_others<R: AsRef<[f64]>>(rows: impl Iterator<Item = R>) -> [Vec<
         [odd.clone(), odd]
     } else {
         [even, odd]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn resampling_takes_each_as_often_as_its_weight_says() {
-        let weights = [0.5, 0.0, 2.5, 1.0];
-        assert_eq!(systematic(&weights, 4.0, 0.4), [0, 2, 2, 3]);
-        assert_eq!(systematic(&weights, 4.0, 0.6), [2, 2, 2, 3]);
-        assert!((effective(&[1.0, 1.0, 0.0, 0.0]) - 2.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn the_metric_of_rows_is_their_covariance() {
-        let rows = [1.0, 0.0, -1.0, 0.0, 0.0, 2.0, 0.0, -2.0];
-        let metric = metric_of(&rows, 2, MetricKind::Dense).covariance();
-        assert!((metric[(0, 0)] - 0.5).abs() < 1e-12 && (metric[(1, 1)] - 2.0).abs() < 1e-12);
-        // Rows on a line span nothing.
-        let line = metric_of(&[1.0, 1.0, -1.0, -1.0], 2, MetricKind::Dense);
-        assert_eq!(line, Metric::identity(MetricKind::Dense, 2));
     }
 }

@@ -1,6 +1,6 @@
 //! The whole of a run between two scans: what a checkpoint holds and a scan advances.
 
-use super::anneal::{Annealing, Barrier, Level, metric_of, of_others};
+use super::anneal::{Annealing, Barrier, Level, of_others};
 use super::evidence::{Estimate, estimate};
 use super::ladder::{barrier, first_schedule, locate, respaced};
 use super::record::{Local, Record};
@@ -369,7 +369,7 @@ impl State {
             }
             rungs.push(Rung {
                 beta,
-                metric: metric_of(&rows.concat(), dim, self.settings.metric),
+                metric: Metric::of_rows(self.settings.metric, &rows.concat(), dim),
                 step: StepSize::new(FIRST_STEP),
                 pools: of_others(rows.iter()).map(|r| Neighbours::new(&r, dim, orbit)),
             });

@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// From the ground floor up. `checkpoint` stands before `output`, whose hash of a run is the checkpoints' hash; `nested`
 /// and `hmc` do not know each other, which the order alone cannot say (see the second test).
-const ORDER: [&str; 13] = [
+const ORDER: [&str; 15] = [
     "error",
     "normal",
     "rng",
@@ -16,10 +16,12 @@ const ORDER: [&str; 13] = [
     "control",
     "diagnostics",
     "neighbours",
+    "cooling",
     "hmc",
     "nested",
     "pt",
     "boost",
+    "refine",
 ];
 
 fn src() -> &'static Path {

@@ -12,5 +12,6 @@ mod hmc;
 mod nested;
 mod pt;
 mod pulls;
+mod refine;
 mod rooms;
 mod targets;

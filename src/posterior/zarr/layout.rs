@@ -234,6 +234,17 @@ pub fn write_path(store: &Store, path: &Path) -> Result<()> {
             floats("share", "component", share)?;
             floats("parent_share", "component", parent_share)
         }
+        Path::Refinement {
+            share,
+            ln_ratio,
+            ancestors,
+            echo,
+        } => {
+            floats("share", "step", share)?;
+            floats("ln_ratio", "step", ln_ratio)?;
+            floats("ancestors", "step", ancestors)?;
+            floats("echo", "step", echo)
+        }
     }
 }
 
@@ -279,6 +290,12 @@ pub fn read_path(store: &Store, method: Method) -> Result<Path> {
             ln_tail_smooth: floats("ln_tail_smooth")?,
             share: floats("share")?,
             parent_share: floats("parent_share")?,
+        },
+        Method::Refine => Path::Refinement {
+            share: floats("share")?,
+            ln_ratio: floats("ln_ratio")?,
+            ancestors: floats("ancestors")?,
+            echo: floats("echo")?,
         },
     })
 }

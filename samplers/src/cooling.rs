@@ -1,0 +1,106 @@
+//! Steps of a population from one law to the next by weights (sequential Monte Carlo; Del Moral, Doucet & Jasra 2006).
+//!
+//! The next law is the present one times `exp(step x energy)`. A step is as long as it leaves half of the population in effect;
+//! then members are taken again by their weights.
+
+/// Effective share of a population that the weights of one step leave.
+const KEPT: f64 = 0.5;
+
+/// A population as the energies of its members; minus infinity for one that the next law does not know.
+#[derive(Clone, Debug)]
+pub struct Cooling {
+    energies: Vec<f64>,
+    best: f64,
+}
+
+impl Cooling {
+    /// Of members with these energies.
+    #[must_use]
+    pub fn new(energies: Vec<f64>) -> Self {
+        let best = energies.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Self { energies, best }
+    }
+
+    /// The longest step, of at most `most`, that leaves weights enough.
+    #[must_use]
+    pub fn longest_step(&self, most: f64) -> f64 {
+        let enough = KEPT * self.energies.len() as f64;
+        if effective(&self.weights(most)) >= enough {
+            return most;
+        }
+        let mut bracket = (0.0, most);
+        for _ in 0..60 {
+            let step = 0.5 * (bracket.0 + bracket.1);
+            if effective(&self.weights(step)) < enough {
+                bracket.1 = step;
+            } else {
+                bracket.0 = step;
+            }
+        }
+        0.5 * (bracket.0 + bracket.1)
+    }
+
+    /// Logarithm of the mean weight of a step: of the next law's mass over the present one's.
+    #[must_use]
+    pub fn ln_mean_weight(&self, step: f64) -> f64 {
+        let sum: f64 = self.weights(step).iter().sum();
+        step * self.best + (sum / self.energies.len() as f64).ln()
+    }
+
+    /// As many numbers of members as there are, each as often as its weight says or once more (systematic resampling).
+    #[must_use]
+    pub fn resample(&self, step: f64, uniform: f64) -> Vec<usize> {
+        systematic(&self.weights(step), uniform)
+    }
+
+    /// Weights of a step, in units of the largest.
+    fn weights(&self, step: f64) -> Vec<f64> {
+        let weight = |energy: &f64| (step * (energy - self.best)).exp();
+        self.energies.iter().map(weight).collect()
+    }
+}
+
+/// Kish's effective number.
+fn effective(weights: &[f64]) -> f64 {
+    let sum: f64 = weights.iter().sum();
+    sum * sum / weights.iter().map(|w| w * w).sum::<f64>()
+}
+
+fn systematic(weights: &[f64], uniform: f64) -> Vec<usize> {
+    let count = weights.len();
+    let sum: f64 = weights.iter().sum();
+    let mut index = 0;
+    let mut passed = weights[0];
+    (0..count)
+        .map(|j| {
+            let at = (j as f64 + uniform) / count as f64 * sum;
+            while passed < at && index + 1 < count {
+                index += 1;
+                passed += weights[index];
+            }
+            index
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resampling_takes_each_as_often_as_its_weight_says() {
+        let weights = [0.5, 0.0, 2.5, 1.0];
+        assert_eq!(systematic(&weights, 0.4), [0, 2, 2, 3]);
+        assert_eq!(systematic(&weights, 0.6), [2, 2, 2, 3]);
+        assert!((effective(&[1.0, 1.0, 0.0, 0.0]) - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_step_leaves_half_and_its_mean_weight_is_that_of_the_exponentials() {
+        let cooling = Cooling::new(vec![-1000.0, -1001.0, -1004.0, f64::NEG_INFINITY]);
+        let step = cooling.longest_step(1.0);
+        assert!((effective(&cooling.weights(step)) - 2.0).abs() < 1e-9 && step < 1.0);
+        let mean = ((-0.5_f64).exp() + (-2.0_f64).exp() + 1.0) / 4.0;
+        assert!((cooling.ln_mean_weight(0.5) - (mean.ln() - 500.0)).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,164 @@
+//! From the end of the way to a result, and whether to believe it.
+
+use super::{Level, Way, effective};
+use crate::diagnostics::weighted_moments;
+use crate::error::Result;
+use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Path, Run, Status};
+use crate::rng::STREAM_VERSION;
+use std::collections::BTreeMap;
+
+/// The result of a way that has been walked to its end.
+pub(super) fn assemble(
+    way: &Way<'_>,
+    parent: &Run,
+    cpu_seconds: f64,
+    wall_seconds: f64,
+) -> Result<Run> {
+    let prior = way.target.prior();
+    let draws = draws(way)?;
+    let evidence = evidence(way, parent);
+    let ess = effective_sizes(&draws, way);
+    let gates = gates(parent, &evidence, &ess);
+    Ok(Run {
+        method: Method::Refine,
+        status: Status::Complete,
+        seed: way.seed,
+        stream_version: STREAM_VERSION,
+        names: prior.names().to_vec(),
+        units: prior.units().to_vec(),
+        derived_names: way.target.derived_names(),
+        draws,
+        evidence,
+        ess,
+        cost: Cost {
+            calls: way.tally.calls,
+            gradients: way.tally.gradients,
+            cpu_seconds,
+            wall_seconds,
+            rejected: way.tally.rejected.clone(),
+        },
+        path: Path::Refinement {
+            share: column(&way.levels, |l| l.share),
+            ln_ratio: column(&way.levels, |l| l.ln_ratio),
+            ancestors: column(&way.levels, |l| l.ancestors),
+            echo: column(&way.levels, |l| l.echo),
+        },
+        gates,
+        warnings: Vec::new(),
+    })
+}
+
+fn column(levels: &[Level], of: impl Fn(&Level) -> f64) -> Vec<f64> {
+    levels.iter().map(of).collect()
+}
+
+fn draws(way: &Way<'_>) -> Result<Draws> {
+    let ln_weight = -(way.members.len() as f64).ln();
+    let mut draws = Draws::of(way.target);
+    let mut theta = vec![0.0; way.target.dim()];
+    for member in &way.members {
+        way.target.prior().theta_from_z(&member.z, &mut theta);
+        draws.push(way.target, &theta, member.fine, ln_weight, member.lineage)?;
+    }
+    Ok(draws)
+}
+
+fn evidence(way: &Way<'_>, parent: &Run) -> Evidence {
+    let ln_z = parent.evidence.ln_z + way.ln_ratio;
+    let parts = [
+        ("parent", parent.evidence.error),
+        ("weights", of_ancestry(way)),
+        ("shares", of_shares(way, parent)),
+    ];
+    let members = way.members.len() as f64;
+    let mean = way.members.iter().map(|m| m.fine).sum::<f64>() / members;
+    Evidence {
+        ln_z,
+        error: parts.iter().map(|(_, e)| e * e).sum::<f64>().sqrt(),
+        error_parts: parts.map(|(name, e)| (name.to_owned(), e)).into(),
+        estimates: [("parent".to_owned(), parent.evidence.ln_z)].into(),
+        information: mean - ln_z,
+    }
+}
+
+/// Error of the mean weights, by how many members have an ancestor in common beyond what taking them anew without weights would
+/// make of it (Lee & Whiteley 2018).
+fn of_ancestry(way: &Way<'_>) -> f64 {
+    let members = way.members.len() as f64;
+    let alike = 1.0 / effective(way.members.iter().map(|m| m.ancestor));
+    let times = 1.0 + way.levels.len() as f64;
+    let unlike = (members / (members - 1.0)).powf(times) * (1.0 - alike);
+    (1.0 - unlike).max(0.0).sqrt()
+}
+
+/// What the way has moved between the parent's lineages, of each of which the parent knows its share to about a factor: the
+/// parent's own error does not see it.
+fn of_shares(way: &Way<'_>, parent: &Run) -> f64 {
+    let mut moved: BTreeMap<u32, f64> = BTreeMap::new();
+    for member in &way.members {
+        *moved.entry(member.lineage).or_default() += 1.0 / way.members.len() as f64;
+    }
+    let chain = &parent.draws.chain;
+    if chain.iter().all(|c| *c == chain[0]) {
+        // Independent draws: the weights' own error says it all.
+        return 0.0;
+    }
+    for (lineage, weight) in chain.iter().zip(parent.draws.weights()) {
+        *moved.entry(*lineage).or_default() -= weight;
+    }
+    moved.values().map(|m| m * m).sum::<f64>().sqrt()
+}
+
+/// Effective sizes of means by the scatter of lineages.
+fn effective_sizes(draws: &Draws, way: &Way<'_>) -> Ess {
+    let weights = draws.weights();
+    let freedom = 1.0 - 1.0 / effective(draws.chain.iter());
+    let size = |k: usize| {
+        let values = draws.column(k);
+        let (mean, variance) = weighted_moments(&values, &weights);
+        let mut sums: BTreeMap<u32, f64> = BTreeMap::new();
+        for ((lineage, value), weight) in draws.chain.iter().zip(values).zip(&weights) {
+            *sums.entry(*lineage).or_default() += weight * (value - mean);
+        }
+        let scatter: f64 = sums.values().map(|s| s * s).sum();
+        // One lineage alone has no scatter but that of rounding.
+        if freedom < 1e-9 {
+            0.0
+        } else {
+            variance * freedom / scatter
+        }
+    };
+    let bulk: Vec<f64> = (0..draws.dim).map(size).collect();
+    let kish = effective(way.members.iter().map(|m| m.ancestor));
+    Ess {
+        kish,
+        quoted: bulk.iter().copied().fold(kish, f64::min),
+        bulk,
+        ..Ess::default()
+    }
+}
+
+fn gates(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Gate> {
+    let failed = parent.gates.iter().filter(|g| !g.pass).count();
+    vec![
+        Gate::at_most(
+            "parent-gates",
+            failed as f64,
+            0.0,
+            "gates that the coarse run failed; what it does not know is not known here: mend that run first",
+        ),
+        Gate::at_least(
+            "ancestors-left",
+            ess.kish,
+            100.0,
+            "draws of the coarse run that the result descends from, in effect; if too few, raise `members` or `sweeps`, or take a coarse likelihood nearer to the fine one",
+        ),
+        Gate::at_most(
+            "refinement-error",
+            (evidence.error_parts["weights"].powi(2) + evidence.error_parts["shares"].powi(2))
+                .sqrt(),
+            0.5,
+            "error in nats that the way adds to ln Z; if too large, raise `members`, or take a coarse likelihood nearer to the fine one",
+        ),
+    ]
+}

@@ -1,0 +1,264 @@
+//! Runs on coarse likelihoods carried to fine ones whose evidences, moments and weights are known.
+
+use crate::pulls::{pull, scatter};
+use crate::targets::smooth;
+use oblate_samplers::control::{Control, Silent};
+use oblate_samplers::output::{Method, Path};
+use oblate_samplers::{
+    Error, Event, Marginal, Observer, Outcome, Prior, Run, Target, nested, pt, refine,
+};
+use std::ops::ControlFlow;
+
+/// `l = -p |z - c|^2 / 2` under a normal prior.
+struct Bell {
+    prior: Prior,
+    precision: f64,
+    centre: f64,
+}
+
+impl Bell {
+    fn new(dim: usize, precision: f64, centre: f64) -> Self {
+        let normals = smooth::normals(dim, 0.0).into_iter().enumerate();
+        let named: Vec<(String, &str, Marginal)> =
+            normals.map(|(i, m)| (format!("x{i}"), "", m)).collect();
+        Self {
+            prior: Prior::new(named).unwrap(),
+            precision,
+            centre,
+        }
+    }
+
+    /// Exact: the datum has variance `1 + 1/p` a priori.
+    fn ln_z(&self) -> f64 {
+        let (p, c) = (self.precision, self.centre);
+        -0.5 * self.dim() as f64 * ((1.0 + p).ln() + p * c * c / (1.0 + p))
+    }
+}
+
+impl Target for Bell {
+    fn prior(&self) -> &Prior {
+        &self.prior
+    }
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        let square: f64 = theta.iter().map(|x| (x - self.centre).powi(2)).sum();
+        Outcome::Value(-0.5 * self.precision * square)
+    }
+}
+
+fn parent(target: &dyn Target, seed: u64) -> Run {
+    let settings = nested::Settings {
+        n_live: 400,
+        simulations: 100,
+        ..nested::Settings::default()
+    };
+    nested::run(target, &settings, seed, &mut Control::new(&mut Silent)).unwrap()
+}
+
+fn refined(fine: &dyn Target, coarse: &dyn Target, parent: &Run, seed: u64) -> Run {
+    let settings = refine::Settings::default();
+    refine::run(
+        fine,
+        coarse,
+        parent,
+        &settings,
+        seed,
+        &mut Control::new(&mut Silent),
+    )
+    .unwrap()
+}
+
+fn failed(run: &Run) -> Vec<&str> {
+    let failed = run.gates.iter().filter(|g| !g.pass);
+    failed.map(|g| g.name.as_str()).collect()
+}
+
+/// Of which 5 seeds are in the short form: |z| < 4 each.
+#[test]
+fn the_evidence_and_the_moments_are_those_of_the_fine_likelihood() {
+    let coarse = Bell::new(5, 6.0, 0.8);
+    let fine = Bell::new(5, 30.0, 1.0);
+    for seed in 1..=5 {
+        let run = refined(&fine, &coarse, &parent(&coarse, seed), seed);
+        assert_eq!(run.method, Method::Refine);
+        let z = pull(&run, fine.ln_z());
+        assert!(z.abs() < 4.0, "seed {seed}: {z}, {:?}", run.evidence);
+        assert!(run.evidence.error < 0.5, "{:?}", run.evidence);
+        // Four hundred live points are few for the parent's own gates.
+        let own = failed(&run)
+            .into_iter()
+            .find(|name| *name != "parent-gates");
+        assert_eq!(own, None, "{:?}", run.gates);
+        // The posterior is a normal of precision 31 about 30 / 31.
+        for j in 0..5 {
+            let mean = run.draws.column(j).iter().sum::<f64>() / run.draws.len() as f64;
+            let error = (1.0 / (31.0 * run.ess.bulk[j])).sqrt();
+            assert!(
+                (mean - 30.0 / 31.0).abs() < 4.5 * error,
+                "{j}: {mean} +- {error}"
+            );
+        }
+    }
+}
+
+#[test]
+fn modes_that_a_coarse_likelihood_weighs_wrongly_are_weighed_again() {
+    let (coarse, fine) = (smooth::twins13(0.5), smooth::twins13(0.9));
+    for seed in 1..=3 {
+        let run = refined(&fine, &coarse, &parent(&coarse, seed), seed);
+        assert!(pull(&run, fine.ln_z).abs() < 4.0, "{:?}", run.evidence);
+        let x = run.draws.column(0);
+        let right = x.iter().filter(|x| **x > 0.0).count() as f64 / x.len() as f64;
+        // The coarse run's own odds carry over: their error by its lineages, a few of which hold each mode.
+        let parent_right = 0.5;
+        let size = run.ess.quoted.min(run.ess.kish);
+        let error = (parent_right * parent_right / size).sqrt();
+        assert!(
+            (right - 0.9).abs() < 4.0 * error,
+            "seed {seed}: {right} +- {error}"
+        );
+    }
+}
+
+#[test]
+fn draws_of_tempered_chains_can_be_refined() {
+    let (coarse, fine) = (smooth::twins13(0.5), smooth::twins13(0.9));
+    let settings = pt::Settings {
+        rounds: 8,
+        ..pt::Settings::default()
+    };
+    let tempered = pt::run(&coarse, &settings, 1, &mut Control::new(&mut Silent)).unwrap();
+    let run = refined(&fine, &coarse, &tempered, 1);
+    assert!(pull(&run, fine.ln_z).abs() < 4.0, "{:?}", run.evidence);
+}
+
+/// Two likelihoods with nothing in common: it still arrives, and does not ask to be believed.
+#[test]
+fn a_coarse_likelihood_far_from_the_fine_one_is_told() {
+    let coarse = Bell::new(5, 100.0, -1.0);
+    let fine = Bell::new(5, 100.0, 1.0);
+    let run = refined(&fine, &coarse, &parent(&coarse, 1), 1);
+    assert!(failed(&run).contains(&"ancestors-left"), "{:?}", run.gates);
+    let Path::Refinement {
+        share, ancestors, ..
+    } = &run.path
+    else {
+        panic!("{:?}", run.path);
+    };
+    assert!(share.windows(2).all(|s| s[0] < s[1]) && share.last() == Some(&1.0));
+    assert!(ancestors.last().unwrap() < &100.0);
+}
+
+#[test]
+fn a_refinement_has_the_same_bits_on_any_number_of_threads() {
+    let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
+    let parent = parent(&coarse, 1);
+    let bits = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let pool = pool.build().unwrap();
+        pool.install(|| refined(&fine, &coarse, &parent, 1).bits())
+    };
+    assert_eq!(bits(1), bits(3));
+}
+
+/// Stops after the first step.
+struct Hasty;
+
+impl Observer for Hasty {
+    fn event(&mut self, event: &Event) -> ControlFlow<()> {
+        match event {
+            Event::Refining { .. } => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_refined_is_refused_and_an_interrupt_ends_it() {
+    let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
+    let parent = parent(&coarse, 1);
+    let attempt = |fine: &dyn Target, coarse: &dyn Target, members: usize| {
+        let settings = refine::Settings {
+            members,
+            ..refine::Settings::default()
+        };
+        let mut silent = Silent;
+        let mut control = Control::new(&mut silent);
+        refine::run(fine, coarse, &parent, &settings, 1, &mut control).unwrap_err()
+    };
+    let why = |error: Error| match error {
+        Error::Mismatch { why, .. } => why,
+        other => panic!("{other:?}"),
+    };
+    assert!(why(attempt(&fine, &fine, 500)).contains("ln L of its best draw"));
+    assert!(why(attempt(&Bell::new(4, 1.0, 0.0), &coarse, 500)).contains("other parameters"));
+    assert!(matches!(
+        attempt(&fine, &coarse, 10),
+        Error::Setting {
+            name: "members",
+            ..
+        }
+    ));
+    let nowhere = Nowhere(Bell::new(3, 6.0, 0.8));
+    assert!(why(attempt(&nowhere, &coarse, 500)).contains("at none of its draws"));
+    let settings = refine::Settings::default();
+    let mut hasty = Hasty;
+    let mut control = Control::new(&mut hasty);
+    let stopped = refine::run(&fine, &coarse, &parent, &settings, 1, &mut control);
+    assert!(matches!(stopped, Err(Error::Interrupted)));
+}
+
+/// The same parameters without a likelihood.
+struct Nowhere(Bell);
+
+impl Target for Nowhere {
+    fn prior(&self) -> &Prior {
+        self.0.prior()
+    }
+    fn ln_likelihood(&self, _: &[f64]) -> Outcome {
+        Outcome::Reject("nowhere")
+    }
+}
+
+#[test]
+#[ignore = "a table of two minutes: run before a release with --ignored --nocapture"]
+fn errors_of_refinements() {
+    println!(
+        "| coarse and fine | mean z, sd z | error | ancestors | echo |\n|---|---|---|---|---|"
+    );
+    let bells = [3.0, 10.0].map(|factor| {
+        (
+            Bell::new(13, 10.0, 0.8),
+            Bell::new(13, 10.0 * factor, 1.0),
+            format!("Gaussians of 13 d, precision 10 and {}", 10.0 * factor),
+        )
+    });
+    for (coarse, fine, name) in &bells {
+        row(name, coarse, fine, fine.ln_z());
+    }
+    let (coarse, fine) = (smooth::twins13(0.5), smooth::twins13(0.9));
+    row(
+        "two narrow modes, of weights 1/2 and 9/10",
+        &coarse,
+        &fine,
+        fine.ln_z,
+    );
+}
+
+fn row(name: &str, coarse: &dyn Target, fine: &dyn Target, truth: f64) {
+    let runs: Vec<Run> = (1..=30)
+        .map(|seed| refined(fine, coarse, &parent(coarse, seed), seed))
+        .collect();
+    let pulls: Vec<f64> = runs.iter().map(|run| pull(run, truth)).collect();
+    let (mean, sd) = scatter(&pulls);
+    let of = |value: &dyn Fn(&Run) -> f64| scatter(&runs.iter().map(value).collect::<Vec<_>>()).0;
+    let echo = |run: &Run| match &run.path {
+        Path::Refinement { echo, .. } => echo.iter().copied().fold(0.0, f64::max),
+        other => panic!("{other:?}"),
+    };
+    println!(
+        "| {name} | {mean:+.2}, {sd:.2} | {:.3} | {:.0} | {:.2} |",
+        of(&|run| run.evidence.error),
+        of(&|run| run.ess.kish),
+        of(&echo),
+    );
+}

@@ -1,0 +1,75 @@
+//! A fit, or what follows one, from its inputs to its folder: the steps that all of them share.
+
+use super::fit::{Existing, close, watched};
+use super::{Opened, RunFolder, StoredRun, Versions, Watch, open_or_create};
+use crate::config::{FitConfig, read, text};
+use crate::data::ObservedTrack;
+use crate::error::Result;
+use crate::inference::StreamTarget;
+use crate::posterior::Summary;
+use oblate_samplers::{Control, Run};
+use std::path::Path;
+
+/// Where a result goes, and how.
+pub(super) struct Job<'a> {
+    /// The run folder.
+    pub out: &'a Path,
+    /// What to do if it is there.
+    pub existing: Existing,
+    /// The command line.
+    pub command: &'a str,
+}
+
+impl Job<'_> {
+    /// Works on a target into the folder. `inputs` are all that decides the result beside the settings; a folder that has
+    /// finished with the same ones is read back under [`Existing::Resume`].
+    ///
+    /// # Errors
+    /// What the settings, the folder, the files and the work refuse.
+    pub fn run(
+        &self,
+        target: &StreamTarget,
+        track: &ObservedTrack,
+        config: &FitConfig,
+        inputs: &[&[u8]],
+        watch: &mut Watch<'_>,
+        work: impl FnOnce(&mut Control<'_>) -> Result<Run>,
+    ) -> Result<(Run, Summary)> {
+        let config_text = text(config)?;
+        let mut all = vec![config_text.as_bytes()];
+        all.extend(inputs);
+        let versions = Versions::of(&all);
+        let folder = match open_or_create(self.out, self.existing, &versions)? {
+            Opened::Finished(run, summary) => return Ok((*run, *summary)),
+            Opened::Folder(folder) => folder,
+        };
+        folder.begin(&config_text, &versions)?;
+        track.write(&folder.track())?;
+        let run = watched(&folder, &versions, watch, self.existing, work)?;
+        let summary = close(&folder, target, track, &run, &versions, self.command)?;
+        Ok((run, summary))
+    }
+}
+
+/// A finished fit with what it was a fit of.
+pub(super) struct Fit {
+    pub stored: StoredRun,
+    pub track: ObservedTrack,
+    pub config: FitConfig,
+}
+
+impl Fit {
+    /// Reads a run folder.
+    ///
+    /// # Errors
+    /// What the folder refuses; [`Error::Mismatch`](crate::error::Error::Mismatch) if it is not a fit.
+    pub fn read(path: &Path) -> Result<Self> {
+        let folder = RunFolder::open(path)?;
+        let stored = folder.read()?;
+        Ok(Self {
+            track: folder.read_track()?,
+            config: read(&folder.config())?,
+            stored,
+        })
+    }
+}
