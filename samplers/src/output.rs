@@ -46,9 +46,21 @@ pub struct Draws {
     pub ln_likelihood: Vec<f64>,
     /// Log weight of each row; their exponentials add up to 1.
     pub ln_weight: Vec<f64>,
-    /// Which group of dependent draws each row is of: its ladder, or its lineage in a nested run. Groups are independent of each
-    /// other, so that their scatter is the error of whatever is computed from the draws; all 0 where every draw is independent.
+    /// Which Markov chain each row is of, in its order: its ladder. All 0 where there are none.
     pub chain: Vec<u32>,
+    /// Which group of dependent draws each row is of: the ladders that began in one population, the lineage in a nested run.
+    /// Groups are independent of each other, so that their scatter is the error of whatever is computed from the draws; all 0
+    /// where every draw is independent.
+    pub group: Vec<u32>,
+}
+
+/// Where a row of draws stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Origin {
+    /// See [`Draws::chain`].
+    pub chain: u32,
+    /// See [`Draws::group`].
+    pub group: u32,
 }
 
 impl Draws {
@@ -72,13 +84,14 @@ impl Draws {
         theta: &[f64],
         ln_likelihood: f64,
         ln_weight: f64,
-        chain: u32,
+        origin: Origin,
     ) -> Result<()> {
         self.theta.extend_from_slice(theta);
         target.derived(theta, &mut self.derived);
         self.ln_likelihood.push(ln_likelihood);
         self.ln_weight.push(ln_weight);
-        self.chain.push(chain);
+        self.chain.push(origin.chain);
+        self.group.push(origin.group);
         if self.derived.len() != self.len() * self.derived_dim {
             return Err(Error::Mismatch {
                 what: "derived quantities",
@@ -153,13 +166,13 @@ impl Draws {
     /// Row numbers, chain by chain.
     #[must_use]
     pub fn chains(&self) -> Vec<Vec<usize>> {
-        let mut chains: Vec<Vec<usize>> = Vec::new();
-        for (row, chain) in self.chain.iter().enumerate() {
-            let chain = *chain as usize;
-            chains.resize_with(chains.len().max(chain + 1), Vec::new);
-            chains[chain].push(row);
-        }
-        chains
+        rows_by(&self.chain)
+    }
+
+    /// Row numbers, group by group.
+    #[must_use]
+    pub fn groups(&self) -> Vec<Vec<usize>> {
+        rows_by(&self.group)
     }
 
     /// `count` equal-weight rows by systematic resampling with the one uniform `offset` in [0, 1): row numbers, in
@@ -180,6 +193,17 @@ impl Draws {
         }
         rows
     }
+}
+
+/// Row numbers by label.
+fn rows_by(labels: &[u32]) -> Vec<Vec<usize>> {
+    let mut rows: Vec<Vec<usize>> = Vec::new();
+    for (row, label) in labels.iter().enumerate() {
+        let label = *label as usize;
+        rows.resize_with(rows.len().max(label + 1), Vec::new);
+        rows[label].push(row);
+    }
+    rows
 }
 
 /// The evidence and how far to trust it.

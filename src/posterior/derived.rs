@@ -18,6 +18,7 @@ pub fn prior_draws(
         ln_likelihood: vec![f64::NAN; count],
         ln_weight: vec![-(count as f64).ln(); count],
         chain: vec![0; count],
+        group: vec![0; count],
         ..Draws::default()
     };
     let (mut u, mut theta) = (vec![0.0; dim], vec![0.0; dim]);

@@ -33,7 +33,7 @@ pub struct ModeWeight {
     pub share: Share,
 }
 
-/// The probability of one of several exclusive things, and its Monte-Carlo standard error: by bootstrap over ladders or lineages, or
+/// The probability of one of several exclusive things, and its Monte-Carlo standard error: by bootstrap over populations or lineages, or
 /// over the draws where they are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Share {
@@ -82,10 +82,10 @@ pub fn prolate_share(run: &Run) -> Option<Share> {
 /// The shares of labels below `N`, one label per draw.
 fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
     let weights = run.draws.weights();
-    let chains = run.draws.chains();
+    let groups = run.draws.groups();
     // Groups of dependent draws are drawn whole; where there are none, rows.
-    let groups: Vec<[f64; N]> = if chains.len() > 1 {
-        let sums = chains.into_iter();
+    let groups: Vec<[f64; N]> = if groups.len() > 1 {
+        let sums = groups.into_iter();
         sums.map(|own| sums_of(labels, &weights, own.into_iter()))
             .collect()
     } else {

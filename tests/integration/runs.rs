@@ -42,6 +42,7 @@ fn draws(rows: usize, chains: u32, seed: u64) -> Draws {
         draws.ln_likelihood.push(ln_l);
         draws.ln_weight.push(-(rows as f64).ln());
         draws.chain.push(u32::try_from(row).unwrap() % chains);
+        draws.group.push(u32::try_from(row).unwrap() % chains);
     }
     draws
 }

@@ -168,16 +168,16 @@ fn fit(target: &dyn Target, parent: &Run, settings: &Settings, seed: u64) -> Res
     Mixture::fit(&first.with(&second), count, &mut rng(count)).ok_or_else(refuse)
 }
 
-/// Two halves of a run's draws, equally weighted, in standard-normal coordinates: even and odd chains, or rows where there is
-/// one chain.
+/// Two halves of a run's draws, equally weighted, in standard-normal coordinates: even and odd groups, or rows where there are
+/// none.
 fn halves(target: &dyn Target, parent: &Run, seed: u64) -> [Rows; 2] {
     let draws = &parent.draws;
-    let chains = draws.chain.iter().any(|c| *c != draws.chain[0]);
+    let grouped = draws.group.iter().any(|g| *g != draws.group[0]);
     [0, 1].map(|half| {
         let mut part = draws.clone();
         for row in 0..draws.len() {
-            let number = if chains {
-                draws.chain[row] as usize
+            let number = if grouped {
+                draws.group[row] as usize
             } else {
                 row
             };

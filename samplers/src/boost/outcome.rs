@@ -5,7 +5,7 @@ use super::{Weighted, normals};
 use crate::diagnostics::{Tail, kish_ess, ln_sum_exp, weighted_moments};
 use crate::error::Result;
 use crate::hmc::{Evaluator, Tally};
-use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Path, Run, Status};
+use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
@@ -105,7 +105,13 @@ impl Boosted<'_> {
         let mut theta = vec![0.0; self.target.dim()];
         for point in &self.points {
             self.target.prior().theta_from_z(&point.z, &mut theta);
-            draws.push(self.target, &theta, point.ln_l, point.ln_weight - sum, 0)?;
+            draws.push(
+                self.target,
+                &theta,
+                point.ln_l,
+                point.ln_weight - sum,
+                Origin::default(),
+            )?;
         }
         Ok(draws)
     }

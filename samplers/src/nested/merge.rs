@@ -142,9 +142,9 @@ impl Together {
         let founders = narrow(part.founders());
         let rejected = (0..founders).cycle().take(part.rejected());
         let first = self.lineages;
-        let own = rejected.chain(part.draws.chain.iter().copied());
+        let own = rejected.chain(part.draws.group.iter().copied());
         self.kin.extend(own.map(|l| Kin::from(first + l)));
-        let last = part.draws.chain.iter().max().map_or(0, |l| l + 1);
+        let last = part.draws.group.iter().max().map_or(0, |l| l + 1);
         self.lineages += last.max(founders).next_multiple_of(2);
         self.theta
             .extend(std::iter::repeat_n(0.0, part.rejected() * dim));

@@ -6,7 +6,7 @@ use super::live::{REJECTED, lineages};
 use super::settings::Settings;
 use crate::diagnostics::{kish_ess, weighted_moments};
 use crate::error::Result;
-use crate::output::{Draws, Ess, Evidence, Path};
+use crate::output::{Draws, Ess, Evidence, Origin, Path};
 use crate::target::Target;
 use std::collections::BTreeMap;
 
@@ -104,8 +104,11 @@ impl Reckoning {
             let ln_l = self.history.ln_l[death];
             if ln_l > REJECTED {
                 let theta = &theta[row * dim..(row + 1) * dim];
-                let (ln_p, lineage) = (self.weighted.ln_p[death], self.history.lineages.of[death]);
-                draws.push(target, theta, ln_l, ln_p, lineage)?;
+                let origin = Origin {
+                    chain: 0,
+                    group: self.history.lineages.of[death],
+                };
+                draws.push(target, theta, ln_l, self.weighted.ln_p[death], origin)?;
             }
         }
         Ok(draws)

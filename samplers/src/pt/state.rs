@@ -227,6 +227,11 @@ impl State {
         self.round + 1 == self.settings.rounds
     }
 
+    /// Groups of ladders that are independent of each other.
+    pub(super) fn families(&self) -> usize {
+        self.settings.families()
+    }
+
     /// Whether slices explore beside Hamiltonian moves.
     pub(super) fn slices(&self) -> bool {
         self.settings.slices > 0

@@ -160,7 +160,7 @@ impl Way<'_> {
     /// Takes draws of the parent, equally weighted, and asks for their fine likelihood.
     fn begin(&mut self, parent: &Run, count: usize) -> Result<()> {
         let draws = &parent.draws;
-        let grouped = draws.chain.iter().any(|c| *c != draws.chain[0]);
+        let grouped = draws.group.iter().any(|g| *g != draws.group[0]);
         let offset = unit_open(&mut stream(self.seed, Domain::Refine, 0, RESAMPLING));
         for row in draws.resample(count, offset) {
             let mut z = vec![0.0; draws.dim];
@@ -173,7 +173,7 @@ impl Way<'_> {
                     fine: f64::NEG_INFINITY,
                     ancestor: row,
                     lineage: if grouped {
-                        draws.chain[row]
+                        draws.group[row]
                     } else {
                         u32::try_from(row).unwrap_or(u32::MAX)
                     },

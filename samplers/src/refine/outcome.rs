@@ -3,7 +3,7 @@
 use super::{Level, Way, effective};
 use crate::diagnostics::weighted_moments;
 use crate::error::Result;
-use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Path, Run, Status};
+use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
 use std::collections::BTreeMap;
 
@@ -58,7 +58,11 @@ fn draws(way: &Way<'_>) -> Result<Draws> {
     let mut theta = vec![0.0; way.target.dim()];
     for member in &way.members {
         way.target.prior().theta_from_z(&member.z, &mut theta);
-        draws.push(way.target, &theta, member.fine, ln_weight, member.lineage)?;
+        let origin = Origin {
+            chain: 0,
+            group: member.lineage,
+        };
+        draws.push(way.target, &theta, member.fine, ln_weight, origin)?;
     }
     Ok(draws)
 }
@@ -98,12 +102,12 @@ fn of_shares(way: &Way<'_>, parent: &Run) -> f64 {
     for member in &way.members {
         *moved.entry(member.lineage).or_default() += 1.0 / way.members.len() as f64;
     }
-    let chain = &parent.draws.chain;
-    if chain.iter().all(|c| *c == chain[0]) {
+    let group = &parent.draws.group;
+    if group.iter().all(|g| *g == group[0]) {
         // Independent draws: the weights' own error says it all.
         return 0.0;
     }
-    for (lineage, weight) in chain.iter().zip(parent.draws.weights()) {
+    for (lineage, weight) in group.iter().zip(parent.draws.weights()) {
         *moved.entry(*lineage).or_default() -= weight;
     }
     moved.values().map(|m| m * m).sum::<f64>().sqrt()
@@ -112,12 +116,12 @@ fn of_shares(way: &Way<'_>, parent: &Run) -> f64 {
 /// Effective sizes of means by the scatter of lineages.
 fn effective_sizes(draws: &Draws, way: &Way<'_>) -> Ess {
     let weights = draws.weights();
-    let freedom = 1.0 - 1.0 / effective(draws.chain.iter());
+    let freedom = 1.0 - 1.0 / effective(draws.group.iter());
     let size = |k: usize| {
         let values = draws.column(k);
         let (mean, variance) = weighted_moments(&values, &weights);
         let mut sums: BTreeMap<u32, f64> = BTreeMap::new();
-        for ((lineage, value), weight) in draws.chain.iter().zip(values).zip(&weights) {
+        for ((lineage, value), weight) in draws.group.iter().zip(values).zip(&weights) {
             *sums.entry(*lineage).or_default() += weight * (value - mean);
         }
         let scatter: f64 = sums.values().map(|s| s * s).sum();

@@ -146,7 +146,8 @@ pub fn write_weighted(store: &Store, draws: &Draws) -> Result<()> {
         none(),
     )?;
     store.array("/weighted/ln_weight", &[row], &draws.ln_weight, none())?;
-    store.array("/weighted/chain", &[row], &draws.chain, none())
+    store.array("/weighted/chain", &[row], &draws.chain, none())?;
+    store.array("/weighted/group", &[row], &draws.group, none())
 }
 
 /// `weighted`, back.
@@ -159,6 +160,7 @@ pub fn read_weighted(store: &Store, dim: usize, derived_dim: usize) -> Result<Dr
         ln_likelihood: store.read("/weighted/ln_likelihood")?,
         ln_weight: store.read("/weighted/ln_weight")?,
         chain: store.read("/weighted/chain")?,
+        group: store.read("/weighted/group")?,
     })
 }
 

@@ -46,7 +46,7 @@ fn runs_of_four_seeds_weigh_as_one_of_four_times_the_live_points() {
     // Rejected points are drawn until there are 200 others, so that each begins with about 800.
     assert!(live[0] > 3 * one[0] && live[0] < 5 * one[0]);
     // Lineages of one run are not those of another, and stay in their half.
-    let groups = whole.draws.chains();
+    let groups = whole.draws.groups();
     assert_eq!(groups.iter().filter(|g| !g.is_empty()).count(), 80);
 }
 
