@@ -3,6 +3,8 @@
 //! The next law is the present one times `exp(step x energy)`. A step is as long as it leaves half of the population in effect;
 //! then members are taken again by their weights.
 
+use crate::diagnostics::effective_number;
+
 /// Effective share of a population that the weights of one step leave.
 const KEPT: f64 = 0.5;
 
@@ -25,13 +27,13 @@ impl Cooling {
     #[must_use]
     pub fn longest_step(&self, most: f64) -> f64 {
         let enough = KEPT * self.energies.len() as f64;
-        if effective(&self.weights(most)) >= enough {
+        if effective_number(self.weights(most)) >= enough {
             return most;
         }
         let mut bracket = (0.0, most);
         for _ in 0..60 {
             let step = 0.5 * (bracket.0 + bracket.1);
-            if effective(&self.weights(step)) < enough {
+            if effective_number(self.weights(step)) < enough {
                 bracket.1 = step;
             } else {
                 bracket.0 = step;
@@ -60,12 +62,6 @@ impl Cooling {
     }
 }
 
-/// Kish's effective number.
-fn effective(weights: &[f64]) -> f64 {
-    let sum: f64 = weights.iter().sum();
-    sum * sum / weights.iter().map(|w| w * w).sum::<f64>()
-}
-
 fn systematic(weights: &[f64], uniform: f64) -> Vec<usize> {
     let count = weights.len();
     let sum: f64 = weights.iter().sum();
@@ -92,14 +88,13 @@ mod tests {
         let weights = [0.5, 0.0, 2.5, 1.0];
         assert_eq!(systematic(&weights, 0.4), [0, 2, 2, 3]);
         assert_eq!(systematic(&weights, 0.6), [2, 2, 2, 3]);
-        assert!((effective(&[1.0, 1.0, 0.0, 0.0]) - 2.0).abs() < 1e-12);
     }
 
     #[test]
     fn a_step_leaves_half_and_its_mean_weight_is_that_of_the_exponentials() {
         let cooling = Cooling::new(vec![-1000.0, -1001.0, -1004.0, f64::NEG_INFINITY]);
         let step = cooling.longest_step(1.0);
-        assert!((effective(&cooling.weights(step)) - 2.0).abs() < 1e-9 && step < 1.0);
+        assert!((effective_number(cooling.weights(step)) - 2.0).abs() < 1e-9 && step < 1.0);
         let mean = ((-0.5_f64).exp() + (-2.0_f64).exp() + 1.0) / 4.0;
         assert!((cooling.ln_mean_weight(0.5) - (mean.ln() - 500.0)).abs() < 1e-12);
     }

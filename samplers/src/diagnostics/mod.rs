@@ -51,11 +51,31 @@ pub fn chance_of_scatter(chi2: f64, count: usize) -> f64 {
     ChiSquared::new(freedom).map_or(0.0, |law| law.sf(chi2))
 }
 
-/// Kish effective size of normalised log weights: 1 / sum of squares.
+/// Kish's effective number: how many equal weights are as unlike each other as these, `(sum w)^2 / sum w^2`; 0 if all are 0.
+#[must_use]
+pub fn effective_number(weights: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, squares) = weights
+        .into_iter()
+        .fold((0.0, 0.0), |(s, q), w| (s + w, q + w * w));
+    if squares > 0.0 {
+        sum * sum / squares
+    } else {
+        0.0
+    }
+}
+
+/// The effective number of kinds among labels, each of which weighs as often as it occurs.
+#[must_use]
+pub fn effective_kinds<T: Ord>(labels: impl IntoIterator<Item = T>) -> f64 {
+    let mut labels: Vec<T> = labels.into_iter().collect();
+    labels.sort_unstable();
+    effective_number(labels.chunk_by(|a, b| a == b).map(|own| own.len() as f64))
+}
+
+/// Kish effective size of normalised log weights.
 #[must_use]
 pub fn kish_ess(ln_weight: &[f64]) -> f64 {
-    let sum: f64 = ln_weight.iter().map(|w| (2.0 * w).exp()).sum();
-    if sum > 0.0 { 1.0 / sum } else { 0.0 }
+    effective_number(ln_weight.iter().map(|w| w.exp()))
 }
 
 /// `ln sum exp`, minus infinity for an empty or all minus-infinite slice.
@@ -66,4 +86,18 @@ pub fn ln_sum_exp(values: &[f64]) -> f64 {
         return top;
     }
     top + values.iter().map(|v| (v - top).exp()).sum::<f64>().ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effective_numbers_count_equal_shares_and_fall_with_unequal_ones() {
+        assert!((effective_number([2.0, 2.0, 0.0]) - 2.0).abs() < 1e-12);
+        assert!((effective_number([3.0, 1.0]) - 1.6).abs() < 1e-12);
+        assert!(effective_number([0.0, 0.0]).abs() < 1e-300);
+        assert!((effective_kinds(["a", "b", "a", "b"]) - 2.0).abs() < 1e-12);
+        assert!((kish_ess(&[0.5_f64.ln(), 0.5_f64.ln()]) - 2.0).abs() < 1e-12);
+    }
 }

@@ -6,7 +6,7 @@
 //! the one of Z is.
 
 use super::live::{Kin, Points};
-use crate::diagnostics::ln_sum_exp;
+use crate::diagnostics::{effective_number, ln_sum_exp};
 use crate::rng::{Domain, stream, unit_open};
 use rayon::prelude::*;
 
@@ -197,8 +197,7 @@ impl History {
 
     /// How many lineages of equal shares of the posterior would be as unlike each other as these are.
     pub fn effective_lineages(&self, weighted: &Weighted) -> f64 {
-        let shares = self.lineages.sums(weighted.p.iter().copied());
-        1.0 / shares.iter().map(|s| s * s).sum::<f64>()
+        effective_number(self.lineages.sums(weighted.p.iter().copied()))
     }
 
     /// ln Z from the clans of even and of odd number.

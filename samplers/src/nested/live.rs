@@ -1,7 +1,7 @@
 //! Points of a nested run, and the choice of those that die next.
 
+use crate::diagnostics::effective_kinds;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 /// Log-likelihood of a rejected point: below every likelihood, yet above minus infinity, the contour on which the
 /// first points are born. So a point born above the plateau of rejected points can be told from a first one.
@@ -104,12 +104,7 @@ impl Points {
 
     /// How many clans of equal shares would be as unlike each other as these are.
     pub fn effective_clans(&self) -> f64 {
-        let mut counts = BTreeMap::new();
-        for kin in &self.kin {
-            *counts.entry(kin.clan).or_insert(0.0) += 1.0;
-        }
-        let squares: f64 = counts.values().map(|c: &f64| c * c).sum();
-        (self.len() as f64).powi(2) / squares
+        effective_kinds(self.kin.iter().map(|kin| kin.clan))
     }
 
     /// Founds new clans, `count` of them from this number on, each in the half where it was.

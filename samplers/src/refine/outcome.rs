@@ -1,7 +1,7 @@
 //! From the end of the way to a result, and whether to believe it.
 
-use super::{Level, Way, effective};
-use crate::diagnostics::weighted_moments;
+use super::{Level, Way};
+use crate::diagnostics::{effective_kinds, weighted_moments};
 use crate::error::Result;
 use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
@@ -89,7 +89,7 @@ fn evidence(way: &Way<'_>, parent: &Run) -> Evidence {
 /// make of it (Lee & Whiteley 2018).
 fn of_ancestry(way: &Way<'_>) -> f64 {
     let members = way.members.len() as f64;
-    let alike = 1.0 / effective(way.members.iter().map(|m| m.ancestor));
+    let alike = 1.0 / effective_kinds(way.members.iter().map(|m| m.ancestor));
     let times = 1.0 + way.levels.len() as f64;
     let unlike = (members / (members - 1.0)).powf(times) * (1.0 - alike);
     (1.0 - unlike).max(0.0).sqrt()
@@ -116,7 +116,7 @@ fn of_shares(way: &Way<'_>, parent: &Run) -> f64 {
 /// Effective sizes of means by the scatter of lineages.
 fn effective_sizes(draws: &Draws, way: &Way<'_>) -> Ess {
     let weights = draws.weights();
-    let freedom = 1.0 - 1.0 / effective(draws.group.iter());
+    let freedom = 1.0 - 1.0 / effective_kinds(draws.group.iter());
     let size = |k: usize| {
         let values = draws.column(k);
         let (mean, variance) = weighted_moments(&values, &weights);
@@ -133,7 +133,7 @@ fn effective_sizes(draws: &Draws, way: &Way<'_>) -> Ess {
         }
     };
     let bulk: Vec<f64> = (0..draws.dim).map(size).collect();
-    let kish = effective(way.members.iter().map(|m| m.ancestor));
+    let kish = effective_kinds(way.members.iter().map(|m| m.ancestor));
     Ess {
         kish,
         quoted: bulk.iter().copied().fold(kish, f64::min),
