@@ -1,4 +1,4 @@
-"""Times one stream, its ln L and its gradient: StreaMAX and gala beside oblate, alternating, in one run.
+"""Times one stream, its ln L and its gradient: StreaMAX, gala and agama beside oblate, alternating, in one run.
 
     python benches/peers/streams.py target/release/oblate
 
@@ -149,13 +149,58 @@ def gala():
     return Timed(run)
 
 
+def agama():
+    """A stream by its adaptive integrator at its loosest usual accuracy, in a spherical host: one flattened in potential it has
+    not, and one flattened in density takes it several times as long."""
+    import agama
+
+    agama.setUnits(mass=1, length=1, velocity=1)
+    agama.setNumThreads(1)
+    host = agama.Potential(type="NFW", mass=10 ** POINT["log10_m_halo"], scaleRadius=POINT["r_s_halo_kpc"])
+    mass = 10 ** POINT["log10_m_prog"]
+    today = np.array([POINT[k] for k in ("x0_kpc", "vx0_km_s", "z0_kpc", "vx0_km_s", "vy0_km_s", "vz0_km_s")])
+    today[1] = 0.0
+    age = POINT["age_gyr"] * KM_S
+    random = np.random.default_rng(1)
+
+    def run():
+        times, path = agama.orbit(potential=host, ic=today, time=-age, trajsize=STEPS + 1, accuracy=1e-4)
+        x, v = path[1:, :3], path[1:, 3:]
+        r = np.linalg.norm(x, axis=1)
+        radial = x / r[:, None]
+        momentum = np.cross(x, v)
+        omega = np.linalg.norm(momentum, axis=1) / r**2
+        tangential = np.cross(momentum / np.linalg.norm(momentum, axis=1)[:, None], radial)
+        step = 1e-3 * r[:, None] * radial
+        pull = ((host.force(x + step) - host.force(x - step)) * radial).sum(1) / (2e-3 * r)
+        tidal = np.cbrt(agama.G * mass / np.abs(omega**2 + pull))
+        # Fardal et al. (2015): a tidal radius in or out, with its velocity, and their scatter.
+        n = PARTICLES // STEPS
+        side = np.tile([-1.0, 1.0], n // 2)
+        kick = random.normal([2.0, 0.3, 0.0, 0.0], [0.5, 0.5, 0.5, 0.5], size=(STEPS, n, 4))
+        unit = (tidal[:, None] * side)[..., None]
+        position = x[:, None] + unit * (kick[..., :1] * radial[:, None])
+        velocity = v[:, None] + unit * omega[:, None, None] * (kick[..., 1:2] * kick[..., :1] * tangential[:, None])
+        start = np.repeat(times[1:], n)
+        sphere = agama.Potential(
+            type="Plummer", mass=mass, scaleRadius=POINT["r_s_prog_kpc"], center=np.column_stack([times, path])[::-1]
+        )
+        agama.orbit(
+            potential=agama.Potential(host, sphere), ic=np.concatenate([position, velocity], axis=2).reshape(-1, 6),
+            timestart=start, time=-start, trajsize=1, accuracy=1e-4, verbose=False, separateTime=True,
+        )
+
+    run()
+    return Timed(run)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("oblate")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--calls", type=int, default=21, help="calls of a job at each of its turns")
-    parser.add_argument("--without", nargs="*", default=[], choices=["streamax", "gala"])
+    parser.add_argument("--without", nargs="*", default=[], choices=["streamax", "gala", "agama"])
     args = parser.parse_args()
     jobs = {
         f"oblate value, {args.threads} threads": Oblate(args.oblate, False, args.threads),
@@ -167,6 +212,8 @@ def main():
         jobs["StreaMAX value"], jobs["StreaMAX gradient"] = streamax()
     if "gala" not in args.without:
         jobs["gala stream"] = gala()
+    if "agama" not in args.without:
+        jobs["agama stream"] = agama()
     times = {name: [] for name in jobs}
     for _ in range(args.rounds + 1):
         for name, job in jobs.items():
@@ -187,8 +234,9 @@ def main():
     print(f"\noblate: {1e9 * one / (PARTICLES * STEPS):.2f} ns per particle-step and core, gradient {one_gradient / one:.2f} values")
     if "StreaMAX value" in median:
         print(f"StreaMAX / oblate, wall: value {median['StreaMAX value'] / all_:.1f}, gradient {median['StreaMAX gradient'] / all_gradient:.1f}")
-    if "gala stream" in median:
-        print(f"gala / oblate, CPU: {cpu['gala stream'] / one:.1f}")
+    for name in ("gala", "agama"):
+        if f"{name} stream" in median:
+            print(f"{name} / oblate, CPU: {cpu[f'{name} stream'] / one:.1f}")
 
 
 def cpu_name():
