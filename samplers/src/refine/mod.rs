@@ -167,6 +167,7 @@ impl Way<'_> {
             let mut z = vec![0.0; draws.dim];
             let prior = self.target.prior();
             prior.z_from_theta(draws.theta_row(row), &mut z);
+            // Rounding can put a draw on the wall of a bounded prior, where it has no coordinates.
             if z.iter().all(|z| z.is_finite()) {
                 self.members.push(Member {
                     z,
