@@ -44,6 +44,30 @@ pub fn weighted_moments(values: &[f64], weights: &[f64]) -> (f64, f64) {
     (mean, variance)
 }
 
+/// Effective size of the mean of `values` with weights that add up to 1: its variance over that of the mean by the scatter of
+/// groups of dependent rows, of each of which the summed deviation is one number. A few scatter less about their common mean than
+/// about the truth, one alone not at all: 0 then.
+#[must_use]
+pub fn size_of_mean(values: &[f64], weights: &[f64], groups: &[u32]) -> f64 {
+    let count = groups.iter().max().map_or(0, |last| *last as usize + 1);
+    let by_group = |numbers: &mut dyn Iterator<Item = f64>| {
+        let mut sums = vec![0.0; count];
+        for (group, number) in groups.iter().zip(numbers) {
+            sums[*group as usize] += number;
+        }
+        sums
+    };
+    let freedom = 1.0 - 1.0 / effective_number(by_group(&mut weights.iter().copied()));
+    // One alone has no scatter but that of rounding.
+    if freedom < 1e-9 {
+        return 0.0;
+    }
+    let (mean, variance) = weighted_moments(values, weights);
+    let mut deviations = values.iter().zip(weights).map(|(x, w)| w * (x - mean));
+    let scatter: f64 = by_group(&mut deviations).iter().map(|s| s * s).sum();
+    variance * freedom / scatter
+}
+
 /// Probability that the scatter of `count` values about their common mean, in chi-square, is at least this by chance.
 #[must_use]
 pub fn chance_of_scatter(chi2: f64, count: usize) -> f64 {
@@ -91,6 +115,15 @@ pub fn ln_sum_exp(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn means_are_as_many_draws_as_their_groups_scatter() {
+        // Four rows of equal weight: two groups, of which each has both values, or one value, or all are of one.
+        let sizes = [[0, 0, 1, 1], [0, 1, 0, 1], [0; 4]]
+            .map(|groups| size_of_mean(&[1.0, 3.0, 1.0, 3.0], &[0.25; 4], &groups));
+        assert!(sizes[0].is_infinite() && (sizes[1] - 1.0).abs() < 1e-12);
+        assert!(sizes[2].abs() < 1e-12);
+    }
 
     #[test]
     fn effective_numbers_count_equal_shares_and_fall_with_unequal_ones() {

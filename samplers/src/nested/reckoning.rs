@@ -4,7 +4,7 @@ use super::evidence::{History, Weighted};
 use super::gates::Measured;
 use super::live::{REJECTED, lineages};
 use super::settings::Settings;
-use crate::diagnostics::{kish_ess, weighted_moments};
+use crate::diagnostics::{kish_ess, size_of_mean};
 use crate::error::Result;
 use crate::output::{Draws, Ess, Evidence, Origin, Path};
 use crate::target::Target;
@@ -58,7 +58,7 @@ impl Reckoning {
         let sizes = (0..dim)
             .map(|k| {
                 let column: Vec<f64> = history.order.iter().map(|&i| theta[i * dim + k]).collect();
-                size_of_mean(&history, &weighted, &column)
+                size_of_mean(&column, &weighted.p, &history.lineages.of)
             })
             .collect();
         Self {
@@ -183,21 +183,6 @@ fn of_ancestry(history: &History, weighted: &Weighted, founders: usize, n_live: 
     (alike - by_chance).max(0.0).sqrt()
 }
 
-/// Effective size of a column's mean: its variance over that of the mean by the scatter of lineages, of each of which the summed
-/// deviation of its draws is one number. A few scatter less about their common mean than about the truth, one alone not at all.
-fn size_of_mean(history: &History, weighted: &Weighted, column: &[f64]) -> f64 {
-    let freedom = 1.0 - 1.0 / history.effective_lineages(weighted);
-    // One alone has no scatter but that of rounding.
-    if freedom < 1e-9 {
-        return 0.0;
-    }
-    let (mean, variance) = weighted_moments(column, &weighted.p);
-    let rows = column.iter().zip(&weighted.p);
-    let sums = history.lineages.sums(rows.map(|(x, p)| p * (x - mean)));
-    let scatter: f64 = sums.iter().map(|s| s * s).sum();
-    variance * freedom / scatter
-}
-
 fn named<const N: usize>(pairs: [(&str, f64); N]) -> BTreeMap<String, f64> {
     pairs.map(|(name, value)| (name.to_owned(), value)).into()
 }
@@ -250,20 +235,5 @@ mod tests {
             error(2)
         );
         assert!((error(1) - (1.0_f64 - 0.1335).sqrt()).abs() < 2e-3);
-    }
-
-    #[test]
-    fn means_are_as_many_draws_as_their_lineages_scatter() {
-        // Four points of equal weight: two lineages, of which each has both values, or one value, or all are of one.
-        let sizes = [[0, 0, 1, 1], [0, 1, 0, 1], [0; 4]].map(|lineages: [u32; 4]| {
-            let history = History::new(&[0.0; 4], &[-1.0; 4], &lineages.map(Kin::from));
-            let weighted = Weighted {
-                p: vec![0.25; 4],
-                ..Weighted::default()
-            };
-            size_of_mean(&history, &weighted, &[1.0, 3.0, 1.0, 3.0])
-        });
-        assert!(sizes[0].is_infinite() && (sizes[1] - 1.0).abs() < 1e-12);
-        assert!(sizes[2].abs() < 1e-12);
     }
 }

@@ -1,7 +1,7 @@
 //! From the end of the way to a result, and whether to believe it.
 
 use super::{Level, Way};
-use crate::diagnostics::{effective_kinds, weighted_moments};
+use crate::diagnostics::{effective_kinds, size_of_mean};
 use crate::error::Result;
 use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
@@ -116,23 +116,11 @@ fn of_shares(way: &Way<'_>, parent: &Run) -> f64 {
 /// Effective sizes of means by the scatter of lineages.
 fn effective_sizes(draws: &Draws, way: &Way<'_>) -> Ess {
     let weights = draws.weights();
-    let freedom = 1.0 - 1.0 / effective_kinds(draws.group.iter());
-    let size = |k: usize| {
-        let values = draws.column(k);
-        let (mean, variance) = weighted_moments(&values, &weights);
-        let mut sums: BTreeMap<u32, f64> = BTreeMap::new();
-        for ((lineage, value), weight) in draws.group.iter().zip(values).zip(&weights) {
-            *sums.entry(*lineage).or_default() += weight * (value - mean);
-        }
-        let scatter: f64 = sums.values().map(|s| s * s).sum();
-        // One lineage alone has no scatter but that of rounding.
-        if freedom < 1e-9 {
-            0.0
-        } else {
-            variance * freedom / scatter
-        }
-    };
-    let bulk: Vec<f64> = (0..draws.dim).map(size).collect();
+    // A parameter whose groups agree by chance is not known better than by every draw.
+    let most = draws.len() as f64;
+    let bulk: Vec<f64> = (0..draws.dim)
+        .map(|k| size_of_mean(&draws.column(k), &weights, &draws.group).min(most))
+        .collect();
     let kish = effective_kinds(way.members.iter().map(|m| m.ancestor));
     Ess {
         kish,
