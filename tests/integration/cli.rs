@@ -528,7 +528,14 @@ fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
             // No time at all: a result all the same, which says what it is and may go on.
             let spent = of(&args(&name, &["--resume", "--max-minutes", "0"]));
             assert_eq!(spent["converged"], false);
-            assert_ne!(spent["ln_z"], expected["ln_z"]);
+            // The last kill may have come between the run's end and its summary.
+            let over = spent["status"] == "complete";
+            assert!(
+                over || spent["status"] == "budget-spent",
+                "{}",
+                spent["status"]
+            );
+            assert_eq!(spent["ln_z"] == expected["ln_z"], over);
         }
         let resumed = of(&args(&name, &["--resume"]));
         for key in ["ln_z", "ess", "parameters", "gates"] {
