@@ -44,27 +44,32 @@ pub fn weighted_moments(values: &[f64], weights: &[f64]) -> (f64, f64) {
     (mean, variance)
 }
 
+/// Sums over each group of one number per row; `groups` says of which each row is, counted from 0.
+#[must_use]
+pub fn sums_by_group(groups: &[u32], numbers: impl Iterator<Item = f64>) -> Vec<f64> {
+    let count = groups.iter().max().map_or(0, |last| *last as usize + 1);
+    let mut sums = vec![0.0; count];
+    for (group, number) in groups.iter().zip(numbers) {
+        sums[*group as usize] += number;
+    }
+    sums
+}
+
 /// Effective size of the mean of `values` with weights that add up to 1: its variance over that of the mean by the scatter of
 /// groups of dependent rows, of each of which the summed deviation is one number. A few scatter less about their common mean than
 /// about the truth, one alone not at all: 0 then.
 #[must_use]
 pub fn size_of_mean(values: &[f64], weights: &[f64], groups: &[u32]) -> f64 {
-    let count = groups.iter().max().map_or(0, |last| *last as usize + 1);
-    let by_group = |numbers: &mut dyn Iterator<Item = f64>| {
-        let mut sums = vec![0.0; count];
-        for (group, number) in groups.iter().zip(numbers) {
-            sums[*group as usize] += number;
-        }
-        sums
-    };
-    let freedom = 1.0 - 1.0 / effective_number(by_group(&mut weights.iter().copied()));
+    let shares = sums_by_group(groups, weights.iter().copied());
+    let freedom = 1.0 - 1.0 / effective_number(shares);
     // One alone has no scatter but that of rounding.
     if freedom < 1e-9 {
         return 0.0;
     }
     let (mean, variance) = weighted_moments(values, weights);
-    let mut deviations = values.iter().zip(weights).map(|(x, w)| w * (x - mean));
-    let scatter: f64 = by_group(&mut deviations).iter().map(|s| s * s).sum();
+    let deviations = values.iter().zip(weights).map(|(x, w)| w * (x - mean));
+    let sums = sums_by_group(groups, deviations);
+    let scatter: f64 = sums.iter().map(|s| s * s).sum();
     variance * freedom / scatter
 }
 

@@ -6,7 +6,7 @@
 //! the one of Z is.
 
 use super::live::{Kin, Points};
-use crate::diagnostics::{effective_number, ln_sum_exp};
+use crate::diagnostics::{effective_number, ln_sum_exp, sums_by_group};
 use crate::rng::{Domain, stream, unit_open};
 use rayon::prelude::*;
 
@@ -46,15 +46,6 @@ impl Groups {
     fn new(of: Vec<u32>) -> Self {
         let count = of.iter().map(|g| *g as usize + 1).max().unwrap_or(0);
         Self { of, count }
-    }
-
-    /// Sums over each group of one number per point.
-    pub fn sums(&self, values: impl Iterator<Item = f64>) -> Vec<f64> {
-        let mut sums = vec![0.0; self.count];
-        for (group, value) in self.of.iter().zip(values) {
-            sums[*group as usize] += value;
-        }
-        sums
     }
 }
 
@@ -197,7 +188,7 @@ impl History {
 
     /// How many lineages of equal shares of the posterior would be as unlike each other as these are.
     pub fn effective_lineages(&self, weighted: &Weighted) -> f64 {
-        effective_number(self.lineages.sums(weighted.p.iter().copied()))
+        effective_number(sums_by_group(&self.lineages.of, weighted.p.iter().copied()))
     }
 
     /// ln Z from the clans of even and of odd number.

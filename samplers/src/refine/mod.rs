@@ -202,7 +202,7 @@ impl Way<'_> {
 
     /// One step: weights, members taken anew, slices.
     fn step(&mut self) -> Result<()> {
-        let cooling = Cooling::new(self.members.iter().map(|m| m.fine - m.coarse).collect());
+        let cooling = Cooling::new(self.gaps());
         let left = 1.0 - self.share;
         let step = cooling.longest_step(left);
         // A step of almost all that is left takes it all: what remains weighs nothing.
@@ -216,16 +216,20 @@ impl Way<'_> {
         let uniform = unit_open(&mut stream(self.seed, Domain::Refine, level, RESAMPLING));
         let drawn = cooling.resample(step, uniform).into_iter();
         self.members = drawn.map(|i| self.members[i].clone()).collect();
-        let before: Vec<f64> = self.members.iter().map(|m| m.fine - m.coarse).collect();
+        let before = self.gaps();
         self.sweep(level)?;
-        let after: Vec<f64> = self.members.iter().map(|m| m.fine - m.coarse).collect();
         self.levels.push(Level {
             share: self.share,
             ln_ratio: self.ln_ratio,
             ancestors: effective_kinds(self.members.iter().map(|m| m.ancestor)),
-            echo: correlation(&before, &after),
+            echo: correlation(&before, &self.gaps()),
         });
         Ok(())
+    }
+
+    /// ln L of the fine likelihood over the coarse one of every member.
+    fn gaps(&self) -> Vec<f64> {
+        self.members.iter().map(|m| m.fine - m.coarse).collect()
     }
 
     /// Moves every member by slices of the present law.

@@ -1,11 +1,10 @@
 //! From the end of the way to a result, and whether to believe it.
 
 use super::{Level, Way};
-use crate::diagnostics::{effective_kinds, size_of_mean};
+use crate::diagnostics::{effective_kinds, size_of_mean, sums_by_group};
 use crate::error::Result;
 use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
-use std::collections::BTreeMap;
 
 /// The result of a way that has been walked to its end.
 pub(super) fn assemble(
@@ -16,7 +15,7 @@ pub(super) fn assemble(
 ) -> Result<Run> {
     let prior = way.target.prior();
     let draws = draws(way)?;
-    let evidence = evidence(way, parent);
+    let evidence = evidence(way, &draws, parent);
     let ess = effective_sizes(&draws, way);
     let gates = gates(parent, &evidence, &ess);
     Ok(Run {
@@ -67,12 +66,12 @@ fn draws(way: &Way<'_>) -> Result<Draws> {
     Ok(draws)
 }
 
-fn evidence(way: &Way<'_>, parent: &Run) -> Evidence {
+fn evidence(way: &Way<'_>, draws: &Draws, parent: &Run) -> Evidence {
     let ln_z = parent.evidence.ln_z + way.ln_ratio;
     let parts = [
         ("parent", parent.evidence.error),
         ("weights", of_ancestry(way)),
-        ("shares", of_shares(way, parent)),
+        ("shares", of_shares(draws, &parent.draws)),
     ];
     let members = way.members.len() as f64;
     let mean = way.members.iter().map(|m| m.fine).sum::<f64>() / members;
@@ -97,20 +96,20 @@ fn of_ancestry(way: &Way<'_>) -> f64 {
 
 /// What the way has moved between the parent's lineages, of each of which the parent knows its share to about a factor: the
 /// parent's own error does not see it.
-fn of_shares(way: &Way<'_>, parent: &Run) -> f64 {
-    let mut moved: BTreeMap<u32, f64> = BTreeMap::new();
-    for member in &way.members {
-        *moved.entry(member.lineage).or_default() += 1.0 / way.members.len() as f64;
-    }
-    let group = &parent.draws.group;
-    if group.iter().all(|g| *g == group[0]) {
+fn of_shares(draws: &Draws, parent: &Draws) -> f64 {
+    if parent.group.iter().all(|g| *g == parent.group[0]) {
         // Independent draws: the weights' own error says it all.
         return 0.0;
     }
-    for (lineage, weight) in group.iter().zip(parent.draws.weights()) {
-        *moved.entry(*lineage).or_default() -= weight;
-    }
-    moved.values().map(|m| m * m).sum::<f64>().sqrt()
+    let shares = |draws: &Draws| sums_by_group(&draws.group, draws.weights().into_iter());
+    // A lineage without a member is not among the last ones here.
+    let (here, there) = (shares(draws), shares(parent));
+    let here = here.into_iter().chain(std::iter::repeat(0.0));
+    let moved = there
+        .into_iter()
+        .zip(here)
+        .map(|(there, here)| here - there);
+    moved.map(|m| m * m).sum::<f64>().sqrt()
 }
 
 /// Effective sizes of means by the scatter of lineages.
