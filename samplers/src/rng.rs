@@ -26,6 +26,8 @@ pub enum Domain {
     PtSwap = 17,
     /// One member of an annealed population; task = ladder * 2^20 + member, index = sweep.
     PtAnneal = 18,
+    /// The mixture that a tempered run begins its path at; task = scan, index = components.
+    PtReference = 19,
     /// Importance sampling from a mixture; task says what for, index = draw.
     Boost = 24,
     /// Refinement of a run; task = level, index = member.

@@ -6,7 +6,6 @@
 //! effective draw; on thin or rough ones the mixture misses what matters, and the gates say so: the tail index of the
 //! weights (Vehtari et al. 2024), agreement with the parent run on ln Z and on the share of every component.
 
-mod mixture;
 mod outcome;
 mod settings;
 
@@ -16,12 +15,12 @@ use crate::control::{Control, Event};
 use crate::diagnostics::{kish_ess, ln_sum_exp};
 use crate::error::{Error, Result};
 use crate::hmc::Evaluator;
+use crate::mixture::{Mixture, Rows};
 use crate::normal;
 use crate::output::{Run, Status};
 use crate::rng::{Domain, standard_normal, stream, unit_open};
 use crate::target::Target;
 use cpu_time::ProcessTime;
-use mixture::{Mixture, Rows};
 use std::time::Instant;
 
 /// Draws that are made between two looks at budget and interrupt.
@@ -148,24 +147,8 @@ fn fit(target: &dyn Target, parent: &Run, settings: &Settings, seed: u64) -> Res
             target.dim()
         ),
     };
-    if few < 10 * target.dim() {
-        return Err(refuse());
-    }
     let rng = |count: usize| stream(seed, Domain::Boost, CENTRES, count as u64);
-    let mut best: Option<(f64, usize)> = None;
-    let mut count = 1;
-    // A component needs draws to have a shape.
-    while count <= settings.max_components && count * target.dim() <= few {
-        if let Some(mixture) = Mixture::fit(&first, count, &mut rng(count)) {
-            let score = mixture.mean_ln_density(&second);
-            if best.is_none_or(|(known, _)| score > known) {
-                best = Some((score, count));
-            }
-        }
-        count *= 2;
-    }
-    let count = best.ok_or_else(refuse)?.1;
-    Mixture::fit(&first.with(&second), count, &mut rng(count)).ok_or_else(refuse)
+    Mixture::choose([&first, &second], settings.max_components, rng).ok_or_else(refuse)
 }
 
 /// Two halves of a run's draws, equally weighted, in standard-normal coordinates: even and odd groups, or rows where there are

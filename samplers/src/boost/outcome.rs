@@ -1,10 +1,10 @@
 //! From weighted points to a result, and whether to believe it.
 
-use super::mixture::Mixture;
 use super::{Weighted, normals};
 use crate::diagnostics::{Tail, kish_ess, ln_sum_exp, weighted_moments};
 use crate::error::Result;
 use crate::hmc::{Evaluator, Tally};
+use crate::mixture::Mixture;
 use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;

@@ -1,12 +1,13 @@
 //! Jumps that the target's author knows: involutions with a Metropolis test, orbits with an exact redraw.
 
+use super::point::ln_density;
 use super::{Evaluator, Point, inside};
 use crate::error::Result;
 use crate::rng::{Stream, unit_open};
 use crate::target::{Involution, Orbit};
 
 /// Proposes the image of `at` under a self-inverse map and accepts it with probability
-/// `min(1, exp{beta (l(Jz) - l(z)) - (|Jz|^2 - |z|^2) / 2 + ln|det J|})`: exact whether or not the posterior is
+/// `min(1, |det J| pi_beta(Jz) / pi_beta(z))`: exact whether or not the posterior is
 /// symmetric. Costs one value; true if accepted (the gradient is then unknown).
 ///
 /// # Errors
@@ -30,13 +31,13 @@ pub fn jump(
     if ln_likelihood == f64::NEG_INFINITY {
         return Ok(false);
     }
-    let square = |z: &[f64]| z.iter().map(|z| z * z).sum::<f64>();
-    let ln_ratio =
-        beta * (ln_likelihood - at.ln_likelihood) - 0.5 * (square(&image) - square(&at.z)) + ln_det;
+    let tilt = evaluator.reference().tilt(&image);
+    let ln_ratio = ln_density(beta, &image, ln_likelihood, tilt) - at.ln_density(beta) + ln_det;
     let accepted = uniform.ln() < ln_ratio;
     if accepted {
         at.z = image;
         at.ln_likelihood = ln_likelihood;
+        at.tilt = tilt;
         at.has_gradient = false;
     }
     Ok(accepted)
@@ -44,12 +45,25 @@ pub fn jump(
 
 /// Redraws the position of `at` along an orbit. The likelihood is unchanged and not called; the gradient at the new
 /// point is unknown and is computed, and counted, by the next move that needs it. A draw outside the target's walls
-/// leaves the point where it was, which is the Metropolis rule for such a draw.
-pub fn refresh(evaluator: &Evaluator<'_>, orbit: &dyn Orbit, at: &mut Point, rng: &mut Stream) {
+/// leaves the point where it was, which is the Metropolis rule for such a draw. So may one to where the reference has less
+/// than the prior: the orbit is redrawn by the prior, and a path from elsewhere weighs the draw by its tilt.
+pub fn refresh(
+    evaluator: &Evaluator<'_>,
+    orbit: &dyn Orbit,
+    beta: f64,
+    at: &mut Point,
+    rng: &mut Stream,
+) {
     let mut image = at.z.clone();
     orbit.refresh(&mut image, rng);
-    if image.iter().all(|z| z.is_finite()) && inside(evaluator.target().walls(), &image) {
+    if image.iter().any(|z| !z.is_finite()) || !inside(evaluator.target().walls(), &image) {
+        return;
+    }
+    let reference = evaluator.reference();
+    let tilt = reference.tilt(&image);
+    if reference.is_prior() || unit_open(rng).ln() < (1.0 - beta) * (tilt - at.tilt) {
         at.z = image;
+        at.tilt = tilt;
         at.has_gradient = false;
     }
 }

@@ -81,9 +81,16 @@ impl<'t, 'm> Explorer<'t, 'm> {
     /// An explorer of `N(z; 0, I) L(z)^beta` inside the target's walls.
     #[must_use]
     pub fn new(target: &'t dyn Target, beta: f64, metric: &'m Metric) -> Self {
+        Self::of(Evaluator::new(target), beta, metric)
+    }
+
+    /// An explorer of the density at `beta` on the path of an evaluator.
+    #[must_use]
+    pub fn of(evaluator: Evaluator<'t>, beta: f64, metric: &'m Metric) -> Self {
+        let target = evaluator.target();
         let dim = target.dim();
         Self {
-            evaluator: Evaluator::new(target),
+            evaluator,
             momentum: vec![0.0; dim],
             end: Point::new(dim),
             beta,
@@ -206,9 +213,9 @@ impl<'t, 'm> Explorer<'t, 'm> {
         })
     }
 
-    /// `-beta l + |z|^2 / 2` at the present end.
+    /// Minus the log density at the present end.
     fn potential(&self) -> f64 {
-        0.5 * dot(&self.end.z, &self.end.z) - self.beta * self.end.ln_likelihood
+        -self.end.ln_density(self.beta)
     }
 
     /// The potential and `|r|^2 / 2`.
@@ -224,6 +231,9 @@ impl<'t, 'm> Explorer<'t, 'm> {
             .zip(&self.end.z)
         {
             *f = self.beta * g - z;
+        }
+        for (f, tilt) in self.force.iter_mut().zip(&self.end.tilt_gradient) {
+            *f += (1.0 - self.beta) * tilt;
         }
         self.metric
             .whiten_force(&self.force, &mut self.whitened_force);

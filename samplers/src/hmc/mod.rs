@@ -1,4 +1,4 @@
-//! Local moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta`: one Hamiltonian trajectory, its metric, its
+//! Local moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta` (or from another [`Reference`] than the prior): one Hamiltonian trajectory, its metric, its
 //! step size; a slice of a line where gradients do not help; and the jumps that a target's author knows.
 //!
 //! Everything works in standard-normal coordinates and in whitened momenta `r = L' p`, where `L L' = V` is the
@@ -10,6 +10,7 @@ mod leapfrog;
 mod metric;
 mod moments;
 mod point;
+mod reference;
 mod slice;
 mod step_size;
 mod walls;
@@ -19,6 +20,7 @@ pub use leapfrog::{End, Explorer, Moved, Plan, shorten};
 pub use metric::{Metric, MetricKind, geodesic};
 pub use moments::Moments;
 pub use point::{Evaluator, Point, Tally};
+pub use reference::Reference;
 pub use slice::{explore_by_slices, slice};
 pub use step_size::{MAX_STEP, StepSize};
 pub use walls::inside;

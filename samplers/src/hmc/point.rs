@@ -1,7 +1,8 @@
 //! Where a chain stands, and the target seen from standard-normal coordinates, with every call counted.
 
+use super::reference::{PRIOR, Reference};
 use crate::error::{Error, Result};
-use crate::rng::{Stream, standard_normal};
+use crate::rng::Stream;
 use crate::target::{Cause, Outcome, Target};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -15,8 +16,12 @@ pub struct Point {
     pub ln_likelihood: f64,
     /// Gradient of ln L with respect to `z`; of no meaning unless [`has_gradient`](Self::has_gradient).
     pub gradient: Vec<f64>,
-    /// Whether the gradient belongs to `z`: moves that need none do not pay for it.
+    /// Whether the gradients belong to `z`: moves that need none do not pay for them.
     pub has_gradient: bool,
+    /// [`Reference::tilt`] there.
+    pub tilt: f64,
+    /// Its gradient; empty on a path from the prior, and of no meaning unless [`has_gradient`](Self::has_gradient).
+    pub tilt_gradient: Vec<f64>,
 }
 
 impl Point {
@@ -28,7 +33,21 @@ impl Point {
             ln_likelihood: f64::NEG_INFINITY,
             gradient: vec![0.0; dim],
             has_gradient: false,
+            tilt: 0.0,
+            tilt_gradient: Vec::new(),
         }
+    }
+
+    /// Log density at an inverse temperature, up to a constant of the temperature.
+    #[must_use]
+    pub fn ln_density(&self, beta: f64) -> f64 {
+        ln_density(beta, &self.z, self.ln_likelihood, self.tilt)
+    }
+
+    /// ln of prior times likelihood over the reference: what swaps and evidences weigh.
+    #[must_use]
+    pub fn ln_ratio(&self) -> f64 {
+        self.ln_likelihood - self.tilt
     }
 
     /// Takes over another point of the same dimension without allocating.
@@ -37,7 +56,14 @@ impl Point {
         self.ln_likelihood = other.ln_likelihood;
         self.gradient.copy_from_slice(&other.gradient);
         self.has_gradient = other.has_gradient;
+        self.tilt = other.tilt;
+        self.tilt_gradient.clone_from(&other.tilt_gradient);
     }
+}
+
+/// Log density at an inverse temperature, up to a constant of the temperature, where ln L and tilt are known.
+pub(super) fn ln_density(beta: f64, z: &[f64], ln_likelihood: f64, tilt: f64) -> f64 {
+    beta * ln_likelihood + (1.0 - beta) * tilt - 0.5 * z.iter().map(|z| z * z).sum::<f64>()
 }
 
 /// Likelihood calls and rejections.
@@ -83,6 +109,7 @@ impl Tally {
 /// A target in standard-normal coordinates, owned by one task: it counts and keeps its scratch space.
 pub struct Evaluator<'a> {
     target: &'a dyn Target,
+    reference: &'a Reference,
     theta: Vec<f64>,
     calls: u64,
     gradients: u64,
@@ -90,11 +117,18 @@ pub struct Evaluator<'a> {
 }
 
 impl<'a> Evaluator<'a> {
-    /// An evaluator with counts at zero.
+    /// An evaluator with counts at zero, for a path from the prior.
     #[must_use]
     pub fn new(target: &'a dyn Target) -> Self {
+        Self::from_reference(target, PRIOR)
+    }
+
+    /// An evaluator with counts at zero, for a path from `reference`.
+    #[must_use]
+    pub fn from_reference(target: &'a dyn Target, reference: &'a Reference) -> Self {
         Self {
             target,
+            reference,
             theta: vec![0.0; target.dim()],
             calls: 0,
             gradients: 0,
@@ -106,6 +140,12 @@ impl<'a> Evaluator<'a> {
     #[must_use]
     pub fn target(&self) -> &'a dyn Target {
         self.target
+    }
+
+    /// Where the path begins.
+    #[must_use]
+    pub fn reference(&self) -> &'a Reference {
+        self.reference
     }
 
     /// ln L at `z`; minus infinity if rejected.
@@ -140,7 +180,7 @@ impl<'a> Evaluator<'a> {
             .collect()
     }
 
-    /// Fills ln L and gradient of `point` at its `z`; ln L is minus infinity if rejected, also where a slope is not
+    /// Fills ln L, tilt and gradients of `point` at its `z`; ln L is minus infinity if rejected, also where a slope is not
     /// finite.
     ///
     /// # Errors
@@ -154,6 +194,9 @@ impl<'a> Evaluator<'a> {
             .ln_likelihood_and_gradient(&self.theta, &mut point.gradient);
         self.note(&outcome);
         point.ln_likelihood = outcome.ln_likelihood(&self.theta)?;
+        point.tilt = self
+            .reference
+            .tilt_and_gradient(&point.z, &mut point.tilt_gradient);
         point.has_gradient = point.ln_likelihood > f64::NEG_INFINITY;
         if point.has_gradient {
             prior.gradient_to_z(&point.z, &mut point.gradient);
@@ -166,14 +209,14 @@ impl<'a> Evaluator<'a> {
         Ok(())
     }
 
-    /// Draws `z` from the prior inside the target's walls; no likelihood call.
+    /// Draws `z` from the reference inside the target's walls; no likelihood call.
     ///
     /// # Errors
-    /// [`Error::NoStart`] if the walls leave next to nothing of the prior.
-    pub fn draw_prior(&self, z: &mut [f64], rng: &mut Stream) -> Result<()> {
+    /// [`Error::NoStart`] if the walls leave next to nothing of the reference.
+    pub fn draw_reference(&self, z: &mut [f64], rng: &mut Stream) -> Result<()> {
         const TRIES: usize = 1_000_000;
         for _ in 0..TRIES {
-            z.iter_mut().for_each(|z| *z = standard_normal(rng));
+            self.reference.draw(z, rng);
             if super::inside(self.target.walls(), z) {
                 return Ok(());
             }

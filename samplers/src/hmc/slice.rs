@@ -3,6 +3,7 @@
 //! Where a likelihood is rough at the scale of a leapfrog step (a stream of a thousand particles is), no step is short
 //! enough for a Hamiltonian path, but a slice finds the width that is left by itself, and costs values alone.
 
+use super::point::ln_density;
 use super::{Evaluator, Metric, Point, inside, jump, refresh};
 use crate::error::Result;
 use crate::neighbours::{Neighbours, Pair};
@@ -45,7 +46,7 @@ fn direction(
     None
 }
 
-/// Moves `at` to a draw from a slice of `N(z; 0, I) L(z)^beta` on a line through it: a level under the present density,
+/// Moves `at` to a draw from a slice of the density at `beta` on a line through it: a level under the present density,
 /// an interval about the point at a random offset, then draws from it, which shrinks to each draw that lies below the
 /// level. Along a pair of the pool's points it stays in the pair's cell ([`Neighbours`]); the pool does not change while a
 /// chain uses it. The gradient at the new point is unknown.
@@ -63,8 +64,7 @@ pub fn slice(
     let orbit = Symmetry::first_orbit(evaluator.target().symmetries());
     let mut along = vec![0.0; at.z.len()];
     let pair = direction(pool, metric, orbit, &at.z, rng, &mut along);
-    let ln_density = |z: &[f64], l: f64| beta * l - 0.5 * z.iter().map(|z| z * z).sum::<f64>();
-    let level = ln_density(&at.z, at.ln_likelihood) + unit_open(rng).ln();
+    let level = at.ln_density(beta) + unit_open(rng).ln();
     let mut left = -WIDTH * unit_open(rng);
     let mut right = left + WIDTH;
     let mut trial = at.z.clone();
@@ -77,9 +77,11 @@ pub fn slice(
         let held = pair.is_none_or(|pair| pool.holds(&pair, &trial, orbit));
         if held && inside(evaluator.target().walls(), &trial) {
             let l = evaluator.value(&trial)?;
-            if ln_density(&trial, l) > level {
+            let tilt = evaluator.reference().tilt(&trial);
+            if ln_density(beta, &trial, l, tilt) > level {
                 at.z = trial;
                 at.ln_likelihood = l;
+                at.tilt = tilt;
                 at.has_gradient = false;
                 return Ok(());
             }
@@ -94,7 +96,7 @@ pub fn slice(
 }
 
 /// The target's declared moves, orbits redrawn and involutions tried with probability 1/2, and this many slices, each
-/// after a redraw along the orbits.
+/// after a redraw along the orbits; `visit` sees the point after each.
 ///
 /// # Errors
 /// As [`slice()`].
@@ -106,6 +108,7 @@ pub fn explore_by_slices(
     slices: usize,
     at: &mut Point,
     rng: &mut Stream,
+    mut visit: impl FnMut(&Point),
 ) -> Result<()> {
     for symmetry in evaluator.target().symmetries() {
         if let Symmetry::Involution(map) = symmetry
@@ -114,19 +117,20 @@ pub fn explore_by_slices(
             jump(evaluator, map.as_ref(), beta, at, rng)?;
         }
     }
-    redraw(evaluator, at, rng);
+    redraw(evaluator, beta, at, rng);
     for _ in 0..slices {
         slice(evaluator, beta, metric, pool, at, rng)?;
-        redraw(evaluator, at, rng);
+        redraw(evaluator, beta, at, rng);
+        visit(at);
     }
     Ok(())
 }
 
 /// The position along every orbit, afresh.
-fn redraw(evaluator: &Evaluator<'_>, at: &mut Point, rng: &mut Stream) {
+fn redraw(evaluator: &Evaluator<'_>, beta: f64, at: &mut Point, rng: &mut Stream) {
     for symmetry in evaluator.target().symmetries() {
         if let Symmetry::Orbit(orbit) = symmetry {
-            refresh(evaluator, orbit.as_ref(), at, rng);
+            refresh(evaluator, orbit.as_ref(), beta, at, rng);
         }
     }
 }

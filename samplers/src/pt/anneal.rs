@@ -249,6 +249,7 @@ impl Annealing {
                     1,
                     &mut point,
                     &mut rng,
+                    |_| (),
                 )?;
                 Ok((point, evaluator))
             })

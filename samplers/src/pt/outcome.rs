@@ -29,6 +29,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
         mode_agreement: modes(state, dim),
         slices: state.slices(),
     });
+    let draws = draws(target, state)?;
     Ok(Run {
         method: Method::PtHmc,
         status,
@@ -37,8 +38,8 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
         names: target.prior().names().to_vec(),
         units: target.prior().units().to_vec(),
         derived_names: target.derived_names(),
-        draws: draws(target, state)?,
-        evidence: evidence(state, estimate),
+        evidence: evidence(&draws, estimate),
+        draws,
         ess,
         cost: Cost {
             calls: state.tally.calls,
@@ -62,19 +63,20 @@ fn draws(target: &dyn Target, state: &State) -> Result<Draws> {
     let mut theta = vec![0.0; target.dim()];
     for (chain, rows) in (0_u32..).zip(&state.record.draws) {
         let trace = state.record.traces.of(chain as usize, cold);
-        for (z, ln_l) in rows.chunks_exact(target.dim()).zip(trace) {
+        for (z, ln_ratio) in rows.chunks_exact(target.dim()).zip(trace) {
             target.prior().theta_from_z(z, &mut theta);
+            let ln_l = ln_ratio + state.reference.tilt(z);
             let group = chain % families;
             let origin = Origin { chain, group };
-            draws.push(target, &theta, *ln_l, ln_weight, origin)?;
+            draws.push(target, &theta, ln_l, ln_weight, origin)?;
         }
     }
     Ok(draws)
 }
 
-fn evidence(state: &State, estimate: Estimate) -> Evidence {
+fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
     let error = estimate.error();
-    let (mean, _) = state.record.traces.moments(state.rungs.len() - 1);
+    let mean = draws.ln_likelihood.iter().sum::<f64>() / draws.len() as f64;
     let mut estimates = vec![
         ("bennett".to_owned(), estimate.ln_z),
         ("forward".to_owned(), estimate.forward),
@@ -218,6 +220,12 @@ fn warnings(state: &State) -> Vec<String> {
             "stopped in round {}, which still adapts: draws and evidence are provisional; resume the run to finish it",
             state.round + 1
         ));
+    }
+    if state.mixture_due() && state.reference.is_prior() {
+        warnings.push(
+            "too few draws for a mixture: the ladders begin at the prior; raise `first_scans`, `rounds` or `ladders`"
+                .to_owned(),
+        );
     }
     for (rung, rejection) in state.rungs.iter().zip(state.record.mean_rejection()) {
         if state.is_last_round() && rejection > SLOW_GAP {

@@ -67,6 +67,8 @@ pub(super) struct Record {
     pub(super) draws: Vec<Vec<f64>>,
     /// States at each temperature, of the ladders of each family, one after the other: the next round's pools of directions.
     pub(super) visits: Vec<Vec<Vec<f64>>>,
+    /// Where each ladder has been at beta = 1, every move of every scan, in a round that a mixture is fitted to.
+    pub(super) trails: Vec<Vec<f64>>,
     /// Scans from one remembered state to the next.
     visit_every: usize,
     /// One per temperature.
@@ -91,6 +93,7 @@ impl Record {
         Self {
             traces: Traces::new(ladders, rungs),
             draws: vec![Vec::new(); ladders],
+            trails: vec![Vec::new(); ladders],
             visits: vec![vec![Vec::new(); families]; rungs],
             visit_every: (scans * ladders).div_ceil(2 * MOST_VISITS),
             locals: vec![Local::default(); rungs],
@@ -111,10 +114,10 @@ impl Record {
         let mut hotter: Option<f64> = None;
         let mut score = Vec::new();
         for (rung, point) in points.enumerate() {
-            self.traces.push(ladder, rung, point.ln_likelihood);
+            self.traces.push(ladder, rung, point.ln_ratio());
             if let Some(l_hot) = hotter {
                 let gap = beta[rung] - beta[rung - 1];
-                self.rejection[rung - 1] += 1.0 - swap::acceptance(gap, l_hot, point.ln_likelihood);
+                self.rejection[rung - 1] += 1.0 - swap::acceptance(gap, l_hot, point.ln_ratio());
             }
             if point.has_gradient {
                 score.clear();
@@ -125,6 +128,9 @@ impl Record {
                         .zip(&point.z)
                         .map(|(g, z)| beta[rung] * g - z),
                 );
+                for (score, tilt) in score.iter_mut().zip(&point.tilt_gradient) {
+                    *score += (1.0 - beta[rung]) * tilt;
+                }
                 shorten(&mut score, LONGEST_SCORE);
                 self.moments[rung].push(&point.z, &score);
             }
@@ -135,7 +141,7 @@ impl Record {
             if rung + 1 == beta.len() {
                 self.draws[ladder].extend_from_slice(&point.z);
             }
-            hotter = Some(point.ln_likelihood);
+            hotter = Some(point.ln_ratio());
         }
     }
 

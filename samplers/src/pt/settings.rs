@@ -52,6 +52,9 @@ pub struct Settings {
     /// Slices per scan and temperature, before the Hamiltonian moves: for likelihoods too rough for long trajectories. Each
     /// costs about 3 to 8 values and no gradient.
     pub slices: usize,
+    /// Rounds at the end whose ladders begin at a mixture fitted to the draws of the round before, and a little of the prior,
+    /// instead of at the prior: a shorter path, once the draws know the posterior's hollows. 0: all begin at the prior.
+    pub mixture_rounds: usize,
 }
 
 impl Default for Settings {
@@ -72,6 +75,7 @@ impl Default for Settings {
             populations: 4,
             sweeps: 0,
             slices: 0,
+            mixture_rounds: 0,
         }
     }
 }
@@ -203,6 +207,13 @@ impl Settings {
         )?;
         whole("sweeps", self.sweeps, 0, 1 << 20, "give 0 or more")?;
         whole("slices", self.slices, 0, 1 << 20, "give 0 or more")?;
+        whole(
+            "mixture_rounds",
+            self.mixture_rounds,
+            0,
+            self.rounds.saturating_sub(1),
+            "give fewer than there are rounds: the first ones find what the mixture is fitted to",
+        )?;
         real(
             "target_acceptance",
             self.target_acceptance,

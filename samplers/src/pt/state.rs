@@ -7,7 +7,7 @@ use super::record::{Local, Record};
 use super::{Settings, swap};
 use crate::control::Event;
 use crate::error::{Error, Result};
-use crate::hmc::{self, Explorer, Metric, Plan, Point, StepSize, Tally};
+use crate::hmc::{self, Evaluator, Explorer, Metric, Plan, Point, Reference, StepSize, Tally};
 use crate::neighbours::Neighbours;
 use crate::rng::{Domain, Stream, below, stream, unit_open};
 use crate::target::{Symmetry, Target};
@@ -23,6 +23,9 @@ const EARLY_SCANS: usize = 32;
 
 /// Most leapfrog steps of a move in an early round.
 const EARLY_LEAPFROGS: usize = 32;
+
+/// Most rows of half of the ladders that a mixture is fitted to.
+const MOST_TRAINING: usize = 5_000;
 
 /// Step that Hamiltonian moves begin with in a population's metric: ridges are narrower than the population.
 const FIRST_STEP: f64 = 0.1;
@@ -85,6 +88,8 @@ pub(super) struct State {
     pub(super) scan: usize,
     /// Scans done in all rounds: the index of the random streams.
     clock: u64,
+    /// Where the ladders begin.
+    pub(super) reference: Reference,
     pub(super) rungs: Vec<Rung>,
     /// Ladder-major.
     slots: Vec<Slot>,
@@ -95,10 +100,12 @@ pub(super) struct State {
 }
 
 /// What exploring one slot gave.
-struct Explored<'a> {
+struct Explored {
     point: Point,
     local: Local,
-    evaluator: hmc::Evaluator<'a>,
+    tally: Tally,
+    /// Every place on the way, where a mixture is to be fitted to them.
+    trail: Vec<f64>,
 }
 
 impl State {
@@ -121,6 +128,7 @@ impl State {
             round: 0,
             scan: 0,
             clock: 0,
+            reference: Reference::default(),
             record: Record::new(
                 dim,
                 settings.ladders,
@@ -160,7 +168,7 @@ impl State {
         ladders: usize,
         per_ladder: usize,
     ) -> Result<Vec<Vec<Point>>> {
-        let mut evaluator = hmc::Evaluator::new(target);
+        let mut evaluator = Evaluator::new(target);
         let mut points = vec![Point::new(target.dim()); ladders * per_ladder];
         let mut streams: Vec<Stream> = (0..points.len())
             .map(|i| {
@@ -173,7 +181,7 @@ impl State {
         let (mut tries, mut found) = (0, 0);
         while !wanting.is_empty() {
             for &i in &wanting {
-                evaluator.draw_prior(&mut points[i].z, &mut streams[i])?;
+                evaluator.draw_reference(&mut points[i].z, &mut streams[i])?;
             }
             let places: Vec<&[f64]> = wanting.iter().map(|&i| points[i].z.as_slice()).collect();
             let values = evaluator.values(&places)?;
@@ -237,6 +245,17 @@ impl State {
         self.settings.slices > 0
     }
 
+    /// Whether the ladders of this round were to begin at a mixture.
+    pub(super) fn mixture_due(&self) -> bool {
+        self.round + self.settings.mixture_rounds >= self.settings.rounds
+    }
+
+    /// Whether those of the next one are to.
+    fn mixture_next(&self) -> bool {
+        !self.is_last_round()
+            && self.round + 1 + self.settings.mixture_rounds >= self.settings.rounds
+    }
+
     fn is_early_round(&self) -> bool {
         !self.is_last_round() && self.settings.scans(self.round) < EARLY_SCANS
     }
@@ -285,18 +304,19 @@ impl State {
         if self.scan == self.settings.scans(self.round) {
             self.adapt(target);
         }
-        let explored: Vec<Result<Explored<'_>>> = (0..self.slots.len())
+        let explored: Vec<Result<Explored>> = (0..self.slots.len())
             .into_par_iter()
             .map(|slot| self.explore(target, slot))
             .collect();
-        let explored: Vec<Explored<'_>> = explored.into_iter().collect::<Result<_>>()?;
+        let explored: Vec<Explored> = explored.into_iter().collect::<Result<_>>()?;
 
         let rungs = self.rungs.len();
         let mut locals = vec![Local::default(); rungs];
         for (index, explored) in explored.into_iter().enumerate() {
             self.slots[index].point = explored.point;
             locals[index % rungs].add(&explored.local);
-            self.tally.add(&explored.evaluator);
+            self.record.trails[index / rungs].extend(explored.trail);
+            self.tally.merge(&explored.tally);
         }
         self.clock += 1;
         let beta = self.beta();
@@ -385,32 +405,45 @@ impl State {
     }
 
     /// Explores one slot: a fresh draw at beta = 0; symmetries, then slices, then Hamiltonian moves elsewhere.
-    fn explore<'t>(&self, target: &'t dyn Target, slot: usize) -> Result<Explored<'t>> {
+    fn explore(&self, target: &dyn Target, slot: usize) -> Result<Explored> {
         let rung = &self.rungs[slot % self.rungs.len()];
         let mut rng = self.stream(Domain::PtExplore, slot, self.clock + 1);
-        let mut explorer = Explorer::new(target, rung.beta, &rung.metric);
+        let evaluator = Evaluator::from_reference(target, &self.reference);
+        let mut explorer = Explorer::of(evaluator, rung.beta, &rung.metric);
         let mut point = self.slots[slot].point.clone();
         let mut local = Local::default();
+        let mut trail = Vec::new();
+        let cold = (slot + 1).is_multiple_of(self.rungs.len());
+        let mut visit = |at: &Point| {
+            if cold && self.mixture_next() {
+                trail.extend_from_slice(&at.z);
+            }
+        };
         if slot.is_multiple_of(self.rungs.len()) {
-            explorer.evaluator.draw_prior(&mut point.z, &mut rng)?;
+            explorer.evaluator.draw_reference(&mut point.z, &mut rng)?;
             point.ln_likelihood = explorer.evaluator.value(&point.z)?;
+            point.tilt = self.reference.tilt(&point.z);
             point.has_gradient = false;
         } else {
             let family = slot / self.rungs.len() % self.settings.families();
             let (metric, pool) = (&rung.metric, &rung.pools[family % 2]);
             let (evaluator, slices) = (&mut explorer.evaluator, self.settings.slices);
             hmc::explore_by_slices(
-                evaluator, rung.beta, metric, pool, slices, &mut point, &mut rng,
+                evaluator, rung.beta, metric, pool, slices, &mut point, &mut rng, &mut visit,
             )?;
             let plan = self.plan(rung);
             for _ in 0..self.settings.moves {
                 local.note(&explorer.transition(&mut point, &plan, &mut rng)?);
+                visit(&point);
             }
         }
+        let mut tally = Tally::default();
+        tally.add(&explorer.evaluator);
         Ok(Explored {
             point,
             local,
-            evaluator: explorer.evaluator,
+            tally,
+            trail,
         })
     }
 
@@ -439,7 +472,7 @@ impl State {
         let rungs = beta.len();
         for gap in (self.scan % 2..rungs - 1).step_by(2) {
             let hot = ladder * rungs + gap;
-            let l = |slot: usize| self.slots[slot].point.ln_likelihood;
+            let l = |slot: usize| self.slots[slot].point.ln_ratio();
             let accept = swap::acceptance(beta[gap + 1] - beta[gap], l(hot), l(hot + 1));
             let mut rng = self.stream(Domain::PtSwap, hot, self.clock);
             if unit_open(&mut rng) < accept {
@@ -467,6 +500,7 @@ impl State {
             for rung in &mut self.rungs {
                 rung.step = StepSize::new(rung.step.ln_found().exp());
             }
+            self.next_reference(target);
             self.next_round(dim);
             return;
         }
@@ -506,7 +540,52 @@ impl State {
                 }
             })
             .collect();
+        self.next_reference(target);
         self.next_round(dim);
+    }
+
+    /// In the last rounds, if asked for: a reference that resembles what the round just ended has drawn at beta = 1.
+    fn next_reference(&mut self, target: &dyn Target) {
+        if !self.mixture_next() {
+            return;
+        }
+        let dim = target.dim();
+        let halves = of_others(self.record.trails.iter()).map(|rows| thinned(&rows, dim));
+        let rng = |count: usize| stream(self.seed, Domain::PtReference, self.clock, count as u64);
+        // Of draws that no mixture fits, none is made: the path stays what it was, and the result says so.
+        let Some(reference) = Reference::resembling(halves, dim, rng) else {
+            return;
+        };
+        if self.reference.is_prior() {
+            self.leave_prior();
+        }
+        for slot in &mut self.slots {
+            slot.point.tilt = reference.tilt(&slot.point.z);
+            slot.point.has_gradient = false;
+        }
+        self.reference = reference;
+    }
+
+    /// Every temperature of a path from a reference that resembles the posterior is like the coldest, to begin with.
+    fn leave_prior(&mut self) {
+        let rungs = self.rungs.len();
+        let cold = self.rungs[rungs - 1].clone();
+        for (rung, beta) in self.rungs.iter_mut().zip(first_schedule(rungs)) {
+            *rung = Rung {
+                beta,
+                ..cold.clone()
+            };
+        }
+        let last = self.record.traces.rungs() - 1;
+        let dim = self.slots[0].point.z.len();
+        for (slot, place) in self.slots.iter_mut().enumerate() {
+            let (ladder, k) = (slot / rungs, slot % rungs);
+            let trace = self.record.traces.of(ladder, last);
+            let row = (trace.len() * (k + 1)).div_ceil(rungs) - 1;
+            let z = &self.record.draws[ladder][row * dim..(row + 1) * dim];
+            place.point.z.copy_from_slice(z);
+            place.point.ln_likelihood = trace[row];
+        }
     }
 
     fn next_round(&mut self, dim: usize) {
@@ -568,4 +647,12 @@ impl State {
             })
             .collect()
     }
+}
+
+/// Rows of coordinates, spread evenly over those given, at most [`MOST_TRAINING`].
+fn thinned(rows: &[f64], dim: usize) -> Vec<f64> {
+    let count = rows.len() / dim;
+    let kept = count.min(MOST_TRAINING);
+    let row = |k: usize| &rows[k * count / kept * dim..][..dim];
+    (0..kept).flat_map(row).copied().collect()
 }

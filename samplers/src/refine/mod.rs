@@ -262,6 +262,7 @@ impl Way<'_> {
                     self.sweeps,
                     &mut point,
                     &mut rng,
+                    |_| (),
                 )?;
                 let mut tally = Tally::default();
                 // Each value between the two is one of either.

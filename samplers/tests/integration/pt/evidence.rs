@@ -82,6 +82,27 @@ fn evidence_after_annealing() {
     }
 }
 
+/// The last two rounds begin at a mixture of what the rounds before have drawn.
+#[test]
+fn evidence_from_a_mixture() {
+    let shorter = Settings {
+        mixture_rounds: 2,
+        ..rounds(7)
+    };
+    let by_slices = Settings {
+        slices: 12,
+        max_leapfrogs: 2,
+        ..shorter.clone()
+    };
+    for (target, settings) in [
+        (smooth::mvn13(), &shorter),
+        (smooth::twins13(0.9), &shorter),
+        (smooth::shells(5), &by_slices),
+    ] {
+        evidence_is_right_with(&target, settings);
+    }
+}
+
 #[test]
 fn a_cliff_in_the_likelihood_is_counted_by_every_estimate() {
     for target in [smooth::quarter(), smooth::wall2_as_reject()] {

@@ -4,10 +4,14 @@ use crate::diagnostics::ln_sum_exp;
 use crate::rng::{Stream, below, standard_normal, unit_open};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// Degrees of freedom of every component: tails heavy enough for importance weights, a centre still close to a Gaussian's.
 const FREEDOM: u32 = 5;
+
+/// Rows of each half, per dimension, below which no mixture is fitted.
+const LEAST_ROWS_PER_DIM: usize = 10;
 
 /// Rounds of expectation and maximisation.
 const MAX_ROUNDS: usize = 100;
@@ -20,7 +24,7 @@ const RIDGE: f64 = 1e-9;
 
 /// Draws, row by row.
 #[derive(Clone, Debug)]
-pub(super) struct Rows {
+pub(crate) struct Rows {
     pub dim: usize,
     pub values: Vec<f64>,
 }
@@ -44,13 +48,14 @@ impl Rows {
 }
 
 /// One Student distribution and its weight.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Component {
     share: f64,
     mean: DVector<f64>,
-    /// `L` of the scale matrix `L L'`, and its inverse.
+    /// `L` of the scale matrix `L L'`.
     lower: DMatrix<f64>,
-    inverse: DMatrix<f64>,
+    /// Its inverse, row by row up to the diagonal.
+    inverse: Vec<f64>,
     /// Log density at the mean.
     ln_peak: f64,
 }
@@ -66,6 +71,10 @@ impl Component {
         let dim = mean.len() as f64;
         let freedom = f64::from(FREEDOM);
         let inverse = lower.solve_lower_triangular(&DMatrix::identity(mean.len(), mean.len()))?;
+        let inverse = (0..mean.len())
+            .flat_map(|i| (0..=i).map(move |j| (i, j)))
+            .map(|place| inverse[place])
+            .collect();
         let ln_peak = libm::lgamma(0.5 * (freedom + dim))
             - libm::lgamma(0.5 * freedom)
             - 0.5 * dim * (freedom * PI).ln()
@@ -81,15 +90,27 @@ impl Component {
 
     /// Squared distance from the mean in units of the scale.
     fn distance2(&self, x: &[f64]) -> f64 {
-        let dim = x.len();
         let mut sum = 0.0;
-        for i in 0..dim {
-            let y: f64 = (0..=i)
-                .map(|j| self.inverse[(i, j)] * (x[j] - self.mean[j]))
-                .sum();
-            sum += y * y;
-        }
+        self.whiten(x, |_, y| sum += y * y);
         sum
+    }
+
+    /// Every coordinate of a point in units of the scale about the mean: `each` has its row of the inverse and
+    /// its value.
+    fn whiten(&self, x: &[f64], mut each: impl FnMut(&[f64], f64)) {
+        let mean = self.mean.as_slice();
+        let mut rest = self.inverse.as_slice();
+        for i in 0..x.len() {
+            let (row, tail) = rest.split_at(i + 1);
+            rest = tail;
+            let y = row
+                .iter()
+                .zip(x)
+                .zip(mean)
+                .map(|((l, x), m)| l * (x - m))
+                .sum();
+            each(row, y);
+        }
     }
 
     /// Log density at this squared distance, its share included.
@@ -101,8 +122,8 @@ impl Component {
 }
 
 /// A mixture; shares add up to 1.
-#[derive(Clone, Debug)]
-pub(super) struct Mixture {
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Mixture {
     components: Vec<Component>,
 }
 
@@ -136,6 +157,34 @@ impl Mixture {
             mixture = Self::maximise(&white, &belongs, n)?;
         }
         mixture.in_units(&whole.mean, &units)
+    }
+
+    /// The mixture whose size, a power of 2 up to `most`, is chosen by the rows that did not fit it, fitted again to all of them;
+    /// `rng` gives the stream of each size. None if the rows do not span their space, or are fewer than ten per dimension in
+    /// either half.
+    pub fn choose(
+        [first, second]: [&Rows; 2],
+        most: usize,
+        rng: impl Fn(usize) -> Stream,
+    ) -> Option<Self> {
+        let (dim, few) = (first.dim, first.len().min(second.len()));
+        if few < LEAST_ROWS_PER_DIM * dim {
+            return None;
+        }
+        let mut best: Option<(f64, usize)> = None;
+        let mut count = 1;
+        // A component needs draws to have a shape.
+        while count <= most && count * dim <= few {
+            if let Some(mixture) = Self::fit(first, count, &mut rng(count)) {
+                let score = mixture.mean_ln_density(second);
+                if best.is_none_or(|(known, _)| score > known) {
+                    best = Some((score, count));
+                }
+            }
+            count *= 2;
+        }
+        let (_, count) = best?;
+        Self::fit(&first.with(second), count, &mut rng(count))
     }
 
     /// Equal components about these centres, each as wide as its share of the unit ball.
@@ -235,6 +284,28 @@ impl Mixture {
         ln_sum_exp(&self.ln_densities(x))
     }
 
+    /// Log density, with its gradient written into `gradient`.
+    pub fn ln_density_and_gradient(&self, x: &[f64], gradient: &mut [f64]) -> f64 {
+        let freedom = f64::from(FREEDOM);
+        let here = self.ln_densities(x);
+        let sum = ln_sum_exp(&here);
+        gradient.fill(0.0);
+        for (component, ln_density) in self.components.iter().zip(here) {
+            let belongs = (ln_density - sum).exp();
+            // What is less than rounding of the whole is not felt.
+            if belongs > f64::EPSILON {
+                let distance2 = component.distance2(x);
+                let pull = belongs * (freedom + x.len() as f64) / (freedom + distance2);
+                component.whiten(x, |row, y| {
+                    for (g, l) in gradient.iter_mut().zip(row) {
+                        *g -= pull * l * y;
+                    }
+                });
+            }
+        }
+        sum
+    }
+
     /// Mean log density of rows.
     pub fn mean_ln_density(&self, rows: &Rows) -> f64 {
         rows.iter().map(|x| self.ln_density(x)).sum::<f64>() / rows.len() as f64
@@ -284,7 +355,7 @@ fn learn(rows: &Rows, weigh: impl Fn(usize) -> (f64, f64)) -> Learned {
             }
         }
     }
-    let mut covariance = DMatrix::zeros(dim, dim);
+    let mut covariance: DMatrix<f64> = DMatrix::zeros(dim, dim);
     let mut apart = vec![0.0; dim];
     for (row, x) in rows.iter().enumerate() {
         let (belongs, counts) = weigh(row);
@@ -293,14 +364,15 @@ fn learn(rows: &Rows, weigh: impl Fn(usize) -> (f64, f64)) -> Learned {
             for ((a, x), m) in apart.iter_mut().zip(x).zip(mean.iter()) {
                 *a = x - m;
             }
-            for i in 0..dim {
-                for j in 0..=i {
-                    covariance[(i, j)] += weight * apart[i] * apart[j];
+            let columns = covariance.as_mut_slice().chunks_exact_mut(dim);
+            for ((column, a), i) in columns.zip(&apart).zip(1..) {
+                for (c, b) in column.iter_mut().zip(&apart[..i]) {
+                    *c += weight * a * b;
                 }
             }
         }
     }
-    covariance.fill_upper_triangle_with_lower_triangle();
+    covariance.fill_lower_triangle_with_upper_triangle();
     Learned {
         count,
         mean,
@@ -409,6 +481,28 @@ mod tests {
             (mean - truth).abs() < 3.0 * (variance / n).sqrt(),
             "{mean} {truth}"
         );
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_density() {
+        let mixture = Mixture::fit(&twins(500), 2, &mut stream(1, Domain::Test, 7, 0)).unwrap();
+        let mut gradient = [0.0; 2];
+        for x in [[0.9, 5.05], [0.1, 4.8], [-1.3, 5.2]] {
+            let value = mixture.ln_density_and_gradient(&x, &mut gradient);
+            assert!((value - mixture.ln_density(&x)).abs() < 1e-12);
+            for i in 0..2 {
+                let at = |h: f64| {
+                    let mut x = x;
+                    x[i] += h;
+                    mixture.ln_density(&x)
+                };
+                let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
+                assert!(
+                    (gradient[i] - slope).abs() < 1e-5 * (1.0 + slope.abs()),
+                    "{x:?} {i}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -1,0 +1,96 @@
+//! Where a path of temperatures begins: at the prior, or at a mixture that resembles the posterior and can be drawn from as
+//! well (a variational reference; Surjanovic, Syed, Bouchard-Cote & Campbell 2022).
+//!
+//! At inverse temperature beta the density is `reference^(1 - beta) (prior L)^beta`. The reference's density over the prior's
+//! is its **tilt**: with it `prior exp{beta ln L + (1 - beta) tilt}`, and a path from the prior has no tilt. The integral over
+//! the whole path is the evidence, whatever the reference.
+
+use crate::diagnostics::ln_sum_exp;
+use crate::mixture::{Mixture, Rows};
+use crate::normal;
+use crate::rng::{Stream, standard_normal, unit_open};
+use serde::{Deserialize, Serialize};
+
+/// Share of the prior in a reference: no point has a likelihood over it that is more than this many times smaller than over
+/// the prior, and no mode is out of its reach.
+const PRIOR_SHARE: f64 = 0.05;
+
+/// Most components of a mixture.
+const MOST_COMPONENTS: usize = 64;
+
+/// See the module's words.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Reference(Option<Mixture>);
+
+/// A path from the prior.
+pub(super) const PRIOR: &Reference = &Reference(None);
+
+impl Reference {
+    /// A mixture fitted to two independent sets of `dim` standard-normal coordinates per point, one after the other, and a
+    /// little of the prior; `rng` gives the stream for each size of the mixture. None if they are too few or do not span
+    /// their space.
+    pub fn resembling(
+        halves: [Vec<f64>; 2],
+        dim: usize,
+        rng: impl Fn(usize) -> Stream,
+    ) -> Option<Self> {
+        let [first, second] = halves.map(|values| Rows { dim, values });
+        Mixture::choose([&first, &second], MOST_COMPONENTS, rng).map(|m| Self(Some(m)))
+    }
+
+    /// Whether it is the prior.
+    #[must_use]
+    pub fn is_prior(&self) -> bool {
+        self.0.is_none()
+    }
+
+    /// Components of the mixture; 0 for the prior.
+    #[must_use]
+    pub fn components(&self) -> usize {
+        self.0.as_ref().map_or(0, Mixture::len)
+    }
+
+    /// Logarithm of its density over the prior's; 0 for the prior.
+    #[must_use]
+    pub fn tilt(&self, z: &[f64]) -> f64 {
+        self.0
+            .as_ref()
+            .map_or(0.0, |mixture| blend(mixture.ln_density(z) - ln_prior(z)).0)
+    }
+
+    /// The tilt, with its gradient written into `gradient`; that of the prior is empty.
+    pub fn tilt_and_gradient(&self, z: &[f64], gradient: &mut Vec<f64>) -> f64 {
+        gradient.clear();
+        let Some(mixture) = &self.0 else {
+            return 0.0;
+        };
+        gradient.resize(z.len(), 0.0);
+        let over_prior = mixture.ln_density_and_gradient(z, gradient) - ln_prior(z);
+        let (tilt, share) = blend(over_prior);
+        for (g, z) in gradient.iter_mut().zip(z) {
+            *g = share * (*g + z);
+        }
+        tilt
+    }
+
+    /// A draw.
+    pub fn draw(&self, z: &mut [f64], rng: &mut Stream) {
+        match &self.0 {
+            Some(mixture) if unit_open(rng) >= PRIOR_SHARE => z.copy_from_slice(&mixture.draw(rng)),
+            _ => z.iter_mut().for_each(|z| *z = standard_normal(rng)),
+        }
+    }
+}
+
+/// From the mixture over the prior, in logarithms: mixture and prior in their shares over the prior, and the mixture's part of
+/// that.
+fn blend(over_prior: f64) -> (f64, f64) {
+    let mixture = over_prior + (-PRIOR_SHARE).ln_1p();
+    let tilt = ln_sum_exp(&[PRIOR_SHARE.ln(), mixture]);
+    (tilt, (mixture - tilt).exp())
+}
+
+/// Log density of the prior.
+fn ln_prior(z: &[f64]) -> f64 {
+    z.iter().map(|z| normal::ln_pdf(*z)).sum()
+}
