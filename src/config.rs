@@ -20,7 +20,7 @@ use std::result::Result as StdResult;
 pub enum Profile {
     /// 3,584 Sobol particles, 120 steps per age, soft bins, a smooth penalty, the model's own noise beside the data's: for
     /// fits. The error of its tracks against 131,072 particles of 800 steps each is below that of [`Paper`](Self::Paper)
-    /// for a quarter of its time: over 60 mocks and 4 tables 1.63 % (median) and 33 % (95 per cent) against 1.87 and 107 %
+    /// for a quarter of its time: over 60 mocks and 4 tables 1.28 % (median) and 9.9 % (95 per cent) against 1.32 and 18 %
     /// (`cargo bench --bench noise`).
     #[default]
     Fast,
@@ -78,6 +78,9 @@ pub struct FitConfig {
     pub likelihood: LikelihoodSettings,
     /// The prior.
     pub prior: PriorSettings,
+    /// Particles of the coarse model that a fit begins with, to be refined to the model itself; 0: none. A model with less than
+    /// twice as many, and one whose likelihood is zero where the track is not covered, is fitted at once.
+    pub coarse_particles: usize,
     /// The samplers.
     #[serde(deserialize_with = "over_those_of_streams")]
     pub sampling: SamplerSettings,
@@ -90,8 +93,27 @@ impl Default for FitConfig {
             model: ModelSettings::default(),
             likelihood: LikelihoodSettings::default(),
             prior: PriorSettings::default(),
+            coarse_particles: 512,
             sampling: sampling_of_streams(),
         }
+    }
+}
+
+impl FitConfig {
+    /// The settings of the coarse fit that this one begins with. None if it has none: a likelihood that is zero somewhere would be
+    /// zero elsewhere in a coarse model, and what that has not found cannot be refined.
+    #[must_use]
+    pub fn coarse(&self) -> Option<Self> {
+        let many = self.model.releases.particles >= 2 * self.coarse_particles;
+        let everywhere = self.likelihood.coverage != Coverage::Reject;
+        (self.coarse_particles > 0 && many && everywhere).then(|| {
+            let mut coarse = self.clone();
+            coarse.model.releases.particles = self.coarse_particles;
+            // As many release times as suit the particles.
+            coarse.model.releases.epochs = 0;
+            coarse.coarse_particles = 0;
+            coarse
+        })
     }
 }
 

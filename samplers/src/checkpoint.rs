@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const MAGIC: &[u8; 8] = b"oblateck";
 
 /// Version of the file's layout. A change is a changelogged event, and older files are refused by name.
-pub const FORMAT_VERSION: u32 = 4;
+pub const FORMAT_VERSION: u32 = 5;
 
 /// Header: magic, format version, config hash, fingerprint, checksum, payload length.
 const HEADER: usize = 8 + 4 + 8 + 8 + 8 + 8;
@@ -155,8 +155,8 @@ fn load_one<T: DeserializeOwned>(path: &Path, config_hash: u64, fingerprint: u64
     }
     if word(12) != config_hash {
         return Err(fail(
-            "written by a run with other settings",
-            "resume with the settings of the run folder, or start again with --force",
+            "written by a run with other settings or another seed",
+            "resume with what the run folder says, or start again with --force",
         ));
     }
     if word(20) != fingerprint {

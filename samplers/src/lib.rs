@@ -39,7 +39,7 @@
 //! ```
 //!
 //! Rooms, each of which may only look at the ones before it: [`error`], [`normal`], [`rng`], [`target`],
-//! [`checkpoint`], [`output`], [`control`], [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], [`nested`] and [`pt`],
+//! [`checkpoint`], [`output`], [`control`], the keeper of checkpoints and clocks, [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], [`nested`] and [`pt`],
 //! [`boost`], which makes more of what they found, and [`refine`], which carries it to a finer likelihood.
 #![cfg_attr(
     test,
@@ -65,6 +65,7 @@ pub mod cooling;
 pub mod diagnostics;
 pub mod error;
 pub mod hmc;
+mod keeper;
 mod mixture;
 pub mod neighbours;
 pub mod nested;

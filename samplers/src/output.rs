@@ -251,6 +251,19 @@ pub struct Cost {
     pub rejected: BTreeMap<String, u64>,
 }
 
+impl Cost {
+    /// Adds what another part of the work cost.
+    pub fn add(&mut self, other: &Self) {
+        self.calls += other.calls;
+        self.gradients += other.gradients;
+        self.cpu_seconds += other.cpu_seconds;
+        self.wall_seconds += other.wall_seconds;
+        for (cause, count) in &other.rejected {
+            *self.rejected.entry(cause.clone()).or_default() += count;
+        }
+    }
+}
+
 /// How the run went from prior to posterior.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -8,7 +8,7 @@ use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::Sampler;
 use crate::posterior::Summary;
-use crate::run::fit;
+use crate::run::{RunFolder, fit};
 use oblate_samplers::output::Status;
 use std::io::Write;
 use std::path::PathBuf;
@@ -28,6 +28,9 @@ pub struct Args {
     /// Print the settings as TOML, every default spelled out, and stop
     #[arg(long)]
     print_config: bool,
+    /// Particles of the coarse model that the fit begins with; 0: none
+    #[arg(long)]
+    coarse_particles: Option<usize>,
     /// Live points of the nested sampler
     #[arg(long)]
     live: Option<usize>,
@@ -62,6 +65,9 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
     let mut config = args.settings.settings()?;
     if let Some(sampler) = args.sampler {
         config.sampling.sampler = sampler;
+    }
+    if let Some(particles) = args.coarse_particles {
+        config.coarse_particles = particles;
     }
     if let Some(live) = args.live {
         config.sampling.nested.n_live = live;
@@ -99,6 +105,11 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
         command,
         &mut progress.watch(),
     )?;
+    if run.status == Status::BudgetSpent && !RunFolder::open(&folder.out)?.finished() {
+        eprintln!(
+            "the time was up in the coarse fit, which is what follows; continue with the same command and --resume"
+        );
+    }
     finish(run.status, &summary, &folder, common, out)
 }
 

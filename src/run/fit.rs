@@ -1,19 +1,21 @@
 //! A fit from a track and its settings to a run folder: what `oblate fit` and a study do.
 
-use super::job::Job;
+use super::job::{Begin, Begun, Job};
 use super::{RunFolder, Versions, Watch, conclude};
 use crate::config::FitConfig;
 use crate::data::ObservedTrack;
-use crate::error::Result;
-use crate::inference::{StreamTarget, check_reach, sample};
+use crate::error::{Error, Result};
+use crate::inference::{StreamTarget, check_reach, refined, sample};
 use crate::likelihood::{DataBin, StreamLikelihood, TrackLikelihood};
 use crate::params::StreamPrior;
 use crate::posterior::{Summary, SummaryContext};
 use crate::stream::{Model, ModelSettings};
 use oblate_samplers::control::CheckpointPlan;
+use oblate_samplers::output::Status;
 use oblate_samplers::{Control, Run, Target};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Instant;
 
 /// How a run folder that exists already is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +58,9 @@ pub fn target(track: &ObservedTrack, config: &FitConfig) -> Result<StreamTarget>
 /// Fits a track into the folder `out`. A folder that has finished with the same inputs is read back under
 /// [`Existing::Resume`]. An interrupted run leaves its checkpoint and no summary; its status says so.
 ///
+/// A fit with a coarse model before it ([`FitConfig::coarse`]) leaves that in a folder within; what it costs is counted in both.
+/// If the coarse fit did not end by its own rule, it is the result, and the folder waits.
+///
 /// # Errors
 /// What the settings, the folder, the files and the sampler refuse.
 pub fn fit(
@@ -75,9 +80,61 @@ pub fn fit(
         existing,
         command,
     };
-    job.run(&target, track, config, &[&track_bytes], watch, |control| {
-        sample(&target, &config.sampling, config.seed, control)
-    })
+    let begin = match job.begin(track, config, &[&track_bytes])? {
+        Begun::Finished(run, summary) => return Ok((*run, *summary)),
+        Begun::Waiting(begin) => begin,
+    };
+    match config.coarse() {
+        Some(coarse) => from_coarse(&job, &begin, &target, track, config, &coarse, watch),
+        None => job.work(&begin, &target, track, watch, |control| {
+            sample(&target, &config.sampling, config.seed, control)
+        }),
+    }
+}
+
+/// Fits the coarse model, unless that is done, and refines what it gave.
+fn from_coarse(
+    job: &Job<'_>,
+    begin: &Begin,
+    fine: &StreamTarget,
+    track: &ObservedTrack,
+    config: &FitConfig,
+    coarse: &FitConfig,
+    watch: &mut Watch<'_>,
+) -> Result<(Run, Summary)> {
+    let (started, max_wall) = (Instant::now(), watch.max_wall);
+    let within = begin.folder.coarse();
+    // A kill may have left a folder that had not begun: it is ours, and empty of results.
+    let begun = RunFolder::open(&within).is_ok();
+    if !begun && within.exists() {
+        std::fs::remove_dir_all(&within).map_err(|source| Error::Io {
+            path: within.clone(),
+            source,
+            remedy: "remove it by hand, and resume",
+        })?;
+    }
+    // Nobody else is to replace the whole meanwhile.
+    let lock = begin.folder.log()?;
+    let existing = if begun {
+        Existing::Resume
+    } else {
+        Existing::Refuse
+    };
+    let (parent, summary) = fit(track, coarse, &within, existing, job.command, watch)?;
+    if parent.status != Status::Complete {
+        return Ok((parent, summary));
+    }
+    drop(lock);
+    watch.max_wall = max_wall.saturating_sub(started.elapsed());
+    let coarse = target(track, coarse)?;
+    let refined = job.work(begin, fine, track, watch, |control| {
+        let (settings, seed) = (&config.sampling, config.seed);
+        let mut run = refined(fine, &coarse, &parent, settings, seed, control)?;
+        run.cost.add(&parent.cost);
+        Ok(run)
+    });
+    watch.max_wall = max_wall;
+    refined
 }
 
 /// Summarises a run on a track and writes what it leaves behind.

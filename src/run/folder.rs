@@ -172,6 +172,12 @@ impl RunFolder {
         self.path.join("checkpoint")
     }
 
+    /// The run folder of the coarse fit that a fit begins with.
+    #[must_use]
+    pub fn coarse(&self) -> PathBuf {
+        self.path.join("coarse")
+    }
+
     /// A figure by name, as SVG.
     #[must_use]
     pub fn figure(&self, name: &str) -> PathBuf {

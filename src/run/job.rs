@@ -20,6 +20,20 @@ pub(super) struct Job<'a> {
     pub command: &'a str,
 }
 
+/// A job whose folder is ready.
+pub(super) enum Begun {
+    /// It has finished already, with the same inputs.
+    Finished(Box<Run>, Box<Summary>),
+    /// It waits for work.
+    Waiting(Begin),
+}
+
+/// A folder that waits for its result.
+pub(super) struct Begin {
+    pub folder: RunFolder,
+    versions: Versions,
+}
+
 impl Job<'_> {
     /// Works on a target into the folder. `inputs` are all that decides the result beside the settings; a folder that has
     /// finished with the same ones is read back under [`Existing::Resume`].
@@ -35,18 +49,50 @@ impl Job<'_> {
         watch: &mut Watch<'_>,
         work: impl FnOnce(&mut Control<'_>) -> Result<Run>,
     ) -> Result<(Run, Summary)> {
+        match self.begin(track, config, inputs)? {
+            Begun::Finished(run, summary) => Ok((*run, *summary)),
+            Begun::Waiting(begin) => self.work(&begin, target, track, watch, work),
+        }
+    }
+
+    /// Makes the folder ready.
+    ///
+    /// # Errors
+    /// What the settings, the folder and the files refuse.
+    pub fn begin(
+        &self,
+        track: &ObservedTrack,
+        config: &FitConfig,
+        inputs: &[&[u8]],
+    ) -> Result<Begun> {
         let config_text = text(config)?;
         let mut all = vec![config_text.as_bytes()];
         all.extend(inputs);
         let versions = Versions::of(&all);
         let folder = match open_or_create(self.out, self.existing, &versions)? {
-            Opened::Finished(run, summary) => return Ok((*run, *summary)),
+            Opened::Finished(run, summary) => return Ok(Begun::Finished(run, summary)),
             Opened::Folder(folder) => folder,
         };
         folder.begin(&config_text, &versions)?;
         track.write(&folder.track())?;
-        let run = watched(&folder, &versions, watch, self.existing, work)?;
-        let summary = close(&folder, target, track, &run, &versions, self.command)?;
+        Ok(Begun::Waiting(Begin { folder, versions }))
+    }
+
+    /// Fills it.
+    ///
+    /// # Errors
+    /// What the files and the work refuse.
+    pub fn work(
+        &self,
+        begin: &Begin,
+        target: &StreamTarget,
+        track: &ObservedTrack,
+        watch: &mut Watch<'_>,
+        work: impl FnOnce(&mut Control<'_>) -> Result<Run>,
+    ) -> Result<(Run, Summary)> {
+        let Begin { folder, versions } = begin;
+        let run = watched(folder, versions, watch, self.existing, work)?;
+        let summary = close(folder, target, track, &run, versions, self.command)?;
         Ok((run, summary))
     }
 }

@@ -247,6 +247,7 @@ model = { steps = 30, orbit_steps = 64, releases = { particles = 128 } }
 prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
 sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6 }
 sampling.pt_hmc = { ladders = 2, rounds = 4, annealing = 24, slices = 3 }
+sampling.refine = { members = 60, sweeps = 4 }
 "#;
 
 #[test]
@@ -385,6 +386,76 @@ fn a_fit_is_refined_to_another_model_of_its_stream() {
 }
 
 #[test]
+fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let summary = |arguments: &[&str]| {
+        let mut all = arguments.to_vec();
+        all.extend(["-q", "--json", "--allow-unconverged"]);
+        let output = oblate(&all, "");
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        json(&output.stdout)
+    };
+    let (one, two, three) = (path("one"), path("two"), path("three"));
+    let both = summary(&[
+        "fit",
+        &track,
+        "--config",
+        &config,
+        "--coarse-particles",
+        "64",
+        "--out",
+        &one,
+    ]);
+    let coarse = summary(&[
+        "fit",
+        &track,
+        "--config",
+        &config,
+        "--particles",
+        "64",
+        "--out",
+        &two,
+    ]);
+    let fine = summary(&["refine", &two, "--particles", "128", "--out", &three]);
+    for key in ["ln_z", "parameters", "ess"] {
+        assert_eq!(both[key], fine[key], "{key}");
+    }
+    assert_eq!(both["method"], "refine");
+    let calls = |of: &serde_json::Value| of["cost"]["calls"].as_u64().expect("a number");
+    assert_eq!(calls(&both), calls(&coarse) + calls(&fine));
+    // It is a whole run within, and can be read as one.
+    let within = Path::new(&one).join("coarse").display().to_string();
+    let output = oblate(&["compare", &within, &two], "");
+    assert!(output.status.success(), "{output:?}");
+    // Without time it says where it stands, and goes on.
+    let four = path("four");
+    let mut arguments = vec![
+        "fit",
+        &track,
+        "--config",
+        &config,
+        "--coarse-particles",
+        "64",
+    ];
+    arguments.extend(["--out", &four]);
+    let output = oblate(
+        &[&arguments[..], &["--max-minutes", "0", "-q"]].concat(),
+        "",
+    );
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let say = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        say.contains("coarse fit") && say.contains("--resume"),
+        "{say}"
+    );
+    arguments.push("--resume");
+    assert_eq!(summary(&arguments)["ln_z"], both["ln_z"]);
+}
+
+#[test]
 fn a_fit_is_boosted_into_another_folder_which_says_when_not_to_trust_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);
@@ -488,11 +559,16 @@ fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);
     let track = example("tracks/s2_spherical.ecsv").display().to_string();
-    for sampler in ["nested", "pt-hmc"] {
+    for (what, sampler, flags) in [
+        ("nested", "nested", &[][..]),
+        ("pt-hmc", "pt-hmc", &[][..]),
+        ("coarse", "nested", &["--coarse-particles", "64"][..]),
+    ] {
         let args = |out: &str, more: &[&str]| -> Vec<String> {
             let mut args = vec!["fit", &track, "--config", &config, "--out", out];
             args.extend(["--sampler", sampler, "--checkpoint-every", "0", "-q"]);
             args.extend(["--json", "--allow-unconverged"]);
+            args.extend(flags);
             args.extend(more);
             args.into_iter().map(str::to_owned).collect()
         };
@@ -503,11 +579,11 @@ fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
             assert_eq!(output.status.code(), Some(0), "{say}");
             json(&output.stdout)
         };
-        let whole = folder.path().join(format!("whole_{sampler}"));
+        let whole = folder.path().join(format!("whole_{what}"));
         let begun = std::time::Instant::now();
         let expected = of(&args(&whole.display().to_string(), &[]));
         let millis = u64::try_from(begun.elapsed().as_millis()).expect("a short fit");
-        let out = folder.path().join(format!("killed_{sampler}"));
+        let out = folder.path().join(format!("killed_{what}"));
         let name = out.display().to_string();
         // From its first moments to a fifth of a whole run, each kill elsewhere; a slow machine kills as many.
         let mut kills = 0;
@@ -523,8 +599,8 @@ fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
                 let _ = std::fs::remove_dir_all(&out);
             }
         }
-        assert!(kills >= 3, "{sampler}: {kills} kills");
-        if sampler == "nested" && !out.join("summary.json").exists() {
+        assert!(kills >= 3, "{what}: {kills} kills");
+        if what == "nested" && !out.join("summary.json").exists() {
             // No time at all: a result all the same, which says what it is and may go on.
             let spent = of(&args(&name, &["--resume", "--max-minutes", "0"]));
             assert_eq!(spent["converged"], false);
@@ -539,7 +615,7 @@ fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
         }
         let resumed = of(&args(&name, &["--resume"]));
         for key in ["ln_z", "ess", "parameters", "gates"] {
-            assert_eq!(resumed[key], expected[key], "{sampler}: {key}");
+            assert_eq!(resumed[key], expected[key], "{what}: {key}");
         }
     }
 }

@@ -21,6 +21,6 @@ pub use metric::{Metric, MetricKind, geodesic};
 pub use moments::Moments;
 pub use point::{Evaluator, Point, Tally};
 pub use reference::Reference;
-pub use slice::{explore_by_slices, slice};
+pub use slice::{explore_by_slices, involve, slice, slide};
 pub use step_size::{MAX_STEP, StepSize};
 pub use walls::inside;

@@ -95,12 +95,54 @@ pub fn slice(
     Ok(())
 }
 
-/// The target's declared moves, orbits redrawn and involutions tried with probability 1/2, and this many slices, each
-/// after a redraw along the orbits; `visit` sees the point after each.
+/// [`involve`], then [`slide`].
 ///
 /// # Errors
 /// As [`slice()`].
+#[allow(clippy::too_many_arguments, reason = "those of the two")]
 pub fn explore_by_slices(
+    evaluator: &mut Evaluator<'_>,
+    beta: f64,
+    metric: &Metric,
+    pool: &Neighbours,
+    slices: usize,
+    at: &mut Point,
+    rng: &mut Stream,
+    visit: impl FnMut(&Point),
+) -> Result<()> {
+    involve(evaluator, beta, at, rng)?;
+    slide(evaluator, beta, metric, pool, slices, at, rng, visit)
+}
+
+/// Tries each of the target's involutions with probability 1/2.
+///
+/// # Errors
+/// As [`jump()`].
+pub fn involve(
+    evaluator: &mut Evaluator<'_>,
+    beta: f64,
+    at: &mut Point,
+    rng: &mut Stream,
+) -> Result<()> {
+    for symmetry in evaluator.target().symmetries() {
+        if let Symmetry::Involution(map) = symmetry
+            && unit_open(rng) < 0.5
+        {
+            jump(evaluator, map.as_ref(), beta, at, rng)?;
+        }
+    }
+    Ok(())
+}
+
+/// A redraw along the target's orbits, and this many slices, each followed by another; `visit` sees the point after each.
+///
+/// # Errors
+/// As [`slice()`].
+#[allow(
+    clippy::too_many_arguments,
+    reason = "what a slice needs, how many, and who looks on"
+)]
+pub fn slide(
     evaluator: &mut Evaluator<'_>,
     beta: f64,
     metric: &Metric,
@@ -110,13 +152,6 @@ pub fn explore_by_slices(
     rng: &mut Stream,
     mut visit: impl FnMut(&Point),
 ) -> Result<()> {
-    for symmetry in evaluator.target().symmetries() {
-        if let Symmetry::Involution(map) = symmetry
-            && unit_open(rng) < 0.5
-        {
-            jump(evaluator, map.as_ref(), beta, at, rng)?;
-        }
-    }
     redraw(evaluator, beta, at, rng);
     for _ in 0..slices {
         slice(evaluator, beta, metric, pool, at, rng)?;

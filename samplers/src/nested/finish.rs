@@ -50,8 +50,8 @@ pub(super) fn finish(
         cost: Cost {
             calls: state.calls,
             gradients: state.gradients,
-            cpu_seconds: state.cpu_seconds,
-            wall_seconds: state.wall_seconds,
+            cpu_seconds: state.time.cpu_seconds,
+            wall_seconds: state.time.wall_seconds,
             rejected: state.rejected.clone(),
         },
         path: reckoning.path(state.ranks.fractions()),

@@ -247,21 +247,6 @@ fn status(runs: &[&Run]) -> Status {
 
 fn cost(runs: &[&Run]) -> Cost {
     let mut sum = Cost::default();
-    for Cost {
-        calls,
-        gradients,
-        cpu_seconds,
-        wall_seconds,
-        rejected,
-    } in runs.iter().map(|run| &run.cost)
-    {
-        sum.calls += calls;
-        sum.gradients += gradients;
-        sum.cpu_seconds += cpu_seconds;
-        sum.wall_seconds += wall_seconds;
-        for (cause, count) in rejected {
-            *sum.rejected.entry(cause.clone()).or_default() += count;
-        }
-    }
+    runs.iter().for_each(|run| sum.add(&run.cost));
     sum
 }

@@ -2,17 +2,13 @@
 
 use super::dynamic::Survey;
 use super::finish::finish;
-use super::likelihood::Likelihood;
 use super::settings::{Kernel, Settings};
 use super::state::{Job, State};
-use crate::checkpoint;
 use crate::control::{Control, Event};
 use crate::error::{Error, Result};
+use crate::keeper::Keeper;
 use crate::output::{Run, Status};
-use crate::rng::{Domain, stream};
 use crate::target::Target;
-use cpu_time::ProcessTime;
-use std::time::Instant;
 
 /// Runs nested sampling on `target`, once or until the settings' targets are met, and returns weighted draws of its
 /// posterior with the evidence.
@@ -44,17 +40,11 @@ pub fn run(
             remedy: "use `differential` or `random-slice`, which ask for values alone",
         });
     }
-    let mut keeper = Keeper::new(&job, control)?;
-    let mut warnings = Vec::new();
-    let mut state = State::new(&job);
-    if let Some((saved, warning)) = keeper.load(control)? {
-        state = saved;
-        if let Some(text) = warning {
-            control.tell(&Event::Warning(text.clone()));
-            warnings.push(text);
-        }
-    }
-    keeper.continue_clocks(&state);
+    let mut keeper = Keeper::new(&[target], &(settings, seed), control)?;
+    let (mut state, warnings) = match keeper.load(control, |state: &State| state.time)? {
+        Some((saved, warning)) => (saved, warning.into_iter().collect()),
+        None => (State::new(&job), Vec::new()),
+    };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
         let mut ended = None;
@@ -85,23 +75,20 @@ pub fn run(
             Some(survey) => state.add_strand(&job, survey),
             None => state.advance(&job),
         };
+        state.time = keeper.time();
         if let Err(error) = step {
-            // The first failure is the one to report; a second one, of the disk, is told besides.
-            if let Err(second) = keeper.save(&mut state, control) {
-                control.tell(&Event::Warning(second.to_string()));
-            }
-            return Err(error);
+            return Err(keeper.save_after(error, &state, control));
         }
         stop = control.tell(&event(&state, settings));
         if control.checkpoint_due() {
-            keeper.save(&mut state, control)?;
+            keeper.save(&state, control)?;
             stop |= control.tell(&Event::Checkpointed);
         }
     };
     if status != Status::Complete {
-        keeper.save(&mut state, control)?;
+        keeper.save(&state, control)?;
     }
-    keeper.stop_clocks(&mut state);
+    state.time = keeper.time();
     let run = finish(&job, &state, status, warnings)?;
     control.tell(&Event::Finished);
     Ok(run)
@@ -117,82 +104,4 @@ fn event(state: &State, settings: &Settings) -> Event {
         calls: state.calls,
         efficiency: state.efficiency,
     }
-}
-
-/// Keeps the state on disk and the clocks.
-struct Keeper {
-    config_hash: u64,
-    fingerprint: u64,
-    wall: Instant,
-    cpu: ProcessTime,
-    wall_before: f64,
-    cpu_before: f64,
-}
-
-impl Keeper {
-    /// The caller's hash joined with all that decides the bits of a run here; without checkpoints neither is needed.
-    fn new(job: &Job<'_>, control: &Control<'_>) -> Result<Self> {
-        let mut keeper = Self {
-            config_hash: 0,
-            fingerprint: 0,
-            wall: Instant::now(),
-            cpu: ProcessTime::now(),
-            wall_before: 0.0,
-            cpu_before: 0.0,
-        };
-        if let Some(plan) = &control.checkpoint {
-            let key = (job.settings, job.seed, plan.config_hash, job.target.prior());
-            let bytes = postcard::to_stdvec(&key).map_err(|e| Error::Checkpoint {
-                path: plan.path.clone(),
-                why: format!("the settings cannot be encoded ({e})"),
-                remedy: "report this as a bug",
-            })?;
-            keeper.config_hash = checkpoint::hash(&bytes);
-            keeper.fingerprint = fingerprint(job.target)?;
-        }
-        Ok(keeper)
-    }
-
-    fn load(&self, control: &Control<'_>) -> Result<Option<(State, Option<String>)>> {
-        match &control.checkpoint {
-            Some(plan)
-                if plan.resume
-                    && (plan.path.exists() || checkpoint::previous(&plan.path).exists()) =>
-            {
-                checkpoint::load(&plan.path, self.config_hash, self.fingerprint).map(Some)
-            }
-            _ => Ok(None),
-        }
-    }
-
-    fn save(&self, state: &mut State, control: &Control<'_>) -> Result<()> {
-        let Some(plan) = &control.checkpoint else {
-            return Ok(());
-        };
-        self.stop_clocks(state);
-        checkpoint::save(&plan.path, self.config_hash, self.fingerprint, state)
-    }
-
-    fn continue_clocks(&mut self, state: &State) {
-        self.wall_before = state.wall_seconds;
-        self.cpu_before = state.cpu_seconds;
-    }
-
-    fn stop_clocks(&self, state: &mut State) {
-        state.wall_seconds = self.wall_before + self.wall.elapsed().as_secs_f64();
-        state.cpu_seconds = self.cpu_before + self.cpu.elapsed().as_secs_f64();
-    }
-}
-
-/// A hash of ln L at three fixed draws of the prior: names the target. Its calls are not part of the run.
-fn fingerprint(target: &dyn Target) -> Result<u64> {
-    let mut likelihood = Likelihood::new(target);
-    let mut u = vec![0.0; target.dim()];
-    let mut bytes = Vec::new();
-    for i in 0..3 {
-        let mut rng = stream(0, Domain::Prior, 0, i);
-        likelihood.draw_prior(&mut rng, &mut u)?;
-        bytes.extend_from_slice(&likelihood.at(&u)?.to_bits().to_le_bytes());
-    }
-    Ok(checkpoint::hash(&bytes))
 }

@@ -9,6 +9,7 @@ use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
 use super::tuning::Tuning;
 use crate::error::{Error, Result};
+use crate::keeper::Time;
 use crate::rng::{Domain, Stream, below, stream};
 use crate::target::Target;
 use rayon::prelude::*;
@@ -110,8 +111,7 @@ pub(super) struct State {
     /// Points drawn with a bound, and their calls.
     pub bounded_points: u64,
     pub bounded_calls: u64,
-    pub cpu_seconds: f64,
-    pub wall_seconds: f64,
+    pub time: Time,
 }
 
 impl State {
@@ -141,8 +141,7 @@ impl State {
             rejected: BTreeMap::new(),
             bounded_points: 0,
             bounded_calls: 0,
-            cpu_seconds: 0.0,
-            wall_seconds: 0.0,
+            time: Time::default(),
         }
     }
 

@@ -52,11 +52,10 @@ pub use settings::Settings;
 
 use crate::control::{Control, Event};
 use crate::error::{Error, Result};
+use crate::keeper::Keeper;
 use crate::output::{Run, Status};
 use crate::target::Target;
-use crate::{checkpoint, rng};
 use state::State;
-use std::time::Instant;
 
 /// Samples `target` by parallel tempering. The result is a function of `target`, `settings` and `seed` alone,
 /// whatever the number of threads of the current rayon pool and however often the run was stopped and resumed.
@@ -69,8 +68,7 @@ use std::time::Instant;
 /// [`Error::NoGradient`] for a target without gradients; [`Error::Setting`] for settings out of range;
 /// [`Error::NoStart`] if 100,000 prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before the first
 /// scan, after a checkpoint; [`Error::Fatal`] and [`Error::Infinite`] from the
-/// target, after a checkpoint of the last whole scan; [`Error::Io`], [`Error::Checkpoint`] and [`Error::Mismatch`]
-/// from checkpoints.
+/// target, after a checkpoint of the last whole scan; [`Error::Io`] and [`Error::Checkpoint`] from checkpoints.
 pub fn run(
     target: &dyn Target,
     settings: &Settings,
@@ -91,10 +89,11 @@ pub fn run(
             remedy: "give 0: the prior of this target has walls, and a mixture's mass within them is not known",
         });
     }
-    let clock = Clock::start();
-    let fingerprint = fingerprint(target)?;
-    let mut state = open(target, settings, seed, control, fingerprint)?;
-    let spent_before = state.time;
+    let mut keeper = Keeper::new(&[target], &(settings, seed), control)?;
+    let mut state = match keeper.load(control, |state: &State| state.time)? {
+        Some((state, _)) => state,
+        None => State::start(target, settings, seed)?,
+    };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
         if state.finished() {
@@ -103,7 +102,8 @@ pub fn run(
         let interrupted = stop || control.interrupted();
         let spent = control.spent(state.tally.calls + state.tally.gradients);
         if state.annealing() && (interrupted || spent) {
-            save(&state, control, fingerprint)?;
+            keeper.save(&state, control)?;
+            control.tell(&Event::Checkpointed);
             return Err(Error::Interrupted);
         }
         if state.scanned() && interrupted {
@@ -113,103 +113,24 @@ pub fn run(
             break Status::BudgetSpent;
         }
         let advanced = state.advance(target);
-        state.time = spent_before.plus(clock.read());
+        state.time = keeper.time();
         if let Err(error) = advanced {
-            save(&state, control, fingerprint)?;
-            return Err(error);
+            return Err(keeper.save_after(error, &state, control));
         }
         stop |= control.tell(&state.progress());
         if control.checkpoint_due() {
-            stop |= save(&state, control, fingerprint)?;
+            keeper.save(&state, control)?;
+            stop |= control.tell(&Event::Checkpointed);
         }
     };
     // Also a finished run leaves its checkpoint: resuming it gives the result again.
-    save(&state, control, fingerprint)?;
+    if keeper.save(&state, control)? {
+        control.tell(&Event::Checkpointed);
+    }
     let run = outcome::assemble(target, &state, status)?;
     for warning in &run.warnings {
         control.tell(&Event::Warning(warning.clone()));
     }
     control.tell(&Event::Finished);
     Ok(run)
-}
-
-/// The state to go on from: the checkpoint's if there is one to resume, else fresh draws of the prior.
-fn open(
-    target: &dyn Target,
-    settings: &Settings,
-    seed: u64,
-    control: &mut Control<'_>,
-    fingerprint: u64,
-) -> Result<State> {
-    if let Some(plan) = control
-        .checkpoint
-        .clone()
-        .filter(|plan| plan.resume && plan.path.exists())
-    {
-        let (state, warning): (State, _) =
-            checkpoint::load(&plan.path, plan.config_hash, fingerprint)?;
-        if let Some(warning) = warning {
-            control.tell(&Event::Warning(warning));
-        }
-        if !state.belongs_to(settings, seed) {
-            return Err(Error::Mismatch {
-                what: "checkpoint and settings",
-                why: format!(
-                    "{} was written with another seed or other settings of the sampler; give the same ones, or start again",
-                    plan.path.display()
-                ),
-            });
-        }
-        return Ok(state);
-    }
-    State::start(target, settings, seed)
-}
-
-/// Writes the planned checkpoint, if any; true if the observer asks to stop.
-fn save(state: &State, control: &mut Control<'_>, fingerprint: u64) -> Result<bool> {
-    let Some(plan) = control.checkpoint.clone() else {
-        return Ok(false);
-    };
-    checkpoint::save(&plan.path, plan.config_hash, fingerprint, state)?;
-    Ok(control.tell(&Event::Checkpointed))
-}
-
-/// A hash of the target's answers at three fixed draws of its prior: another target, data set or model gives another.
-fn fingerprint(target: &dyn Target) -> Result<u64> {
-    let mut bytes = Vec::new();
-    let mut theta = vec![0.0; target.dim()];
-    for index in 0..3 {
-        let mut rng = rng::stream(0, rng::Domain::Prior, u64::MAX, index);
-        let z: Vec<f64> = theta
-            .iter()
-            .map(|_| rng::standard_normal(&mut rng))
-            .collect();
-        target.prior().theta_from_z(&z, &mut theta);
-        let value = target.ln_likelihood(&theta).ln_likelihood(&theta)?;
-        bytes.extend_from_slice(&value.to_bits().to_le_bytes());
-    }
-    Ok(checkpoint::hash(&bytes))
-}
-
-/// Wall and CPU time of this process since the run began in it.
-struct Clock {
-    wall: Instant,
-    cpu: Option<cpu_time::ProcessTime>,
-}
-
-impl Clock {
-    fn start() -> Self {
-        Self {
-            wall: Instant::now(),
-            cpu: cpu_time::ProcessTime::try_now().ok(),
-        }
-    }
-
-    fn read(&self) -> state::Time {
-        let cpu = self.cpu.and_then(|start| start.try_elapsed().ok());
-        state::Time {
-            wall_seconds: self.wall.elapsed().as_secs_f64(),
-            cpu_seconds: cpu.map_or(0.0, |elapsed| elapsed.as_secs_f64()),
-        }
-    }
 }

@@ -8,6 +8,7 @@ use super::{Settings, swap};
 use crate::control::Event;
 use crate::error::{Error, Result};
 use crate::hmc::{self, Evaluator, Explorer, Metric, Plan, Point, Reference, StepSize, Tally};
+use crate::keeper::Time;
 use crate::neighbours::Neighbours;
 use crate::rng::{Domain, Stream, below, stream, unit_open};
 use crate::target::{Symmetry, Target};
@@ -58,22 +59,6 @@ struct Slot {
 pub(super) struct Finished {
     pub(super) barrier: f64,
     pub(super) ln_z: f64,
-}
-
-/// Time spent, over all processes that worked on a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Time {
-    pub(super) wall_seconds: f64,
-    pub(super) cpu_seconds: f64,
-}
-
-impl Time {
-    pub(super) fn plus(self, other: Self) -> Self {
-        Self {
-            wall_seconds: self.wall_seconds + other.wall_seconds,
-            cpu_seconds: self.cpu_seconds + other.cpu_seconds,
-        }
-    }
 }
 
 /// See the module's words.
@@ -209,11 +194,6 @@ impl State {
         let rungs = self.rungs.len();
         let task = ((index / rungs) << 20) + index % rungs;
         stream(self.seed, domain, task as u64, scan)
-    }
-
-    /// Whether this state came from these settings and seed.
-    pub(super) fn belongs_to(&self, settings: &Settings, seed: u64) -> bool {
-        self.settings == *settings && self.seed == seed
     }
 
     /// Whether the last round is done.

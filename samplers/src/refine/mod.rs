@@ -18,14 +18,15 @@ use crate::control::{Control, Event};
 use crate::cooling::Cooling;
 use crate::diagnostics::effective_kinds;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, MetricKind, Point, Tally, explore_by_slices};
+use crate::hmc::{Evaluator, Metric, MetricKind, Point, Tally, involve, slide};
+use crate::keeper::{Keeper, Time};
 use crate::neighbours::Neighbours;
 use crate::output::Run;
 use crate::rng::{Domain, stream, unit_open};
 use crate::target::{HalfSpace, Outcome, Prior, Symmetry, Target};
-use cpu_time::ProcessTime;
 use rayon::prelude::*;
-use std::time::Instant;
+use serde::{Deserialize, Serialize};
+use std::sync::{Mutex, PoisonError};
 
 const WHAT: &str = "the run to refine";
 
@@ -34,14 +35,15 @@ const RESAMPLING: u64 = u64::MAX;
 
 /// Carries draws of `parent`, a run on `coarse`, to the posterior of `target`, which has the same parameters.
 ///
-/// The same parent, settings and seed give the same bits on any number of threads. There are no checkpoints: one that is
-/// interrupted or whose budget is spent has to begin again. Calls are of both likelihoods, except that the parent's are not
-/// counted again.
+/// The same parent, settings and seed give the same bits on any number of threads and after any number of interruptions. One
+/// that is interrupted or whose budget is spent has no result yet: it leaves a checkpoint, where one is planned. Calls are of both
+/// likelihoods, except that the parent's are not counted again.
 ///
 /// # Errors
 /// [`Error::Setting`] for settings out of range; [`Error::Mismatch`] if `parent` is not a run on `coarse`, or `target` has other
-/// parameters, or a likelihood at none of its draws; [`Error::Interrupted`]; [`Error::Fatal`] and [`Error::Infinite`] from the
-/// targets.
+/// parameters, or a likelihood at none of its draws; [`Error::Interrupted`] after a checkpoint; [`Error::Fatal`] and
+/// [`Error::Infinite`] from the targets, after a checkpoint of the last whole sweep; [`Error::Checkpoint`] and [`Error::Io`] from
+/// the file.
 pub fn run(
     target: &dyn Target,
     coarse: &dyn Target,
@@ -58,33 +60,42 @@ pub fn run(
             why: "it has other parameters than the fine target; let both differ in the likelihood alone".to_owned(),
         });
     }
-    let (wall, cpu) = (Instant::now(), ProcessTime::now());
-    let mut stop = control.tell(&Event::Started { dim: target.dim() });
+    let origin = (parent.seed, parent.evidence.ln_z, parent.draws.len());
+    let mut keeper = Keeper::new(&[target, coarse], &(settings, seed, origin), control)?;
     let mut way = Way {
         target,
         coarse,
+        settings,
         seed,
-        sweeps: settings.sweeps,
-        share: 0.0,
-        ln_ratio: 0.0,
-        levels: Vec::new(),
-        tally: Tally::default(),
-        members: Vec::new(),
+        state: State::default(),
     };
-    way.begin(parent, settings.members)?;
-    while way.share < 1.0 {
-        if stop || control.interrupted() || control.spent(way.tally.calls) {
+    let mut stop = control.tell(&Event::Started { dim: target.dim() });
+    match keeper.load(control, |state: &State| state.time)? {
+        Some((state, _)) => way.state = state,
+        None => way.begin(parent)?,
+    }
+    while !way.arrived() {
+        if stop || control.interrupted() || control.spent(way.state.tally.calls) {
+            keeper.save(&way.state, control)?;
+            control.tell(&Event::Checkpointed);
             return Err(Error::Interrupted);
         }
-        way.step()?;
+        let moved = way.advance();
+        way.state.time = keeper.time();
+        if let Err(error) = moved {
+            return Err(keeper.save_after(error, &way.state, control));
+        }
         stop = control.tell(&Event::Refining {
-            share: way.share,
-            ln_z: parent.evidence.ln_z + way.ln_ratio,
-            calls: way.tally.calls,
+            share: way.state.share,
+            ln_z: parent.evidence.ln_z + way.state.ln_ratio,
+            calls: way.state.tally.calls,
         });
+        if control.checkpoint_due() {
+            keeper.save(&way.state, control)?;
+            stop |= control.tell(&Event::Checkpointed);
+        }
     }
-    let (cpu, wall) = (cpu.elapsed(), wall.elapsed());
-    let run = outcome::assemble(&way, parent, cpu.as_secs_f64(), wall.as_secs_f64())?;
+    let run = outcome::assemble(&way, parent)?;
     control.tell(&Event::Finished);
     Ok(run)
 }
@@ -94,6 +105,16 @@ struct Between<'a> {
     coarse: &'a dyn Target,
     fine: &'a dyn Target,
     share: f64,
+    /// The last value, and the two that it came from: a slice ends at the last point that it asks for.
+    last: Mutex<[f64; 3]>,
+}
+
+impl Between<'_> {
+    /// The coarse and the fine value that the last one came from, if that is the one to be explained.
+    fn explained(&self, ln_likelihood: f64) -> Option<[f64; 2]> {
+        let [between, coarse, fine] = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        (between.to_bits() == ln_likelihood.to_bits()).then_some([coarse, fine])
+    }
 }
 
 impl Target for Between<'_> {
@@ -107,7 +128,9 @@ impl Target for Between<'_> {
         };
         match self.fine.ln_likelihood(theta) {
             Outcome::Value(fine) => {
-                Outcome::from_ln_likelihood((1.0 - self.share) * coarse + self.share * fine)
+                let between = (1.0 - self.share) * coarse + self.share * fine;
+                *self.last.lock().unwrap_or_else(PoisonError::into_inner) = [between, coarse, fine];
+                Outcome::from_ln_likelihood(between)
             }
             other => other,
         }
@@ -121,7 +144,7 @@ impl Target for Between<'_> {
 }
 
 /// A draw of the parent run on its way.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Member {
     z: Vec<f64>,
     coarse: f64,
@@ -133,7 +156,7 @@ struct Member {
 }
 
 /// One step of the way.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Level {
     share: f64,
     /// ln Z here over that of the coarse run.
@@ -144,32 +167,69 @@ struct Level {
     echo: f64,
 }
 
-/// The population and how far it has come.
+/// The population and how far it has come: what a checkpoint holds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct State {
+    share: f64,
+    ln_ratio: f64,
+    members: Vec<Member>,
+    /// Sweeps done at this share; none are due at the parent's own.
+    sweeps: usize,
+    /// ln L of the fine likelihood over the coarse one of every member before these sweeps.
+    gaps_before: Vec<f64>,
+    /// What members of even and of odd lineages move by.
+    metrics: Vec<Metric>,
+    pools: Vec<Neighbours>,
+    levels: Vec<Level>,
+    tally: Tally,
+    time: Time,
+}
+
+impl State {
+    /// ln L of the fine likelihood over the coarse one of every member.
+    fn gaps(&self) -> Vec<f64> {
+        self.members.iter().map(|m| m.fine - m.coarse).collect()
+    }
+
+    /// Coordinates of the members of even (0) or odd (1) lineages; of all, where there are none.
+    fn rows(&self, parity: u32) -> Vec<f64> {
+        let of = |own: &dyn Fn(&Member) -> bool| -> Vec<f64> {
+            let members = self.members.iter().filter(|m| own(m));
+            members.flat_map(|m| m.z.iter().copied()).collect()
+        };
+        let half = of(&|m| m.lineage % 2 == parity);
+        if half.is_empty() { of(&|_| true) } else { half }
+    }
+}
+
+/// A population between its two likelihoods.
 struct Way<'a> {
     target: &'a dyn Target,
     coarse: &'a dyn Target,
+    settings: &'a Settings,
     seed: u64,
-    sweeps: usize,
-    share: f64,
-    ln_ratio: f64,
-    levels: Vec<Level>,
-    tally: Tally,
-    members: Vec<Member>,
+    state: State,
 }
 
 impl Way<'_> {
+    /// Whether the last sweep at the fine likelihood is done.
+    fn arrived(&self) -> bool {
+        self.state.share >= 1.0 && self.state.sweeps == self.settings.sweeps
+    }
+
     /// Takes draws of the parent, equally weighted, and asks for their fine likelihood.
-    fn begin(&mut self, parent: &Run, count: usize) -> Result<()> {
+    fn begin(&mut self, parent: &Run) -> Result<()> {
         let draws = &parent.draws;
         let grouped = draws.group.iter().any(|g| *g != draws.group[0]);
         let offset = unit_open(&mut stream(self.seed, Domain::Refine, 0, RESAMPLING));
-        for row in draws.resample(count, offset) {
+        let mut members = Vec::new();
+        for row in draws.resample(self.settings.members, offset) {
             let mut z = vec![0.0; draws.dim];
             let prior = self.target.prior();
             prior.z_from_theta(draws.theta_row(row), &mut z);
             // Rounding can put a draw on the wall of a bounded prior, where it has no coordinates.
             if z.iter().all(|z| z.is_finite()) {
-                self.members.push(Member {
+                members.push(Member {
                     z,
                     coarse: draws.ln_likelihood[row],
                     fine: f64::NEG_INFINITY,
@@ -183,9 +243,8 @@ impl Way<'_> {
             }
         }
         let mut evaluator = Evaluator::new(self.target);
-        let places: Vec<&[f64]> = self.members.iter().map(|m| m.z.as_slice()).collect();
+        let places: Vec<&[f64]> = members.iter().map(|m| m.z.as_slice()).collect();
         let fine = evaluator.values(&places)?;
-        self.tally.add(&evaluator);
         if fine.iter().all(|l| *l == f64::NEG_INFINITY) {
             return Err(Error::Mismatch {
                 what: WHAT,
@@ -194,72 +253,105 @@ impl Way<'_> {
                         .to_owned(),
             });
         }
-        for (member, fine) in self.members.iter_mut().zip(fine) {
+        for (member, fine) in members.iter_mut().zip(fine) {
             member.fine = fine;
+        }
+        self.state.tally.add(&evaluator);
+        self.state.members = members;
+        self.state.sweeps = self.settings.sweeps;
+        Ok(())
+    }
+
+    /// One sweep, with a step towards the fine likelihood before it where it is due. On an error no member has moved, and the
+    /// same sweep can be tried again.
+    fn advance(&mut self) -> Result<()> {
+        if self.state.sweeps == self.settings.sweeps {
+            self.step();
+        }
+        self.sweep()?;
+        let state = &mut self.state;
+        state.sweeps += 1;
+        if state.sweeps == self.settings.sweeps {
+            let level = Level {
+                share: state.share,
+                ln_ratio: state.ln_ratio,
+                ancestors: effective_kinds(state.members.iter().map(|m| m.ancestor)),
+                echo: correlation(&state.gaps_before, &state.gaps()),
+            };
+            state.levels.push(level);
         }
         Ok(())
     }
 
-    /// One step: weights, members taken anew, slices.
-    fn step(&mut self) -> Result<()> {
-        let cooling = Cooling::new(self.gaps());
-        let left = 1.0 - self.share;
+    /// Number of the present step, from 1 on.
+    fn level(&self) -> u64 {
+        self.state.levels.len() as u64 + 1
+    }
+
+    /// Weights, and members taken anew by them.
+    fn step(&mut self) {
+        let level = self.level();
+        let state = &mut self.state;
+        let cooling = Cooling::new(state.gaps());
+        let left = 1.0 - state.share;
         let step = cooling.longest_step(left);
         // A step of almost all that is left takes it all: what remains weighs nothing.
-        self.share = if step >= left * (1.0 - 1e-9) {
+        state.share = if step >= left * (1.0 - 1e-9) {
             1.0
         } else {
-            self.share + step
+            state.share + step
         };
-        self.ln_ratio += cooling.ln_mean_weight(step);
-        let level = self.levels.len() as u64 + 1;
+        state.ln_ratio += cooling.ln_mean_weight(step);
         let uniform = unit_open(&mut stream(self.seed, Domain::Refine, level, RESAMPLING));
         let drawn = cooling.resample(step, uniform).into_iter();
-        self.members = drawn.map(|i| self.members[i].clone()).collect();
-        let before = self.gaps();
-        self.sweep(level)?;
-        self.levels.push(Level {
-            share: self.share,
-            ln_ratio: self.ln_ratio,
-            ancestors: effective_kinds(self.members.iter().map(|m| m.ancestor)),
-            echo: correlation(&before, &self.gaps()),
-        });
-        Ok(())
-    }
-
-    /// ln L of the fine likelihood over the coarse one of every member.
-    fn gaps(&self) -> Vec<f64> {
-        self.members.iter().map(|m| m.fine - m.coarse).collect()
-    }
-
-    /// Moves every member by slices of the present law.
-    fn sweep(&mut self, level: u64) -> Result<()> {
-        let between = Between {
-            coarse: self.coarse,
-            fine: self.target,
-            share: self.share,
-        };
+        state.members = drawn.map(|i| state.members[i].clone()).collect();
+        state.sweeps = 0;
+        state.gaps_before = state.gaps();
         let dim = self.target.dim();
         let orbit = Symmetry::first_orbit(self.target.symmetries());
-        let others = [1, 0].map(|parity| self.rows(parity));
-        let metrics = [0, 1].map(|half| Metric::of_rows(MetricKind::Dense, &others[half], dim));
-        let pools = [0, 1].map(|half| Neighbours::new(&others[half], dim, orbit));
-        let moved: Vec<Result<(Member, Tally)>> = (0..self.members.len())
+        let others = [1, 0].map(|parity| state.rows(parity));
+        state.metrics = others
+            .iter()
+            .map(|rows| Metric::of_rows(MetricKind::Dense, rows, dim))
+            .collect();
+        state.pools = others
+            .iter()
+            .map(|rows| Neighbours::new(rows, dim, orbit))
+            .collect();
+    }
+
+    /// Moves every member by a slice of the present law, and by the target's involutions in the first sweep at it.
+    fn sweep(&mut self) -> Result<()> {
+        let state = &self.state;
+        let share = state.share;
+        let (level, sweep) = (self.level(), state.sweeps as u64);
+        let moved: Vec<Result<(Member, Tally)>> = (0..state.members.len())
             .into_par_iter()
             .map(|i| {
-                let mut member = self.members[i].clone();
-                let mut rng = stream(self.seed, Domain::Refine, level, i as u64);
+                let mut member = state.members[i].clone();
+                let task = level << 32 | sweep;
+                let mut rng = stream(self.seed, Domain::Refine, task, i as u64);
                 let half = (member.lineage % 2) as usize;
-                let mut point = Point::new(dim);
+                let mut point = Point::new(self.target.dim());
                 point.z.clone_from(&member.z);
-                point.ln_likelihood = (1.0 - self.share) * member.coarse + self.share * member.fine;
+                point.ln_likelihood = (1.0 - share) * member.coarse + share * member.fine;
+                let between = Between {
+                    coarse: self.coarse,
+                    fine: self.target,
+                    share,
+                    last: Mutex::new([point.ln_likelihood, member.coarse, member.fine]),
+                };
                 let mut evaluator = Evaluator::new(&between);
-                explore_by_slices(
+                if sweep == 0 {
+                    involve(&mut evaluator, 1.0, &mut point, &mut rng)?;
+                }
+                let (metric, pool) = (&state.metrics[half], &state.pools[half]);
+                slide(
                     &mut evaluator,
                     1.0,
-                    &metrics[half],
-                    &pools[half],
-                    self.sweeps,
+                    metric,
+                    pool,
+                    1,
                     &mut point,
                     &mut rng,
                     |_| (),
@@ -268,31 +360,26 @@ impl Way<'_> {
                 // Each value between the two is one of either.
                 tally.add(&evaluator);
                 tally.calls *= 2;
-                let mut own = [Evaluator::new(self.coarse), Evaluator::new(self.target)];
-                member.coarse = own[0].value(&point.z)?;
-                member.fine = own[1].value(&point.z)?;
-                own.iter().for_each(|evaluator| tally.add(evaluator));
+                [member.coarse, member.fine] = match between.explained(point.ln_likelihood) {
+                    Some(values) => values,
+                    None => {
+                        let mut own = [Evaluator::new(self.coarse), Evaluator::new(self.target)];
+                        let values = [own[0].value(&point.z)?, own[1].value(&point.z)?];
+                        own.iter().for_each(|evaluator| tally.add(evaluator));
+                        values
+                    }
+                };
                 member.z = point.z;
                 Ok((member, tally))
             })
             .collect();
         let moved: Vec<(Member, Tally)> = moved.into_iter().collect::<Result<_>>()?;
-        self.members.clear();
-        for (member, tally) in moved {
-            self.members.push(member);
-            self.tally.merge(&tally);
-        }
+        let (members, tallies): (Vec<Member>, Vec<Tally>) = moved.into_iter().unzip();
+        self.state.members = members;
+        tallies
+            .iter()
+            .for_each(|tally| self.state.tally.merge(tally));
         Ok(())
-    }
-
-    /// Coordinates of the members of even (0) or odd (1) lineages; of all, where there are none.
-    fn rows(&self, parity: u32) -> Vec<f64> {
-        let of = |own: &dyn Fn(&Member) -> bool| -> Vec<f64> {
-            let members = self.members.iter().filter(|m| own(m));
-            members.flat_map(|m| m.z.iter().copied()).collect()
-        };
-        let half = of(&|m| m.lineage % 2 == parity);
-        if half.is_empty() { of(&|_| true) } else { half }
     }
 }
 

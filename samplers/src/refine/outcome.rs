@@ -7,12 +7,8 @@ use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run,
 use crate::rng::STREAM_VERSION;
 
 /// The result of a way that has been walked to its end.
-pub(super) fn assemble(
-    way: &Way<'_>,
-    parent: &Run,
-    cpu_seconds: f64,
-    wall_seconds: f64,
-) -> Result<Run> {
+pub(super) fn assemble(way: &Way<'_>, parent: &Run) -> Result<Run> {
+    let state = &way.state;
     let prior = way.target.prior();
     let draws = draws(way)?;
     let evidence = evidence(way, &draws, parent);
@@ -30,17 +26,17 @@ pub(super) fn assemble(
         evidence,
         ess,
         cost: Cost {
-            calls: way.tally.calls,
-            gradients: way.tally.gradients,
-            cpu_seconds,
-            wall_seconds,
-            rejected: way.tally.rejected.clone(),
+            calls: way.state.tally.calls,
+            gradients: way.state.tally.gradients,
+            cpu_seconds: state.time.cpu_seconds,
+            wall_seconds: state.time.wall_seconds,
+            rejected: way.state.tally.rejected.clone(),
         },
         path: Path::Refinement {
-            share: column(&way.levels, |l| l.share),
-            ln_ratio: column(&way.levels, |l| l.ln_ratio),
-            ancestors: column(&way.levels, |l| l.ancestors),
-            echo: column(&way.levels, |l| l.echo),
+            share: column(&way.state.levels, |l| l.share),
+            ln_ratio: column(&way.state.levels, |l| l.ln_ratio),
+            ancestors: column(&way.state.levels, |l| l.ancestors),
+            echo: column(&way.state.levels, |l| l.echo),
         },
         gates,
         warnings: Vec::new(),
@@ -52,10 +48,10 @@ fn column(levels: &[Level], of: impl Fn(&Level) -> f64) -> Vec<f64> {
 }
 
 fn draws(way: &Way<'_>) -> Result<Draws> {
-    let ln_weight = -(way.members.len() as f64).ln();
+    let ln_weight = -(way.state.members.len() as f64).ln();
     let mut draws = Draws::of(way.target);
     let mut theta = vec![0.0; way.target.dim()];
-    for member in &way.members {
+    for member in &way.state.members {
         way.target.prior().theta_from_z(&member.z, &mut theta);
         let origin = Origin {
             chain: 0,
@@ -67,14 +63,14 @@ fn draws(way: &Way<'_>) -> Result<Draws> {
 }
 
 fn evidence(way: &Way<'_>, draws: &Draws, parent: &Run) -> Evidence {
-    let ln_z = parent.evidence.ln_z + way.ln_ratio;
+    let ln_z = parent.evidence.ln_z + way.state.ln_ratio;
     let parts = [
         ("parent", parent.evidence.error),
         ("weights", of_ancestry(way)),
         ("shares", of_shares(draws, &parent.draws)),
     ];
-    let members = way.members.len() as f64;
-    let mean = way.members.iter().map(|m| m.fine).sum::<f64>() / members;
+    let members = way.state.members.len() as f64;
+    let mean = way.state.members.iter().map(|m| m.fine).sum::<f64>() / members;
     Evidence {
         ln_z,
         error: parts.iter().map(|(_, e)| e * e).sum::<f64>().sqrt(),
@@ -87,9 +83,9 @@ fn evidence(way: &Way<'_>, draws: &Draws, parent: &Run) -> Evidence {
 /// Error of the mean weights, by how many members have an ancestor in common beyond what taking them anew without weights would
 /// make of it (Lee & Whiteley 2018).
 fn of_ancestry(way: &Way<'_>) -> f64 {
-    let members = way.members.len() as f64;
-    let alike = 1.0 / effective_kinds(way.members.iter().map(|m| m.ancestor));
-    let times = 1.0 + way.levels.len() as f64;
+    let members = way.state.members.len() as f64;
+    let alike = 1.0 / effective_kinds(way.state.members.iter().map(|m| m.ancestor));
+    let times = 1.0 + way.state.levels.len() as f64;
     let unlike = (members / (members - 1.0)).powf(times) * (1.0 - alike);
     (1.0 - unlike).max(0.0).sqrt()
 }
@@ -120,7 +116,7 @@ fn effective_sizes(draws: &Draws, way: &Way<'_>) -> Ess {
     let bulk: Vec<f64> = (0..draws.dim)
         .map(|k| size_of_mean(&draws.column(k), &weights, &draws.group).min(most))
         .collect();
-    let kish = effective_kinds(way.members.iter().map(|m| m.ancestor));
+    let kish = effective_kinds(way.state.members.iter().map(|m| m.ancestor));
     Ess {
         kish,
         quoted: bulk.iter().copied().fold(kish, f64::min),

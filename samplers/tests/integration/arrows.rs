@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// From the ground floor up. `checkpoint` stands before `output`, whose hash of a run is the checkpoints' hash; `nested`
 /// and `hmc` do not know each other, which the order alone cannot say (see the second test).
-const ORDER: [&str; 15] = [
+const ORDER: [&str; 17] = [
     "error",
     "normal",
     "rng",
@@ -14,9 +14,11 @@ const ORDER: [&str; 15] = [
     "checkpoint",
     "output",
     "control",
+    "keeper",
     "diagnostics",
     "neighbours",
     "cooling",
+    "mixture",
     "hmc",
     "nested",
     "pt",

@@ -2,12 +2,13 @@
 
 use crate::pulls::{pull, scatter};
 use crate::targets::smooth;
-use oblate_samplers::control::{Control, Silent};
+use oblate_samplers::control::{CheckpointPlan, Control, Silent};
 use oblate_samplers::output::{Method, Path};
 use oblate_samplers::{
     Error, Event, Marginal, Observer, Outcome, Prior, Run, Target, nested, pt, refine,
 };
 use std::ops::ControlFlow;
+use std::time::Duration;
 
 /// `l = -p |z - c|^2 / 2` under a normal prior.
 struct Bell {
@@ -205,6 +206,57 @@ fn what_cannot_be_refined_is_refused_and_an_interrupt_ends_it() {
     let mut control = Control::new(&mut hasty);
     let stopped = refine::run(&fine, &coarse, &parent, &settings, 1, &mut control);
     assert!(matches!(stopped, Err(Error::Interrupted)));
+}
+
+/// Stops a run at its n-th event.
+struct StopAt(usize);
+
+impl Observer for StopAt {
+    fn event(&mut self, _: &Event) -> ControlFlow<()> {
+        self.0 = self.0.saturating_sub(1);
+        if self.0 == 0 {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    }
+}
+
+#[test]
+fn a_refinement_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped() {
+    let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
+    let parent = parent(&coarse, 1);
+    let expected = refined(&fine, &coarse, &parent, 1).bits();
+    let folder = tempfile::tempdir().unwrap();
+    let settings = refine::Settings::default();
+    let resumed = |events: usize, seed: u64| {
+        let mut observer = StopAt(events);
+        let mut control = Control::new(&mut observer);
+        control.checkpoint = Some(CheckpointPlan {
+            path: folder.path().join("refine.ckpt"),
+            every: Duration::ZERO,
+            resume: true,
+            config_hash: 1,
+        });
+        refine::run(&fine, &coarse, &parent, &settings, seed, &mut control)
+    };
+    // Started, then twelve sweeps at each of a few levels, with a checkpoint after each.
+    let mut stops = 0;
+    let run = loop {
+        match resumed([1, 2, 5, 12, 31][stops % 5], 1) {
+            Ok(run) => break run,
+            Err(error) => assert!(matches!(error, Error::Interrupted), "{error}"),
+        }
+        stops += 1;
+        assert!(stops < 100, "it does not get on");
+    };
+    assert!(stops > 3, "{stops}");
+    assert_eq!(run.bits(), expected);
+    // Not that of another seed.
+    assert!(matches!(
+        resumed(usize::MAX, 2),
+        Err(Error::Checkpoint { .. })
+    ));
 }
 
 /// The same parameters without a likelihood.

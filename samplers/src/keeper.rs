@@ -1,0 +1,139 @@
+//! What a sampler that can be stopped keeps beside its work: its state on disk, and its clocks.
+
+use crate::checkpoint;
+use crate::control::{Control, Event};
+use crate::error::{Error, Result};
+use crate::rng;
+use crate::target::Target;
+use cpu_time::ProcessTime;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// Time spent, over all processes that worked on a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Time {
+    pub wall_seconds: f64,
+    pub cpu_seconds: f64,
+}
+
+/// See the module's words.
+pub(crate) struct Keeper {
+    config_hash: u64,
+    fingerprint: u64,
+    wall: Instant,
+    cpu: Option<ProcessTime>,
+    before: Time,
+}
+
+impl Keeper {
+    /// For a run on these targets, the first of which is sampled. `key` is all else that decides the bits of the run; it is
+    /// joined with the caller's own hash. Without checkpoints neither is needed.
+    ///
+    /// # Errors
+    /// [`Error::Checkpoint`] if the key cannot be encoded; [`Error::Fatal`] and [`Error::Infinite`] from the targets.
+    pub fn new(
+        targets: &[&dyn Target],
+        key: &impl Serialize,
+        control: &Control<'_>,
+    ) -> Result<Self> {
+        let mut keeper = Self {
+            config_hash: 0,
+            fingerprint: 0,
+            wall: Instant::now(),
+            cpu: ProcessTime::try_now().ok(),
+            before: Time::default(),
+        };
+        if let Some(plan) = &control.checkpoint {
+            let priors: Vec<_> = targets.iter().map(|target| target.prior()).collect();
+            let bytes = postcard::to_stdvec(&(key, plan.config_hash, priors)).map_err(|e| {
+                Error::Checkpoint {
+                    path: plan.path.clone(),
+                    why: format!("the settings cannot be encoded ({e})"),
+                    remedy: "report this as a bug",
+                }
+            })?;
+            keeper.config_hash = checkpoint::hash(&bytes);
+            keeper.fingerprint = fingerprint(targets)?;
+        }
+        Ok(keeper)
+    }
+
+    /// The state to go on from, if there is a checkpoint to resume; a warning about a damaged one is told, and returned.
+    ///
+    /// # Errors
+    /// As of [`checkpoint::load`].
+    pub fn load<S: DeserializeOwned>(
+        &mut self,
+        control: &mut Control<'_>,
+        time: impl Fn(&S) -> Time,
+    ) -> Result<Option<(S, Option<String>)>> {
+        let Some(plan) = control.checkpoint.as_ref().filter(|plan| plan.resume) else {
+            return Ok(None);
+        };
+        if !plan.path.exists() && !checkpoint::previous(&plan.path).exists() {
+            return Ok(None);
+        }
+        let (state, warning) =
+            checkpoint::load::<S>(&plan.path, self.config_hash, self.fingerprint)?;
+        self.before = time(&state);
+        if let Some(text) = &warning {
+            control.tell(&Event::Warning(text.clone()));
+        }
+        Ok(Some((state, warning)))
+    }
+
+    /// Writes the planned checkpoint, if any; true if there was one.
+    ///
+    /// # Errors
+    /// As of [`checkpoint::save`].
+    pub fn save(&self, state: &impl Serialize, control: &Control<'_>) -> Result<bool> {
+        let Some(plan) = &control.checkpoint else {
+            return Ok(false);
+        };
+        checkpoint::save(&plan.path, self.config_hash, self.fingerprint, state)?;
+        Ok(true)
+    }
+
+    /// As [`save`](Self::save) after an error, which is the one to report: a second one, of the disk, is told besides.
+    pub fn save_after(
+        &self,
+        error: Error,
+        state: &impl Serialize,
+        control: &mut Control<'_>,
+    ) -> Error {
+        if let Err(second) = self.save(state, control) {
+            control.tell(&Event::Warning(second.to_string()));
+        }
+        error
+    }
+
+    /// Time spent until now.
+    pub fn time(&self) -> Time {
+        let cpu = self.cpu.and_then(|start| start.try_elapsed().ok());
+        Time {
+            wall_seconds: self.before.wall_seconds + self.wall.elapsed().as_secs_f64(),
+            cpu_seconds: self.before.cpu_seconds + cpu.map_or(0.0, |cpu| cpu.as_secs_f64()),
+        }
+    }
+}
+
+/// A hash of ln L at three fixed draws of the prior: another target, data set or model gives another. Its calls are not part
+/// of the run.
+fn fingerprint(targets: &[&dyn Target]) -> Result<u64> {
+    let mut bytes = Vec::new();
+    for target in targets {
+        let mut theta = vec![0.0; target.dim()];
+        for index in 0..3 {
+            let mut rng = rng::stream(0, rng::Domain::Prior, u64::MAX, index);
+            let z: Vec<f64> = theta
+                .iter()
+                .map(|_| rng::standard_normal(&mut rng))
+                .collect();
+            target.prior().theta_from_z(&z, &mut theta);
+            let value = target.ln_likelihood(&theta).ln_likelihood(&theta)?;
+            bytes.extend_from_slice(&value.to_bits().to_le_bytes());
+        }
+    }
+    Ok(checkpoint::hash(&bytes))
+}
