@@ -61,6 +61,17 @@ pub struct Moved {
     pub end: End,
 }
 
+impl Moved {
+    /// A point whose gradient cannot be had stays where it is.
+    pub(super) const NOWHERE: Self = Self {
+        acceptance: 0.0,
+        accepted: false,
+        leapfrogs: 0,
+        capped: false,
+        end: End::Rejected,
+    };
+}
+
 /// Makes Hamiltonian moves at one temperature; its space is allocated once, nothing is per step.
 pub struct Explorer<'t, 'm> {
     /// Evaluates and counts.
@@ -75,6 +86,17 @@ pub struct Explorer<'t, 'm> {
     force: Vec<f64>,
     whitened_force: Vec<f64>,
     velocity: Vec<f64>,
+}
+
+/// What one leapfrog step came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Step {
+    /// A point with a likelihood and a gradient.
+    Made,
+    /// One without.
+    Rejected,
+    /// A place that is no number.
+    Lost,
 }
 
 impl<'t, 'm> Explorer<'t, 'm> {
@@ -122,31 +144,17 @@ impl<'t, 'm> Explorer<'t, 'm> {
         leapfrogs: usize,
         max_energy_range: f64,
     ) -> Result<End> {
-        self.end.copy_from(from);
-        self.update_force();
+        self.stand_at(from);
         let start = self.energy();
         let (mut low, mut high, mut now) = (start, start, start);
         let top = self.potential();
         let mut bottom = top;
         for _ in 0..leapfrogs {
-            self.kick(0.5 * step);
-            self.metric.velocity(&self.momentum, &mut self.velocity);
-            let through = drift(
-                &mut self.end.z,
-                &mut self.momentum,
-                &mut self.velocity,
-                step,
-                &self.mirrors,
-            );
-            if !through || self.end.z.iter().any(|z| !z.is_finite()) {
-                return Ok(End::Diverged);
+            match self.step(step)? {
+                Step::Made => {}
+                Step::Rejected => return Ok(End::Rejected),
+                Step::Lost => return Ok(End::Diverged),
             }
-            self.evaluator.fill(&mut self.end)?;
-            if !self.end.has_gradient {
-                return Ok(End::Rejected);
-            }
-            self.update_force();
-            self.kick(0.5 * step);
             now = self.energy();
             low = low.min(now);
             high = high.max(now);
@@ -161,25 +169,55 @@ impl<'t, 'm> Explorer<'t, 'm> {
         })
     }
 
+    /// Stands at a point that has a gradient.
+    pub(super) fn stand_at(&mut self, point: &Point) {
+        self.end.copy_from(point);
+        self.update_force();
+    }
+
+    /// One leapfrog step on; [`end`](Self::end) and [`momentum`](Self::momentum) are of no
+    /// meaning unless it was made.
+    pub(super) fn step(&mut self, step: f64) -> Result<Step> {
+        self.kick(0.5 * step);
+        self.metric.velocity(&self.momentum, &mut self.velocity);
+        let through = drift(
+            &mut self.end.z,
+            &mut self.momentum,
+            &mut self.velocity,
+            step,
+            &self.mirrors,
+        );
+        if !through || self.end.z.iter().any(|z| !z.is_finite()) {
+            return Ok(Step::Lost);
+        }
+        self.evaluator.fill(&mut self.end)?;
+        if !self.end.has_gradient {
+            return Ok(Step::Rejected);
+        }
+        self.update_force();
+        self.kick(0.5 * step);
+        Ok(Step::Made)
+    }
+
+    /// Fills the gradient of a point that wants one; false where it cannot be had, and the point is as it was.
+    pub(super) fn has_gradient(&mut self, at: &mut Point) -> Result<bool> {
+        if !at.has_gradient {
+            let before = at.ln_likelihood;
+            self.evaluator.fill(at)?;
+            if !at.has_gradient {
+                at.ln_likelihood = before;
+            }
+        }
+        Ok(at.has_gradient)
+    }
+
     /// One move: a fresh momentum, a trajectory of jittered length and step, a Metropolis test.
     ///
     /// # Errors
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn transition(&mut self, at: &mut Point, plan: &Plan, rng: &mut Stream) -> Result<Moved> {
-        if !at.has_gradient {
-            let before = at.ln_likelihood;
-            self.evaluator.fill(at)?;
-            if !at.has_gradient {
-                // A point whose gradient cannot be had stays where it is.
-                at.ln_likelihood = before;
-                return Ok(Moved {
-                    acceptance: 0.0,
-                    accepted: false,
-                    leapfrogs: 0,
-                    capped: false,
-                    end: End::Rejected,
-                });
-            }
+        if !self.has_gradient(at)? {
+            return Ok(Moved::NOWHERE);
         }
         for r in &mut self.momentum {
             *r = standard_normal(rng);
@@ -219,7 +257,7 @@ impl<'t, 'm> Explorer<'t, 'm> {
     }
 
     /// The potential and `|r|^2 / 2`.
-    fn energy(&self) -> f64 {
+    pub(super) fn energy(&self) -> f64 {
         self.potential() + 0.5 * dot(&self.momentum, &self.momentum)
     }
 

@@ -1,4 +1,4 @@
-//! Local moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta` (or from another [`Reference`] than the prior): one Hamiltonian trajectory, its metric, its
+//! Local moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta` (or from another [`Reference`] than the prior): one Hamiltonian trajectory, of a given length or until it turns back, its metric, its
 //! step size; a slice of a line where gradients do not help; and the jumps that a target's author knows.
 //!
 //! Everything works in standard-normal coordinates and in whitened momenta `r = L' p`, where `L L' = V` is the
@@ -9,6 +9,7 @@ mod jump;
 mod leapfrog;
 mod metric;
 mod moments;
+mod no_u_turn;
 mod point;
 mod reference;
 mod slice;

@@ -38,6 +38,9 @@ pub struct Settings {
     pub max_leapfrogs: usize,
     /// Mean length of a trajectory in metric units.
     pub trajectory: f64,
+    /// Whether trajectories of all rounds but the early ones find their own length, by doubling until they turn back, up to
+    /// `max_leapfrogs`. `trajectory` then counts for the early ones only.
+    pub no_u_turn: bool,
     /// Hamiltonian moves per scan and temperature.
     pub moves: usize,
     /// Members per ladder of populations that are cooled from the prior to find the first states, temperatures and metrics;
@@ -70,6 +73,7 @@ impl Default for Settings {
             metric: MetricKind::Dense,
             max_leapfrogs: 256,
             trajectory: std::f64::consts::FRAC_PI_2,
+            no_u_turn: false,
             moves: 1,
             annealing: 0,
             populations: 4,

@@ -413,7 +413,12 @@ impl State {
             )?;
             let plan = self.plan(rung);
             for _ in 0..self.settings.moves {
-                local.note(&explorer.transition(&mut point, &plan, &mut rng)?);
+                let moved = if self.settings.no_u_turn && !self.is_early_round() {
+                    explorer.no_u_turn(&mut point, &plan, &mut rng)?
+                } else {
+                    explorer.transition(&mut point, &plan, &mut rng)?
+                };
+                local.note(&moved);
                 visit(&point);
             }
         }
