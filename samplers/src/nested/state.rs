@@ -134,7 +134,7 @@ impl State {
             founded: narrow(job.lineages()),
             efficiency_at_fit: None,
             efficiency: 1.0,
-            tuning: Tuning::new(job.first_steps()),
+            tuning: Tuning::new(job.first_steps(), job.kernel(), job.target.dim()),
             ranks: Ranks::default(),
             calls: 0,
             gradients: 0,
@@ -297,7 +297,7 @@ impl State {
         };
         let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
         let mut tuning = self.tuning.clone();
-        tuning.forget_lengths();
+        tuning.forget_lengths(job.kernel(), job.target.dim());
         let count = job.settings.n_live;
         let mut live = Points::new(points.dim());
         if span.floor == f64::NEG_INFINITY {

@@ -9,8 +9,14 @@ use super::settings::Kernel;
 use crate::rng::{Stream, below};
 use serde::{Deserialize, Serialize};
 
-/// Step length in units of the local ellipsoid before anything is learned.
-const FIRST_SCALE: f64 = 1.0;
+/// Step length in units of the local ellipsoid before anything is learned. A step of the ellipsoid's radius times 1.35 over the root
+/// of the dimension leaves a ball of many dimensions half of the time; what a contour fills of its ellipsoid is left more often.
+fn first_scale(kernel: Kernel, dim: usize) -> f64 {
+    match kernel {
+        Kernel::RandomWalk => 1.0 / (dim as f64).sqrt(),
+        _ => 1.0,
+    }
+}
 
 /// Step length along a difference before anything is learned: two points of a region of any dimension are about
 /// `sqrt 2` of its radius apart.
@@ -44,9 +50,9 @@ pub(super) struct Tuning {
 }
 
 impl Tuning {
-    pub fn new(steps: usize) -> Self {
+    pub fn new(steps: usize, kernel: Kernel, dim: usize) -> Self {
         Self {
-            scale: FIRST_SCALE,
+            scale: first_scale(kernel, dim),
             stride: FIRST_STRIDE,
             steps,
             jumps: Vec::new(),
@@ -58,8 +64,8 @@ impl Tuning {
     }
 
     /// Step lengths of another contour are not this one's.
-    pub fn forget_lengths(&mut self) {
-        self.scale = FIRST_SCALE;
+    pub fn forget_lengths(&mut self, kernel: Kernel, dim: usize) {
+        self.scale = first_scale(kernel, dim);
         self.stride = FIRST_STRIDE;
     }
 
@@ -212,7 +218,7 @@ mod tests {
 
     #[test]
     fn steps_rise_while_that_lowers_the_echo_and_no_longer() {
-        let (mut tuning, mut ranks) = (Tuning::new(10), Ranks::default());
+        let (mut tuning, mut ranks) = (Tuning::new(10, Kernel::RandomSlice, 2), Ranks::default());
         let mut after_a_window_of = |echo: f64| {
             // Even ranks, and chains that move.
             for i in 0..110 {

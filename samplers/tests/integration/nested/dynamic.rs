@@ -190,7 +190,11 @@ fn calls_per_effective_draw() {
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for (name, target) in [("mvn13", smooth::mvn13()), ("shells13", smooth::shells(13))] {
-        for kernel in [Kernel::RandomSlice, Kernel::Differential] {
+        for kernel in [
+            Kernel::RandomSlice,
+            Kernel::Differential,
+            Kernel::RandomWalk,
+        ] {
             let run = sample(&target, &dynamic(500, kernel, 20_000.0), 1);
             let failed: Vec<&str> = run
                 .gates
