@@ -51,9 +51,9 @@ struct Stages {
 }
 
 const FULL: Stages = Stages {
-    falling: &[50, 100],
-    settling: &[200, 400],
-    frozen: 400,
+    falling: &[50, 100, 200],
+    settling: &[100],
+    frozen: 100,
 };
 
 const QUICK: Stages = Stages {
@@ -246,7 +246,7 @@ fn best_of_prior(target: &StreamTarget, number: u64) -> Point {
     let mut evaluator = Evaluator::new(target);
     let mut best = Point::new(DIM);
     let mut found = 0;
-    while found < START_DRAWS {
+    while found < std::env::var("SD").map_or(START_DRAWS, |s| s.parse().unwrap()) {
         let mut point = Point::new(DIM);
         evaluator
             .draw_reference(&mut point.z, &mut rng)
@@ -334,7 +334,7 @@ fn main() {
         "s4_prolate_wrapped",
     ];
     let tracks = if quick { &tracks[..1] } else { &tracks };
-    for from_prior in [true, false] {
+    for from_prior in [true, false] { if std::env::var("TAB").is_ok_and(|t| (t=="1") != from_prior) {continue}
         println!(
             "\n| from {} | R-hat | cells | together | mean ln L | median q | acceptance | divergent | gradients | CPU s |\n|---|---|---|---|---|---|---|---|---|---|",
             if from_prior {

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::inference::merged;
 use crate::posterior::Summary;
 use oblate_samplers::Run;
+use oblate_samplers::output::Method;
 use std::path::{Path, PathBuf};
 
 /// Merges finished nested fits of one track, with the same settings of all but the sampler, into the folder `out`, whose
@@ -33,6 +34,17 @@ pub fn merge(
             remedy: "give at least two run folders".to_owned(),
         });
     };
+    for (fit, part) in fits.iter().zip(parts) {
+        if fit.stored.run.method == Method::Refine {
+            return Err(Error::Mismatch {
+                what: format!("{} is a refinement, not a nested run", part.display()),
+                remedy: format!(
+                    "merge the coarse runs, {} and the like, and refine the result (`oblate refine`)",
+                    part.join("coarse").display()
+                ),
+            });
+        }
+    }
     for other in others {
         first.matches(other)?;
     }

@@ -430,6 +430,10 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
     let within = Path::new(&one).join("coarse").display().to_string();
     let output = oblate(&["compare", &within, &two], "");
     assert!(output.status.success(), "{output:?}");
+    refused(
+        &oblate(&["merge", &one, &three, "--out", &path("merged")], ""),
+        &["refinement", "coarse", "oblate refine"],
+    );
     // Without time it says where it stands, and goes on.
     let four = path("four");
     let mut arguments = vec![
