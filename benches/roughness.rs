@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use oblate::config::{FitConfig, Profile};
 use oblate::data::ObservedTrack;
-use oblate::likelihood::{LikelihoodSettings, StreamLikelihood};
+use oblate::likelihood::{Coverage, LikelihoodSettings, StreamLikelihood};
 use oblate::params::{DIM, PriorSettings, StreamPrior};
 use oblate::run::target;
 use oblate::spray::{Design, TableSettings};
@@ -110,8 +110,16 @@ fn main() {
         },
         ..soft
     };
+    let gentle = LikelihoodSettings {
+        coverage: Coverage::Penalty {
+            z_miss: 10.0,
+            lambda: 1_000.0,
+        },
+        ..soft
+    };
     let rows = [
         ("fast", fast, soft),
+        ("fast, a missing bin 10 sigma", fast, gentle),
         ("fast, edges of 5 degrees", fast, wide),
         (
             "fast, 400 steps per age",
@@ -125,6 +133,7 @@ fn main() {
         ),
         ("10,000 random x 100", paper, soft),
         ("10,000 random x 100, edges of 5 degrees", paper, wide),
+        ("10,000 random x 100, a missing bin 10 sigma", paper, gentle),
         (
             "10,000 Sobol particles",
             with(fast, 10_000, Design::Sobol),

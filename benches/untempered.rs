@@ -29,7 +29,7 @@ const CHAINS: u64 = 4;
 const SEED: u64 = 1;
 
 /// Draws of the prior, each with a likelihood, of which a chain starts at the best.
-const START_DRAWS: usize = 64;
+const START_DRAWS: usize = 1_000;
 
 /// Mean acceptance that the step is steered to.
 const ACCEPTANCE: f64 = 0.8;
@@ -51,9 +51,9 @@ struct Stages {
 }
 
 const FULL: Stages = Stages {
-    falling: &[50, 100, 200],
-    settling: &[100],
-    frozen: 100,
+    falling: &[25, 50, 100],
+    settling: &[200],
+    frozen: 200,
 };
 
 const QUICK: Stages = Stages {
@@ -101,6 +101,7 @@ impl<'a> Chain<'a> {
 
     /// A window of warm-up: the step learns on the way; the moments are what the metric may be refined from.
     fn learn(&mut self, plan: &Plan, moves: usize) -> Moments {
+        self.leave_floor(plan);
         let mut step = StepSize::new(self.step);
         let mut moments = Moments::new(DIM);
         let mut explorer = Explorer::new(self.target, 1.0, &self.metric);
@@ -141,6 +142,19 @@ impl<'a> Chain<'a> {
         if let Some(metric) = self.metric.refined(moments) {
             self.step /= self.metric.ln_stretch(&metric).exp();
             self.metric = metric;
+        }
+    }
+
+    /// Where the largest number of leapfrogs sets the length of trajectories, the metric's size does not: it is made smaller, and the
+    /// step longer by as much, which changes no path but leaves the step farther from the shortest that it can learn.
+    fn leave_floor(&mut self, plan: &Plan) {
+        let longer = plan.length / plan.max_leapfrogs as f64 / self.step;
+        let smaller = self.metric.covariance() / (longer * longer);
+        if longer > 1.0
+            && let Some(metric) = Metric::from_covariance(MetricKind::Dense, &smaller)
+        {
+            self.metric = metric;
+            self.step *= longer;
         }
     }
 
@@ -334,7 +348,10 @@ fn main() {
         "s4_prolate_wrapped",
     ];
     let tracks = if quick { &tracks[..1] } else { &tracks };
-    for from_prior in [true, false] { if std::env::var("TAB").is_ok_and(|t| (t=="1") != from_prior) {continue}
+    for from_prior in [true, false] {
+        if std::env::var("TAB").is_ok_and(|t| (t == "1") != from_prior) {
+            continue;
+        }
         println!(
             "\n| from {} | R-hat | cells | together | mean ln L | median q | acceptance | divergent | gradients | CPU s |\n|---|---|---|---|---|---|---|---|---|---|",
             if from_prior {

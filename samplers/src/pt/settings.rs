@@ -56,7 +56,8 @@ pub struct Settings {
     /// costs about 3 to 8 values and no gradient.
     pub slices: usize,
     /// Rounds at the end whose ladders begin at a mixture fitted to the draws of the round before, and a little of the prior,
-    /// instead of at the prior: a shorter path, once the draws know the posterior's hollows. 0: all begin at the prior.
+    /// instead of at the prior: a shorter path, once the draws know the posterior's hollows. 0: all begin at the prior; the first
+    /// round always does.
     pub mixture_rounds: usize,
 }
 
@@ -89,6 +90,12 @@ impl Settings {
     #[must_use]
     pub fn scans(&self, round: usize) -> usize {
         self.first_scans << round
+    }
+
+    /// Whether the ladders of a round, the first of which is 0, are to begin at a mixture.
+    #[must_use]
+    pub(super) fn mixes(&self, round: usize) -> bool {
+        round > 0 && round + self.mixture_rounds >= self.rounds
     }
 
     /// Groups of ladders that started independently of each other.
@@ -215,8 +222,8 @@ impl Settings {
             "mixture_rounds",
             self.mixture_rounds,
             0,
-            self.rounds.saturating_sub(1),
-            "give fewer than there are rounds: the first ones find what the mixture is fitted to",
+            1 << 20,
+            "give 0 or more",
         )?;
         real(
             "target_acceptance",

@@ -227,13 +227,12 @@ impl State {
 
     /// Whether the ladders of this round were to begin at a mixture.
     pub(super) fn mixture_due(&self) -> bool {
-        self.round + self.settings.mixture_rounds >= self.settings.rounds
+        self.settings.mixes(self.round)
     }
 
     /// Whether those of the next one are to.
     fn mixture_next(&self) -> bool {
-        !self.is_last_round()
-            && self.round + 1 + self.settings.mixture_rounds >= self.settings.rounds
+        !self.is_last_round() && self.settings.mixes(self.round + 1)
     }
 
     fn is_early_round(&self) -> bool {
