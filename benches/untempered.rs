@@ -51,9 +51,9 @@ struct Stages {
 }
 
 const FULL: Stages = Stages {
-    falling: &[25, 50, 100],
-    settling: &[200],
-    frozen: 200,
+    falling: &[50, 100],
+    settling: &[200, 100],
+    frozen: 250,
 };
 
 const QUICK: Stages = Stages {

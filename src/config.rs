@@ -144,15 +144,18 @@ impl Default for PopulationConfig {
 }
 
 /// What suits the posterior of a stream: thirteen curved directions, several modes, and a likelihood that is rough at the
-/// scale of a leapfrog step. Slices explore, populations find the modes.
+/// scale of a leapfrog step. Slices explore, many per scan, for few leave a state where it was and swaps take it back; populations
+/// find the modes. With few live points nested runs lose modes, with few slices new points echo their seeds.
 fn sampling_of_streams() -> SamplerSettings {
     let mut sampling = SamplerSettings::default();
+    sampling.nested.n_live = 1_000;
+    sampling.nested.steps = Some(12);
     sampling.pt_hmc.annealing = 96;
-    sampling.pt_hmc.slices = 8;
+    sampling.pt_hmc.slices = 32;
     sampling.pt_hmc.max_leapfrogs = 4;
     sampling.pt_hmc.target_acceptance = 0.6;
-    sampling.pt_hmc.first_scans = 8;
-    sampling.pt_hmc.rounds = 8;
+    sampling.pt_hmc.first_scans = 4;
+    sampling.pt_hmc.rounds = 7;
     sampling
 }
 

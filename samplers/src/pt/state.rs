@@ -230,9 +230,13 @@ impl State {
         self.settings.mixes(self.round)
     }
 
-    /// Whether those of the next one are to.
+    /// Whether a mixture is to be fitted after this round. The last round keeps the one that it has: its temperatures are those
+    /// that the round before found on the same path.
     fn mixture_next(&self) -> bool {
-        !self.is_last_round() && self.settings.mixes(self.round + 1)
+        let next = self.round + 1;
+        !self.is_last_round()
+            && self.settings.mixes(next)
+            && (next + 1 < self.settings.rounds || self.reference.is_prior())
     }
 
     fn is_early_round(&self) -> bool {
