@@ -31,7 +31,7 @@ struct Stretch {
 
 /// How building a stretch ended.
 enum Built {
-    Whole(Stretch),
+    Whole(Box<Stretch>),
     /// It turns back within.
     Turned,
     /// It met a point from which there is no going on.
@@ -110,7 +110,7 @@ impl Explorer<'_, '_> {
                 next.chosen.copy_from(&path.chosen);
             }
             let turned = turns(&path, &next, forwards);
-            path = path.followed_by(next, forwards);
+            path = path.followed_by(*next, forwards);
             if turned {
                 break;
             }
@@ -155,9 +155,9 @@ impl Journey<'_, '_, '_, '_> {
         if turned {
             return Ok(Built::Turned);
         }
-        let mut both = first.followed_by(second, true);
+        let mut both = first.followed_by(*second, true);
         both.ln_weight = ln_weight;
-        Ok(Built::Whole(both))
+        Ok(Built::Whole(Box::new(both)))
     }
 
     /// The next state.
@@ -189,12 +189,12 @@ impl Journey<'_, '_, '_, '_> {
             point: self.explorer.end.clone(),
             momentum: self.explorer.momentum.clone(),
         };
-        Ok(Built::Whole(Stretch {
+        Ok(Built::Whole(Box::new(Stretch {
             sum: place.momentum.clone(),
             chosen: place.point.clone(),
             ends: [place.clone(), place],
             ln_weight: -rise,
-        }))
+        })))
     }
 }
 
