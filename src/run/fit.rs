@@ -74,6 +74,14 @@ pub fn fit(
     let target = target(track, config)?;
     config.sampling.check(target.dim())?;
     check_reach(&target, config.seed)?;
+    // What the refinement would refuse is to be known before the coarse fit, not after it.
+    let coarse = match config.coarse() {
+        Some(settings) => {
+            config.sampling.refine.check(target.dim())?;
+            Some((self::target(track, &settings)?, settings))
+        }
+        None => None,
+    };
     let track_bytes = serde_json::to_vec(track).unwrap_or_default();
     let job = Job {
         out,
@@ -84,7 +92,7 @@ pub fn fit(
         Begun::Finished(run, summary) => return Ok((*run, *summary)),
         Begun::Waiting(begin) => begin,
     };
-    match config.coarse() {
+    match coarse {
         Some(coarse) => from_coarse(&job, &begin, &target, track, config, &coarse, watch),
         None => job.work(&begin, &target, track, watch, |control| {
             sample(&target, &config.sampling, config.seed, control)
@@ -99,7 +107,7 @@ fn from_coarse(
     fine: &StreamTarget,
     track: &ObservedTrack,
     config: &FitConfig,
-    coarse: &FitConfig,
+    (coarse, settings): &(StreamTarget, FitConfig),
     watch: &mut Watch<'_>,
 ) -> Result<(Run, Summary)> {
     let (started, max_wall) = (Instant::now(), watch.max_wall);
@@ -120,16 +128,15 @@ fn from_coarse(
     } else {
         Existing::Refuse
     };
-    let (parent, summary) = fit(track, coarse, &within, existing, job.command, watch)?;
+    let (parent, summary) = fit(track, settings, &within, existing, job.command, watch)?;
     if parent.status != Status::Complete {
         return Ok((parent, summary));
     }
     drop(lock);
     watch.max_wall = max_wall.saturating_sub(started.elapsed());
-    let coarse = target(track, coarse)?;
     let refined = job.work(begin, fine, track, watch, |control| {
         let (settings, seed) = (&config.sampling, config.seed);
-        let mut run = refined(fine, &coarse, &parent, settings, seed, control)?;
+        let mut run = refined(fine, coarse, &parent, settings, seed, control)?;
         run.cost.add(&parent.cost);
         Ok(run)
     });

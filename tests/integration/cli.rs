@@ -430,6 +430,15 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
     let within = Path::new(&one).join("coarse").display().to_string();
     let output = oblate(&["compare", &within, &two], "");
     assert!(output.status.success(), "{output:?}");
+    // What the second stage would refuse is refused before the first.
+    let settings = write(folder.path(), "few.toml", "sampling.refine.members = 10");
+    let five = path("five");
+    let early = oblate(
+        &["fit", &track, "--config", &settings, "--out", &five, "-q"],
+        "",
+    );
+    refused(&early, &["members", "ten per parameter"]);
+    assert!(!Path::new(&five).exists(), "nothing is left behind");
     refused(
         &oblate(&["merge", &one, &three, "--out", &path("merged")], ""),
         &["refinement", "coarse", "oblate refine"],
