@@ -16,6 +16,11 @@ const SPREAD: u64 = 3;
 /// (`cargo test -p oblate-samplers --release --test integration bias_of -- --ignored --nocapture`).
 pub(super) const MOST_ECHO: f64 = 0.2;
 
+/// Largest error of ln Z by the scatter of clans in units of that of ideal draws. The error that is quoted is the larger of the two, and
+/// holds: of 240 runs of four targets with 400 live points 101 had ratios from 1.5 to 2.3, and an rms of (ln Z - truth) / error of 0.8;
+/// nothing is known of larger ones (`cargo test -p oblate-samplers --release --test campaign -- --ignored nested`).
+const MOST_SCATTER: f64 = 2.5;
+
 /// Fewest lineages, in effect, that the posterior is of. Where 12 were left, means of 30 seeds scattered by 0.9 to 1.05 of their errors;
 /// where 5 to 7 were, by 1 to 1.2 on one mode and up to 2.6 on two
 /// (`cargo test -p oblate-samplers --release --test integration errors_of_means -- --ignored --nocapture`).
@@ -106,7 +111,7 @@ pub(super) fn of_kin(measured: &Measured) -> [Gate; 3] {
         Gate::at_most(
             "bootstrap-to-simulated",
             ratio,
-            1.5,
+            MOST_SCATTER,
             "error of ln Z by the scatter of clans over that of ideal draws; if too large, new points resemble their seeds: double `steps`",
         ),
         Gate::at_most(

@@ -9,11 +9,12 @@ use super::settings::Kernel;
 use crate::rng::{Stream, below};
 use serde::{Deserialize, Serialize};
 
-/// Step length in units of the local ellipsoid before anything is learned. A step of the ellipsoid's radius times 1.35 over the root
-/// of the dimension leaves a ball of many dimensions half of the time; what a contour fills of its ellipsoid is left more often.
+/// Step length in units of the local ellipsoid before anything is learned; a walk's is its longest. A step of the ellipsoid's radius
+/// times 1.35 over the root of the dimension leaves a ball of many dimensions half of the time; what a contour fills of its ellipsoid is
+/// left more often.
 fn first_scale(kernel: Kernel, dim: usize) -> f64 {
     match kernel {
-        Kernel::RandomWalk => 1.0 / (dim as f64).sqrt(),
+        Kernel::RandomWalk => 2.0 / (dim as f64).sqrt(),
         _ => 1.0,
     }
 }

@@ -62,6 +62,8 @@ pub type Column = (&'static str, fn(&Run) -> f64);
 pub struct Table {
     columns: Vec<Column>,
     wrong: Vec<String>,
+    /// z of the runs that failed a gate, by its name, and of those that passed all.
+    by_gate: BTreeMap<String, Vec<f64>>,
 }
 
 impl Table {
@@ -83,6 +85,7 @@ impl Table {
         Self {
             columns,
             wrong: Vec::new(),
+            by_gate: BTreeMap::new(),
         }
     }
 
@@ -92,6 +95,17 @@ impl Table {
         let runs: Vec<Run> = seeds.par_iter().map(|&s| run(&*case.target, s)).collect();
         let z: Vec<f64> = runs.iter().map(|run| pull(run, case.ln_z)).collect();
         let (mean, sd) = scatter(&z);
+        for (run, z) in runs.iter().zip(&z) {
+            let failed: Vec<&str> = failed(run).collect();
+            let names = if failed.is_empty() {
+                vec!["none"]
+            } else {
+                failed
+            };
+            for name in names {
+                self.by_gate.entry(name.to_owned()).or_default().push(*z);
+            }
+        }
         let means: Vec<String> = self
             .columns
             .iter()
@@ -111,9 +125,18 @@ impl Table {
         }
     }
 
+    /// Prints what a failed gate said of ln Z.
+    ///
     /// # Panics
     /// If a row was outside its limits.
     pub fn judge(self) {
+        println!("\n| gate failed | runs | mean z | rms z |\n|---|---|---|---|");
+        for (gate, z) in &self.by_gate {
+            let count = z.len() as f64;
+            let mean = z.iter().sum::<f64>() / count;
+            let rms = (z.iter().map(|z| z * z).sum::<f64>() / count).sqrt();
+            println!("| {gate} | {} | {mean:+.2} | {rms:.2} |", z.len());
+        }
         assert!(self.wrong.is_empty(), "{:#?}", self.wrong);
     }
 }
@@ -126,11 +149,17 @@ fn figures(value: f64) -> String {
     }
 }
 
+/// Gates that a run failed.
+fn failed(run: &Run) -> impl Iterator<Item = &str> {
+    let gates = run.gates.iter().filter(|g| !g.pass);
+    gates.map(|g| g.name.as_str())
+}
+
 /// Gates that failed, and in how many runs.
 fn failures(runs: &[Run]) -> String {
     let mut counts = BTreeMap::new();
-    for gate in runs.iter().flat_map(|r| &r.gates).filter(|g| !g.pass) {
-        *counts.entry(gate.name.as_str()).or_insert(0) += 1;
+    for gate in runs.iter().flat_map(failed) {
+        *counts.entry(gate).or_insert(0) += 1;
     }
     let told: Vec<String> = counts.iter().map(|(n, c)| format!("{n} {c}")).collect();
     told.join(", ")

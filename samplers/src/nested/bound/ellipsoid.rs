@@ -221,7 +221,7 @@ pub(in crate::nested) fn draw_direction(rng: &mut Stream, out: &mut [f64]) {
 }
 
 /// A uniform point of the unit ball.
-pub(in crate::nested) fn draw_in_ball(rng: &mut Stream, out: &mut [f64]) {
+fn draw_in_ball(rng: &mut Stream, out: &mut [f64]) {
     draw_direction(rng, out);
     let radius = unit_open(rng).powf(1.0 / out.len() as f64);
     out.iter_mut().for_each(|o| *o *= radius);

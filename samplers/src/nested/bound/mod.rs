@@ -4,7 +4,7 @@
 mod ellipsoid;
 mod split;
 
-pub(super) use ellipsoid::{Ellipsoid, draw_direction, draw_in_ball};
+pub(super) use ellipsoid::{Ellipsoid, draw_direction};
 
 use super::live::Points;
 use super::settings::BoundKind;

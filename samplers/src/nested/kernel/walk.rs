@@ -1,13 +1,18 @@
-//! One Metropolis step, uniform in a ball of the local ellipsoid's metric.
+//! One Metropolis step in the local ellipsoid's metric: in any direction, of any length up to the longest.
+//!
+//! A ball's points are nearly all at its surface in many dimensions. Where a region is thin a step of that length is never
+//! accepted, and a chain that is there stays; short ones among the steps let it go.
 
 use super::{Chain, Fence};
 use crate::error::Result;
-use crate::nested::bound::draw_in_ball;
-use crate::rng::Stream;
+use crate::nested::bound::draw_direction;
+use crate::rng::{Stream, unit_open};
 
 /// Proposes one step; the chain stays where it is if the step leaves the contour.
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
-    draw_in_ball(rng, &mut chain.ball);
+    draw_direction(rng, &mut chain.ball);
+    let length = unit_open(rng);
+    chain.ball.iter_mut().for_each(|w| *w *= length);
     chain
         .bound
         .metric(chain.label)
