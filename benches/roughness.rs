@@ -110,16 +110,18 @@ fn main() {
         },
         ..soft
     };
-    let gentle = LikelihoodSettings {
+    let harsh = LikelihoodSettings {
         coverage: Coverage::Penalty {
-            z_miss: 10.0,
+            z_miss: 30.0,
             lambda: 1_000.0,
         },
         ..soft
     };
+    // The bins of all gala tracks are 10 degrees wide.
+    let coarse = FitConfig::default().coarse(10.0).expect("a coarse model");
     let rows = [
         ("fast", fast, soft),
-        ("fast, a missing bin 10 sigma", fast, gentle),
+        ("fast, a missing bin 30 sigma", fast, harsh),
         ("fast, edges of 5 degrees", fast, wide),
         (
             "fast, 400 steps per age",
@@ -131,9 +133,11 @@ fn main() {
             with(fast, 1_024, Design::Sobol),
             soft,
         ),
+        ("coarse model of a fit", coarse.model, coarse.likelihood),
+        ("512 Sobol particles", with(fast, 512, Design::Sobol), soft),
         ("10,000 random x 100", paper, soft),
         ("10,000 random x 100, edges of 5 degrees", paper, wide),
-        ("10,000 random x 100, a missing bin 10 sigma", paper, gentle),
+        ("10,000 random x 100, a missing bin 30 sigma", paper, harsh),
         (
             "10,000 Sobol particles",
             with(fast, 10_000, Design::Sobol),

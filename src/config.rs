@@ -99,19 +99,38 @@ impl Default for FitConfig {
     }
 }
 
+/// Steps of the dense orbit of a coarse model, at most: half of its time would go into more.
+const COARSE_ORBIT_STEPS: usize = 128;
+
+/// Residual of a missing bin of a coarse model, in sigma, at most: a bin of few particles comes and goes.
+const COARSE_Z_MISS: f64 = 5.0;
+
 impl FitConfig {
-    /// The settings of the coarse fit that this one begins with. None if it has none: a likelihood that is zero somewhere would be
-    /// zero elsewhere in a coarse model, and what that has not found cannot be refined.
+    /// The settings of the coarse fit that this one begins with, to a track in bins of a width. None if it has none: a likelihood
+    /// that is zero somewhere would be zero elsewhere in a coarse model, and what that has not found cannot be refined.
+    ///
+    /// Few particles make a likelihood rough, and slow to explore. Edges as wide as bins allow, and bins that are missed at a smaller
+    /// cost, make up for half of that, and leave it nearer to the fine one too (`cargo bench --bench roughness`).
     #[must_use]
-    pub fn coarse(&self) -> Option<Self> {
+    pub fn coarse(&self, bin_width_deg: f64) -> Option<Self> {
+        let Coverage::Penalty { z_miss, lambda } = self.likelihood.coverage else {
+            return None;
+        };
         let many = self.model.releases.particles >= 2 * self.coarse_particles;
-        let everywhere = self.likelihood.coverage != Coverage::Reject;
-        (self.coarse_particles > 0 && many && everywhere).then(|| {
+        (self.coarse_particles > 0 && many).then(|| {
             let mut coarse = self.clone();
+            coarse.coarse_particles = 0;
             coarse.model.releases.particles = self.coarse_particles;
             // As many release times as suit the particles.
             coarse.model.releases.epochs = 0;
-            coarse.coarse_particles = 0;
+            coarse.model.orbit_steps = self.model.orbit_steps.min(COARSE_ORBIT_STEPS);
+            coarse.likelihood.edges = BinEdges::Soft {
+                half_width_deg: 0.5 * bin_width_deg,
+            };
+            coarse.likelihood.coverage = Coverage::Penalty {
+                z_miss: z_miss.min(COARSE_Z_MISS),
+                lambda,
+            };
             coarse
         })
     }
@@ -144,18 +163,19 @@ impl Default for PopulationConfig {
 }
 
 /// What suits the posterior of a stream: thirteen curved directions, several modes, and a likelihood that is rough at the
-/// scale of a leapfrog step. Slices explore, many per scan, for few leave a state where it was and swaps take it back; populations
-/// find the modes. With few live points nested runs lose modes, with few slices new points echo their seeds.
+/// scale of a leapfrog step. Slices explore, gradients pay for single steps alone, populations find the modes, and once these are known
+/// a path from a mixture is half as long as one from the prior: its machines travel, and few slices per scan do. With few live points nested runs lose modes, with few slices new points echo their seeds.
 fn sampling_of_streams() -> SamplerSettings {
     let mut sampling = SamplerSettings::default();
     sampling.nested.n_live = 1_000;
-    sampling.nested.steps = Some(12);
+    sampling.nested.steps = Some(16);
     sampling.pt_hmc.annealing = 96;
-    sampling.pt_hmc.slices = 32;
-    sampling.pt_hmc.max_leapfrogs = 4;
+    sampling.pt_hmc.slices = 4;
+    sampling.pt_hmc.max_leapfrogs = 1;
     sampling.pt_hmc.target_acceptance = 0.6;
     sampling.pt_hmc.first_scans = 4;
-    sampling.pt_hmc.rounds = 7;
+    sampling.pt_hmc.rounds = 9;
+    sampling.pt_hmc.mixture_rounds = 3;
     sampling
 }
 

@@ -268,6 +268,18 @@ impl Mixture {
         })
     }
 
+    /// The same mixture, every component this many times as wide about its mean. None if one is then too wide or too narrow for an
+    /// inverse.
+    pub fn widened(&self, by: f64) -> Option<Self> {
+        let components = self
+            .components
+            .iter()
+            .map(|c| Component::of_lower(c.share, c.mean.clone(), &c.lower * by));
+        Some(Self {
+            components: components.collect::<Option<_>>()?,
+        })
+    }
+
     /// Number of components.
     pub fn len(&self) -> usize {
         self.components.len()
@@ -452,6 +464,24 @@ mod tests {
         let belongs = two.belonging(&[1.0, 5.0]);
         assert!((belongs.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         assert!(belongs.iter().any(|b| *b > 0.999));
+    }
+
+    #[test]
+    fn a_wider_mixture_has_its_draws_farther_out() {
+        let rows = twins(500);
+        let mixture = Mixture::fit(&rows, 1, &mut stream(1, Domain::Test, 6, 0)).unwrap();
+        let wide = mixture.widened(1.5).unwrap();
+        // Density at the mean falls by the volume.
+        let mean = mixture.components[0].mean.as_slice().to_vec();
+        let fall = mixture.ln_density(&mean) - wide.ln_density(&mean);
+        assert!((fall - 2.0 * 1.5_f64.ln()).abs() < 1e-12, "{fall}");
+        let (mut rng, mut other) = (stream(1, Domain::Test, 7, 0), stream(1, Domain::Test, 7, 0));
+        for _ in 0..10 {
+            let (near, far) = (mixture.draw(&mut rng), wide.draw(&mut other));
+            for ((near, far), mean) in near.iter().zip(&far).zip(&mean) {
+                assert!((far - mean - 1.5 * (near - mean)).abs() < 1e-12);
+            }
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::Exit;
 use super::fit::finish;
 use super::options::{Common, FolderFlags, ModelFlags};
 use super::progress::Progress;
+use crate::config::{FitConfig, read};
 use crate::error::Result;
 use crate::run::refine;
 use std::io::Write;
@@ -17,6 +18,9 @@ use std::path::PathBuf;
 pub struct Args {
     /// A finished fit
     run: PathBuf,
+    /// Settings file whose model, likelihood and refinement are meant; flags go over it
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     /// Draws that are carried over
     #[arg(long)]
     members: Option<usize>,
@@ -34,10 +38,16 @@ pub struct Args {
 
 /// Refines one fit.
 pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+    let given: Option<FitConfig> = args.config.as_deref().map(read).transpose()?;
     let mut progress = Progress::new("refine", common);
     let (run, summary) = refine(
         &args.run,
         |config| {
+            if let Some(given) = given {
+                config.model = given.model;
+                config.likelihood = given.likelihood;
+                config.sampling.refine = given.sampling.refine;
+            }
             if let Some(profile) = args.model.profile() {
                 config.model = profile.model();
                 config.likelihood = profile.likelihood();

@@ -25,7 +25,7 @@ pub enum Coverage {
 impl Default for Coverage {
     fn default() -> Self {
         Self::Penalty {
-            z_miss: 30.0,
+            z_miss: 10.0,
             lambda: 1_000.0,
         }
     }

@@ -75,7 +75,7 @@ pub fn fit(
     config.sampling.check(target.dim())?;
     check_reach(&target, config.seed)?;
     // What the refinement would refuse is to be known before the coarse fit, not after it.
-    let coarse = match config.coarse() {
+    let coarse = match config.coarse(track.bin_width_deg) {
         Some(settings) => {
             config.sampling.refine.check(target.dim())?;
             Some((self::target(track, &settings)?, settings))

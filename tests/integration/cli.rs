@@ -409,17 +409,24 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
         "--out",
         &one,
     ]);
+    let settings_of = |run: &str| format!("{run}/config.toml");
+    let within = Path::new(&one).join("coarse").display().to_string();
     let coarse = summary(&[
         "fit",
         &track,
         "--config",
-        &config,
-        "--particles",
-        "64",
+        &settings_of(&within),
         "--out",
         &two,
     ]);
-    let fine = summary(&["refine", &two, "--particles", "128", "--out", &three]);
+    let fine = summary(&[
+        "refine",
+        &two,
+        "--config",
+        &settings_of(&one),
+        "--out",
+        &three,
+    ]);
     for key in ["ln_z", "parameters", "ess"] {
         assert_eq!(both[key], fine[key], "{key}");
     }
@@ -427,7 +434,6 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
     let calls = |of: &serde_json::Value| of["cost"]["calls"].as_u64().expect("a number");
     assert_eq!(calls(&both), calls(&coarse) + calls(&fine));
     // It is a whole run within, and can be read as one.
-    let within = Path::new(&one).join("coarse").display().to_string();
     let output = oblate(&["compare", &within, &two], "");
     assert!(output.status.success(), "{output:?}");
     // What the second stage would refuse is refused before the first.

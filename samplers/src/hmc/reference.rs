@@ -15,6 +15,10 @@ use serde::{Deserialize, Serialize};
 /// the prior, and no mode is out of its reach.
 const PRIOR_SHARE: f64 = 0.05;
 
+/// How many times as wide as the mixture that fits best a reference is. Where it has too little a ladder stays for long: the posterior of five
+/// parameters of a stream had 386 effective draws for as many calls as 146 without.
+const WIDER: f64 = 1.3;
+
 /// Most components of a mixture.
 const MOST_COMPONENTS: usize = 64;
 
@@ -26,8 +30,8 @@ pub struct Reference(Option<Mixture>);
 pub(super) const PRIOR: &Reference = &Reference(None);
 
 impl Reference {
-    /// A mixture fitted to two independent sets of `dim` standard-normal coordinates per point, one after the other, and a
-    /// little of the prior; `rng` gives the stream for each size of the mixture. None if they are too few or do not span
+    /// The mixture, made a little wider, that fits two independent sets of `dim` standard-normal coordinates per point, one after the
+    /// other, and a little of the prior; `rng` gives the stream for each size of the mixture. None if they are too few or do not span
     /// their space.
     pub fn resembling(
         halves: [Vec<f64>; 2],
@@ -35,7 +39,8 @@ impl Reference {
         rng: impl Fn(usize) -> Stream,
     ) -> Option<Self> {
         let [first, second] = halves.map(|values| Rows { dim, values });
-        Mixture::choose([&first, &second], MOST_COMPONENTS, rng).map(|m| Self(Some(m)))
+        let mixture = Mixture::choose([&first, &second], MOST_COMPONENTS, rng)?;
+        Some(Self(Some(mixture.widened(WIDER)?)))
     }
 
     /// Whether it is the prior.

@@ -217,7 +217,7 @@ fn an_uncovered_track_is_rejected_by_name_or_penalised_smoothly() {
     // One missing bin of n costs z_miss^2/2 and lambda/n^2.
     let n = data.len() as f64;
     let miss =
-        -450.0 - last.r_err_kpc.ln() - oblate_samplers::normal::LN_SQRT_2PI - 1_000.0 / (n * n);
+        -50.0 - last.r_err_kpc.ln() - oblate_samplers::normal::LN_SQRT_2PI - 1_000.0 / (n * n);
     assert!(
         (penalised - covered - miss).abs() < 1e-6,
         "{penalised} {covered} {miss}"
