@@ -99,7 +99,7 @@ impl Default for FitConfig {
     }
 }
 
-/// Steps of the dense orbit of a coarse model, at most: half of its time would go into more.
+/// Steps of the dense orbit of a coarse model, at most: twice as many take a fifth of its time, and it is no better.
 const COARSE_ORBIT_STEPS: usize = 128;
 
 /// Residual of a missing bin of a coarse model, in sigma, at most: a bin of few particles comes and goes.

@@ -6,6 +6,7 @@
 
 mod arrows;
 mod cli;
+mod config;
 mod data;
 mod gala;
 mod golden;
