@@ -164,7 +164,8 @@ impl Default for PopulationConfig {
 
 /// What suits the posterior of a stream: thirteen curved directions, several modes, and a likelihood that is rough at the
 /// scale of a leapfrog step. Slices explore, gradients pay for single steps alone, populations find the modes, and once these are known
-/// a path from a mixture is half as long as one from the prior: its machines travel, and few slices per scan do. With few live points nested runs lose modes, with few slices new points echo their seeds.
+/// a path from a mixture is half as long as one from the prior: its machines travel, and few slices per scan do. With few live
+/// points nested runs lose modes, with few slices new points echo their seeds.
 fn sampling_of_streams() -> SamplerSettings {
     let mut sampling = SamplerSettings::default();
     sampling.nested.n_live = 1_000;

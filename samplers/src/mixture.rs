@@ -259,22 +259,21 @@ impl Mixture {
 
     /// The same mixture in the units in which the rows were.
     fn in_units(&self, mean: &DVector<f64>, units: &DMatrix<f64>) -> Option<Self> {
-        let components = self
-            .components
-            .iter()
-            .map(|c| Component::of_lower(c.share, mean + units * &c.mean, units * &c.lower));
-        Some(Self {
-            components: components.collect::<Option<_>>()?,
-        })
+        self.moved(|c| (mean + units * &c.mean, units * &c.lower))
     }
 
     /// The same mixture, every component this many times as wide about its mean. None if one is then too wide or too narrow for an
     /// inverse.
     pub fn widened(&self, by: f64) -> Option<Self> {
-        let components = self
-            .components
-            .iter()
-            .map(|c| Component::of_lower(c.share, c.mean.clone(), &c.lower * by));
+        self.moved(|c| (c.mean.clone(), &c.lower * by))
+    }
+
+    /// Every component with another mean and scale. None if a scale has no inverse.
+    fn moved(&self, to: impl Fn(&Component) -> (DVector<f64>, DMatrix<f64>)) -> Option<Self> {
+        let components = self.components.iter().map(|c| {
+            let (mean, lower) = to(c);
+            Component::of_lower(c.share, mean, lower)
+        });
         Some(Self {
             components: components.collect::<Option<_>>()?,
         })
