@@ -96,7 +96,7 @@ pub fn run(
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
-        if state.finished() {
+        if state.finished() && (outcome::passes(&state, target.dim()) || !state.extend()) {
             break Status::Complete;
         }
         let interrupted = stop || control.interrupted();

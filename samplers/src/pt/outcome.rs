@@ -6,7 +6,7 @@ use super::ladder::barrier;
 use super::state::State;
 use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
 use crate::error::Result;
-use crate::output::{Cost, Draws, Ess, Evidence, Method, Origin, Path, Run, Status};
+use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run, Status};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
@@ -15,20 +15,12 @@ const SLOW_GAP: f64 = 0.7;
 
 /// The result of the round in progress: the last one, unless the run was stopped.
 pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Result<Run> {
-    let dim = target.dim();
-    let estimate = state.evidence();
-    let (ess, worst_r_hat) = effective_sizes(state, dim);
-    let steps: Vec<f64> = state.rungs.iter().map(|rung| rung.step.step()).collect();
-    let gates = gates(&Evidenced {
-        record: &state.record,
-        estimate: &estimate,
-        history: &state.history,
-        steps: &steps,
-        ess: &ess,
-        worst_r_hat,
-        mode_agreement: modes(state, dim),
-        slices: state.slices(),
-    });
+    let Judged {
+        estimate,
+        ess,
+        steps,
+        gates,
+    } = judge(state, target.dim());
     let draws = draws(target, state)?;
     Ok(Run {
         method: Method::PtHmc,
@@ -52,6 +44,42 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
         gates,
         warnings: warnings(state),
     })
+}
+
+/// What the round in progress comes to, and what the gates say of it.
+struct Judged {
+    estimate: Estimate,
+    ess: Ess,
+    /// Step of each temperature.
+    steps: Vec<f64>,
+    gates: Vec<Gate>,
+}
+
+fn judge(state: &State, dim: usize) -> Judged {
+    let estimate = state.evidence();
+    let (ess, worst_r_hat) = effective_sizes(state, dim);
+    let steps: Vec<f64> = state.rungs.iter().map(|rung| rung.step.step()).collect();
+    let gates = gates(&Evidenced {
+        record: &state.record,
+        estimate: &estimate,
+        history: &state.history,
+        steps: &steps,
+        ess: &ess,
+        worst_r_hat,
+        mode_agreement: modes(state, dim),
+        slices: state.slices(),
+    });
+    Judged {
+        estimate,
+        ess,
+        steps,
+        gates,
+    }
+}
+
+/// Whether the round in progress passes all gates.
+pub(super) fn passes(state: &State, dim: usize) -> bool {
+    judge(state, dim).gates.iter().all(|gate| gate.pass)
 }
 
 fn draws(target: &dyn Target, state: &State) -> Result<Draws> {

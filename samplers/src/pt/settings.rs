@@ -21,6 +21,9 @@ pub struct Settings {
     pub ladders: usize,
     /// Rounds, each twice as long as the one before; all but the last adapt.
     pub rounds: usize,
+    /// How many times the last round may go on for as long again, frozen as it is, until the run passes its gates; 0: it is as long
+    /// as planned. All of its scans count.
+    pub extensions: usize,
     /// Scans of the first round.
     pub first_scans: usize,
     /// Temperatures of the first rounds.
@@ -66,6 +69,7 @@ impl Default for Settings {
         Self {
             ladders: 4,
             rounds: 10,
+            extensions: 0,
             first_scans: 4,
             temperatures: 20,
             min_temperatures: 8,
@@ -159,6 +163,7 @@ impl Settings {
             "give 2 to 1024, 4 is usual",
         )?;
         whole("rounds", self.rounds, 2, 24, "give 2 to 24, 10 is usual")?;
+        whole("extensions", self.extensions, 0, 1024, "give 0 to 1024")?;
         whole(
             "first_scans",
             self.first_scans,

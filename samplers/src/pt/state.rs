@@ -71,6 +71,8 @@ pub(super) struct State {
     /// Present round, and its scans done.
     pub(super) round: usize,
     pub(super) scan: usize,
+    /// Times that the last round has gone on for as long again.
+    extensions: usize,
     /// Scans done in all rounds: the index of the random streams.
     clock: u64,
     /// Where the ladders begin.
@@ -112,6 +114,7 @@ impl State {
             annealing: None,
             round: 0,
             scan: 0,
+            extensions: 0,
             clock: 0,
             reference: Reference::default(),
             record: Record::new(
@@ -196,9 +199,21 @@ impl State {
         stream(self.seed, domain, task as u64, scan)
     }
 
-    /// Whether the last round is done.
+    /// Scans of the present round.
+    fn scans(&self) -> usize {
+        self.settings.scans(self.round) * (1 + self.extensions)
+    }
+
+    /// Whether the last round is done, as far as it has been extended.
     pub(super) fn finished(&self) -> bool {
-        self.is_last_round() && self.scan == self.settings.scans(self.round)
+        self.is_last_round() && self.scan == self.scans()
+    }
+
+    /// Lets the last round go on for as long again. False if it has done so as often as it may.
+    pub(super) fn extend(&mut self) -> bool {
+        let may = self.extensions < self.settings.extensions;
+        self.extensions += usize::from(may);
+        may
     }
 
     /// Whether the first scan is still to come.
@@ -262,7 +277,7 @@ impl State {
         Event::Tempered {
             round: self.round,
             scan: self.scan.saturating_sub(1),
-            scans: self.settings.scans(self.round),
+            scans: self.scans(),
             barrier: last.map_or(f64::NAN, |r| r.barrier),
             round_trips: self.record.round_trips(),
             ln_z: last.map_or(f64::NAN, |r| r.ln_z),
@@ -284,7 +299,7 @@ impl State {
             }
             return Ok(());
         }
-        if self.scan == self.settings.scans(self.round) {
+        if self.scan == self.scans() {
             self.adapt(target);
         }
         let explored: Vec<Result<Explored>> = (0..self.slots.len())
@@ -311,7 +326,7 @@ impl State {
             self.swap(ladder, &beta);
         }
         let (frozen, early) = (self.is_last_round(), self.is_early_round());
-        let scans = self.settings.scans(self.round);
+        let scans = self.scans();
         for (rung, local) in locals.iter().enumerate() {
             self.record.locals[rung].add(local);
             if frozen || rung == 0 {

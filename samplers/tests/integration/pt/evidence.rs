@@ -1,6 +1,6 @@
 //! ln Z against exact values, with the error that the run quotes.
 
-use super::{rounds, run};
+use super::{failed, rounds, run};
 use crate::targets::smooth::{self, Smooth};
 use oblate_samplers::pt::Settings;
 
@@ -112,6 +112,55 @@ fn evidence_from_a_mixture() {
     ] {
         evidence_is_right_with(&target, settings);
     }
+}
+
+/// A last round that goes on until the gates pass counts all of its scans, and those before it none.
+#[test]
+fn evidence_of_a_round_that_goes_on() {
+    let going_on = Settings {
+        extensions: 15,
+        ..rounds(6)
+    };
+    for target in [smooth::mvn13(), smooth::twins13(0.9)] {
+        evidence_is_right_with(&target, &going_on);
+        let (short, run) = (run(&target, &rounds(6), 1), run(&target, &going_on, 1));
+        assert!(!short.converged(), "{}", target.name);
+        assert_eq!(failed(&run), [""; 0], "{}", target.name);
+        let times = run.draws.len() / short.draws.len();
+        assert!((2..=16).contains(&times), "{} {times}", target.name);
+        assert_eq!(run.draws.len(), times * short.draws.len());
+        // The first scans are the same ones.
+        let per_ladder = short.draws.len() / 4;
+        for ladder in 0..4 {
+            for j in 0..run.names.len() {
+                let (ours, whole) = (short.draws.column(j), run.draws.column(j));
+                assert_eq!(
+                    ours[ladder * per_ladder..(ladder + 1) * per_ladder],
+                    whole[ladder * times * per_ladder..][..per_ladder]
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_run_that_may_go_on_ends_when_it_passes_or_may_no_more() {
+    let target = smooth::gauss3();
+    let with = |extensions| Settings {
+        extensions,
+        ..rounds(10)
+    };
+    let plain = run(&target, &with(0), 1);
+    assert_eq!(failed(&plain), [""; 0]);
+    assert_eq!(plain.draws.len(), run(&target, &with(3), 1).draws.len());
+    // Eight scans say nothing, sixteen neither.
+    let few = |extensions| Settings {
+        extensions,
+        ..rounds(2)
+    };
+    let (short, once) = (run(&target, &few(0), 1), run(&target, &few(1), 1));
+    assert!(!once.converged());
+    assert_eq!(once.draws.len(), 2 * short.draws.len());
 }
 
 #[test]

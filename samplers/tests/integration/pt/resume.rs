@@ -72,13 +72,18 @@ fn one_two_and_five_threads_give_the_same_bits() {
 }
 
 #[test]
-fn a_run_stopped_ten_times_and_resumed_has_the_bits_of_one_never_stopped() {
+fn a_run_stopped_eleven_times_and_resumed_has_the_bits_of_one_never_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pt.ckpt");
-    let (target, settings) = (target(), rounds(6));
+    let settings = Settings {
+        extensions: 1,
+        ..rounds(6)
+    };
+    let target = target();
     let expected = whole(&target, &settings);
-    // 252 scans; 4, 12, 28, 60 and 124 are the ends of rounds.
-    for scans in [1, 3, 1, 7, 16, 20, 12, 40, 60, 80] {
+    // 252 scans; 4, 12, 28, 60 and 124 are the ends of rounds; the last one goes on for 128 more.
+    assert_eq!(expected.draws.len(), 4 * 2 * 128);
+    for scans in [1, 3, 1, 7, 16, 20, 12, 40, 60, 80, 60] {
         let run = resumed(&target, &settings, &path, scans).unwrap();
         assert_eq!(run.status, Status::Interrupted);
         assert!(!run.converged() && !run.draws.is_empty());
