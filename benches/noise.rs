@@ -55,6 +55,16 @@ fn rows() -> Vec<Row> {
             with(10_000, 100, Design::Random, 100, Uniform),
         ),
         row("fast", Profile::Fast.model()),
+        row(
+            "fast, on strands",
+            ModelSettings {
+                releases: TableSettings {
+                    design: Design::Strands,
+                    ..TableSettings::default()
+                },
+                ..Profile::Fast.model()
+            },
+        ),
         row("sobol, 1,024", sobol(1_024, 16, 100, Uniform)),
         row("sobol, 4,096", sobol(4_096, 16, 100, Uniform)),
         row("sobol, 4,096, 8 per epoch", sobol(4_096, 8, 100, Uniform)),

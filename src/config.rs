@@ -78,7 +78,7 @@ pub struct FitConfig {
     pub likelihood: LikelihoodSettings,
     /// The prior.
     pub prior: PriorSettings,
-    /// Particles of the coarse model that a fit begins with, to be refined to the model itself; 0: none. A model with less than
+    /// Particles of the coarse model that a fit begins with, to be refined to the model itself, rounded down to whole strands; 0: none. A model with less than
     /// twice as many, and one whose likelihood is zero where the track is not covered, is fitted at once.
     pub coarse_particles: usize,
     /// The samplers.
@@ -109,8 +109,8 @@ impl FitConfig {
     /// The settings of the coarse fit that this one begins with, to a track in bins of a width. None if it has none: a likelihood
     /// that is zero somewhere would be zero elsewhere in a coarse model, and what that has not found cannot be refined.
     ///
-    /// Few particles make a likelihood rough, and slow to explore. Edges as wide as bins allow, and bins that are missed at a smaller
-    /// cost, make up for half of that, and leave it nearer to the fine one too (`cargo bench --bench roughness`).
+    /// Few particles make a likelihood rough, and slow to explore. On strands ([`Design::Strands`]) they do not: with edges as wide as
+    /// bins allow, and bins that are missed at a smaller cost, it is as smooth as that of 10,000 (`cargo bench --bench roughness`).
     #[must_use]
     pub fn coarse(&self, bin_width_deg: f64) -> Option<Self> {
         let Coverage::Penalty { z_miss, lambda } = self.likelihood.coverage else {
@@ -120,9 +120,12 @@ impl FitConfig {
         (self.coarse_particles > 0 && many).then(|| {
             let mut coarse = self.clone();
             coarse.coarse_particles = 0;
-            coarse.model.releases.particles = self.coarse_particles;
-            // As many release times as suit the particles.
-            coarse.model.releases.epochs = 0;
+            let releases = &mut coarse.model.releases;
+            releases.design = Design::Strands;
+            // As many release times as there are particles for.
+            releases.epochs = 0;
+            let strands = releases.recipe.strands();
+            releases.particles = strands * (self.coarse_particles / strands).max(1);
             coarse.model.orbit_steps = self.model.orbit_steps.min(COARSE_ORBIT_STEPS);
             coarse.likelihood.edges = BinEdges::Soft {
                 half_width_deg: 0.5 * bin_width_deg,

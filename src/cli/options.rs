@@ -86,6 +86,7 @@ enum ProfileName {
 enum DesignName {
     Random,
     Sobol,
+    Strands,
 }
 
 impl ModelFlags {
@@ -103,6 +104,7 @@ impl ModelFlags {
             model.releases.design = match design {
                 DesignName::Random => Design::Random,
                 DesignName::Sobol => Design::Sobol,
+                DesignName::Strands => Design::Strands,
             };
             model.releases.epochs = 0;
         }

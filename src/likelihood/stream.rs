@@ -223,7 +223,10 @@ impl StreamLikelihood {
         let setup = self.model.setup(&self.galaxy(params))?;
         let arrivals = self.model.particles(&setup)?;
         let mut sums = Sums::default();
-        self.track.grid().sum_arrivals(&arrivals, &mut sums);
+        let strands = self.model.table().strands;
+        self.track
+            .grid()
+            .sum_arrivals(&arrivals, strands, &mut sums);
         self.track.ln_likelihood(&sums)
     }
 

@@ -59,6 +59,12 @@ impl Recipe {
         }
     }
 
+    /// Number of strands of both arms ([`Design::Strands`](super::Design::Strands)): two per normal and arm.
+    #[must_use]
+    pub fn strands(self) -> usize {
+        4 * self.normals()
+    }
+
     /// The kick made of standard normals `xi` (the first [`normals`](Self::normals) are used). `None`: the draw has no
     /// meaning (Chen's radius at or below zero, probability 2.4e-6) and must be repeated.
     #[must_use]

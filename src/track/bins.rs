@@ -1,7 +1,7 @@
 //! Angular bins with hard or soft edges, one interface (physics.md 6).
 //!
 //! Angles are the particles' own, unwrapped, counted from the progenitor; leading is positive. Bin b covers
-//! [b, b + 1) widths.
+//! [b, b + 1) widths. Particles stand for themselves, or, on strands, for the line to the next one too ([`Stretch`]).
 
 use crate::orbit::{Arrival, Kernel, Level, dispatch};
 use crate::scalar::{
@@ -11,6 +11,7 @@ use crate::stream::Arrivals;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 /// How a particle near an edge is shared between the two bins.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -93,6 +94,76 @@ impl<S: Scalar> Sums<S> {
     }
 }
 
+/// Spots on the line from a particle to the next of its strand. Fewer leave the likelihood rougher, more do not make it smoother.
+const SPOTS: usize = 8;
+
+/// A run of particles, and how each of them stands for the stream: in some spots on the way to another one, each of the same
+/// weight. Every particle has a weight of one in all: on a strand it is spread over half the way to its neighbours, and the
+/// first and the last keep what has no neighbour.
+#[derive(Clone, Debug)]
+struct Stretch {
+    /// Their numbers.
+    particles: Range<usize>,
+    /// How much further on the other one is.
+    to: usize,
+    /// Number of spots, evenly spread over the way there.
+    spots: usize,
+    /// Weight of each.
+    weight: f64,
+}
+
+impl Stretch {
+    /// How some of `len` particles stand for the stream, if the next one of each one's strand is `strands` further on, or if there
+    /// are no strands, 0.
+    fn all(some: Range<usize>, len: usize, strands: usize) -> [Self; 3] {
+        let within = |from: usize, to: usize| some.start.max(from)..some.end.min(to);
+        let alone = |particles, weight| Self {
+            particles,
+            to: 0,
+            spots: 1,
+            weight,
+        };
+        if strands == 0 {
+            return [alone(some, 1.0), alone(0..0, 0.0), alone(0..0, 0.0)];
+        }
+        let lines = Self {
+            particles: within(0, len - strands),
+            to: strands,
+            spots: SPOTS,
+            weight: 1.0 / SPOTS as f64,
+        };
+        [
+            lines,
+            alone(within(0, strands), 0.5),
+            alone(within(len - strands, len), 0.5),
+        ]
+    }
+
+    /// How far spot number `k` is on the way.
+    #[inline(always)]
+    fn share(&self, k: usize) -> f64 {
+        (k as f64 + 0.5) / self.spots as f64
+    }
+}
+
+/// A spot on the sky: its angle in bin widths from the progenitor, and its radius.
+#[derive(Clone, Copy, Debug)]
+struct Spot<S> {
+    position: S,
+    r: S,
+}
+
+impl<S: Scalar> Spot<S> {
+    /// A share of the way to another one.
+    #[inline(always)]
+    fn towards(self, other: Self, share: f64) -> Self {
+        Self {
+            position: self.position + (other.position - self.position) * share,
+            r: self.r + (other.r - self.r) * share,
+        }
+    }
+}
+
 /// A particle beside the edge that is nearest to it.
 struct Placed<S> {
     /// The edge: number of the bin above it.
@@ -107,10 +178,13 @@ impl BinGrid {
         180.0 / (PI * self.width_deg)
     }
 
-    /// Angle of a particle in bin widths from the progenitor.
+    /// Where a particle is on the sky.
     #[inline(always)]
-    fn position<S: Scalar>(&self, x: S, y: S, turns: S) -> S {
-        (angle(y, x) + turns * TAU) * self.per_radian()
+    fn spot<S: Scalar>(&self, x: S, y: S, turns: S) -> Spot<S> {
+        Spot {
+            position: (angle(y, x) + turns * TAU) * self.per_radian(),
+            r: (x * x + y * y).sqrt(),
+        }
     }
 
     /// Where a particle at a position belongs.
@@ -138,26 +212,40 @@ impl BinGrid {
         [above - 1, above].map(|i| usize::try_from(i).ok().filter(|i| *i < self.len))
     }
 
-    /// Adds one particle's shares.
+    /// Adds a weight at a spot beside an edge.
     #[inline(always)]
-    fn add<S: Scalar>(&self, edge: f64, above: S, r2: S, r: S, sums: &mut Sums<S>) {
-        for (i, weight) in self.beside(edge).into_iter().zip([S::one() - above, above]) {
+    fn add<S: Scalar>(&self, edge: f64, above: S, r: S, weight: f64, sums: &mut Sums<S>) {
+        for (i, share) in self.beside(edge).into_iter().zip([S::one() - above, above]) {
             if let Some(i) = i {
+                let weight = share * weight;
                 sums.weight[i] += weight;
                 sums.r[i] += weight * r;
-                sums.r2[i] += weight * r2;
+                sums.r2[i] += weight * (r * r);
             }
         }
     }
 
-    /// Bins the particles of the reference path.
-    pub fn sum_arrivals<S: Real>(&self, arrivals: &[Arrival<S>], sums: &mut Sums<S>) {
+    /// Bins the particles of the reference path; the next one of each one's strand is `strands` further on, 0 if there are none.
+    pub fn sum_arrivals<S: Real>(
+        &self,
+        arrivals: &[Arrival<S>],
+        strands: usize,
+        sums: &mut Sums<S>,
+    ) {
         sums.reset(self.len);
-        for a in arrivals {
-            let (x, y) = (a.state.x.x, a.state.x.y);
-            let r2 = x * x + y * y;
-            let Placed { edge, above } = self.place(self.position(x, y, a.turns));
-            self.add(edge.re(), above, r2, r2.sqrt(), sums);
+        let spot = |i: usize| {
+            let Arrival { state, turns, .. } = &arrivals[i];
+            self.spot(state.x.x, state.x.y, *turns)
+        };
+        for stretch in Stretch::all(0..arrivals.len(), arrivals.len(), strands) {
+            for i in stretch.particles.clone() {
+                let (here, there) = (spot(i), spot(i + stretch.to));
+                for k in 0..stretch.spots {
+                    let Spot { position, r } = here.towards(there, stretch.share(k));
+                    let Placed { edge, above } = self.place(position);
+                    self.add(edge.re(), above, r, stretch.weight, sums);
+                }
+            }
         }
     }
 
@@ -197,19 +285,21 @@ impl BinGrid {
 
     /// Bins the [`AT_A_TIME`] particles from number `first` on, or as many as there are.
     fn sum_some(&self, level: Level, arrivals: &Arrivals, first: usize, sums: &mut Sums<f64>) {
-        let last = arrivals.len().min(first + AT_A_TIME);
+        let len = arrivals.len();
+        let some = first..len.min(first + AT_A_TIME);
         sums.reset(self.len);
-        let particles =
-            [&arrivals.x, &arrivals.y, &arrivals.turns].map(|column| &column[first..last]);
-        let grid = self;
-        dispatch(
-            level,
-            Binning {
-                grid,
-                particles,
-                sums,
-            },
-        );
+        for stretch in Stretch::all(some, len, arrivals.strands) {
+            let grid = self;
+            dispatch(
+                level,
+                Binning {
+                    grid,
+                    arrivals,
+                    stretch,
+                    sums,
+                },
+            );
+        }
     }
 
     /// Reverse mode of [`sum`](Self::sum): turns derivatives with respect to the sums into derivatives with respect to
@@ -221,35 +311,78 @@ impl BinGrid {
         by_x: &mut Vec<f64>,
         by_y: &mut Vec<f64>,
     ) {
-        by_x.clear();
-        by_y.clear();
-        for ((&x, &y), &turns) in arrivals.x.iter().zip(&arrivals.y).zip(&arrivals.turns) {
-            let r2 = x * x + y * y;
-            let r = r2.sqrt();
-            let Placed { edge, above } =
-                self.place::<Dual<1>>(variable(self.position(x, y, turns), 0));
-            let [slope] = gradient_of(&above);
-            let shares = [(1.0 - above.re, -slope), (above.re, slope)];
-            let (mut by_r, mut by_position) = (0.0, 0.0);
-            for (i, (weight, slope)) in self.beside(edge.re).into_iter().zip(shares) {
-                if let Some(i) = i {
-                    by_r += weight * (by.r[i] + 2.0 * r * by.r2[i]);
-                    by_position += slope * (by.weight[i] + by.r[i] * r + by.r2[i] * r2);
+        let len = arrivals.len();
+        let spots: Vec<Spot<f64>> = (0..len)
+            .map(|i| self.spot(arrivals.x[i], arrivals.y[i], arrivals.turns[i]))
+            .collect();
+        // With respect to positions and radii first.
+        let (by_position, by_r) = (&mut *by_x, &mut *by_y);
+        for column in [&mut *by_position, &mut *by_r] {
+            column.clear();
+            column.resize(len, 0.0);
+        }
+        for stretch in Stretch::all(0..len, len, arrivals.strands) {
+            for i in stretch.particles.clone() {
+                let other = i + stretch.to;
+                for k in 0..stretch.spots {
+                    let share = stretch.share(k);
+                    let by_spot = self.pull_back_spot(spots[i].towards(spots[other], share), by);
+                    for (j, weight) in [(i, 1.0 - share), (other, share)] {
+                        by_position[j] += weight * stretch.weight * by_spot.position;
+                        by_r[j] += weight * stretch.weight * by_spot.r;
+                    }
                 }
             }
-            let by_angle = by_position * self.per_radian();
-            by_x.push(by_r * x / r - by_angle * y / r2);
-            by_y.push(by_r * y / r + by_angle * x / r2);
         }
+        for (i, spot) in spots.iter().enumerate() {
+            let (by_angle, by_r) = (by_x[i] * self.per_radian(), by_y[i]);
+            let (x, y, r) = (arrivals.x[i], arrivals.y[i], spot.r);
+            by_x[i] = by_r * x / r - by_angle * y / (r * r);
+            by_y[i] = by_r * y / r + by_angle * x / (r * r);
+        }
+    }
+
+    /// Derivatives with respect to where a spot of weight one is.
+    fn pull_back_spot(&self, Spot { position, r }: Spot<f64>, by: &Sums<f64>) -> Spot<f64> {
+        let Placed { edge, above } = self.place::<Dual<1>>(variable(position, 0));
+        let [slope] = gradient_of(&above);
+        let shares = [(1.0 - above.re, -slope), (above.re, slope)];
+        let mut by_spot = Spot {
+            position: 0.0,
+            r: 0.0,
+        };
+        for (i, (weight, slope)) in self.beside(edge.re).into_iter().zip(shares) {
+            if let Some(i) = i {
+                by_spot.r += weight * (by.r[i] + 2.0 * r * by.r2[i]);
+                by_spot.position += slope * (by.weight[i] + by.r[i] * r + by.r2[i] * (r * r));
+            }
+        }
+        by_spot
     }
 }
 
 /// Adds particles to sums: where they belong is found in lanes, and added one by one.
 struct Binning<'a> {
     grid: &'a BinGrid,
-    /// Sky x, y and turns.
-    particles: [&'a [f64]; 3],
+    arrivals: &'a Arrivals,
+    stretch: Stretch,
     sums: &'a mut Sums<f64>,
+}
+
+/// The spots of `n` particles from number `first` on.
+#[inline(always)]
+fn spots<I: Isa>(grid: &BinGrid, arrivals: &Arrivals, first: usize, n: usize) -> Spot<Lanes<I, 1>> {
+    let column = |column: &[f64]| {
+        let mut eights = Eights([[0.0; LANES]]);
+        eights.0[0][..n].copy_from_slice(&column[first..first + n]);
+        eights
+    };
+    let (x, y, turns) = (
+        column(&arrivals.x),
+        column(&arrivals.y),
+        column(&arrivals.turns),
+    );
+    grid.spot(Lanes::load(&x), Lanes::load(&y), Lanes::load(&turns))
 }
 
 impl Kernel for Binning<'_> {
@@ -259,24 +392,25 @@ impl Kernel for Binning<'_> {
     fn run<I: Isa>(self) {
         let Self {
             grid,
-            particles,
+            arrivals,
+            stretch,
             sums,
         } = self;
-        let len = particles[0].len();
-        for first in (0..len).step_by(LANES) {
-            let n = LANES.min(len - first);
-            let mut lanes = [Lanes::<I, 1>::zero(); 3];
-            for (lanes, column) in lanes.iter_mut().zip(particles) {
-                let mut eights = Eights([[0.0; LANES]]);
-                eights.0[0][..n].copy_from_slice(&column[first..first + n]);
-                *lanes = Lanes::load(&eights);
-            }
-            let [x, y, turns] = lanes;
-            let r2 = x * x + y * y;
-            let Placed { edge, above } = grid.place(grid.position(x, y, turns));
-            let [edge, above, r2, r] = [edge, above, r2, r2.sqrt()].map(|v| v.store().0[0]);
-            for i in 0..n {
-                grid.add(edge[i], above[i], r2[i], r[i], sums);
+        for first in stretch.particles.clone().step_by(LANES) {
+            let n = LANES.min(stretch.particles.end - first);
+            let here = spots::<I>(grid, arrivals, first, n);
+            let there = if stretch.to == 0 {
+                here
+            } else {
+                spots(grid, arrivals, first + stretch.to, n)
+            };
+            for k in 0..stretch.spots {
+                let Spot { position, r } = here.towards(there, stretch.share(k));
+                let Placed { edge, above } = grid.place(position);
+                let [edge, above, r] = [edge, above, r].map(|v| v.store().0[0]);
+                for i in 0..n {
+                    grid.add(edge[i], above[i], r[i], stretch.weight, sums);
+                }
             }
         }
     }

@@ -233,6 +233,82 @@ fn tables_are_even_and_reproducible() {
 }
 
 #[test]
+fn strands_are_the_same_kicks_at_every_release_with_the_moments_of_all() {
+    for (recipe, particles) in [(Recipe::Fardal2015Published, 512), (Recipe::Chen2025, 500)] {
+        let settings = TableSettings {
+            particles,
+            design: Design::Strands,
+            recipe,
+            ..TableSettings::default()
+        };
+        let table = ReleaseTable::new(&settings).expect("a table");
+        assert_eq!(table.strands, recipe.strands());
+        assert_eq!(table.per_epoch, recipe.strands());
+        let first = &table.particles[..table.per_epoch];
+        for epoch in table.particles.chunks(table.per_epoch) {
+            assert_eq!(epoch, first);
+        }
+        let other = ReleaseTable::new(&TableSettings {
+            seed: 2,
+            ..settings
+        })
+        .expect("a table");
+        assert_ne!(table.particles, other.particles);
+    }
+    // Of Fardal's published numbers every component is one normal: means (2, 0, 0.3, 0), deviations (0.4, 0.5, 0.4, 0.5), and no
+    // two of them vary together.
+    let table = ReleaseTable::new(&TableSettings {
+        particles: 16,
+        design: Design::Strands,
+        recipe: Recipe::Fardal2015Published,
+        ..TableSettings::default()
+    })
+    .expect("a table");
+    for arm in [Arm::Leading, Arm::Trailing] {
+        let kicks: Vec<[f64; 4]> = table
+            .particles
+            .iter()
+            .filter(|p| p.arm == arm)
+            .map(|p| {
+                let Kick { position, velocity } = p.kick;
+                [position[0], position[2], velocity[1], velocity[2]].map(|k| k * arm.sign())
+            })
+            .collect();
+        assert_eq!(kicks.len(), 8);
+        let mean = |i: usize| kicks.iter().map(|k| k[i]).sum::<f64>() / 8.0;
+        let (means, deviations) = ([2.0, 0.0, 0.3, 0.0], [0.4, 0.5, 0.4, 0.5]);
+        for i in 0..4 {
+            assert!((mean(i) - means[i]).abs() < 1e-12, "{arm:?} {i}");
+            for j in 0..4 {
+                let products = kicks.iter().map(|k| (k[i] - means[i]) * (k[j] - means[j]));
+                let covariance = products.sum::<f64>() / 8.0;
+                let expected = if i == j {
+                    deviations[i] * deviations[i]
+                } else {
+                    0.0
+                };
+                assert!((covariance - expected).abs() < 1e-12, "{arm:?} {i} {j}");
+            }
+        }
+    }
+}
+
+#[test]
+fn strands_are_whole() {
+    for (particles, epochs) in [(500, 0), (512, 16)] {
+        let message = ReleaseTable::new(&TableSettings {
+            particles,
+            epochs,
+            design: Design::Strands,
+            ..TableSettings::default()
+        })
+        .expect_err("16 strands")
+        .to_string();
+        assert!(message.contains("multiple of"), "{message}");
+    }
+}
+
+#[test]
 fn sobol_spreads_better_than_random() {
     // The mean of k_r over 500 particles: random has sd 0.5/sqrt(500) = 0.022; the net is far below it.
     let table = ReleaseTable::new(&TableSettings {

@@ -101,10 +101,22 @@ fn soft_bins_become_hard_ones_as_their_edges_narrow() {
     assert!(difference(0.1) < 0.02 && difference(0.1) > 0.0);
 }
 
+/// The default, and the same on strands.
+fn designs() -> [ModelSettings; 2] {
+    let strands = TableSettings {
+        design: Design::Strands,
+        ..TableSettings::default()
+    };
+    [TableSettings::default(), strands].map(|releases| ModelSettings {
+        releases,
+        ..ModelSettings::default()
+    })
+}
+
 #[test]
 fn the_shares_of_all_particles_add_up_to_their_number() {
-    for name in NAMES {
-        let ours = arrivals(name, &ModelSettings::default());
+    for (name, settings) in NAMES.iter().flat_map(|name| designs().map(|d| (name, d))) {
+        let ours = arrivals(name, &settings);
         for edges in [BinEdges::Hard, BinEdges::default()] {
             let total: f64 = Track::of(&ours, 10.0, edges, 0.0)
                 .bins
@@ -120,9 +132,51 @@ fn the_shares_of_all_particles_add_up_to_their_number() {
 }
 
 #[test]
+fn a_strand_is_a_line_between_its_particles() {
+    // One strand of three particles, 0, 40 and 80 degrees from the progenitor at radii of 10, 14 and 14. The first and the last
+    // keep half of themselves, the lines have the rest.
+    let at = |degrees: f64, r: f64| {
+        (
+            r * degrees.to_radians().cos(),
+            r * degrees.to_radians().sin(),
+        )
+    };
+    let places = [at(2.0, 10.0), at(42.0, 14.0), at(82.0, 14.0)];
+    let strand = Arrivals {
+        x: places.iter().map(|p| p.0).collect(),
+        y: places.iter().map(|p| p.1).collect(),
+        turns: vec![0.0; 3],
+        strands: 1,
+        ..Arrivals::default()
+    };
+    let track = Track::of(&strand, 10.0, BinEdges::Hard, 0.0);
+    let bins: Vec<(i64, f64, f64)> = track.bins.iter().map(|b| (b.bin, b.n, b.r_kpc)).collect();
+    // Spots every 5 degrees, from 4.5 on, in each bin two of an eighth each; the first line climbs by half a kpc per spot.
+    let expected = [
+        (0, 0.75, (0.5 * 10.0 + 0.125 * (10.25 + 10.75)) / 0.75),
+        (1, 0.25, 11.5),
+        (2, 0.25, 12.5),
+        (3, 0.25, 13.5),
+        (4, 0.25, 14.0),
+        (5, 0.25, 14.0),
+        (6, 0.25, 14.0),
+        (7, 0.25, 14.0),
+        (8, 0.5, 14.0),
+    ];
+    assert_eq!(bins.len(), expected.len());
+    for ((bin, n, r), (e_bin, e_n, e_r)) in bins.into_iter().zip(expected) {
+        assert_eq!(bin, e_bin);
+        assert!(
+            (n - e_n).abs() < 1e-12 && (r - e_r).abs() < 1e-12,
+            "{bin} {n} {r}"
+        );
+    }
+}
+
+#[test]
 fn every_level_bins_as_the_reference_does() {
-    for name in NAMES {
-        let ours = arrivals(name, &ModelSettings::default());
+    for (name, settings) in NAMES.iter().flat_map(|name| designs().map(|d| (name, d))) {
+        let ours = arrivals(name, &settings);
         let reference: Vec<_> = (0..ours.len())
             .map(|i| Arrival {
                 state: State {
@@ -141,7 +195,7 @@ fn every_level_bins_as_the_reference_does() {
                 edges,
             };
             let (mut by_reference, mut by_level) = (Sums::default(), Sums::default());
-            grid.sum_arrivals(&reference, &mut by_reference);
+            grid.sum_arrivals(&reference, ours.strands, &mut by_reference);
             for level in Level::available() {
                 grid.sum_at(*level, &ours, &mut by_level, &mut Sums::default());
                 for (a, b) in [
@@ -161,6 +215,50 @@ fn every_level_bins_as_the_reference_does() {
 }
 
 proptest! {
+    /// Reverse mode of lines between particles against duals.
+    #[test]
+    fn pulling_back_sums_of_a_strand_matches_duals(places in prop::array::uniform3((1.0..80.0_f64, -3.0..3.0_f64)), strands in 0..3_usize) {
+        let n = places.len();
+        let numbers: [f64; 6] = std::array::from_fn(|k| {
+            let (r, angle) = places[k / 2];
+            if k % 2 == 0 { r * angle.cos() } else { r * angle.sin() }
+        });
+        let duals: [Dual<6>; 6] = lift(&numbers);
+        let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges: BinEdges::default() };
+        let zero = Dual::<6>::from_re(0.0);
+        let reference: Vec<Arrival<Dual<6>>> = (0..n)
+            .map(|i| Arrival {
+                state: State { x: Vec3::new(duals[2 * i], duals[2 * i + 1], zero), v: Vec3::from_f64(Vec3::zero()) },
+                turns: zero,
+                unsafe_turns: zero,
+            })
+            .collect();
+        let mut sums = Sums::default();
+        grid.sum_arrivals(&reference, strands, &mut sums);
+        let mut total = zero;
+        let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };
+        for i in 0..180 {
+            let (a, b, c) = (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
+            total += sums.weight[i] * a + sums.r[i] * b + sums.r2[i] * c;
+            (by.weight[i], by.r[i], by.r2[i]) = (a, b, c);
+        }
+        let arrivals = Arrivals {
+            x: numbers.iter().step_by(2).copied().collect(),
+            y: numbers.iter().skip(1).step_by(2).copied().collect(),
+            turns: vec![0.0; n],
+            strands,
+            ..Arrivals::default()
+        };
+        let (mut by_x, mut by_y) = (Vec::new(), Vec::new());
+        grid.pull_back(&arrivals, &by, &mut by_x, &mut by_y);
+        let expected: [f64; 6] = gradient_of(&total);
+        let scale = expected.iter().fold(1e-3_f64, |m, g| m.max(g.abs()));
+        for i in 0..n {
+            prop_assert!((expected[2 * i] - by_x[i]).abs() < 1e-11 * scale, "{expected:?} {by_x:?}");
+            prop_assert!((expected[2 * i + 1] - by_y[i]).abs() < 1e-11 * scale, "{expected:?} {by_y:?}");
+        }
+    }
+
     /// Reverse mode of the bins against duals, particles anywhere, at edges too.
     #[test]
     fn pulling_back_sums_matches_duals(x in -80.0..80.0_f64, y in -80.0..80.0_f64, turns in -1..2_i32,
@@ -189,7 +287,7 @@ proptest! {
             unsafe_turns: Dual::from_re(0.0),
         };
         let mut duals = Sums::default();
-        grid.sum_arrivals(&[arrival], &mut duals);
+        grid.sum_arrivals(&[arrival], 0, &mut duals);
         // A scalar that weighs every sum differently.
         let weigh = |i: usize| (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
         let mut total = Dual::<2>::from_re(0.0);

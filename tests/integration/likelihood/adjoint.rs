@@ -64,6 +64,10 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             with(Design::Sobol, Recipe::Chen2025, OrbitMethod::Accurate),
             soft,
         ),
+        (
+            with(Design::Strands, Recipe::Chen2025, OrbitMethod::Accurate),
+            noisy,
+        ),
         (dynamical(small()), noisy),
         (per_age(small()), soft),
         (per_age(dynamical(small())), noisy),
