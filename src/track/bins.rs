@@ -144,22 +144,35 @@ impl Stretch {
     fn share(&self, k: usize) -> f64 {
         (k as f64 + 0.5) / self.spots as f64
     }
+
+    /// Spot number `k` of a particle here, whose way leads there.
+    #[inline(always)]
+    fn spot<S: Scalar>(&self, here: Spot<S>, there: Spot<S>, k: usize) -> Spot<S> {
+        if self.to == 0 {
+            here
+        } else {
+            here.towards(there, self.share(k))
+        }
+    }
 }
 
-/// A spot on the sky: its angle in bin widths from the progenitor, and its radius.
+/// A spot on the sky: its angle in bin widths from the progenitor, its radius, and the square of that.
 #[derive(Clone, Copy, Debug)]
 struct Spot<S> {
     position: S,
     r: S,
+    r2: S,
 }
 
 impl<S: Scalar> Spot<S> {
     /// A share of the way to another one.
     #[inline(always)]
     fn towards(self, other: Self, share: f64) -> Self {
+        let r = self.r + (other.r - self.r) * share;
         Self {
             position: self.position + (other.position - self.position) * share,
-            r: self.r + (other.r - self.r) * share,
+            r,
+            r2: r * r,
         }
     }
 }
@@ -181,9 +194,11 @@ impl BinGrid {
     /// Where a particle is on the sky.
     #[inline(always)]
     fn spot<S: Scalar>(&self, x: S, y: S, turns: S) -> Spot<S> {
+        let r2 = x * x + y * y;
         Spot {
             position: (angle(y, x) + turns * TAU) * self.per_radian(),
-            r: (x * x + y * y).sqrt(),
+            r: r2.sqrt(),
+            r2,
         }
     }
 
@@ -214,13 +229,20 @@ impl BinGrid {
 
     /// Adds a weight at a spot beside an edge.
     #[inline(always)]
-    fn add<S: Scalar>(&self, edge: f64, above: S, r: S, weight: f64, sums: &mut Sums<S>) {
+    fn add<S: Scalar>(
+        &self,
+        edge: f64,
+        above: S,
+        [r, r2]: [S; 2],
+        weight: f64,
+        sums: &mut Sums<S>,
+    ) {
         for (i, share) in self.beside(edge).into_iter().zip([S::one() - above, above]) {
             if let Some(i) = i {
                 let weight = share * weight;
                 sums.weight[i] += weight;
                 sums.r[i] += weight * r;
-                sums.r2[i] += weight * (r * r);
+                sums.r2[i] += weight * r2;
             }
         }
     }
@@ -241,9 +263,9 @@ impl BinGrid {
             for i in stretch.particles.clone() {
                 let (here, there) = (spot(i), spot(i + stretch.to));
                 for k in 0..stretch.spots {
-                    let Spot { position, r } = here.towards(there, stretch.share(k));
+                    let Spot { position, r, r2 } = stretch.spot(here, there, k);
                     let Placed { edge, above } = self.place(position);
-                    self.add(edge.re(), above, r, stretch.weight, sums);
+                    self.add(edge.re(), above, [r, r2], stretch.weight, sums);
                 }
             }
         }
@@ -326,10 +348,11 @@ impl BinGrid {
                 let other = i + stretch.to;
                 for k in 0..stretch.spots {
                     let share = stretch.share(k);
-                    let by_spot = self.pull_back_spot(spots[i].towards(spots[other], share), by);
+                    let spot = stretch.spot(spots[i], spots[other], k);
+                    let [by_its_position, by_its_r] = self.pull_back_spot(spot, by);
                     for (j, weight) in [(i, 1.0 - share), (other, share)] {
-                        by_position[j] += weight * stretch.weight * by_spot.position;
-                        by_r[j] += weight * stretch.weight * by_spot.r;
+                        by_position[j] += weight * stretch.weight * by_its_position;
+                        by_r[j] += weight * stretch.weight * by_its_r;
                     }
                 }
             }
@@ -337,27 +360,24 @@ impl BinGrid {
         for (i, spot) in spots.iter().enumerate() {
             let (by_angle, by_r) = (by_x[i] * self.per_radian(), by_y[i]);
             let (x, y, r) = (arrivals.x[i], arrivals.y[i], spot.r);
-            by_x[i] = by_r * x / r - by_angle * y / (r * r);
-            by_y[i] = by_r * y / r + by_angle * x / (r * r);
+            by_x[i] = by_r * x / r - by_angle * y / spot.r2;
+            by_y[i] = by_r * y / r + by_angle * x / spot.r2;
         }
     }
 
-    /// Derivatives with respect to where a spot of weight one is.
-    fn pull_back_spot(&self, Spot { position, r }: Spot<f64>, by: &Sums<f64>) -> Spot<f64> {
+    /// Derivatives with respect to the position and the radius of a spot of weight one.
+    fn pull_back_spot(&self, Spot { position, r, r2 }: Spot<f64>, by: &Sums<f64>) -> [f64; 2] {
         let Placed { edge, above } = self.place::<Dual<1>>(variable(position, 0));
         let [slope] = gradient_of(&above);
         let shares = [(1.0 - above.re, -slope), (above.re, slope)];
-        let mut by_spot = Spot {
-            position: 0.0,
-            r: 0.0,
-        };
+        let (mut by_position, mut by_r) = (0.0, 0.0);
         for (i, (weight, slope)) in self.beside(edge.re).into_iter().zip(shares) {
             if let Some(i) = i {
-                by_spot.r += weight * (by.r[i] + 2.0 * r * by.r2[i]);
-                by_spot.position += slope * (by.weight[i] + by.r[i] * r + by.r2[i] * (r * r));
+                by_r += weight * (by.r[i] + 2.0 * r * by.r2[i]);
+                by_position += slope * (by.weight[i] + by.r[i] * r + by.r2[i] * r2);
             }
         }
-        by_spot
+        [by_position, by_r]
     }
 }
 
@@ -405,11 +425,11 @@ impl Kernel for Binning<'_> {
                 spots(grid, arrivals, first + stretch.to, n)
             };
             for k in 0..stretch.spots {
-                let Spot { position, r } = here.towards(there, stretch.share(k));
+                let Spot { position, r, r2 } = stretch.spot(here, there, k);
                 let Placed { edge, above } = grid.place(position);
-                let [edge, above, r] = [edge, above, r].map(|v| v.store().0[0]);
+                let [edge, above, r, r2] = [edge, above, r, r2].map(|v| v.store().0[0]);
                 for i in 0..n {
-                    grid.add(edge[i], above[i], r[i], stretch.weight, sums);
+                    grid.add(edge[i], above[i], [r[i], r2[i]], stretch.weight, sums);
                 }
             }
         }
