@@ -1,8 +1,9 @@
 //! Angular bins with hard or soft edges, one interface (physics.md 6).
 //!
 //! Angles are the particles' own, unwrapped, counted from the progenitor; leading is positive. Bin b covers
-//! [b, b + 1) widths. Particles stand for themselves, or, on strands, for the line to the next one too ([`Stretch`]).
+//! [b, b + 1) widths. Particles stand for themselves, or, on strands, for the lines to the next one and the last.
 
+use super::stretch::{Spot, Stretch};
 use crate::orbit::{Arrival, Kernel, Level, dispatch};
 use crate::scalar::{
     Dual, Eights, Isa, LANES, Lanes, Real, Scalar, angle, gradient_of, smooth_step, variable,
@@ -11,7 +12,6 @@ use crate::stream::Arrivals;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
-use std::ops::Range;
 
 /// How a particle near an edge is shared between the two bins.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -90,89 +90,6 @@ impl<S: Scalar> Sums<S> {
         for column in [&mut self.weight, &mut self.r, &mut self.r2] {
             column.clear();
             column.resize(len, S::zero());
-        }
-    }
-}
-
-/// Spots on the line from a particle to the next of its strand. Fewer leave the likelihood rougher, more do not make it smoother.
-const SPOTS: usize = 8;
-
-/// A run of particles, and how each of them stands for the stream: in some spots on the way to another one, each of the same
-/// weight. Every particle has a weight of one in all: on a strand it is spread over half the way to its neighbours, and the
-/// first and the last keep what has no neighbour.
-#[derive(Clone, Debug)]
-struct Stretch {
-    /// Their numbers.
-    particles: Range<usize>,
-    /// How much further on the other one is.
-    to: usize,
-    /// Number of spots, evenly spread over the way there.
-    spots: usize,
-    /// Weight of each.
-    weight: f64,
-}
-
-impl Stretch {
-    /// How some of `len` particles stand for the stream, if the next one of each one's strand is `strands` further on, or if there
-    /// are no strands, 0.
-    fn all(some: Range<usize>, len: usize, strands: usize) -> [Self; 3] {
-        let within = |from: usize, to: usize| some.start.max(from)..some.end.min(to);
-        let alone = |particles, weight| Self {
-            particles,
-            to: 0,
-            spots: 1,
-            weight,
-        };
-        if strands == 0 {
-            return [alone(some, 1.0), alone(0..0, 0.0), alone(0..0, 0.0)];
-        }
-        let lines = Self {
-            particles: within(0, len - strands),
-            to: strands,
-            spots: SPOTS,
-            weight: 1.0 / SPOTS as f64,
-        };
-        [
-            lines,
-            alone(within(0, strands), 0.5),
-            alone(within(len - strands, len), 0.5),
-        ]
-    }
-
-    /// How far spot number `k` is on the way.
-    #[inline(always)]
-    fn share(&self, k: usize) -> f64 {
-        (k as f64 + 0.5) / self.spots as f64
-    }
-
-    /// Spot number `k` of a particle here, whose way leads there.
-    #[inline(always)]
-    fn spot<S: Scalar>(&self, here: Spot<S>, there: Spot<S>, k: usize) -> Spot<S> {
-        if self.to == 0 {
-            here
-        } else {
-            here.towards(there, self.share(k))
-        }
-    }
-}
-
-/// A spot on the sky: its angle in bin widths from the progenitor, its radius, and the square of that.
-#[derive(Clone, Copy, Debug)]
-struct Spot<S> {
-    position: S,
-    r: S,
-    r2: S,
-}
-
-impl<S: Scalar> Spot<S> {
-    /// A share of the way to another one.
-    #[inline(always)]
-    fn towards(self, other: Self, share: f64) -> Self {
-        let r = self.r + (other.r - self.r) * share;
-        Self {
-            position: self.position + (other.position - self.position) * share,
-            r,
-            r2: r * r,
         }
     }
 }
