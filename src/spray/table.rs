@@ -99,6 +99,12 @@ impl ReleaseTable {
             (0, Design::Strands) => n.div_ceil(settings.recipe.strands()),
             (given, _) => given,
         };
+        let strands = settings.recipe.strands();
+        if settings.design == Design::Strands && n != strands * epochs {
+            return Err(fail(&format!(
+                "strands are {strands}: give a multiple of it, and leave `epochs` at 0"
+            )));
+        }
         if !n.is_multiple_of(2 * epochs) {
             return Err(fail(&format!(
                 "with {epochs} release times give a multiple of {}, or set `epochs` to a divisor of half of it",
@@ -111,12 +117,6 @@ impl ReleaseTable {
             ));
         }
         let per_arm = n / (2 * epochs);
-        if settings.design == Design::Strands && 2 * per_arm != settings.recipe.strands() {
-            return Err(fail(&format!(
-                "strands are {}: give a multiple of it, and leave `epochs` at 0",
-                settings.recipe.strands()
-            )));
-        }
         let arms = [Arm::Leading, Arm::Trailing];
         let kicks = arms.map(|arm| match settings.design {
             Design::Random => random_kicks(settings, arm, n / 2),

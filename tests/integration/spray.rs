@@ -304,7 +304,7 @@ fn strands_are_whole() {
         })
         .expect_err("16 strands")
         .to_string();
-        assert!(message.contains("multiple of"), "{message}");
+        assert!(message.contains("strands are 16"), "{message}");
     }
 }
 
