@@ -93,13 +93,13 @@ impl ReleaseTable {
         if n == 0 {
             return Err(fail("give at least 2"));
         }
+        let strands = settings.recipe.strands();
         let epochs = match (settings.epochs, settings.design) {
             (0, Design::Random) => 100,
             (0, Design::Sobol) => sobol_epochs(n),
-            (0, Design::Strands) => n.div_ceil(settings.recipe.strands()),
+            (0, Design::Strands) => n.div_ceil(strands),
             (given, _) => given,
         };
-        let strands = settings.recipe.strands();
         if settings.design == Design::Strands && n != strands * epochs {
             return Err(fail(&format!(
                 "strands are {strands}: give a multiple of it, and leave `epochs` at 0"

@@ -96,8 +96,11 @@ pub fn run(
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
-        if state.finished() && (outcome::passes(&state, target.dim()) || !state.extend()) {
-            break Status::Complete;
+        if state.finished() {
+            if !state.may_extend() || outcome::passes(&state, target.dim()) {
+                break Status::Complete;
+            }
+            state.extend();
         }
         let interrupted = stop || control.interrupted();
         let spent = control.spent(state.tally.calls + state.tally.gradients);

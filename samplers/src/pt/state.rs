@@ -209,11 +209,14 @@ impl State {
         self.is_last_round() && self.scan == self.scans()
     }
 
-    /// Lets the last round go on for as long again. False if it has done so as often as it may.
-    pub(super) fn extend(&mut self) -> bool {
-        let may = self.extensions < self.settings.extensions;
-        self.extensions += usize::from(may);
-        may
+    /// Whether the last round may go on once it is done.
+    pub(super) fn may_extend(&self) -> bool {
+        self.extensions < self.settings.extensions
+    }
+
+    /// Lets the last round go on for as long again.
+    pub(super) fn extend(&mut self) {
+        self.extensions += 1;
     }
 
     /// Whether the first scan is still to come.
