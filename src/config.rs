@@ -166,20 +166,22 @@ impl Default for PopulationConfig {
 }
 
 /// What suits the posterior of a stream: thirteen curved directions, several modes, and a likelihood that is rough at the
-/// scale of a leapfrog step. Slices explore, gradients pay for single steps alone, populations find the modes, and once these are known
-/// a path from a mixture is half as long as one from the prior: its machines travel, and few slices per scan do. With few live
-/// points nested runs lose modes, with few slices new points echo their seeds.
+/// scale of a leapfrog step. Populations find the modes, and paths from a mixture that resembles them are half as long as those from
+/// the prior: machines travel, few slices per scan do, gradients pay for single steps alone, and the last round goes on until it
+/// passes. With few live points nested runs lose modes, with few slices new points echo their seeds.
 fn sampling_of_streams() -> SamplerSettings {
     let mut sampling = SamplerSettings::default();
     sampling.nested.n_live = 1_000;
     sampling.nested.steps = Some(16);
-    sampling.pt_hmc.annealing = 96;
+    sampling.pt_hmc.annealing = 400;
     sampling.pt_hmc.slices = 4;
     sampling.pt_hmc.max_leapfrogs = 1;
     sampling.pt_hmc.target_acceptance = 0.6;
-    sampling.pt_hmc.first_scans = 4;
-    sampling.pt_hmc.rounds = 9;
-    sampling.pt_hmc.mixture_rounds = 3;
+    sampling.pt_hmc.first_scans = 256;
+    sampling.pt_hmc.rounds = 4;
+    sampling.pt_hmc.extensions = 7;
+    // All of them, however many are asked for.
+    sampling.pt_hmc.mixture_rounds = 24;
     sampling
 }
 

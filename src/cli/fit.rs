@@ -34,7 +34,7 @@ pub struct Args {
     /// Live points of the nested sampler
     #[arg(long)]
     live: Option<usize>,
-    /// Rounds of the tempered sampler
+    /// Rounds of the tempered sampler, each twice as long as the one before
     #[arg(long)]
     rounds: Option<usize>,
     #[command(flatten)]

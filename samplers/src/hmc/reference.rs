@@ -34,11 +34,11 @@ impl Reference {
     /// other, and a little of the prior; `rng` gives the stream for each size of the mixture. None if they are too few or do not span
     /// their space.
     pub fn resembling(
-        halves: [Vec<f64>; 2],
+        halves: &[Vec<f64>; 2],
         dim: usize,
         rng: impl Fn(usize) -> Stream,
     ) -> Option<Self> {
-        let [first, second] = halves.map(|values| Rows { dim, values });
+        let [first, second] = halves.clone().map(|values| Rows { dim, values });
         let mixture = Mixture::choose([&first, &second], MOST_COMPONENTS, rng)?;
         Some(Self(Some(mixture.widened(WIDER)?)))
     }

@@ -58,9 +58,9 @@ pub struct Settings {
     /// Slices per scan and temperature, before the Hamiltonian moves: for likelihoods too rough for long trajectories. Each
     /// costs about 3 to 8 values and no gradient.
     pub slices: usize,
-    /// Rounds at the end whose ladders begin at a mixture fitted to the draws of the round before, and a little of the prior,
-    /// instead of at the prior: a shorter path, once the draws know the posterior's hollows. 0: all begin at the prior; the first
-    /// round always does.
+    /// Rounds at the end whose ladders begin at a mixture fitted to what was drawn before, most of it in the round before, and a
+    /// little of the prior, instead of at the prior: a shorter path, once the draws know the posterior's hollows. 0: all begin at
+    /// the prior. With as many as `rounds` the first begins at a mixture of what `annealing` has found; without, at the prior.
     pub mixture_rounds: usize,
 }
 
@@ -99,7 +99,7 @@ impl Settings {
     /// Whether the ladders of a round, the first of which is 0, are to begin at a mixture.
     #[must_use]
     pub(super) fn mixes(&self, round: usize) -> bool {
-        round > 0 && round + self.mixture_rounds >= self.rounds
+        (round > 0 || self.annealing > 0) && round + self.mixture_rounds >= self.rounds
     }
 
     /// Groups of ladders that started independently of each other.

@@ -25,7 +25,8 @@ const EARLY_SCANS: usize = 32;
 /// Most leapfrog steps of a move in an early round.
 const EARLY_LEAPFROGS: usize = 32;
 
-/// Most rows of half of the ladders that a mixture is fitted to.
+/// Most rows of half of the ladders that a mixture is fitted to; of those before half as many are kept, so that what was
+/// drawn long ago, fewer and less sure, is forgotten by and by.
 const MOST_TRAINING: usize = 5_000;
 
 /// Step that Hamiltonian moves begin with in a population's metric: ridges are narrower than the population.
@@ -77,6 +78,8 @@ pub(super) struct State {
     clock: u64,
     /// Where the ladders begin.
     pub(super) reference: Reference,
+    /// The halves of the draws that it was fitted to.
+    training: [Vec<f64>; 2],
     pub(super) rungs: Vec<Rung>,
     /// Ladder-major.
     slots: Vec<Slot>,
@@ -117,6 +120,7 @@ impl State {
             extensions: 0,
             clock: 0,
             reference: Reference::default(),
+            training: Default::default(),
             record: Record::new(
                 dim,
                 settings.ladders,
@@ -403,6 +407,48 @@ impl State {
         self.rungs = rungs;
         self.slots = slots.concat();
         self.record = self.new_record(dim, 0);
+        if self.settings.mixes(0) {
+            self.begin_at_mixture(populations, target);
+        }
+    }
+
+    /// Has the first round begin at a mixture that resembles the populations' coldest level, in states of that level.
+    fn begin_at_mixture(&mut self, populations: &[Vec<Level>], target: &dyn Target) {
+        let coldest: Vec<&Level> = populations.iter().filter_map(|l| l.last()).collect();
+        let rows = of_others(coldest.iter().map(|level| &level.z));
+        let Some(reference) = self.resembling(rows, target.dim()) else {
+            return;
+        };
+        self.one_metric();
+        let rungs = self.rungs.len();
+        for slot in 0..self.slots.len() {
+            let (ladder, k) = (slot / rungs, slot % rungs);
+            let level = coldest[ladder % coldest.len()];
+            let turn = k * self.settings.ladders + ladder;
+            let members = level.ln_likelihood.len();
+            let most = rungs * self.settings.ladders;
+            self.slots[slot].point = level.point(turn * members / most);
+        }
+        self.take_reference(reference);
+    }
+
+    /// The reference that resembles new halves of draws, and what is kept of those before; none if there are too few.
+    fn resembling(&mut self, halves: [Vec<f64>; 2], dim: usize) -> Option<Reference> {
+        for (known, new) in self.training.iter_mut().zip(halves) {
+            *known = thinned(known, dim, MOST_TRAINING / 2);
+            known.extend(thinned(&new, dim, MOST_TRAINING));
+        }
+        let rng = |count: usize| stream(self.seed, Domain::PtReference, self.clock, count as u64);
+        Reference::resembling(&self.training, dim, rng)
+    }
+
+    /// Ladders begin at this reference from now on.
+    fn take_reference(&mut self, reference: Reference) {
+        for slot in &mut self.slots {
+            slot.point.tilt = reference.tilt(&slot.point.z);
+            slot.point.has_gradient = false;
+        }
+        self.reference = reference;
     }
 
     /// Explores one slot: a fresh draw at beta = 0; symmetries, then slices, then Hamiltonian moves elsewhere.
@@ -555,25 +601,19 @@ impl State {
         if !self.mixture_next() {
             return;
         }
-        let dim = target.dim();
-        let halves = of_others(self.record.trails.iter()).map(|rows| thinned(&rows, dim));
-        let rng = |count: usize| stream(self.seed, Domain::PtReference, self.clock, count as u64);
+        let rows = of_others(self.record.trails.iter());
         // Of draws that no mixture fits, none is made: the path stays what it was, and the result says so.
-        let Some(reference) = Reference::resembling(halves, dim, rng) else {
+        let Some(reference) = self.resembling(rows, target.dim()) else {
             return;
         };
         if self.reference.is_prior() {
             self.leave_prior();
         }
-        for slot in &mut self.slots {
-            slot.point.tilt = reference.tilt(&slot.point.z);
-            slot.point.has_gradient = false;
-        }
-        self.reference = reference;
+        self.take_reference(reference);
     }
 
     /// Every temperature of a path from a reference that resembles the posterior is like the coldest, to begin with.
-    fn leave_prior(&mut self) {
+    fn one_metric(&mut self) {
         let rungs = self.rungs.len();
         let cold = self.rungs[rungs - 1].clone();
         for (rung, beta) in self.rungs.iter_mut().zip(first_schedule(rungs)) {
@@ -582,6 +622,12 @@ impl State {
                 ..cold.clone()
             };
         }
+    }
+
+    /// Has all temperatures begin where the coldest has been.
+    fn leave_prior(&mut self) {
+        self.one_metric();
+        let rungs = self.rungs.len();
         let last = self.record.traces.rungs() - 1;
         let dim = self.slots[0].point.z.len();
         for (slot, place) in self.slots.iter_mut().enumerate() {
@@ -655,10 +701,10 @@ impl State {
     }
 }
 
-/// Rows of coordinates, spread evenly over those given, at most [`MOST_TRAINING`].
-fn thinned(rows: &[f64], dim: usize) -> Vec<f64> {
+/// At most so many rows of coordinates, spread evenly over those given.
+fn thinned(rows: &[f64], dim: usize, most: usize) -> Vec<f64> {
     let count = rows.len() / dim;
-    let kept = count.min(MOST_TRAINING);
+    let kept = count.min(most);
     let row = |k: usize| &rows[k * count / kept * dim..][..dim];
     (0..kept).flat_map(row).copied().collect()
 }

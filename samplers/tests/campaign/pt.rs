@@ -40,3 +40,38 @@ fn ladders() {
     }
     table.judge();
 }
+
+/// The same limits for paths from a mixture of what populations have found, whose last round goes on until the gates pass: as a
+/// stream is fitted.
+#[test]
+#[ignore = "minutes: before a release"]
+fn paths_from_mixtures() {
+    let cases: [Case; 7] = [
+        smooth::mvn13().into(),
+        smooth::stiff13().into(),
+        smooth::far8().into(),
+        smooth::shells(2).into(),
+        smooth::shells(5).into(),
+        smooth::twins13(0.5).into(),
+        Case::from(smooth::twins13(0.9)).called("twins13, 9 to 1"),
+    ];
+    let settings = Settings {
+        annealing: 96,
+        slices: 4,
+        max_leapfrogs: 1,
+        target_acceptance: 0.6,
+        first_scans: 128,
+        rounds: 3,
+        mixture_rounds: 3,
+        extensions: 7,
+        ..Settings::default()
+    };
+    let how = "from mixtures of 384 members, 3 rounds, going on";
+    let mut table = Table::new(&COLUMNS);
+    for case in cases {
+        table.row(&case, how, |target, seed| {
+            pt::run(target, &settings, seed, &mut Control::new(&mut Silent)).unwrap()
+        });
+    }
+    table.judge();
+}

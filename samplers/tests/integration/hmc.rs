@@ -669,7 +669,7 @@ fn clumps() -> Reference {
         };
         (0..1000).flat_map(|i| clump(i, &mut rng)).collect()
     });
-    Reference::resembling(halves, 2, |k| stream(24, Domain::Test, 1, k as u64)).unwrap()
+    Reference::resembling(&halves, 2, |k| stream(24, Domain::Test, 1, k as u64)).unwrap()
 }
 
 /// A draw of the path from a reference at an inverse temperature with data drawn given it, before and after the steps of a

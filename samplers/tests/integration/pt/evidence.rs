@@ -114,6 +114,22 @@ fn evidence_from_a_mixture() {
     }
 }
 
+/// All rounds begin at a mixture, the first at one of what populations have found.
+#[test]
+fn evidence_from_a_mixture_of_populations() {
+    let settings = Settings {
+        annealing: 96,
+        slices: 4,
+        max_leapfrogs: 1,
+        first_scans: 128,
+        mixture_rounds: 3,
+        ..rounds(3)
+    };
+    for target in [smooth::mvn13(), smooth::twins13(0.9), smooth::shells(5)] {
+        evidence_is_right_with(&target, &settings);
+    }
+}
+
 /// A last round that goes on until the gates pass counts all of its scans, and those before it none.
 #[test]
 fn evidence_of_a_round_that_goes_on() {

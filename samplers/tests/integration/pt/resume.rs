@@ -112,9 +112,10 @@ impl Observer for StopAfterEvents {
 
 fn annealed() -> Settings {
     Settings {
-        annealing: 40,
+        annealing: 72,
         slices: 2,
         max_leapfrogs: 4,
+        mixture_rounds: 5,
         ..rounds(5)
     }
 }

@@ -85,3 +85,23 @@ fn a_ladder_finds_temperatures_near_zero_for_a_deep_likelihood() {
     assert!(beta[1] < 1e-4, "{beta:?}");
     assert!(rejection.iter().all(|s| *s < 0.7), "{rejection:?}");
 }
+
+/// A first round that begins at a mixture of what populations have found has a far shorter path than one from the prior.
+#[test]
+fn a_mixture_of_populations_shortens_the_path_from_the_first_round_on() {
+    let barrier = |mixture_rounds| {
+        let settings = Settings {
+            annealing: 96,
+            slices: 4,
+            max_leapfrogs: 1,
+            first_scans: 64,
+            mixture_rounds,
+            ..super::rounds(2)
+        };
+        let run = run(&smooth::twins13(0.9), &settings, 1);
+        assert!(run.warnings.is_empty(), "{:?}", run.warnings);
+        ladder(&run).1.iter().sum::<f64>()
+    };
+    let (prior, mixture) = (barrier(0), barrier(2));
+    assert!(mixture < 0.5 * prior, "{mixture} {prior}");
+}
