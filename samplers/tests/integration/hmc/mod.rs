@@ -1,18 +1,21 @@
-//! Hamiltonian moves, slices and jumps: exact invariance, reversibility, walls.
+//! Hamiltonian moves, slices and jumps: exact invariance, reversibility.
 //!
 //! Invariance is tested as in Geweke's joint test: draw z from the prior and data from the model, move z by a kernel
 //! on the posterior given these data, and z must still follow the prior. A kernel that accepts nearly always passes
 //! such a test even if its acceptance rule is wrong, so steps are chosen for an acceptance between 0.3 and 0.6, and
 //! wrong rules must be caught at the same step.
 
+mod no_u_turn;
+mod reference;
+mod walls;
+
 use crate::targets::smooth;
 use oblate_samplers::hmc::{
-    End, Evaluator, Explorer, Metric, MetricKind, Plan, Point, Reference, inside, jump, refresh,
-    slice,
+    End, Evaluator, Explorer, Metric, MetricKind, Plan, Point, jump, refresh, slice,
 };
 use oblate_samplers::neighbours::Neighbours;
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
-use oblate_samplers::target::{HalfSpace, Involution, Orbit};
+use oblate_samplers::target::{Involution, Orbit};
 use oblate_samplers::{Marginal, Outcome, Prior, Target, normal};
 use rayon::prelude::*;
 use std::sync::LazyLock;
@@ -195,77 +198,6 @@ fn hamiltonian_moves_leave_the_posterior_invariant() {
             ([point.z[0], point.z[1]], acceptance)
         });
     }
-}
-
-/// Steps of long strides, many of which lose much energy on the way.
-#[test]
-fn trajectories_without_u_turns_leave_the_posterior_invariant() {
-    for (metric, step) in [
-        (tilted(), 0.42),
-        (Metric::identity(MetricKind::Diagonal, 2), 0.38),
-    ] {
-        let plan = Plan {
-            step,
-            length: f64::NAN,
-            max_leapfrogs: 15,
-            max_energy_range: 1000.0,
-            slack: 0.0,
-        };
-        assert_invariant("binomial", |index| {
-            let mut rng = stream(27, Domain::Test, 0, index);
-            let (mut point, target) = binomial_pair(&mut rng);
-            let mut explorer = Explorer::new(target, 1.0, &metric);
-            point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
-            let mut acceptance = 0.0;
-            for _ in 0..STEPS {
-                let moved = explorer.no_u_turn(&mut point, &plan, &mut rng).unwrap();
-                acceptance += moved.acceptance / STEPS as f64;
-            }
-            ([point.z[0], point.z[1]], acceptance)
-        });
-    }
-}
-
-#[test]
-fn a_trajectory_ends_where_it_turns_back_and_where_it_must() {
-    let target = smooth::iso(13);
-    let sd = 0.1_f64.sqrt();
-    let metric = Metric::from_covariance(
-        MetricKind::Dense,
-        &(nalgebra::DMatrix::identity(13, 13) * sd * sd),
-    )
-    .unwrap();
-    let mut rng = stream(28, Domain::Test, 0, 0);
-    let mut point = Point::new(13);
-    point
-        .z
-        .iter_mut()
-        .for_each(|z| *z = sd * standard_normal(&mut rng));
-    let mut explorer = Explorer::new(&target, 1.0, &metric);
-    point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
-    let mut leapfrogs = |most, rng: &mut Stream| {
-        let plan = Plan {
-            step: 0.1,
-            length: f64::NAN,
-            max_leapfrogs: most,
-            max_energy_range: 1000.0,
-            slack: 0.0,
-        };
-        let moved: Vec<_> = (0..200)
-            .map(|_| explorer.no_u_turn(&mut point, &plan, rng).unwrap())
-            .collect();
-        assert!(moved.iter().all(|m| m.leapfrogs <= most));
-        let capped = moved.iter().filter(|m| m.capped).count();
-        let mean = moved.iter().map(|m| m.leapfrogs as f64).sum::<f64>() / 200.0;
-        (mean, capped)
-    };
-    // Half a period is pi / 0.1 = 31 steps; a doubling that goes beyond is made in part and given up.
-    let (mean, capped) = leapfrogs(1000, &mut rng);
-    assert!(
-        (25.0..63.0).contains(&mean) && capped == 0,
-        "{mean} {capped}"
-    );
-    assert_eq!(leapfrogs(10, &mut rng), (7.0, 200));
 }
 
 #[test]
@@ -531,112 +463,6 @@ fn trajectories_retrace_their_steps() {
     }
 }
 
-/// The prior behind three walls that meet in corners.
-struct Corner {
-    prior: Prior,
-    walls: Vec<HalfSpace>,
-}
-
-impl Corner {
-    fn new() -> Self {
-        let wall = |a: f64, b: f64, offset: f64| HalfSpace {
-            normal: vec![a, b],
-            offset,
-        };
-        Self {
-            prior: plane(),
-            walls: vec![
-                wall(1.0, 0.0, -0.3),
-                wall(0.0, 2.0, -0.8),
-                wall(-1.0, -1.0, -0.5),
-            ],
-        }
-    }
-}
-
-impl Target for Corner {
-    fn prior(&self) -> &Prior {
-        &self.prior
-    }
-    fn ln_likelihood(&self, _: &[f64]) -> Outcome {
-        Outcome::Value(0.0)
-    }
-    fn ln_likelihood_and_gradient(&self, _: &[f64], gradient: &mut [f64]) -> Outcome {
-        gradient.fill(0.0);
-        Outcome::Value(0.0)
-    }
-    fn gradient_cost(&self) -> Option<f64> {
-        Some(1.0)
-    }
-    fn walls(&self) -> &[HalfSpace] {
-        &self.walls
-    }
-}
-
-#[test]
-fn trajectories_retrace_their_steps_through_corners_of_three_walls() {
-    let target = Corner::new();
-    let metric = tilted();
-    let mut rng = stream(21, Domain::Test, 0, 0);
-    for _ in 0..200 {
-        let z = [
-            0.05 * standard_normal(&mut rng),
-            0.05 * standard_normal(&mut rng),
-        ];
-        let momentum = [
-            3.0 * standard_normal(&mut rng),
-            3.0 * standard_normal(&mut rng),
-        ];
-        // Reflections double small errors at corners; 30 steps meet the walls some ten times.
-        assert!(way_back(&target, &metric, &z, &momentum, 30) < 1e-8);
-    }
-}
-
-#[test]
-fn moves_between_walls_keep_the_truncated_prior() {
-    let target = Corner::new();
-    let metric = tilted();
-    let plan = Plan {
-        step: 1.1,
-        length: 3.0,
-        max_leapfrogs: 8,
-        max_energy_range: 1000.0,
-        slack: 0.0,
-    };
-    let pairs: Vec<([f64; 2], [f64; 2])> = (0..DRAWS)
-        .into_par_iter()
-        .map(|index| {
-            let mut rng = stream(22, Domain::Test, 0, index);
-            let mut explorer = Explorer::new(&target, 1.0, &metric);
-            let mut point = Point::new(2);
-            explorer
-                .evaluator
-                .draw_reference(&mut point.z, &mut rng)
-                .unwrap();
-            point.ln_likelihood = 0.0;
-            let before = [point.z[0], point.z[1]];
-            for _ in 0..STEPS {
-                explorer.transition(&mut point, &plan, &mut rng).unwrap();
-                explorer.no_u_turn(&mut point, &plan, &mut rng).unwrap();
-                let evaluator = &mut explorer.evaluator;
-                slice(
-                    evaluator,
-                    1.0,
-                    &metric,
-                    &Neighbours::default(),
-                    &mut point,
-                    &mut rng,
-                )
-                .unwrap();
-                assert!(inside(&target.walls, &point.z) || near_a_wall(&target, &point.z));
-            }
-            (before, [point.z[0], point.z[1]])
-        })
-        .collect();
-    let apart = farthest_moment(&pairs);
-    assert!(apart < 4.0, "{apart}");
-}
-
 /// Two samples, paired: the largest difference of their means, mean squares and mean products, in units of its own error.
 fn farthest_moment(pairs: &[([f64; 2], [f64; 2])]) -> f64 {
     let moments: [fn(&[f64; 2]) -> f64; 5] = [
@@ -654,133 +480,6 @@ fn farthest_moment(pairs: &[([f64; 2], [f64; 2])]) -> f64 {
         mean.abs() / (variance / n).sqrt()
     });
     apart.fold(0.0, f64::max)
-}
-
-/// A mixture of two clumps beside each other, and a little of the prior.
-fn clumps() -> Reference {
-    let mut rng = stream(24, Domain::Test, 0, 0);
-    let halves = [0, 1].map(|_| {
-        let clump = |i: usize, rng: &mut Stream| {
-            let centre = if i.is_multiple_of(3) { -0.8 } else { 0.6 };
-            [
-                centre + 0.3 * standard_normal(rng),
-                0.4 * standard_normal(rng),
-            ]
-        };
-        (0..1000).flat_map(|i| clump(i, &mut rng)).collect()
-    });
-    Reference::resembling(&halves, 2, |k| stream(24, Domain::Test, 1, k as u64)).unwrap()
-}
-
-/// A draw of the path from a reference at an inverse temperature with data drawn given it, before and after the steps of a
-/// kernel.
-fn moved_from(
-    reference: &Reference,
-    beta: f64,
-    index: u64,
-    step: impl Fn(&mut Explorer<'_, '_>, &mut Point, &mut Stream),
-) -> ([f64; 2], [f64; 2]) {
-    // No point of the plane has a larger tilt.
-    const HIGHEST: f64 = 2.5;
-    let mut rng = stream(25, Domain::Test, 0, index);
-    let prior = plane();
-    let (mut point, datum) = loop {
-        let (mut point, datum) = datum_pair(&mut rng, &prior, beta, true);
-        point.tilt = reference.tilt(&point.z);
-        assert!(point.tilt < HIGHEST, "{}", point.tilt);
-        if unit_open(&mut rng).ln() < (1.0 - beta) * (point.tilt - HIGHEST) {
-            break (point, datum);
-        }
-    };
-    let metric = tilted();
-    let evaluator = Evaluator::from_reference(&datum, reference);
-    let mut explorer = Explorer::of(evaluator, beta, &metric);
-    point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
-    let before = [point.z[0], point.z[1]];
-    for _ in 0..STEPS {
-        step(&mut explorer, &mut point, &mut rng);
-        assert_eq!(point.tilt.to_bits(), reference.tilt(&point.z).to_bits());
-    }
-    (before, [point.z[0], point.z[1]])
-}
-
-#[test]
-fn every_move_keeps_the_law_of_a_path_from_a_mixture_and_one_without_its_tilt_does_not() {
-    let reference = clumps();
-    let beta = 0.4;
-    let metric = tilted();
-    let plan = Plan {
-        step: 0.8,
-        length: 1.5,
-        max_leapfrogs: 8,
-        max_energy_range: 1000.0,
-        slack: 0.0,
-    };
-    let far = |step: &(dyn Fn(&mut Explorer<'_, '_>, &mut Point, &mut Stream) + Sync)| {
-        let pairs: Vec<_> = (0..DRAWS)
-            .into_par_iter()
-            .map(|index| moved_from(&reference, beta, index, step))
-            .collect();
-        farthest_moment(&pairs)
-    };
-    let inversion = Inversion {
-        square: 1.5,
-        jacobian: true,
-    };
-    let orbit = Difference {
-        sd: std::f64::consts::SQRT_2,
-    };
-    let none = Neighbours::default();
-    let trajectory = far(&|e, at, rng| {
-        e.transition(at, &plan, rng).unwrap();
-    });
-    let sliced = far(&|e, at, rng| {
-        slice(&mut e.evaluator, beta, &metric, &none, at, rng).unwrap();
-    });
-    let jumped = far(&|e, at, rng| {
-        jump(&mut e.evaluator, &inversion, beta, at, rng).unwrap();
-    });
-    let redrawn = far(&|e, at, rng| refresh(&e.evaluator, &orbit, beta, at, rng));
-    // Five moments each: 4 errors happen once in 3,000 tests.
-    for (name, apart) in [
-        ("trajectory", trajectory),
-        ("slice", sliced),
-        ("jump", jumped),
-        ("orbit", redrawn),
-    ] {
-        assert!(apart < 4.0, "{name}: {apart}");
-    }
-    // At beta = 1 the tilt does not count.
-    let untilted = far(&|e, at, rng| refresh(&e.evaluator, &orbit, 1.0, at, rng));
-    assert!(untilted > 10.0, "{untilted}");
-}
-
-#[test]
-fn a_reference_draws_its_own_density() {
-    // The mean of prior over reference is 1 for draws of the reference; it is at most 20, since a twentieth is prior.
-    let reference = clumps();
-    assert!(reference.components() > 1 && !reference.is_prior());
-    let ratios: Vec<f64> = (0..DRAWS)
-        .map(|index| {
-            let mut z = [0.0; 2];
-            reference.draw(&mut z, &mut stream(26, Domain::Test, 0, index));
-            (-reference.tilt(&z)).exp()
-        })
-        .collect();
-    let n = ratios.len() as f64;
-    let mean = ratios.iter().sum::<f64>() / n;
-    let variance = ratios.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / n;
-    assert!(
-        (mean - 1.0).abs() < 4.0 * (variance / n).sqrt(),
-        "{mean} {variance}"
-    );
-}
-
-/// A reflected point may sit on its wall to rounding.
-fn near_a_wall(target: &Corner, z: &[f64]) -> bool {
-    target.walls.iter().all(|wall| {
-        wall.normal.iter().zip(z).map(|(a, z)| a * z).sum::<f64>() > wall.offset - 1e-12
-    })
 }
 
 #[test]
