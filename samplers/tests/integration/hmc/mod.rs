@@ -11,7 +11,7 @@ mod walls;
 
 use crate::targets::smooth;
 use oblate_samplers::hmc::{
-    End, Evaluator, Explorer, Metric, MetricKind, Plan, Point, jump, refresh, slice,
+    End, Evaluator, Explorer, Metric, MetricKind, Moved, Plan, Point, jump, refresh, slice,
 };
 use oblate_samplers::neighbours::Neighbours;
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
@@ -172,6 +172,21 @@ fn with_rule(index: u64, rule: impl Fn(&Point, &Point, f64) -> f64) -> ([f64; 2]
     ([point.z[0], point.z[1]], acceptance)
 }
 
+/// Steps of a kernel from a point whose likelihood is not known yet: where they lead, and their mean acceptance.
+fn moved(
+    mut explorer: Explorer<'_, '_>,
+    mut point: Point,
+    rng: &mut Stream,
+    step: impl Fn(&mut Explorer<'_, '_>, &mut Point, &mut Stream) -> Moved,
+) -> ([f64; 2], f64) {
+    point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
+    let mut acceptance = 0.0;
+    for _ in 0..STEPS {
+        acceptance += step(&mut explorer, &mut point, rng).acceptance / STEPS as f64;
+    }
+    ([point.z[0], point.z[1]], acceptance)
+}
+
 #[test]
 fn hamiltonian_moves_leave_the_posterior_invariant() {
     for (metric, step) in [
@@ -187,15 +202,11 @@ fn hamiltonian_moves_leave_the_posterior_invariant() {
         };
         assert_invariant("binomial", |index| {
             let mut rng = stream(16, Domain::Test, 0, index);
-            let (mut point, target) = binomial_pair(&mut rng);
-            let mut explorer = Explorer::new(target, 1.0, &metric);
-            point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
-            let mut acceptance = 0.0;
-            for _ in 0..STEPS {
-                let moved = explorer.transition(&mut point, &plan, &mut rng).unwrap();
-                acceptance += moved.acceptance / STEPS as f64;
-            }
-            ([point.z[0], point.z[1]], acceptance)
+            let (point, target) = binomial_pair(&mut rng);
+            let explorer = Explorer::new(target, 1.0, &metric);
+            moved(explorer, point, &mut rng, |e, at, rng| {
+                e.transition(at, &plan, rng).unwrap()
+            })
         });
     }
 }
@@ -212,15 +223,11 @@ fn hamiltonian_moves_leave_a_tempered_posterior_invariant() {
     };
     assert_invariant("one datum at beta 0.3", |index| {
         let mut rng = stream(17, Domain::Test, 0, index);
-        let (mut point, target) = datum_pair(&mut rng, &prior, beta, false);
-        let mut explorer = Explorer::new(&target, beta, &metric);
-        point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
-        let mut acceptance = 0.0;
-        for _ in 0..STEPS {
-            let moved = explorer.transition(&mut point, &plan, &mut rng).unwrap();
-            acceptance += moved.acceptance / STEPS as f64;
-        }
-        ([point.z[0], point.z[1]], acceptance)
+        let (point, target) = datum_pair(&mut rng, &prior, beta, false);
+        let explorer = Explorer::new(&target, beta, &metric);
+        moved(explorer, point, &mut rng, |e, at, rng| {
+            e.transition(at, &plan, rng).unwrap()
+        })
     });
 }
 

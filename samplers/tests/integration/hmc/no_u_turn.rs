@@ -1,6 +1,6 @@
 //! Trajectories that find their own length.
 
-use super::{STEPS, assert_invariant, binomial_pair, tilted};
+use super::{assert_invariant, binomial_pair, moved, tilted};
 use crate::targets::smooth;
 use oblate_samplers::hmc::{Explorer, Metric, MetricKind, Plan, Point};
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream};
@@ -21,15 +21,11 @@ fn trajectories_without_u_turns_leave_the_posterior_invariant() {
         };
         assert_invariant("binomial", |index| {
             let mut rng = stream(27, Domain::Test, 0, index);
-            let (mut point, target) = binomial_pair(&mut rng);
-            let mut explorer = Explorer::new(target, 1.0, &metric);
-            point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
-            let mut acceptance = 0.0;
-            for _ in 0..STEPS {
-                let moved = explorer.no_u_turn(&mut point, &plan, &mut rng).unwrap();
-                acceptance += moved.acceptance / STEPS as f64;
-            }
-            ([point.z[0], point.z[1]], acceptance)
+            let (point, target) = binomial_pair(&mut rng);
+            let explorer = Explorer::new(target, 1.0, &metric);
+            moved(explorer, point, &mut rng, |e, at, rng| {
+                e.no_u_turn(at, &plan, rng).unwrap()
+            })
         });
     }
 }
