@@ -93,6 +93,10 @@ impl Target for StreamTarget {
         self.outcome(self.likelihood.ln_likelihood(&all))
     }
 
+    fn ln_likelihood_bound(&self) -> Option<f64> {
+        Some(self.likelihood.track().ln_likelihood_bound())
+    }
+
     fn ln_likelihoods(&self, thetas: &[Vec<f64>]) -> Vec<Outcome> {
         let all: Vec<[f64; DIM]> = thetas.iter().map(|t| self.params(t).to_array()).collect();
         let evaluated = self.likelihood.ln_likelihoods(&all);

@@ -57,6 +57,9 @@ impl Default for LikelihoodSettings {
     }
 }
 
+/// What rounding may add to the sum of the best that each bin can be.
+const BOUND_SLACK: f64 = 1e-6;
+
 /// Data of one bin.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DataBin {
@@ -180,6 +183,16 @@ impl TrackLikelihood {
     /// The data, in order.
     pub fn data(&self) -> impl Iterator<Item = &DataBin> {
         self.data.iter().flatten()
+    }
+
+    /// What ln L is nowhere above: a track through all points, without noise of its own.
+    #[must_use]
+    pub fn ln_likelihood_bound(&self) -> f64 {
+        let most = self
+            .data()
+            .map(|d| -d.r_err_kpc.ln() - LN_SQRT_2PI)
+            .sum::<f64>();
+        most + BOUND_SLACK
     }
 
     /// ln L of a model's sums.

@@ -65,6 +65,7 @@ pub fn slice(
     let mut along = vec![0.0; at.z.len()];
     let pair = direction(pool, metric, orbit, &at.z, rng, &mut along);
     let level = at.ln_density(beta) + unit_open(rng).ln();
+    let bound = evaluator.target().ln_likelihood_bound();
     let mut left = -WIDTH * unit_open(rng);
     let mut right = left + WIDTH;
     let mut trial = at.z.clone();
@@ -73,17 +74,19 @@ pub fn slice(
         for ((o, z), v) in trial.iter_mut().zip(&at.z).zip(&along) {
             *o = z + t * v;
         }
-        // The prior alone can refuse a draw, and so can the pair's cell: no call then.
+        // The pair's cell, the prior's walls and what is known beside ln L can refuse a draw: no call then.
         let held = pair.is_none_or(|pair| pool.holds(&pair, &trial, orbit));
         if held && inside(evaluator.target().walls(), &trial) {
-            let l = evaluator.value(&trial)?;
             let tilt = evaluator.reference().tilt(&trial);
-            if ln_density(beta, &trial, l, tilt) > level {
-                at.z = trial;
-                at.ln_likelihood = l;
-                at.tilt = tilt;
-                at.has_gradient = false;
-                return Ok(());
+            if bound.is_none_or(|most| ln_density(beta, &trial, most, tilt) > level) {
+                let l = evaluator.value(&trial)?;
+                if ln_density(beta, &trial, l, tilt) > level {
+                    at.z = trial;
+                    at.ln_likelihood = l;
+                    at.tilt = tilt;
+                    at.has_gradient = false;
+                    return Ok(());
+                }
             }
         }
         if t < 0.0 {

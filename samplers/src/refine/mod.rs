@@ -135,6 +135,13 @@ impl Target for Between<'_> {
             other => other,
         }
     }
+    fn ln_likelihood_bound(&self) -> Option<f64> {
+        let (coarse, fine) = (
+            self.coarse.ln_likelihood_bound()?,
+            self.fine.ln_likelihood_bound()?,
+        );
+        Some((1.0 - self.share) * coarse + self.share * fine)
+    }
     fn walls(&self) -> &[HalfSpace] {
         self.fine.walls()
     }

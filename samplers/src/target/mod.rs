@@ -86,6 +86,12 @@ pub trait Target: Sync {
     /// ln L at the physical parameters `theta`, of length [`dim`](Self::dim).
     fn ln_likelihood(&self, theta: &[f64]) -> Outcome;
 
+    /// What ln L is nowhere above, if that is known. Samplers do not ask for a likelihood that could not matter however large it
+    /// was: a tight bound saves calls and changes no result.
+    fn ln_likelihood_bound(&self) -> Option<f64> {
+        None
+    }
+
     /// ln L at many points, in their order, each the outcome that it has alone: over all threads of the present rayon
     /// pool. Samplers ask so wherever points do not wait for each other.
     fn ln_likelihoods(&self, thetas: &[Vec<f64>]) -> Vec<Outcome> {

@@ -11,7 +11,7 @@ use oblate::orbit::OrbitMethod;
 use oblate::params::{DIM, PriorSettings, QRange, StreamPrior};
 use oblate::spray::{Design, Recipe, TableSettings};
 use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule, StepsPer};
-use oblate::track::{BinEdges, Track};
+use oblate::track::{BinEdges, Sums, Track};
 use oblate_samplers::Prior;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 use proptest::prelude::*;
@@ -290,6 +290,37 @@ fn extreme(lo: f64, hi: f64) -> impl Strategy<Value = f64> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1_000))]
+
+    /// Bins with any weight, mean (in sigma from the datum) and scatter (kpc); the best ones come up to it.
+    #[test]
+    fn no_track_is_likelier_than_the_bound(
+        bins in proptest::array::uniform3((0.0..300.0, -4.0..4.0, 0.0..30.0, 0.1..20.0)),
+        model_noise: bool,
+        reject: bool,
+        best: bool,
+    ) {
+        let data: Vec<DataBin> = bins
+            .iter()
+            .zip(0..)
+            .map(|((_, _, _, r_err_kpc), bin)| DataBin { bin, r_kpc: 50.0, r_err_kpc: *r_err_kpc })
+            .collect();
+        let coverage = if reject { Coverage::Reject } else { LikelihoodSettings::default().coverage };
+        let settings = LikelihoodSettings { model_noise, coverage, ..LikelihoodSettings::default() };
+        let track = TrackLikelihood::new(&settings, 10.0, &data, 300).expect("a track");
+        let mut sums = Sums::default();
+        for (weight, off, scatter, r_err_kpc) in bins {
+            let (weight, off, scatter) = if best { (100.0, 0.0, 0.0) } else { (weight, off, scatter) };
+            let mean: f64 = 50.0 + off * r_err_kpc;
+            sums.weight.push(weight);
+            sums.r.push(weight * mean);
+            sums.r2.push(weight * (mean * mean + scatter * scatter));
+        }
+        let bound = track.ln_likelihood_bound();
+        if let Ok(ln_likelihood) = track.ln_likelihood(&sums) {
+            prop_assert!(ln_likelihood <= bound, "{ln_likelihood} above {bound}");
+            prop_assert!(!best || bound - ln_likelihood < 1e-5, "{ln_likelihood} below {bound}");
+        }
+    }
 
     /// Whatever is asked of it, a stream is finite or a rejection by name, and so are ln L and its gradient.
     #[test]

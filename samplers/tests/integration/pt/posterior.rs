@@ -44,6 +44,25 @@ fn twins_have_their_exact_weights_with_and_without_a_flip() {
 }
 
 #[test]
+fn likelihoods_that_cannot_matter_are_not_asked_for_and_change_nothing() {
+    let settings = Settings {
+        annealing: 100,
+        rounds: 3,
+        first_scans: 64,
+        mixture_rounds: 3,
+        slices: 4,
+        ..Settings::default()
+    };
+    let plain = run(&smooth::twins13(0.9), &settings, 1);
+    let bounded = run(&smooth::twins13(0.9).bounded(0.0), &settings, 1);
+    assert_eq!(plain.draws, bounded.draws);
+    assert_eq!(plain.evidence, bounded.evidence);
+    // A bound that asked in vain every time would save none.
+    let (all, asked) = (plain.cost.calls as f64, bounded.cost.calls as f64);
+    assert!(asked < 0.95 * all, "{asked} of {all}");
+}
+
+#[test]
 fn untempered_chains_in_two_modes_fail_r_hat_and_the_agreement_of_modes() {
     let target = smooth::twins13(0.5);
     let covariance = nalgebra::DMatrix::identity(13, 13) * 0.01;

@@ -17,6 +17,7 @@ pub struct Smooth {
     law: Law,
     walls: Vec<HalfSpace>,
     symmetries: Vec<Symmetry>,
+    bound: Option<f64>,
 }
 
 enum Law {
@@ -49,7 +50,14 @@ impl Smooth {
             law,
             walls: Vec::new(),
             symmetries: Vec::new(),
+            bound: None,
         }
+    }
+
+    /// The same target, which says that ln L is nowhere above `bound`.
+    pub fn bounded(mut self, bound: f64) -> Self {
+        self.bound = Some(bound);
+        self
     }
 
     /// The same target with declared symmetries.
@@ -134,6 +142,9 @@ impl Target for Smooth {
     }
     fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
         self.value(theta, None)
+    }
+    fn ln_likelihood_bound(&self) -> Option<f64> {
+        self.bound
     }
     fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
         self.value(theta, Some(gradient))
