@@ -78,6 +78,14 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// The counts of an evaluator.
+    #[must_use]
+    pub fn of(evaluator: &Evaluator<'_>) -> Self {
+        let mut tally = Self::default();
+        tally.add(evaluator);
+        tally
+    }
+
     /// Adds the counts of an evaluator.
     pub fn add(&mut self, evaluator: &Evaluator<'_>) {
         self.calls += evaluator.calls;

@@ -94,8 +94,14 @@ struct Explored {
 }
 
 impl State {
-    /// Draws every slot from the prior, again and again until it has a likelihood where it needs one.
-    pub(super) fn start(target: &dyn Target, settings: &Settings, seed: u64) -> Result<Self> {
+    /// Draws every slot from the prior, again and again until it has a likelihood where it needs one; or populations, of the
+    /// coarse likelihood if there is one.
+    pub(super) fn start(
+        target: &dyn Target,
+        coarse: Option<&dyn Target>,
+        settings: &Settings,
+        seed: u64,
+    ) -> Result<Self> {
         let dim = target.dim();
         let rungs: Vec<Rung> = first_schedule(settings.temperatures)
             .into_iter()
@@ -131,8 +137,9 @@ impl State {
         };
         if settings.annealing > 0 {
             let families = settings.families();
-            let populations = state.first_points(target, families, settings.members())?;
-            state.annealing = Some(Annealing::new(populations, settings.metric));
+            let on = coarse.unwrap_or(target);
+            let points = state.first_points(on, families, settings.members())?;
+            state.annealing = Some(Annealing::new(points, settings.metric, coarse.is_some()));
             return Ok(state);
         }
         let rungs = state.rungs.len();
@@ -179,11 +186,9 @@ impl State {
             tries += wanting.len();
             wanting.retain(|&i| !points[i].ln_likelihood.is_finite() && !prior(i));
             if tries / START_TRIES > found {
-                let mut tally = Tally::default();
-                tally.add(&evaluator);
                 return Err(Error::NoStart {
                     tries,
-                    cause: tally.main_cause(),
+                    cause: Tally::of(&evaluator).main_cause(),
                 });
             }
         }
@@ -271,9 +276,7 @@ impl State {
     /// What an observer is told after a scan; evidence and barrier are NaN before a round has finished.
     pub(super) fn progress(&self) -> Event {
         if let Some(annealing) = &self.annealing {
-            let (beta, ln_z) = annealing.progress();
-            let calls = self.tally.calls;
-            return Event::Annealing { beta, ln_z, calls };
+            return annealing.progress(self.tally.calls);
         }
         let last = self.history.last();
         Event::Tempered {
@@ -289,14 +292,19 @@ impl State {
 
     /// One scan, and the adaptation before it if a round has just ended. On an error the state is that before the
     /// scan.
-    pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
+    pub(super) fn advance(
+        &mut self,
+        target: &dyn Target,
+        coarse: Option<&dyn Target>,
+    ) -> Result<()> {
         if let Some(annealing) = &mut self.annealing {
             let sweeps = self.settings.sweeps(target.dim());
-            let tally = annealing.advance(target, self.settings.metric, sweeps, self.seed)?;
+            let kind = self.settings.metric;
+            let tally = annealing.advance(target, coarse, kind, sweeps, self.seed)?;
             self.tally.merge(&tally);
             if annealing.done() {
                 let levels: Vec<Vec<Level>> = annealing.levels().map(<[Level]>::to_vec).collect();
-                self.begin(&levels, target);
+                self.begin(&levels, target, coarse.is_some());
                 self.annealing = None;
             }
             return Ok(());
@@ -392,12 +400,10 @@ impl State {
                 visit(&point);
             }
         }
-        let mut tally = Tally::default();
-        tally.add(&explorer.evaluator);
         Ok(Explored {
             point,
             local,
-            tally,
+            tally: Tally::of(&explorer.evaluator),
             trail,
         })
     }

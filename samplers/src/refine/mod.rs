@@ -14,6 +14,7 @@ mod settings;
 
 pub use settings::Settings;
 
+use crate::between::{Between, Both, check_alike};
 use crate::control::{Control, Event};
 use crate::cooling::Cooling;
 use crate::diagnostics::effective_kinds;
@@ -23,10 +24,9 @@ use crate::keeper::{Keeper, Time};
 use crate::neighbours::Neighbours;
 use crate::output::Run;
 use crate::rng::{Domain, stream, unit_open};
-use crate::target::{HalfSpace, Outcome, Prior, Symmetry, Target};
+use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::sync::{Mutex, PoisonError};
 
 const WHAT: &str = "the run to refine";
 
@@ -54,12 +54,7 @@ pub fn run(
 ) -> Result<Run> {
     settings.check(target.dim())?;
     parent.check_belongs(coarse, WHAT)?;
-    if target.prior().names() != coarse.prior().names() {
-        return Err(Error::Mismatch {
-            what: WHAT,
-            why: "it has other parameters than the fine target; let both differ in the likelihood alone".to_owned(),
-        });
-    }
+    check_alike(target, coarse, WHAT)?;
     let origin = (parent.seed, parent.evidence.ln_z, parent.draws.len());
     let mut keeper = Keeper::new(&[target, coarse], &(settings, seed, origin), control)?;
     let mut way = Way {
@@ -100,62 +95,11 @@ pub fn run(
     Ok(run)
 }
 
-/// A likelihood on the way, at 1 - share of the coarse one and share of the fine one in ln L.
-struct Between<'a> {
-    coarse: &'a dyn Target,
-    fine: &'a dyn Target,
-    share: f64,
-    /// The last value, and the two that it came from: a slice ends at the last point that it asks for.
-    last: Mutex<[f64; 3]>,
-}
-
-impl Between<'_> {
-    /// The coarse and the fine value that the last one came from, if that is the one to be explained.
-    fn explained(&self, ln_likelihood: f64) -> Option<[f64; 2]> {
-        let [between, coarse, fine] = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        (between.to_bits() == ln_likelihood.to_bits()).then_some([coarse, fine])
-    }
-}
-
-impl Target for Between<'_> {
-    fn prior(&self) -> &Prior {
-        self.fine.prior()
-    }
-    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
-        let coarse = self.coarse.ln_likelihood(theta);
-        let Outcome::Value(coarse) = coarse else {
-            return coarse;
-        };
-        match self.fine.ln_likelihood(theta) {
-            Outcome::Value(fine) => {
-                let between = (1.0 - self.share) * coarse + self.share * fine;
-                *self.last.lock().unwrap_or_else(PoisonError::into_inner) = [between, coarse, fine];
-                Outcome::from_ln_likelihood(between)
-            }
-            other => other,
-        }
-    }
-    fn ln_likelihood_bound(&self) -> Option<f64> {
-        let (coarse, fine) = (
-            self.coarse.ln_likelihood_bound()?,
-            self.fine.ln_likelihood_bound()?,
-        );
-        Some((1.0 - self.share) * coarse + self.share * fine)
-    }
-    fn walls(&self) -> &[HalfSpace] {
-        self.fine.walls()
-    }
-    fn symmetries(&self) -> &[Symmetry] {
-        self.fine.symmetries()
-    }
-}
-
 /// A draw of the parent run on its way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Member {
     z: Vec<f64>,
-    coarse: f64,
-    fine: f64,
+    both: Both,
     /// Row of the parent's draws that it comes from.
     ancestor: usize,
     /// Group of dependent draws that the ancestor is of.
@@ -195,7 +139,7 @@ struct State {
 impl State {
     /// ln L of the fine likelihood over the coarse one of every member.
     fn gaps(&self) -> Vec<f64> {
-        self.members.iter().map(|m| m.fine - m.coarse).collect()
+        self.members.iter().map(|m| m.both.gap()).collect()
     }
 
     /// Coordinates of the members of even (0) or odd (1) lineages; of all, where there are none.
@@ -238,8 +182,10 @@ impl Way<'_> {
             if z.iter().all(|z| z.is_finite()) {
                 members.push(Member {
                     z,
-                    coarse: draws.ln_likelihood[row],
-                    fine: f64::NEG_INFINITY,
+                    both: Both {
+                        coarse: draws.ln_likelihood[row],
+                        fine: f64::NEG_INFINITY,
+                    },
                     ancestor: row,
                     lineage: if grouped {
                         draws.group[row]
@@ -261,7 +207,7 @@ impl Way<'_> {
             });
         }
         for (member, fine) in members.iter_mut().zip(fine) {
-            member.fine = fine;
+            member.both.fine = fine;
         }
         self.state.tally.add(&evaluator);
         self.state.members = members;
@@ -341,41 +287,14 @@ impl Way<'_> {
                 let half = (member.lineage % 2) as usize;
                 let mut point = Point::new(self.target.dim());
                 point.z.clone_from(&member.z);
-                point.ln_likelihood = (1.0 - share) * member.coarse + share * member.fine;
-                let between = Between {
-                    coarse: self.coarse,
-                    fine: self.target,
-                    share,
-                    last: Mutex::new([point.ln_likelihood, member.coarse, member.fine]),
-                };
-                let mut evaluator = Evaluator::new(&between);
-                if sweep == 0 {
-                    involve(&mut evaluator, 1.0, &mut point, &mut rng)?;
-                }
+                let between = Between::new(self.coarse, self.target, share);
                 let (metric, pool) = (&state.metrics[half], &state.pools[half]);
-                slide(
-                    &mut evaluator,
-                    1.0,
-                    metric,
-                    pool,
-                    1,
-                    &mut point,
-                    &mut rng,
-                    |_| (),
-                )?;
-                let mut tally = Tally::default();
-                // Each value between the two is one of either.
-                tally.add(&evaluator);
-                tally.calls *= 2;
-                [member.coarse, member.fine] = match between.explained(point.ln_likelihood) {
-                    Some(values) => values,
-                    None => {
-                        let mut own = [Evaluator::new(self.coarse), Evaluator::new(self.target)];
-                        let values = [own[0].value(&point.z)?, own[1].value(&point.z)?];
-                        own.iter().for_each(|evaluator| tally.add(evaluator));
-                        values
+                let tally = between.explore(&mut point, &mut member.both, |evaluator, point| {
+                    if sweep == 0 {
+                        involve(evaluator, 1.0, point, &mut rng)?;
                     }
-                };
+                    slide(evaluator, 1.0, metric, pool, 1, point, &mut rng, |_| ())
+                })?;
                 member.z = point.z;
                 Ok((member, tally))
             })

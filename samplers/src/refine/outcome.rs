@@ -57,7 +57,7 @@ fn draws(way: &Way<'_>) -> Result<Draws> {
             chain: 0,
             group: member.lineage,
         };
-        draws.push(way.target, &theta, member.fine, ln_weight, origin)?;
+        draws.push(way.target, &theta, member.both.fine, ln_weight, origin)?;
     }
     Ok(draws)
 }
@@ -70,7 +70,7 @@ fn evidence(way: &Way<'_>, draws: &Draws, parent: &Run) -> Evidence {
         ("shares", of_shares(draws, &parent.draws)),
     ];
     let members = way.state.members.len() as f64;
-    let mean = way.state.members.iter().map(|m| m.fine).sum::<f64>() / members;
+    let mean = way.state.members.iter().map(|m| m.both.fine).sum::<f64>() / members;
     Evidence {
         ln_z,
         error: parts.iter().map(|(_, e)| e * e).sum::<f64>().sqrt(),

@@ -1,0 +1,136 @@
+//! A likelihood on the way from a coarse one to a fine one, `L_coarse^(1 - share) L_fine^share`, as a target to move on.
+
+use crate::error::{Error, Result};
+use crate::hmc::{Evaluator, Point, Tally};
+use crate::target::{HalfSpace, Outcome, Prior, Symmetry, Target};
+use std::sync::{Mutex, PoisonError};
+
+/// Whether a coarse target's draws have a place in a fine one.
+///
+/// # Errors
+/// [`Error::Mismatch`] about `what` if their parameters differ.
+pub fn check_alike(fine: &dyn Target, coarse: &dyn Target, what: &'static str) -> Result<()> {
+    if fine.prior().names() == coarse.prior().names() {
+        return Ok(());
+    }
+    Err(Error::Mismatch {
+        what,
+        why:
+            "it has other parameters than the fine target; let both differ in the likelihood alone"
+                .to_owned(),
+    })
+}
+
+/// ln L of both at one place.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Both {
+    pub coarse: f64,
+    pub fine: f64,
+}
+
+impl Both {
+    /// ln L of the fine likelihood over the coarse one.
+    pub fn gap(self) -> f64 {
+        self.fine - self.coarse
+    }
+
+    /// ln L on the way.
+    pub fn at(self, share: f64) -> f64 {
+        (1.0 - share) * self.coarse + share * self.fine
+    }
+}
+
+/// See the module's words. For one point: it remembers what it was asked last.
+pub struct Between<'a> {
+    coarse: &'a dyn Target,
+    fine: &'a dyn Target,
+    share: f64,
+    /// The last values: a slice ends at the last point that it asks for.
+    last: Mutex<Both>,
+}
+
+impl<'a> Between<'a> {
+    /// Of a share of the fine likelihood in ln L.
+    pub fn new(coarse: &'a dyn Target, fine: &'a dyn Target, share: f64) -> Self {
+        let nowhere = Both {
+            coarse: f64::NEG_INFINITY,
+            fine: f64::NEG_INFINITY,
+        };
+        Self {
+            coarse,
+            fine,
+            share,
+            last: Mutex::new(nowhere),
+        }
+    }
+
+    /// Moves `point`, where both likelihoods are `both`, by what `explore` does on this law. Counts calls of either.
+    ///
+    /// # Errors
+    /// Those of `explore`; [`Error::Fatal`] and [`Error::Infinite`] from the targets.
+    pub fn explore(
+        &self,
+        point: &mut Point,
+        both: &mut Both,
+        explore: impl FnOnce(&mut Evaluator<'_>, &mut Point) -> Result<()>,
+    ) -> Result<Tally> {
+        point.ln_likelihood = both.at(self.share);
+        self.keep(*both);
+        let mut evaluator = Evaluator::new(self);
+        explore(&mut evaluator, point)?;
+        let mut tally = Tally::of(&evaluator);
+        // Each value between the two is one of either.
+        tally.calls *= 2;
+        let last = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        *both = if last.at(self.share).to_bits() == point.ln_likelihood.to_bits() {
+            last
+        } else {
+            let mut own = [Evaluator::new(self.coarse), Evaluator::new(self.fine)];
+            let [coarse, fine] = &mut own;
+            let both = Both {
+                coarse: coarse.value(&point.z)?,
+                fine: fine.value(&point.z)?,
+            };
+            own.iter().for_each(|evaluator| tally.add(evaluator));
+            both
+        };
+        Ok(tally)
+    }
+
+    fn keep(&self, both: Both) {
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = both;
+    }
+}
+
+impl Target for Between<'_> {
+    fn prior(&self) -> &Prior {
+        self.fine.prior()
+    }
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        let coarse = self.coarse.ln_likelihood(theta);
+        let Outcome::Value(coarse) = coarse else {
+            return coarse;
+        };
+        match self.fine.ln_likelihood(theta) {
+            Outcome::Value(fine) => {
+                let both = Both { coarse, fine };
+                self.keep(both);
+                Outcome::from_ln_likelihood(both.at(self.share))
+            }
+            other => other,
+        }
+    }
+    fn ln_likelihood_bound(&self) -> Option<f64> {
+        let both = Both {
+            coarse: self.coarse.ln_likelihood_bound()?,
+            fine: self.fine.ln_likelihood_bound()?,
+        };
+        Some(both.at(self.share))
+    }
+    fn walls(&self) -> &[HalfSpace] {
+        self.fine.walls()
+    }
+    fn symmetries(&self) -> &[Symmetry] {
+        self.fine.symmetries()
+    }
+}
