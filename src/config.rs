@@ -78,8 +78,9 @@ pub struct FitConfig {
     pub likelihood: LikelihoodSettings,
     /// The prior.
     pub prior: PriorSettings,
-    /// Particles of the coarse model that a fit begins with, to be refined to the model itself, rounded down to whole strands; 0: none. A model with less than
-    /// twice as many, and one whose likelihood is zero where the track is not covered, is fitted at once.
+    /// Particles of the coarse model that a fit begins with; 0: none. A nested fit is refined from it to the model itself, a tempered
+    /// one has its populations go through it. A model with less than twice as many, and one whose likelihood is zero where the track
+    /// is not covered, is fitted at once; so is one by `pt-hmc` without populations.
     pub coarse_particles: usize,
     /// The samplers.
     #[serde(deserialize_with = "over_those_of_streams")]
@@ -106,26 +107,35 @@ const COARSE_ORBIT_STEPS: usize = 128;
 const COARSE_Z_MISS: f64 = 5.0;
 
 impl FitConfig {
-    /// The settings of the coarse fit that this one begins with, to a track in bins of a width. None if it has none: a likelihood
+    /// The settings of the coarse model that a fit begins with, for a track in bins of a width. None if it has none: a likelihood
     /// that is zero somewhere would be zero elsewhere in a coarse model, and what that has not found cannot be refined.
     ///
-    /// Few particles make a likelihood rough, and slow to explore. On strands ([`Design::Strands`]) they do not: with edges as wide as
-    /// bins allow, and bins that are missed at a smaller cost, it is as smooth as that of 10,000 (`cargo bench --bench roughness`).
+    /// Few particles make a likelihood rough, and slow to explore. Edges as wide as bins allow, and bins that are missed at a smaller
+    /// cost, make it half as rough (`cargo bench --bench roughness`). Strands would make it as smooth as that of 10,000, but nothing
+    /// crosses so well from them: they are farther from the model itself, and do not come nearer with their number.
     #[must_use]
     pub fn coarse(&self, bin_width_deg: f64) -> Option<Self> {
         let Coverage::Penalty { z_miss, lambda } = self.likelihood.coverage else {
             return None;
         };
         let many = self.model.releases.particles >= 2 * self.coarse_particles;
-        (self.coarse_particles > 0 && many).then(|| {
+        let begins = match self.sampling.sampler {
+            Sampler::Nested => true,
+            Sampler::PtHmc => self.sampling.pt_hmc.annealing > 0,
+        };
+        (self.coarse_particles > 0 && many && begins).then(|| {
             let mut coarse = self.clone();
             coarse.coarse_particles = 0;
             let releases = &mut coarse.model.releases;
-            releases.design = Design::Strands;
             // As many release times as there are particles for.
             releases.epochs = 0;
-            let strands = releases.recipe.strands();
-            releases.particles = strands * (self.coarse_particles / strands).max(1);
+            releases.particles = match releases.design {
+                Design::Strands => {
+                    let strands = releases.recipe.strands();
+                    strands * (self.coarse_particles / strands).max(1)
+                }
+                Design::Random | Design::Sobol => self.coarse_particles,
+            };
             coarse.model.orbit_steps = self.model.orbit_steps.min(COARSE_ORBIT_STEPS);
             coarse.likelihood.edges = BinEdges::Soft {
                 half_width_deg: 0.5 * bin_width_deg,
