@@ -14,4 +14,5 @@ mod pt;
 mod pulls;
 mod refine;
 mod rooms;
+mod stops;
 mod targets;

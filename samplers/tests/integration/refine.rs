@@ -1,14 +1,14 @@
 //! Runs on coarse likelihoods carried to fine ones whose evidences, moments and weights are known.
 
 use crate::pulls::{pull, scatter};
+use crate::stops::{StopAt, plan};
 use crate::targets::smooth;
-use oblate_samplers::control::{CheckpointPlan, Control, Silent};
+use oblate_samplers::control::{Control, Silent};
 use oblate_samplers::output::{Method, Path};
 use oblate_samplers::{
     Error, Event, Marginal, Observer, Outcome, Prior, Run, Target, nested, pt, refine,
 };
 use std::ops::ControlFlow;
-use std::time::Duration;
 
 /// `l = -p |z - c|^2 / 2` under a normal prior.
 struct Bell {
@@ -208,20 +208,6 @@ fn what_cannot_be_refined_is_refused_and_an_interrupt_ends_it() {
     assert!(matches!(stopped, Err(Error::Interrupted)));
 }
 
-/// Stops a run at its n-th event.
-struct StopAt(usize);
-
-impl Observer for StopAt {
-    fn event(&mut self, _: &Event) -> ControlFlow<()> {
-        self.0 = self.0.saturating_sub(1);
-        if self.0 == 0 {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    }
-}
-
 #[test]
 fn a_refinement_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped() {
     let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
@@ -229,15 +215,10 @@ fn a_refinement_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped()
     let expected = refined(&fine, &coarse, &parent, 1).bits();
     let folder = tempfile::tempdir().unwrap();
     let settings = refine::Settings::default();
-    let resumed = |events: usize, seed: u64| {
+    let resumed = |events: u64, seed: u64| {
         let mut observer = StopAt(events);
         let mut control = Control::new(&mut observer);
-        control.checkpoint = Some(CheckpointPlan {
-            path: folder.path().join("refine.ckpt"),
-            every: Duration::ZERO,
-            resume: true,
-            config_hash: 1,
-        });
+        control.checkpoint = Some(plan(&folder.path().join("refine.ckpt")));
         refine::run(&fine, &coarse, &parent, &settings, seed, &mut control)
     };
     // Started, then twelve sweeps at each of a few levels, with a checkpoint after each.
@@ -254,7 +235,7 @@ fn a_refinement_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped()
     assert_eq!(run.bits(), expected);
     // Not that of another seed.
     assert!(matches!(
-        resumed(usize::MAX, 2),
+        resumed(u64::MAX, 2),
         Err(Error::Checkpoint { .. })
     ));
 }

@@ -1,6 +1,7 @@
 //! The same bits on any number of threads, and however often a run is stopped.
 
 use super::rounds;
+use crate::stops::{StopAt, plan};
 use crate::targets::smooth::{self, Flip, Smooth};
 use oblate_samplers::control::{Budget, CheckpointPlan, Silent};
 use oblate_samplers::output::Status;
@@ -9,7 +10,6 @@ use oblate_samplers::{Control, Error, Event, Observer, Outcome, Prior, Run, Symm
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 fn target() -> Smooth {
     smooth::twins13(0.9).with_symmetries(vec![Symmetry::Involution(Box::new(Flip))])
@@ -28,15 +28,6 @@ impl Observer for StopAfter {
         } else {
             ControlFlow::Continue(())
         }
-    }
-}
-
-fn plan(path: &Path) -> CheckpointPlan {
-    CheckpointPlan {
-        path: path.to_path_buf(),
-        every: Duration::ZERO,
-        resume: true,
-        config_hash: 42,
     }
 }
 
@@ -96,20 +87,6 @@ fn a_run_stopped_eleven_times_and_resumed_has_the_bits_of_one_never_stopped() {
     assert_eq!(again.bits(), expected.bits());
 }
 
-/// Stops a run after so many events of any kind.
-struct StopAfterEvents(u64);
-
-impl Observer for StopAfterEvents {
-    fn event(&mut self, _: &Event) -> ControlFlow<()> {
-        self.0 = self.0.saturating_sub(1);
-        if self.0 == 0 {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    }
-}
-
 fn annealed() -> Settings {
     Settings {
         annealing: 72,
@@ -128,7 +105,7 @@ fn a_run_stopped_while_it_anneals_says_so_and_resumes_to_the_same_bits() {
     let expected = whole(&target, &settings);
     let mut stops = 0;
     for events in [3, 20, 41, 2] {
-        let mut observer = StopAfterEvents(events);
+        let mut observer = StopAt(events);
         let mut control = Control::new(&mut observer);
         control.checkpoint = Some(plan(&path));
         let stopped = pt::run(&target, &settings, 7, &mut control);

@@ -1,13 +1,14 @@
 //! Populations that go through a coarse likelihood: the result is the fine one's, whatever the coarse one is.
 
 use super::failed;
+use crate::stops::{StopAt, plan};
 use crate::targets::smooth::{self, Smooth};
-use oblate_samplers::control::{CheckpointPlan, Silent};
+use oblate_samplers::control::Silent;
+use oblate_samplers::output::Status;
 use oblate_samplers::pt::{self, Settings};
 use oblate_samplers::{Control, Error, Event, Observer, Outcome, Prior, Run, Target};
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::time::Duration;
 
 /// Four fifths of another's ln L, with ripples, and no gradient.
 struct Coarse<'a>(&'a Smooth);
@@ -98,29 +99,10 @@ fn populations_arrive_with_the_evidence_of_the_fine_likelihood() {
     assert!(mean.abs() < 4.8 * error, "{mean:+.3} +- {error:.3}");
 }
 
-/// Stops a run after so many events.
-struct StopAfter(u64);
-
-impl Observer for StopAfter {
-    fn event(&mut self, _: &Event) -> ControlFlow<()> {
-        self.0 = self.0.saturating_sub(1);
-        if self.0 == 0 {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    }
-}
-
 fn resumed(target: &Smooth, path: &Path, events: u64) -> Result<Run, Error> {
-    let mut observer = StopAfter(events);
+    let mut observer = StopAt(events);
     let mut control = Control::new(&mut observer);
-    control.checkpoint = Some(CheckpointPlan {
-        path: path.to_path_buf(),
-        every: Duration::ZERO,
-        resume: true,
-        config_hash: 42,
-    });
+    control.checkpoint = Some(plan(path));
     pt::run_through(&Coarse(target), target, &settings(), 7, &mut control)
 }
 
@@ -134,7 +116,7 @@ fn a_run_stopped_on_the_way_across_resumes_to_the_same_bits() {
     let whole = loop {
         match resumed(&target, &path, 60) {
             Err(Error::Interrupted) => stopped_across += 1,
-            Ok(run) if run.status == oblate_samplers::output::Status::Complete => break run,
+            Ok(run) if run.status == Status::Complete => break run,
             Ok(_) => {}
             Err(other) => panic!("{other}"),
         }
