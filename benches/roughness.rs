@@ -136,8 +136,8 @@ fn main() {
         ),
         ("coarse model of a fit", coarse.model, coarse.likelihood),
         (
-            "the same, Sobol particles",
-            with(coarse.model, 512, Design::Sobol),
+            "the same, on strands",
+            with(coarse.model, 512, Design::Strands),
             coarse.likelihood,
         ),
         ("512 Sobol particles", with(fast, 512, Design::Sobol), soft),

@@ -21,7 +21,7 @@ pub enum Design {
     /// A few kicks per arm, the same ones at every release time: stars of one kick form a strand, and tracks are made of the lines
     /// between those released one after the other. The kicks of an arm lie at both ends of the axes of the normals, turned at
     /// random, and have their mean and covariance. As smooth a likelihood as that of 10,000 particles from 512, and hardly
-    /// farther from the truth than 512 others: for the coarse model of a fit.
+    /// farther from the truth than 512 others; more of them do not come nearer.
     Strands,
 }
 
