@@ -280,7 +280,8 @@ impl Annealing {
         Ok(Tally::of(&evaluator))
     }
 
-    /// One sweep: every member of every population moves by one slice; a step before it where it is due. On an error
+    /// One sweep: every member of every population moves by one slice; a step before it where it is due. Or the fine likelihood of
+    /// all of them, when they are cold on the coarse one. On an error
     /// no member has moved, and the same sweep can be tried again.
     pub(super) fn advance(
         &mut self,
@@ -290,10 +291,9 @@ impl Annealing {
         sweeps: usize,
         seed: u64,
     ) -> Result<Tally> {
-        let mut tally = Tally::default();
         if self.beta <= 0.0 || self.sweeps == sweeps {
             if self.beta >= 1.0 && !self.crossing() {
-                tally = self.meet(target)?;
+                return self.meet(target);
             }
             self.step(target, kind, seed);
         }
@@ -308,6 +308,7 @@ impl Annealing {
             .map(|&(number, i)| self.moved(target, coarse, seed, number, i))
             .collect();
         let moved: Vec<Moved> = moved.into_iter().collect::<Result<_>>()?;
+        let mut tally = Tally::default();
         for (&(number, i), moved) in tasks.iter().zip(moved) {
             let population = &mut self.populations[number];
             population.points[i] = moved.point;
