@@ -47,6 +47,16 @@ fn rows() -> Vec<Row> {
         steps_per: StepsPer::Age,
         ..sobol(particles, per_epoch, steps, rule)
     };
+    let linked = |particles, per_epoch| ModelSettings {
+        steps_per: StepsPer::Age,
+        ..with(
+            particles,
+            particles / per_epoch,
+            Design::Linked,
+            120,
+            StepRule::Uniform,
+        )
+    };
     use StepRule::{Dynamical, Uniform};
     vec![
         row("paper", Profile::Paper.model()),
@@ -55,16 +65,12 @@ fn rows() -> Vec<Row> {
             with(10_000, 100, Design::Random, 100, Uniform),
         ),
         row("fast", Profile::Fast.model()),
-        row(
-            "fast, on strands",
-            ModelSettings {
-                releases: TableSettings {
-                    design: Design::Strands,
-                    ..TableSettings::default()
-                },
-                ..Profile::Fast.model()
-            },
-        ),
+        row("fast, not linked", age(2_560, 32, 120, Uniform)),
+        row("linked, 512", linked(512, 16)),
+        row("linked, 1,024", linked(1_024, 16)),
+        row("linked, 2,048", linked(2_048, 32)),
+        row("linked, 3,584", linked(3_584, 32)),
+        row("linked, 4,096", linked(4_096, 32)),
         row("sobol, 1,024", sobol(1_024, 16, 100, Uniform)),
         row("sobol, 4,096", sobol(4_096, 16, 100, Uniform)),
         row("sobol, 4,096, 8 per epoch", sobol(4_096, 8, 100, Uniform)),
@@ -88,10 +94,7 @@ fn rows() -> Vec<Row> {
             "sobol, 3,072, 32 per epoch, 128 per age",
             age(3_072, 32, 128, Uniform),
         ),
-        row(
-            "sobol, 3,584, 64 per epoch, 120 per age",
-            age(3_584, 64, 120, Uniform),
-        ),
+        row("sobol, 3,584, 120 per age", age(3_584, 32, 120, Uniform)),
         row("sobol, 1,024, 100 per age", age(1_024, 16, 100, Uniform)),
         row("sobol, 1,024, 200 per age", age(1_024, 16, 200, Uniform)),
     ]
@@ -127,6 +130,7 @@ fn main() {
     let exact = ModelSettings {
         releases: TableSettings {
             particles: 131_072,
+            design: Design::Sobol,
             seed: 77,
             ..TableSettings::default()
         },

@@ -1,14 +1,16 @@
 //! Where does the time of one ln L go?
 //!
-//! `cargo bench --bench parts` prints a table: for each profile, on one thread, the time of the cold stage (the progenitor's orbit
-//! and the releases), of the particles in lanes, and of the rest (bins and likelihood), at the truth of a gala track. The parts take
-//! turns, each is the median of 101, and `rest` is what the whole takes beyond the other two.
+//! `cargo bench --bench parts` prints a table: for each profile, on one thread, the time of the progenitor's orbit, of the releases
+//! along it, of the particles in lanes, and of the rest (bins and likelihood), at a draw of the posterior of a gala track. The parts
+//! take turns, each is the median of 101. Releases are what the cold stage takes beyond the orbit, bins and ln L what the whole
+//! takes beyond both stages.
 
 use oblate::config::{FitConfig, Profile};
 use oblate::data::ObservedTrack;
+use oblate::orbit::DenseOrbit;
 use oblate::params::DIM;
 use oblate::run::target;
-use oblate::stream::{Arrivals, Flights};
+use oblate::stream::{Arrivals, Flights, Galaxy};
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
@@ -46,7 +48,7 @@ fn main() {
     let file = folder.join("examples/tracks/s0_oblate_tilted.ecsv");
     let track = ObservedTrack::read(&file).expect("a gala track");
     println!(
-        "| profile | orbit and releases, ms | particles | bins and ln L | all | beside the particles |\n|---|---|---|---|---|---|"
+        "| profile | orbit, ms | particles | releases | bins and ln L | all | beside orbit and particles |\n|---|---|---|---|---|---|---|"
     );
     for (name, profile) in [("fast", Profile::Fast), ("paper", Profile::Paper)] {
         let config = FitConfig {
@@ -61,8 +63,18 @@ fn main() {
             likelihood.galaxy(&target.params(&theta)),
         );
         let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
-        let (mut cold, mut hot, mut whole) = (Vec::new(), Vec::new(), Vec::new());
+        let [mut orbit, mut cold, mut hot, mut whole] = [const { Vec::new() }; 4];
         for _ in 0..TURNS {
+            orbit.push(milliseconds(|| {
+                let Galaxy {
+                    host,
+                    today,
+                    age_gyr,
+                    ..
+                } = black_box(&galaxy);
+                let (steps, method) = (config.model.orbit_steps, config.model.orbit);
+                black_box(DenseOrbit::integrate(host, *today, *age_gyr, steps, method));
+            }));
             let mut setup = None;
             cold.push(milliseconds(|| {
                 setup = model.setup(black_box(&galaxy)).ok()
@@ -76,11 +88,12 @@ fn main() {
                 black_box(likelihood.ln_likelihood(black_box(&theta))).ok();
             }));
         }
-        let (cold, hot, whole) = (median(cold), median(hot), median(whole));
+        let [orbit, cold, hot, whole] = [orbit, cold, hot, whole].map(median);
         println!(
-            "| {name} | {cold:.3} | {hot:.3} | {:.3} | {whole:.3} | {:.1} % |",
+            "| {name} | {orbit:.3} | {hot:.3} | {:.3} | {:.3} | {whole:.3} | {:.1} % |",
+            cold - orbit,
             whole - cold - hot,
-            100.0 * (1.0 - hot / whole)
+            100.0 * (1.0 - (orbit + hot) / whole)
         );
     }
 }

@@ -18,7 +18,7 @@ use std::result::Result as StdResult;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
-    /// 3,584 Sobol particles, 120 steps per age, soft bins, a smooth penalty, the model's own noise beside the data's: for
+    /// 2,560 linked Sobol particles, 120 steps per age, soft bins, a smooth penalty, the model's own noise beside the data's: for
     /// fits. The error of its tracks against 131,072 particles of 800 steps each is below that of [`Paper`](Self::Paper)
     /// for a quarter of its time: over 60 mocks and 4 tables 1.28 % (median) and 9.9 % (95 per cent) against 1.32 and 18 %
     /// (`cargo bench --bench noise`).
@@ -111,8 +111,7 @@ impl FitConfig {
     /// that is zero somewhere would be zero elsewhere in a coarse model, and what that has not found cannot be refined.
     ///
     /// Few particles make a likelihood rough, and slow to explore. Edges as wide as bins allow, and bins that are missed at a smaller
-    /// cost, make it half as rough (`cargo bench --bench roughness`). Strands would make it as smooth as that of 10,000, but nothing
-    /// crosses so well from them: they are farther from the model itself, and do not come nearer with their number.
+    /// cost, make it smoother (`cargo bench --bench roughness`).
     #[must_use]
     pub fn coarse(&self, bin_width_deg: f64) -> Option<Self> {
         let Coverage::Penalty { z_miss, lambda } = self.likelihood.coverage else {
@@ -129,13 +128,7 @@ impl FitConfig {
             let releases = &mut coarse.model.releases;
             // As many release times as there are particles for.
             releases.epochs = 0;
-            releases.particles = match releases.design {
-                Design::Strands => {
-                    let strands = releases.recipe.strands();
-                    strands * (self.coarse_particles / strands).max(1)
-                }
-                Design::Random | Design::Sobol => self.coarse_particles,
-            };
+            releases.particles = self.coarse_particles;
             coarse.model.orbit_steps = self.model.orbit_steps.min(COARSE_ORBIT_STEPS);
             coarse.likelihood.edges = BinEdges::Soft {
                 half_width_deg: 0.5 * bin_width_deg,

@@ -86,7 +86,7 @@ enum ProfileName {
 enum DesignName {
     Random,
     Sobol,
-    Strands,
+    Linked,
 }
 
 impl ModelFlags {
@@ -104,7 +104,7 @@ impl ModelFlags {
             model.releases.design = match design {
                 DesignName::Random => Design::Random,
                 DesignName::Sobol => Design::Sobol,
-                DesignName::Strands => Design::Strands,
+                DesignName::Linked => Design::Linked,
             };
             model.releases.epochs = 0;
         }

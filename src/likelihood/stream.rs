@@ -6,7 +6,7 @@ use crate::error::{Rejection, Tally};
 use crate::params::{DIM, QRange, StreamParams};
 use crate::scalar::{Dual, Real, gradient_of, lift};
 use crate::stream::{Arrivals, Counted, Galaxy, Model, Setup, Threads, Workspace};
-use crate::track::{Sums, Track};
+use crate::track::{PartialSums, Sums, Track};
 use rayon::prelude::*;
 use std::cell::RefCell;
 
@@ -26,7 +26,7 @@ pub struct Buffers {
     work: Workspace,
     sums: Sums<f64>,
     /// Of some of the particles.
-    part: Sums<f64>,
+    part: PartialSums,
     by_sums: Sums<f64>,
 }
 
@@ -223,10 +223,8 @@ impl StreamLikelihood {
         let setup = self.model.setup(&self.galaxy(params))?;
         let arrivals = self.model.particles(&setup)?;
         let mut sums = Sums::default();
-        let strands = self.model.table().strands;
-        self.track
-            .grid()
-            .sum_arrivals(&arrivals, strands, &mut sums);
+        let links = self.model.table().links;
+        self.track.grid().sum_arrivals(&arrivals, links, &mut sums);
         self.track.ln_likelihood(&sums)
     }
 

@@ -36,6 +36,17 @@ pub struct Kick {
     pub velocity: [f64; 3],
 }
 
+impl Kick {
+    /// The squares of the differences of all components, added.
+    pub(super) fn squared_distance(&self, other: &Self) -> f64 {
+        let all = |kick: &Self| kick.position.into_iter().chain(kick.velocity);
+        all(self)
+            .zip(all(other))
+            .map(|(a, b)| (a - b) * (a - b))
+            .sum()
+    }
+}
+
 /// A published release recipe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -57,12 +68,6 @@ impl Recipe {
             Self::Fardal2015 | Self::Fardal2015Published => 4,
             Self::Chen2025 => 5,
         }
-    }
-
-    /// Number of strands of both arms ([`Design::Strands`](super::Design::Strands)): two per normal and arm.
-    #[must_use]
-    pub fn strands(self) -> usize {
-        4 * self.normals()
     }
 
     /// The kick made of standard normals `xi` (the first [`normals`](Self::normals) are used). `None`: the draw has no

@@ -22,8 +22,8 @@ pub struct Arrivals {
     pub v: [Vec<f64>; 3],
     /// Winding counts.
     pub turns: Vec<f64>,
-    /// How much further on the next particle of each one's strand is; 0 if there are no strands.
-    pub strands: usize,
+    /// How much further on each particle's partner is; 0 if they have none.
+    pub links: usize,
     /// What was unsafe on the way.
     pub tally: Tally,
 }
@@ -207,7 +207,7 @@ impl Model {
                 out: out.columns(self.table.len()),
             },
         );
-        out.strands = self.table.strands;
+        out.links = self.table.links;
         out.tally = tally(setup, unsafe_turns)?;
         Ok(())
     }
@@ -249,7 +249,7 @@ impl Model {
                 dispatch(Level::best(), forward)
             })
             .collect();
-        out.strands = self.table.strands;
+        out.links = self.table.links;
         out.tally = tally(setup, unsafe_turns.iter().sum())?;
         Ok(())
     }

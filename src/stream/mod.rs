@@ -97,7 +97,7 @@ impl Default for ModelSettings {
             steps_per: StepsPer::default(),
             step_rule: StepRule::default(),
             orbit: OrbitMethod::default(),
-            orbit_steps: 256,
+            orbit_steps: 192,
             steps_per_turn: 6,
         }
     }

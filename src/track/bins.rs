@@ -1,9 +1,9 @@
 //! Angular bins with hard or soft edges, one interface (physics.md 6).
 //!
 //! Angles are the particles' own, unwrapped, counted from the progenitor; leading is positive. Bin b covers
-//! [b, b + 1) widths. Particles stand for themselves, or, on strands, for the lines to the next one and the last.
+//! [b, b + 1) widths. Particles stand for themselves, or, linked, are spread along the way to their partners.
 
-use super::stretch::{Spot, Stretch};
+use super::stretch::{Spot, Stretch, Way};
 use crate::orbit::{Arrival, Kernel, Level, dispatch};
 use crate::scalar::{
     Dual, Eights, Isa, LANES, Lanes, Real, Scalar, angle, gradient_of, smooth_step, variable,
@@ -71,20 +71,67 @@ impl<S> Default for Sums<S> {
 /// Particles that are binned together: sums over all particles are sums of theirs, whoever makes them.
 const AT_A_TIME: usize = 1_024;
 
-impl<S: Scalar> Sums<S> {
-    /// Adds the sums of others.
-    fn add(&mut self, other: &Self) {
-        for (sums, others) in [
-            (&mut self.weight, &other.weight),
-            (&mut self.r, &other.r),
-            (&mut self.r2, &other.r2),
-        ] {
-            for (sum, other) in sums.iter_mut().zip(others) {
-                *sum += *other;
+/// Sums over some particles, in memory that is used again: weight, r and r^2 of a bin beside each other, and two more bins at
+/// each end for what lies outside. Neighbouring particles are often of one bin, and the second would have to wait for the first: so
+/// there are two sets of bins that take turns.
+#[derive(Clone, Debug, Default)]
+pub struct PartialSums {
+    bins: Vec<[f64; 4]>,
+    /// Positions, radii and their squares of the particles: each is needed twice, for itself and as a partner.
+    spots: [Vec<f64>; 3],
+}
+
+impl PartialSums {
+    fn reset(&mut self, len: usize) {
+        self.bins.clear();
+        self.bins.resize(2 * (len + 4), [0.0; 4]);
+    }
+
+    /// Eight particles from one of those that are here, or as many as there are.
+    #[inline(always)]
+    fn spot<I: Isa>(&self, first: usize) -> Spot<Lanes<I, 1>> {
+        let [position, r, r2] = &self.spots;
+        Spot {
+            position: Lanes::load(&eight(&position[first..])),
+            r: Lanes::load(&eight(&r[first..])),
+            r2: Lanes::load(&eight(&r2[first..])),
+        }
+    }
+
+    /// Adds a weight at a spot beside the edge under bin number `edge`, -1 to one more than there are; `turn` chooses the set.
+    #[inline(always)]
+    fn add(&mut self, turn: usize, edge: f64, above: f64, r: f64, r2: f64, weight: f64) {
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "edges are between -1 and the number of bins and 1"
+        )]
+        let row = (edge + 1.0) as usize + (turn % 2) * (self.bins.len() / 2);
+        let (above, spot) = (above * weight, [1.0, r, r2, 0.0]);
+        for (bin, share) in self.bins[row..row + 2]
+            .iter_mut()
+            .zip([weight - above, above])
+        {
+            for (sum, value) in bin.iter_mut().zip(spot) {
+                *sum += share * value;
             }
         }
     }
 
+    /// Adds these to the sums of all particles.
+    fn add_to(&self, sums: &mut Sums<f64>) {
+        let (even, odd) = self.bins.split_at(self.bins.len() / 2);
+        let bins = even.iter().zip(odd).skip(2);
+        let columns = sums.weight.iter_mut().zip(&mut sums.r).zip(&mut sums.r2);
+        for ((even, odd), ((weight, r), r2)) in bins.zip(columns) {
+            *weight += even[0] + odd[0];
+            *r += even[1] + odd[1];
+            *r2 += even[2] + odd[2];
+        }
+    }
+}
+
+impl<S: Scalar> Sums<S> {
     /// Empty bins; reuses the buffers.
     pub fn reset(&mut self, len: usize) {
         for column in [&mut self.weight, &mut self.r, &mut self.r2] {
@@ -133,6 +180,15 @@ impl BinGrid {
         Placed { edge, above }
     }
 
+    /// Index of the bin above an edge: -1 or one more than there are bins where that is far outside.
+    #[inline(always)]
+    fn row<S: Scalar>(&self, edge: S) -> S {
+        let (lo, hi) = (-S::one(), S::one() * (self.len as f64 + 1.0));
+        let row = edge - self.first as f64;
+        let row = S::select(row.lt(hi), row, hi);
+        S::select(lo.lt(row), row, lo)
+    }
+
     /// Index of the bin below an edge and of that above it.
     #[inline(always)]
     fn beside(&self, edge: f64) -> [Option<usize>; 2] {
@@ -164,32 +220,28 @@ impl BinGrid {
         }
     }
 
-    /// Bins the particles of the reference path; the next one of each one's strand is `strands` further on, 0 if there are none.
-    pub fn sum_arrivals<S: Real>(
-        &self,
-        arrivals: &[Arrival<S>],
-        strands: usize,
-        sums: &mut Sums<S>,
-    ) {
+    /// Bins the particles of the reference path; each one's partner is `links` further on, 0 if there are none.
+    pub fn sum_arrivals<S: Real>(&self, arrivals: &[Arrival<S>], links: usize, sums: &mut Sums<S>) {
         sums.reset(self.len);
         let spot = |i: usize| {
             let Arrival { state, turns, .. } = &arrivals[i];
             self.spot(state.x.x, state.x.y, *turns)
         };
-        for stretch in Stretch::all(0..arrivals.len(), arrivals.len(), strands) {
+        for stretch in Stretch::all(0..arrivals.len(), arrivals.len(), links) {
             for i in stretch.particles.clone() {
-                let (here, there) = (spot(i), spot(i + stretch.to));
+                let here = spot(i);
+                let way = here.way(spot(stretch.partner(i))).limited(here.r);
                 for k in 0..stretch.spots {
-                    let Spot { position, r, r2 } = stretch.spot(here, there, k);
+                    let Spot { position, r, r2 } = stretch.spot(here, way, k);
                     let Placed { edge, above } = self.place(position);
-                    self.add(edge.re(), above, [r, r2], stretch.weight, sums);
+                    self.add(edge.re(), above, [r, r2], stretch.weight(), sums);
                 }
             }
         }
     }
 
     /// Bins the particles of the fast path, some thousand at a time; `part` is memory for that.
-    pub fn sum(&self, arrivals: &Arrivals, sums: &mut Sums<f64>, part: &mut Sums<f64>) {
+    pub fn sum(&self, arrivals: &Arrivals, sums: &mut Sums<f64>, part: &mut PartialSums) {
         self.sum_at(Level::best(), arrivals, sums, part);
     }
 
@@ -199,12 +251,12 @@ impl BinGrid {
         level: Level,
         arrivals: &Arrivals,
         sums: &mut Sums<f64>,
-        part: &mut Sums<f64>,
+        part: &mut PartialSums,
     ) {
         sums.reset(self.len);
         for first in (0..arrivals.len()).step_by(AT_A_TIME) {
             self.sum_some(level, arrivals, first, part);
-            sums.add(part);
+            part.add_to(sums);
         }
     }
 
@@ -212,22 +264,22 @@ impl BinGrid {
     pub fn sum_in_parallel(&self, arrivals: &Arrivals, sums: &mut Sums<f64>) {
         sums.reset(self.len);
         let firsts = (0..arrivals.len().div_ceil(AT_A_TIME)).into_par_iter();
-        let parts: Vec<Sums<f64>> = firsts
+        let parts: Vec<PartialSums> = firsts
             .map(|k| {
-                let mut part = Sums::default();
+                let mut part = PartialSums::default();
                 self.sum_some(Level::best(), arrivals, k * AT_A_TIME, &mut part);
                 part
             })
             .collect();
-        parts.iter().for_each(|part| sums.add(part));
+        parts.iter().for_each(|part| part.add_to(sums));
     }
 
     /// Bins the [`AT_A_TIME`] particles from number `first` on, or as many as there are.
-    fn sum_some(&self, level: Level, arrivals: &Arrivals, first: usize, sums: &mut Sums<f64>) {
+    fn sum_some(&self, level: Level, arrivals: &Arrivals, first: usize, sums: &mut PartialSums) {
         let len = arrivals.len();
         let some = first..len.min(first + AT_A_TIME);
         sums.reset(self.len);
-        for stretch in Stretch::all(some, len, arrivals.strands) {
+        for stretch in Stretch::all(some, len, arrivals.links) {
             let grid = self;
             dispatch(
                 level,
@@ -260,18 +312,34 @@ impl BinGrid {
             column.clear();
             column.resize(len, 0.0);
         }
-        for stretch in Stretch::all(0..len, len, arrivals.strands) {
+        for stretch in Stretch::all(0..len, len, arrivals.links) {
             for i in stretch.particles.clone() {
-                let other = i + stretch.to;
+                let (here, other) = (spots[i], stretch.partner(i));
+                let way = here.way(spots[other]);
+                let ours = Way {
+                    across: variable::<3>(way.across, 0),
+                    out: variable(way.out, 1),
+                }
+                .limited(variable(here.r, 2));
+                let along = Way {
+                    across: ours.across.re,
+                    out: ours.out.re,
+                };
+                // What the spots say of the particle's own place, and of the way that they are on.
+                let (mut by_place, mut by_way) = ([0.0; 2], [0.0; 2]);
                 for k in 0..stretch.spots {
-                    let share = stretch.share(k);
-                    let spot = stretch.spot(spots[i], spots[other], k);
-                    let [by_its_position, by_its_r] = self.pull_back_spot(spot, by);
-                    for (j, weight) in [(i, 1.0 - share), (other, share)] {
-                        by_position[j] += weight * stretch.weight * by_its_position;
-                        by_r[j] += weight * stretch.weight * by_its_r;
+                    let by_spot = self.pull_back_spot(stretch.spot(here, along, k), by);
+                    for (d, by) in by_spot.into_iter().enumerate() {
+                        by_place[d] += stretch.weight() * by;
+                        by_way[d] += stretch.weight() * stretch.share(k) * by;
                     }
                 }
+                let through_way = ours.across * by_way[0] + ours.out * by_way[1];
+                let [by_across, by_out, by_own_r] = gradient_of(&through_way);
+                by_position[i] += by_place[0] - by_across;
+                by_r[i] += by_place[1] - by_out + by_own_r;
+                by_position[other] += by_across;
+                by_r[other] += by_out;
             }
         }
         for (i, spot) in spots.iter().enumerate() {
@@ -303,23 +371,18 @@ struct Binning<'a> {
     grid: &'a BinGrid,
     arrivals: &'a Arrivals,
     stretch: Stretch,
-    sums: &'a mut Sums<f64>,
+    sums: &'a mut PartialSums,
 }
 
-/// The spots of `n` particles from number `first` on.
+/// The next eight numbers of a column, or as many as there are.
 #[inline(always)]
-fn spots<I: Isa>(grid: &BinGrid, arrivals: &Arrivals, first: usize, n: usize) -> Spot<Lanes<I, 1>> {
-    let column = |column: &[f64]| {
-        let mut eights = Eights([[0.0; LANES]]);
-        eights.0[0][..n].copy_from_slice(&column[first..first + n]);
-        eights
-    };
-    let (x, y, turns) = (
-        column(&arrivals.x),
-        column(&arrivals.y),
-        column(&arrivals.turns),
-    );
-    grid.spot(Lanes::load(&x), Lanes::load(&y), Lanes::load(&turns))
+fn eight(column: &[f64]) -> Eights<1> {
+    let mut eights = [0.0; LANES];
+    match column.first_chunk() {
+        Some(whole) => eights = *whole,
+        None => eights[..column.len()].copy_from_slice(column),
+    }
+    Eights([eights])
 }
 
 impl Kernel for Binning<'_> {
@@ -333,20 +396,33 @@ impl Kernel for Binning<'_> {
             stretch,
             sums,
         } = self;
+        let (both, weight) = (stretch.with_partners(), stretch.weight());
+        for column in &mut sums.spots {
+            column.resize(both.len().next_multiple_of(LANES), 0.0);
+        }
+        for first in (0..both.len()).step_by(LANES) {
+            let next = both.start + first..both.end;
+            let x = Lanes::<I, 1>::load(&eight(&arrivals.x[next.clone()]));
+            let y = Lanes::load(&eight(&arrivals.y[next.clone()]));
+            let turns = Lanes::load(&eight(&arrivals.turns[next]));
+            let Spot { position, r, r2 } = grid.spot(x, y, turns);
+            let numbers = [position.store(), r.store(), r2.store()];
+            for (column, numbers) in sums.spots.iter_mut().zip(numbers) {
+                column[first..first + LANES].copy_from_slice(&numbers.0[0]);
+            }
+        }
         for first in stretch.particles.clone().step_by(LANES) {
             let n = LANES.min(stretch.particles.end - first);
-            let here = spots::<I>(grid, arrivals, first, n);
-            let there = if stretch.to == 0 {
-                here
-            } else {
-                spots(grid, arrivals, first + stretch.to, n)
-            };
+            let here = sums.spot::<I>(first - both.start);
+            let there = sums.spot(stretch.partner(first) - both.start);
+            let way = here.way(there).limited(here.r);
             for k in 0..stretch.spots {
-                let Spot { position, r, r2 } = stretch.spot(here, there, k);
+                let Spot { position, r, r2 } = stretch.spot(here, way, k);
                 let Placed { edge, above } = grid.place(position);
-                let [edge, above, r, r2] = [edge, above, r, r2].map(|v| v.store().0[0]);
+                let (edge, above) = (grid.row(edge).store().0[0], above.store().0[0]);
+                let (r, r2) = (r.store().0[0], r2.store().0[0]);
                 for i in 0..n {
-                    grid.add(edge[i], above[i], [r[i], r2[i]], stretch.weight, sums);
+                    sums.add(i, edge[i], above[i], r[i], r2[i], weight);
                 }
             }
         }
@@ -397,9 +473,9 @@ impl Track {
                 bins: Vec::new(),
             };
         }
-        // One more at each end: a soft edge shares its particles outwards.
-        let first = lo - 1;
-        let len = usize::try_from(hi - lo + 3).unwrap_or(0);
+        // More at each end: a particle is spread over two bins at most, and a soft edge shares it outwards.
+        let first = lo - 3;
+        let len = usize::try_from(hi - lo + 7).unwrap_or(0);
         let grid = BinGrid {
             width_deg,
             first,
@@ -407,7 +483,7 @@ impl Track {
             edges,
         };
         let mut sums = Sums::default();
-        grid.sum(arrivals, &mut sums, &mut Sums::default());
+        grid.sum(arrivals, &mut sums, &mut PartialSums::default());
         let bins = (0..len)
             .filter(|&i| sums.weight[i] > 0.0 && sums.weight[i] >= least_n)
             .map(|i| {

@@ -3,4 +3,4 @@
 mod bins;
 mod stretch;
 
-pub use bins::{BinEdges, BinGrid, Sums, Track, TrackBin};
+pub use bins::{BinEdges, BinGrid, PartialSums, Sums, Track, TrackBin};

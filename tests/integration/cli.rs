@@ -508,6 +508,8 @@ fn a_fit_is_boosted_into_another_folder_which_says_when_not_to_trust_it() {
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (fit, out) = (path("fit"), path("boosted"));
     let mut arguments = vec!["fit", &track, "--config", &config, "--live", "300"];
+    // A hundred particles, each for itself, make a posterior so rough that no mixture resembles it.
+    arguments.extend(["--design", "sobol"]);
     arguments.extend(["--out", &fit, "-q", "--allow-unconverged"]);
     assert_eq!(oblate(&arguments, "").status.code(), Some(0));
     let boost = |more: &[&str]| {
@@ -517,7 +519,6 @@ fn a_fit_is_boosted_into_another_folder_which_says_when_not_to_trust_it() {
     };
     refused(&boost(&["--draws", "10"]), &["draws", "at least 1,000"]);
     assert!(!Path::new(&out).exists(), "nothing is left behind");
-    // A hundred particles make a posterior so rough that no mixture resembles it.
     let output = boost(&["--draws", "2000"]);
     assert_eq!(output.status.code(), Some(1));
     let summary = json(&output.stdout);

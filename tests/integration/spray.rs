@@ -233,79 +233,63 @@ fn tables_are_even_and_reproducible() {
 }
 
 #[test]
-fn strands_are_the_same_kicks_at_every_release_with_the_moments_of_all() {
-    for (recipe, particles) in [(Recipe::Fardal2015Published, 512), (Recipe::Chen2025, 500)] {
-        let settings = TableSettings {
-            particles,
-            design: Design::Strands,
-            recipe,
-            ..TableSettings::default()
-        };
-        let table = ReleaseTable::new(&settings).expect("a table");
-        assert_eq!(table.strands, recipe.strands());
-        assert_eq!(table.per_epoch, recipe.strands());
-        let first = &table.particles[..table.per_epoch];
-        for epoch in table.particles.chunks(table.per_epoch) {
-            assert_eq!(epoch, first);
-        }
-        let other = ReleaseTable::new(&TableSettings {
-            seed: 2,
-            ..settings
-        })
-        .expect("a table");
-        assert_ne!(table.particles, other.particles);
-    }
-    // Of Fardal's published numbers every component is one normal: means (2, 0, 0.3, 0), deviations (0.4, 0.5, 0.4, 0.5), and no
-    // two of them vary together.
-    let table = ReleaseTable::new(&TableSettings {
-        particles: 16,
-        design: Design::Strands,
-        recipe: Recipe::Fardal2015Published,
-        ..TableSettings::default()
-    })
-    .expect("a table");
-    for arm in [Arm::Leading, Arm::Trailing] {
-        let kicks: Vec<[f64; 4]> = table
-            .particles
-            .iter()
-            .filter(|p| p.arm == arm)
-            .map(|p| {
-                let Kick { position, velocity } = p.kick;
-                [position[0], position[2], velocity[1], velocity[2]].map(|k| k * arm.sign())
+fn linked_particles_are_the_sobol_set_beside_kicks_like_theirs() {
+    for (recipe, particles) in [(Recipe::default(), 2_560), (Recipe::Chen2025, 512)] {
+        let [sobol, linked] = [Design::Sobol, Design::Linked].map(|design| {
+            ReleaseTable::new(&TableSettings {
+                particles,
+                design,
+                recipe,
+                ..TableSettings::default()
             })
-            .collect();
-        assert_eq!(kicks.len(), 8);
-        let mean = |i: usize| kicks.iter().map(|k| k[i]).sum::<f64>() / 8.0;
-        let (means, deviations) = ([2.0, 0.0, 0.3, 0.0], [0.4, 0.5, 0.4, 0.5]);
-        for i in 0..4 {
-            assert!((mean(i) - means[i]).abs() < 1e-12, "{arm:?} {i}");
-            for j in 0..4 {
-                let products = kicks.iter().map(|k| (k[i] - means[i]) * (k[j] - means[j]));
-                let covariance = products.sum::<f64>() / 8.0;
-                let expected = if i == j {
-                    deviations[i] * deviations[i]
-                } else {
-                    0.0
-                };
-                assert!((covariance - expected).abs() < 1e-12, "{arm:?} {i} {j}");
-            }
-        }
+            .expect("a table")
+        });
+        assert_eq!((sobol.links, linked.links), (0, linked.per_epoch));
+        assert_eq!(sobol.taus, linked.taus);
+        // The same particles at every release time, in another order.
+        let epochs = |table: &ReleaseTable| -> Vec<Vec<String>> {
+            let sorted = |epoch: &[oblate::spray::Particle]| {
+                let mut names: Vec<String> = epoch.iter().map(|p| format!("{p:?}")).collect();
+                names.sort();
+                names
+            };
+            table
+                .particles
+                .chunks(table.per_epoch)
+                .map(sorted)
+                .collect()
+        };
+        assert_eq!(epochs(&sobol), epochs(&linked));
+        // Partners are of one arm, and nearer than in the order of the Sobol set: of 16 normal points in four dimensions the nearest
+        // ones are half as far as any two, squared.
+        let mean_square = |table: &ReleaseTable| {
+            let (ours, n) = (&table.particles, table.per_epoch);
+            let squares = ours.iter().zip(&ours[n..]).map(|(a, b)| {
+                assert_eq!(a.arm, b.arm);
+                let differences = (0..3).flat_map(|i| {
+                    [
+                        a.kick.position[i] - b.kick.position[i],
+                        a.kick.velocity[i] - b.kick.velocity[i],
+                    ]
+                });
+                differences.map(|d| d * d).sum::<f64>()
+            });
+            squares.sum::<f64>() / (ours.len() - n) as f64
+        };
+        let ratio = mean_square(&linked) / mean_square(&sobol);
+        assert!(ratio < 0.6, "{recipe:?} {ratio}");
     }
 }
 
 #[test]
-fn strands_are_whole() {
-    for (particles, epochs) in [(500, 0), (512, 16)] {
-        let message = ReleaseTable::new(&TableSettings {
-            particles,
-            epochs,
-            design: Design::Strands,
-            ..TableSettings::default()
-        })
-        .expect_err("16 strands")
-        .to_string();
-        assert!(message.contains("strands are 16"), "{message}");
-    }
+fn one_release_time_links_nothing() {
+    let table = ReleaseTable::new(&TableSettings {
+        particles: 64,
+        epochs: 1,
+        ..TableSettings::default()
+    })
+    .expect("a table");
+    assert_eq!(table.links, 0);
 }
 
 #[test]

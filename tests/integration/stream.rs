@@ -195,7 +195,7 @@ fn a_stream_over_many_threads_has_the_bits_of_one_thread() {
         (Design::Random, 1_000),
         (Design::Sobol, 1_016),
         (Design::Sobol, 8),
-        (Design::Strands, 512),
+        (Design::Linked, 512),
     ] {
         let model = model(design, particles);
         let setup = model.setup(&galaxy(NAMES[0])).expect("a setup");

@@ -5,7 +5,7 @@ use oblate::orbit::{Arrival, Level, State};
 use oblate::scalar::{Dual, Vec3, gradient_of, lift};
 use oblate::spray::{Design, TableSettings};
 use oblate::stream::{Arrivals, Flights, Model, ModelSettings};
-use oblate::track::{BinEdges, BinGrid, Sums, Track};
+use oblate::track::{BinEdges, BinGrid, PartialSums, Sums, Track};
 use proptest::prelude::*;
 
 fn arrivals(name: &str, settings: &ModelSettings) -> Arrivals {
@@ -101,13 +101,13 @@ fn soft_bins_become_hard_ones_as_their_edges_narrow() {
     assert!(difference(0.1) < 0.02 && difference(0.1) > 0.0);
 }
 
-/// The default, and the same on strands.
+/// The default, linked particles, and the same for themselves.
 fn designs() -> [ModelSettings; 2] {
-    let strands = TableSettings {
-        design: Design::Strands,
+    let alone = TableSettings {
+        design: Design::Sobol,
         ..TableSettings::default()
     };
-    [TableSettings::default(), strands].map(|releases| ModelSettings {
+    [TableSettings::default(), alone].map(|releases| ModelSettings {
         releases,
         ..ModelSettings::default()
     })
@@ -132,44 +132,59 @@ fn the_shares_of_all_particles_add_up_to_their_number() {
 }
 
 #[test]
-fn a_strand_is_a_line_between_its_particles() {
-    // One strand of three particles, 0, 40 and 80 degrees from the progenitor at radii of 10, 14 and 14. The first and the last
-    // keep half of themselves, the lines have the rest.
+fn a_linked_particle_is_spread_along_the_way_to_its_partner() {
+    // From (5 degrees, 10 kpc) it is the root of two reaches across, and one reach outwards: half of the way is kept, and
+    // the same on the other side. Its partner is too far to reach the bins below 10 degrees.
+    let across: f64 = 15.0 * 2.0_f64.sqrt();
     let at = |degrees: f64, r: f64| {
-        (
-            r * degrees.to_radians().cos(),
-            r * degrees.to_radians().sin(),
-        )
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        (r * cos, r * sin)
     };
-    let places = [at(2.0, 10.0), at(42.0, 14.0), at(82.0, 14.0)];
-    let strand = Arrivals {
+    let places = [at(5.0, 10.0), at(5.0 + across, 13.0)];
+    let two = Arrivals {
         x: places.iter().map(|p| p.0).collect(),
         y: places.iter().map(|p| p.1).collect(),
-        turns: vec![0.0; 3],
-        strands: 1,
+        turns: vec![0.0; 2],
+        links: 1,
         ..Arrivals::default()
     };
-    let track = Track::of(&strand, 10.0, BinEdges::Hard, 0.0);
-    let bins: Vec<(i64, f64, f64)> = track.bins.iter().map(|b| (b.bin, b.n, b.r_kpc)).collect();
-    // Spots every 5 degrees, from 4.5 on, in each bin two of an eighth each; the first line climbs by half a kpc per spot.
-    let expected = [
-        (0, 0.75, (0.5 * 10.0 + 0.125 * (10.25 + 10.75)) / 0.75),
-        (1, 0.25, 11.5),
-        (2, 0.25, 12.5),
-        (3, 0.25, 13.5),
-        (4, 0.25, 14.0),
-        (5, 0.25, 14.0),
-        (6, 0.25, 14.0),
-        (7, 0.25, 14.0),
-        (8, 0.5, 14.0),
-    ];
-    assert_eq!(bins.len(), expected.len());
-    for ((bin, n, r), (e_bin, e_n, e_r)) in bins.into_iter().zip(expected) {
-        assert_eq!(bin, e_bin);
-        assert!(
-            (n - e_n).abs() < 1e-12 && (r - e_r).abs() < 1e-12,
-            "{bin} {n} {r}"
-        );
+    let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0);
+    // At 5 -+ 2.65 and 7.95 degrees, 10 -+ 0.375 and 1.125 kpc.
+    for (bin, n, r) in [(-1, 0.25, 8.875), (0, 0.5, 10.0)] {
+        let there = track.bins.iter().find(|b| b.bin == bin).expect("a bin");
+        assert!((there.n - n).abs() < 1e-12, "{there:?}");
+        assert!((there.r_kpc - r).abs() < 1e-12, "{there:?}");
+    }
+    // The last one's partner is the one before it: it is spread as well.
+    let last = track.bins.iter().find(|b| b.bin == 3).expect("a bin");
+    assert!(last.r_kpc > 13.0 && last.n < 0.5, "{last:?}");
+}
+
+proptest! {
+    /// However far their partners are, particles stay within two bins and a third of their radius.
+    #[test]
+    fn links_do_not_reach_far(places in prop::array::uniform2((1.0..200.0_f64, -3.1..3.1_f64)), turns in -3..4_i32) {
+        let two = Arrivals {
+            x: places.iter().map(|(r, angle)| r * angle.cos()).collect(),
+            y: places.iter().map(|(r, angle)| r * angle.sin()).collect(),
+            turns: vec![0.0, f64::from(turns)],
+            links: 1,
+            ..Arrivals::default()
+        };
+        let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0);
+        let total: f64 = track.bins.iter().map(|b| b.n).sum();
+        prop_assert!((total - 2.0).abs() < 1e-12);
+        let of = |i: usize| (two.angle(i).to_degrees() / 10.0, places[i].0);
+        for bin in &track.bins {
+            let near = [of(0), of(1)].iter().any(|(position, r)| {
+                (bin.bin as f64 + 0.5 - position).abs() < 2.0 && (bin.r_kpc / r - 1.0).abs() < 0.3
+            });
+            let both = bin.n > 0.25 - 1e-9 && {
+                let (lo, hi) = (places[0].0.min(places[1].0), places[0].0.max(places[1].0));
+                bin.r_kpc > 0.7 * lo && bin.r_kpc < 1.3 * hi
+            };
+            prop_assert!(near || both, "{bin:?}");
+        }
     }
 }
 
@@ -195,9 +210,9 @@ fn every_level_bins_as_the_reference_does() {
                 edges,
             };
             let (mut by_reference, mut by_level) = (Sums::default(), Sums::default());
-            grid.sum_arrivals(&reference, ours.strands, &mut by_reference);
+            grid.sum_arrivals(&reference, ours.links, &mut by_reference);
             for level in Level::available() {
-                grid.sum_at(*level, &ours, &mut by_level, &mut Sums::default());
+                grid.sum_at(*level, &ours, &mut by_level, &mut PartialSums::default());
                 for (a, b) in [
                     (&by_level.weight, &by_reference.weight),
                     (&by_level.r, &by_reference.r),
@@ -215,18 +230,18 @@ fn every_level_bins_as_the_reference_does() {
 }
 
 proptest! {
-    /// Reverse mode of lines between particles against duals.
+    /// Reverse mode of particles and the ways that they are spread over against duals.
     #[test]
-    fn pulling_back_sums_of_a_strand_matches_duals(places in prop::array::uniform3((1.0..80.0_f64, -3.0..3.0_f64)), strands in 0..3_usize) {
+    fn pulling_back_sums_of_linked_particles_matches_duals(places in prop::array::uniform4((1.0..80.0_f64, -3.0..3.0_f64)), links in 0..3_usize) {
         let n = places.len();
-        let numbers: [f64; 6] = std::array::from_fn(|k| {
+        let numbers: [f64; 8] = std::array::from_fn(|k| {
             let (r, angle) = places[k / 2];
             if k % 2 == 0 { r * angle.cos() } else { r * angle.sin() }
         });
-        let duals: [Dual<6>; 6] = lift(&numbers);
+        let duals: [Dual<8>; 8] = lift(&numbers);
         let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges: BinEdges::default() };
-        let zero = Dual::<6>::from_re(0.0);
-        let reference: Vec<Arrival<Dual<6>>> = (0..n)
+        let zero = Dual::<8>::from_re(0.0);
+        let reference: Vec<Arrival<Dual<8>>> = (0..n)
             .map(|i| Arrival {
                 state: State { x: Vec3::new(duals[2 * i], duals[2 * i + 1], zero), v: Vec3::from_f64(Vec3::zero()) },
                 turns: zero,
@@ -234,7 +249,7 @@ proptest! {
             })
             .collect();
         let mut sums = Sums::default();
-        grid.sum_arrivals(&reference, strands, &mut sums);
+        grid.sum_arrivals(&reference, links, &mut sums);
         let mut total = zero;
         let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };
         for i in 0..180 {
@@ -246,12 +261,12 @@ proptest! {
             x: numbers.iter().step_by(2).copied().collect(),
             y: numbers.iter().skip(1).step_by(2).copied().collect(),
             turns: vec![0.0; n],
-            strands,
+            links,
             ..Arrivals::default()
         };
         let (mut by_x, mut by_y) = (Vec::new(), Vec::new());
         grid.pull_back(&arrivals, &by, &mut by_x, &mut by_y);
-        let expected: [f64; 6] = gradient_of(&total);
+        let expected: [f64; 8] = gradient_of(&total);
         let scale = expected.iter().fold(1e-3_f64, |m, g| m.max(g.abs()));
         for i in 0..n {
             prop_assert!((expected[2 * i] - by_x[i]).abs() < 1e-11 * scale, "{expected:?} {by_x:?}");

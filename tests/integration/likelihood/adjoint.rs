@@ -65,7 +65,7 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             soft,
         ),
         (
-            with(Design::Strands, Recipe::Chen2025, OrbitMethod::Accurate),
+            with(Design::Linked, Recipe::Chen2025, OrbitMethod::Accurate),
             noisy,
         ),
         (dynamical(small()), noisy),
