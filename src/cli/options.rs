@@ -59,7 +59,7 @@ impl Common {
 /// Flags of the model, shared by `stream`, `evaluate`, `mock` and `fit`.
 #[derive(Args, Debug, Default)]
 pub struct ModelFlags {
-    /// Settings that have a name: `fast` (Sobol particles, soft bins, penalty) or `paper` (10,000 random, hard, reject)
+    /// Settings that have a name: `fast` (linked particles, soft bins, penalty) or `paper` (10,000 random, hard, reject)
     #[arg(long, value_enum)]
     profile: Option<ProfileName>,
     /// Particles, both arms together

@@ -259,23 +259,22 @@ impl Annealing {
         let mut evaluator = Evaluator::new(target);
         let points = self.populations.iter().flat_map(|p| &p.points);
         let places: Vec<&[f64]> = points.map(|point| point.z.as_slice()).collect();
-        let values = evaluator.values(&places)?;
-        let mut rest = values.as_slice();
-        for population in &self.populations {
-            let (own, others) = rest.split_at(population.points.len());
-            if own.iter().all(|l| *l == f64::NEG_INFINITY) {
-                return Err(Error::Mismatch {
-                    what: "the coarse likelihood",
-                    why: "the fine one is zero wherever it is not; let the two differ less, or do without".to_owned(),
-                });
-            }
-            rest = others;
-        }
-        let mut values = values.into_iter();
-        for population in &mut self.populations {
+        let mut values = evaluator.values(&places)?.into_iter();
+        let met = |population: &Population| -> Vec<Both> {
             let coarse = population.points.iter().map(|point| point.ln_likelihood);
             let both = coarse.zip(&mut values);
-            population.both = both.map(|(coarse, fine)| Both { coarse, fine }).collect();
+            both.map(|(coarse, fine)| Both { coarse, fine }).collect()
+        };
+        let met: Vec<Vec<Both>> = self.populations.iter().map(met).collect();
+        let lost = |both: &Vec<Both>| both.iter().all(|b| b.fine == f64::NEG_INFINITY);
+        if met.iter().any(lost) {
+            return Err(Error::Mismatch {
+                what: "the coarse likelihood",
+                why: "the fine one is zero wherever it is not; let the two differ less, or do without".to_owned(),
+            });
+        }
+        for (population, both) in self.populations.iter_mut().zip(met) {
+            population.both = both;
         }
         Ok(Tally::of(&evaluator))
     }
