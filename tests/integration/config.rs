@@ -8,7 +8,7 @@ use oblate::track::BinEdges;
 #[test]
 fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
     let fine = FitConfig::default();
-    let coarse = fine.coarse(8.0).expect("3,584 particles have one");
+    let coarse = fine.coarse(8.0).expect("2,560 particles have one");
     assert_eq!(coarse.model.releases.particles, fine.coarse_particles);
     assert_eq!(
         coarse.likelihood.edges,
