@@ -282,6 +282,18 @@ fn linked_particles_are_the_sobol_set_beside_kicks_like_theirs() {
 }
 
 #[test]
+fn many_particles_of_one_release_time_are_linked_in_no_time() {
+    // All pairs of 32,768 are half a billion, and would be compared until nothing moves.
+    let table = ReleaseTable::new(&TableSettings {
+        particles: 131_072,
+        epochs: 2,
+        ..TableSettings::default()
+    })
+    .expect("a table");
+    assert_eq!((table.links, table.len()), (65_536, 131_072));
+}
+
+#[test]
 fn one_release_time_links_nothing() {
     let table = ReleaseTable::new(&TableSettings {
         particles: 64,
