@@ -213,13 +213,15 @@ fn the_scaling_symmetry_is_exact_in_value_and_gradient() {
         let moved = shaken(&likelihood, &theta)
             .map(|(_, shaken)| (along(&shaken) - along(&g)).abs())
             .fold(0.0, f64::max);
+        let exact = 1e-9 * largest(&terms(&g));
         assert!(
-            along(&g).abs() < 1e-9 * largest(&terms(&g)) + 30.0 * moved,
+            along(&g).abs() < exact + 30.0 * moved,
             "{n}: {:e} of {:?}, {moved:e}",
             along(&g),
             terms(&g)
         );
-        checked += 1;
+        // A chaotic particle may be counted out by its rounding, but only here and there.
+        checked += usize::from(along(&g).abs() < exact);
     }
     println!("{checked} draws");
     assert!(checked >= 25, "{checked}");
