@@ -53,6 +53,17 @@ pub fn mean_ess(chains: &[&[f64]]) -> f64 {
     ess_of(&split(chains))
 }
 
+/// Standard error of the mean of the chains as they are, from their scatter and [`mean_ess`]: not a number, or infinite, where
+/// too few draws tell neither.
+#[must_use]
+pub fn error_of_mean(chains: &[&[f64]]) -> f64 {
+    let count = chains.iter().map(|c| c.len()).sum::<usize>() as f64;
+    let values = || chains.iter().copied().flatten();
+    let mean = values().sum::<f64>() / count;
+    let variance = values().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+    (variance / mean_ess(chains)).sqrt()
+}
+
 /// Autocovariance of one chain at one lag, with divisor `n`.
 #[must_use]
 pub fn autocovariance(chain: &[f64], lag: usize) -> f64 {

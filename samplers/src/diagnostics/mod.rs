@@ -5,7 +5,7 @@ mod distance;
 mod modes;
 mod pareto;
 
-pub use chains::{autocovariance, bulk_ess, mean_ess, r_hat, tail_ess};
+pub use chains::{autocovariance, bulk_ess, error_of_mean, mean_ess, r_hat, tail_ess};
 pub use distance::{Distance, wasserstein};
 pub use modes::{mode_agreement, two_means};
 pub use pareto::Tail;

@@ -1,10 +1,11 @@
 //! The evidence of a ladder from its log-likelihoods alone: Bennett's estimate, its error, and three checks.
 
-use crate::diagnostics::ln_sum_exp;
+use crate::diagnostics::{error_of_mean, ln_sum_exp};
 use serde::{Deserialize, Serialize};
 
-/// Blocks that a ladder's scans are cut into for the jackknife.
-const BLOCKS: usize = 20;
+/// Blocks that a ladder's scans are averaged in before their correlation is looked at: a faint memory of hundreds of scans does
+/// not show in the noise of single ones.
+const BLOCKS: usize = 256;
 
 /// ln L of every slot of every ladder, scan by scan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,19 +85,19 @@ pub struct Estimate {
     pub valid: f64,
     /// Bennett's estimate per ladder.
     pub ladders: Vec<f64>,
-    /// Jackknife error of each ladder's estimate.
+    /// Error of each ladder's estimate, from its own scans.
     pub ladder_errors: Vec<f64>,
     /// Error from the scatter of the estimates of families of ladders, `sd / sqrt(families)`.
     pub error_ladders: f64,
-    /// Error by the jackknife over blocks of scans within ladders.
-    pub error_blocks: f64,
+    /// Error from the scans of all ladders, with their correlation.
+    pub error_scans: f64,
 }
 
 impl Estimate {
     /// The error to quote: the larger of the two.
     #[must_use]
     pub fn error(&self) -> f64 {
-        self.error_ladders.max(self.error_blocks)
+        self.error_ladders.max(self.error_scans)
     }
 }
 
@@ -139,7 +140,7 @@ pub fn estimate(beta: &[f64], traces: &Traces, families: usize) -> Estimate {
         } else {
             f64::INFINITY
         },
-        error_blocks: whole.error,
+        error_scans: whole.error,
     }
 }
 
@@ -180,14 +181,15 @@ struct Bennett {
     error: f64,
 }
 
-/// Bennett's acceptance ratio gap by gap, and the jackknife of the sum over blocks of scans: a block is left out of
-/// all gaps at once, so that their correlation counts. Prior draws without likelihood enter as zeros, which is exact.
+/// Bennett's acceptance ratio gap by gap, and the error of their sum from what each block of scans moves it by: of all gaps at
+/// once and with the correlation of blocks, however long, so that it counts how long a state stays in a small mode. Prior draws
+/// without likelihood enter as zeros, which is exact.
 fn bennett(beta: &[f64], traces: &Traces, ladders: &[usize]) -> Bennett {
     let scans = traces.scans();
     let blocks = BLOCKS.min(scans);
-    let units = ladders.len() * blocks;
     let mut ln_z = 0.0;
-    let mut shifts = vec![0.0; units];
+    // ln Z is its true value and the mean of these, to first order in them.
+    let mut influence = vec![vec![0.0; blocks]; ladders.len()];
     for (rung, gap) in beta.windows(2).enumerate() {
         let step = gap[1] - gap[0];
         let side =
@@ -195,25 +197,24 @@ fn bennett(beta: &[f64], traces: &Traces, ladders: &[usize]) -> Bennett {
         let (hot, cold) = (side(rung), side(rung + 1));
         let root = solve(&hot, &cold, step);
         ln_z += root;
-        let mut sums = vec![Balance::default(); units];
-        for (m, (hot, cold)) in hot.iter().zip(&cold).enumerate() {
+        let mut sums = vec![vec![Balance::default(); blocks]; ladders.len()];
+        for (sums, (hot, cold)) in sums.iter_mut().zip(hot.iter().zip(&cold)) {
             for (scan, (h, c)) in hot.iter().zip(cold.iter()).enumerate() {
-                sums[m * blocks + scan * blocks / scans].add(step * h, step * c, root);
+                sums[scan * blocks / scans].add(step * h, step * c, root);
             }
         }
-        let slope: f64 = sums.iter().map(|b| b.slope).sum();
-        // The balance of all units is zero at the root; one Newton step finds the root without one of them.
-        for (shift, unit) in shifts.iter_mut().zip(&sums) {
-            *shift -= unit.excess / (slope - unit.slope);
+        let units = (ladders.len() * blocks) as f64;
+        let slope: f64 = sums.iter().flatten().map(|sum| sum.slope).sum();
+        for (influence, sum) in influence.iter_mut().flatten().zip(sums.iter().flatten()) {
+            *influence += units * sum.excess / slope;
         }
     }
-    let mean = shifts.iter().sum::<f64>() / units as f64;
-    let sum: f64 = shifts.iter().map(|s| (s - mean).powi(2)).sum();
-    let variance = sum * (units as f64 - 1.0) / units as f64;
+    let chains: Vec<&[f64]> = influence.iter().map(Vec::as_slice).collect();
+    let error = error_of_mean(&chains);
     Bennett {
         ln_z,
-        error: if units > 1 && variance.is_finite() {
-            variance.sqrt()
+        error: if error.is_finite() {
+            error
         } else {
             f64::INFINITY
         },
@@ -315,14 +316,19 @@ mod tests {
     use super::*;
     use crate::rng::{Domain, standard_normal, stream};
 
-    /// Exact, independent draws of `l = -4.5 |z|^2` at each temperature.
-    fn toy(dim: usize, beta: &[f64], scans: usize, seed: u64) -> Traces {
+    /// Exact draws of `l = -4.5 |z|^2` at each temperature, of which each `z` remembers this much of that of the scan before.
+    fn toy(dim: usize, beta: &[f64], scans: usize, memory: f64, seed: u64) -> Traces {
         let mut traces = Traces::new(4, beta.len());
+        let fresh = (1.0 - memory * memory).sqrt();
         for ladder in 0..4 {
             for (rung, b) in beta.iter().enumerate() {
                 let mut rng = stream(seed, Domain::Test, ladder as u64, rung as u64);
+                let mut z: Vec<f64> = (0..dim).map(|_| standard_normal(&mut rng)).collect();
                 for _ in 0..scans {
-                    let square: f64 = (0..dim).map(|_| standard_normal(&mut rng).powi(2)).sum();
+                    for z in &mut z {
+                        *z = memory * *z + fresh * standard_normal(&mut rng);
+                    }
+                    let square: f64 = z.iter().map(|z| z * z).sum();
                     traces.push(ladder, rung, -4.5 * square / (1.0 + 9.0 * b));
                 }
             }
@@ -342,14 +348,30 @@ mod tests {
         let truth = -6.5 * 10_f64.ln();
         let mut pulls = Vec::new();
         for seed in 0..40 {
-            let e = estimate(&beta, &toy(13, &beta, 500, seed), usize::MAX);
-            pulls.push((e.ln_z - truth) / e.error_blocks);
+            let e = estimate(&beta, &toy(13, &beta, 500, 0.0, seed), usize::MAX);
+            pulls.push((e.ln_z - truth) / e.error_scans);
             assert!((e.forward - truth).abs() < 0.3 && (e.backward - truth).abs() < 0.3);
             assert!((e.thermodynamic.unwrap() - truth).abs() < 0.2);
         }
+        normal(&pulls);
+    }
+
+    #[test]
+    fn the_error_knows_scans_that_remember_hundreds_before_them() {
+        // ln L forgets at the rate of z's square: 100 scans, so that each ladder's 3,000 are worth 15.
+        let beta = even(8);
+        let truth = -1.5 * 10_f64.ln();
+        let pulls: Vec<f64> = (0..40)
+            .map(|seed| estimate(&beta, &toy(3, &beta, 3000, 0.995, seed), usize::MAX))
+            .map(|e| (e.ln_z - truth) / e.error_scans)
+            .collect();
+        normal(&pulls);
+    }
+
+    /// Three standard errors of the mean and of the deviation of 40 pulls.
+    fn normal(pulls: &[f64]) {
         let mean = pulls.iter().sum::<f64>() / 40.0;
         let sd = (pulls.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / 39.0).sqrt();
-        // Three standard errors of the mean and of the deviation of 40 pulls.
         assert!(mean.abs() < 0.48, "{mean}");
         assert!((0.66..1.34).contains(&sd), "{sd}");
     }

@@ -100,13 +100,12 @@ fn schedule(run: &Evidenced<'_>) -> Vec<Gate> {
 fn evidence(estimate: &Estimate) -> Vec<Gate> {
     let error = estimate.error();
     let gap = (estimate.forward - estimate.backward).abs();
-    let chi2: f64 = estimate
-        .ladders
-        .iter()
-        .zip(&estimate.ladder_errors)
-        // A flat likelihood has no error but that of rounding.
-        .map(|(l, e)| ((l - estimate.ln_z) / e.max(1e-6)).powi(2))
-        .sum();
+    // Ladders are alike, so they share their errors: one that has missed a small mode knows of none and thinks itself too good.
+    let squares = estimate.ladder_errors.iter().map(|e| e * e);
+    let variance = squares.sum::<f64>() / estimate.ladders.len() as f64;
+    let scatter = estimate.ladders.iter().map(|l| (l - estimate.ln_z).powi(2));
+    // A flat likelihood has no error but that of rounding.
+    let chi2 = scatter.sum::<f64>() / variance.max(1e-12);
     let p = chance_of_scatter(chi2, estimate.ladders.len());
     vec![
         Gate::at_most(
@@ -125,7 +124,7 @@ fn evidence(estimate: &Estimate) -> Vec<Gate> {
             "ladders agree on the evidence",
             if error.is_finite() { p } else { 0.0 },
             0.01,
-            "p-value of the scatter of ladders against their own errors; if below, some ladder misses a part of the posterior: add rounds",
+            "p-value of the scatter of ladders against the error that each has by its own scans; if below, some ladder misses a part of the posterior: add rounds",
         ),
     ]
 }
@@ -224,7 +223,7 @@ mod tests {
             ladder_errors: vec![error; ladders.len()],
             ladders,
             error_ladders: 0.1,
-            error_blocks: 0.1,
+            error_scans: 0.1,
         }
     }
 

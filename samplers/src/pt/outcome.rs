@@ -127,7 +127,7 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
         error,
         error_parts: [
             ("ladders".to_owned(), estimate.error_ladders),
-            ("blocks".to_owned(), estimate.error_blocks),
+            ("scans".to_owned(), estimate.error_scans),
         ]
         .into(),
         estimates: estimates.into_iter().collect(),

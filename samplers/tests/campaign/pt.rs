@@ -1,4 +1,4 @@
-//! Parallel tempering: how often the quoted error, the scatter of ladders or of blocks of scans, covers the truth.
+//! Parallel tempering: how often the quoted error, the scatter of ladders or of scans, covers the truth.
 
 use crate::table::{Case, Column, Table};
 use crate::targets::smooth;
