@@ -78,9 +78,8 @@ pub struct FitConfig {
     pub likelihood: LikelihoodSettings,
     /// The prior.
     pub prior: PriorSettings,
-    /// Particles of the coarse model that a fit begins with; 0: none. A nested fit is refined from it to the model itself, a tempered
-    /// one has its populations go through it. A model with less than twice as many, and one whose likelihood is zero where the track
-    /// is not covered, is fitted at once; so is one by `pt-hmc` without populations.
+    /// Particles of the coarse model that a fit begins with, by either sampler, to be refined to the model itself; 0: none. A model
+    /// with less than twice as many, and one whose likelihood is zero where the track is not covered, is fitted at once.
     pub coarse_particles: usize,
     /// The samplers.
     #[serde(deserialize_with = "over_those_of_streams")]
@@ -107,7 +106,7 @@ const COARSE_ORBIT_STEPS: usize = 128;
 const COARSE_Z_MISS: f64 = 5.0;
 
 impl FitConfig {
-    /// The settings of the coarse model that a fit begins with, for a track in bins of a width. None if it has none: a likelihood
+    /// The settings of the coarse fit that this one begins with, to a track in bins of a width. None if it has none: a likelihood
     /// that is zero somewhere would be zero elsewhere in a coarse model, and what that has not found cannot be refined.
     ///
     /// Few particles make a likelihood rough, and slow to explore. Edges as wide as bins allow, and bins that are missed at a smaller
@@ -118,11 +117,7 @@ impl FitConfig {
             return None;
         };
         let many = self.model.releases.particles >= 2 * self.coarse_particles;
-        let begins = match self.sampling.sampler {
-            Sampler::Nested => true,
-            Sampler::PtHmc => self.sampling.pt_hmc.annealing > 0,
-        };
-        (self.coarse_particles > 0 && many && begins).then(|| {
+        (self.coarse_particles > 0 && many).then(|| {
             let mut coarse = self.clone();
             coarse.coarse_particles = 0;
             let releases = &mut coarse.model.releases;

@@ -39,7 +39,7 @@
 //! ```
 //!
 //! Rooms, each of which may only look at the ones before it: [`error`], [`normal`], [`rng`], [`target`],
-//! [`checkpoint`], [`output`], [`control`], the keeper of checkpoints and clocks, [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], what lies between two likelihoods, [`nested`] and [`pt`],
+//! [`checkpoint`], [`output`], [`control`], the keeper of checkpoints and clocks, [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], [`nested`] and [`pt`],
 //! [`boost`], which makes more of what they found, and [`refine`], which carries it to a finer likelihood.
 #![cfg_attr(
     test,
@@ -58,7 +58,6 @@
     )
 )]
 
-mod between;
 pub mod boost;
 pub mod checkpoint;
 pub mod control;

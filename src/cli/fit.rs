@@ -28,7 +28,7 @@ pub struct Args {
     /// Print the settings as TOML, every default spelled out, and stop
     #[arg(long)]
     print_config: bool,
-    /// Particles of the coarse model that a fit begins with; 0: none
+    /// Particles of the coarse model that the fit begins with; 0: none
     #[arg(long)]
     coarse_particles: Option<usize>,
     /// Live points of the nested sampler

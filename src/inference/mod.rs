@@ -95,21 +95,6 @@ pub fn sample(
     Ok(run)
 }
 
-/// Samples a target with the tempered sampler, whose populations go through a coarse target: the same kind of result.
-///
-/// # Errors
-/// What the sampler refuses ([`Error::Sampler`]).
-pub fn tempered_through(
-    coarse: &dyn Target,
-    target: &dyn Target,
-    settings: &SamplerSettings,
-    seed: u64,
-    control: &mut Control<'_>,
-) -> Result<Run> {
-    let settings = &settings.pt_hmc;
-    Ok(pt::run_through(coarse, target, settings, seed, control)?)
-}
-
 /// Draws more of what a run on the target found, by importance sampling: the same kind of result.
 ///
 /// # Errors

@@ -5,7 +5,7 @@ use super::{RunFolder, Versions, Watch, conclude};
 use crate::config::FitConfig;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
-use crate::inference::{Sampler, StreamTarget, check_reach, refined, sample, tempered_through};
+use crate::inference::{StreamTarget, check_reach, refined, sample};
 use crate::likelihood::{DataBin, StreamLikelihood, TrackLikelihood};
 use crate::params::StreamPrior;
 use crate::posterior::{Summary, SummaryContext};
@@ -58,9 +58,8 @@ pub fn target(track: &ObservedTrack, config: &FitConfig) -> Result<StreamTarget>
 /// Fits a track into the folder `out`. A folder that has finished with the same inputs is read back under
 /// [`Existing::Resume`]. An interrupted run leaves its checkpoint and no summary; its status says so.
 ///
-/// A tempered fit with a coarse model ([`FitConfig::coarse`]) begins with populations that go through it. A nested one fits it
-/// first, in a folder within, and refines what it found; what that costs is counted in both. If the coarse fit did not end by its
-/// own rule, it is the result, and the folder waits.
+/// A fit with a coarse model before it ([`FitConfig::coarse`]) leaves that in a folder within; what it costs is counted in both.
+/// If the coarse fit did not end by its own rule, it is the result, and the folder waits.
 ///
 /// # Errors
 /// What the settings, the folder, the files and the sampler refuse.
@@ -75,12 +74,10 @@ pub fn fit(
     let target = target(track, config)?;
     config.sampling.check(target.dim())?;
     check_reach(&target, config.seed)?;
+    // What the refinement would refuse is to be known before the coarse fit, not after it.
     let coarse = match config.coarse(track.bin_width_deg) {
         Some(settings) => {
-            // What the refinement would refuse is to be known before the coarse fit, not after it.
-            if config.sampling.sampler == Sampler::Nested {
-                config.sampling.refine.check(target.dim())?;
-            }
+            config.sampling.refine.check(target.dim())?;
             Some((self::target(track, &settings)?, settings))
         }
         None => None,
@@ -95,15 +92,9 @@ pub fn fit(
         Begun::Finished(run, summary) => return Ok((*run, *summary)),
         Begun::Waiting(begin) => begin,
     };
-    match (coarse, config.sampling.sampler) {
-        (Some(coarse), Sampler::Nested) => {
-            from_coarse(&job, &begin, &target, track, config, &coarse, watch)
-        }
-        (Some((coarse, _)), Sampler::PtHmc) => job.work(&begin, &target, track, watch, |control| {
-            let (settings, seed) = (&config.sampling, config.seed);
-            tempered_through(&coarse, &target, settings, seed, control)
-        }),
-        (None, _) => job.work(&begin, &target, track, watch, |control| {
+    match coarse {
+        Some(coarse) => from_coarse(&job, &begin, &target, track, config, &coarse, watch),
+        None => job.work(&begin, &target, track, watch, |control| {
             sample(&target, &config.sampling, config.seed, control)
         }),
     }

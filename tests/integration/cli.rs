@@ -475,32 +475,6 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
 }
 
 #[test]
-fn a_tempered_fit_has_its_populations_go_through_the_coarse_model() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
-    let fit = |name: &str, particles: &str| {
-        let out = folder.path().join(name);
-        let name = out.display().to_string();
-        let mut arguments = vec!["fit", &track, "--config", &config, "--sampler", "pt-hmc"];
-        arguments.extend(["--coarse-particles", particles, "--out", &name]);
-        arguments.extend(["-q", "--json", "--allow-unconverged"]);
-        let output = oblate(&arguments, "");
-        assert_eq!(output.status.code(), Some(0), "{output:?}");
-        assert!(!out.join("coarse").exists());
-        let log = std::fs::read_to_string(out.join("log.jsonl")).expect("a log");
-        let crossed = log.lines().filter(|line| line.contains("\"refining\""));
-        (json(&output.stdout), crossed.count())
-    };
-    let ((through, crossed), (plain, not)) = (fit("through", "64"), fit("plain", "0"));
-    assert!(crossed > 0 && not == 0, "{crossed} {not}");
-    assert!(
-        through["ln_z"] != plain["ln_z"],
-        "another start is another run"
-    );
-}
-
-#[test]
 fn a_fit_is_boosted_into_another_folder_which_says_when_not_to_trust_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);
@@ -609,7 +583,7 @@ fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
         ("nested", "nested", &[][..]),
         ("pt-hmc", "pt-hmc", &[][..]),
         ("coarse", "nested", &["--coarse-particles", "64"][..]),
-        ("through", "pt-hmc", &["--coarse-particles", "64"][..]),
+        ("both", "pt-hmc", &["--coarse-particles", "64"][..]),
     ] {
         let args = |out: &str, more: &[&str]| -> Vec<String> {
             let mut args = vec!["fit", &track, "--config", &config, "--out", out];

@@ -1,7 +1,6 @@
 //! Settings that follow from others.
 
 use oblate::config::{FitConfig, Profile};
-use oblate::inference::Sampler;
 use oblate::likelihood::Coverage;
 use oblate::track::BinEdges;
 
@@ -48,10 +47,4 @@ fn few_particles_and_a_likelihood_with_zeros_have_no_coarse_model() {
         ..FitConfig::default()
     };
     assert_eq!(paper.coarse(8.0), None);
-    // Tempered fits have populations go through it, if they have any.
-    let mut tempered = FitConfig::default();
-    tempered.sampling.sampler = Sampler::PtHmc;
-    assert!(tempered.coarse(8.0).is_some());
-    tempered.sampling.pt_hmc.annealing = 0;
-    assert_eq!(tempered.coarse(8.0), None);
 }

@@ -6,18 +6,13 @@
 //! ends in hollows by their weight. It is only a start: the rounds that follow are exact whatever it was. Ladders that share
 //! a population are of one family, and only families count as independent.
 //!
-//! Where there is a coarse likelihood, it is the one that they are cooled on; once cold they cross to the fine one, again step by
-//! step.
-//!
 //! All populations cool together, and members of the even ones take metric and directions from the odd ones and the other way
 //! round: a population is full of relatives, and a slice that is led by its own relatives does not keep the law it should.
 
 use super::ladder::{barrier, locate, respaced};
 use super::swap;
-use crate::between::{Between, Both};
-use crate::control::Event;
 use crate::cooling::Cooling;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::hmc::{Evaluator, Metric, MetricKind, Point, Tally, explore_by_slices};
 use crate::neighbours::Neighbours;
 use crate::rng::{Domain, stream, unit_open};
@@ -120,37 +115,22 @@ impl Barrier {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Population {
     points: Vec<Point>,
-    /// On the way from the coarse likelihood to the fine one, both at every point; empty before and after.
-    both: Vec<Both>,
     ln_z: f64,
     levels: Vec<Level>,
 }
 
 impl Population {
-    /// How members weigh farther on.
+    /// How members weigh at lower temperatures.
     fn cooling(&self) -> Cooling {
-        if self.both.is_empty() {
-            Cooling::new(self.points.iter().map(|p| p.ln_likelihood).collect())
-        } else {
-            Cooling::new(self.both.iter().map(|both| both.gap()).collect())
-        }
-    }
-
-    /// Whether its last level is the posterior.
-    fn arrived(&self) -> bool {
-        let last = self.levels.last();
-        self.both.is_empty() && last.is_some_and(|level| level.beta >= 1.0)
+        Cooling::new(self.points.iter().map(|p| p.ln_likelihood).collect())
     }
 
     /// Resamples by the weights of a step.
     fn resample(&mut self, step: f64, uniform: f64) {
         let cooling = self.cooling();
         self.ln_z += cooling.ln_mean_weight(step);
-        let drawn = cooling.resample(step, uniform);
-        self.points = drawn.iter().map(|&i| self.points[i].clone()).collect();
-        if !self.both.is_empty() {
-            self.both = drawn.iter().map(|&i| self.both[i]).collect();
-        }
+        let drawn = cooling.resample(step, uniform).into_iter();
+        self.points = drawn.map(|i| self.points[i].clone()).collect();
     }
 }
 
@@ -158,9 +138,7 @@ impl Population {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Annealing {
     beta: f64,
-    /// Share of the fine likelihood in ln L; 1 from the start if there is no coarse one.
-    share: f64,
-    /// Sweeps done at this temperature or share.
+    /// Sweeps done at this temperature.
     sweeps: usize,
     populations: Vec<Population>,
     /// What members of the even and of the odd populations move by.
@@ -171,18 +149,16 @@ pub(super) struct Annealing {
 }
 
 impl Annealing {
-    /// From draws of the prior, population by population, straight to the posterior or through that of a coarse likelihood.
-    pub(super) fn new(points: Vec<Vec<Point>>, kind: MetricKind, through: bool) -> Self {
+    /// From draws of the prior, population by population.
+    pub(super) fn new(points: Vec<Vec<Point>>, kind: MetricKind) -> Self {
         let metric = Metric::identity(kind, points[0][0].z.len());
         let population = |points: Vec<Point>| Population {
-            both: Vec::new(),
             ln_z: 0.0,
             levels: vec![Level::of(0.0, &points)],
             points,
         };
         Self {
             beta: 0.0,
-            share: if through { 0.0 } else { 1.0 },
             sweeps: 0,
             populations: points.into_iter().map(population).collect(),
             metrics: [metric.clone(), metric],
@@ -193,24 +169,14 @@ impl Annealing {
 
     /// Whether all have arrived at the posterior.
     pub(super) fn done(&self) -> bool {
-        self.share >= 1.0 && self.populations.iter().all(Population::arrived)
+        let last = self.populations.iter().filter_map(|p| p.levels.last());
+        last.into_iter().all(|level| level.beta >= 1.0)
     }
 
-    /// Whether they are between the likelihoods.
-    fn crossing(&self) -> bool {
-        self.populations.iter().any(|p| !p.both.is_empty())
-    }
-
-    /// What an observer is told; the mean of the estimates of ln Z so far.
-    pub(super) fn progress(&self, calls: u64) -> Event {
-        let (beta, share) = (self.beta, self.share);
+    /// The inverse temperature, and the mean of the estimates of ln Z so far.
+    pub(super) fn progress(&self) -> (f64, f64) {
         let sum: f64 = self.populations.iter().map(|p| p.ln_z).sum();
-        let ln_z = sum / self.populations.len() as f64;
-        if self.crossing() {
-            Event::Refining { share, ln_z, calls }
-        } else {
-            Event::Annealing { beta, ln_z, calls }
-        }
+        (self.beta, sum / self.populations.len() as f64)
     }
 
     /// Each population's levels, from the prior on.
@@ -218,24 +184,19 @@ impl Annealing {
         self.populations.iter().map(|p| p.levels.as_slice())
     }
 
-    /// Lowers the temperature, or raises the share, as far as every population's weights allow, and resamples.
-    fn step(&mut self, target: &dyn Target, kind: MetricKind, seed: u64) {
-        let place = if self.crossing() {
-            &mut self.share
-        } else {
-            &mut self.beta
-        };
-        let most = 1.0 - *place;
+    /// Lowers the temperature as far as every population's weights allow, and resamples.
+    fn cool(&mut self, target: &dyn Target, kind: MetricKind, seed: u64) {
+        let most = 1.0 - self.beta;
         let steps = self
             .populations
             .iter()
             .map(|p| p.cooling().longest_step(most));
         let step = steps.fold(most, f64::min);
         // A step of almost all that is left takes it all: what remains weighs nothing.
-        *place = if step >= most * (1.0 - 1e-9) {
+        self.beta = if step >= most * (1.0 - 1e-9) {
             1.0
         } else {
-            *place + step
+            self.beta + step
         };
         for (number, population) in self.populations.iter_mut().enumerate() {
             let task = (number as u64) << 20 | 0xf_ffff;
@@ -254,47 +215,17 @@ impl Annealing {
         self.sweeps = 0;
     }
 
-    /// Asks for the fine likelihood at every point.
-    fn meet(&mut self, target: &dyn Target) -> Result<Tally> {
-        let mut evaluator = Evaluator::new(target);
-        let points = self.populations.iter().flat_map(|p| &p.points);
-        let places: Vec<&[f64]> = points.map(|point| point.z.as_slice()).collect();
-        let mut values = evaluator.values(&places)?.into_iter();
-        let met = |population: &Population| -> Vec<Both> {
-            let coarse = population.points.iter().map(|point| point.ln_likelihood);
-            let both = coarse.zip(&mut values);
-            both.map(|(coarse, fine)| Both { coarse, fine }).collect()
-        };
-        let met: Vec<Vec<Both>> = self.populations.iter().map(met).collect();
-        let lost = |both: &Vec<Both>| both.iter().all(|b| b.fine == f64::NEG_INFINITY);
-        if met.iter().any(lost) {
-            return Err(Error::Mismatch {
-                what: "the coarse likelihood",
-                why: "the fine one is zero wherever it is not; let the two differ less, or do without".to_owned(),
-            });
-        }
-        for (population, both) in self.populations.iter_mut().zip(met) {
-            population.both = both;
-        }
-        Ok(Tally::of(&evaluator))
-    }
-
-    /// One sweep: every member of every population moves by one slice; a step before it where it is due. Or the fine likelihood of
-    /// all of them, when they are cold on the coarse one. On an error
+    /// One sweep: every member of every population moves by one slice; cooling before it where it is due. On an error
     /// no member has moved, and the same sweep can be tried again.
     pub(super) fn advance(
         &mut self,
         target: &dyn Target,
-        coarse: Option<&dyn Target>,
         kind: MetricKind,
         sweeps: usize,
         seed: u64,
     ) -> Result<Tally> {
         if self.beta <= 0.0 || self.sweeps == sweeps {
-            if self.beta >= 1.0 && !self.crossing() {
-                return self.meet(target);
-            }
-            self.step(target, kind, seed);
+            self.cool(target, kind, seed);
         }
         let tasks: Vec<(usize, usize)> = self
             .populations
@@ -302,89 +233,43 @@ impl Annealing {
             .enumerate()
             .flat_map(|(number, p)| (0..p.points.len()).map(move |i| (number, i)))
             .collect();
-        let moved: Vec<Result<Moved>> = tasks
+        let moved: Vec<Result<(Point, Evaluator<'_>)>> = tasks
             .par_iter()
-            .map(|&(number, i)| self.moved(target, coarse, seed, number, i))
+            .map(|&(number, i)| {
+                let task = (number as u64) << 20 | i as u64;
+                let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
+                let mut evaluator = Evaluator::new(target);
+                let mut point = self.populations[number].points[i].clone();
+                let half = number % 2;
+                explore_by_slices(
+                    &mut evaluator,
+                    self.beta,
+                    &self.metrics[half],
+                    &self.pools[half],
+                    1,
+                    &mut point,
+                    &mut rng,
+                    |_| (),
+                )?;
+                Ok((point, evaluator))
+            })
             .collect();
-        let moved: Vec<Moved> = moved.into_iter().collect::<Result<_>>()?;
+        let moved: Vec<(Point, Evaluator<'_>)> = moved.into_iter().collect::<Result<_>>()?;
         let mut tally = Tally::default();
-        for (&(number, i), moved) in tasks.iter().zip(moved) {
-            let population = &mut self.populations[number];
-            population.points[i] = moved.point;
-            if let Some(both) = moved.both {
-                population.both[i] = both;
-            }
-            tally.merge(&moved.tally);
+        for (&(number, i), (point, evaluator)) in tasks.iter().zip(moved) {
+            self.populations[number].points[i] = point;
+            tally.add(&evaluator);
         }
         self.sweeps += 1;
         if self.sweeps == sweeps {
-            self.settle();
+            for population in &mut self.populations {
+                let level = Level::of(self.beta, &population.points);
+                population.levels.push(level);
+            }
         }
         self.clock += 1;
         Ok(tally)
     }
-
-    /// Member number `i` of a population after one slice.
-    fn moved(
-        &self,
-        target: &dyn Target,
-        coarse: Option<&dyn Target>,
-        seed: u64,
-        number: usize,
-        i: usize,
-    ) -> Result<Moved> {
-        let population = &self.populations[number];
-        let mut point = population.points[i].clone();
-        let mut both = population.both.get(i).copied();
-        let task = (number as u64) << 20 | i as u64;
-        let mut rng = stream(seed, Domain::PtAnneal, task, self.clock);
-        let (metric, pool) = (&self.metrics[number % 2], &self.pools[number % 2]);
-        let mut explore = |evaluator: &mut Evaluator<'_>, point: &mut Point| {
-            let (beta, slices) = (self.beta, 1);
-            explore_by_slices(
-                evaluator,
-                beta,
-                metric,
-                pool,
-                slices,
-                point,
-                &mut rng,
-                |_| (),
-            )
-        };
-        let on = coarse.unwrap_or(target);
-        let tally = if let Some(both) = &mut both {
-            Between::new(on, target, self.share).explore(&mut point, both, explore)?
-        } else {
-            let mut evaluator = Evaluator::new(on);
-            explore(&mut evaluator, &mut point)?;
-            Tally::of(&evaluator)
-        };
-        Ok(Moved { point, both, tally })
-    }
-
-    /// Keeps the populations after their sweeps as a level; on the way across only the last, instead of the coarse one.
-    fn settle(&mut self) {
-        let crossing = self.crossing();
-        if crossing && self.share < 1.0 {
-            return;
-        }
-        for population in &mut self.populations {
-            if crossing {
-                population.both.clear();
-                population.levels.pop();
-            }
-            let level = Level::of(self.beta, &population.points);
-            population.levels.push(level);
-        }
-    }
-}
-
-/// A member after its move.
-struct Moved {
-    point: Point,
-    both: Option<Both>,
-    tally: Tally,
 }
 
 /// The rows of families for those of the other half: of the odd ones for the even, and of the even ones for the odd. A family

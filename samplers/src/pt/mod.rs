@@ -50,7 +50,6 @@ mod swap;
 pub use ladder::round_trip_rate;
 pub use settings::Settings;
 
-use crate::between::check_alike;
 use crate::control::{Control, Event};
 use crate::error::{Error, Result};
 use crate::keeper::Keeper;
@@ -76,40 +75,6 @@ pub fn run(
     seed: u64,
     control: &mut Control<'_>,
 ) -> Result<Run> {
-    sample(target, None, settings, seed, control)
-}
-
-/// As [`run`], with populations that are cooled on a `coarse` likelihood of the same parameters, which costs less, and then
-/// carried over to that of `target`: a cheaper start, and no more than that, so the result is as exact. Calls are of both.
-///
-/// # Errors
-/// As [`run`]; [`Error::Setting`] without populations; [`Error::Mismatch`] if the parameters differ, or a population has no
-/// member that `target` has a likelihood for.
-pub fn run_through(
-    coarse: &dyn Target,
-    target: &dyn Target,
-    settings: &Settings,
-    seed: u64,
-    control: &mut Control<'_>,
-) -> Result<Run> {
-    check_alike(target, coarse, "the coarse likelihood")?;
-    if settings.annealing == 0 {
-        return Err(Error::Setting {
-            name: "annealing",
-            value: "0".to_owned(),
-            remedy: "give some members: a coarse likelihood is for populations alone",
-        });
-    }
-    sample(target, Some(coarse), settings, seed, control)
-}
-
-fn sample(
-    target: &dyn Target,
-    coarse: Option<&dyn Target>,
-    settings: &Settings,
-    seed: u64,
-    control: &mut Control<'_>,
-) -> Result<Run> {
     settings.check()?;
     if target.gradient_cost().is_none() {
         return Err(Error::NoGradient {
@@ -124,12 +89,10 @@ fn sample(
             remedy: "give 0: the prior of this target has walls, and a mixture's mass within them is not known",
         });
     }
-    let mut targets = vec![target];
-    targets.extend(coarse);
-    let mut keeper = Keeper::new(&targets, &(settings, seed), control)?;
+    let mut keeper = Keeper::new(&[target], &(settings, seed), control)?;
     let mut state = match keeper.load(control, |state: &State| state.time)? {
         Some((state, _)) => state,
-        None => State::start(target, coarse, settings, seed)?,
+        None => State::start(target, settings, seed)?,
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
@@ -152,7 +115,7 @@ fn sample(
         if state.scanned() && spent {
             break Status::BudgetSpent;
         }
-        let advanced = state.advance(target, coarse);
+        let advanced = state.advance(target);
         state.time = keeper.time();
         if let Err(error) = advanced {
             return Err(keeper.save_after(error, &state, control));

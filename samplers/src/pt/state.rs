@@ -94,14 +94,8 @@ struct Explored {
 }
 
 impl State {
-    /// Draws every slot from the prior, again and again until it has a likelihood where it needs one; or populations, of the
-    /// coarse likelihood if there is one.
-    pub(super) fn start(
-        target: &dyn Target,
-        coarse: Option<&dyn Target>,
-        settings: &Settings,
-        seed: u64,
-    ) -> Result<Self> {
+    /// Draws every slot from the prior, again and again until it has a likelihood where it needs one.
+    pub(super) fn start(target: &dyn Target, settings: &Settings, seed: u64) -> Result<Self> {
         let dim = target.dim();
         let rungs: Vec<Rung> = first_schedule(settings.temperatures)
             .into_iter()
@@ -137,9 +131,8 @@ impl State {
         };
         if settings.annealing > 0 {
             let families = settings.families();
-            let on = coarse.unwrap_or(target);
-            let points = state.first_points(on, families, settings.members())?;
-            state.annealing = Some(Annealing::new(points, settings.metric, coarse.is_some()));
+            let populations = state.first_points(target, families, settings.members())?;
+            state.annealing = Some(Annealing::new(populations, settings.metric));
             return Ok(state);
         }
         let rungs = state.rungs.len();
@@ -276,7 +269,9 @@ impl State {
     /// What an observer is told after a scan; evidence and barrier are NaN before a round has finished.
     pub(super) fn progress(&self) -> Event {
         if let Some(annealing) = &self.annealing {
-            return annealing.progress(self.tally.calls);
+            let (beta, ln_z) = annealing.progress();
+            let calls = self.tally.calls;
+            return Event::Annealing { beta, ln_z, calls };
         }
         let last = self.history.last();
         Event::Tempered {
@@ -292,19 +287,14 @@ impl State {
 
     /// One scan, and the adaptation before it if a round has just ended. On an error the state is that before the
     /// scan.
-    pub(super) fn advance(
-        &mut self,
-        target: &dyn Target,
-        coarse: Option<&dyn Target>,
-    ) -> Result<()> {
+    pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
         if let Some(annealing) = &mut self.annealing {
             let sweeps = self.settings.sweeps(target.dim());
-            let kind = self.settings.metric;
-            let tally = annealing.advance(target, coarse, kind, sweeps, self.seed)?;
+            let tally = annealing.advance(target, self.settings.metric, sweeps, self.seed)?;
             self.tally.merge(&tally);
             if annealing.done() {
                 let levels: Vec<Vec<Level>> = annealing.levels().map(<[Level]>::to_vec).collect();
-                self.begin(&levels, target, coarse.is_some());
+                self.begin(&levels, target);
                 self.annealing = None;
             }
             return Ok(());

@@ -9,12 +9,12 @@
 //! After each step every member moves by slices. The members of even lineages of the run are led by those of odd ones and the
 //! other way round, as relatives would not lead each other by the right law.
 
+mod between;
 mod outcome;
 mod settings;
 
 pub use settings::Settings;
 
-use crate::between::{Between, Both, check_alike};
 use crate::control::{Control, Event};
 use crate::cooling::Cooling;
 use crate::diagnostics::effective_kinds;
@@ -25,6 +25,7 @@ use crate::neighbours::Neighbours;
 use crate::output::Run;
 use crate::rng::{Domain, stream, unit_open};
 use crate::target::{Symmetry, Target};
+use between::{Between, Both, check_alike};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

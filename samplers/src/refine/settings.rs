@@ -19,7 +19,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            members: 1_000,
+            members: 2_000,
             sweeps: 12,
         }
     }
@@ -35,7 +35,7 @@ impl Settings {
             return Err(Error::Setting {
                 name: "members",
                 value: self.members.to_string(),
-                remedy: "give at least ten per parameter, 1,000 is usual, and at most 2^20",
+                remedy: "give at least ten per parameter, 2,000 is usual, and at most 2^20",
             });
         }
         if self.sweeps == 0 {

@@ -18,9 +18,8 @@ const FIRST_STEP: f64 = 0.1;
 
 impl State {
     /// Begins the first round where populations ended: temperatures evenly spaced in the barrier between their levels, the
-    /// members of the nearest levels as states, metric and pool. `crossed`: all levels but the last are of a coarse likelihood,
-    /// and no states of this one.
-    pub(super) fn begin(&mut self, populations: &[Vec<Level>], target: &dyn Target, crossed: bool) {
+    /// members of the nearest levels as states, metric and pool.
+    pub(super) fn begin(&mut self, populations: &[Vec<Level>], target: &dyn Target) {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
         let barriers: Vec<Barrier> = populations.iter().map(|l| Barrier::of(l)).collect();
@@ -66,21 +65,19 @@ impl State {
         self.rungs = rungs;
         self.slots = slots.concat();
         self.record = self.new_record(dim, 0);
-        let coldest: Vec<&Level> = populations.iter().filter_map(|l| l.last()).collect();
-        let rows = || of_others(coldest.iter().map(|level| &level.z));
-        let mixes = self.settings.mixes(0);
-        let reference = mixes.then(|| self.resembling(rows(), dim)).flatten();
-        if crossed || reference.is_some() {
-            self.begin_cold(&coldest);
-        }
-        if let Some(reference) = reference {
-            self.one_metric();
-            self.take_reference(reference);
+        if self.settings.mixes(0) {
+            self.begin_at_mixture(populations, target);
         }
     }
 
-    /// Has all temperatures begin in states of populations' coldest level.
-    fn begin_cold(&mut self, coldest: &[&Level]) {
+    /// Has the first round begin at a mixture that resembles the populations' coldest level, in states of that level.
+    fn begin_at_mixture(&mut self, populations: &[Vec<Level>], target: &dyn Target) {
+        let coldest: Vec<&Level> = populations.iter().filter_map(|l| l.last()).collect();
+        let rows = of_others(coldest.iter().map(|level| &level.z));
+        let Some(reference) = self.resembling(rows, target.dim()) else {
+            return;
+        };
+        self.one_metric();
         let rungs = self.rungs.len();
         for slot in 0..self.slots.len() {
             let (ladder, k) = (slot / rungs, slot % rungs);
@@ -90,6 +87,7 @@ impl State {
             let most = rungs * self.settings.ladders;
             self.slots[slot].point = level.point(turn * members / most);
         }
+        self.take_reference(reference);
     }
 
     /// Ends a round: new temperatures, metrics and steps from what it recorded, and states carried over.

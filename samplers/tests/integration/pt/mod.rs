@@ -6,7 +6,6 @@ mod honesty;
 mod posterior;
 mod resume;
 mod schedule;
-mod through;
 
 use crate::targets::smooth::Smooth;
 use oblate_samplers::control::Silent;
