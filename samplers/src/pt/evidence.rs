@@ -101,37 +101,41 @@ impl Estimate {
     }
 }
 
-/// Estimates ln Z from the traces of a ladder with these inverse temperatures.
+/// Estimates ln Z from legs: inverse temperatures, and the traces of ladders at them. Each leg has its own estimate, and counts by
+/// its scans.
 ///
 /// The distance between forward and backward is a check and not an error: it was measured to be half of the true
 /// error and up to seven times smaller. With a single scan errors are infinite. Ladder `k` is of family `k % families`;
 /// only families are independent of each other.
 #[must_use]
-pub fn estimate(beta: &[f64], traces: &Traces, families: usize) -> Estimate {
-    let all: Vec<usize> = (0..traces.ladders()).collect();
-    let whole = bennett(beta, traces, &all);
-    let single: Vec<Bennett> = all
-        .iter()
-        .map(|ladder| bennett(beta, traces, &[*ladder]))
-        .collect();
+pub fn estimate(legs: &[(&[f64], &Traces)], families: usize) -> Estimate {
+    let count = legs.first().map_or(0, |(_, traces)| traces.ladders());
+    let all: Vec<usize> = (0..count).collect();
+    let whole = bennett(legs, &all);
+    let single: Vec<Bennett> = all.iter().map(|ladder| bennett(legs, &[*ladder])).collect();
     let ladders: Vec<f64> = single.iter().map(|b| b.ln_z).collect();
     let families = families.min(all.len());
     let families: Vec<f64> = (0..families)
         .map(|family| {
             let members: Vec<usize> = all.iter().copied().skip(family).step_by(families).collect();
-            bennett(beta, traces, &members).ln_z
+            bennett(legs, &members).ln_z
         })
         .collect();
     let mean = families.iter().sum::<f64>() / families.len() as f64;
     let scatter = families.iter().map(|l| (l - mean).powi(2)).sum::<f64>();
     let freedom = families.len().saturating_sub(1) as f64;
     let spread = scatter / (freedom * families.len() as f64);
-    let (forward, backward, valid) = stepping_stones(beta, traces);
+    let stones: Vec<Stones> = legs.iter().map(|(b, t)| stepping_stones(b, t)).collect();
+    let mean_of = |of: fn(&Stones) -> f64| mean_by_scans(legs, stones.iter().map(of));
+    let valid = mean_of(|stones| stones.valid);
+    let paths = legs
+        .iter()
+        .map(|(beta, traces)| thermodynamic(beta, traces));
     Estimate {
         ln_z: whole.ln_z,
-        forward,
-        backward,
-        thermodynamic: (valid >= 1.0).then(|| thermodynamic(beta, traces)),
+        forward: mean_of(|stones| stones.forward),
+        backward: mean_of(|stones| stones.backward),
+        thermodynamic: (valid >= 1.0).then(|| mean_by_scans(legs, paths)),
         valid,
         ladder_errors: single.iter().map(|b| b.error).collect(),
         ladders,
@@ -144,7 +148,21 @@ pub fn estimate(beta: &[f64], traces: &Traces, families: usize) -> Estimate {
     }
 }
 
-fn stepping_stones(beta: &[f64], traces: &Traces) -> (f64, f64, f64) {
+/// Mean of one number per leg, each with the weight of its scans.
+fn mean_by_scans(legs: &[(&[f64], &Traces)], numbers: impl Iterator<Item = f64>) -> f64 {
+    let scans = || legs.iter().map(|(_, traces)| traces.scans() as f64);
+    let sum: f64 = numbers.zip(scans()).map(|(x, scans)| x * scans).sum();
+    sum / scans().sum::<f64>()
+}
+
+struct Stones {
+    forward: f64,
+    backward: f64,
+    /// Share of the reference's draws with a likelihood.
+    valid: f64,
+}
+
+fn stepping_stones(beta: &[f64], traces: &Traces) -> Stones {
     let pooled = |rung: usize, factor: f64| -> (f64, usize, usize) {
         let all = (0..traces.ladders()).flat_map(|ladder| traces.of(ladder, rung));
         let total = all.clone().count();
@@ -161,7 +179,11 @@ fn stepping_stones(beta: &[f64], traces: &Traces) -> (f64, f64, f64) {
         let (sum, _, total) = pooled(rung + 1, -step);
         backward -= sum - (total as f64).ln();
     }
-    (forward, backward, valid)
+    Stones {
+        forward,
+        backward,
+        valid,
+    }
 }
 
 /// Trapezoid with the end correction that the variance, the slope of the mean, gives.
@@ -182,13 +204,45 @@ struct Bennett {
 }
 
 /// Bennett's acceptance ratio gap by gap, and the error of their sum from what each block of scans moves it by: of all gaps at
-/// once and with the correlation of blocks, however long, so that it counts how long a state stays in a small mode. Prior draws
-/// without likelihood enter as zeros, which is exact.
-fn bennett(beta: &[f64], traces: &Traces, ladders: &[usize]) -> Bennett {
+/// once and with the correlation of blocks, however long, so that it counts how long a state stays in a small mode.
+fn bennett(legs: &[(&[f64], &Traces)], ladders: &[usize]) -> Bennett {
+    let scans = legs.iter().map(|(_, traces)| traces.scans()).sum::<usize>();
+    // ln Z of each leg, and what moves it block by block: their sum is the true value on average, to first order.
+    let of_leg = |(beta, traces): &(&[f64], &Traces)| {
+        let blocks = (BLOCKS * traces.scans()).div_ceil(scans.max(1));
+        bennett_of_leg(beta, traces, ladders, blocks.min(traces.scans()))
+    };
+    let parts: Vec<(f64, Vec<Vec<f64>>)> = legs.iter().map(of_leg).collect();
+    let chains: Vec<Vec<f64>> = (0..ladders.len())
+        .map(|ladder| {
+            let part = |(ln_z, moves): &(f64, Vec<Vec<f64>>)| -> Vec<f64> {
+                moves[ladder].iter().map(|moved| ln_z + moved).collect()
+            };
+            parts.iter().flat_map(part).collect()
+        })
+        .collect();
+    let chains: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
+    let error = error_of_mean(&chains);
+    Bennett {
+        ln_z: mean_by_scans(legs, parts.iter().map(|(ln_z, _)| *ln_z)),
+        error: if error.is_finite() {
+            error
+        } else {
+            f64::INFINITY
+        },
+    }
+}
+
+/// The estimate of one leg, and by how much each block of scans of each ladder moves it. Draws of the reference without
+/// likelihood enter as zeros, which is exact.
+fn bennett_of_leg(
+    beta: &[f64],
+    traces: &Traces,
+    ladders: &[usize],
+    blocks: usize,
+) -> (f64, Vec<Vec<f64>>) {
     let scans = traces.scans();
-    let blocks = BLOCKS.min(scans);
     let mut ln_z = 0.0;
-    // ln Z is its true value and the mean of these, to first order in them.
     let mut influence = vec![vec![0.0; blocks]; ladders.len()];
     for (rung, gap) in beta.windows(2).enumerate() {
         let step = gap[1] - gap[0];
@@ -209,16 +263,7 @@ fn bennett(beta: &[f64], traces: &Traces, ladders: &[usize]) -> Bennett {
             *influence += units * sum.excess / slope;
         }
     }
-    let chains: Vec<&[f64]> = influence.iter().map(Vec::as_slice).collect();
-    let error = error_of_mean(&chains);
-    Bennett {
-        ln_z,
-        error: if error.is_finite() {
-            error
-        } else {
-            f64::INFINITY
-        },
-    }
+    (ln_z, influence)
 }
 
 /// Hot less cold sums of Bennett's equation, and minus their slope.
@@ -336,6 +381,10 @@ mod tests {
         traces
     }
 
+    fn of(beta: &[f64], traces: &Traces) -> Estimate {
+        estimate(&[(beta, traces)], usize::MAX)
+    }
+
     fn even(n: usize) -> Vec<f64> {
         (0..n)
             .map(|k| (10_f64.powf(k as f64 / (n - 1) as f64) - 1.0) / 9.0)
@@ -348,7 +397,7 @@ mod tests {
         let truth = -6.5 * 10_f64.ln();
         let mut pulls = Vec::new();
         for seed in 0..40 {
-            let e = estimate(&beta, &toy(13, &beta, 500, 0.0, seed), usize::MAX);
+            let e = of(&beta, &toy(13, &beta, 500, 0.0, seed));
             pulls.push((e.ln_z - truth) / e.error_scans);
             assert!((e.forward - truth).abs() < 0.3 && (e.backward - truth).abs() < 0.3);
             assert!((e.thermodynamic.unwrap() - truth).abs() < 0.2);
@@ -362,8 +411,27 @@ mod tests {
         let beta = even(8);
         let truth = -1.5 * 10_f64.ln();
         let pulls: Vec<f64> = (0..40)
-            .map(|seed| estimate(&beta, &toy(3, &beta, 3000, 0.995, seed), usize::MAX))
+            .map(|seed| of(&beta, &toy(3, &beta, 3000, 0.995, seed)))
             .map(|e| (e.ln_z - truth) / e.error_scans)
+            .collect();
+        normal(&pulls);
+    }
+
+    #[test]
+    fn legs_at_other_temperatures_count_by_their_scans() {
+        let truth = -6.5 * 10_f64.ln();
+        let (few, many) = (even(6), even(9));
+        let pulls: Vec<f64> = (0..40)
+            .map(|seed| {
+                let short = toy(13, &few, 200, 0.0, seed);
+                let long = toy(13, &many, 600, 0.0, 100 + seed);
+                let parts = [of(&few, &short), of(&many, &long)];
+                let both = estimate(&[(&few, &short), (&many, &long)], usize::MAX);
+                let mean = 0.25 * parts[0].ln_z + 0.75 * parts[1].ln_z;
+                assert!((both.ln_z - mean).abs() < 1e-12);
+                assert!(both.error_scans < parts[0].error_scans);
+                (both.ln_z - truth) / both.error_scans
+            })
             .collect();
         normal(&pulls);
     }
@@ -392,7 +460,7 @@ mod tests {
                 traces.push(ladder, 2, 0.0);
             }
         }
-        let e = estimate(&[0.0, 0.5, 1.0], &traces, usize::MAX);
+        let e = of(&[0.0, 0.5, 1.0], &traces);
         for value in [e.ln_z, e.forward, e.backward] {
             assert!((value - 0.25_f64.ln()).abs() < 1e-10, "{value}");
         }
@@ -408,7 +476,7 @@ mod tests {
                 traces.push(ladder, 1, -3.0 - 0.01 * f64::from(scan));
             }
         }
-        let e = estimate(&[0.0, 1.0], &traces, usize::MAX);
+        let e = of(&[0.0, 1.0], &traces);
         assert!(e.ln_z.is_finite() && e.forward.is_finite() && e.backward.is_finite());
         assert!(e.ln_z > e.forward && e.ln_z < e.backward);
     }

@@ -38,13 +38,14 @@ pub(super) fn gates(run: &Evidenced<'_>) -> Vec<Gate> {
 
 fn journeys(run: &Evidenced<'_>) -> Vec<Gate> {
     let journeys = &run.record.journeys;
-    let scans = run.record.traces.scans();
-    let machines = (journeys.len() * run.record.traces.rungs()) as f64;
+    let scans = run.record.scans();
+    let leg = run.record.telling_leg();
+    let machines = (journeys.len() * leg.traces.rungs()) as f64;
     let fewest = journeys.iter().map(|j| j.round_trips).min().unwrap_or(0);
     let restarts: u64 = journeys.iter().map(|j| j.restarts).sum();
     let trips = run.record.round_trips() as f64;
     let rate = trips / (scans * journeys.len()).max(1) as f64;
-    let expected = round_trip_rate(&run.record.mean_rejection());
+    let expected = round_trip_rate(&leg.mean_rejection());
     vec![
         Gate::at_least(
             "round trips, worst ladder",
@@ -74,7 +75,7 @@ fn journeys(run: &Evidenced<'_>) -> Vec<Gate> {
 }
 
 fn schedule(run: &Evidenced<'_>) -> Vec<Gate> {
-    let rejection = run.record.mean_rejection();
+    let rejection = run.record.telling_leg().mean_rejection();
     let worst = rejection.iter().copied().fold(0.0, f64::max);
     let barrier: f64 = rejection.iter().sum();
     let before = run.history.last().map_or(0.0, |round| round.barrier);
@@ -160,7 +161,7 @@ fn draws(run: &Evidenced<'_>) -> Vec<Gate> {
 }
 
 fn moves(run: &Evidenced<'_>) -> Vec<Gate> {
-    let locals = &run.record.locals[1..];
+    let locals = &run.record.telling_leg().locals[1..];
     let acceptance = |local: &super::record::Local| local.mean_acceptance();
     let lowest = locals.iter().map(acceptance).fold(1.0, f64::min);
     // A step at its largest cannot get longer, whatever the acceptance.

@@ -100,7 +100,7 @@ pub fn run(
             if !state.may_extend() || outcome::passes(&state, target.dim()) {
                 break Status::Complete;
             }
-            state.extend();
+            state.go_on(target);
         }
         let interrupted = stop || control.interrupted();
         let spent = control.spent(state.tally.calls + state.tally.gradients);

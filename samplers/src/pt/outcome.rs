@@ -83,17 +83,15 @@ pub(super) fn passes(state: &State, dim: usize) -> bool {
 }
 
 fn draws(target: &dyn Target, state: &State) -> Result<Draws> {
-    let cold = state.rungs.len() - 1;
     let rows: usize = state.record.draws.iter().map(Vec::len).sum();
     let ln_weight = -((rows / target.dim()) as f64).ln();
     let families = u32::try_from(state.families()).unwrap_or(u32::MAX);
     let mut draws = Draws::of(target);
     let mut theta = vec![0.0; target.dim()];
-    for (chain, rows) in (0_u32..).zip(&state.record.draws) {
-        let trace = state.record.traces.of(chain as usize, cold);
-        for (z, ln_ratio) in rows.chunks_exact(target.dim()).zip(trace) {
+    let record = &state.record;
+    for (chain, (rows, values)) in (0_u32..).zip(record.draws.iter().zip(&record.ln_likelihood)) {
+        for (z, &ln_l) in rows.chunks_exact(target.dim()).zip(values) {
             target.prior().theta_from_z(z, &mut theta);
-            let ln_l = ln_ratio + state.reference.tilt(z);
             let group = chain % families;
             let origin = Origin { chain, group };
             draws.push(target, &theta, ln_l, ln_weight, origin)?;
@@ -160,9 +158,8 @@ fn kinship(columns: &[Vec<Vec<f64>>], bulk: &[f64], families: usize) -> f64 {
 /// of all, ln L included.
 fn effective_sizes(state: &State, dim: usize) -> (Ess, f64) {
     let ladders = state.record.draws.len();
-    let cold = state.rungs.len() - 1;
     let mut ess = Ess {
-        kish: (ladders * state.record.traces.scans()) as f64,
+        kish: (ladders * state.record.scans()) as f64,
         ..Ess::default()
     };
     let columns: Vec<Vec<Vec<f64>>> = (0..dim)
@@ -193,10 +190,8 @@ fn effective_sizes(state: &State, dim: usize) -> (Ess, f64) {
         .chain(&ess.tail)
         .copied()
         .fold(f64::INFINITY, f64::min);
-    let traces: Vec<&[f64]> = (0..ladders)
-        .map(|ladder| state.record.traces.of(ladder, cold))
-        .collect();
-    let worst = ess.r_hat.iter().copied().fold(r_hat(&traces), f64::max);
+    let of_ln_l = r_hat(&slices(&state.record.ln_likelihood));
+    let worst = ess.r_hat.iter().copied().fold(of_ln_l, f64::max);
     (ess, worst)
 }
 
@@ -205,39 +200,34 @@ fn slices(chains: &[Vec<f64>]) -> Vec<&[f64]> {
 }
 
 fn modes(state: &State, dim: usize) -> f64 {
-    let scans = state.record.traces.scans();
-    let cold = state.rungs.len() - 1;
+    let scans = state.record.scans();
     let labels = two_means(&state.record.draws.concat(), dim);
     let labels: Vec<&[bool]> = labels.chunks_exact(scans.max(1)).collect();
-    let traces: Vec<&[f64]> = (0..labels.len())
-        .map(|ladder| state.record.traces.of(ladder, cold))
-        .collect();
-    mode_agreement(&labels, &traces)
+    mode_agreement(&labels, &slices(&state.record.ln_likelihood))
 }
 
 fn path(state: &State, step_size: Vec<f64>) -> Path {
     let record = &state.record;
-    let rungs = state.rungs.len();
-    let (mean, variance) = (0..rungs).map(|rung| record.traces.moments(rung)).unzip();
-    let rejection = record.mean_rejection();
+    let leg = record.telling_leg();
+    let rungs = leg.beta.len();
+    let (mean, variance) = (0..rungs).map(|rung| leg.traces.moments(rung)).unzip();
+    let rejection = leg.mean_rejection();
     Path::Tempered {
-        beta: state.beta(),
+        beta: leg.beta.clone(),
         mean_ln_likelihood: mean,
         variance_ln_likelihood: variance,
         barrier: barrier(&rejection),
         swap_rejection: rejection,
-        acceptance: record.locals.iter().map(|l| l.mean_acceptance()).collect(),
+        acceptance: leg.locals.iter().map(|l| l.mean_acceptance()).collect(),
         step_size,
-        mean_leapfrogs: record
+        mean_leapfrogs: leg
             .locals
             .iter()
             .map(|l| l.leapfrogs as f64 / l.moves.max(1) as f64)
             .collect(),
-        divergences: record.locals.iter().map(|l| l.diverged).collect(),
+        divergences: leg.locals.iter().map(|l| l.diverged).collect(),
         round_trips: record.journeys.iter().map(|j| j.round_trips).collect(),
-        trace: (0..record.journeys.len())
-            .map(|ladder| record.traces.of(ladder, rungs - 1).to_vec())
-            .collect(),
+        trace: record.ln_likelihood.clone(),
     }
 }
 
@@ -255,15 +245,16 @@ fn warnings(state: &State) -> Vec<String> {
                 .to_owned(),
         );
     }
-    for (rung, rejection) in state.rungs.iter().zip(state.record.mean_rejection()) {
+    let leg = state.record.telling_leg();
+    for (beta, rejection) in leg.beta.iter().zip(leg.mean_rejection()) {
         if state.is_last_round() && rejection > SLOW_GAP {
             warnings.push(format!(
                 "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that the ladder can adapt",
-                100.0 * rejection, rung.beta,
+                100.0 * rejection, beta,
             ));
         }
     }
-    let locals = &state.record.locals;
+    let locals = &leg.locals;
     let diverged: u64 = locals.iter().map(|local| local.diverged).sum();
     if state.is_last_round() && diverged > 0 {
         let moves: u64 = locals.iter().map(|local| local.moves).sum();

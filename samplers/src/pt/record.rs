@@ -12,7 +12,10 @@ const LONGEST_SCORE: f64 = 1_000.0;
 /// Most states of half of the ladders that a round remembers at each temperature, spread evenly over its scans.
 const MOST_VISITS: usize = 256;
 
-/// What happened at one temperature in one round, all ladders together.
+/// A leg of less than this part of the longest says nothing yet.
+const SHORTEST_LEG: usize = 10;
+
+/// What happened at one temperature in one leg, all ladders together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Local {
     /// Local moves.
@@ -58,17 +61,14 @@ impl Local {
     }
 }
 
-/// Everything a round leaves behind: for adaptation, evidence, gates and draws.
+/// What happens while temperatures, metrics and reference stay what they are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Record {
-    /// ln L of every slot after every scan's exploration.
+pub(super) struct Leg {
+    pub(super) beta: Vec<f64>,
+    /// ln L of every slot, over the reference's tilt, after every scan's exploration.
     pub(super) traces: Traces,
-    /// Positions at beta = 1 per ladder, scan by scan.
-    pub(super) draws: Vec<Vec<f64>>,
-    /// States at each temperature, of the ladders of each family, one after the other: the next round's pools of directions.
+    /// States at each temperature, of the ladders of each family, one after the other: the pools of directions to come.
     pub(super) visits: Vec<Vec<Vec<f64>>>,
-    /// Where each ladder has been at beta = 1, every move of every scan, in a round that a mixture is fitted to.
-    pub(super) trails: Vec<Vec<f64>>,
     /// Scans from one remembered state to the next.
     visit_every: usize,
     /// One per temperature.
@@ -77,59 +77,40 @@ pub(super) struct Record {
     pub(super) moments: Vec<Moments>,
     /// Sum of rejection probabilities per gap, over ladders and scans.
     rejection: Vec<f64>,
-    /// One per ladder.
-    pub(super) journeys: Vec<Journeys>,
 }
 
-impl Record {
-    /// An empty record of a round of `scans`; ladder `k` is of family `k % families`.
-    pub(super) fn new(
-        dim: usize,
-        ladders: usize,
-        families: usize,
-        rungs: usize,
-        scans: usize,
-    ) -> Self {
+impl Leg {
+    fn new(dim: usize, ladders: usize, families: usize, beta: &[f64], scans: usize) -> Self {
+        let rungs = beta.len();
         Self {
+            beta: beta.to_vec(),
             traces: Traces::new(ladders, rungs),
-            draws: vec![Vec::new(); ladders],
-            trails: vec![Vec::new(); ladders],
             visits: vec![vec![Vec::new(); families]; rungs],
             visit_every: (scans * ladders).div_ceil(2 * MOST_VISITS),
             locals: vec![Local::default(); rungs],
             moments: vec![Moments::new(dim); rungs],
             rejection: vec![0.0; rungs - 1],
-            journeys: vec![Journeys::new(rungs); ladders],
         }
     }
 
     /// Notes one ladder's states, hottest first, after exploration and before swaps.
-    pub(super) fn note<'a>(
-        &mut self,
-        ladder: usize,
-        beta: &[f64],
-        points: impl Iterator<Item = &'a Point>,
-    ) {
+    fn note<'a>(&mut self, ladder: usize, points: impl Iterator<Item = &'a Point>) {
         let visited = self.traces.scans().is_multiple_of(self.visit_every);
         let mut hotter: Option<f64> = None;
         let mut score = Vec::new();
         for (rung, point) in points.enumerate() {
+            let beta = self.beta[rung];
             self.traces.push(ladder, rung, point.ln_ratio());
             if let Some(l_hot) = hotter {
-                let gap = beta[rung] - beta[rung - 1];
+                let gap = beta - self.beta[rung - 1];
                 self.rejection[rung - 1] += 1.0 - swap::acceptance(gap, l_hot, point.ln_ratio());
             }
             if point.has_gradient {
                 score.clear();
-                score.extend(
-                    point
-                        .gradient
-                        .iter()
-                        .zip(&point.z)
-                        .map(|(g, z)| beta[rung] * g - z),
-                );
+                let gradient = point.gradient.iter().zip(&point.z);
+                score.extend(gradient.map(|(g, z)| beta * g - z));
                 for (score, tilt) in score.iter_mut().zip(&point.tilt_gradient) {
-                    *score += (1.0 - beta[rung]) * tilt;
+                    *score += (1.0 - beta) * tilt;
                 }
                 shorten(&mut score, LONGEST_SCORE);
                 self.moments[rung].push(&point.z, &score);
@@ -138,24 +119,109 @@ impl Record {
                 let family = ladder % self.visits[rung].len();
                 self.visits[rung][family].extend_from_slice(&point.z);
             }
-            if rung + 1 == beta.len() {
-                self.draws[ladder].extend_from_slice(&point.z);
-            }
             hotter = Some(point.ln_ratio());
         }
     }
 
     /// Mean swap rejection per gap.
     pub(super) fn mean_rejection(&self) -> Vec<f64> {
-        let count = self.traces.scans() * self.journeys.len();
+        let count = self.traces.scans() * self.traces.ladders();
         self.rejection
             .iter()
             .map(|s| s / count.max(1) as f64)
             .collect()
+    }
+}
+
+/// Everything a round leaves behind: for adaptation, evidence, gates and draws.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Record {
+    /// One, and as many more as the last round goes on for.
+    legs: Vec<Leg>,
+    /// Positions at beta = 1 per ladder, scan by scan.
+    pub(super) draws: Vec<Vec<f64>>,
+    /// Their ln L.
+    pub(super) ln_likelihood: Vec<Vec<f64>>,
+    /// Where each ladder has been at beta = 1, every move of every scan, in a round that a mixture is fitted to.
+    pub(super) trails: Vec<Vec<f64>>,
+    /// One per ladder.
+    pub(super) journeys: Vec<Journeys>,
+    families: usize,
+}
+
+impl Record {
+    /// An empty record of a round of `scans` at these inverse temperatures; ladder `k` is of family `k % families`.
+    pub(super) fn new(
+        dim: usize,
+        ladders: usize,
+        families: usize,
+        beta: &[f64],
+        scans: usize,
+    ) -> Self {
+        Self {
+            legs: vec![Leg::new(dim, ladders, families, beta, scans)],
+            draws: vec![Vec::new(); ladders],
+            ln_likelihood: vec![Vec::new(); ladders],
+            trails: vec![Vec::new(); ladders],
+            journeys: vec![Journeys::new(beta.len()); ladders],
+            families,
+        }
+    }
+
+    /// Begins another leg of `scans`, with the same machines.
+    pub(super) fn begin_leg(&mut self, dim: usize, beta: &[f64], scans: usize) {
+        let leg = Leg::new(dim, self.draws.len(), self.families, beta, scans);
+        self.legs.push(leg);
+    }
+
+    /// Notes one ladder's states, hottest first, after exploration and before swaps.
+    pub(super) fn note<'a>(
+        &mut self,
+        ladder: usize,
+        points: impl DoubleEndedIterator<Item = &'a Point> + Clone,
+    ) {
+        if let Some(cold) = points.clone().next_back() {
+            self.draws[ladder].extend_from_slice(&cold.z);
+            self.ln_likelihood[ladder].push(cold.ln_likelihood);
+        }
+        self.leg_mut().note(ladder, points);
+    }
+
+    /// All legs, the present one last.
+    pub(super) fn legs(&self) -> &[Leg] {
+        &self.legs
+    }
+
+    /// The present leg.
+    pub(super) fn leg(&self) -> &Leg {
+        &self.legs[self.legs.len() - 1]
+    }
+
+    /// The present leg, to be added to.
+    pub(super) fn leg_mut(&mut self) -> &mut Leg {
+        let last = self.legs.len() - 1;
+        &mut self.legs[last]
+    }
+
+    /// The last leg that is long enough to tell of.
+    pub(super) fn telling_leg(&self) -> &Leg {
+        long_enough(&self.legs).last().unwrap_or(self.leg())
+    }
+
+    /// Scans of all legs.
+    pub(super) fn scans(&self) -> usize {
+        self.ln_likelihood.last().map_or(0, Vec::len)
     }
 
     /// Round trips of all ladders.
     pub(super) fn round_trips(&self) -> u64 {
         self.journeys.iter().map(|j| j.round_trips).sum()
     }
+}
+
+/// The legs that tell something: one that has only begun, beside others, does not.
+pub(super) fn long_enough(legs: &[Leg]) -> impl Iterator<Item = &Leg> + Clone {
+    let longest = legs.iter().map(|leg| leg.traces.scans()).max().unwrap_or(0);
+    let least = longest.div_ceil(SHORTEST_LEG);
+    legs.iter().filter(move |leg| leg.traces.scans() >= least)
 }

@@ -3,9 +3,9 @@
 mod adapt;
 
 use super::anneal::{Annealing, Level};
-use super::evidence::{Estimate, estimate};
+use super::evidence::{Estimate, Traces, estimate};
 use super::ladder::first_schedule;
-use super::record::{Local, Record};
+use super::record::{Local, Record, long_enough};
 use super::{Settings, swap};
 use crate::control::Event;
 use crate::error::{Error, Result};
@@ -97,9 +97,10 @@ impl State {
     /// Draws every slot from the prior, again and again until it has a likelihood where it needs one.
     pub(super) fn start(target: &dyn Target, settings: &Settings, seed: u64) -> Result<Self> {
         let dim = target.dim();
-        let rungs: Vec<Rung> = first_schedule(settings.temperatures)
-            .into_iter()
-            .map(|beta| Rung {
+        let schedule = first_schedule(settings.temperatures);
+        let rungs: Vec<Rung> = schedule
+            .iter()
+            .map(|&beta| Rung {
                 beta,
                 metric: Metric::identity(settings.metric, dim),
                 step: StepSize::new(0.5),
@@ -120,7 +121,7 @@ impl State {
                 dim,
                 settings.ladders,
                 settings.families(),
-                rungs.len(),
+                &schedule,
                 settings.scans(0),
             ),
             slots: Vec::new(),
@@ -201,7 +202,7 @@ impl State {
         self.settings.scans(self.round) * (1 + self.extensions)
     }
 
-    /// Whether the last round is done, as far as it has been extended.
+    /// Whether the last round is done, as far as it has gone on.
     pub(super) fn finished(&self) -> bool {
         self.is_last_round() && self.scan == self.scans()
     }
@@ -211,9 +212,12 @@ impl State {
         self.extensions < self.settings.extensions
     }
 
-    /// Lets the last round go on for as long again.
-    pub(super) fn extend(&mut self) {
+    /// Lets the last round go on for as long again: frozen as it is on a path from the prior, fitted anew on one from a mixture.
+    pub(super) fn go_on(&mut self, target: &dyn Target) {
         self.extensions += 1;
+        if self.mixture_next() {
+            self.adapt(target);
+        }
     }
 
     /// Whether the first scan is still to come.
@@ -245,13 +249,14 @@ impl State {
         self.settings.mixes(self.round)
     }
 
-    /// Whether a mixture is to be fitted after this round. The last round keeps the one that it has: its temperatures are those
-    /// that the round before found on the same path.
+    /// Whether a mixture is to be fitted to what this round draws. The last but one does without: the last keeps the mixture that it
+    /// has, and with it the temperatures that the round before has found on the same path.
     fn mixture_next(&self) -> bool {
+        if self.is_last_round() {
+            return self.settings.mixture_rounds > 0;
+        }
         let next = self.round + 1;
-        !self.is_last_round()
-            && self.settings.mixes(next)
-            && (next + 1 < self.settings.rounds || self.reference.is_prior())
+        self.settings.mixes(next) && (next + 1 < self.settings.rounds || self.reference.is_prior())
     }
 
     fn is_early_round(&self) -> bool {
@@ -263,7 +268,10 @@ impl State {
     }
 
     pub(super) fn evidence(&self) -> Estimate {
-        estimate(&self.beta(), &self.record.traces, self.settings.families())
+        let legs = long_enough(self.record.legs());
+        let legs: Vec<(&[f64], &Traces)> =
+            legs.map(|leg| (leg.beta.as_slice(), &leg.traces)).collect();
+        estimate(&legs, self.settings.families())
     }
 
     /// What an observer is told after a scan; evidence and barrier are NaN before a round has finished.
@@ -322,13 +330,13 @@ impl State {
             let points = self.slots[ladder * rungs..(ladder + 1) * rungs]
                 .iter()
                 .map(|slot| &slot.point);
-            self.record.note(ladder, &beta, points);
+            self.record.note(ladder, points);
             self.swap(ladder, &beta);
         }
         let (frozen, early) = (self.is_last_round(), self.is_early_round());
         let scans = self.scans();
         for (rung, local) in locals.iter().enumerate() {
-            self.record.locals[rung].add(local);
+            self.record.leg_mut().locals[rung].add(local);
             if frozen || rung == 0 {
                 continue;
             }
@@ -363,7 +371,7 @@ impl State {
         let mut trail = Vec::new();
         let cold = (slot + 1).is_multiple_of(self.rungs.len());
         let mut visit = |at: &Point| {
-            if cold && self.mixture_next() {
+            if cold && self.mixture_next() && !self.is_last_round() {
                 trail.extend_from_slice(&at.z);
             }
         };
@@ -445,6 +453,6 @@ impl State {
     fn new_record(&self, dim: usize, round: usize) -> Record {
         let (ladders, families) = (self.settings.ladders, self.settings.families());
         let scans = self.settings.scans(round);
-        Record::new(dim, ladders, families, self.rungs.len(), scans)
+        Record::new(dim, ladders, families, &self.beta(), scans)
     }
 }

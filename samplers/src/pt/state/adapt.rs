@@ -64,10 +64,10 @@ impl State {
         }
         self.rungs = rungs;
         self.slots = slots.concat();
-        self.record = self.new_record(dim, 0);
         if self.settings.mixes(0) {
             self.begin_at_mixture(populations, target);
         }
+        self.record = self.new_record(dim, 0);
     }
 
     /// Has the first round begin at a mixture that resembles the populations' coldest level, in states of that level.
@@ -90,11 +90,11 @@ impl State {
         self.take_reference(reference);
     }
 
-    /// Ends a round: new temperatures, metrics and steps from what it recorded, and states carried over.
+    /// Ends a round, or a leg of the last: new temperatures, metrics and steps from what it recorded, and states carried over.
     pub(super) fn adapt(&mut self, target: &dyn Target) {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
-        let old = barrier(&self.record.mean_rejection());
+        let old = barrier(&self.record.leg().mean_rejection());
         let total = old[old.len() - 1];
         self.history.push(Finished {
             barrier: total,
@@ -126,35 +126,42 @@ impl State {
                     beta,
                     metric: found[i].0.between(&found[i + 1].0, t),
                     step: StepSize::new(ln_step.exp()),
-                    pools: of_others(self.record.visits[nearest((i, t))].iter())
+                    pools: of_others(self.record.leg().visits[nearest((i, t))].iter())
                         .map(|rows| Neighbours::new(&rows, dim, orbit)),
                 }
             })
             .collect();
+        let same = count == beta.len();
         self.slots = (0..self.settings.ladders * count)
             .map(|slot| {
                 let (ladder, k) = (slot / count, slot % count);
-                let from = if count == beta.len() {
-                    k
-                } else {
-                    nearest(places[k])
-                };
+                let from = if same { k } else { nearest(places[k]) };
+                let old = &self.slots[ladder * beta.len() + from];
                 Slot {
-                    point: self.slots[ladder * beta.len() + from].point.clone(),
-                    machine: k,
+                    point: old.point.clone(),
+                    machine: if same { old.machine } else { k },
                 }
             })
             .collect();
         self.next_reference(target);
-        self.next_round(dim);
+        if self.is_last_round() {
+            let (beta, scans) = (self.beta(), self.settings.scans(self.round));
+            self.record.begin_leg(dim, &beta, scans);
+        } else {
+            self.next_round(dim);
+        }
     }
 
-    /// In the last rounds, if asked for: a reference that resembles what the round just ended has drawn at beta = 1.
+    /// In the last rounds, if asked for: a reference that resembles what the round, or all legs of the last, have drawn at beta = 1.
     fn next_reference(&mut self, target: &dyn Target) {
         if !self.mixture_next() {
             return;
         }
-        let rows = of_others(self.record.trails.iter());
+        let rows = of_others(if self.is_last_round() {
+            self.record.draws.iter()
+        } else {
+            self.record.trails.iter()
+        });
         // Of draws that no mixture fits, none is made: the path stays what it was, and the result says so.
         let Some(reference) = self.resembling(rows, target.dim()) else {
             return;
@@ -165,14 +172,20 @@ impl State {
         self.take_reference(reference);
     }
 
-    /// The reference that resembles new halves of draws, and what is kept of those before; none if there are too few.
+    /// The reference that resembles new halves of draws, and what is kept of those before; none if there are too few. Those of the
+    /// last round are not kept: its next leg has them again among its own.
     fn resembling(&mut self, halves: [Vec<f64>; 2], dim: usize) -> Option<Reference> {
-        for (known, new) in self.training.iter_mut().zip(halves) {
+        let mut training = self.training.clone();
+        for (known, new) in training.iter_mut().zip(halves) {
             *known = thinned(known, dim, MOST_TRAINING / 2);
             known.extend(thinned(&new, dim, MOST_TRAINING));
         }
         let rng = |count: usize| stream(self.seed, Domain::PtReference, self.clock, count as u64);
-        Reference::resembling(&self.training, dim, rng)
+        let reference = Reference::resembling(&training, dim, rng);
+        if !self.is_last_round() {
+            self.training = training;
+        }
+        reference
     }
 
     /// Ladders begin at this reference from now on.
@@ -200,15 +213,14 @@ impl State {
     fn leave_prior(&mut self) {
         self.one_metric();
         let rungs = self.rungs.len();
-        let last = self.record.traces.rungs() - 1;
         let dim = self.slots[0].point.z.len();
         for (slot, place) in self.slots.iter_mut().enumerate() {
             let (ladder, k) = (slot / rungs, slot % rungs);
-            let trace = self.record.traces.of(ladder, last);
-            let row = (trace.len() * (k + 1)).div_ceil(rungs) - 1;
+            let ln_likelihood = &self.record.ln_likelihood[ladder];
+            let row = (ln_likelihood.len() * (k + 1)).div_ceil(rungs) - 1;
             let z = &self.record.draws[ladder][row * dim..(row + 1) * dim];
             place.point.z.copy_from_slice(z);
-            place.point.ln_likelihood = trace[row];
+            place.point.ln_likelihood = ln_likelihood[row];
         }
     }
 
@@ -234,7 +246,7 @@ impl State {
 
     /// The metric and the logarithm of the step that the round just ended found for each of its temperatures.
     fn found(&self, dim: usize) -> Vec<(Metric, f64)> {
-        let moments = &self.record.moments;
+        let moments = &self.record.leg().moments;
         let enough = 10.0 * dim as f64;
         self.rungs
             .iter()

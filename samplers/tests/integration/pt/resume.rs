@@ -93,6 +93,7 @@ fn annealed() -> Settings {
         slices: 2,
         max_leapfrogs: 4,
         mixture_rounds: 5,
+        extensions: 1,
         ..rounds(5)
     }
 }
