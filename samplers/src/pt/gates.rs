@@ -37,12 +37,12 @@ pub(super) fn gates(run: &Evidenced<'_>) -> Vec<Gate> {
 }
 
 fn journeys(run: &Evidenced<'_>) -> Vec<Gate> {
-    let journeys = &run.record.journeys;
+    let journeys = run.record.journeys();
     let scans = run.record.scans();
     let leg = run.record.telling_leg();
     let machines = (journeys.len() * leg.traces.rungs()) as f64;
-    let fewest = journeys.iter().map(|j| j.round_trips).min().unwrap_or(0);
-    let restarts: u64 = journeys.iter().map(|j| j.restarts).sum();
+    let fewest = journeys.iter().map(|(trips, _)| *trips).min().unwrap_or(0);
+    let restarts: u64 = journeys.iter().map(|(_, restarts)| restarts).sum();
     let trips = run.record.round_trips() as f64;
     let rate = trips / (scans * journeys.len()).max(1) as f64;
     let expected = round_trip_rate(&leg.mean_rejection());

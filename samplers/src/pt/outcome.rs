@@ -83,13 +83,15 @@ pub(super) fn passes(state: &State, dim: usize) -> bool {
 }
 
 fn draws(target: &dyn Target, state: &State) -> Result<Draws> {
-    let rows: usize = state.record.draws.iter().map(Vec::len).sum();
-    let ln_weight = -((rows / target.dim()) as f64).ln();
+    let record = &state.record;
+    let values = record.ln_likelihood();
+    let count: usize = values.iter().map(Vec::len).sum();
+    let ln_weight = -(count as f64).ln();
     let families = u32::try_from(state.families()).unwrap_or(u32::MAX);
     let mut draws = Draws::of(target);
     let mut theta = vec![0.0; target.dim()];
-    let record = &state.record;
-    for (chain, (rows, values)) in (0_u32..).zip(record.draws.iter().zip(&record.ln_likelihood)) {
+    let rows = record.draws();
+    for (chain, (rows, values)) in (0_u32..).zip(rows.iter().zip(&values)) {
         for (z, &ln_l) in rows.chunks_exact(target.dim()).zip(values) {
             target.prior().theta_from_z(z, &mut theta);
             let group = chain % families;
@@ -157,7 +159,8 @@ fn kinship(columns: &[Vec<Vec<f64>>], bulk: &[f64], families: usize) -> f64 {
 /// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks see no monotone map), and the largest R-hat
 /// of all, ln L included.
 fn effective_sizes(state: &State, dim: usize) -> (Ess, f64) {
-    let ladders = state.record.draws.len();
+    let draws = state.record.draws();
+    let ladders = draws.len();
     let mut ess = Ess {
         kish: (ladders * state.record.scans()) as f64,
         ..Ess::default()
@@ -165,7 +168,7 @@ fn effective_sizes(state: &State, dim: usize) -> (Ess, f64) {
     let columns: Vec<Vec<Vec<f64>>> = (0..dim)
         .map(|j| {
             let of = |rows: &Vec<f64>| rows.iter().skip(j).step_by(dim).copied().collect();
-            state.record.draws.iter().map(of).collect()
+            draws.iter().map(of).collect()
         })
         .collect();
     for ladders in &columns {
@@ -190,7 +193,7 @@ fn effective_sizes(state: &State, dim: usize) -> (Ess, f64) {
         .chain(&ess.tail)
         .copied()
         .fold(f64::INFINITY, f64::min);
-    let of_ln_l = r_hat(&slices(&state.record.ln_likelihood));
+    let of_ln_l = r_hat(&slices(&state.record.ln_likelihood()));
     let worst = ess.r_hat.iter().copied().fold(of_ln_l, f64::max);
     (ess, worst)
 }
@@ -201,9 +204,9 @@ fn slices(chains: &[Vec<f64>]) -> Vec<&[f64]> {
 
 fn modes(state: &State, dim: usize) -> f64 {
     let scans = state.record.scans();
-    let labels = two_means(&state.record.draws.concat(), dim);
+    let labels = two_means(&state.record.draws().concat(), dim);
     let labels: Vec<&[bool]> = labels.chunks_exact(scans.max(1)).collect();
-    mode_agreement(&labels, &slices(&state.record.ln_likelihood))
+    mode_agreement(&labels, &slices(&state.record.ln_likelihood()))
 }
 
 fn path(state: &State, step_size: Vec<f64>) -> Path {
@@ -226,8 +229,8 @@ fn path(state: &State, step_size: Vec<f64>) -> Path {
             .map(|l| l.leapfrogs as f64 / l.moves.max(1) as f64)
             .collect(),
         divergences: leg.locals.iter().map(|l| l.diverged).collect(),
-        round_trips: record.journeys.iter().map(|j| j.round_trips).collect(),
-        trace: record.ln_likelihood.clone(),
+        round_trips: record.journeys().iter().map(|(trips, _)| *trips).collect(),
+        trace: record.ln_likelihood(),
     }
 }
 

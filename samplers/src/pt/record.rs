@@ -65,8 +65,16 @@ impl Local {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Leg {
     pub(super) beta: Vec<f64>,
+    /// Scans that it is to have.
+    scans: usize,
     /// ln L of every slot, over the reference's tilt, after every scan's exploration.
     pub(super) traces: Traces,
+    /// Positions at beta = 1 per ladder, scan by scan.
+    pub(super) draws: Vec<Vec<f64>>,
+    /// Their ln L.
+    pub(super) ln_likelihood: Vec<Vec<f64>>,
+    /// One per ladder.
+    pub(super) journeys: Vec<Journeys>,
     /// States at each temperature, of the ladders of each family, one after the other: the pools of directions to come.
     pub(super) visits: Vec<Vec<Vec<f64>>>,
     /// Scans from one remembered state to the next.
@@ -84,7 +92,11 @@ impl Leg {
         let rungs = beta.len();
         Self {
             beta: beta.to_vec(),
+            scans,
             traces: Traces::new(ladders, rungs),
+            draws: vec![Vec::new(); ladders],
+            ln_likelihood: vec![Vec::new(); ladders],
+            journeys: vec![Journeys::new(rungs); ladders],
             visits: vec![vec![Vec::new(); families]; rungs],
             visit_every: (scans * ladders).div_ceil(2 * MOST_VISITS),
             locals: vec![Local::default(); rungs],
@@ -94,7 +106,7 @@ impl Leg {
     }
 
     /// Notes one ladder's states, hottest first, after exploration and before swaps.
-    fn note<'a>(&mut self, ladder: usize, points: impl Iterator<Item = &'a Point>) {
+    pub(super) fn note<'a>(&mut self, ladder: usize, points: impl Iterator<Item = &'a Point>) {
         let visited = self.traces.scans().is_multiple_of(self.visit_every);
         let mut hotter: Option<f64> = None;
         let mut score = Vec::new();
@@ -119,8 +131,16 @@ impl Leg {
                 let family = ladder % self.visits[rung].len();
                 self.visits[rung][family].extend_from_slice(&point.z);
             }
+            if rung + 1 == self.beta.len() {
+                self.draws[ladder].extend_from_slice(&point.z);
+                self.ln_likelihood[ladder].push(point.ln_likelihood);
+            }
             hotter = Some(point.ln_ratio());
         }
+    }
+
+    fn whole(&self) -> bool {
+        self.traces.scans() >= self.scans
     }
 
     /// Mean swap rejection per gap.
@@ -138,14 +158,8 @@ impl Leg {
 pub(super) struct Record {
     /// One, and as many more as the last round goes on for.
     legs: Vec<Leg>,
-    /// Positions at beta = 1 per ladder, scan by scan.
-    pub(super) draws: Vec<Vec<f64>>,
-    /// Their ln L.
-    pub(super) ln_likelihood: Vec<Vec<f64>>,
     /// Where each ladder has been at beta = 1, every move of every scan, in a round that a mixture is fitted to.
     pub(super) trails: Vec<Vec<f64>>,
-    /// One per ladder.
-    pub(super) journeys: Vec<Journeys>,
     families: usize,
 }
 
@@ -160,36 +174,16 @@ impl Record {
     ) -> Self {
         Self {
             legs: vec![Leg::new(dim, ladders, families, beta, scans)],
-            draws: vec![Vec::new(); ladders],
-            ln_likelihood: vec![Vec::new(); ladders],
             trails: vec![Vec::new(); ladders],
-            journeys: vec![Journeys::new(beta.len()); ladders],
             families,
         }
     }
 
     /// Begins another leg of `scans`, with the same machines.
     pub(super) fn begin_leg(&mut self, dim: usize, beta: &[f64], scans: usize) {
-        let leg = Leg::new(dim, self.draws.len(), self.families, beta, scans);
+        let mut leg = Leg::new(dim, self.trails.len(), self.families, beta, scans);
+        leg.journeys = self.leg().journeys.iter().map(Journeys::onward).collect();
         self.legs.push(leg);
-    }
-
-    /// Notes one ladder's states, hottest first, after exploration and before swaps.
-    pub(super) fn note<'a>(
-        &mut self,
-        ladder: usize,
-        points: impl DoubleEndedIterator<Item = &'a Point> + Clone,
-    ) {
-        if let Some(cold) = points.clone().next_back() {
-            self.draws[ladder].extend_from_slice(&cold.z);
-            self.ln_likelihood[ladder].push(cold.ln_likelihood);
-        }
-        self.leg_mut().note(ladder, points);
-    }
-
-    /// All legs, the present one last.
-    pub(super) fn legs(&self) -> &[Leg] {
-        &self.legs
     }
 
     /// The present leg.
@@ -203,25 +197,73 @@ impl Record {
         &mut self.legs[last]
     }
 
-    /// The last leg that is long enough to tell of.
-    pub(super) fn telling_leg(&self) -> &Leg {
-        long_enough(&self.legs).last().unwrap_or(self.leg())
+    /// The legs that count: the later half of those that are whole, since the earlier ones had still to learn where modes are, and
+    /// the one in progress.
+    pub(super) fn counted(&self) -> &[Leg] {
+        let whole = self.legs.iter().filter(|leg| leg.whole()).count();
+        &self.legs[whole / 2..]
     }
 
-    /// Scans of all legs.
+    /// Those of them that are long enough to tell of temperatures and of ln Z: one that has only begun, beside others, is not.
+    pub(super) fn telling(&self) -> impl DoubleEndedIterator<Item = &Leg> {
+        let scans = |leg: &Leg| leg.traces.scans();
+        let longest = self.counted().iter().map(scans).max().unwrap_or(0);
+        let least = longest.div_ceil(SHORTEST_LEG);
+        let legs = self.counted().iter();
+        legs.filter(move |leg| scans(leg) >= least)
+    }
+
+    /// The last leg that is long enough.
+    pub(super) fn telling_leg(&self) -> &Leg {
+        self.telling().next_back().unwrap_or(self.leg())
+    }
+
+    /// Positions at beta = 1 that count, ladder by ladder.
+    pub(super) fn draws(&self) -> Vec<Vec<f64>> {
+        by_ladder(self.counted(), |leg| &leg.draws)
+    }
+
+    /// Their ln L.
+    pub(super) fn ln_likelihood(&self) -> Vec<Vec<f64>> {
+        by_ladder(self.counted(), |leg| &leg.ln_likelihood)
+    }
+
+    /// Positions at beta = 1 of all legs, also of those that do not count.
+    pub(super) fn all_draws(&self) -> Vec<Vec<f64>> {
+        by_ladder(&self.legs, |leg| &leg.draws)
+    }
+
+    /// Scans that count.
     pub(super) fn scans(&self) -> usize {
-        self.ln_likelihood.last().map_or(0, Vec::len)
+        self.counted().iter().map(|leg| leg.traces.scans()).sum()
+    }
+
+    /// Round trips and restarts of each ladder that count.
+    pub(super) fn journeys(&self) -> Vec<(u64, u64)> {
+        let ladders = 0..self.trails.len();
+        let of = |ladder: usize, count: fn(&Journeys) -> u64| {
+            let legs = self.counted().iter();
+            legs.map(|leg| count(&leg.journeys[ladder])).sum()
+        };
+        ladders
+            .map(|ladder| (of(ladder, |j| j.round_trips), of(ladder, |j| j.restarts)))
+            .collect()
     }
 
     /// Round trips of all ladders.
     pub(super) fn round_trips(&self) -> u64 {
-        self.journeys.iter().map(|j| j.round_trips).sum()
+        self.journeys().iter().map(|(trips, _)| trips).sum()
     }
 }
 
-/// The legs that tell something: one that has only begun, beside others, does not.
-pub(super) fn long_enough(legs: &[Leg]) -> impl Iterator<Item = &Leg> + Clone {
-    let longest = legs.iter().map(|leg| leg.traces.scans()).max().unwrap_or(0);
-    let least = longest.div_ceil(SHORTEST_LEG);
-    legs.iter().filter(move |leg| leg.traces.scans() >= least)
+fn by_ladder(legs: &[Leg], of: fn(&Leg) -> &Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let ladders = legs.first().map_or(0, |leg| of(leg).len());
+    (0..ladders)
+        .map(|ladder| {
+            legs.iter()
+                .flat_map(|leg| &of(leg)[ladder])
+                .copied()
+                .collect()
+        })
+        .collect()
 }

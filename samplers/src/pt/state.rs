@@ -5,7 +5,7 @@ mod adapt;
 use super::anneal::{Annealing, Level};
 use super::evidence::{Estimate, Traces, estimate};
 use super::ladder::first_schedule;
-use super::record::{Local, Record, long_enough};
+use super::record::{Local, Record};
 use super::{Settings, swap};
 use crate::control::Event;
 use crate::error::{Error, Result};
@@ -268,7 +268,7 @@ impl State {
     }
 
     pub(super) fn evidence(&self) -> Estimate {
-        let legs = long_enough(self.record.legs());
+        let legs = self.record.telling();
         let legs: Vec<(&[f64], &Traces)> =
             legs.map(|leg| (leg.beta.as_slice(), &leg.traces)).collect();
         estimate(&legs, self.settings.families())
@@ -330,7 +330,7 @@ impl State {
             let points = self.slots[ladder * rungs..(ladder + 1) * rungs]
                 .iter()
                 .map(|slot| &slot.point);
-            self.record.note(ladder, points);
+            self.record.leg_mut().note(ladder, points);
             self.swap(ladder, &beta);
         }
         let (frozen, early) = (self.is_last_round(), self.is_early_round());
@@ -438,7 +438,7 @@ impl State {
                 self.slots.swap(hot, hot + 1);
             }
         }
-        self.record.journeys[ladder].note(
+        self.record.leg_mut().journeys[ladder].note(
             self.slots[ladder * rungs].machine,
             self.slots[(ladder + 1) * rungs - 1].machine,
         );

@@ -39,6 +39,15 @@ impl Journeys {
         }
     }
 
+    /// The same machines on their way, and no counts yet.
+    pub(super) fn onward(&self) -> Self {
+        Self {
+            phase: self.phase.clone(),
+            round_trips: 0,
+            restarts: 0,
+        }
+    }
+
     /// Notes which machines stand at the two ends after a scan's swaps.
     pub(super) fn note(&mut self, at_prior: usize, at_posterior: usize) {
         let top = &mut self.phase[at_prior];

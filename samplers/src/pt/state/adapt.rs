@@ -157,11 +157,11 @@ impl State {
         if !self.mixture_next() {
             return;
         }
-        let rows = of_others(if self.is_last_round() {
-            self.record.draws.iter()
+        let rows = if self.is_last_round() {
+            of_others(self.record.all_draws().iter())
         } else {
-            self.record.trails.iter()
-        });
+            of_others(self.record.trails.iter())
+        };
         // Of draws that no mixture fits, none is made: the path stays what it was, and the result says so.
         let Some(reference) = self.resembling(rows, target.dim()) else {
             return;
@@ -216,9 +216,10 @@ impl State {
         let dim = self.slots[0].point.z.len();
         for (slot, place) in self.slots.iter_mut().enumerate() {
             let (ladder, k) = (slot / rungs, slot % rungs);
-            let ln_likelihood = &self.record.ln_likelihood[ladder];
+            let leg = self.record.leg();
+            let ln_likelihood = &leg.ln_likelihood[ladder];
             let row = (ln_likelihood.len() * (k + 1)).div_ceil(rungs) - 1;
-            let z = &self.record.draws[ladder][row * dim..(row + 1) * dim];
+            let z = &leg.draws[ladder][row * dim..(row + 1) * dim];
             place.point.z.copy_from_slice(z);
             place.point.ln_likelihood = ln_likelihood[row];
         }
