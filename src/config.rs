@@ -177,7 +177,7 @@ fn sampling_of_streams() -> SamplerSettings {
     sampling.pt_hmc.target_acceptance = 0.6;
     sampling.pt_hmc.first_scans = 256;
     sampling.pt_hmc.rounds = 4;
-    sampling.pt_hmc.extensions = 7;
+    sampling.pt_hmc.extensions = 15;
     // All of them, however many are asked for.
     sampling.pt_hmc.mixture_rounds = 24;
     sampling

@@ -302,9 +302,9 @@ pub enum Path {
         divergences: Vec<u64>,
         /// Communication barrier from beta = 0 to each temperature.
         barrier: Vec<f64>,
-        /// Round trips per ladder in the last round.
+        /// Round trips per ladder, of the scans that count.
         round_trips: Vec<u64>,
-        /// Log-likelihood of the coldest chain, every scan of the last round, ladder by ladder.
+        /// Log-likelihood of the coldest chain, every scan that counts, ladder by ladder.
         trace: Vec<Vec<f64>>,
     },
     /// Importance sampling goes there in one step: what tells how well is the largest weights and the mixture's components.

@@ -323,7 +323,7 @@ fn traces(canvas: &mut Canvas, trace: &[Vec<f64>], round_trips: &[u64]) {
         }
     });
     axes.frame(canvas);
-    axes.draw_x(canvas, "scan of the last round", 8, 8.0);
+    axes.draw_x(canvas, "scan", 8, 8.0);
     axes.draw_y(canvas, "ln L of the coldest chain", 5, 8.0, 42.0);
     let trips: Vec<String> = round_trips.iter().map(u64::to_string).collect();
     let words = format!("round trips per ladder: {}", trips.join(", "));

@@ -2,9 +2,11 @@
 //! Hamiltonian moves and tied by deterministic even-odd swaps (Syed, Bouchard-Cote, Deligiannidis & Doucet 2022).
 //!
 //! Several independent ladders run through rounds of doubling length. Temperatures, metrics and step sizes adapt
-//! between rounds (steps also within all rounds but the last); the last round is frozen and is the result. The top
-//! of each ladder, at inverse temperature 0, draws the prior afresh in every scan, so that each round trip of a state
-//! through the ladder is an independent restart, and every ladder's evidence is one independent estimate.
+//! between rounds (steps also within all rounds but the last); the last round is frozen and is the result. It may go on
+//! until it passes its gates: on a path that begins at a mixture in frozen legs, each fitted to all before it, of which the
+//! later half is the result. The top of each ladder, at inverse temperature 0, draws the prior or the mixture afresh in every scan, so
+//! that each round trip of a state through the ladder is an independent restart, and every ladder's evidence is one independent
+//! estimate.
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};
