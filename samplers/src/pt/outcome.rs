@@ -3,6 +3,7 @@
 use super::evidence::Estimate;
 use super::gates::{Evidenced, gates};
 use super::ladder::barrier;
+use super::record::Cold;
 use super::state::State;
 use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
 use crate::error::Result;
@@ -15,13 +16,14 @@ const SLOW_GAP: f64 = 0.7;
 
 /// The result of the round in progress: the last one, unless the run was stopped.
 pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Result<Run> {
+    let cold = state.record.cold();
     let Judged {
         estimate,
         ess,
         steps,
         gates,
-    } = judge(state, target.dim());
-    let draws = draws(target, state)?;
+    } = judge(state, &cold, target.dim());
+    let draws = draws(target, state, &cold)?;
     Ok(Run {
         method: Method::PtHmc,
         status,
@@ -40,7 +42,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
             wall_seconds: state.time.wall_seconds,
             rejected: state.tally.rejected.clone(),
         },
-        path: path(state, steps),
+        path: path(state, steps, cold.ln_likelihood),
         gates,
         warnings: warnings(state),
     })
@@ -55,9 +57,9 @@ struct Judged {
     gates: Vec<Gate>,
 }
 
-fn judge(state: &State, dim: usize) -> Judged {
+fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
     let estimate = state.evidence();
-    let (ess, worst_r_hat) = effective_sizes(state, dim);
+    let (ess, worst_r_hat) = effective_sizes(state, cold, dim);
     let steps: Vec<f64> = state.rungs.iter().map(|rung| rung.step.step()).collect();
     let gates = gates(&Evidenced {
         record: &state.record,
@@ -66,7 +68,7 @@ fn judge(state: &State, dim: usize) -> Judged {
         steps: &steps,
         ess: &ess,
         worst_r_hat,
-        mode_agreement: modes(state, dim),
+        mode_agreement: modes(cold, dim),
         slices: state.slices(),
     });
     Judged {
@@ -79,19 +81,18 @@ fn judge(state: &State, dim: usize) -> Judged {
 
 /// Whether the round in progress passes all gates.
 pub(super) fn passes(state: &State, dim: usize) -> bool {
-    judge(state, dim).gates.iter().all(|gate| gate.pass)
+    let cold = state.record.cold();
+    judge(state, &cold, dim).gates.iter().all(|gate| gate.pass)
 }
 
-fn draws(target: &dyn Target, state: &State) -> Result<Draws> {
-    let record = &state.record;
-    let values = record.ln_likelihood();
-    let count: usize = values.iter().map(Vec::len).sum();
+fn draws(target: &dyn Target, state: &State, cold: &Cold) -> Result<Draws> {
+    let count: usize = cold.ln_likelihood.iter().map(Vec::len).sum();
     let ln_weight = -(count as f64).ln();
     let families = u32::try_from(state.families()).unwrap_or(u32::MAX);
     let mut draws = Draws::of(target);
     let mut theta = vec![0.0; target.dim()];
-    let rows = record.draws();
-    for (chain, (rows, values)) in (0_u32..).zip(rows.iter().zip(&values)) {
+    let ladders = cold.positions.iter().zip(&cold.ln_likelihood);
+    for (chain, (rows, values)) in (0_u32..).zip(ladders) {
         for (z, &ln_l) in rows.chunks_exact(target.dim()).zip(values) {
             target.prior().theta_from_z(z, &mut theta);
             let group = chain % families;
@@ -158,9 +159,8 @@ fn kinship(columns: &[Vec<Vec<f64>>], bulk: &[f64], families: usize) -> f64 {
 
 /// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks see no monotone map), and the largest R-hat
 /// of all, ln L included.
-fn effective_sizes(state: &State, dim: usize) -> (Ess, f64) {
-    let draws = state.record.draws();
-    let ladders = draws.len();
+fn effective_sizes(state: &State, cold: &Cold, dim: usize) -> (Ess, f64) {
+    let ladders = cold.positions.len();
     let mut ess = Ess {
         kish: (ladders * state.record.scans()) as f64,
         ..Ess::default()
@@ -168,7 +168,7 @@ fn effective_sizes(state: &State, dim: usize) -> (Ess, f64) {
     let columns: Vec<Vec<Vec<f64>>> = (0..dim)
         .map(|j| {
             let of = |rows: &Vec<f64>| rows.iter().skip(j).step_by(dim).copied().collect();
-            draws.iter().map(of).collect()
+            cold.positions.iter().map(of).collect()
         })
         .collect();
     for ladders in &columns {
@@ -193,7 +193,7 @@ fn effective_sizes(state: &State, dim: usize) -> (Ess, f64) {
         .chain(&ess.tail)
         .copied()
         .fold(f64::INFINITY, f64::min);
-    let of_ln_l = r_hat(&slices(&state.record.ln_likelihood()));
+    let of_ln_l = r_hat(&slices(&cold.ln_likelihood));
     let worst = ess.r_hat.iter().copied().fold(of_ln_l, f64::max);
     (ess, worst)
 }
@@ -202,14 +202,15 @@ fn slices(chains: &[Vec<f64>]) -> Vec<&[f64]> {
     chains.iter().map(Vec::as_slice).collect()
 }
 
-fn modes(state: &State, dim: usize) -> f64 {
-    let scans = state.record.scans();
-    let labels = two_means(&state.record.draws().concat(), dim);
+/// How likely it is by chance that ladders give two modes such different weights.
+fn modes(cold: &Cold, dim: usize) -> f64 {
+    let scans = cold.ln_likelihood.first().map_or(0, Vec::len);
+    let labels = two_means(&cold.positions.concat(), dim);
     let labels: Vec<&[bool]> = labels.chunks_exact(scans.max(1)).collect();
-    mode_agreement(&labels, &slices(&state.record.ln_likelihood()))
+    mode_agreement(&labels, &slices(&cold.ln_likelihood))
 }
 
-fn path(state: &State, step_size: Vec<f64>) -> Path {
+fn path(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> Path {
     let record = &state.record;
     let leg = record.telling_leg();
     let rungs = leg.beta.len();
@@ -230,7 +231,7 @@ fn path(state: &State, step_size: Vec<f64>) -> Path {
             .collect(),
         divergences: leg.locals.iter().map(|l| l.diverged).collect(),
         round_trips: record.journeys().iter().map(|(trips, _)| *trips).collect(),
-        trace: record.ln_likelihood(),
+        trace,
     }
 }
 

@@ -153,6 +153,13 @@ impl Leg {
     }
 }
 
+/// Draws at beta = 1, ladder by ladder.
+pub(super) struct Cold {
+    /// Scan by scan.
+    pub(super) positions: Vec<Vec<f64>>,
+    pub(super) ln_likelihood: Vec<Vec<f64>>,
+}
+
 /// Everything a round leaves behind: for adaptation, evidence, gates and draws.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Record {
@@ -218,14 +225,12 @@ impl Record {
         self.telling().next_back().unwrap_or(self.leg())
     }
 
-    /// Positions at beta = 1 that count, ladder by ladder.
-    pub(super) fn draws(&self) -> Vec<Vec<f64>> {
-        by_ladder(self.counted(), |leg| &leg.draws)
-    }
-
-    /// Their ln L.
-    pub(super) fn ln_likelihood(&self) -> Vec<Vec<f64>> {
-        by_ladder(self.counted(), |leg| &leg.ln_likelihood)
+    /// What counts at beta = 1.
+    pub(super) fn cold(&self) -> Cold {
+        Cold {
+            positions: by_ladder(self.counted(), |leg| &leg.draws),
+            ln_likelihood: by_ladder(self.counted(), |leg| &leg.ln_likelihood),
+        }
     }
 
     /// Positions at beta = 1 of all legs, also of those that do not count.

@@ -370,8 +370,9 @@ impl State {
         let mut local = Local::default();
         let mut trail = Vec::new();
         let cold = (slot + 1).is_multiple_of(self.rungs.len());
+        let trailed = cold && self.mixture_next() && !self.is_last_round();
         let mut visit = |at: &Point| {
-            if cold && self.mixture_next() && !self.is_last_round() {
+            if trailed {
                 trail.extend_from_slice(&at.z);
             }
         };

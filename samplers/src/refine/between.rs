@@ -1,25 +1,9 @@
 //! A likelihood on the way from a coarse one to a fine one, `L_coarse^(1 - share) L_fine^share`, as a target to move on.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::hmc::{Evaluator, Point, Tally};
 use crate::target::{HalfSpace, Outcome, Prior, Symmetry, Target};
 use std::sync::{Mutex, PoisonError};
-
-/// Whether a coarse target's draws have a place in a fine one.
-///
-/// # Errors
-/// [`Error::Mismatch`] about `what` if their parameters differ.
-pub fn check_alike(fine: &dyn Target, coarse: &dyn Target, what: &'static str) -> Result<()> {
-    if fine.prior().names() == coarse.prior().names() {
-        return Ok(());
-    }
-    Err(Error::Mismatch {
-        what,
-        why:
-            "it has other parameters than the fine target; let both differ in the likelihood alone"
-                .to_owned(),
-    })
-}
 
 /// ln L of both at one place.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

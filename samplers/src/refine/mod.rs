@@ -25,7 +25,7 @@ use crate::neighbours::Neighbours;
 use crate::output::Run;
 use crate::rng::{Domain, stream, unit_open};
 use crate::target::{Symmetry, Target};
-use between::{Between, Both, check_alike};
+use between::{Between, Both};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -55,7 +55,13 @@ pub fn run(
 ) -> Result<Run> {
     settings.check(target.dim())?;
     parent.check_belongs(coarse, WHAT)?;
-    check_alike(target, coarse, WHAT)?;
+    if target.prior().names() != coarse.prior().names() {
+        return Err(Error::Mismatch {
+            what: WHAT,
+            why: "it has other parameters than the fine target; let both differ in the likelihood alone"
+                .to_owned(),
+        });
+    }
     let origin = (parent.seed, parent.evidence.ln_z, parent.draws.len());
     let mut keeper = Keeper::new(&[target, coarse], &(settings, seed, origin), control)?;
     let mut way = Way {

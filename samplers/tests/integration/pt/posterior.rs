@@ -4,7 +4,7 @@ use super::{failed, gate, rounds, run};
 use crate::hmc::{Datum, Difference, datum_of_sum};
 use crate::targets::smooth::{self, Flip, Smooth};
 use oblate_samplers::control::Silent;
-use oblate_samplers::diagnostics::{mean_ess, mode_agreement, r_hat, two_means};
+use oblate_samplers::diagnostics::{error_of_mean, mean_ess, mode_agreement, r_hat, two_means};
 use oblate_samplers::hmc::{Explorer, Metric, MetricKind, Plan, Point};
 use oblate_samplers::pt::Settings;
 use oblate_samplers::rng::{Domain, stream};
@@ -180,10 +180,8 @@ fn means_of_the_binomial_posterior_are_exact() {
         .collect();
     for (values, exact) in [(&p1, 0.716_257), (&product, 0.492_978)] {
         let chains: Vec<&[f64]> = values.chunks_exact(values.len() / 4).collect();
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
-        let error = (variance / mean_ess(&chains)).sqrt();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let error = error_of_mean(&chains);
         assert!(
             (mean - exact).abs() < 4.0 * error,
             "{mean} +- {error}, exactly {exact}"
