@@ -21,6 +21,9 @@ pub fn hash(bytes: &[u8]) -> u64 {
     })
 }
 
+/// What the names of temporary files begin with.
+pub const TEMPORARY: &str = ".tmp";
+
 /// Writes `bytes` to `path` so that the file is either whole or as it was: temporary file beside it, sync, rename.
 ///
 /// # Errors
@@ -35,6 +38,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
         .filter(|p| !p.as_os_str().is_empty())
         .unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMPORARY);
     #[cfg(unix)]
     {
         // Readable as any other new file: temporary files are private by default, and the rename would keep that.

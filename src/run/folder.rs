@@ -5,13 +5,15 @@ use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::posterior::{Summary, run_from_parts, zarr};
 use oblate_samplers::Run;
-use oblate_samplers::checkpoint::{hash, write_atomically};
+use oblate_samplers::checkpoint::{TEMPORARY, hash, write_atomically};
 use oblate_samplers::output::Status;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// The file that a finished run has and an unfinished one lacks; it is written last.
 pub const FINISHED: &str = "summary.json";
+
+const VERSIONS: &str = "versions.json";
 
 /// A folder of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,6 +55,21 @@ fn io(path: &Path, remedy: &'static str) -> impl FnOnce(std::io::Error) -> Error
 }
 
 impl RunFolder {
+    /// Whether nothing is at this path but what a run leaves that is killed before it has written what it is for.
+    #[must_use]
+    pub fn unbegun(path: &Path) -> bool {
+        let Ok(entries) = std::fs::read_dir(path) else {
+            return !path.exists();
+        };
+        let leftover = |entry: std::io::Result<std::fs::DirEntry>| {
+            entry.is_ok_and(|entry| {
+                let name = entry.file_name();
+                name == VERSIONS || name.to_string_lossy().starts_with(TEMPORARY)
+            })
+        };
+        entries.into_iter().all(leftover)
+    }
+
     /// Makes a new folder. With `force`, one that is a run folder already is emptied first; anything else is never
     /// touched.
     ///
@@ -64,11 +81,7 @@ impl RunFolder {
         let folder = Self {
             path: path.to_path_buf(),
         };
-        let taken = match std::fs::read_dir(path) {
-            Ok(mut entries) => entries.next().is_some(),
-            Err(_) => path.exists(),
-        };
-        if taken {
+        if !Self::unbegun(path) {
             // Only what oblate made is removed: a mistyped --out must not cost anybody their home.
             let ours = folder.config().is_file() && folder.versions().is_file();
             if !(force && ours) {
@@ -114,7 +127,7 @@ impl RunFolder {
     /// What made the run.
     #[must_use]
     pub fn versions(&self) -> PathBuf {
-        self.path.join("versions.json")
+        self.path.join(VERSIONS)
     }
 
     /// What made the run, read back.

@@ -67,7 +67,7 @@ enum Opened {
 
 /// Makes a folder ready: new, replaced, or continued.
 fn open_or_create(out: &Path, existing: Existing, versions: &Versions) -> Result<Opened> {
-    if existing != Existing::Resume || !out.exists() {
+    if existing != Existing::Resume || RunFolder::unbegun(out) {
         return Ok(Opened::Folder(RunFolder::create(
             out,
             existing == Existing::Replace,

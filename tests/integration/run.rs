@@ -64,6 +64,17 @@ fn force_never_removes_a_folder_that_is_not_a_run() {
 }
 
 #[test]
+fn a_folder_whose_run_was_killed_before_its_settings_is_as_good_as_none() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    std::fs::write(folder.join("versions.json"), "{").unwrap();
+    std::fs::write(folder.join(".tmpQ1w2E3"), "see").unwrap();
+    assert!(RunFolder::unbegun(folder) && RunFolder::create(folder, false).is_ok());
+    std::fs::write(folder.join("config.toml"), "").unwrap();
+    assert!(!RunFolder::unbegun(folder) && RunFolder::create(folder, false).is_err());
+}
+
+#[test]
 fn an_unfinished_or_foreign_folder_is_refused_with_a_remedy() {
     let temporary = tempfile::tempdir().unwrap();
     let words = RunFolder::open(temporary.path()).unwrap_err().to_string();
