@@ -199,7 +199,7 @@ def main():
     parser.add_argument("oblate")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--calls", type=int, default=21, help="calls of a job at each of its turns")
+    parser.add_argument("--calls", type=int, default=61, help="calls of a job at each of its turns")
     parser.add_argument("--without", nargs="*", default=[], choices=["streamax", "gala", "agama"])
     args = parser.parse_args()
     jobs = {
