@@ -5,7 +5,7 @@ use super::summary::ValueError;
 use super::{Column, Mode, column, columns, mode_weights};
 use crate::error::{Error, Result};
 use oblate_samplers::Run;
-use oblate_samplers::diagnostics::{bulk_ess, wasserstein, weighted_quantile};
+use oblate_samplers::diagnostics::{bulk_ess, normal_deviate, wasserstein, weighted_quantile};
 use oblate_samplers::output::Method;
 use serde::Serialize;
 
@@ -42,7 +42,8 @@ pub struct ModeRow {
     pub weight: [f64; 2],
     /// Their errors.
     pub error: [f64; 2],
-    /// Difference over the combined error.
+    /// Difference over the combined error, as the normal deviate that is as rare: either error may be the scatter of a few
+    /// populations or lineages (Welch's degrees of freedom).
     pub sigma: f64,
 }
 
@@ -177,11 +178,14 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
 }
 
 fn mode_row(name: String, a: Share, b: Share) -> ModeRow {
+    let error = a.error.hypot(b.error).max(LEAST_MODE_ERROR);
+    let parts = [a, b].map(|share| share.error.powi(4) / share.freedom);
+    let freedom = error.powi(4) / parts.iter().sum::<f64>();
     ModeRow {
         name,
         weight: [a.weight, b.weight],
         error: [a.error, b.error],
-        sigma: (a.weight - b.weight) / a.error.hypot(b.error).max(LEAST_MODE_ERROR),
+        sigma: normal_deviate((a.weight - b.weight) / error, freedom),
     }
 }
 

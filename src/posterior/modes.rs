@@ -2,6 +2,7 @@
 
 use super::column;
 use oblate_samplers::Run;
+use oblate_samplers::diagnostics::effective_number;
 use oblate_samplers::rng::{Domain, below, stream};
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +42,9 @@ pub struct Share {
     pub weight: f64,
     /// Its error. A run that never saw the thing cannot know about it: 0 is then no bound.
     pub error: f64,
+    /// Degrees of freedom of the error: populations, lineages or draws, in effect, less one. Files do without: draws tell it.
+    #[serde(skip)]
+    pub freedom: f64,
 }
 
 /// The eight cells in a fixed order, or `None` if the run lacks `dir_x`, `dir_y` or `q`.
@@ -94,6 +98,7 @@ fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
             .collect()
     };
     let count = groups.len();
+    let freedom = effective_number(groups.iter().map(|own| own.iter().sum())) - 1.0;
     let samples: Vec<[f64; N]> = (0..BOOTSTRAPS)
         .map(|b| {
             let mut rng = stream(run.seed, Domain::Post, BOOTSTRAP_TASK, b);
@@ -107,14 +112,15 @@ fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
         .collect();
     let whole: [f64; N] = normalised(sums_of(labels, &weights, 0..labels.len()));
     // Few groups scatter a little less about their own mean than about the truth.
-    let freedom = count as f64 / (count as f64 - 1.0).max(1.0);
+    let few = count as f64 / (count as f64 - 1.0).max(1.0);
     std::array::from_fn(|label| {
         let mean = samples.iter().map(|s| s[label]).sum::<f64>() / BOOTSTRAPS as f64;
         let squares = samples.iter().map(|s| (s[label] - mean).powi(2));
-        let variance = freedom * squares.sum::<f64>() / (BOOTSTRAPS as f64 - 1.0);
+        let variance = few * squares.sum::<f64>() / (BOOTSTRAPS as f64 - 1.0);
         Share {
             weight: whole[label],
             error: variance.sqrt(),
+            freedom,
         }
     })
 }

@@ -130,6 +130,16 @@ fn a_comparison_holds_distances_against_chance_and_sums_the_prolate_side() {
         assert!(row.distance < 5.0 * row.distance_by_chance, "{row:?}");
         assert!(row.distance_by_chance < 0.1, "{row:?}");
     }
+    for row in &c.modes {
+        // Of the tempered run's four chains, so with a few degrees of freedom.
+        let error = row.error[0].hypot(row.error[1]);
+        let by_error = (row.weight[0] - row.weight[1]) / error.max(0.01);
+        assert!(
+            row.sigma.abs() < 4.0 && row.sigma.abs() <= by_error.abs() + 1e-12,
+            "{row:?}"
+        );
+        assert!(row.sigma * by_error >= 0.0, "{row:?}");
+    }
     let prolate = c.modes.last().unwrap();
     assert_eq!(prolate.name, "prolate");
     for run in 0..2 {

@@ -10,7 +10,8 @@ pub use distance::{Distance, wasserstein};
 pub use modes::{mode_agreement, two_means};
 pub use pareto::Tail;
 
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use crate::normal;
+use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 
 /// Weighted quantile of `values` at probability `p`: the smallest value whose cumulative weight reaches `p`, by
 /// linear interpolation between the mid-points of the weights. Weights need not be normalised. NaN without values.
@@ -80,6 +81,15 @@ pub fn chance_of_scatter(chi2: f64, count: usize) -> f64 {
     ChiSquared::new(freedom).map_or(0.0, |law| law.sf(chi2))
 }
 
+/// The standard-normal deviate that is as rare as `t`, a difference over an error that itself comes from few numbers, with so many
+/// degrees of freedom (Student); as it is where they are no number.
+#[must_use]
+pub fn normal_deviate(t: f64, freedom: f64) -> f64 {
+    // Never rarer than `t` of the normal law itself, whose tail ends where doubles do.
+    let rare = |law: StudentsT| normal::quantile(law.cdf(-t.abs())).abs().min(t.abs());
+    StudentsT::new(0.0, 1.0, freedom).map_or(t, |law| rare(law).copysign(t))
+}
+
 /// Kish's effective number: how many equal weights are as unlike each other as these, `(sum w)^2 / sum w^2`; 0 if all are 0.
 #[must_use]
 pub fn effective_number(weights: impl IntoIterator<Item = f64>) -> f64 {
@@ -128,6 +138,23 @@ mod tests {
             .map(|groups| size_of_mean(&[1.0, 3.0, 1.0, 3.0], &[0.25; 4], &groups));
         assert!(sizes[0].is_infinite() && (sizes[1] - 1.0).abs() < 1e-12);
         assert!(sizes[2].abs() < 1e-12);
+    }
+
+    #[test]
+    fn errors_of_few_numbers_make_differences_less_rare() {
+        // What Student's t passes once in twenty, and once in a hundred at 4.604 with 4 degrees of freedom.
+        for (t, freedom, z) in [
+            (4.302_653, 2.0, 1.959_964),
+            (-2.776_445, 4.0, -1.959_964),
+            (4.604_095, 4.0, 2.575_829),
+            (-3.0, f64::INFINITY, -3.0),
+            (3.0, f64::NAN, 3.0),
+            (0.0, 5.0, 0.0),
+        ] {
+            let ours = normal_deviate(t, freedom);
+            assert!((ours - z).abs() < 1e-5, "{t} {freedom}: {ours} {z}");
+        }
+        assert!(normal_deviate(1e3, 3.0) > 5.0 && normal_deviate(1e3, 1e4).is_finite());
     }
 
     #[test]
