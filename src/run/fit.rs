@@ -112,23 +112,16 @@ fn from_coarse(
 ) -> Result<(Run, Summary)> {
     let (started, max_wall) = (Instant::now(), watch.max_wall);
     let within = begin.folder.coarse();
-    // A kill may have left a folder that had not begun: it is ours, and empty of results.
-    let begun = RunFolder::open(&within).is_ok();
-    if !begun && within.exists() {
-        std::fs::remove_dir_all(&within).map_err(|source| Error::Io {
-            path: within.clone(),
-            source,
-            remedy: "remove it by hand, and resume",
-        })?;
-    }
     // Nobody else is to replace the whole meanwhile.
     let lock = begin.folder.log()?;
-    let existing = if begun {
-        Existing::Resume
-    } else {
-        Existing::Refuse
-    };
-    let (parent, summary) = fit(track, settings, &within, existing, job.command, watch)?;
+    let (parent, summary) = fit(
+        track,
+        settings,
+        &within,
+        Existing::Resume,
+        job.command,
+        watch,
+    )?;
     if parent.status != Status::Complete {
         return Ok((parent, summary));
     }

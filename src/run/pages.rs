@@ -141,6 +141,13 @@ fn draw(path: &Path) -> Result<Drawn> {
         "The sampler's way from prior to posterior".to_owned(),
         health(&stored.run),
     ));
+    if let Ok(coarse) = RunFolder::open(&folder.coarse()) {
+        figures.push((
+            "coarse-health",
+            "The same of the coarse fit that it began with".to_owned(),
+            health(&coarse.read()?.run),
+        ));
+    }
     Ok(Drawn {
         stored,
         folder,

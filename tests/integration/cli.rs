@@ -436,6 +436,13 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
     // It is a whole run within, and can be read as one.
     let output = oblate(&["compare", &within, &two], "");
     assert!(output.status.success(), "{output:?}");
+    // A page of it tells of both stages.
+    let page = path("page.html");
+    let output = oblate(&["report", &one, "--out", &page], "");
+    assert!(output.status.success(), "{output:?}");
+    let page = std::fs::read_to_string(page).expect("a page");
+    assert!(page.contains("Health of a refinement") && page.contains("Health of a nested run"));
+    assert!(Path::new(&one).join("coarse-health.svg").exists());
     // What the second stage would refuse is refused before the first.
     let settings = write(folder.path(), "few.toml", "sampling.refine.members = 10");
     let five = path("five");
