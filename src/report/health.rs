@@ -271,7 +271,12 @@ fn ladder(canvas: &mut Canvas, beta: &[f64], swap_rejection: &[f64], barrier: &[
         );
     }
     axes.frame(canvas);
-    axes.draw_x(canvas, "temperature (0: prior, last: posterior)", 8, 8.0);
+    axes.draw_x(
+        canvas,
+        "temperature (0: reference, last: posterior)",
+        8,
+        8.0,
+    );
     axes.draw_y(canvas, "swap rejection", 5, 8.0, 30.0);
     let words = format!("dots: rejection; dashed: barrier / {top:.2}");
     axes.caption(canvas, &words, 7.0);
@@ -301,7 +306,12 @@ fn moves(canvas: &mut Canvas, beta: &[f64], acceptance: &[f64], step_size: &[f64
         }
     }
     axes.frame(canvas);
-    axes.draw_x(canvas, "temperature (0: prior, last: posterior)", 8, 8.0);
+    axes.draw_x(
+        canvas,
+        "temperature (0: reference, last: posterior)",
+        8,
+        8.0,
+    );
     axes.draw_y(canvas, "local moves", 5, 8.0, 30.0);
     axes.caption(canvas, "solid: acceptance; dashed: step size", 7.0);
 }

@@ -92,6 +92,44 @@ fn fit_overlay_shows_every_datum_and_its_residual() {
 }
 
 #[test]
+fn the_key_of_a_fit_overlay_covers_no_datum() {
+    let phi: Vec<f64> = (-6..6).map(|k| 10.0 * (f64::from(k) + 0.5)).collect();
+    for (what, truth) in [
+        ("falls", (|phi| 60.0 - 0.3 * phi) as fn(f64) -> f64),
+        ("rises", |phi| 60.0 + 0.3 * phi),
+        ("turns", |phi| 60.0 + phi * phi / 50.0),
+    ] {
+        let r: Vec<f64> = phi.iter().copied().map(truth).collect();
+        let data = ObservedTrack::new(what, &phi, 10.0, &r, None).unwrap();
+        let best = ModelTrack {
+            phi_deg: phi.clone(),
+            r_kpc: r,
+        };
+        let picture = FitPicture {
+            track: &data,
+            draws: &[best.clone()],
+            best: &best,
+            particles: &[],
+            progenitor_angle_deg: 0.0,
+        };
+        let svg = sound(&format!("fit_{what}"), picture.svg());
+        let places = |class: &str| -> Vec<(f64, f64)> {
+            let start = format!("<circle class=\"{class}\" ");
+            let number = |text: &str| text.split('"').nth(1).unwrap().parse().unwrap();
+            svg.split(&start)
+                .skip(1)
+                .map(|dot| (number(dot), number(dot.split_once("cy=").unwrap().1)))
+                .collect()
+        };
+        let (x, y) = places("key")[0];
+        let covered = |(cx, cy): &(f64, f64)| {
+            (x - 10.0..x + 80.0).contains(cx) && (y - 15.0..y + 25.0).contains(cy)
+        };
+        assert!(!places("datum").iter().any(covered), "{what}");
+    }
+}
+
+#[test]
 fn fit_overlay_shows_the_sky_when_given_particles() {
     let particles: Vec<(f64, f64)> = (0..1500)
         .map(|i| {
