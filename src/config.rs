@@ -163,6 +163,25 @@ impl Default for PopulationConfig {
     }
 }
 
+impl FitConfig {
+    /// The settings that decide what a run draws: all but how often a tempered one may go on, of which a resumed run may be given
+    /// more.
+    #[must_use]
+    pub fn drawing(&self) -> Self {
+        let mut config = self.clone();
+        config.sampling.pt_hmc.extensions = 0;
+        config
+    }
+
+    /// Whether a run that has ended by the settings `then` without passing its gates may go on by these, which are otherwise
+    /// the same.
+    #[must_use]
+    pub fn goes_on(&self, then: &Self) -> bool {
+        let extensions = |config: &Self| config.sampling.pt_hmc.extensions;
+        self.sampling.sampler == Sampler::PtHmc && extensions(self) > extensions(then)
+    }
+}
+
 /// What suits the posterior of a stream: thirteen curved directions, several modes, and a likelihood that is rough at the
 /// scale of a leapfrog step. Populations find the modes, and paths from a mixture that resembles them are half as long as those from
 /// the prior: machines travel, few slices per scan do, gradients pay for single steps alone, and the last round goes on until it

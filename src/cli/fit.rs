@@ -37,6 +37,9 @@ pub struct Args {
     /// Rounds of the tempered sampler, each twice as long as the one before
     #[arg(long)]
     rounds: Option<usize>,
+    /// How many times the tempered sampler's last round may go on until it passes; with --resume, more than before
+    #[arg(long)]
+    extensions: Option<usize>,
     #[command(flatten)]
     settings: FitFlags,
     #[command(flatten)]
@@ -75,6 +78,9 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
     if let Some(rounds) = args.rounds {
         config.sampling.pt_hmc.rounds = rounds;
     }
+    if let Some(extensions) = args.extensions {
+        config.sampling.pt_hmc.extensions = extensions;
+    }
     if args.print_config {
         write!(out, "{}", text(&config)?).map_err(super::options::output)?;
         return Ok(Exit::Done);
@@ -108,6 +114,13 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
     if run.status == Status::BudgetSpent && !RunFolder::open(&folder.out)?.finished() {
         eprintln!(
             "the time was up in the coarse fit, which is what follows; continue with the same command and --resume"
+        );
+    }
+    let tempered = config.sampling.sampler == Sampler::PtHmc;
+    if tempered && run.status == Status::Complete && !run.converged() {
+        eprintln!(
+            "the same command goes on from here with --resume and more --extensions than {}",
+            config.sampling.pt_hmc.extensions
         );
     }
     finish(run.status, &summary, &folder, common, out)

@@ -4,7 +4,7 @@ use super::job::{Begin, Begun, Job};
 use super::{RunFolder, Versions, Watch, conclude};
 use crate::config::FitConfig;
 use crate::data::ObservedTrack;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::inference::{StreamTarget, check_reach, refined, sample};
 use crate::likelihood::{DataBin, StreamLikelihood, TrackLikelihood};
 use crate::params::StreamPrior;
@@ -114,6 +114,12 @@ fn from_coarse(
     let within = begin.folder.coarse();
     // Nobody else is to replace the whole meanwhile.
     let lock = begin.folder.log()?;
+    let settings = if begin.folder.checkpoint().exists() {
+        // A refinement that has begun is of the coarse fit as it is: that does not go on.
+        &settings.drawing()
+    } else {
+        settings
+    };
     let (parent, summary) = fit(
         track,
         settings,

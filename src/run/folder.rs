@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::posterior::{Summary, run_from_parts, zarr};
 use oblate_samplers::Run;
 use oblate_samplers::checkpoint::{TEMPORARY, hash, write_atomically};
-use oblate_samplers::output::Status;
+use oblate_samplers::output::{Method, Status};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -221,8 +221,8 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Writes the draws, then the summary, then removes the checkpoint, unless the run ended by a budget and may go on: a
-    /// folder with a summary is whole.
+    /// Writes the draws, then the summary, then removes the checkpoint, unless the run may go on, because it ended by a budget or is
+    /// a tempered one that has not converged: a folder with a summary is whole.
     ///
     /// # Errors
     /// As of [`zarr::write`]; [`Error::Sampler`] or [`Error::Io`] if the summary cannot be written or the checkpoint
@@ -230,7 +230,7 @@ impl RunFolder {
     pub fn finish(&self, run: &Run, summary: &Summary, beside: zarr::Beside<'_>) -> Result<()> {
         zarr::write(&self.posterior(), run, beside)?;
         self.json(&self.summary(), summary)?;
-        if run.status != Status::Complete {
+        if run.status != Status::Complete || (run.method == Method::PtHmc && !run.converged()) {
             return Ok(());
         }
         let checkpoint = self.checkpoint();

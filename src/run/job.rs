@@ -7,6 +7,7 @@ use crate::data::ObservedTrack;
 use crate::error::Result;
 use crate::inference::StreamTarget;
 use crate::posterior::Summary;
+use oblate_samplers::output::Status;
 use oblate_samplers::{Control, Run};
 use std::path::Path;
 
@@ -32,6 +33,7 @@ pub(super) enum Begun {
 pub(super) struct Begin {
     pub folder: RunFolder,
     versions: Versions,
+    config_toml: String,
 }
 
 impl Job<'_> {
@@ -55,7 +57,7 @@ impl Job<'_> {
         }
     }
 
-    /// Makes the folder ready.
+    /// Makes the folder ready. One that has finished is, too, if its run may go on now ([`FitConfig::goes_on`]).
     ///
     /// # Errors
     /// What the settings, the folder and the files refuse.
@@ -65,17 +67,30 @@ impl Job<'_> {
         config: &FitConfig,
         inputs: &[&[u8]],
     ) -> Result<Begun> {
-        let config_text = text(config)?;
-        let mut all = vec![config_text.as_bytes()];
+        let drawing = text(&config.drawing())?;
+        let mut all = vec![drawing.as_bytes()];
         all.extend(inputs);
         let versions = Versions::of(&all);
+        let config_toml = text(config)?;
         let folder = match open_or_create(self.out, self.existing, &versions)? {
-            Opened::Finished(run, summary) => return Ok(Begun::Finished(run, summary)),
-            Opened::Folder(folder) => folder,
+            Opened::Finished(run, summary) => {
+                let folder = RunFolder::open(self.out)?;
+                if run.converged() || !config.goes_on(&read(&folder.config())?) {
+                    return Ok(Begun::Finished(run, summary));
+                }
+                folder
+            }
+            Opened::Folder(folder) => {
+                folder.begin(&config_toml, &versions)?;
+                track.write(&folder.track())?;
+                folder
+            }
         };
-        folder.begin(&config_text, &versions)?;
-        track.write(&folder.track())?;
-        Ok(Begun::Waiting(Begin { folder, versions }))
+        Ok(Begun::Waiting(Begin {
+            folder,
+            versions,
+            config_toml,
+        }))
     }
 
     /// Fills it.
@@ -90,9 +105,17 @@ impl Job<'_> {
         watch: &mut Watch<'_>,
         work: impl FnOnce(&mut Control<'_>) -> Result<Run>,
     ) -> Result<(Run, Summary)> {
-        let Begin { folder, versions } = begin;
+        let Begin {
+            folder,
+            versions,
+            config_toml,
+        } = begin;
         let run = watched(folder, versions, watch, self.existing, work)?;
         let summary = close(folder, target, track, &run, versions, self.command)?;
+        if run.status != Status::Interrupted {
+            // Until now those of a run that goes on were what its last result is by.
+            folder.begin(config_toml, versions)?;
+        }
         Ok((run, summary))
     }
 }

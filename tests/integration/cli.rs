@@ -568,6 +568,61 @@ fn fits_from_several_seeds_are_merged_into_one() {
     assert_eq!(output.status.code(), Some(0));
 }
 
+#[test]
+fn a_tempered_fit_that_ended_too_soon_goes_on_with_more_extensions() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let fit = |name: &str, coarse: &str, extensions: &str, more: &[&str]| {
+        let out = folder.path().join(name).display().to_string();
+        let mut args = vec!["fit", &track, "--config", &config, "--sampler", "pt-hmc"];
+        args.extend(["--coarse-particles", coarse, "--extensions", extensions]);
+        args.extend(["--out", &out, "--json", "-q"]);
+        args.extend(more);
+        let output = oblate(&args, "");
+        let say = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{say}");
+        assert!(say.contains("--extensions"), "{say}");
+        json(&output.stdout)
+    };
+    for coarse in ["0", "64"] {
+        let name = |what: &str| format!("{what}{coarse}");
+        let expected = fit(&name("at once"), coarse, "2", &[]);
+        let short = fit(&name("in two"), coarse, "1", &[]);
+        assert_ne!(short["ln_z"], expected["ln_z"]);
+        let again = fit(&name("in two"), coarse, "1", &["--resume"]);
+        assert_eq!(again["ln_z"], short["ln_z"]);
+        // Killed on the way, it is what it was, and goes on again.
+        let out = folder.path().join(name("in two")).display().to_string();
+        let going = [
+            "fit",
+            &track,
+            "--config",
+            &config,
+            "--sampler",
+            "pt-hmc",
+            "--coarse-particles",
+            coarse,
+            "--extensions",
+            "2",
+            "--out",
+            &out,
+            "--resume",
+            "--checkpoint-every",
+            "0",
+            "-q",
+        ];
+        let going = going.map(str::to_owned);
+        assert!(killed(&going, 300));
+        let again = fit(&name("in two"), coarse, "1", &["--resume"]);
+        assert_eq!(again["ln_z"], short["ln_z"]);
+        let longer = fit(&name("in two"), coarse, "2", &["--resume"]);
+        for key in ["ln_z", "ess", "parameters", "gates"] {
+            assert_eq!(longer[key], expected[key], "{coarse}: {key}");
+        }
+    }
+}
+
 /// Kills a command after so many milliseconds, and says whether it was still at work.
 fn killed(args: &[String], after: u64) -> bool {
     let mut child = Command::new(env!("CARGO_BIN_EXE_oblate"))

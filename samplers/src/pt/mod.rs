@@ -64,7 +64,8 @@ use state::State;
 ///
 /// An interrupt, an observer's `Break` or a spent budget ends the run after the scan in progress: a checkpoint is
 /// written where one is planned, and the round in progress is returned as an unconverged result. An adapting round's
-/// draws are not exact; [`Run::status`] says so.
+/// draws are not exact; [`Run::status`] says so. A run that has ended without passing its gates goes on from its checkpoint if
+/// `settings` allow more `extensions`, to the same bits as if they always had.
 ///
 /// # Errors
 /// [`Error::NoGradient`] for a target without gradients; [`Error::Setting`] for settings out of range;
@@ -91,9 +92,14 @@ pub fn run(
             remedy: "give 0: the prior of this target has walls, and a mixture's mass within them is not known",
         });
     }
-    let mut keeper = Keeper::new(&[target], &(settings, seed), control)?;
+    // How often the last round may go on decides where a run ends, not what it draws.
+    let drawing = Settings {
+        extensions: 0,
+        ..settings.clone()
+    };
+    let mut keeper = Keeper::new(&[target], &(drawing, seed), control)?;
     let mut state = match keeper.load(control, |state: &State| state.time)? {
-        Some((state, _)) => state,
+        Some((state, _)) => state.allowed(settings.extensions),
         None => State::start(target, settings, seed)?,
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
@@ -128,7 +134,7 @@ pub fn run(
             stop |= control.tell(&Event::Checkpointed);
         }
     };
-    // Also a finished run leaves its checkpoint: resuming it gives the result again.
+    // Also a finished run leaves its checkpoint: resuming it gives the result again, or goes on if it now may.
     if keeper.save(&state, control)? {
         control.tell(&Event::Checkpointed);
     }

@@ -23,7 +23,8 @@ pub struct Settings {
     pub rounds: usize,
     /// How many times the last round may go on for as long again, until the run passes its gates; 0: it is as long as planned. On a
     /// path from the prior all of its scans count. On one from a mixture it goes on in legs: mixture, temperatures and metrics are
-    /// fitted anew each time to all that it has drawn, and of the legs the later half counts, rounded up.
+    /// fitted anew each time to all that it has drawn, and of the legs the later half counts, rounded up. A run that ended too soon
+    /// goes on from its checkpoint if it is allowed more.
     pub extensions: usize,
     /// Scans of the first round.
     pub first_scans: usize,

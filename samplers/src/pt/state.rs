@@ -207,6 +207,12 @@ impl State {
         self.is_last_round() && self.scan == self.scans()
     }
 
+    /// The same state, whose last round may go on so many times.
+    pub(super) fn allowed(mut self, extensions: usize) -> Self {
+        self.settings.extensions = extensions;
+        self
+    }
+
     /// Whether the last round may go on once it is done.
     pub(super) fn may_extend(&self) -> bool {
         self.extensions < self.settings.extensions

@@ -87,6 +87,22 @@ fn a_run_stopped_eleven_times_and_resumed_has_the_bits_of_one_never_stopped() {
     assert_eq!(again.bits(), expected.bits());
 }
 
+#[test]
+fn a_run_that_ended_goes_on_where_it_is_allowed_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pt.ckpt");
+    let target = target();
+    let of = |extensions| Settings {
+        extensions,
+        ..annealed()
+    };
+    for extensions in [0, 1, 1, 3] {
+        let run = resumed(&target, &of(extensions), &path, u64::MAX).unwrap();
+        assert!(!run.converged(), "too short to tell");
+        assert_eq!(run.bits(), whole(&target, &of(extensions)).bits());
+    }
+}
+
 fn annealed() -> Settings {
     Settings {
         annealing: 72,
