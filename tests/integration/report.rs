@@ -107,7 +107,7 @@ fn the_key_of_a_fit_overlay_covers_no_datum() {
         };
         let picture = FitPicture {
             track: &data,
-            draws: &[best.clone()],
+            draws: std::slice::from_ref(&best),
             best: &best,
             particles: &[],
             progenitor_angle_deg: 0.0,
