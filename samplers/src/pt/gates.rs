@@ -51,19 +51,19 @@ fn journeys(run: &Evidenced<'_>) -> Vec<Gate> {
             "round trips, worst ladder",
             fewest as f64,
             10.0,
-            "prior to posterior and back, in each ladder; if too few, add rounds: each doubles them",
+            "prior to posterior and back, in each ladder; if too few, allow `extensions`, or add rounds: each doubles them",
         ),
         Gate::at_least(
             "round trips, all ladders",
             trips,
             100.0,
-            "independent restarts behind the evidence; if too few, add rounds",
+            "independent restarts behind the evidence; if too few, allow `extensions`, or add rounds",
         ),
         Gate::at_least(
             "restarts per machine",
             restarts as f64 / machines,
             1.0,
-            "fresh prior draws that reached the posterior; if too few, add rounds",
+            "fresh prior draws that reached the posterior; if too few, allow `extensions`, or add rounds",
         ),
         Gate::at_least(
             "round-trip rate",
@@ -113,7 +113,7 @@ fn evidence(estimate: &Estimate) -> Vec<Gate> {
             "evidence error",
             error,
             0.5,
-            "standard error of ln Z in nats; if above, add rounds",
+            "standard error of ln Z in nats; if above, allow `extensions`, or add rounds",
         ),
         Gate::at_most(
             "forward-backward gap",
@@ -125,7 +125,7 @@ fn evidence(estimate: &Estimate) -> Vec<Gate> {
             "ladders agree on the evidence",
             if error.is_finite() { p } else { 0.0 },
             0.01,
-            "p-value of the scatter of ladders against the error that each has by its own scans; if below, some ladder misses a part of the posterior: add rounds",
+            "p-value of the scatter of ladders against the error that each has by its own scans; if below, some ladder misses a part of the posterior: allow `extensions`, or add rounds",
         ),
     ]
 }
@@ -137,25 +137,25 @@ fn draws(run: &Evidenced<'_>) -> Vec<Gate> {
             "R-hat",
             run.worst_r_hat,
             1.01,
-            "largest rank-normalised split R-hat of coordinates, their squares and ln L; if above, ladders have not converged: add rounds",
+            "largest rank-normalised split R-hat of coordinates, their squares and ln L; if above, ladders have not converged: allow `extensions`, or add rounds",
         ),
         Gate::at_least(
             "bulk effective size",
             least(&run.ess.bulk),
             400.0,
-            "smallest over parameters; if below, add rounds or raise `slices` or `moves`",
+            "smallest over parameters; if below, allow `extensions`, add rounds, or raise `slices` or `moves`",
         ),
         Gate::at_least(
             "tail effective size",
             least(&run.ess.tail),
             400.0,
-            "smallest over parameters; if below, add rounds or raise `moves`",
+            "smallest over parameters; if below, allow `extensions`, add rounds, or raise `moves`",
         ),
         Gate::at_least(
             "ladders agree on the modes",
             run.mode_agreement,
             0.01,
-            "p-value that all ladders give the two halves or modes of the posterior the same weight; if below, add rounds or declare the target's symmetries",
+            "p-value that all ladders give the two halves or modes of the posterior the same weight; if below, allow `extensions`, add rounds, or declare the target's symmetries",
         ),
     ]
 }
