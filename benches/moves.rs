@@ -4,10 +4,9 @@
 //! without moves, with the exact redraw along the scaling of masses, velocities and age alone, with the orientation twins
 //! alone, and with all. Each fit takes about two minutes of a core; the order is that of the table.
 
-use oblate::config::FitConfig;
 use oblate::data::ObservedTrack;
+use oblate::inference::{FitSettings, StreamTarget};
 use oblate::params::symmetry::symmetries;
-use oblate::run::target;
 use oblate_samplers::control::{Control, Silent};
 use oblate_samplers::{Outcome, Prior, Run, Symmetry, Target, nested};
 use std::path::Path;
@@ -37,7 +36,7 @@ fn gate(run: &Run, name: &str) -> f64 {
 
 fn main() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks");
-    let mut config = FitConfig::default();
+    let mut config = FitSettings::default();
     config.model.releases.particles = 512;
     let settings = nested::Settings {
         n_live: 400,
@@ -50,7 +49,7 @@ fn main() {
     for name in ["s0_oblate_tilted", "s2_spherical"] {
         let track =
             ObservedTrack::read(&folder.join(format!("{name}.ecsv"))).expect("a gala track");
-        let whole = target(&track, &config).expect("a gala track is data");
+        let whole = StreamTarget::from_track(&track, &config).expect("a gala track is data");
         for (moves, scaling, twins) in [
             ("none", false, false),
             ("scaling", true, false),

@@ -9,7 +9,7 @@
 
 mod tracks;
 
-use oblate::config::Profile;
+use oblate::inference::Profile;
 use oblate::spray::{Design, TableSettings};
 use oblate::stream::{Arrivals, Model, ModelSettings, StepRule, StepsPer};
 use oblate::track::{BinEdges, Track};

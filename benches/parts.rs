@@ -5,11 +5,10 @@
 //! take turns, each is the median of 101. Releases are what the cold stage takes beyond the orbit, bins and ln L what the whole
 //! takes beyond both stages.
 
-use oblate::config::{FitConfig, Profile};
 use oblate::data::ObservedTrack;
+use oblate::inference::{FitSettings, Profile, StreamTarget};
 use oblate::orbit::DenseOrbit;
 use oblate::params::DIM;
-use oblate::run::target;
 use oblate::stream::{Arrivals, Flights, Galaxy};
 use std::hint::black_box;
 use std::path::Path;
@@ -51,12 +50,12 @@ fn main() {
         "| profile | orbit, ms | particles | releases | bins and ln L | all | beside orbit and particles |\n|---|---|---|---|---|---|---|"
     );
     for (name, profile) in [("fast", Profile::Fast), ("paper", Profile::Paper)] {
-        let config = FitConfig {
+        let config = FitSettings {
             model: profile.model(),
             likelihood: profile.likelihood(),
-            ..FitConfig::default()
+            ..FitSettings::default()
         };
-        let target = target(&track, &config).expect("a gala track is data");
+        let target = StreamTarget::from_track(&track, &config).expect("a gala track is data");
         let likelihood = target.likelihood();
         let (model, galaxy) = (
             likelihood.model(),

@@ -7,11 +7,10 @@
 //! `fast`: median, and half of what the middle 68 per cent span. Not a timing.
 
 use nalgebra::{DMatrix, DVector};
-use oblate::config::{FitConfig, Profile};
 use oblate::data::ObservedTrack;
+use oblate::inference::{FitSettings, Profile, StreamTarget};
 use oblate::likelihood::{Coverage, LikelihoodSettings, StreamLikelihood};
 use oblate::params::{DIM, PriorSettings, StreamPrior};
-use oblate::run::target;
 use oblate::spray::{Design, TableSettings};
 use oblate::stream::ModelSettings;
 use oblate::track::BinEdges;
@@ -119,7 +118,7 @@ fn main() {
         ..soft
     };
     // The bins of all gala tracks are 10 degrees wide.
-    let coarse = FitConfig::default().coarse(10.0).expect("a coarse model");
+    let coarse = FitSettings::default().coarse(10.0).expect("a coarse model");
     let rows = [
         ("fast", fast, soft),
         ("fast, a missing bin 30 sigma", fast, harsh),
@@ -189,30 +188,31 @@ fn main() {
         ),
     ];
     // ln L at each draw.
-    let values = |config: &FitConfig| -> Vec<Option<f64>> {
+    let values = |config: &FitSettings| -> Vec<Option<f64>> {
         let value = |draw: &Draw| {
-            let target =
-                target(&tracks[draw.track.as_str()], config).expect("a gala track is data");
+            let target = StreamTarget::from_track(&tracks[draw.track.as_str()], config)
+                .expect("a gala track is data");
             let evaluation = target.likelihood().ln_likelihood(&draw.theta).ok()?;
             Some(evaluation.ln_likelihood)
         };
         draws.par_iter().map(value).collect()
     };
-    let of_fast = values(&FitConfig::default());
+    let of_fast = values(&FitSettings::default());
     println!(
         "| setting | 25 % | median | 75 % | 95 % | rejected | off, median | robust sd |\n|---|---|---|---|---|---|---|---|"
     );
     for (name, settings, rules) in rows {
-        let config = FitConfig {
+        let config = FitSettings {
             model: settings,
             likelihood: rules,
-            ..FitConfig::default()
+            ..FitSettings::default()
         };
         let lines: Vec<Option<f64>> = draws
             .par_iter()
             .flat_map_iter(|draw| {
                 let track = &tracks[draw.track.as_str()];
-                let target = target(track, &config).expect("a gala track is data");
+                let target =
+                    StreamTarget::from_track(track, &config).expect("a gala track is data");
                 let prior = &prior;
                 (0..LINES).map(move |line| roughness(target.likelihood(), prior, draw, line))
             })

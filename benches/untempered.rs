@@ -10,11 +10,9 @@
 //! prolate): how many each chain visited, and all together. Gradients and seconds count the warm-up too, all else the frozen moves
 //! alone.
 
-use oblate::config::FitConfig;
 use oblate::data::ObservedTrack;
-use oblate::inference::StreamTarget;
+use oblate::inference::{FitSettings, StreamTarget};
 use oblate::params::DIM;
-use oblate::run::target;
 use oblate_samplers::Target;
 use oblate_samplers::diagnostics::{r_hat, weighted_quantile};
 use oblate_samplers::hmc::{
@@ -306,7 +304,7 @@ fn main() {
         (&tracks[..], FULL)
     };
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut config = FitConfig::default();
+    let mut config = FitSettings::default();
     config.model.releases.particles = 512;
     for (from, at_posterior) in [("the prior", false), ("the posterior", true)] {
         println!(
@@ -315,7 +313,7 @@ fn main() {
         for name in tracks {
             let track = ObservedTrack::read(&folder.join(format!("examples/tracks/{name}.ecsv")))
                 .expect("a gala track");
-            let target = target(&track, &config).expect("a gala track is data");
+            let target = StreamTarget::from_track(&track, &config).expect("a gala track is data");
             let draws = posterior_draws(folder, &target, name);
             let chains: Vec<Record> = (0..CHAINS)
                 .into_par_iter()

@@ -1,22 +1,17 @@
-//! Second: a track to the posterior of q, quick and rough.
+//! Second: from a track to the posterior of q, quick and rough.
 //!
 //! `cargo run --release --example one_fit`
 //!
-//! The track was made by another code, of a stream in a spherical halo: q = 1 should lie inside the interval. To finish
-//! within a minute this takes few particles and few live points, and the orbit as known, as if the progenitor had been
-//! observed in full: free are the halo's mass and shape and the progenitor's mass. `oblate fit` leaves all thirteen free.
+//! The track was made by another code, from a stream in a spherical halo: q = 1 should lie inside the interval. To finish
+//! within a minute this takes few particles and few live points, and the progenitor's orbit as known; free are the halo's mass and
+//! shape and the progenitor's mass. By default all thirteen parameters are free, as in `oblate fit`.
 
-use oblate::Result;
-use oblate::config::FitConfig;
+use oblate::FitSettings;
 use oblate::data::ObservedTrack;
-use oblate::inference::sample;
-use oblate::posterior::{Interval, column};
-use oblate::run::target;
-use oblate_samplers::control::{Control, Silent};
 use oblate_samplers::nested::Kernel;
 use std::path::Path;
 
-/// What the track was made with.
+/// The parameters that are taken as known.
 const KNOWN: [(&str, f64); 8] = [
     ("r_s_halo_kpc", 15.0),
     ("r_s_prog_kpc", 1.0),
@@ -28,42 +23,26 @@ const KNOWN: [(&str, f64); 8] = [
     ("age_gyr", 3.0),
 ];
 
-fn main() -> Result<()> {
+fn main() -> oblate::Result<()> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks");
     let track = ObservedTrack::read(&folder.join("s2_spherical.ecsv"))?;
     println!("{}: {} bins", track.name, track.len());
 
-    let mut config = FitConfig::default();
-    config.model.releases.particles = 256;
-    config.model.steps = 40;
-    config.model.orbit_steps = 256;
-    for (name, known) in KNOWN {
-        config.prior.fix(name, known)?;
+    let mut settings = FitSettings::default();
+    settings.model.releases.particles = 256;
+    settings.model.steps = 40;
+    settings.model.orbit_steps = 256;
+    for (name, value) in KNOWN {
+        settings.prior.fix(name, value)?;
     }
-    config.sampling.nested.n_live = 100;
-    config.sampling.nested.kernel = Kernel::RandomSlice;
-    config.sampling.nested.dlnz = 0.1;
+    settings.sampling.nested.n_live = 100;
+    settings.sampling.nested.kernel = Kernel::RandomSlice;
+    settings.sampling.nested.dlnz = 0.1;
 
-    let target = target(&track, &config)?;
-    let run = sample(
-        &target,
-        &config.sampling,
-        config.seed,
-        &mut Control::new(&mut Silent),
-    )?;
-
-    println!(
-        "ln Z = {:.1} +- {:.1}",
-        run.evidence.ln_z, run.evidence.error
-    );
-    println!("{} calls, {:.0} s", run.cost.calls, run.cost.wall_seconds);
-    let q = Interval::new(&column(&run, "q")?.values, &run.draws.weights(), "");
-    println!(
-        "q = {:.2}, 95 % in [{:.2}, {:.2}]",
-        q.median, q.lo95, q.hi95
-    );
-    for gate in run.gates.iter().filter(|gate| !gate.pass) {
-        println!("not passed: {} ({})", gate.name, gate.say);
+    let fit = oblate::fit(&track, &settings)?;
+    println!("{}", fit.summary);
+    for check in fit.run.gates.iter().filter(|check| !check.pass) {
+        println!("failed: {} ({})", check.name, check.say);
     }
     Ok(())
 }

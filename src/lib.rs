@@ -49,8 +49,8 @@
 //! | [`track`] | from particles to one radius per angle |
 //! | [`data`] | observed tracks, read and checked, and mocks with their selection |
 //! | [`likelihood`] | from parameters to ln L, and its exact gradient |
-//! | [`inference`] | the doorway to [`oblate_samplers`]: a likelihood as a target, sampled one way or the other |
 //! | [`posterior`] | weighted draws with names, their summary, and the files that keep both |
+//! | [`inference`] | a fit: the posterior as a target of [`oblate_samplers`], its settings and its diagnostics |
 //! | [`population`] | many posteriors of q reweighted into one population |
 //! | [`report`] | figures, tables, one page |
 //! | [`config`] | the settings files |
@@ -93,3 +93,4 @@ pub mod track;
 pub mod units;
 
 pub use error::{Error, Rejection, Result, Tally};
+pub use inference::{Fit, FitSettings, fit};

@@ -1,11 +1,11 @@
-//! `oblate evaluate`: any sampler in any language can use our likelihood.
+//! `oblate evaluate`: the likelihood for programs in any language.
 
 use super::Exit;
 use super::options::{Common, FitFlags, output, say_json};
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
+use crate::inference::StreamTarget;
 use crate::params::{NAMES, StreamParams};
-use crate::run::target;
 use serde_json::json;
 use std::io::{BufRead, Write};
 use std::path::PathBuf;
@@ -30,9 +30,9 @@ pub struct Args {
 
 /// Answers line by line, each at once.
 pub fn run(args: &Args, _: &Common, input: &mut dyn BufRead, out: &mut dyn Write) -> Result<Exit> {
-    let config = args.settings.settings()?;
+    let settings = args.settings.settings()?;
     let track = ObservedTrack::read(&args.track)?;
-    let target = target(&track, &config)?;
+    let target = StreamTarget::from_track(&track, &settings)?;
     for (number, line) in input.lines().enumerate() {
         let fail = |what: String, remedy: &str| Error::Input {
             path: PathBuf::from("standard input"),

@@ -1,9 +1,8 @@
 //! `oblate merge`.
 
 use super::Exit;
-use super::fit::finish;
-use super::options::{Common, FolderFlags};
-use super::progress::Progress;
+use super::folder::FolderFlags;
+use super::options::Common;
 use crate::error::Result;
 use crate::run::merge;
 use std::io::Write;
@@ -15,7 +14,7 @@ use std::path::PathBuf;
     after_help = "Example:\n  oblate fit track.ecsv --seed 1 --out runs/one\n  oblate fit track.ecsv --seed 2 --out runs/two\n  oblate merge runs/one runs/two --out runs/both"
 )]
 pub struct Args {
-    /// Finished nested fits of one track, each with a seed of its own
+    /// Finished nested fits of one track, each with another seed
     #[arg(required = true, num_args = 2..)]
     runs: Vec<PathBuf>,
     #[command(flatten)]
@@ -24,13 +23,8 @@ pub struct Args {
 
 /// Merges fits.
 pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
-    let mut progress = Progress::new("merge", common);
-    let (run, summary) = merge(
-        &args.runs,
-        &args.folder.out,
-        args.folder.existing(),
-        command,
-        &mut progress.watch(),
-    )?;
-    finish(run.status, &summary, &args.folder, common, out)
+    args.folder
+        .fill("merge", command, common, out, |destination, monitor| {
+            merge(&args.runs, destination, monitor)
+        })
 }

@@ -2,7 +2,7 @@
 
 use super::Exit;
 use super::options::{Common, ModelFlags, output, refuse_existing, say, say_json, write_file};
-use crate::config::text;
+use crate::config::to_toml;
 use crate::data::{MockSettings, QPopulation, mocks};
 use crate::error::{Error, Result};
 use crate::params::{PriorSettings, StreamPrior};
@@ -83,7 +83,7 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
         let file = args.out.join(format!("{}.ecsv", mock.track.name));
         mock.track.write(&file)?;
         let parameters = args.out.join(format!("{}.toml", mock.track.name));
-        write_file(&parameters, text(&mock.params)?.as_bytes())?;
+        write_file(&parameters, to_toml(&mock.params)?.as_bytes())?;
         rows.push(json!({
             "name": mock.track.name, "track": file, "q": mock.q, "bins": mock.track.len(),
             "length_kpc": mock.length_kpc, "truth": mock.params,

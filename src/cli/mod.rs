@@ -1,15 +1,15 @@
-//! The command line: one file per verb. Verbs parse, call the library, and write to the writer they are handed.
+//! The command line, one file per verb. A verb parses its flags, calls the library and writes to the given writer.
 
-mod boost;
+mod bridge;
 mod compare;
 mod evaluate;
 mod fit;
+mod folder;
 mod merge;
 mod mock;
 mod options;
 mod population;
 mod progress;
-mod refine;
 mod report;
 mod stream;
 mod study;
@@ -19,14 +19,14 @@ use clap::{CommandFactory, Parser, Subcommand};
 use options::Common;
 use std::io::Write;
 
-/// What a command ended as: the process's exit code.
+/// How a command ended: the exit code of the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     /// 0: done.
     Done,
     /// 1: it failed, or a run has not converged.
     Failed,
-    /// 2: bad usage or input.
+    /// 2: wrong usage or input.
     Usage,
     /// 130: interrupted, with a checkpoint written.
     Interrupted,
@@ -44,7 +44,13 @@ impl Exit {
         }
     }
 
-    /// The exit that an error deserves: what the user can mend in the command or its inputs is usage.
+    /// The exit of finished runs: done if all have converged, or need not.
+    #[must_use]
+    pub fn of_runs(converged: bool) -> Self {
+        if converged { Self::Done } else { Self::Failed }
+    }
+
+    /// The exit of an error: [`Usage`](Self::Usage) if the user can correct it in the command or its inputs.
     #[must_use]
     pub fn of(error: &Error) -> Self {
         use oblate_samplers::Error as S;
@@ -73,29 +79,27 @@ struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Verb {
-    /// Draws mock streams from the prior or a population of q, and keeps those that meet the paper's criteria
+    /// Draws mock streams from the prior or a population of q, and keeps those that meet the criteria of Chemaly et al. 2026
     Mock(mock::Args),
-    /// Makes one stream from parameters: its track and what the model says about itself
+    /// Computes one stream from parameters: its track, and diagnostics of the model
     Stream(stream::Args),
-    /// Evaluates ln L (and its gradient) for parameters given as JSON lines on stdin
+    /// Evaluates ln L (and its gradient) for parameters given as JSON lines on standard input
     Evaluate(evaluate::Args),
     /// Samples the posterior of one stream into a run folder
     Fit(fit::Args),
-    /// Makes more effective draws of a finished fit by importance sampling, or says that it cannot
-    Boost(boost::Args),
-    /// Carries a finished fit to a finer model of its stream: most of the work at a fraction of the price
-    Refine(refine::Args),
-    /// Makes one fit of nested fits of one track from several seeds
+    /// Continues a finished fit to a finer model of its stream, by sequential Monte Carlo
+    Bridge(bridge::Args),
+    /// Merges nested fits of one track with several seeds into one fit
     Merge(merge::Args),
-    /// Says whether runs agree: evidence, marginals, mode weights, cost
+    /// Compares runs: evidence, marginals, mode weights, cost
     Compare(compare::Args),
-    /// Samples a population of q from finished fits into a run folder
+    /// Samples the population of q of finished fits into a run folder
     Population(population::Args),
-    /// Draws one self-contained HTML page and every figure
+    /// Writes one self-contained HTML page of runs, and each of its figures
     Report(report::Args),
-    /// Runs a whole study: mocks or tracks, fits, population, report; resumable
+    /// Runs a study: mocks or tracks, their fits, a population and a report; it can be repeated to continue
     Run(study::Args),
-    /// Prints a shell's completions
+    /// Prints completions for a shell
     Completions {
         /// The shell
         shell: clap_complete::Shell,
@@ -107,7 +111,7 @@ enum Verb {
 /// Runs the command line `args` (the first is the program's name) with `out` as standard output.
 ///
 /// # Errors
-/// What the verb refuses; the caller prints it and exits with [`Exit::of`] it.
+/// Those of the verb's library function; the caller prints the error and exits with [`Exit::of`].
 pub fn run(args: &[String], out: &mut dyn Write) -> Result<Exit> {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
@@ -117,7 +121,7 @@ pub fn run(args: &[String], out: &mut dyn Write) -> Result<Exit> {
             } else {
                 Exit::Done
             };
-            // Clap writes help to stdout and mistakes to stderr; a closed pipe is nobody's failure.
+            // Clap writes help to standard output and errors to standard error; a closed pipe is no failure.
             let _ = e.print();
             return Ok(exit);
         }
@@ -128,8 +132,7 @@ pub fn run(args: &[String], out: &mut dyn Write) -> Result<Exit> {
         Verb::Stream(a) => stream::run(a, &cli.common, out),
         Verb::Evaluate(a) => evaluate::run(a, &cli.common, &mut std::io::stdin().lock(), out),
         Verb::Fit(a) => fit::run(a, &cli.common, &command, out),
-        Verb::Boost(a) => boost::run(a, &cli.common, &command, out),
-        Verb::Refine(a) => refine::run(a, &cli.common, &command, out),
+        Verb::Bridge(a) => bridge::run(a, &cli.common, &command, out),
         Verb::Merge(a) => merge::run(a, &cli.common, &command, out),
         Verb::Compare(a) => compare::run(a, &cli.common, out),
         Verb::Population(a) => population::run(a, &cli.common, &command, out),

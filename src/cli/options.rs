@@ -1,9 +1,8 @@
 //! Flags that verbs share, and what they mean for the settings.
 
-use crate::config::{FitConfig, Profile, read};
+use crate::config::read;
 use crate::error::{Error, Result};
-use crate::inference::Sampler;
-use crate::run::Existing;
+use crate::inference::{FitSettings, Profile, Sampler};
 use crate::spray::Design;
 use crate::stream::ModelSettings;
 use clap::{Args, ValueEnum};
@@ -13,24 +12,15 @@ use std::path::{Path, PathBuf};
 /// Flags of every verb.
 #[derive(Args, Debug)]
 pub struct Common {
-    /// Threads to use; all cores by default. Results do not depend on it
+    /// Number of threads, all cores by default; results do not depend on it
     #[arg(long, global = true)]
     threads: Option<usize>,
-    /// Seconds between checkpoints of a run: what a kill costs at most
-    #[arg(long, global = true, default_value_t = 30, value_name = "SECONDS")]
-    pub checkpoint_every: u64,
-    /// Minutes after which a run ends with what it has, unconverged; --resume goes on from there
-    #[arg(long, global = true, value_name = "MINUTES")]
-    pub max_minutes: Option<u64>,
     /// Print JSON instead of text
     #[arg(long, global = true)]
     pub json: bool,
-    /// Say nothing but results
+    /// Print results only, no progress
     #[arg(short, long, global = true)]
     pub quiet: bool,
-    /// Say more
-    #[arg(short, long, global = true)]
-    pub verbose: bool,
 }
 
 impl Common {
@@ -54,6 +44,18 @@ impl Common {
         }
         work()
     }
+}
+
+/// Flags of every run.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct LimitFlags {
+    /// Seconds between checkpoints: the most work that is lost if the process is killed
+    #[arg(long, default_value_t = 30, value_name = "SECONDS")]
+    pub checkpoint_every: u64,
+    /// Minutes after which a run ends, unconverged, with its result so far; the same command, with --resume for a single run,
+    /// continues it
+    #[arg(long, value_name = "MINUTES")]
+    pub max_minutes: Option<u64>,
 }
 
 /// Flags of the model, shared by `stream`, `evaluate`, `mock` and `fit`.
@@ -90,6 +92,15 @@ enum DesignName {
 }
 
 impl ModelFlags {
+    /// Applies the profile, then the other flags, to a fit's settings.
+    pub fn apply_to_fit(&self, settings: &mut FitSettings) {
+        if let Some(profile) = self.profile() {
+            settings.model = profile.model();
+            settings.likelihood = profile.likelihood();
+        }
+        self.apply(&mut settings.model);
+    }
+
     /// The profile, if one is named.
     pub fn profile(&self) -> Option<Profile> {
         self.profile.map(|p| match p {
@@ -98,7 +109,7 @@ impl ModelFlags {
         })
     }
 
-    /// Lays the flags over a model's settings.
+    /// Applies the flags other than the profile to a model's settings.
     pub fn apply(&self, model: &mut ModelSettings) {
         if let Some(design) = self.design {
             model.releases.design = match design {
@@ -136,60 +147,14 @@ pub struct FitFlags {
 
 impl FitFlags {
     /// The settings: the file's or the defaults, then the profile, then the flags.
-    pub fn settings(&self) -> Result<FitConfig> {
-        let mut config: FitConfig = match &self.config {
+    pub fn settings(&self) -> Result<FitSettings> {
+        let mut settings: FitSettings = match &self.config {
             Some(path) => read(path)?,
-            None => FitConfig::default(),
+            None => FitSettings::default(),
         };
-        if let Some(profile) = self.model.profile() {
-            config.model = profile.model();
-            config.likelihood = profile.likelihood();
-        }
-        self.model.apply(&mut config.model);
-        if let Some(seed) = self.seed {
-            config.seed = seed;
-        }
-        Ok(config)
-    }
-}
-
-/// Flags of a run folder.
-#[derive(Args, Debug)]
-pub struct FolderFlags {
-    /// The run folder to make
-    #[arg(long, value_name = "FOLDER")]
-    pub out: PathBuf,
-    /// Replace a run folder that is there
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
-    /// Continue from its checkpoint
-    #[arg(long)]
-    resume: bool,
-    /// Exit with 0 even if the run has not converged
-    #[arg(long)]
-    pub allow_unconverged: bool,
-}
-
-impl FolderFlags {
-    /// From their values.
-    pub fn new(out: PathBuf, force: bool, resume: bool, allow_unconverged: bool) -> Self {
-        Self {
-            out,
-            force,
-            resume,
-            allow_unconverged,
-        }
-    }
-
-    /// How an existing folder is met.
-    pub fn existing(&self) -> Existing {
-        if self.force {
-            Existing::Replace
-        } else if self.resume {
-            Existing::Resume
-        } else {
-            Existing::Refuse
-        }
+        self.model.apply_to_fit(&mut settings);
+        settings.seed = self.seed.unwrap_or(settings.seed);
+        Ok(settings)
     }
 }
 

@@ -1,9 +1,8 @@
 //! `oblate population`.
 
 use super::Exit;
-use super::fit::finish;
-use super::options::{Common, FolderFlags, sampler};
-use super::progress::Progress;
+use super::folder::FolderFlags;
+use super::options::{Common, sampler};
 use crate::config::{PopulationConfig, read};
 use crate::error::Result;
 use crate::inference::Sampler;
@@ -20,13 +19,10 @@ pub struct Args {
     /// Finished fits
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// The family of populations
-    #[arg(long, value_enum, default_value_t = FamilyName::TruncatedGaussian)]
-    family: FamilyName,
     /// nested or pt-hmc
     #[arg(long, value_parser = sampler)]
     sampler: Option<Sampler>,
-    /// Settings file (TOML)
+    /// Settings file (TOML); flags override it
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Master seed
@@ -36,34 +32,23 @@ pub struct Args {
     folder: FolderFlags,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum FamilyName {
-    TruncatedGaussian,
-}
-
-/// Samples a population.
+/// Samples the population of finished fits: a truncated Gaussian of q.
 pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
-    let FamilyName::TruncatedGaussian = args.family;
     let mut config: PopulationConfig = match &args.config {
         Some(path) => read(path)?,
         None => PopulationConfig::default(),
     };
-    if let Some(sampler) = args.sampler {
-        config.sampling.sampler = sampler;
-    }
-    if let Some(seed) = args.seed {
-        config.seed = seed;
-    }
+    config.sampling.sampler = args.sampler.unwrap_or(config.sampling.sampler);
+    config.seed = args.seed.unwrap_or(config.seed);
     let label = format!("population {}", config.sampling.sampler.name());
-    let mut progress = Progress::new(&label, common);
-    let (run, summary) = population(
-        &args.runs,
-        &config,
-        &args.folder.out,
-        args.folder.existing(),
-        args.folder.allow_unconverged,
-        command,
-        &mut progress.watch(),
-    )?;
-    finish(run.status, &summary, &args.folder, common, out)
+    args.folder
+        .fill(&label, command, common, out, |destination, monitor| {
+            population(
+                &args.runs,
+                &config,
+                args.folder.allow_unconverged,
+                destination,
+                monitor,
+            )
+        })
 }

@@ -1,7 +1,7 @@
 //! Progress of long work on standard error: a bar on a terminal, plain lines otherwise.
 
-use super::options::Common;
-use crate::run::Watch;
+use super::options::{Common, LimitFlags};
+use crate::run::Monitor;
 use indicatif::{ProgressBar, ProgressStyle};
 use oblate_samplers::{Event, Observer};
 use std::ops::ControlFlow;
@@ -12,13 +12,13 @@ use std::time::{Duration, Instant};
 /// Time between two plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// The one interrupt flag of the process: Ctrl-C sets it, a second one ends the process at once.
+/// The interrupt flag of the process. The first Ctrl-C sets it, a second one ends the process at once.
 pub fn interrupt() -> Arc<AtomicBool> {
     static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     Arc::clone(FLAG.get_or_init(|| {
         let flag = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&flag);
-        // Without a handler an interrupt simply ends the process, and the last checkpoint stands.
+        // If there can be no handler, Ctrl-C ends the process, which can be resumed from its last checkpoint.
         let _ = ctrlc::set_handler(move || {
             if seen.swap(true, Ordering::Relaxed) {
                 std::process::exit(130);
@@ -34,13 +34,12 @@ pub struct Progress {
     bar: Option<ProgressBar>,
     plain: bool,
     last: Instant,
-    checkpoint_every: Duration,
-    max_wall: Duration,
+    limits: LimitFlags,
 }
 
 impl Progress {
-    /// Shows a run called `label`, as the flags ask for.
-    pub fn new(label: &str, common: &Common) -> Self {
+    /// For a run called `label`.
+    pub fn new(label: &str, common: &Common, limits: LimitFlags) -> Self {
         let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
         let bar = (terminal && !common.quiet).then(|| {
             let bar = ProgressBar::new_spinner();
@@ -56,19 +55,19 @@ impl Progress {
             bar,
             plain: !terminal && !common.quiet,
             last: Instant::now(),
-            checkpoint_every: Duration::from_secs(common.checkpoint_every),
-            max_wall: common
-                .max_minutes
-                .map_or(Duration::MAX, |minutes| Duration::from_secs(60 * minutes)),
+            limits,
         }
     }
 
-    /// A watch by this observer, with the process's interrupt.
-    pub fn watch(&mut self) -> Watch<'_> {
-        Watch {
+    /// A monitor with this observer and the interrupt flag of the process.
+    pub fn monitor(&mut self) -> Monitor<'_> {
+        Monitor {
             interrupt: interrupt(),
-            checkpoint_every: self.checkpoint_every,
-            max_wall: self.max_wall,
+            checkpoint_every: Duration::from_secs(self.limits.checkpoint_every),
+            max_wall: self
+                .limits
+                .max_minutes
+                .map_or(Duration::MAX, |minutes| Duration::from_secs(60 * minutes)),
             observer: self,
         }
     }
@@ -114,9 +113,6 @@ impl Observer for Progress {
                 ),
                 false,
             ),
-            Event::Boost { draws, ln_z, ess } => {
-                self.show(&format!("{draws} draws, ln Z {ln_z:.2}, ESS {ess:.0}"), false);
-            }
             Event::Refining { share, ln_z, calls } => {
                 self.show(
                     &format!("{:.0} % of the way, ln Z {ln_z:.2}, {calls} calls", 100.0 * share),

@@ -3,7 +3,7 @@
 use super::Exit;
 use super::options::{Common, refuse_existing, say, say_json};
 use crate::error::Result;
-use crate::run::report;
+use crate::run::render_report;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -29,7 +29,7 @@ pub struct Args {
 /// Draws the page.
 pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     refuse_existing(&args.out, args.force)?;
-    report(&args.title, &args.runs, &args.out)?;
+    render_report(&args.title, &args.runs, &args.out)?;
     if common.json {
         say_json(out, &serde_json::json!({"report": args.out}))?;
     } else {

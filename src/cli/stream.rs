@@ -2,8 +2,9 @@
 
 use super::Exit;
 use super::options::{Common, ModelFlags, refuse_existing, say, say_json, write_file};
-use crate::config::{Profile, read};
+use crate::config::read;
 use crate::error::{Error, Result};
+use crate::inference::Profile;
 use crate::params::{PriorSettings, StreamParams, StreamPrior};
 use crate::stream::{Arrivals, Galaxy, Model};
 use crate::track::{BinEdges, Track};

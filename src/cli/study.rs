@@ -1,12 +1,12 @@
 //! `oblate run`.
 
 use super::Exit;
-use super::options::{Common, say, say_json};
+use super::options::{Common, LimitFlags, say, say_json};
 use super::progress::Progress;
 use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
 use crate::posterior::{Summary, compare};
-use crate::run::{Outcome, Piece, RunFolder, report, study};
+use crate::run::{RunFolder, StudyResult, StudyRun, render_report, study};
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -24,6 +24,8 @@ pub struct Args {
     /// Exit with 0 even if a run has not converged
     #[arg(long)]
     allow_unconverged: bool,
+    #[command(flatten)]
+    limits: LimitFlags,
 }
 
 /// Runs a study and draws its report.
@@ -41,56 +43,44 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
         });
     }
     let files_from = args.study.parent().unwrap_or(Path::new("."));
-    let outcome = study(&config, files_from, command, &mut |label, work| {
-        let mut progress = Progress::new(label, common);
-        work(&mut progress.watch())
+    let result = study(&config, files_from, command, &mut |label, work| {
+        let mut progress = Progress::new(label, common, args.limits);
+        work(&mut progress.monitor())
     })?;
-    if outcome.interrupted {
+    if result.interrupted {
         eprintln!("interrupted; continue with the same command");
         return Ok(Exit::Interrupted);
     }
     let page = config.out.join("report.html");
-    let folders: Vec<PathBuf> = pieces(&outcome).map(|p| p.folder.clone()).collect();
-    report(&config.title, &folders, &page)?;
+    let folders: Vec<PathBuf> = result.runs().map(|p| p.folder.clone()).collect();
+    render_report(&config.title, &folders, &page)?;
     if common.json {
-        let rows: Vec<_> = pieces(&outcome)
+        let rows: Vec<_> = result.runs()
             .map(|p| json!({"name": p.name, "sampler": p.sampler, "folder": p.folder, "summary": p.summary}))
             .collect();
         say_json(
             out,
-            &json!({"runs": rows, "acceptance": outcome.acceptance, "report": page}),
+            &json!({"runs": rows, "acceptance": result.acceptance, "report": page}),
         )?;
     } else {
-        print(&outcome, out)?;
+        print(&result, out)?;
         say(out, &format!("report: {}", page.display()))?;
     }
-    let converged = pieces(&outcome).all(|p| p.summary.converged);
-    Ok(
-        if converged || args.allow_unconverged || config.allow_unconverged {
-            Exit::Done
-        } else {
-            Exit::Failed
-        },
-    )
+    let converged = result.runs().all(|p| p.summary.converged);
+    Ok(Exit::of_runs(
+        converged || args.allow_unconverged || config.allow_unconverged,
+    ))
 }
 
-fn pieces(outcome: &Outcome) -> impl Iterator<Item = &Piece> {
-    outcome
-        .tracks
-        .iter()
-        .chain(&outcome.mocks)
-        .chain(&outcome.populations)
-}
-
-fn print(outcome: &Outcome, out: &mut dyn Write) -> Result<()> {
+fn print(result: &StudyResult, out: &mut dyn Write) -> Result<()> {
     say(
         out,
         "run                               ln Z              result                      ESS   calls  gradients  CPU/s",
     )?;
-    for piece in pieces(outcome) {
-        say(out, &row(piece))?;
+    for run in result.runs() {
+        say(out, &row(run))?;
     }
-    if let Some(acceptance) = outcome.acceptance {
+    if let Some(acceptance) = result.acceptance {
         say(
             out,
             &format!(
@@ -100,7 +90,7 @@ fn print(outcome: &Outcome, out: &mut dyn Write) -> Result<()> {
         )?;
     }
     // Both samplers on one track: do they agree?
-    for group in [&outcome.tracks, &outcome.mocks, &outcome.populations] {
+    for group in [&result.tracks, &result.mocks, &result.populations] {
         for (i, a) in group.iter().enumerate() {
             for b in group[i + 1..].iter().filter(|b| b.name == a.name) {
                 let (ra, rb) = (
@@ -112,27 +102,27 @@ fn print(outcome: &Outcome, out: &mut dyn Write) -> Result<()> {
             }
         }
     }
-    for piece in pieces(outcome).filter(|p| !p.summary.converged) {
+    for run in result.runs().filter(|p| !p.summary.converged) {
         say(
             out,
             &format!(
                 "{} {}: {}",
-                piece.name,
-                piece.sampler.name(),
-                piece.summary.verdict()
+                run.name,
+                run.sampler.name(),
+                run.summary.verdict()
             ),
         )?;
     }
     Ok(())
 }
 
-fn row(piece: &Piece) -> String {
+fn row(run: &StudyRun) -> String {
     let Summary {
         ln_z, cost, ess, ..
-    } = &piece.summary;
-    let result = match &piece.summary.q {
+    } = &run.summary;
+    let numbers = match &run.summary.q {
         Some(q) => format!("q {:.3} [{:.3}, {:.3}] 95 %", q.median, q.lo95, q.hi95),
-        None => piece
+        None => run
             .summary
             .parameters
             .iter()
@@ -141,9 +131,9 @@ fn row(piece: &Piece) -> String {
             .join(", "),
     };
     format!(
-        "{:<24} {:<7} {:8.2} +- {:.2}  {result}  {:.0} {} {} {:.0}",
-        piece.name,
-        piece.sampler.name(),
+        "{:<24} {:<7} {:8.2} +- {:.2}  {numbers}  {:.0} {} {} {:.0}",
+        run.name,
+        run.sampler.name(),
         ln_z.value,
         ln_z.error,
         ess,

@@ -1,9 +1,12 @@
-//! The likelihood of a stream as a target of the samplers: free parameters in, ln L and gradient out.
+//! The posterior of a stream as a target of the samplers: free parameters in, ln L and its gradient out.
 
-use crate::error::{Rejection, Tally};
-use crate::likelihood::{Evaluation, StreamLikelihood};
+use super::FitSettings;
+use crate::data::ObservedTrack;
+use crate::error::{Rejection, Result, Tally};
+use crate::likelihood::{DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
 use crate::params::{DIM, StreamParams, StreamPrior, symmetry};
 use crate::potential::log10_m200;
+use crate::stream::Model;
 use oblate_samplers::{Outcome, Prior, Symmetry, Target};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -15,13 +18,40 @@ pub struct StreamTarget {
     likelihood: StreamLikelihood,
     prior: StreamPrior,
     symmetries: Vec<Symmetry>,
-    // Counts only ever added: their order does not matter, so they are the same for any number of threads.
+    // Integer sums do not depend on the order of additions, so these are the same for any number of threads.
     bounded_tidal_radius: AtomicU64,
     unsafe_turns: AtomicU64,
 }
 
 impl StreamTarget {
-    /// From a likelihood and a prior of the same range of q.
+    /// The posterior of a track under given settings.
+    ///
+    /// # Errors
+    /// [`Error::Setting`](crate::Error::Setting) for a setting of prior, model or likelihood out of its range.
+    pub fn from_track(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
+        let prior = StreamPrior::new(&settings.prior)?;
+        let model = Model::new(&settings.model)?;
+        let data: Vec<DataBin> = track
+            .bins()
+            .into_iter()
+            .zip(track.r_kpc.iter().zip(&track.r_err_kpc))
+            .map(|(bin, (r, e))| DataBin {
+                bin,
+                r_kpc: *r,
+                r_err_kpc: *e,
+            })
+            .collect();
+        let particles = model.table().len();
+        let likelihood =
+            TrackLikelihood::new(&settings.likelihood, track.bin_width_deg, &data, particles)?;
+        let q_range = prior.q_range();
+        Ok(Self::new(
+            StreamLikelihood::new(model, likelihood, q_range),
+            prior,
+        ))
+    }
+
+    /// From a likelihood and a prior with the same range of q.
     #[must_use]
     pub fn new(likelihood: StreamLikelihood, prior: StreamPrior) -> Self {
         let symmetries = symmetry::symmetries(&prior);
@@ -52,7 +82,7 @@ impl StreamTarget {
         self.prior.fill(theta)
     }
 
-    /// What was bounded or unsafe so far, over all points.
+    /// Counts of what was bounded or ambiguous, over all evaluations so far.
     #[must_use]
     pub fn tally(&self) -> Tally {
         Tally {
@@ -61,7 +91,7 @@ impl StreamTarget {
         }
     }
 
-    fn outcome(&self, evaluated: Result<Evaluation, Rejection>) -> Outcome {
+    fn outcome(&self, evaluated: std::result::Result<Evaluation, Rejection>) -> Outcome {
         match evaluated {
             Ok(evaluation) => {
                 self.count(evaluation.tally);

@@ -5,14 +5,13 @@
 //! together again.
 
 mod compare;
-mod derived;
+mod display;
 pub mod json;
 pub mod modes;
 mod summary;
 pub mod zarr;
 
 pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare};
-pub use derived::prior_draws;
 pub use modes::{Mode, ModeWeight, Share, mode_weights, prolate_share};
 pub use summary::{
     Counts, GateRow, Interval, SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals,

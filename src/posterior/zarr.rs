@@ -31,8 +31,7 @@ use store::Store;
 pub struct Beside<'a> {
     /// The data that was fitted.
     pub track: Option<&'a ObservedTrack>,
-    /// Draws of the prior, with the run's parameters and derived quantities (see
-    /// [`prior_draws`](super::prior_draws)).
+    /// Draws of the prior, with the run's parameters and derived quantities.
     pub prior: Option<&'a Draws>,
 }
 

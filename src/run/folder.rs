@@ -1,17 +1,18 @@
-//! The folder itself: paths, what is written when, and reading it all back.
+//! The run folder: its files, what is written when, how a folder that exists is treated, and reading a finished run back.
 
-use super::Log;
+use super::{Log, Versions};
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
+use crate::inference::Fit;
 use crate::posterior::{Summary, run_from_parts, zarr};
 use oblate_samplers::Run;
-use oblate_samplers::checkpoint::{TEMPORARY, hash, write_atomically};
+use oblate_samplers::checkpoint::{TEMPORARY, write_atomically};
 use oblate_samplers::output::{Method, Status};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// The file that a finished run has and an unfinished one lacks; it is written last.
-pub const FINISHED: &str = "summary.json";
+/// The file that is written last: a folder that has it holds a result.
+pub const SUMMARY_FILE: &str = "summary.json";
 
 const VERSIONS: &str = "versions.json";
 
@@ -21,15 +22,23 @@ pub struct RunFolder {
     path: PathBuf,
 }
 
-/// What made a run, in `versions.json`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Versions {
-    /// Version of oblate.
-    pub oblate: String,
-    /// Version of the random streams.
-    pub stream_version: u32,
-    /// Hash of the resolved configuration and of every input, in hexadecimal.
-    pub input_hash: String,
+/// How to treat a run folder that exists already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IfExists {
+    /// It is an error.
+    Refuse,
+    /// It is replaced.
+    Replace,
+    /// A run with the same inputs is continued, or read back if it has finished.
+    Resume,
+}
+
+/// What [`RunFolder::prepare`] finds or makes.
+pub(super) enum RunState<Unfinished> {
+    /// A run with the same inputs that ended by its stopping rule.
+    Finished(Box<StoredRun>),
+    /// A run to begin or to continue.
+    Unfinished(Unfinished),
 }
 
 /// A run read back from its folder.
@@ -45,6 +54,15 @@ pub struct StoredRun {
     pub config: String,
 }
 
+impl From<Box<StoredRun>> for Fit {
+    fn from(stored: Box<StoredRun>) -> Self {
+        Self {
+            run: stored.run,
+            summary: stored.summary,
+        }
+    }
+}
+
 fn io(path: &Path, remedy: &'static str) -> impl FnOnce(std::io::Error) -> Error {
     let path = path.to_path_buf();
     move |source| Error::Io {
@@ -55,9 +73,43 @@ fn io(path: &Path, remedy: &'static str) -> impl FnOnce(std::io::Error) -> Error
 }
 
 impl RunFolder {
-    /// Whether nothing is at this path but what a run leaves that is killed before it has written what it is for.
+    /// Makes the folder of a run ready to be worked in.
+    ///
+    /// # Errors
+    /// [`Error::Exists`] if there is one that must not be replaced; [`Error::Mismatch`] if it is to be resumed and was made from other
+    /// inputs; [`Error::Io`] or [`Error::Input`] if its files cannot be made, read or understood.
+    pub(super) fn prepare(
+        path: &Path,
+        if_exists: IfExists,
+        versions: &Versions,
+    ) -> Result<RunState<Self>> {
+        if if_exists != IfExists::Resume || Self::is_unstarted(path) {
+            let folder = Self::create(path, if_exists == IfExists::Replace)?;
+            return Ok(RunState::Unfinished(folder));
+        }
+        let folder = Self::open(path)?;
+        if folder.read_versions()?.input_hash != versions.input_hash {
+            return Err(Error::Mismatch {
+                what: format!(
+                    "{}: made from another track, other settings or another version",
+                    path.display()
+                ),
+                remedy: "resume with what its config.toml says, or start again with --force"
+                    .to_owned(),
+            });
+        }
+        if folder.finished() {
+            let stored = folder.read()?;
+            if stored.run.status == Status::Complete {
+                return Ok(RunState::Finished(Box::new(stored)));
+            }
+        }
+        Ok(RunState::Unfinished(folder))
+    }
+
+    /// Whether there is nothing at this path, or only what a run leaves that is killed before it has written its settings.
     #[must_use]
-    pub fn unbegun(path: &Path) -> bool {
+    pub fn is_unstarted(path: &Path) -> bool {
         let Ok(entries) = std::fs::read_dir(path) else {
             return !path.exists();
         };
@@ -81,7 +133,7 @@ impl RunFolder {
         let folder = Self {
             path: path.to_path_buf(),
         };
-        if !Self::unbegun(path) {
+        if !Self::is_unstarted(path) {
             // Only what oblate made is removed: a mistyped --out must not cost anybody their home.
             let ours = folder.config().is_file() && folder.versions().is_file();
             if !(force && ours) {
@@ -150,7 +202,7 @@ impl RunFolder {
     /// Numbers and verdict.
     #[must_use]
     pub fn summary(&self) -> PathBuf {
-        self.path.join(FINISHED)
+        self.path.join(SUMMARY_FILE)
     }
 
     /// The track that was fitted; a population has none.
@@ -284,23 +336,5 @@ impl RunFolder {
         text.push(b'\n');
         write_atomically(path, &text)?;
         Ok(())
-    }
-}
-
-impl Versions {
-    /// The versions of this program for given inputs: the resolved configuration, then the bytes of every input file,
-    /// each hashed with its length so that inputs cannot run into each other.
-    #[must_use]
-    pub fn of(inputs: &[&[u8]]) -> Self {
-        let mut bytes = Vec::new();
-        for input in inputs {
-            bytes.extend_from_slice(&(input.len() as u64).to_le_bytes());
-            bytes.extend_from_slice(&hash(input).to_le_bytes());
-        }
-        Self {
-            oblate: env!("CARGO_PKG_VERSION").to_owned(),
-            stream_version: oblate_samplers::rng::STREAM_VERSION,
-            input_hash: format!("{:016x}", hash(&bytes)),
-        }
     }
 }

@@ -1,31 +1,30 @@
-//! Fits of one track from several seeds, as one fit.
+//! Several nested fits of one track, merged into one fit.
 
-use super::Watch;
-use super::fit::{Existing, target};
-use super::job::{Fit, Job};
+use super::Monitor;
+use super::folder::RunState;
+use super::session::{Destination, RunSession};
+use super::stored_fit::StoredFit;
 use crate::error::{Error, Result};
-use crate::inference::merged;
-use crate::posterior::Summary;
+use crate::inference::{self, Fit, StreamTarget};
 use oblate_samplers::Run;
 use oblate_samplers::output::Method;
 use std::path::{Path, PathBuf};
 
-/// Merges finished nested fits of one track, with the same settings of all but the sampler, into the folder `out`, whose
-/// settings are the first one's.
+/// Merges finished nested fits of one track, which differ in the seed and the sampler's settings only. The settings of the result are
+/// those of the first.
 ///
 /// # Errors
-/// What the folders refuse; [`Error::Mismatch`] if one of them is not a fit, or of another track or model; as of
-/// [`oblate_samplers::nested::merge`].
+/// [`Error::Mismatch`] if one is not a fit, or is one of another track or model; [`Error::Setting`] if `parts` is empty or has the
+/// destination in it; [`Error::Sampler`] if two have the same seed or one is not a nested run; those of reading `parts` and of the
+/// folder as for [`fit`](super::fit).
 pub fn merge(
     parts: &[PathBuf],
-    out: &Path,
-    existing: Existing,
-    command: &str,
-    watch: &mut Watch<'_>,
-) -> Result<(Run, Summary)> {
+    destination: Destination<'_>,
+    monitor: &mut Monitor<'_>,
+) -> Result<Fit> {
     let fits = parts
         .iter()
-        .map(|p| Fit::read(p))
+        .map(|p| StoredFit::read(p))
         .collect::<Result<Vec<_>>>()?;
     let Some((first, others)) = fits.split_first() else {
         return Err(Error::Setting {
@@ -39,7 +38,7 @@ pub fn merge(
             return Err(Error::Mismatch {
                 what: format!("{} is a refinement, not a nested run", part.display()),
                 remedy: format!(
-                    "merge the coarse runs, {} and the like, and refine the result (`oblate refine`)",
+                    "merge the coarse runs, {} and the like, and refine the result (`oblate bridge`)",
                     part.join("coarse").display()
                 ),
             });
@@ -48,10 +47,11 @@ pub fn merge(
     for other in others {
         first.matches(other)?;
     }
-    let target = target(&first.track, &first.config)?;
-    // Before anything is written: what does not belong together leaves no folder behind.
+    let target = StreamTarget::from_track(&first.track, &first.settings)?;
+    // Merged before anything is written: fits that do not belong together leave no folder behind.
     let runs: Vec<&Run> = fits.iter().map(|f| &f.stored.run).collect();
-    let run = merged(&target, &runs)?;
+    let run = inference::merge(&target, &runs)?;
+    let out = destination.folder;
     if parts.iter().any(|part| same(part, out)) {
         return Err(Error::Setting {
             key: "--out".to_owned(),
@@ -61,14 +61,12 @@ pub fn merge(
     }
     let mut inputs = vec![b"merge".as_slice()];
     inputs.extend(fits.iter().map(|f| f.stored.summary.input_hash.as_bytes()));
-    let job = Job {
-        out,
-        existing,
-        command,
-    };
-    job.run(&target, &first.track, &first.config, &inputs, watch, |_| {
-        Ok(run)
-    })
+    match RunSession::begin_fit(destination, &first.track, &first.settings, &inputs)? {
+        RunState::Finished(stored) => Ok(stored.into()),
+        RunState::Unfinished(session) => {
+            session.complete_fit(&target, &first.track, monitor, |_| Ok(run))
+        }
+    }
 }
 
 /// Whether two paths lead to one folder.
@@ -77,16 +75,16 @@ fn same(one: &Path, other: &Path) -> bool {
     real(one).is_some_and(|path| real(other) == Some(path))
 }
 
-impl Fit {
+impl StoredFit {
     /// Refuses a fit of another posterior.
     fn matches(&self, other: &Self) -> Result<()> {
         let differs = if self.track != other.track {
             "track"
-        } else if self.config.model != other.config.model {
+        } else if self.settings.model != other.settings.model {
             "[model]"
-        } else if self.config.likelihood != other.config.likelihood {
+        } else if self.settings.likelihood != other.settings.likelihood {
             "[likelihood]"
-        } else if self.config.prior != other.config.prior {
+        } else if self.settings.prior != other.settings.prior {
             "[prior]"
         } else {
             return Ok(());

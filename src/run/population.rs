@@ -1,16 +1,17 @@
-//! A population from run folders to a run folder.
+//! The population of finished fits, from their run folders into another one.
 
-use super::fit::{Existing, watched};
-use super::{Opened, RunFolder, StoredRun, Versions, Watch, conclude, open_or_create};
-use crate::config::{PopulationConfig, text};
+use super::folder::RunState;
+use super::session::{Destination, RunSession};
+use super::{Monitor, RunFolder, StoredRun};
+use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
-use crate::inference::sample;
+use crate::inference::{Fit, sample};
 use crate::params::QPrior;
 use crate::population::{PopulationTarget, QPosterior, TruncatedGaussian};
 use crate::posterior::{Summary, SummaryContext, column};
-use oblate_samplers::{Run, Target};
+use oblate_samplers::Target;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The posterior of q of a finished fit, with the prior that the fit really used.
 ///
@@ -26,20 +27,19 @@ pub fn q_posterior(stored: &StoredRun) -> Result<QPosterior> {
     })
 }
 
-/// Samples the population of finished fits into the folder `out`.
+/// Samples the population of finished fits into a run folder.
 ///
 /// # Errors
-/// What the fits' folders, the family, the folder and the sampler refuse; [`Error::Mismatch`] if a fit has not converged
-/// and `allow_unconverged` is not given.
+/// [`Error::Mismatch`] if a fit has not converged and `allow_unconverged` is false, or has no prior of q in closed form;
+/// [`Error::Setting`] or [`Error::Sampler`] for a setting out of its range; those of reading the fits and of the folder as for
+/// [`fit`](super::fit).
 pub fn population(
     fits: &[PathBuf],
     config: &PopulationConfig,
-    out: &Path,
-    existing: Existing,
     allow_unconverged: bool,
-    command: &str,
-    watch: &mut Watch<'_>,
-) -> Result<(Run, Summary)> {
+    destination: Destination<'_>,
+    monitor: &mut Monitor<'_>,
+) -> Result<Fit> {
     let stored: Vec<StoredRun> = fits
         .iter()
         .map(|path| RunFolder::open(path)?.read())
@@ -62,30 +62,29 @@ pub fn population(
     let family = TruncatedGaussian::new(config.family)?;
     let target = PopulationTarget::new(family, &streams, config.reweighting)?;
     config.sampling.check(target.dim())?;
-    let config_text = text(config)?;
+    let config_toml = to_toml(config)?;
     let hashes: Vec<String> = stored
         .iter()
         .map(|s| s.summary.input_hash.clone())
         .collect();
-    let versions = Versions::of(&[config_text.as_bytes(), hashes.join(" ").as_bytes()]);
-    let folder = match open_or_create(out, existing, &versions)? {
-        Opened::Finished(run, summary) => return Ok((*run, *summary)),
-        Opened::Folder(folder) => folder,
+    let hashes = hashes.join(" ");
+    let inputs = [config_toml.as_bytes(), hashes.as_bytes()];
+    let session = match RunSession::begin(destination, config_toml.clone(), &inputs)? {
+        RunState::Finished(stored) => return Ok(stored.into()),
+        RunState::Unfinished(session) => session,
     };
-    folder.begin(&config_text, &versions)?;
-    let run = watched(&folder, &versions, watch, existing, |control| {
-        sample(&target, &config.sampling, config.seed, control)
-    })?;
-    let mut diagnostics = BTreeMap::new();
-    diagnostics.insert("streams".to_owned(), streams.len() as f64);
-    let context = SummaryContext {
+    let context = |command: &str, input_hash: &str| SummaryContext {
         command: command.to_owned(),
         q_prior: None,
         warnings,
-        diagnostics,
-        input_hash: versions.input_hash.clone(),
+        diagnostics: BTreeMap::from([("streams".to_owned(), streams.len() as f64)]),
+        input_hash: input_hash.to_owned(),
     };
-    let summary = Summary::new(&run, &context);
-    conclude(&folder, &target, &run, &summary, None, config.seed)?;
-    Ok((run, summary))
+    session.complete(
+        &target,
+        None,
+        monitor,
+        |control| sample(&target, &config.sampling, config.seed, control),
+        |run, command, hash| Summary::new(run, &context(command, hash)),
+    )
 }

@@ -1,89 +1,88 @@
-//! A study: tracks and mocks, their fits, a population. Idempotent: what has finished with the same inputs is read
-//! back, what was interrupted is continued.
+//! A study: tracks and mocks, their fits, and a population. It can be repeated: runs that have finished with the same inputs are read
+//! back, and interrupted ones are continued.
 
-use super::{Existing, Watch, fit, population};
-use crate::config::{FitConfig, StudyConfig};
+use super::{Destination, IfExists, Monitor, fit, population};
+use crate::config::StudyConfig;
 use crate::data::{ObservedTrack, mocks};
 use crate::error::{Error, Result};
-use crate::inference::Sampler;
+use crate::inference::{Fit, FitSettings, Sampler};
 use crate::params::StreamPrior;
 use crate::posterior::Summary;
 use oblate_samplers::output::Status;
 use std::path::{Path, PathBuf};
 
-/// One piece of a study that is done.
+/// A finished run of a study.
 #[derive(Clone, Debug)]
-pub struct Piece {
+pub struct StudyRun {
     /// Its run folder.
     pub folder: PathBuf,
-    /// Which track, or `population`.
+    /// The name of the track, or `population`.
     pub name: String,
-    /// Which sampler.
+    /// The sampler.
     pub sampler: Sampler,
-    /// Its numbers.
+    /// Its summary.
     pub summary: Summary,
 }
 
-/// What a study has done.
+/// The finished runs of a study.
 #[derive(Clone, Debug, Default)]
-pub struct Outcome {
+pub struct StudyResult {
     /// Fits of tracks.
-    pub tracks: Vec<Piece>,
+    pub tracks: Vec<StudyRun>,
     /// Fits of mocks.
-    pub mocks: Vec<Piece>,
+    pub mocks: Vec<StudyRun>,
     /// Populations of the mocks.
-    pub populations: Vec<Piece>,
-    /// Fraction of prior draws that made mocks.
+    pub populations: Vec<StudyRun>,
+    /// Fraction of prior draws that met the criteria of a mock.
     pub acceptance: Option<f64>,
-    /// Whether it was interrupted: the rest waits for the same command.
+    /// Whether the study was interrupted; the same command continues it.
     pub interrupted: bool,
 }
 
-/// Makes the watch of one piece, by its label, and does the work under it.
-type Watched<'a> = dyn FnMut(&str, &mut dyn FnMut(&mut Watch<'_>) -> Result<()>) -> Result<()> + 'a;
+impl StudyResult {
+    /// All runs: tracks, mocks, populations.
+    pub fn runs(&self) -> impl Iterator<Item = &StudyRun> {
+        self.tracks
+            .iter()
+            .chain(&self.mocks)
+            .chain(&self.populations)
+    }
+}
 
-/// Runs a study. `files_from` is the folder that track files are relative to; `watch_of` makes the watch of one piece,
-/// by its label.
+/// Makes the monitor of one run, whose label is given, and does the work under it.
+pub type Monitored<'a> =
+    dyn FnMut(&str, &mut dyn FnMut(&mut Monitor<'_>) -> Result<()>) -> Result<()> + 'a;
+
+/// Runs a study. Track files are relative to `files_from`; `monitored` does the work of one run under a monitor of the caller's.
 ///
 /// # Errors
-/// What mocks, fits and populations refuse.
+/// [`Error::Io`] or [`Error::Input`] for a track that cannot be read, before any work; those of [`mocks`], [`fit`] and
+/// [`population`].
 pub fn study(
     config: &StudyConfig,
     files_from: &Path,
     command: &str,
-    watched: &mut Watched<'_>,
-) -> Result<Outcome> {
-    let mut outcome = Outcome::default();
+    monitored: &mut Monitored<'_>,
+) -> Result<StudyResult> {
+    let mut result = StudyResult::default();
     std::fs::create_dir_all(&config.out).map_err(|source| Error::Io {
         path: config.out.clone(),
         source,
         remedy: "choose an `out` whose parent is writable",
     })?;
+    let mut runner = Runner { command, monitored };
     if let Some(tracks) = &config.tracks {
-        // Read all before any work, so that a bad file is known at once.
         let read: Vec<ObservedTrack> = tracks
             .files
             .iter()
             .map(|f| ObservedTrack::read(&files_from.join(f)))
             .collect::<Result<_>>()?;
+        let under = config.out.join("fits");
         for track in &read {
             for sampler in &tracks.samplers {
-                let done = one_fit(
-                    track,
-                    &tracks.fit,
-                    *sampler,
-                    &config.out.join("fits"),
-                    command,
-                    watched,
-                )?;
-                match done {
-                    Some(piece) => outcome.tracks.push(piece),
-                    None => {
-                        return Ok(Outcome {
-                            interrupted: true,
-                            ..outcome
-                        });
-                    }
+                match runner.fit(track, &tracks.fit, *sampler, &under)? {
+                    Some(run) => result.tracks.push(run),
+                    None => return Ok(result.interrupted()),
                 }
             }
         }
@@ -91,103 +90,100 @@ pub fn study(
     if let Some(study) = &config.mocks {
         let prior = StreamPrior::new(&study.fit.prior)?;
         let found = mocks(&prior, &study.mock, study.count, study.seed)?;
-        outcome.acceptance = Some(found.acceptance());
-        let folder = config.out.join("mocks");
+        result.acceptance = Some(found.acceptance());
+        let under = config.out.join("mocks");
         for mock in &found.mocks {
             for sampler in &study.samplers {
-                match one_fit(&mock.track, &study.fit, *sampler, &folder, command, watched)? {
-                    Some(piece) => outcome.mocks.push(piece),
-                    None => {
-                        return Ok(Outcome {
-                            interrupted: true,
-                            ..outcome
-                        });
-                    }
+                match runner.fit(&mock.track, &study.fit, *sampler, &under)? {
+                    Some(run) => result.mocks.push(run),
+                    None => return Ok(result.interrupted()),
                 }
             }
         }
     }
     if let Some(study) = &config.population {
-        // One fit per stream: those of the first sampler that the mocks were fitted with.
-        let first = outcome.mocks.first().map(|p| p.sampler);
-        let fits: Vec<PathBuf> = outcome
+        // One fit of each stream: by the first of the samplers that the mocks were fitted with.
+        let first = result.mocks.first().map(|run| run.sampler);
+        let fits: Vec<PathBuf> = result
             .mocks
             .iter()
-            .filter(|p| Some(p.sampler) == first)
-            .map(|p| p.folder.clone())
+            .filter(|run| Some(run.sampler) == first)
+            .map(|run| run.folder.clone())
             .collect();
         for sampler in &study.samplers {
             let mut settings = study.settings.clone();
             settings.sampling.sampler = *sampler;
             let folder = config.out.join(format!("population_{}", sampler.name()));
-            let mut done = None;
-            watched(&format!("population {}", sampler.name()), &mut |watch| {
-                // A study reports what has not converged instead of stopping there.
-                done = Some(population(
-                    &fits,
-                    &settings,
-                    &folder,
-                    Existing::Resume,
-                    true,
-                    command,
-                    watch,
-                )?);
-                Ok(())
+            // A study reports unconverged fits at its end instead of stopping at them.
+            let run = runner.run("population", *sampler, folder, |destination, monitor| {
+                population(&fits, &settings, true, destination, monitor)
             })?;
-            match done {
-                Some((run, summary)) if run.status != Status::Interrupted => {
-                    outcome.populations.push(Piece {
-                        folder,
-                        name: "population".to_owned(),
-                        sampler: *sampler,
-                        summary,
-                    })
-                }
-                _ => {
-                    return Ok(Outcome {
-                        interrupted: true,
-                        ..outcome
-                    });
-                }
+            match run {
+                Some(run) => result.populations.push(run),
+                None => return Ok(result.interrupted()),
             }
         }
     }
-    Ok(outcome)
+    Ok(result)
 }
 
-/// One fit into `under/<track>_<sampler>`; `None` if it was interrupted.
-fn one_fit(
-    track: &ObservedTrack,
-    config: &FitConfig,
-    sampler: Sampler,
-    under: &Path,
-    command: &str,
-    watched: &mut Watched<'_>,
-) -> Result<Option<Piece>> {
-    let mut config = config.clone();
-    config.sampling.sampler = sampler;
-    let folder = under.join(format!("{}_{}", track.name, sampler.name()));
-    let mut done = None;
-    watched(
-        &format!("{} {}", track.name, sampler.name()),
-        &mut |watch| {
-            done = Some(fit(
-                track,
-                &config,
-                &folder,
-                Existing::Resume,
-                command,
-                watch,
-            )?);
+impl StudyResult {
+    fn interrupted(self) -> Self {
+        Self {
+            interrupted: true,
+            ..self
+        }
+    }
+}
+
+/// Does the runs of a study, one after the other.
+struct Runner<'a, 'b> {
+    command: &'a str,
+    monitored: &'a mut Monitored<'b>,
+}
+
+impl Runner<'_, '_> {
+    /// One fit into `under/<track>_<sampler>`; `None` if it was interrupted.
+    fn fit(
+        &mut self,
+        track: &ObservedTrack,
+        settings: &FitSettings,
+        sampler: Sampler,
+        under: &Path,
+    ) -> Result<Option<StudyRun>> {
+        let mut settings = settings.clone();
+        settings.sampling.sampler = sampler;
+        let folder = under.join(format!("{}_{}", track.name, sampler.name()));
+        self.run(&track.name, sampler, folder, |destination, monitor| {
+            fit(track, &settings, destination, monitor)
+        })
+    }
+
+    /// One run; `None` if it was interrupted.
+    fn run(
+        &mut self,
+        name: &str,
+        sampler: Sampler,
+        folder: PathBuf,
+        work: impl Fn(Destination<'_>, &mut Monitor<'_>) -> Result<Fit>,
+    ) -> Result<Option<StudyRun>> {
+        let destination = Destination {
+            folder: &folder,
+            if_exists: IfExists::Resume,
+            command: self.command,
+        };
+        let mut done = None;
+        (self.monitored)(&format!("{name} {}", sampler.name()), &mut |monitor| {
+            done = Some(work(destination, monitor)?);
             Ok(())
-        },
-    )?;
-    Ok(done
-        .filter(|(run, _)| run.status != Status::Interrupted)
-        .map(|(_, summary)| Piece {
-            folder,
-            name: track.name.clone(),
-            sampler,
-            summary,
-        }))
+        })?;
+        Ok(done
+            .filter(|fit| fit.run.status != Status::Interrupted)
+            .map(|fit| StudyRun {
+                folder,
+                name: name.to_owned(),
+                sampler,
+                summary: fit.summary,
+            }))
+    }
 }

@@ -247,7 +247,7 @@ model = { steps = 30, orbit_steps = 64, releases = { particles = 128 } }
 prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
 sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6 }
 sampling.pt_hmc = { ladders = 2, first_scans = 4, annealing = 24, slices = 3, extensions = 1 }
-sampling.refine = { members = 60, sweeps = 4 }
+sampling.bridge = { members = 60, sweeps = 4 }
 "#;
 
 #[test]
@@ -343,27 +343,27 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
 }
 
 #[test]
-fn a_fit_is_refined_to_another_model_of_its_stream() {
+fn a_fit_is_bridged_to_another_model_of_its_stream() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);
     let track = example("tracks/s2_spherical.ecsv").display().to_string();
     let path = |name: &str| folder.path().join(name).display().to_string();
-    let (fit, out) = (path("fit"), path("refined"));
+    let (fit, out) = (path("fit"), path("bridged"));
     let mut arguments = vec!["fit", &track, "--config", &config, "--live", "300"];
     arguments.extend(["--out", &fit, "-q", "--allow-unconverged"]);
     assert_eq!(oblate(&arguments, "").status.code(), Some(0));
-    let refine = |more: &[&str]| {
-        let mut arguments = vec!["refine", &fit, "--out", &out, "--json", "-q"];
+    let bridge = |more: &[&str]| {
+        let mut arguments = vec!["bridge", &fit, "--out", &out, "--json", "-q"];
         arguments.extend(more);
         oblate(&arguments, "")
     };
-    refused(&refine(&[]), &["that of the fit itself", "--particles"]);
+    refused(&bridge(&[]), &["that of the fit itself", "--particles"]);
     refused(
-        &refine(&["--particles", "200", "--members", "10"]),
+        &bridge(&["--particles", "200", "--members", "10"]),
         &["members", "ten per parameter"],
     );
     assert!(!Path::new(&out).exists(), "nothing is left behind");
-    let output = refine(&[
+    let output = bridge(&[
         "--particles",
         "200",
         "--members",
@@ -386,7 +386,7 @@ fn a_fit_is_refined_to_another_model_of_its_stream() {
 }
 
 #[test]
-fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
+fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);
     let track = example("tracks/s2_spherical.ecsv").display().to_string();
@@ -420,7 +420,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
         &two,
     ]);
     let fine = summary(&[
-        "refine",
+        "bridge",
         &two,
         "--config",
         &settings_of(&one),
@@ -444,7 +444,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
     assert!(page.contains("Health of a refinement") && page.contains("Health of a nested run"));
     assert!(Path::new(&one).join("coarse-health.svg").exists());
     // What the second stage would refuse is refused before the first.
-    let settings = write(folder.path(), "few.toml", "sampling.refine.members = 10");
+    let settings = write(folder.path(), "few.toml", "sampling.bridge.members = 10");
     let five = path("five");
     let early = oblate(
         &["fit", &track, "--config", &settings, "--out", &five, "-q"],
@@ -454,7 +454,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
     assert!(!Path::new(&five).exists(), "nothing is left behind");
     refused(
         &oblate(&["merge", &one, &three, "--out", &path("merged")], ""),
-        &["refinement", "coarse", "oblate refine"],
+        &["refinement", "coarse", "oblate bridge"],
     );
     // Without time it says where it stands, and goes on.
     let four = path("four");
@@ -479,43 +479,6 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_refined() {
     );
     arguments.push("--resume");
     assert_eq!(summary(&arguments)["ln_z"], both["ln_z"]);
-}
-
-#[test]
-fn a_fit_is_boosted_into_another_folder_which_says_when_not_to_trust_it() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
-    let path = |name: &str| folder.path().join(name).display().to_string();
-    let (fit, out) = (path("fit"), path("boosted"));
-    let mut arguments = vec!["fit", &track, "--config", &config, "--live", "300"];
-    // A hundred particles, each for itself, make a posterior so rough that no mixture resembles it.
-    arguments.extend(["--design", "sobol"]);
-    arguments.extend(["--out", &fit, "-q", "--allow-unconverged"]);
-    assert_eq!(oblate(&arguments, "").status.code(), Some(0));
-    let boost = |more: &[&str]| {
-        let mut arguments = vec!["boost", &fit, "--out", &out, "--json", "-q"];
-        arguments.extend(more);
-        oblate(&arguments, "")
-    };
-    refused(&boost(&["--draws", "10"]), &["draws", "at least 1,000"]);
-    assert!(!Path::new(&out).exists(), "nothing is left behind");
-    let output = boost(&["--draws", "2000"]);
-    assert_eq!(output.status.code(), Some(1));
-    let summary = json(&output.stdout);
-    assert_eq!(summary["method"], "boost");
-    assert_eq!(summary["cost"]["calls"], 2000);
-    let gates = summary["gates"].as_array().expect("gates");
-    let k = gates.iter().find(|g| g["name"] == "pareto-k");
-    assert_eq!(k.expect("a tail index")["pass"], false);
-    refused(&boost(&[]), &["exists already", "--resume", "--force"]);
-    let page = path("page.html");
-    let output = oblate(&["report", &out, "--out", &page], "");
-    assert_eq!(output.status.code(), Some(0));
-    // A folder without a track, as a population's.
-    std::fs::remove_file(Path::new(&fit).join("track.ecsv")).expect("a track");
-    let output = oblate(&["boost", &fit, "--out", &path("other")], "");
-    refused(&output, &["has no track", "oblate fit"]);
 }
 
 #[test]

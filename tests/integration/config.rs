@@ -1,12 +1,12 @@
 //! Settings that follow from others.
 
-use oblate::config::{FitConfig, Profile};
+use oblate::inference::{FitSettings, Profile};
 use oblate::likelihood::Coverage;
 use oblate::track::BinEdges;
 
 #[test]
 fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
-    let fine = FitConfig::default();
+    let fine = FitSettings::default();
     let coarse = fine.coarse(8.0).expect("2,560 particles have one");
     assert_eq!(coarse.model.releases.particles, fine.coarse_particles);
     assert_eq!(
@@ -15,7 +15,7 @@ fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
             half_width_deg: 4.0
         }
     );
-    let z_miss = |config: &FitConfig| match config.likelihood.coverage {
+    let z_miss = |config: &FitSettings| match config.likelihood.coverage {
         Coverage::Penalty { z_miss, .. } => z_miss,
         Coverage::Reject => f64::INFINITY,
     };
@@ -39,12 +39,12 @@ fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
 
 #[test]
 fn few_particles_and_a_likelihood_with_zeros_have_no_coarse_model() {
-    let mut few = FitConfig::default();
+    let mut few = FitSettings::default();
     few.model.releases.particles = 2 * few.coarse_particles - 1;
     assert_eq!(few.coarse(8.0), None);
-    let paper = FitConfig {
+    let paper = FitSettings {
         likelihood: Profile::Paper.likelihood(),
-        ..FitConfig::default()
+        ..FitSettings::default()
     };
     assert_eq!(paper.coarse(8.0), None);
 }

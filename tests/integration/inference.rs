@@ -1,17 +1,16 @@
-//! The target as samplers see it.
+//! The target as samplers see it, and draws of its prior.
 
-use oblate::config::FitConfig;
 use oblate::data::ObservedTrack;
-use oblate::inference::StreamTarget;
+use oblate::inference::{FitSettings, StreamTarget, prior_draws};
 use oblate::likelihood::Coverage;
 use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::ln_sum_exp;
-use oblate_samplers::{Control, Outcome, Target, nested};
+use oblate_samplers::{Control, Marginal, Outcome, Prior, Target, nested};
 use std::path::Path;
 
 /// A gala track with all but the halo's mass and shape known.
 fn target(coverage: Coverage) -> StreamTarget {
-    let mut config: FitConfig = toml::from_str(
+    let mut config: FitSettings = toml::from_str(
         r#"
         model = { steps = 60, orbit_steps = 128, releases = { particles = 512 } }
         [prior.fixed]
@@ -29,7 +28,7 @@ fn target(coverage: Coverage) -> StreamTarget {
     .unwrap();
     config.likelihood.coverage = coverage;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
-    oblate::run::target(&ObservedTrack::read(&path).unwrap(), &config).unwrap()
+    StreamTarget::from_track(&ObservedTrack::read(&path).unwrap(), &config).unwrap()
 }
 
 #[test]
@@ -84,4 +83,40 @@ fn rejecting_and_penalising_uncovered_bins_give_the_same_posterior() {
         (after - before).abs() < error,
         "q: {before} {after} +- {error}"
     );
+}
+
+/// Two parameters and their sum.
+struct Sum(Prior);
+
+impl Target for Sum {
+    fn prior(&self) -> &Prior {
+        &self.0
+    }
+
+    fn ln_likelihood(&self, _: &[f64]) -> Outcome {
+        Outcome::Value(0.0)
+    }
+
+    fn derived_names(&self) -> Vec<(String, String)> {
+        vec![("sum".to_owned(), String::new())]
+    }
+
+    fn derived(&self, theta: &[f64], out: &mut Vec<f64>) {
+        out.push(theta[0] + theta[1]);
+    }
+}
+
+#[test]
+fn prior_draws_follow_the_prior_and_have_its_derived_quantities() {
+    let prior = Prior::new([
+        ("a", "kpc", Marginal::Uniform { lo: 2.0, hi: 6.0 }),
+        ("b", "", Marginal::Normal { mean: 1.0, sd: 3.0 }),
+    ])
+    .unwrap();
+    let draws = prior_draws(&Sum(prior), 4000, 9);
+    let mean = |x: Vec<f64>| x.iter().sum::<f64>() / x.len() as f64;
+    // Standard errors 1.155 / sqrt(4000) and 3 / sqrt(4000); four of them.
+    assert!((mean(draws.column(0)) - 4.0).abs() < 4.0 * 1.155 / 4000_f64.sqrt());
+    assert!((mean(draws.column(1)) - 1.0).abs() < 4.0 * 3.0 / 4000_f64.sqrt());
+    assert!((draws.derived_row(17)[0] - draws.theta_row(17).iter().sum::<f64>()).abs() < 1e-12);
 }

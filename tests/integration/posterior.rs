@@ -4,10 +4,9 @@ use crate::runs;
 use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
 use oblate::posterior::{
-    Interval, Summary, SummaryContext, columns, compare, modes, prior_draws, run_from_parts, zarr,
+    Interval, Summary, SummaryContext, columns, compare, modes, run_from_parts, zarr,
 };
 use oblate_samplers::output::{Gate, Path as RunPath, Run};
-use oblate_samplers::{Marginal, Prior};
 
 fn summary(run: &Run) -> Summary {
     Summary::new(
@@ -241,21 +240,6 @@ fn a_damaged_folder_is_named() {
         words.contains("p.zarr") && words.contains("weighted/theta"),
         "{words}"
     );
-}
-
-#[test]
-fn prior_draws_follow_the_prior_and_carry_derived_quantities() {
-    let prior = Prior::new([
-        ("a", "kpc", Marginal::Uniform { lo: 2.0, hi: 6.0 }),
-        ("b", "", Marginal::Normal { mean: 1.0, sd: 3.0 }),
-    ])
-    .unwrap();
-    let draws = prior_draws(&prior, 4000, 9, |theta| vec![theta[0] + theta[1]]);
-    let mean = |x: Vec<f64>| x.iter().sum::<f64>() / x.len() as f64;
-    // Standard errors 1.155 / sqrt(4000) and 3 / sqrt(4000); four of them.
-    assert!((mean(draws.column(0)) - 4.0).abs() < 4.0 * 1.155 / 4000_f64.sqrt());
-    assert!((mean(draws.column(1)) - 1.0).abs() < 4.0 * 3.0 / 4000_f64.sqrt());
-    assert!((draws.derived_row(17)[0] - draws.theta_row(17).iter().sum::<f64>()).abs() < 1e-12);
 }
 
 #[test]

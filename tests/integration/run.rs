@@ -10,7 +10,7 @@ fn finished(path: &std::path::Path) -> RunFolder {
     let run = runs::nested(200, 1);
     let folder = RunFolder::create(path, false).unwrap();
     folder
-        .begin("seed = 1\n", &Versions::of(&[b"seed = 1\n", b"phi,r\n"]))
+        .begin("seed = 1\n", &Versions::new(&[b"seed = 1\n", b"phi,r\n"]))
         .unwrap();
     std::fs::write(folder.checkpoint(), b"state").unwrap();
     let summary = Summary::new(&run, &SummaryContext::default());
@@ -69,9 +69,9 @@ fn a_folder_whose_run_was_killed_before_its_settings_is_as_good_as_none() {
     let folder = temporary.path();
     std::fs::write(folder.join("versions.json"), "{").unwrap();
     std::fs::write(folder.join(".tmpQ1w2E3"), "see").unwrap();
-    assert!(RunFolder::unbegun(folder) && RunFolder::create(folder, false).is_ok());
+    assert!(RunFolder::is_unstarted(folder) && RunFolder::create(folder, false).is_ok());
     std::fs::write(folder.join("config.toml"), "").unwrap();
-    assert!(!RunFolder::unbegun(folder) && RunFolder::create(folder, false).is_err());
+    assert!(!RunFolder::is_unstarted(folder) && RunFolder::create(folder, false).is_err());
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn an_unfinished_or_foreign_folder_is_refused_with_a_remedy() {
         "{words}"
     );
     let folder = RunFolder::create(&temporary.path().join("new"), false).unwrap();
-    folder.begin("", &Versions::of(&[])).unwrap();
+    folder.begin("", &Versions::new(&[])).unwrap();
     let words = folder.read().unwrap_err().to_string();
     assert!(
         words.contains("summary.json") && words.contains("--resume"),
@@ -123,7 +123,7 @@ fn a_folder_in_use_is_neither_shared_nor_replaced() {
 
 #[test]
 fn inputs_are_told_apart_by_their_hash() {
-    let of = |inputs: &[&[u8]]| Versions::of(inputs).input_hash;
+    let of = |inputs: &[&[u8]]| Versions::new(inputs).input_hash;
     assert_eq!(of(&[b"a", b"bc"]), of(&[b"a", b"bc"]));
     assert_ne!(of(&[b"a", b"bc"]), of(&[b"ab", b"c"]));
     assert_ne!(of(&[b"a", b"bc"]), of(&[b"a", b"bd"]));

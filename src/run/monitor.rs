@@ -1,4 +1,4 @@
-//! Who watches a run: the caller's observer and interrupt, and the log in the run folder.
+//! Monitoring a run: the caller's observer, interrupt and time limits, and the log in the run folder.
 
 use super::Log;
 use oblate_samplers::{Event, Observer};
@@ -8,45 +8,37 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// A caller's observer and interrupt.
-pub struct Watch<'a> {
-    /// Is told what happens.
+/// How a caller follows, interrupts and limits a run.
+pub struct Monitor<'a> {
+    /// Receives the run's events.
     pub observer: &'a mut dyn Observer,
-    /// Set from anywhere to stop at the next safe point.
+    /// Stops the run at the next safe point once it is true; it can be set from any thread.
     pub interrupt: Arc<AtomicBool>,
-    /// Time between two checkpoints: what a kill costs at most.
+    /// Time between two checkpoints: the most work that is lost if the process is killed.
     pub checkpoint_every: Duration,
-    /// Wall time after which the run ends with what it has; it can be resumed.
+    /// Wall time after which the run ends with the result so far; it can be resumed.
     pub max_wall: Duration,
 }
 
-impl Watch<'_> {
-    /// This watch with a log beside it.
-    pub(super) fn tee(&mut self, log: Log) -> Tee<'_> {
-        Tee {
+impl Monitor<'_> {
+    /// The observer, with every event also written to a log.
+    pub(super) fn with_log(&mut self, log: Log) -> Logged<'_> {
+        Logged {
             observer: self.observer,
-            interrupt: Arc::clone(&self.interrupt),
             log,
         }
     }
 }
 
 /// An observer that also writes `log.jsonl`.
-pub(super) struct Tee<'a> {
+pub(super) struct Logged<'a> {
     observer: &'a mut dyn Observer,
-    interrupt: Arc<AtomicBool>,
     log: Log,
 }
 
-impl Tee<'_> {
-    pub(super) fn interrupt(&self) -> Arc<AtomicBool> {
-        Arc::clone(&self.interrupt)
-    }
-}
-
-impl Observer for Tee<'_> {
+impl Observer for Logged<'_> {
     fn event(&mut self, event: &Event) -> ControlFlow<()> {
-        // A log that cannot be written must not end the run: the checkpoint and the summary will say so themselves.
+        // A log that cannot be written must not end the run: where the disk is full, the checkpoint reports it.
         let _ = self.log.write(&line(event));
         self.observer.event(event)
     }
@@ -91,9 +83,6 @@ fn line(event: &Event) -> serde_json::Value {
         } => json!({
             "event": "tempered", "round": round, "scan": scan, "scans": scans, "barrier": barrier,
             "round_trips": round_trips, "ln_z": ln_z, "gradients": gradients,
-        }),
-        Event::Boost { draws, ln_z, ess } => json!({
-            "event": "boost", "draws": draws, "ln_z": ln_z, "ess": ess,
         }),
         Event::Refining { share, ln_z, calls } => json!({
             "event": "refining", "share": share, "ln_z": ln_z, "calls": calls,

@@ -1,22 +1,23 @@
-//! Whether the prior can produce a track at all: asked before a fit, because a smooth likelihood never says no.
+//! A prior predictive check before the fit: can the prior produce the track at all? A smooth likelihood is finite everywhere, so the
+//! sampler itself would not tell.
 
 use super::StreamTarget;
 use crate::error::{Error, Result};
 use oblate_samplers::rng::{Domain, stream};
 use rayon::prelude::*;
 
-/// Prior draws that are looked at.
+/// Number of prior draws.
 const DRAWS: u64 = 1_000;
 
-/// A bin is within reach if some draw has particles in it at a mean radius within this factor of the data's.
+/// A bin is reached by a draw that covers it at a mean radius within this factor of the data's.
 const FACTOR: f64 = 5.0;
 
-/// Checks that every data bin is within reach of the prior: among 1,000 draws at least one covers it at a radius within
-/// a factor of five.
+/// Checks that every data bin is reached by at least one of 1,000 prior draws: that the draw's track covers the bin, at a radius within
+/// a factor of five of the data's.
 ///
 /// # Errors
 /// [`Error::NoneFits`] naming the first bin that no draw reaches.
-pub fn check_reach(target: &StreamTarget, seed: u64) -> Result<()> {
+pub fn check_prior_predictive(target: &StreamTarget, seed: u64) -> Result<()> {
     let likelihood = target.likelihood();
     let grid = likelihood.track().grid();
     let data: Vec<_> = likelihood.track().data().copied().collect();

@@ -1,11 +1,9 @@
-//! From run folders to figures and one page: reads them back, makes the model tracks again, hands plain numbers to the
-//! report.
+//! From run folders to figures and one page: reads the runs, computes the model tracks again, and passes the numbers to the report.
 
-use super::{RunFolder, StoredRun, target};
-use crate::config::FitConfig;
+use super::{RunFolder, StoredRun};
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
-use crate::inference::StreamTarget;
+use crate::inference::{FitSettings, StreamTarget};
 use crate::params::{NAMES, QPrior};
 use crate::posterior::{Column, column, columns};
 use crate::report::{
@@ -17,13 +15,13 @@ use oblate_samplers::rng::{Domain, stream, unit_open};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Posterior draws whose tracks are drawn.
+/// Number of posterior draws whose tracks are shown.
 const TRACKS: usize = 100;
 
-/// Particles of the best fit that are drawn.
+/// Number of the best fit's particles that are shown.
 const DOTS: usize = 1_500;
 
-/// Task of the choice of drawn draws within [`Domain::Post`].
+/// Substream within [`Domain::Post`] of the choice of posterior draws.
 const CHOICE_TASK: u64 = 0x7061_6765;
 
 /// A run with its figures: name, caption, SVG.
@@ -37,8 +35,9 @@ struct Drawn {
 /// Draws every figure of finished runs into their folders, and one self-contained page of all of them.
 ///
 /// # Errors
-/// What the folders refuse; [`Error::Io`] or [`Error::Sampler`] where a file cannot be written.
-pub fn report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()> {
+/// [`Error::Io`], [`Error::Input`] or [`Error::Mismatch`] if a folder cannot be read; [`Error::Io`] or [`Error::Sampler`] if a file
+/// cannot be written.
+pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()> {
     let drawn: Vec<Drawn> = folders.iter().map(|f| draw(f)).collect::<Result<_>>()?;
     for d in &drawn {
         for (name, _, svg) in &d.figures {
@@ -101,8 +100,8 @@ fn draw(path: &Path) -> Result<Drawn> {
     let truth = track.as_ref().map(truths).unwrap_or_default();
     let mut figures = Vec::new();
     if let Some(track) = &track {
-        let config: FitConfig = crate::config::read(&folder.config())?;
-        let target = target(track, &config)?;
+        let settings: FitSettings = crate::config::read(&folder.config())?;
+        let target = StreamTarget::from_track(track, &settings)?;
         if let Some(svg) = overlay(&target, track, &stored) {
             let caption = "Data (black), tracks of posterior draws, and the best fit; residuals in units of the data's errors; \
                            the best fit's particles on the sky";

@@ -1,0 +1,58 @@
+//! `oblate bridge`.
+
+use super::Exit;
+use super::folder::FolderFlags;
+use super::options::{Common, ModelFlags};
+use crate::config::read;
+use crate::error::Result;
+use crate::inference::FitSettings;
+use crate::run::bridge;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Flags of `oblate bridge`.
+#[derive(clap::Args, Debug)]
+#[command(
+    after_help = "Example:\n  oblate fit track.ecsv --particles 1024 --out runs/track_coarse\n  oblate bridge runs/track_coarse --profile fast --out runs/track"
+)]
+pub struct Args {
+    /// A finished fit
+    run: PathBuf,
+    /// Settings file whose model, likelihood and bridge are used; flags override it
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Number of SMC particles, which are the draws of the result
+    #[arg(long)]
+    members: Option<usize>,
+    /// Number of slice updates of each SMC particle after each step of the bridge
+    #[arg(long)]
+    sweeps: Option<usize>,
+    /// Master seed; the fit's own by default
+    #[arg(long)]
+    seed: Option<u64>,
+    #[command(flatten)]
+    model: ModelFlags,
+    #[command(flatten)]
+    folder: FolderFlags,
+}
+
+/// Continues one fit to a finer model.
+pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+    let given: Option<FitSettings> = args.config.as_deref().map(read).transpose()?;
+    let change = |settings: &mut FitSettings| {
+        if let Some(given) = given {
+            settings.model = given.model;
+            settings.likelihood = given.likelihood;
+            settings.sampling.bridge = given.sampling.bridge;
+        }
+        args.model.apply_to_fit(settings);
+        let bridge = &mut settings.sampling.bridge;
+        bridge.members = args.members.unwrap_or(bridge.members);
+        bridge.sweeps = args.sweeps.unwrap_or(bridge.sweeps);
+        settings.seed = args.seed.unwrap_or(settings.seed);
+    };
+    args.folder
+        .fill("bridge", command, common, out, |destination, monitor| {
+            bridge(&args.run, change, destination, monitor)
+        })
+}

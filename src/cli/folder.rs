@@ -1,0 +1,82 @@
+//! What the verbs that fill a run folder share: its flags, the work under a progress display, and the printed result.
+
+use super::Exit;
+use super::options::{Common, LimitFlags, say, say_json};
+use super::progress::Progress;
+use crate::error::{Error, Result};
+use crate::inference::Fit;
+use crate::run::{Destination, IfExists, Monitor};
+use oblate_samplers::output::Status;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Flags of a run folder.
+#[derive(clap::Args, Debug)]
+pub struct FolderFlags {
+    /// The run folder to make
+    #[arg(long, value_name = "FOLDER", required = true)]
+    out: Option<PathBuf>,
+    /// Replace the run folder if it exists
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+    /// Continue the run in the folder from its checkpoint
+    #[arg(long)]
+    resume: bool,
+    /// Exit with 0 even if the run has not converged
+    #[arg(long)]
+    pub allow_unconverged: bool,
+    #[command(flatten)]
+    limits: LimitFlags,
+}
+
+impl FolderFlags {
+    /// Does `work` into the folder under a progress display called `label`, prints the result and chooses the exit code.
+    ///
+    /// # Errors
+    /// Those of `work`; [`Error::Io`] if standard output cannot be written.
+    pub fn fill(
+        &self,
+        label: &str,
+        command: &str,
+        common: &Common,
+        out: &mut dyn Write,
+        work: impl FnOnce(Destination<'_>, &mut Monitor<'_>) -> Result<Fit>,
+    ) -> Result<Exit> {
+        let Some(folder) = &self.out else {
+            return Err(Error::Setting {
+                key: "--out".to_owned(),
+                value: "missing".to_owned(),
+                remedy: "name the run folder to make".to_owned(),
+            });
+        };
+        let destination = Destination {
+            folder,
+            if_exists: self.if_exists(),
+            command,
+        };
+        let mut progress = Progress::new(label, common, self.limits);
+        let fit = work(destination, &mut progress.monitor())?;
+        if fit.run.status == Status::Interrupted {
+            eprintln!("interrupted; continue with the same command and --resume");
+            return Ok(Exit::Interrupted);
+        }
+        if common.json {
+            say_json(out, &fit.summary)?;
+        } else {
+            say(out, &format!("{}\nin {}", fit.summary, folder.display()))?;
+        }
+        Ok(Exit::of_runs(
+            fit.summary.converged || self.allow_unconverged,
+        ))
+    }
+
+    fn if_exists(&self) -> IfExists {
+        if self.force {
+            IfExists::Replace
+        } else if self.resume {
+            IfExists::Resume
+        } else {
+            IfExists::Refuse
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! Diagnostics of the model at the best fit of a run.
+
+use super::StreamTarget;
+use crate::data::ObservedTrack;
+use crate::likelihood::StreamLikelihood;
+use crate::potential::Potential;
+use crate::stream::{Model, ModelSettings};
+use crate::track::Track;
+use oblate_samplers::Run;
+use std::collections::BTreeMap;
+
+/// Numbers about a run and its model, and warnings that follow from them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Diagnostics {
+    /// Numbers by name.
+    pub numbers: BTreeMap<String, f64>,
+    /// Warnings, each with its remedy.
+    pub warnings: Vec<String>,
+}
+
+/// Diagnostics of a fit:
+/// - `bounded_tidal_radius`, `unsafe_turns`: counts over all evaluations ([`Tally`](crate::Tally));
+/// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, and the number of data bins;
+/// - `step_shift_sigma`: largest shift of the best fit's track when all steps are halved, in the data's standard deviations;
+/// - `density_on_minor_axis_msun_kpc3`: the halo's density on its symmetry axis, at the progenitor's distance from the centre.
+///
+/// If the run has no draws, or its best fit has no track, only the first two are given.
+#[must_use]
+pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diagnostics {
+    let mut found = Diagnostics::default();
+    let tally = target.tally();
+    found.insert("bounded_tidal_radius", tally.bounded_tidal_radius as f64);
+    found.insert("unsafe_turns", tally.unsafe_turns as f64);
+    let Some(best) = run.draws.best() else {
+        return found;
+    };
+    let params = target.params(run.draws.theta_row(best));
+    let likelihood = target.likelihood();
+    let (Ok((here, _)), Some(finer)) = (
+        likelihood.track_at(&params),
+        with_twice_the_steps(likelihood),
+    ) else {
+        return found;
+    };
+    let Ok((there, _)) = finer.track_at(&params) else {
+        return found;
+    };
+    let mut chi2 = 0.0;
+    let mut shift = 0.0_f64;
+    for (bin, (r, sigma)) in track
+        .bins()
+        .into_iter()
+        .zip(track.r_kpc.iter().zip(&track.r_err_kpc))
+    {
+        let r_kpc = |t: &Track| t.bins.iter().find(|b| b.bin == bin).map(|b| b.r_kpc);
+        if let (Some(a), Some(b)) = (r_kpc(&here), r_kpc(&there)) {
+            chi2 += ((a - r) / sigma).powi(2);
+            shift = shift.max((a - b).abs() / sigma);
+        }
+    }
+    found.insert("best_fit_chi2", chi2);
+    found.insert("best_fit_bins", track.len() as f64);
+    found.insert("step_shift_sigma", shift);
+    if shift > 1.0 {
+        found.warnings.push(format!(
+            "twice as many steps move the best fit's track by up to {shift:.1} standard deviations of the data: increase `model.steps`"
+        ));
+    }
+    let galaxy = likelihood.galaxy(&params);
+    let r = galaxy.today.x.norm2().sqrt();
+    let density = galaxy.host.density(galaxy.host.axis * r);
+    found.insert("density_on_minor_axis_msun_kpc3", density);
+    if density < 0.0 {
+        found.warnings.push(
+            "the best fit's mass density is negative on the symmetry axis at the progenitor's radius, which can happen because q \
+             flattens the potential, not the density: read q as the potential's, or raise `prior.q_min` to 0.6"
+                .to_owned(),
+        );
+    }
+    found
+}
+
+impl Diagnostics {
+    fn insert(&mut self, name: &str, value: f64) {
+        self.numbers.insert(name.to_owned(), value);
+    }
+}
+
+fn with_twice_the_steps(likelihood: &StreamLikelihood) -> Option<StreamLikelihood> {
+    let settings = likelihood.model().settings();
+    let finer = ModelSettings {
+        steps: 2 * settings.steps,
+        orbit_steps: 2 * settings.orbit_steps,
+        ..*settings
+    };
+    Some(likelihood.with_model(Model::new(&finer).ok()?))
+}

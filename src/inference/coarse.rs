@@ -1,0 +1,46 @@
+//! The coarse model that a fit starts with.
+//!
+//! A likelihood of few particles costs little, but it is rough, and rough likelihoods are slow to explore. Bin edges as wide as the
+//! bins allow and a smaller penalty for uncovered bins make it smoother (`cargo bench --bench roughness`). The SMC bridge then
+//! corrects its posterior to that of the model itself.
+
+use super::FitSettings;
+use crate::likelihood::Coverage;
+use crate::track::BinEdges;
+
+/// Maximum number of steps of the coarse model's progenitor orbit; more of them do not improve it.
+const MAX_ORBIT_STEPS: usize = 128;
+
+/// Maximum residual of an uncovered bin in the coarse model, in standard deviations: with few particles, bins are often uncovered by
+/// chance.
+const MAX_Z_MISS: f64 = 5.0;
+
+impl FitSettings {
+    /// Settings of the coarse fit to a track with bins of `bin_width_deg` degrees; `None` if there is none to be made
+    /// ([`FitSettings::coarse_particles`]). A likelihood with zeros has none: a coarse model has its zeros elsewhere, and the bridge
+    /// cannot recover what they exclude.
+    #[must_use]
+    pub fn coarse(&self, bin_width_deg: f64) -> Option<Self> {
+        let Coverage::Penalty { z_miss, lambda } = self.likelihood.coverage else {
+            return None;
+        };
+        let many = self.model.releases.particles >= 2 * self.coarse_particles;
+        (self.coarse_particles > 0 && many).then(|| {
+            let mut coarse = self.clone();
+            coarse.coarse_particles = 0;
+            let releases = &mut coarse.model.releases;
+            // 0: the number of release times follows from the number of particles.
+            releases.epochs = 0;
+            releases.particles = self.coarse_particles;
+            coarse.model.orbit_steps = self.model.orbit_steps.min(MAX_ORBIT_STEPS);
+            coarse.likelihood.edges = BinEdges::Soft {
+                half_width_deg: 0.5 * bin_width_deg,
+            };
+            coarse.likelihood.coverage = Coverage::Penalty {
+                z_miss: z_miss.min(MAX_Z_MISS),
+                lambda,
+            };
+            coarse
+        })
+    }
+}

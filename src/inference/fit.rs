@@ -1,0 +1,153 @@
+//! A fit in memory, and the plan that fits in memory and fits into a run folder share.
+
+use super::{FitSettings, StreamTarget, bridge, check_prior_predictive, diagnose, sample};
+use crate::data::ObservedTrack;
+use crate::error::Result;
+use crate::posterior::{Summary, SummaryContext};
+use oblate_samplers::control::Silent;
+use oblate_samplers::output::Status;
+use oblate_samplers::{Control, Run, Target};
+
+/// The result of a fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// Draws, evidence and convergence checks.
+    pub run: Run,
+    /// Medians and intervals of the parameters and of q, and whether the run has converged. Its `Display` is a table.
+    pub summary: Summary,
+}
+
+/// The targets of a fit, built and checked.
+pub struct FitPlan {
+    /// The posterior of the track under the model itself.
+    pub target: StreamTarget,
+    /// The coarse fit that comes first, if there is one.
+    pub coarse: Option<Coarse>,
+}
+
+/// A coarse fit that comes before a bridge.
+pub struct Coarse {
+    /// The posterior of the track under the coarse model.
+    pub target: StreamTarget,
+    /// Settings of the coarse fit.
+    pub settings: FitSettings,
+}
+
+impl FitPlan {
+    /// Builds the targets and checks all settings, those of the bridge too, so that no work is lost to a setting out of range.
+    ///
+    /// # Errors
+    /// [`Error::Setting`](crate::Error::Setting) or [`Error::Sampler`](crate::Error::Sampler) for a setting out of its range;
+    /// those of [`check_prior_predictive`].
+    pub fn new(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
+        let target = StreamTarget::from_track(track, settings)?;
+        settings.sampling.check(target.dim())?;
+        check_prior_predictive(&target, settings.seed)?;
+        let coarse = match settings.coarse(track.bin_width_deg) {
+            Some(coarse) => {
+                settings.sampling.bridge.check(target.dim())?;
+                Some(Coarse {
+                    target: StreamTarget::from_track(track, &coarse)?,
+                    settings: coarse,
+                })
+            }
+            None => None,
+        };
+        Ok(Self { target, coarse })
+    }
+}
+
+/// The bridge from a finished coarse fit to the model itself; the cost of both is counted.
+///
+/// # Errors
+/// As of [`bridge`].
+pub fn bridge_from(
+    plan: &FitPlan,
+    coarse: &Coarse,
+    parent: &Run,
+    settings: &FitSettings,
+    control: &mut Control<'_>,
+) -> Result<Run> {
+    let mut run = bridge(
+        &plan.target,
+        &coarse.target,
+        parent,
+        &settings.sampling,
+        settings.seed,
+        control,
+    )?;
+    run.cost.add(&parent.cost);
+    Ok(run)
+}
+
+/// The summary of a run on a track, with [`diagnose`]'s numbers and warnings.
+#[must_use]
+pub fn summarize(
+    target: &StreamTarget,
+    track: &ObservedTrack,
+    run: &Run,
+    command: &str,
+    input_hash: &str,
+) -> Summary {
+    let found = diagnose(target, track, run);
+    let context = SummaryContext {
+        command: command.to_owned(),
+        q_prior: Some(target.stream_prior().q_prior()),
+        warnings: found.warnings,
+        diagnostics: found.numbers,
+        input_hash: input_hash.to_owned(),
+    };
+    Summary::new(run, &context)
+}
+
+/// Fits a track: draws of the posterior of the model's parameters.
+///
+/// Nothing is written; `oblate::run::fit` writes the same result into a folder, with checkpoints. By default all thirteen parameters are
+/// free, and a fit takes some ten minutes of a core.
+///
+/// ```no_run
+/// use oblate::{FitSettings, data::ObservedTrack};
+/// use std::path::Path;
+///
+/// # fn main() -> oblate::Result<()> {
+/// let track = ObservedTrack::read(Path::new("track.ecsv"))?;
+/// let fit = oblate::fit(&track, &FitSettings::default())?;
+/// println!("{}", fit.summary);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+/// Those of [`FitPlan::new`] and [`sample`].
+pub fn fit(track: &ObservedTrack, settings: &FitSettings) -> Result<Fit> {
+    fit_with(track, settings, &mut Control::new(&mut Silent))
+}
+
+/// As [`fit`], under a [`Control`]: with an observer, a budget and an interrupt. If the coarse fit is interrupted or its budget is
+/// spent, the result is that of the coarse fit, and its status says so. A checkpoint plan is not for this function, whose stages would
+/// share one file.
+///
+/// # Errors
+/// As of [`fit`].
+pub fn fit_with(
+    track: &ObservedTrack,
+    settings: &FitSettings,
+    control: &mut Control<'_>,
+) -> Result<Fit> {
+    let plan = FitPlan::new(track, settings)?;
+    let finish = |target: &StreamTarget, run: Run| {
+        let summary = summarize(target, track, &run, "", "");
+        Ok(Fit { run, summary })
+    };
+    let Some(coarse) = &plan.coarse else {
+        let run = sample(&plan.target, &settings.sampling, settings.seed, control)?;
+        return finish(&plan.target, run);
+    };
+    check_prior_predictive(&coarse.target, settings.seed)?;
+    let parent = sample(&coarse.target, &settings.sampling, settings.seed, control)?;
+    if parent.status != Status::Complete {
+        return finish(&coarse.target, parent);
+    }
+    let run = bridge_from(&plan, coarse, &parent, settings, control)?;
+    finish(&plan.target, run)
+}

@@ -1,0 +1,60 @@
+//! Named settings of the model and its likelihood.
+
+use crate::likelihood::{Coverage, LikelihoodSettings};
+use crate::orbit::OrbitMethod;
+use crate::spray::{Design, TableSettings};
+use crate::stream::{ModelSettings, StepRule, StepsPer};
+use crate::track::BinEdges;
+use serde::{Deserialize, Serialize};
+
+/// A named choice of the settings of model and likelihood.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Profile {
+    /// For fits, the default: 2,560 Sobol particles smeared along segments, 120 steps per age, soft bin edges, a smooth penalty for
+    /// uncovered bins, and the model's own noise added to that of the data. Its tracks are more accurate than those of
+    /// [`Paper`](Self::Paper) at a quarter of the time (docs/validation.md; `cargo bench --bench noise`).
+    #[default]
+    Fast,
+    /// The choices of Chemaly et al. 2026: 10,000 random particles, 100 uniform steps, a leapfrog orbit, hard bin edges, and zero
+    /// likelihood where a bin is not covered.
+    Paper,
+}
+
+impl Profile {
+    /// Its model.
+    #[must_use]
+    pub fn model(self) -> ModelSettings {
+        match self {
+            Self::Fast => ModelSettings::default(),
+            Self::Paper => ModelSettings {
+                releases: TableSettings {
+                    particles: 10_000,
+                    epochs: 100,
+                    design: Design::Random,
+                    ..TableSettings::default()
+                },
+                steps: 100,
+                steps_per: StepsPer::Particle,
+                step_rule: StepRule::Uniform,
+                orbit: OrbitMethod::Leapfrog,
+                orbit_steps: 100,
+                steps_per_turn: 0,
+            },
+        }
+    }
+
+    /// Its likelihood.
+    #[must_use]
+    pub fn likelihood(self) -> LikelihoodSettings {
+        match self {
+            Self::Fast => LikelihoodSettings::default(),
+            Self::Paper => LikelihoodSettings {
+                edges: BinEdges::Hard,
+                coverage: Coverage::Reject,
+                model_noise: false,
+                ..LikelihoodSettings::default()
+            },
+        }
+    }
+}

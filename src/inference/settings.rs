@@ -1,0 +1,191 @@
+//! Settings of a fit: the model, its comparison with the data, the prior and the samplers.
+
+use crate::error::{Error, Result};
+use crate::likelihood::LikelihoodSettings;
+use crate::params::PriorSettings;
+use crate::stream::ModelSettings;
+use oblate_samplers::{nested, pt, refine};
+use serde::de::{DeserializeOwned, Error as _};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::result::Result as StdResult;
+
+/// Which sampler runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampler {
+    /// Nested sampling: the reference.
+    #[default]
+    Nested,
+    /// Parallel tempering with Hamiltonian Monte Carlo.
+    PtHmc,
+}
+
+impl Sampler {
+    /// Its name in flags and files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nested => "nested",
+            Self::PtHmc => "pt-hmc",
+        }
+    }
+}
+
+impl std::str::FromStr for Sampler {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        [Self::Nested, Self::PtHmc]
+            .into_iter()
+            .find(|s| s.name() == text)
+            .ok_or_else(|| Error::Setting {
+                key: "sampler".to_owned(),
+                value: text.to_owned(),
+                remedy: "give `nested` or `pt-hmc`".to_owned(),
+            })
+    }
+}
+
+/// Settings of both samplers and of the bridge to a finer model, and which sampler runs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SamplerSettings {
+    /// Which sampler runs.
+    pub sampler: Sampler,
+    /// Nested sampling.
+    pub nested: nested::Settings,
+    /// Parallel tempering.
+    pub pt_hmc: pt::Settings,
+    /// The SMC bridge from a coarse model to a finer one.
+    pub bridge: refine::Settings,
+}
+
+impl SamplerSettings {
+    /// Defaults for the posterior of a stream: thirteen parameters, several modes, and a likelihood that is rough on the scale of a
+    /// leapfrog step.
+    ///
+    /// With fewer live points nested runs lose modes, and with fewer slices new points remain correlated with the points that they
+    /// started from. The tempered sampler finds the modes by SMC, starts its annealing path at a mixture fitted to them (half as long
+    /// as the path from the prior), and extends its last round until the convergence checks pass. Gradients are used for MALA only,
+    /// because longer trajectories are rejected.
+    #[must_use]
+    pub fn for_streams() -> Self {
+        let mut sampling = Self::default();
+        sampling.nested.n_live = 1_000;
+        sampling.nested.steps = Some(16);
+        sampling.pt_hmc.annealing = 400;
+        sampling.pt_hmc.slices = 4;
+        sampling.pt_hmc.max_leapfrogs = 1;
+        sampling.pt_hmc.target_acceptance = 0.6;
+        sampling.pt_hmc.first_scans = 256;
+        sampling.pt_hmc.rounds = 4;
+        sampling.pt_hmc.extensions = 15;
+        // The largest number of rounds allowed, so that every round starts at a mixture.
+        sampling.pt_hmc.mixture_rounds = 24;
+        sampling
+    }
+
+    /// Defaults for the population: two parameters and a smooth likelihood, which need few temperatures.
+    #[must_use]
+    pub fn for_populations() -> Self {
+        let mut sampling = Self::default();
+        sampling.pt_hmc.rounds = 8;
+        sampling.pt_hmc.temperatures = 8;
+        sampling.pt_hmc.max_temperatures = 16;
+        sampling
+    }
+
+    /// Checks the settings of the chosen sampler for a target of `dim` parameters.
+    ///
+    /// # Errors
+    /// [`Error::Sampler`] that names the first setting out of its range.
+    pub fn check(&self, dim: usize) -> Result<()> {
+        match self.sampler {
+            Sampler::Nested => self.nested.check(dim)?,
+            Sampler::PtHmc => self.pt_hmc.check()?,
+        }
+        Ok(())
+    }
+}
+
+/// Settings of a fit: with the track, they determine its result.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FitSettings {
+    /// Master seed of the sampler.
+    pub seed: u64,
+    /// Number of particles of the coarse model that is fitted first, before the SMC bridge to the model itself; 0: none. There is also
+    /// none if the model has less than twice as many particles, or if its likelihood is zero where the track is not covered.
+    pub coarse_particles: usize,
+    /// The stream model.
+    pub model: ModelSettings,
+    /// Its comparison with the data.
+    pub likelihood: LikelihoodSettings,
+    /// The prior.
+    pub prior: PriorSettings,
+    /// The samplers.
+    #[serde(deserialize_with = "sampling_of_streams")]
+    pub sampling: SamplerSettings,
+}
+
+impl Default for FitSettings {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            coarse_particles: 512,
+            model: ModelSettings::default(),
+            likelihood: LikelihoodSettings::default(),
+            prior: PriorSettings::default(),
+            sampling: SamplerSettings::for_streams(),
+        }
+    }
+}
+
+impl FitSettings {
+    /// These settings without extensions of the last tempered round. Everything else determines the draws, so that two runs which
+    /// agree in these settings agree in all draws that they have in common.
+    #[must_use]
+    pub fn without_extensions(&self) -> Self {
+        let mut settings = self.clone();
+        settings.sampling.pt_hmc.extensions = 0;
+        settings
+    }
+
+    /// Whether a finished run with the settings `before`, which failed its convergence checks, may be extended under these settings:
+    /// the sampler is the tempered one, and these allow more extensions. Otherwise the two are taken to be equal.
+    #[must_use]
+    pub fn may_extend(&self, before: &Self) -> bool {
+        let extensions = |settings: &Self| settings.sampling.pt_hmc.extensions;
+        self.sampling.sampler == Sampler::PtHmc && extensions(self) > extensions(before)
+    }
+}
+
+fn sampling_of_streams<'de, D: Deserializer<'de>>(
+    given: D,
+) -> StdResult<SamplerSettings, D::Error> {
+    over_defaults(SamplerSettings::for_streams(), given)
+}
+
+/// Deserializes a table that may be incomplete, at any depth; what is missing is taken from `defaults`.
+///
+/// # Errors
+/// Those of the deserializer: unknown keys and wrong types.
+pub fn over_defaults<'de, T: Serialize + DeserializeOwned, D: Deserializer<'de>>(
+    defaults: T,
+    given: D,
+) -> StdResult<T, D::Error> {
+    fn merge(base: &mut toml::Table, given: toml::Table) {
+        for (key, value) in given {
+            match (base.get_mut(&key), value) {
+                (Some(toml::Value::Table(inner)), toml::Value::Table(more)) => merge(inner, more),
+                (_, value) => {
+                    base.insert(key, value);
+                }
+            }
+        }
+    }
+    let given = toml::Table::deserialize(given)?;
+    let mut all = toml::Table::try_from(defaults).map_err(D::Error::custom)?;
+    merge(&mut all, given);
+    T::deserialize(all).map_err(D::Error::custom)
+}

@@ -1,0 +1,50 @@
+//! The SMC bridge from a finished fit to a finer model, into another run folder.
+
+use super::Monitor;
+use super::folder::RunState;
+use super::session::{Destination, RunSession};
+use super::stored_fit::StoredFit;
+use crate::error::{Error, Result};
+use crate::inference::{self, Fit, FitSettings, StreamTarget};
+use oblate_samplers::Target;
+use std::path::Path;
+
+/// Continues the finished fit in `parent` to another model of the stream; `change` makes its settings from those of the parent. Track
+/// and prior stay the same.
+///
+/// # Errors
+/// [`Error::Setting`] if `change` leaves model and likelihood as they are, or for a setting out of its range; [`Error::Mismatch`] if
+/// `parent` is not a fit; those of reading `parent` and of the folder as for [`fit`](super::fit).
+pub fn bridge(
+    parent: &Path,
+    change: impl FnOnce(&mut FitSettings),
+    destination: Destination<'_>,
+    monitor: &mut Monitor<'_>,
+) -> Result<Fit> {
+    let StoredFit {
+        stored,
+        track,
+        settings: coarse,
+    } = StoredFit::read(parent)?;
+    let mut settings = coarse.clone();
+    change(&mut settings);
+    if settings.model == coarse.model && settings.likelihood == coarse.likelihood {
+        return Err(Error::Setting {
+            key: "model".to_owned(),
+            value: "that of the fit itself".to_owned(),
+            remedy: "name a finer one: --profile fast, or more --particles or --steps".to_owned(),
+        });
+    }
+    let fine = StreamTarget::from_track(&track, &settings)?;
+    let coarse = StreamTarget::from_track(&track, &coarse)?;
+    settings.sampling.bridge.check(fine.dim())?;
+    let inputs = [b"bridge".as_slice(), stored.summary.input_hash.as_bytes()];
+    let session = match RunSession::begin_fit(destination, &track, &settings, &inputs)? {
+        RunState::Finished(stored) => return Ok(stored.into()),
+        RunState::Unfinished(session) => session,
+    };
+    session.complete_fit(&fine, &track, monitor, |control| {
+        let (sampling, seed) = (&settings.sampling, settings.seed);
+        inference::bridge(&fine, &coarse, &stored.run, sampling, seed, control)
+    })
+}

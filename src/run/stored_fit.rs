@@ -1,0 +1,31 @@
+//! A finished fit with its track and settings, read back from its folder.
+
+use super::{RunFolder, StoredRun};
+use crate::config::read;
+use crate::data::ObservedTrack;
+use crate::error::Result;
+use crate::inference::FitSettings;
+use std::path::Path;
+
+/// A finished fit, its track and its settings.
+pub(super) struct StoredFit {
+    pub stored: StoredRun,
+    pub track: ObservedTrack,
+    pub settings: FitSettings,
+}
+
+impl StoredFit {
+    /// Reads a run folder.
+    ///
+    /// # Errors
+    /// As of [`RunFolder::read`] and [`RunFolder::read_track`]; those of [`read`] for its settings.
+    pub fn read(path: &Path) -> Result<Self> {
+        let folder = RunFolder::open(path)?;
+        let stored = folder.read()?;
+        Ok(Self {
+            track: folder.read_track()?,
+            settings: read(&folder.config())?,
+            stored,
+        })
+    }
+}
