@@ -7,6 +7,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
 use oblate::params::{DIM, QRange, StreamParams};
+use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::TableSettings;
 use oblate::stream::{Arrivals, Flights, Model, ModelSettings, StepsPer};
 use oblate::track::{BinEdges, Track};
@@ -60,6 +61,13 @@ fn likelihood(particles: usize) -> StreamLikelihood {
     StreamLikelihood::new(model, track(&data), q_range)
 }
 
+/// The reference: the likelihood with every number a dual.
+fn gradient_by_duals(likelihood: &StreamLikelihood, theta: &[f64; DIM]) -> [f64; DIM] {
+    let duals: [Dual<DIM>; DIM] = lift(theta);
+    let value = likelihood.ln_likelihood_on(&StreamParams::from_array(duals));
+    gradient_of(&value.expect("a value"))
+}
+
 fn gradient(c: &mut Criterion) {
     let mut group = c.benchmark_group("gradient");
     group.sample_size(20);
@@ -79,7 +87,7 @@ fn gradient(c: &mut Criterion) {
         if n == 1_000 {
             group.sample_size(10);
             group.bench_function(format!("dual13/n{n}_s100"), |b| {
-                b.iter(|| likelihood.gradient_by_duals(black_box(&THETA)));
+                b.iter(|| gradient_by_duals(&likelihood, black_box(&THETA)));
             });
         }
     }

@@ -5,8 +5,9 @@
 //! counts particle-steps.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use oblate::orbit::{Level, State};
+use oblate::orbit::State;
 use oblate::potential::{FlattenedNfw, Plummer};
+use oblate::scalar::Level;
 use oblate::scalar::Vec3;
 use oblate::spray::TableSettings;
 use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepsPer};

@@ -205,17 +205,8 @@ impl StreamLikelihood {
         }
     }
 
-    /// As [`gradient`](Self::gradient), with every number a dual: slow, and the reference for everything faster.
-    ///
-    /// # Errors
-    /// As [`gradient`](Self::gradient).
-    pub fn gradient_by_duals(&self, theta: &[f64; DIM]) -> Result<(f64, [f64; DIM]), Rejection> {
-        let duals: [Dual<DIM>; DIM] = lift(theta);
-        let value = self.ln_likelihood_on(&StreamParams::from_array(duals))?;
-        Ok((value.re, gradient_of(&value)))
-    }
-
-    /// ln L on any number type, particle by particle.
+    /// ln L on any number type, particle by particle: slow, and on [`Dual`] numbers the reference for the
+    /// [`gradient`](Self::gradient).
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).

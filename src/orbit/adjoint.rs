@@ -34,8 +34,8 @@ impl<S: Scalar> ByStep<S> {
 /// derivative with respect to its start. Adds what falls on the host, the progenitor's sphere and the course.
 ///
 /// The path is not remembered but run backwards from `end`, the state that [`advance`](super::advance()) arrived at: each
-/// drift and kick is undone by itself, so it is the same path but for rounding. With a `limit2`, the derivative with
-/// respect to a state is forgotten where the square of its position part is not below it; without, it is exact.
+/// drift and kick is undone by itself, so it is the same path but for rounding. The derivative with respect to a state is set
+/// to zero where the square of its position part exceeds `limit2`; with a limit of infinity it is exact.
 #[inline(always)]
 #[allow(
     clippy::too_many_arguments,
@@ -50,7 +50,7 @@ pub fn reverse<S: Scalar>(
     by_host: &mut NfwCotangent<S>,
     by_sphere: &mut PlummerCotangent<S>,
     by_course: &mut [ByStep<S>],
-    limit2: Option<S>,
+    limit2: S,
 ) -> State<S> {
     let steps = course.steps();
     let mut at = end;
@@ -78,19 +78,17 @@ pub fn reverse<S: Scalar>(
         by_step.kick += by.v.dot(a);
         by_step.progenitor = by_step.progenitor - x_sphere;
         by.x = by.x + x_host + x_sphere;
-        if let Some(limit2) = limit2 {
-            by = within(by, limit2);
-        }
+        by = within(by, limit2);
     }
     by
 }
 
-/// `by` where its position part is shorter than sqrt(`limit2`), zero elsewhere.
+/// Zero where the position part of `by` is longer than sqrt(`limit2`), `by` elsewhere: a NaN stays, for the caller to find.
 #[inline(always)]
 fn within<S: Scalar>(by: State<S>, limit2: S) -> State<S> {
-    let regular = by.x.norm2().lt(limit2);
+    let beyond = limit2.lt(by.x.norm2());
     State {
-        x: Vec3::select(regular, by.x, Vec3::zero()),
-        v: Vec3::select(regular, by.v, Vec3::zero()),
+        x: Vec3::select(beyond, Vec3::zero(), by.x),
+        v: Vec3::select(beyond, Vec3::zero(), by.v),
     }
 }

@@ -2,14 +2,12 @@
 
 mod adjoint;
 mod clock;
-mod dispatch;
 mod flight;
 mod leapfrog;
 mod progenitor;
 
 pub use adjoint::{ByStep, reverse};
 pub use clock::Clock;
-pub use dispatch::{Kernel, Level, dispatch};
 pub use flight::{Course, Flight, HalfAndHalf};
 pub use leapfrog::{Arrival, advance, crossing};
 pub use progenitor::{DenseOrbit, Moment, Node, OrbitMethod, Placement, add_placed};

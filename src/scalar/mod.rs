@@ -4,11 +4,14 @@
 //! length never depends on a scalar. On dual numbers comparisons look at the real part only, so the path through the
 //! code is the same for every number type.
 
+mod dispatch;
 mod dual;
 mod isa;
 mod lanes;
 mod vec3;
 
+pub(crate) use dispatch::compile_kernel;
+pub use dispatch::{Kernel, Level};
 pub use dual::{Dual, LaneDual, gradient_of, lift, variable};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use isa::{Avx2, Avx512};

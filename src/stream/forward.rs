@@ -3,9 +3,9 @@
 use super::pair::{Flights, Group, IN_FLIGHT, Pair, Planner, Wide};
 use super::{Model, Setup};
 use crate::error::{Rejection, Tally};
-use crate::orbit::{Arrival, Kernel, Level, State, advance, dispatch};
+use crate::orbit::{Arrival, State, advance};
 use crate::potential::{FlattenedNfw, Plummer};
-use crate::scalar::{Eights, Isa, angle};
+use crate::scalar::{Eights, Isa, Kernel, Level, angle, compile_kernel};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -171,6 +171,8 @@ impl Kernel for Forward<'_> {
     }
 }
 
+compile_kernel!(Forward);
+
 impl Model {
     /// Every particle today, in lanes, at the best level of this CPU. Buffers are reused: no allocation after the first
     /// call.
@@ -197,16 +199,14 @@ impl Model {
         flights: &mut Flights,
         out: &mut Arrivals,
     ) -> Result<(), Rejection> {
-        let unsafe_turns = dispatch(
-            level,
-            Forward {
-                model: self,
-                setup,
-                groups: &self.groups,
-                flights,
-                out: out.columns(self.table.len()),
-            },
-        );
+        let forward = Forward {
+            model: self,
+            setup,
+            groups: &self.groups,
+            flights,
+            out: out.columns(self.table.len()),
+        };
+        let unsafe_turns = forward.dispatch(level);
         out.links = self.table.links;
         out.tally = tally(setup, unsafe_turns)?;
         Ok(())
@@ -246,7 +246,7 @@ impl Model {
                     flights: &mut Flights::default(),
                     out,
                 };
-                dispatch(Level::best(), forward)
+                forward.dispatch(Level::best())
             })
             .collect();
         out.links = self.table.links;

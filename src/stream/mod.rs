@@ -4,13 +4,14 @@
 //! [`Model::particles`] carries them one by one on any number type (the reference), [`Model::carry`] does it in SIMD lanes
 //! for the CPU at hand, and [`Model::pull_back`] is the exact derivative of the lanes' path.
 
+mod backward;
+mod cold;
 mod forward;
-mod gradient;
 mod pair;
 mod setup;
 
+pub use backward::{Counted, REGULAR, Workspace};
 pub use forward::Arrivals;
-pub use gradient::{Counted, REGULAR, Workspace};
 pub use pair::{Flights, Group};
 pub use setup::{Galaxy, Launch, Setup};
 

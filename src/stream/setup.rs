@@ -195,7 +195,6 @@ pub struct Setup<S> {
 
 impl<S: Real> Setup<S> {
     /// Integrates the orbit and prepares the launches, in the memory of another setup if there is one.
-    #[inline(always)]
     pub(super) fn new(
         galaxy: &Galaxy<S>,
         settings: &ModelSettings,

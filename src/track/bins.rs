@@ -4,9 +4,10 @@
 //! [b, b + 1) widths. Particles stand for themselves, or, linked, are spread along the way to their partners.
 
 use super::stretch::{Spot, Stretch, Way};
-use crate::orbit::{Arrival, Kernel, Level, dispatch};
+use crate::orbit::Arrival;
 use crate::scalar::{
-    Dual, Eights, Isa, LANES, Lanes, Real, Scalar, angle, gradient_of, smooth_step, variable,
+    Dual, Eights, Isa, Kernel, LANES, Lanes, Level, Real, Scalar, angle, compile_kernel,
+    gradient_of, smooth_step, variable,
 };
 use crate::stream::Arrivals;
 use rayon::prelude::*;
@@ -281,15 +282,13 @@ impl BinGrid {
         sums.reset(self.len);
         for stretch in Stretch::all(some, len, arrivals.links) {
             let grid = self;
-            dispatch(
-                level,
-                Binning {
-                    grid,
-                    arrivals,
-                    stretch,
-                    sums,
-                },
-            );
+            let binning = Binning {
+                grid,
+                arrivals,
+                stretch,
+                sums,
+            };
+            binning.dispatch(level);
         }
     }
 
@@ -428,6 +427,8 @@ impl Kernel for Binning<'_> {
         }
     }
 }
+
+compile_kernel!(Binning);
 
 /// One bin of a track.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

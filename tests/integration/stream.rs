@@ -2,8 +2,9 @@
 
 use crate::gala::{NAMES, galaxy, subset};
 use oblate::Rejection;
-use oblate::orbit::{DenseOrbit, Flight, Level, OrbitMethod, Placement, State, advance};
+use oblate::orbit::{DenseOrbit, Flight, OrbitMethod, Placement, State, advance};
 use oblate::potential::Potential;
+use oblate::scalar::Level;
 use oblate::scalar::Vec3;
 use oblate::spray::{Arm, Design, Recipe, TableSettings, Tidal};
 use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule};

@@ -1,7 +1,8 @@
 //! Tracks against gala's, hard against soft bins, and the bins' derivatives.
 
 use crate::gala::{NAMES, galaxy, track};
-use oblate::orbit::{Arrival, Level, State};
+use oblate::orbit::{Arrival, State};
+use oblate::scalar::Level;
 use oblate::scalar::{Dual, Vec3, gradient_of, lift};
 use oblate::spray::{Design, TableSettings};
 use oblate::stream::{Arrivals, Flights, Model, ModelSettings};

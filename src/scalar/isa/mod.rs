@@ -9,6 +9,7 @@ mod x86;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::{Avx2, Avx512};
 
+use super::Kernel;
 use std::fmt::Debug;
 
 /// Numbers in one [`Isa::Vector`].
@@ -23,13 +24,16 @@ pub struct Eights<const K: usize>(pub [[f64; LANES]; K]);
 /// What lanes need of an instruction set, eight numbers at a time.
 ///
 /// Those of a CPU that may not be the present one cannot be named outside of this crate, and inside only
-/// [`dispatch`](crate::orbit::dispatch()) does, after it has asked the CPU.
+/// [`compile_kernel`](super::dispatch) does, after it has asked the CPU.
 pub trait Isa: Copy + Debug + 'static {
     /// Eight numbers.
     type Vector: Copy + Debug;
     /// The outcome of a comparison.
     type Mask: Copy + Debug;
 
+    /// Runs a kernel within another one of this instruction set, as a function that is called and not inlined: where the
+    /// same computation stands in many places, compiling it once saves most of the code.
+    fn call<K: Kernel>(kernel: K) -> K::Output;
     /// The same number eight times.
     fn splat(a: f64) -> Self::Vector;
     /// From memory.
@@ -97,6 +101,10 @@ impl Isa for Portable {
     type Vector = [f64; LANES];
     type Mask = [u64; LANES];
 
+    #[inline(never)]
+    fn call<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run::<Self>()
+    }
     #[inline(always)]
     fn splat(a: f64) -> Self::Vector {
         [a; LANES]

@@ -2,13 +2,14 @@
 //! for the target's least CPU unless the compiler happens to inline them.
 
 use super::{Isa, LANES, MANTISSA, SHIFT, TWO_52_AND_BIAS, TWO_52_BITS};
+use crate::scalar::Kernel;
 use std::arch::x86_64::*;
 use std::f64::consts::LN_2;
 
 /// Instructions of the instruction set whose marker type this stands in.
 macro_rules! cpu {
     ($($instructions:tt)*) => {
-        // SAFETY: nothing but `orbit::dispatch` names the marker types, and it does so only where it has found their
+        // SAFETY: nothing but `scalar::dispatch` names the marker types, and it does so only where it has found their
         // features on the present CPU.
         unsafe { $($instructions)* }
     };
@@ -35,6 +36,16 @@ pub(crate) struct Avx512;
 impl Isa for Avx512 {
     type Vector = __m512d;
     type Mask = __mmask8;
+
+    #[inline(always)]
+    fn call<K: Kernel>(kernel: K) -> K::Output {
+        #[inline(never)]
+        #[target_feature(enable = "avx512f,avx512dq,avx512vl,fma")]
+        fn compiled<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run::<Avx512>()
+        }
+        cpu! { compiled(kernel) }
+    }
 
     #[inline(always)]
     fn splat(a: f64) -> __m512d {
@@ -141,6 +152,16 @@ impl Avx2 {
 impl Isa for Avx2 {
     type Vector = Two;
     type Mask = Two;
+
+    #[inline(always)]
+    fn call<K: Kernel>(kernel: K) -> K::Output {
+        #[inline(never)]
+        #[target_feature(enable = "avx2,fma")]
+        fn compiled<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run::<Avx2>()
+        }
+        cpu! { compiled(kernel) }
+    }
 
     #[inline(always)]
     fn splat(a: f64) -> Two {

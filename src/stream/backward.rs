@@ -6,13 +6,10 @@
 //! meet at the launches and the orbit's nodes. Paths are run backwards, not remembered: memory is O(particles + steps).
 
 use super::pair::{Flights, IN_FLIGHT, Pair, Planner, Wide};
-use super::setup::launch;
-use super::{Arrivals, Galaxy, Launch, Model, ModelSettings, Setup, Threads};
-use crate::orbit::{
-    ByStep, DenseOrbit, Flight, Kernel, Level, Node, State, add_placed, dispatch, reverse,
-};
+use super::{Arrivals, Galaxy, Launch, Model, Setup, Threads};
+use crate::orbit::{ByStep, Flight, Node, State, add_placed, reverse};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
-use crate::scalar::{Eights, Isa, LANES, LaneDual, Lanes, Scalar, Vec3};
+use crate::scalar::{Eights, Isa, Kernel, LANES, Lanes, Level, Scalar, Vec3, compile_kernel};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -49,18 +46,18 @@ struct Part {
 
 /// Derivatives with respect to what the cold stage hands over to the particles of some epochs.
 #[derive(Clone, Debug, Default)]
-struct Cotangents {
+pub(super) struct Cotangents {
     /// The first one.
     first_epoch: usize,
     /// With respect to the launches from the first epoch on.
-    launches: Vec<Launch<f64>>,
+    pub launches: Vec<Launch<f64>>,
     /// With respect to the nodes of the orbit.
-    nodes: Vec<Node<f64>>,
+    pub nodes: Vec<Node<f64>>,
     /// With respect to the phases of the clock at the nodes.
     phases: Vec<f64>,
     /// With respect to the times of the course at hand.
     times: Vec<f64>,
-    shared: ByShared,
+    pub shared: ByShared,
 }
 
 impl Cotangents {
@@ -86,10 +83,10 @@ impl Cotangents {
 
 /// Derivatives with respect to what the cold stage hands over, beside nodes and launches.
 #[derive(Clone, Copy, Debug)]
-struct ByShared {
-    host: NfwCotangent<f64>,
-    sphere: PlummerCotangent<f64>,
-    age_gyr: f64,
+pub(super) struct ByShared {
+    pub host: NfwCotangent<f64>,
+    pub sphere: PlummerCotangent<f64>,
+    pub age_gyr: f64,
 }
 
 impl ByShared {
@@ -184,15 +181,17 @@ fn padded<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Wide<I> {
     Lanes::load(&lanes)
 }
 
-/// The particles of a part backwards; `ALL` says whether they count all the way ([`Counted`]).
-struct Backward<'a, const ALL: bool> {
+/// The particles of a part backwards.
+struct Backward<'a> {
     model: &'a Model,
     setup: &'a Setup<f64>,
     ends: &'a Ends<'a>,
+    /// Square of the largest stretch that counts.
+    max_stretch2: f64,
     part: &'a mut Part,
 }
 
-impl<const ALL: bool> Kernel for Backward<'_, ALL> {
+impl Kernel for Backward<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -201,6 +200,7 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
             model,
             setup,
             ends,
+            max_stretch2,
             part,
         } = self;
         let host = FlattenedNfw::<Wide<I>>::broadcast(&setup.host);
@@ -215,7 +215,7 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
         let mut pairs = Pair::all(model, &model.groups[part.groups.clone()]).peekable();
         while let Some(pair) = pairs.next() {
             let (end, by_position) = ends.of::<I>(&pair);
-            let limit2 = (!ALL).then_some(by_position.norm2() * (REGULAR * REGULAR));
+            let limit2 = by_position.norm2() * max_stretch2;
             let courses = planner.courses(&pair);
             let by_course = &mut by_course[..model.steps[pair.groups[0].epoch]];
             let by_start = reverse(
@@ -256,6 +256,8 @@ impl<const ALL: bool> Kernel for Backward<'_, ALL> {
         };
     }
 }
+
+compile_kernel!(Backward);
 
 /// The sum of all lanes of a vector.
 #[inline(always)]
@@ -414,14 +416,7 @@ impl Model {
         if let Some(clock) = &setup.clock {
             clock.pull_back(&setup.orbit, &total.phases, &mut total.nodes);
         }
-        dispatch(
-            Level::best(),
-            Cold {
-                model: self,
-                galaxy,
-                total,
-            },
-        )
+        self.pull_back_setup(galaxy, total)
     }
 
     /// Deals the epochs into parts.
@@ -445,120 +440,17 @@ impl Model {
         ends: &Ends<'_>,
         part: &mut Part,
     ) {
-        let model = self;
-        let level = Level::best();
-        match counted {
-            Counted::All => dispatch(
-                level,
-                Backward::<true> {
-                    model,
-                    setup,
-                    ends,
-                    part,
-                },
-            ),
-            Counted::Regular => dispatch(
-                level,
-                Backward::<false> {
-                    model,
-                    setup,
-                    ends,
-                    part,
-                },
-            ),
-        }
-    }
-}
-
-/// The cold stage once more, on duals, joined to the derivatives with respect to what it hands over.
-struct Cold<'a> {
-    model: &'a Model,
-    galaxy: &'a Galaxy<f64>,
-    total: &'a Cotangents,
-}
-
-/// Vectors for the derivatives with respect to the numbers of a galaxy.
-const VECTORS: usize = Galaxy::<f64>::NUMBERS.div_ceil(LANES);
-
-impl Kernel for Cold<'_> {
-    type Output = [f64; Galaxy::<f64>::NUMBERS];
-
-    #[inline(always)]
-    fn run<I: Isa>(self) -> Self::Output {
-        let Self {
-            model,
-            galaxy,
-            total,
-        } = self;
-        let mut numbers = [LaneDual::<I, VECTORS>::zero(); Galaxy::<f64>::NUMBERS];
-        for (i, number) in galaxy.numbers().into_iter().enumerate() {
-            numbers[i] = LaneDual::variable(number, i);
-        }
-        let galaxy = Galaxy::from_numbers(numbers);
-        let ModelSettings {
-            orbit_steps, orbit, ..
-        } = model.settings;
-        let orbit = DenseOrbit::integrate(
-            &galaxy.host,
-            galaxy.today,
-            galaxy.age_gyr,
-            orbit_steps,
-            orbit,
-        );
-        let mut sum = Contraction::<I>(Lanes::zero());
-        for (node, by) in orbit.nodes.iter().zip(&total.nodes) {
-            for row in 0..3 {
-                sum.add_vec(&node.vector(row), by.vector(row));
-            }
-        }
-        for (tau, by) in model.table.taus.iter().zip(&total.launches) {
-            let (launch, _) = launch(
-                &galaxy.host,
-                &galaxy.sphere,
-                &orbit,
-                *tau,
-                model.table.recipe,
-            );
-            sum.add_vec(&launch.state.x, by.state.x);
-            sum.add_vec(&launch.state.v, by.state.v);
-            for c in 0..3 {
-                sum.add_vec(&launch.position[c], by.position[c]);
-                sum.add_vec(&launch.velocity[c], by.velocity[c]);
-            }
-        }
-        // What the particles meet directly.
-        let ByShared {
-            host,
-            sphere,
-            age_gyr,
-        } = total.shared;
-        sum.add(&galaxy.host.mass, host.ln_mass / galaxy.host.mass.re);
-        sum.add(&galaxy.host.r_s, host.ln_r_s / galaxy.host.r_s.re);
-        sum.add(&galaxy.host.flattening, host.flattening);
-        sum.add_vec(&galaxy.host.axis, host.axis);
-        sum.add(&galaxy.sphere.mass, sphere.ln_mass / galaxy.sphere.mass.re);
-        sum.add(&galaxy.sphere.r_s, sphere.r_s);
-        sum.add(&galaxy.age_gyr, age_gyr);
-        let mut gradient = [0.0; Galaxy::<f64>::NUMBERS];
-        let lanes = sum.0.store();
-        gradient.copy_from_slice(&lanes.0.as_flattened()[..Galaxy::<f64>::NUMBERS]);
-        gradient
-    }
-}
-
-/// Sum of derivative times dual part: where reverse mode meets forward mode.
-struct Contraction<I: Isa>(Lanes<I, VECTORS>);
-
-impl<I: Isa> Contraction<I> {
-    #[inline(always)]
-    fn add(&mut self, number: &LaneDual<I, VECTORS>, by: f64) {
-        self.0 = number.eps.mul_add(Lanes::from_f64(by), self.0);
-    }
-
-    #[inline(always)]
-    fn add_vec(&mut self, vector: &Vec3<LaneDual<I, VECTORS>>, by: Vec3<f64>) {
-        self.add(&vector.x, by.x);
-        self.add(&vector.y, by.y);
-        self.add(&vector.z, by.z);
+        let max_stretch2 = match counted {
+            Counted::All => f64::INFINITY,
+            Counted::Regular => REGULAR * REGULAR,
+        };
+        let backward = Backward {
+            model: self,
+            setup,
+            ends,
+            max_stretch2,
+            part,
+        };
+        backward.dispatch(Level::best());
     }
 }
