@@ -9,7 +9,7 @@ use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLik
 use oblate::params::{DIM, QRange, StreamParams};
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::TableSettings;
-use oblate::stream::{Arrivals, Flights, Model, ModelSettings, StepsPer};
+use oblate::stream::{Model, ModelSettings, Particles, StepSchedules, StepsPer};
 use oblate::track::{BinEdges, Track};
 use std::hint::black_box;
 
@@ -42,12 +42,12 @@ fn likelihood(particles: usize) -> StreamLikelihood {
     };
     let track =
         |data: &[DataBin]| TrackLikelihood::new(&settings, 10.0, data, particles).expect("a track");
-    let setup = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
-        .galaxy(&StreamParams::from_array(THETA));
-    let setup = model.setup(&setup).expect("an orbit");
-    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
+    let solution = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
+        .system(&StreamParams::from_array(THETA));
+    let solution = model.progenitor_solution(&solution).expect("an orbit");
+    let (mut schedules, mut stars) = (StepSchedules::default(), Particles::default());
     model
-        .carry(&setup, &mut flights, &mut stars)
+        .integrate(&solution, &mut schedules, &mut stars)
         .expect("particles");
     let data: Vec<DataBin> = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * particles as f64)
         .bins
@@ -81,7 +81,7 @@ fn gradient(c: &mut Criterion) {
             b.iter(|| likelihood.gradient(black_box(&THETA)));
         });
         group.bench_function(format!("smooth13/n{n}_s100"), |b| {
-            b.iter(|| likelihood.smooth_gradient(black_box(&THETA)));
+            b.iter(|| likelihood.truncated_gradient(black_box(&THETA)));
         });
         // The reference is slow: once is enough to know by how much.
         if n == 1_000 {

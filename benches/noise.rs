@@ -10,8 +10,8 @@
 mod tracks;
 
 use oblate::inference::Profile;
-use oblate::spray::{Design, TableSettings};
-use oblate::stream::{Arrivals, Model, ModelSettings, StepRule, StepsPer};
+use oblate::spray::{SamplingScheme, TableSettings};
+use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepsPer};
 use oblate::track::{BinEdges, Track};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -27,11 +27,11 @@ struct Row {
 }
 
 fn rows() -> Vec<Row> {
-    let with = |particles, epochs, design, steps, step_rule| ModelSettings {
+    let with = |particles, release_times, sampling_scheme, steps, step_rule| ModelSettings {
         releases: TableSettings {
             particles,
-            epochs,
-            design,
+            release_times,
+            sampling_scheme,
             ..TableSettings::default()
         },
         steps,
@@ -39,20 +39,26 @@ fn rows() -> Vec<Row> {
         step_rule,
         ..ModelSettings::default()
     };
-    let sobol = |particles, per_epoch, steps, rule| {
-        with(particles, particles / per_epoch, Design::Sobol, steps, rule)
+    let sobol = |particles, per_release_time, steps, rule| {
+        with(
+            particles,
+            particles / per_release_time,
+            SamplingScheme::Sobol,
+            steps,
+            rule,
+        )
     };
     let row = |name, settings| Row { name, settings };
-    let age = |particles, per_epoch, steps, rule| ModelSettings {
+    let age = |particles, per_release_time, steps, rule| ModelSettings {
         steps_per: StepsPer::Age,
-        ..sobol(particles, per_epoch, steps, rule)
+        ..sobol(particles, per_release_time, steps, rule)
     };
-    let linked = |particles, per_epoch| ModelSettings {
+    let linked = |particles, per_release_time| ModelSettings {
         steps_per: StepsPer::Age,
         ..with(
             particles,
-            particles / per_epoch,
-            Design::Linked,
+            particles / per_release_time,
+            SamplingScheme::SobolSegments,
             120,
             StepRule::Uniform,
         )
@@ -62,7 +68,7 @@ fn rows() -> Vec<Row> {
         row("paper", Profile::Paper.model()),
         row(
             "random, 10,000, accurate orbit",
-            with(10_000, 100, Design::Random, 100, Uniform),
+            with(10_000, 100, SamplingScheme::Random, 100, Uniform),
         ),
         row("fast", Profile::Fast.model()),
         row("fast, not linked", age(2_560, 32, 120, Uniform)),
@@ -110,7 +116,7 @@ fn models(settings: &ModelSettings, seeds: u64) -> Vec<Model> {
         // Errors are to be seen, not rejected.
         Model::new(&ModelSettings {
             releases,
-            steps_per_turn: 0,
+            min_steps_per_orbit: 0,
             ..*settings
         })
         .expect("a model")
@@ -130,7 +136,7 @@ fn main() {
     let exact = ModelSettings {
         releases: TableSettings {
             particles: 131_072,
-            design: Design::Sobol,
+            sampling_scheme: SamplingScheme::Sobol,
             seed: 77,
             ..TableSettings::default()
         },
@@ -140,9 +146,9 @@ fn main() {
         ..ModelSettings::default()
     };
     let reference = Model::new(&exact).expect("a model");
-    let exact: Vec<Option<Arrivals>> = galaxies
+    let exact: Vec<Option<Particles>> = galaxies
         .par_iter()
-        .map(|galaxy| stars(&reference, galaxy))
+        .map(|system| stars(&reference, system))
         .collect();
     let references: Vec<Option<Track>> = exact
         .iter()
@@ -151,11 +157,11 @@ fn main() {
     let rows = rows();
     let models: Vec<Vec<Model>> = rows.iter().map(|r| models(&r.settings, SEEDS)).collect();
     let mut seconds = vec![Vec::new(); rows.len()];
-    for galaxy in &galaxies {
+    for system in &galaxies {
         for (models, seconds) in models.iter().zip(&mut seconds) {
             let best = (0..3).map(|_| {
                 let start = Instant::now();
-                std::hint::black_box(track(&models[0], galaxy));
+                std::hint::black_box(track(&models[0], system));
                 start.elapsed().as_secs_f64()
             });
             seconds.push(best.fold(f64::INFINITY, f64::min));
@@ -167,9 +173,9 @@ fn main() {
         let errors: Vec<f64> = galaxies
             .par_iter()
             .zip(&references)
-            .flat_map_iter(|(galaxy, reference)| {
+            .flat_map_iter(|(system, reference)| {
                 models.iter().filter_map(move |model| {
-                    Some(distance(&track(model, galaxy)?, reference.as_ref()?))
+                    Some(distance(&track(model, system)?, reference.as_ref()?))
                 })
             })
             .collect();

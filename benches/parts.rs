@@ -9,7 +9,7 @@ use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget};
 use oblate::orbit::DenseOrbit;
 use oblate::params::DIM;
-use oblate::stream::{Arrivals, Flights, Galaxy};
+use oblate::stream::{Particles, StepSchedules, System};
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
@@ -57,30 +57,30 @@ fn main() {
         };
         let target = StreamTarget::from_track(&track, &config).expect("a gala track is data");
         let likelihood = target.likelihood();
-        let (model, galaxy) = (
+        let (model, system) = (
             likelihood.model(),
-            likelihood.galaxy(&target.params(&theta)),
+            likelihood.system(&target.params(&theta)),
         );
-        let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
+        let (mut schedules, mut stars) = (StepSchedules::default(), Particles::default());
         let [mut orbit, mut cold, mut hot, mut whole] = [const { Vec::new() }; 4];
         for _ in 0..TURNS {
             orbit.push(milliseconds(|| {
-                let Galaxy {
+                let System {
                     host,
                     today,
                     age_gyr,
                     ..
-                } = black_box(&galaxy);
+                } = black_box(&system);
                 let (steps, method) = (config.model.orbit_steps, config.model.orbit);
                 black_box(DenseOrbit::integrate(host, *today, *age_gyr, steps, method));
             }));
-            let mut setup = None;
+            let mut solution = None;
             cold.push(milliseconds(|| {
-                setup = model.setup(black_box(&galaxy)).ok()
+                solution = model.progenitor_solution(black_box(&system)).ok()
             }));
-            let setup = setup.expect("an orbit");
+            let solution = solution.expect("an orbit");
             hot.push(milliseconds(|| {
-                let carried = model.carry(black_box(&setup), &mut flights, &mut stars);
+                let carried = model.integrate(black_box(&solution), &mut schedules, &mut stars);
                 black_box(carried).expect("particles");
             }));
             whole.push(milliseconds(|| {

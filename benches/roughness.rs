@@ -11,7 +11,7 @@ use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget};
 use oblate::likelihood::{Coverage, LikelihoodSettings, StreamLikelihood};
 use oblate::params::{DIM, PriorSettings, StreamPrior};
-use oblate::spray::{Design, TableSettings};
+use oblate::spray::{SamplingScheme, TableSettings};
 use oblate::stream::ModelSettings;
 use oblate::track::BinEdges;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -88,11 +88,11 @@ fn main() {
         model_noise: false,
         ..LikelihoodSettings::default()
     };
-    let with = |settings: ModelSettings, particles, design| ModelSettings {
+    let with = |settings: ModelSettings, particles, sampling_scheme| ModelSettings {
         releases: TableSettings {
             particles,
-            epochs: 0,
-            design,
+            release_times: 0,
+            sampling_scheme,
             ..settings.releases
         },
         ..settings
@@ -130,28 +130,28 @@ fn main() {
         ),
         (
             "fast, not linked",
-            with(fast, fast.releases.particles, Design::Sobol),
+            with(fast, fast.releases.particles, SamplingScheme::Sobol),
             soft,
         ),
         (
             "3,584 Sobol particles",
-            with(fast, 3_584, Design::Sobol),
+            with(fast, 3_584, SamplingScheme::Sobol),
             soft,
         ),
         (
             "1,024 linked particles",
-            with(fast, 1_024, Design::Linked),
+            with(fast, 1_024, SamplingScheme::SobolSegments),
             soft,
         ),
         (
             "1,024 Sobol particles",
-            with(fast, 1_024, Design::Sobol),
+            with(fast, 1_024, SamplingScheme::Sobol),
             soft,
         ),
         ("coarse model of a fit", coarse.model, coarse.likelihood),
         (
             "the same, not linked",
-            with(coarse.model, 512, Design::Sobol),
+            with(coarse.model, 512, SamplingScheme::Sobol),
             coarse.likelihood,
         ),
         (
@@ -164,16 +164,20 @@ fn main() {
         ),
         (
             "512 linked particles",
-            with(fast, 512, Design::Linked),
+            with(fast, 512, SamplingScheme::SobolSegments),
             soft,
         ),
-        ("512 Sobol particles", with(fast, 512, Design::Sobol), soft),
+        (
+            "512 Sobol particles",
+            with(fast, 512, SamplingScheme::Sobol),
+            soft,
+        ),
         ("10,000 random x 100", paper, soft),
         ("10,000 random x 100, edges of 5 degrees", paper, wide),
         ("10,000 random x 100, a missing bin 30 sigma", paper, harsh),
         (
             "10,000 Sobol particles",
-            with(fast, 10_000, Design::Sobol),
+            with(fast, 10_000, SamplingScheme::Sobol),
             soft,
         ),
         ("fast, no model noise", fast, quiet),

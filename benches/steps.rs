@@ -27,7 +27,7 @@ fn model(steps: usize, step_rule: StepRule) -> Model {
         step_rule,
         orbit_steps: 1_024,
         // Errors are to be seen, not rejected.
-        steps_per_turn: 0,
+        min_steps_per_orbit: 0,
         ..ModelSettings::default()
     })
     .expect("a model")
@@ -38,7 +38,7 @@ fn main() {
     let reference = model(REFERENCE_STEPS, StepRule::Uniform);
     let references: Vec<Option<Track>> = galaxies
         .par_iter()
-        .map(|galaxy| track(&reference, galaxy))
+        .map(|system| track(&reference, system))
         .collect();
     println!("| steps | rule | median | 90 % | 95 % | worst |\n|---|---|---|---|---|---|");
     for steps in [25, 50, 100, 200, 400] {
@@ -47,8 +47,8 @@ fn main() {
             let mut errors: Vec<f64> = galaxies
                 .par_iter()
                 .zip(&references)
-                .filter_map(|(galaxy, reference)| {
-                    Some(distance(&track(&model, galaxy)?, reference.as_ref()?))
+                .filter_map(|(system, reference)| {
+                    Some(distance(&track(&model, system)?, reference.as_ref()?))
                 })
                 .collect();
             errors.sort_by(f64::total_cmp);

@@ -10,14 +10,14 @@ use oblate::potential::{FlattenedNfw, Plummer};
 use oblate::scalar::Level;
 use oblate::scalar::Vec3;
 use oblate::spray::TableSettings;
-use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepsPer};
+use oblate::stream::{Model, ModelSettings, Particles, StepSchedules, StepsPer, System};
 use std::hint::black_box;
 
 /// A typical prior draw: an oblate halo, a progenitor at 60 kpc.
-fn galaxy() -> Galaxy<f64> {
-    Galaxy {
+fn system() -> System<f64> {
+    System {
         host: FlattenedNfw::new(10.0_f64.powf(12.1), 16.0, 0.7, Vec3::new(-0.6, 0.0, 0.8)),
-        sphere: Plummer {
+        progenitor: Plummer {
             mass: 1e8,
             r_s: 1.5,
         },
@@ -45,31 +45,33 @@ fn model(particles: usize) -> Model {
 
 fn setup(c: &mut Criterion) {
     let model = model(1_000);
-    let galaxy = galaxy();
+    let system = system();
     c.bench_function("stream/setup/f64/n1000", |b| {
-        b.iter(|| model.setup(black_box(&galaxy)))
+        b.iter(|| model.progenitor_solution(black_box(&system)))
     });
 }
 
 fn particles(c: &mut Criterion) {
-    let galaxy = galaxy();
+    let system = system();
     let mut group = c.benchmark_group("stream");
     group.sample_size(20);
     for n in [1_000_usize, 10_000, 100_000] {
         let model = model(n);
-        let setup = model.setup(&galaxy).expect("a setup");
+        let solution = model.progenitor_solution(&system).expect("a setup");
         group.throughput(Throughput::Elements((n * model.settings().steps) as u64));
         for &level in Level::available() {
-            let (mut flights, mut out) = (Flights::default(), Arrivals::default());
+            let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
             let id = format!("carry/{level:?}/n{n}_s100").to_lowercase();
             group.bench_function(id, |b| {
-                b.iter(|| model.carry_at(level, black_box(&setup), &mut flights, &mut out));
+                b.iter(|| {
+                    model.integrate_at(level, black_box(&solution), &mut schedules, &mut out)
+                });
             });
         }
         // One by one the most take seconds, and tell nothing new.
         if n <= 10_000 {
             group.bench_function(format!("particles/f64/n{n}_s100"), |b| {
-                b.iter(|| model.particles(black_box(&setup)));
+                b.iter(|| model.integrate_one_by_one(black_box(&solution)));
             });
         }
     }

@@ -60,7 +60,7 @@ const SETTLED: Plan = Plan {
 };
 
 /// The course of a chain.
-struct Course {
+struct Schedule {
     /// Moves of each window; the metric is refined between windows, so that in the last one the step learns in the metric that it
     /// will be used in.
     warm_up: &'static [(Plan, usize)],
@@ -68,7 +68,7 @@ struct Course {
     frozen: usize,
 }
 
-const FULL: Course = Course {
+const FULL: Schedule = Schedule {
     warm_up: &[
         (FALLING, 50),
         (FALLING, 100),
@@ -78,7 +78,7 @@ const FULL: Course = Course {
     frozen: 200,
 };
 
-const QUICK: Course = Course {
+const QUICK: Schedule = Schedule {
     warm_up: &[(FALLING, 50), (SETTLED, 50)],
     frozen: 50,
 };
@@ -118,18 +118,18 @@ impl<'a> Chain<'a> {
         }
     }
 
-    fn run(mut self, course: &Course) -> Record {
-        let mut moments = Moments::new(DIM);
-        for (plan, moves) in course.warm_up {
-            self.refine(&moments);
-            moments = self.learn(plan, *moves);
+    fn run(mut self, schedule: &Schedule) -> Record {
+        let mut orbit_times = Moments::new(DIM);
+        for (plan, moves) in schedule.warm_up {
+            self.refine(&orbit_times);
+            orbit_times = self.learn(plan, *moves);
         }
-        self.record(course.frozen)
+        self.record(schedule.frozen)
     }
 
     /// Takes the metric that the moments of a window ask for, if they do, and a step that is no longer than it was in any direction.
-    fn refine(&mut self, moments: &Moments) {
-        if let Some(metric) = self.metric.refined(moments) {
+    fn refine(&mut self, orbit_times: &Moments) {
+        if let Some(metric) = self.metric.refined(orbit_times) {
             self.step /= self.metric.ln_stretch(&metric).exp();
             self.metric = metric;
         }
@@ -138,7 +138,7 @@ impl<'a> Chain<'a> {
     /// A window of warm-up, in which the step learns; its moments are for the metric.
     fn learn(&mut self, plan: &Plan, moves: usize) -> Moments {
         let mut step = StepSize::new(self.step);
-        let mut moments = Moments::new(DIM);
+        let mut orbit_times = Moments::new(DIM);
         let mut explorer = Explorer::new(self.target, 1.0, &self.metric);
         let lessons = moves / MOVES_PER_LESSON;
         for lesson in 0..lessons {
@@ -159,7 +159,7 @@ impl<'a> Chain<'a> {
                     let slopes = self.at.gradient.iter().zip(&self.at.z);
                     let mut score: Vec<f64> = slopes.map(|(g, z)| g - z).collect();
                     shorten(&mut score, LONGEST_SCORE);
-                    moments.push(&self.at.z, &score);
+                    orbit_times.push(&self.at.z, &score);
                 }
             }
             if !met.is_empty() {
@@ -168,7 +168,7 @@ impl<'a> Chain<'a> {
         }
         self.tally.add(&explorer.evaluator);
         self.step = step.ln_found().exp();
-        moments
+        orbit_times
     }
 
     /// The frozen moves.
@@ -298,7 +298,7 @@ fn main() {
         "s3_oblate_edge_on",
         "s4_prolate_wrapped",
     ];
-    let (tracks, course) = if quick {
+    let (tracks, schedule) = if quick {
         (&tracks[..1], QUICK)
     } else {
         (&tracks[..], FULL)
@@ -324,7 +324,7 @@ fn main() {
                     } else {
                         best_of_prior(&target, number)
                     };
-                    let mut record = Chain::new(&target, start, number).run(&course);
+                    let mut record = Chain::new(&target, start, number).run(&schedule);
                     record.cpu_seconds = cpu_seconds() - begun;
                     record
                 })

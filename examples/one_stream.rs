@@ -3,7 +3,7 @@
 //! `cargo run --release --example one_stream`
 
 use oblate::params::{PriorSettings, StreamParams, StreamPrior};
-use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings};
+use oblate::stream::{Model, ModelSettings, Particles, StepSchedules, System};
 use oblate::track::{BinEdges, Track};
 use oblate::{Error, Result};
 
@@ -30,11 +30,11 @@ fn main() -> Result<()> {
 
     // Made once for many streams: the releases, and everything else that no parameter enters.
     let model = Model::new(&ModelSettings::default())?;
-    let galaxy = Galaxy::from_params(&params, prior.q_range());
-    let setup = model.setup(&galaxy).map_err(Error::NoTrack)?;
-    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
+    let system = System::from_params(&params, prior.q_range());
+    let solution = model.progenitor_solution(&system).map_err(Error::NoTrack)?;
+    let (mut schedules, mut stars) = (StepSchedules::default(), Particles::default());
     model
-        .carry(&setup, &mut flights, &mut stars)
+        .integrate(&solution, &mut schedules, &mut stars)
         .map_err(Error::NoTrack)?;
 
     let least = 0.01 * stars.len() as f64;

@@ -91,7 +91,7 @@ pub enum Error {
     Sampler(#[from] oblate_samplers::Error),
 }
 
-/// Why a point of parameter space has no track or no likelihood. Counted by cause, never an error of the run.
+/// Why a point of parameter space has no track or no likelihood. Adjoint by cause, never an error of the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rejection {
@@ -100,7 +100,7 @@ pub enum Rejection {
     /// The progenitor's orbit left the finite numbers.
     BadOrbit,
     /// The progenitor's orbit turns faster somewhere than its particles' steps can follow
-    /// ([`ModelSettings::steps_per_turn`](crate::stream::ModelSettings::steps_per_turn)); more `model.steps` resolve it.
+    /// ([`ModelSettings::min_steps_per_orbit`](crate::stream::ModelSettings::min_steps_per_orbit)); more `model.steps` resolve it.
     UnresolvedOrbit,
     /// A particle's state is NaN or infinite.
     BadParticle,
@@ -131,7 +131,7 @@ impl Rejection {
             Self::BadParameter => "give finite parameters, masses, radii and an age above zero",
             Self::UnresolvedOrbit => {
                 "its progenitor comes too close to the centre for the leapfrog's steps: give more of them (--steps, model.steps), \
-                 or model.steps_per_turn = 0 to have it all the same"
+                 or model.min_steps_per_orbit = 0 to have it all the same"
             }
             Self::Uncovered => "change the parameters, or take coverage = \"penalty\"",
             Self::BadOrbit | Self::BadParticle | Self::BadLikelihood => "change the parameters",
@@ -152,12 +152,12 @@ pub struct Tally {
     pub bounded_tidal_radius: u64,
     /// Particle-steps that turned a particle by more than 90 degrees around the projected centre: its winding count
     /// is not safe.
-    pub unsafe_turns: u64,
+    pub ambiguous_windings: u64,
 }
 
 impl std::ops::AddAssign for Tally {
     fn add_assign(&mut self, other: Self) {
         self.bounded_tidal_radius += other.bounded_tidal_radius;
-        self.unsafe_turns += other.unsafe_turns;
+        self.ambiguous_windings += other.ambiguous_windings;
     }
 }

@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use oblate::params::{PriorSettings, StreamParams, StreamPrior};
-//! use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings};
+//! use oblate::stream::{Particles, StepSchedules, System, Model, ModelSettings};
 //! use oblate::track::{BinEdges, Track};
 //!
 //! # fn main() -> oblate::Result<()> {
@@ -21,10 +21,10 @@
 //! let prior = StreamPrior::new(&PriorSettings::default())?;
 //! prior.check_inside(&params)?;
 //! let model = Model::new(&ModelSettings::default())?;
-//! let galaxy = Galaxy::from_params(&params, prior.q_range());
+//! let galaxy = System::from_params(&params, prior.q_range());
 //! let setup = model.setup(&galaxy).map_err(oblate::Error::NoTrack)?;
-//! let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
-//! model.carry(&setup, &mut flights, &mut stars).map_err(oblate::Error::NoTrack)?;
+//! let (mut flights, mut stars) = (StepSchedules::default(), Particles::default());
+//! model.integrate(&setup, &mut flights, &mut stars).map_err(oblate::Error::NoTrack)?;
 //! let track = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * stars.len() as f64);
 //! assert!(track.bins.len() > 5);
 //! assert!(track.bins.iter().all(|bin| (10.0..100.0).contains(&bin.r_kpc)));

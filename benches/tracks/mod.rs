@@ -2,32 +2,34 @@
 
 use oblate::data::{MockSettings, mocks};
 use oblate::params::{PriorSettings, StreamPrior};
-use oblate::stream::{Arrivals, Flights, Galaxy, Model};
+use oblate::stream::{Model, Particles, StepSchedules, System};
 use oblate::track::{BinEdges, Track};
 
 /// Galaxies of prior draws that meet the paper's criteria.
-pub fn galaxies(count: usize) -> Vec<Galaxy<f64>> {
+pub fn galaxies(count: usize) -> Vec<System<f64>> {
     let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
     let drawn = mocks(&prior, &MockSettings::default(), count, 1).expect("mocks");
-    let galaxy = |mock: &oblate::data::Mock| Galaxy::from_params(&mock.params, prior.q_range());
-    drawn.mocks.iter().map(galaxy).collect()
+    let system = |mock: &oblate::data::Mock| System::from_params(&mock.params, prior.q_range());
+    drawn.mocks.iter().map(system).collect()
 }
 
 /// The track of a galaxy: bins with at least a hundredth of the particles.
-pub fn track(model: &Model, galaxy: &Galaxy<f64>) -> Option<Track> {
-    Some(binned(&stars(model, galaxy)?, BinEdges::default()))
+pub fn track(model: &Model, system: &System<f64>) -> Option<Track> {
+    Some(binned(&stars(model, system)?, BinEdges::default()))
 }
 
 /// Where the particles of a galaxy's stream are today.
-pub fn stars(model: &Model, galaxy: &Galaxy<f64>) -> Option<Arrivals> {
-    let setup = model.setup(galaxy).ok()?;
-    let (mut flights, mut stars) = (Flights::default(), Arrivals::default());
-    model.carry(&setup, &mut flights, &mut stars).ok()?;
+pub fn stars(model: &Model, system: &System<f64>) -> Option<Particles> {
+    let solution = model.progenitor_solution(system).ok()?;
+    let (mut schedules, mut stars) = (StepSchedules::default(), Particles::default());
+    model
+        .integrate(&solution, &mut schedules, &mut stars)
+        .ok()?;
     Some(stars)
 }
 
 /// Their track in bins with these edges.
-pub fn binned(stars: &Arrivals, edges: BinEdges) -> Track {
+pub fn binned(stars: &Particles, edges: BinEdges) -> Track {
     Track::of(stars, 10.0, edges, 0.01 * stars.len() as f64)
 }
 

@@ -3,7 +3,7 @@
 use crate::config::read;
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, Profile, Sampler};
-use crate::spray::Design;
+use crate::spray::SamplingScheme;
 use crate::stream::ModelSettings;
 use clap::{Args, ValueEnum};
 use std::io::Write;
@@ -61,18 +61,18 @@ pub struct LimitFlags {
 /// Flags of the model, shared by `stream`, `evaluate`, `mock` and `fit`.
 #[derive(Args, Debug, Default)]
 pub struct ModelFlags {
-    /// Settings that have a name: `fast` (linked particles, soft bins, penalty) or `paper` (10,000 random, hard, reject)
+    /// Settings that have a name: `fast` (2,560 particles smeared along segments, soft bins, penalty) or `paper` (10,000 random, hard, reject)
     #[arg(long, value_enum)]
     profile: Option<ProfileName>,
-    /// Particles, both arms together
+    /// Particles, both tails together
     #[arg(long)]
     particles: Option<usize>,
     /// Leapfrog steps per particle
     #[arg(long)]
     steps: Option<usize>,
-    /// Spread of the draws
+    /// Sampling scheme of the releases
     #[arg(long, value_enum)]
-    design: Option<DesignName>,
+    sampling_scheme: Option<SamplingSchemeName>,
     /// Seed of the table of releases
     #[arg(long)]
     model_seed: Option<u64>,
@@ -85,10 +85,10 @@ enum ProfileName {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum DesignName {
+enum SamplingSchemeName {
     Random,
     Sobol,
-    Linked,
+    SobolSegments,
 }
 
 impl ModelFlags {
@@ -111,17 +111,17 @@ impl ModelFlags {
 
     /// Applies the flags other than the profile to a model's settings.
     pub fn apply(&self, model: &mut ModelSettings) {
-        if let Some(design) = self.design {
-            model.releases.design = match design {
-                DesignName::Random => Design::Random,
-                DesignName::Sobol => Design::Sobol,
-                DesignName::Linked => Design::Linked,
+        if let Some(sampling_scheme) = self.sampling_scheme {
+            model.releases.sampling_scheme = match sampling_scheme {
+                SamplingSchemeName::Random => SamplingScheme::Random,
+                SamplingSchemeName::Sobol => SamplingScheme::Sobol,
+                SamplingSchemeName::SobolSegments => SamplingScheme::SobolSegments,
             };
-            model.releases.epochs = 0;
+            model.releases.release_times = 0;
         }
         if let Some(particles) = self.particles {
             model.releases.particles = particles;
-            model.releases.epochs = 0;
+            model.releases.release_times = 0;
         }
         if let Some(steps) = self.steps {
             model.steps = steps;

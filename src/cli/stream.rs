@@ -6,7 +6,7 @@ use crate::config::read;
 use crate::error::{Error, Result};
 use crate::inference::Profile;
 use crate::params::{PriorSettings, StreamParams, StreamPrior};
-use crate::stream::{Arrivals, Galaxy, Model};
+use crate::stream::{Model, Particles, System};
 use crate::track::{BinEdges, Track};
 use serde_json::json;
 use std::io::Write;
@@ -27,7 +27,7 @@ pub struct Args {
     edge: f64,
     /// Least fraction of the particles in a bin
     #[arg(long, default_value_t = 0.005)]
-    least_fraction: f64,
+    min_fraction: f64,
     /// Write the particles to this CSV file
     #[arg(long, value_name = "FILE")]
     particles_out: Option<PathBuf>,
@@ -64,12 +64,12 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     args.model.apply(&mut settings);
     let model = Model::new(&settings)?;
     let begin = Instant::now();
-    let setup = model
-        .setup(&Galaxy::from_params(&params, prior.q_range()))
+    let solution = model
+        .progenitor_solution(&System::from_params(&params, prior.q_range()))
         .map_err(Error::NoTrack)?;
-    let mut arrivals = Arrivals::default();
+    let mut particles = Particles::default();
     model
-        .carry_in_parallel(&setup, &mut arrivals)
+        .integrate_in_parallel(&solution, &mut particles)
         .map_err(Error::NoTrack)?;
     let edges = if args.edge > 0.0 {
         BinEdges::Soft {
@@ -78,12 +78,12 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     } else {
         BinEdges::Hard
     };
-    let least_n = args.least_fraction * arrivals.len() as f64;
-    let track = Track::of(&arrivals, args.bin_width, edges, least_n);
+    let min_n = args.min_fraction * particles.len() as f64;
+    let track = Track::of(&particles, args.bin_width, edges, min_n);
     let seconds = begin.elapsed().as_secs_f64();
     if let Some(file) = &args.particles_out {
         refuse_existing(file, args.force)?;
-        write_file(file, particles(&arrivals, &model).as_bytes())?;
+        write_file(file, particles_csv(&particles, &model).as_bytes())?;
     }
     let shape = prior.shape(&params);
     if common.json {
@@ -99,10 +99,10 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
                 "q": shape.q,
                 "axis": shape.axis.to_array(),
                 "diagnostics": {
-                    "bounded_tidal_radius": arrivals.tally.bounded_tidal_radius,
-                    "unsafe_turns": arrivals.tally.unsafe_turns,
-                    "orbit_energy_error": setup.orbit.energy_error(&setup.host),
-                    "particles": arrivals.len(),
+                    "bounded_tidal_radius": particles.tally.bounded_tidal_radius,
+                    "ambiguous_windings": particles.tally.ambiguous_windings,
+                    "orbit_energy_error": solution.orbit.energy_error(&solution.host),
+                    "particles": particles.len(),
                 },
                 "seconds": seconds,
             }),
@@ -122,12 +122,12 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
                 ),
             )?;
         }
-        if arrivals.tally.unsafe_turns > 0 {
+        if particles.tally.ambiguous_windings > 0 {
             say(
                 out,
                 &format!(
                     "{} steps turned a particle by more than 90 degrees: give more --steps",
-                    arrivals.tally.unsafe_turns
+                    particles.tally.ambiguous_windings
                 ),
             )?;
         }
@@ -136,24 +136,24 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
 }
 
 /// The particles as CSV.
-fn particles(arrivals: &Arrivals, model: &Model) -> String {
+fn particles_csv(particles: &Particles, model: &Model) -> String {
     let mut text =
-        String::from("arm,t_release_fraction,x_kpc,y_kpc,z_kpc,vx_km_s,vy_km_s,vz_km_s,phi_deg\n");
+        String::from("tail,t_release_fraction,x_kpc,y_kpc,z_kpc,vx_km_s,vy_km_s,vz_km_s,phi_deg\n");
     let table = model.table();
-    for (i, particle) in table.particles.iter().enumerate() {
-        let angle = arrivals.angle(i).to_degrees();
-        let v = |c: usize| crate::units::km_s_from_kpc_per_gyr(arrivals.v[c][i]);
+    for (i, release) in table.releases.iter().enumerate() {
+        let angle = particles.angle(i).to_degrees();
+        let v = |c: usize| crate::units::km_s_from_kpc_per_gyr(particles.v[c][i]);
         text.push_str(&format!(
             "{},{},{},{},{},{},{},{},{}\n",
-            if particle.arm.sign() < 0.0 {
+            if release.tail.sign() < 0.0 {
                 "leading"
             } else {
                 "trailing"
             },
-            table.taus[i / table.per_epoch],
-            arrivals.x[i],
-            arrivals.y[i],
-            arrivals.z[i],
+            table.taus[i / table.per_release_time],
+            particles.x[i],
+            particles.y[i],
+            particles.z[i],
             v(0),
             v(1),
             v(2),

@@ -4,8 +4,8 @@ use super::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
 use crate::scalar::Vec3;
-use crate::spray::{Design, TableSettings};
-use crate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings};
+use crate::spray::{SamplingScheme, TableSettings};
+use crate::stream::{Model, ModelSettings, Particles, StepSchedules, System};
 use crate::track::{BinEdges, Track};
 use oblate_samplers::normal::quantile;
 use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
@@ -23,11 +23,11 @@ pub struct MockSettings {
     /// Relative Gaussian noise of each bin's radius.
     pub noise: f64,
     /// A bin is kept with at least this fraction of the particles (100 of 10,000).
-    pub least_fraction: f64,
+    pub min_fraction: f64,
     /// Least angle that the kept bins cover, degrees.
-    pub least_angle_deg: f64,
+    pub min_angle_deg: f64,
     /// Least length of the projected track, kpc.
-    pub least_length_kpc: f64,
+    pub min_length_kpc: f64,
     /// Range that all radii must lie in, kpc.
     pub radii_kpc: (f64, f64),
     /// Draw q from this population instead of the prior.
@@ -48,7 +48,7 @@ impl Default for MockSettings {
     fn default() -> Self {
         let releases = TableSettings {
             particles: 10_000,
-            design: Design::Random,
+            sampling_scheme: SamplingScheme::Random,
             seed: MOCK_TABLE_SEED,
             ..TableSettings::default()
         };
@@ -59,9 +59,9 @@ impl Default for MockSettings {
             },
             bin_width_deg: 10.0,
             noise: 0.02,
-            least_fraction: 0.01,
-            least_angle_deg: 90.0,
-            least_length_kpc: 100.0,
+            min_fraction: 0.01,
+            min_angle_deg: 90.0,
+            min_length_kpc: 100.0,
             radii_kpc: (10.0, 500.0),
             population: None,
         }
@@ -141,9 +141,8 @@ pub fn mocks(
                     "beyond the first {} meets the criteria of a mock",
                     found.mocks.len()
                 ),
-                remedy:
-                    "loosen least_angle_deg, least_length_kpc or radii_kpc, or change the prior"
-                        .to_owned(),
+                remedy: "loosen min_angle_deg, min_length_kpc or radii_kpc, or change the prior"
+                    .to_owned(),
             });
         }
         let batch: Vec<(u64, std::result::Result<Mock, Cut>)> = (first..first + BATCH)
@@ -223,15 +222,15 @@ fn draw(
             .map_err(|_| Cut::NoStream)?;
         (params.dir_x, params.dir_y, params.dir_z) = (dir.x, dir.y, dir.z);
     }
-    let setup = model
-        .setup(&Galaxy::from_params(&params, prior.q_range()))
+    let solution = model
+        .progenitor_solution(&System::from_params(&params, prior.q_range()))
         .map_err(|_| Cut::NoStream)?;
-    let (mut flights, mut arrivals) = (Flights::default(), Arrivals::default());
+    let (mut schedules, mut particles) = (StepSchedules::default(), Particles::default());
     model
-        .carry(&setup, &mut flights, &mut arrivals)
+        .integrate(&solution, &mut schedules, &mut particles)
         .map_err(|_| Cut::NoStream)?;
-    let least_n = settings.least_fraction * arrivals.len() as f64;
-    let track = Track::of(&arrivals, settings.bin_width_deg, BinEdges::Hard, least_n);
+    let min_n = settings.min_fraction * particles.len() as f64;
+    let track = Track::of(&particles, settings.bin_width_deg, BinEdges::Hard, min_n);
     let length_kpc = criteria(&track, settings)?;
     let phi: Vec<f64> = track.bins.iter().map(|b| b.phi_deg).collect();
     let r: Vec<f64> = track
@@ -267,7 +266,7 @@ fn truth(params: &StreamParams<f64>, q: f64) -> serde_json::Value {
 /// The paper's three criteria; gives the length of the projected track.
 fn criteria(track: &Track, settings: &MockSettings) -> std::result::Result<f64, Cut> {
     let angle = track.bins.len() as f64 * track.width_deg;
-    if angle <= settings.least_angle_deg || track.bins.len() < super::LEAST_BINS {
+    if angle <= settings.min_angle_deg || track.bins.len() < super::LEAST_BINS {
         return Err(Cut::Angle);
     }
     let point = |phi_deg: f64, r: f64| {
@@ -287,7 +286,7 @@ fn criteria(track: &Track, settings: &MockSettings) -> std::result::Result<f64, 
             (a.0 - b.0).hypot(a.1 - b.1)
         })
         .sum();
-    if length <= settings.least_length_kpc {
+    if length <= settings.min_length_kpc {
         return Err(Cut::Length);
     }
     let (lo, hi) = settings.radii_kpc;

@@ -19,7 +19,7 @@ pub struct Diagnostics {
 }
 
 /// Diagnostics of a fit:
-/// - `bounded_tidal_radius`, `unsafe_turns`: counts over all evaluations ([`Tally`](crate::Tally));
+/// - `bounded_tidal_radius`, `ambiguous_windings`: counts over all evaluations ([`Tally`](crate::Tally));
 /// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, and the number of data bins;
 /// - `step_shift_sigma`: largest shift of the best fit's track when all steps are halved, in the data's standard deviations;
 /// - `density_on_minor_axis_msun_kpc3`: the halo's density on its symmetry axis, at the progenitor's distance from the centre.
@@ -30,7 +30,7 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     let mut found = Diagnostics::default();
     let tally = target.tally();
     found.insert("bounded_tidal_radius", tally.bounded_tidal_radius as f64);
-    found.insert("unsafe_turns", tally.unsafe_turns as f64);
+    found.insert("ambiguous_windings", tally.ambiguous_windings as f64);
     let Some(best) = run.draws.best() else {
         return found;
     };
@@ -66,9 +66,9 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
             "twice as many steps move the best fit's track by up to {shift:.1} standard deviations of the data: increase `model.steps`"
         ));
     }
-    let galaxy = likelihood.galaxy(&params);
-    let r = galaxy.today.x.norm2().sqrt();
-    let density = galaxy.host.density(galaxy.host.axis * r);
+    let system = likelihood.system(&params);
+    let r = system.today.x.norm2().sqrt();
+    let density = system.host.density(system.host.axis * r);
     found.insert("density_on_minor_axis_msun_kpc3", density);
     if density < 0.0 {
         found.warnings.push(

@@ -30,7 +30,7 @@ impl FitSettings {
             coarse.coarse_particles = 0;
             let releases = &mut coarse.model.releases;
             // 0: the number of release times follows from the number of particles.
-            releases.epochs = 0;
+            releases.release_times = 0;
             releases.particles = self.coarse_particles;
             coarse.model.orbit_steps = self.model.orbit_steps.min(MAX_ORBIT_STEPS);
             coarse.likelihood.edges = BinEdges::Soft {

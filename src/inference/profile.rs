@@ -2,7 +2,7 @@
 
 use crate::likelihood::{Coverage, LikelihoodSettings};
 use crate::orbit::OrbitMethod;
-use crate::spray::{Design, TableSettings};
+use crate::spray::{SamplingScheme, TableSettings};
 use crate::stream::{ModelSettings, StepRule, StepsPer};
 use crate::track::BinEdges;
 use serde::{Deserialize, Serialize};
@@ -30,8 +30,8 @@ impl Profile {
             Self::Paper => ModelSettings {
                 releases: TableSettings {
                     particles: 10_000,
-                    epochs: 100,
-                    design: Design::Random,
+                    release_times: 100,
+                    sampling_scheme: SamplingScheme::Random,
                     ..TableSettings::default()
                 },
                 steps: 100,
@@ -39,7 +39,7 @@ impl Profile {
                 step_rule: StepRule::Uniform,
                 orbit: OrbitMethod::Leapfrog,
                 orbit_steps: 100,
-                steps_per_turn: 0,
+                min_steps_per_orbit: 0,
             },
         }
     }

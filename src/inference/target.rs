@@ -20,7 +20,7 @@ pub struct StreamTarget {
     symmetries: Vec<Symmetry>,
     // Integer sums do not depend on the order of additions, so these are the same for any number of threads.
     bounded_tidal_radius: AtomicU64,
-    unsafe_turns: AtomicU64,
+    ambiguous_windings: AtomicU64,
 }
 
 impl StreamTarget {
@@ -60,7 +60,7 @@ impl StreamTarget {
             prior,
             symmetries,
             bounded_tidal_radius: AtomicU64::new(0),
-            unsafe_turns: AtomicU64::new(0),
+            ambiguous_windings: AtomicU64::new(0),
         }
     }
 
@@ -87,7 +87,7 @@ impl StreamTarget {
     pub fn tally(&self) -> Tally {
         Tally {
             bounded_tidal_radius: self.bounded_tidal_radius.load(Ordering::Relaxed),
-            unsafe_turns: self.unsafe_turns.load(Ordering::Relaxed),
+            ambiguous_windings: self.ambiguous_windings.load(Ordering::Relaxed),
         }
     }
 
@@ -106,9 +106,9 @@ impl StreamTarget {
             self.bounded_tidal_radius
                 .fetch_add(tally.bounded_tidal_radius, Ordering::Relaxed);
         }
-        if tally.unsafe_turns > 0 {
-            self.unsafe_turns
-                .fetch_add(tally.unsafe_turns, Ordering::Relaxed);
+        if tally.ambiguous_windings > 0 {
+            self.ambiguous_windings
+                .fetch_add(tally.ambiguous_windings, Ordering::Relaxed);
         }
     }
 }
@@ -133,10 +133,10 @@ impl Target for StreamTarget {
         evaluated.into_iter().map(|e| self.outcome(e)).collect()
     }
 
-    /// ln L, and the smooth gradient: see [`StreamLikelihood::smooth_gradient`].
+    /// ln L, and the smooth gradient: see [`StreamLikelihood::truncated_gradient`].
     fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
         let all = self.params(theta).to_array();
-        let evaluated = self.likelihood.smooth_gradient(&all);
+        let evaluated = self.likelihood.truncated_gradient(&all);
         self.outcome(evaluated.map(|(evaluation, all)| {
             for (slot, place) in gradient.iter_mut().zip(self.prior.free()) {
                 *slot = all[*place];

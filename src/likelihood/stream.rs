@@ -5,7 +5,7 @@ use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};
 use crate::params::{DIM, QRange, StreamParams};
 use crate::scalar::{Dual, Real, gradient_of, lift};
-use crate::stream::{Arrivals, Counted, Galaxy, Model, Setup, Threads, Workspace};
+use crate::stream::{Adjoint, Model, Particles, ProgenitorSolution, System, Threads, Workspace};
 use crate::track::{PartialSums, Sums, Track};
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -22,12 +22,12 @@ pub struct Evaluation {
 /// Buffers of one thread.
 #[derive(Clone, Debug, Default)]
 pub struct Buffers {
-    setup: Option<Setup<f64>>,
+    solution: Option<ProgenitorSolution<f64>>,
     work: Workspace,
     sums: Sums<f64>,
     /// Of some of the particles.
     part: PartialSums,
-    by_sums: Sums<f64>,
+    sums_bar: Sums<f64>,
 }
 
 thread_local! {
@@ -85,8 +85,8 @@ impl StreamLikelihood {
     }
 
     /// The galaxy at a point.
-    pub fn galaxy<S: Real>(&self, params: &StreamParams<S>) -> Galaxy<S> {
-        Galaxy::from_params(params, self.q_range)
+    pub fn system<S: Real>(&self, params: &StreamParams<S>) -> System<S> {
+        System::from_params(params, self.q_range)
     }
 
     /// ln L, in lanes, on the caller's thread.
@@ -121,7 +121,7 @@ impl StreamLikelihood {
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood); [`Rejection::BadLikelihood`] too if the gradient is not finite.
     pub fn gradient(&self, theta: &[f64; DIM]) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        with_buffers(|b| self.gradient_of(theta, Counted::All, Threads::One, b))
+        with_buffers(|b| self.gradient_of(theta, Adjoint::Exact, Threads::One, b))
     }
 
     /// As [`gradient`](Self::gradient), over all threads of the present rayon pool. The same bits.
@@ -132,20 +132,20 @@ impl StreamLikelihood {
         &self,
         theta: &[f64; DIM],
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        with_buffers(|b| self.gradient_of(theta, Counted::All, Threads::All, b))
+        with_buffers(|b| self.gradient_of(theta, Adjoint::Exact, Threads::All, b))
     }
 
-    /// As [`gradient`](Self::gradient), without the particles whose derivative is chaotic ([`Counted::Regular`]): not the
+    /// As [`gradient`](Self::gradient), without the particles whose derivative is chaotic ([`Adjoint::Truncated`]): not the
     /// derivative of ln L where there are such particles, but a field that a Hamiltonian path can follow. A sampler that
     /// accepts by ln L itself stays exact with any field.
     ///
     /// # Errors
     /// As [`gradient`](Self::gradient).
-    pub fn smooth_gradient(
+    pub fn truncated_gradient(
         &self,
         theta: &[f64; DIM],
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        with_buffers(|b| self.gradient_of(theta, Counted::Regular, Threads::One, b))
+        with_buffers(|b| self.gradient_of(theta, Adjoint::Truncated, Threads::One, b))
     }
 
     fn value(
@@ -154,42 +154,45 @@ impl StreamLikelihood {
         threads: Threads,
         b: &mut Buffers,
     ) -> Result<Evaluation, Rejection> {
-        let galaxy = self.galaxy(&StreamParams::from_array(*theta));
-        let setup = self.model.setup_reusing(&galaxy, b.setup.take())?;
-        let summed = self.sum(&setup, threads, b);
-        b.setup = Some(setup);
+        let system = self.system(&StreamParams::from_array(*theta));
+        let solution = self
+            .model
+            .progenitor_solution_reusing(&system, b.solution.take())?;
+        let summed = self.sum(&solution, threads, b);
+        b.solution = Some(solution);
         summed?;
         let ln_likelihood = self.track.ln_likelihood(&b.sums)?;
         Ok(Evaluation {
             ln_likelihood,
-            tally: b.work.arrivals.tally,
+            tally: b.work.particles.tally,
         })
     }
 
     fn gradient_of(
         &self,
         theta: &[f64; DIM],
-        counted: Counted,
+        adjoint: Adjoint,
         threads: Threads,
         b: &mut Buffers,
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        let galaxy = self.galaxy(&StreamParams::from_array(*theta));
-        let setup = self.model.setup(&galaxy)?;
-        self.sum(&setup, threads, b)?;
-        let ln_likelihood = self.track.pull_back(&b.sums, &mut b.by_sums)?;
+        let system = self.system(&StreamParams::from_array(*theta));
+        let solution = self.model.progenitor_solution(&system)?;
+        self.sum(&solution, threads, b)?;
+        let ln_likelihood = self.track.vjp(&b.sums, &mut b.sums_bar)?;
         let work = &mut b.work;
-        self.track
-            .grid()
-            .pull_back(&work.arrivals, &b.by_sums, &mut work.by_x, &mut work.by_y);
-        let tally = work.arrivals.tally;
-        let by_number = self
-            .model
-            .pull_back(&galaxy, &setup, counted, threads, work);
+        self.track.grid().vjp(
+            &work.particles,
+            &b.sums_bar,
+            &mut work.x_bar,
+            &mut work.y_bar,
+        );
+        let tally = work.particles.tally;
+        let system_bar = self.model.vjp(&system, &solution, adjoint, threads, work);
         let numbers = self
-            .galaxy::<Dual<DIM>>(&StreamParams::from_array(lift(theta)))
+            .system::<Dual<DIM>>(&StreamParams::from_array(lift(theta)))
             .numbers();
         let mut gradient = [0.0; DIM];
-        for (number, by) in numbers.iter().zip(by_number) {
+        for (number, by) in numbers.iter().zip(system_bar) {
             for (slot, derivative) in gradient.iter_mut().zip(gradient_of(number)) {
                 *slot += by * derivative;
             }
@@ -211,11 +214,13 @@ impl StreamLikelihood {
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
     pub fn ln_likelihood_on<S: Real>(&self, params: &StreamParams<S>) -> Result<S, Rejection> {
-        let setup = self.model.setup(&self.galaxy(params))?;
-        let arrivals = self.model.particles(&setup)?;
+        let solution = self.model.progenitor_solution(&self.system(params))?;
+        let particles = self.model.integrate_one_by_one(&solution)?;
         let mut sums = Sums::default();
-        let links = self.model.table().links;
-        self.track.grid().sum_arrivals(&arrivals, links, &mut sums);
+        let neighbour_offset = self.model.table().neighbour_offset;
+        self.track
+            .grid()
+            .sum_final_particles(&particles, neighbour_offset, &mut sums);
         self.track.ln_likelihood(&sums)
     }
 
@@ -224,34 +229,42 @@ impl StreamLikelihood {
     ///
     /// # Errors
     /// A [`Rejection`] where there is no stream.
-    pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Arrivals), Rejection> {
-        let setup = self.model.setup(&self.galaxy(params))?;
-        let mut arrivals = Arrivals::default();
-        self.model.carry_in_parallel(&setup, &mut arrivals)?;
+    pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Particles), Rejection> {
+        let solution = self.model.progenitor_solution(&self.system(params))?;
+        let mut particles = Particles::default();
+        self.model
+            .integrate_in_parallel(&solution, &mut particles)?;
         let grid = self.track.grid();
         let track = Track::of(
-            &arrivals,
+            &particles,
             grid.width_deg,
             grid.edges,
             self.track.threshold().max(1.0),
         );
-        Ok((track, arrivals))
+        Ok((track, particles))
     }
 
     /// Particles and their sums, into the buffers.
-    fn sum(&self, setup: &Setup<f64>, threads: Threads, b: &mut Buffers) -> Result<(), Rejection> {
+    fn sum(
+        &self,
+        solution: &ProgenitorSolution<f64>,
+        threads: Threads,
+        b: &mut Buffers,
+    ) -> Result<(), Rejection> {
         let Workspace {
-            flights, arrivals, ..
+            schedules,
+            particles,
+            ..
         } = &mut b.work;
         let grid = self.track.grid();
         match threads {
             Threads::One => {
-                self.model.carry(setup, flights, arrivals)?;
-                grid.sum(arrivals, &mut b.sums, &mut b.part);
+                self.model.integrate(solution, schedules, particles)?;
+                grid.sum(particles, &mut b.sums, &mut b.part);
             }
             Threads::All => {
-                self.model.carry_in_parallel(setup, arrivals)?;
-                grid.sum_in_parallel(arrivals, &mut b.sums);
+                self.model.integrate_in_parallel(solution, particles)?;
+                grid.sum_in_parallel(particles, &mut b.sums);
             }
         }
         Ok(())

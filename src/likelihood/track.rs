@@ -43,7 +43,7 @@ pub struct LikelihoodSettings {
     /// off by is off everywhere, and with a few thousand particles it is as large as the data's errors.
     pub model_noise: bool,
     /// The threshold on a bin's weight, as a fraction of all particles: half of a mock's 1 %.
-    pub least_fraction: f64,
+    pub min_fraction: f64,
 }
 
 impl Default for LikelihoodSettings {
@@ -52,7 +52,7 @@ impl Default for LikelihoodSettings {
             edges: BinEdges::default(),
             coverage: Coverage::default(),
             model_noise: true,
-            least_fraction: 0.005,
+            min_fraction: 0.005,
         }
     }
 }
@@ -116,10 +116,10 @@ impl TrackLikelihood {
                 "give more than 0 and at most half a bin, or use hard edges",
             );
         }
-        if !(settings.least_fraction >= 0.0 && settings.least_fraction < 1.0) {
+        if !(settings.min_fraction >= 0.0 && settings.min_fraction < 1.0) {
             return fail(
-                "least_fraction",
-                settings.least_fraction.to_string(),
+                "min_fraction",
+                settings.min_fraction.to_string(),
                 "give a fraction in [0, 1)",
             );
         }
@@ -164,7 +164,7 @@ impl TrackLikelihood {
             },
             data: slots,
             count: data.len(),
-            threshold: settings.least_fraction * particles as f64,
+            threshold: settings.min_fraction * particles as f64,
         })
     }
 
@@ -221,16 +221,12 @@ impl TrackLikelihood {
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
-    pub fn pull_back(
-        &self,
-        sums: &Sums<f64>,
-        by: &mut Sums<f64>,
-    ) -> std::result::Result<f64, Rejection> {
+    pub fn vjp(&self, sums: &Sums<f64>, by: &mut Sums<f64>) -> std::result::Result<f64, Rejection> {
         by.reset(self.grid.len);
         let mut total = 0.0;
         let mut overlap = 0.0;
         // Derivatives of each bin's cover, for the penalty's share below.
-        let mut by_cover = vec![0.0; self.grid.len];
+        let mut cover_bar = vec![0.0; self.grid.len];
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
                 let [weight, r, r2]: [Dual<3>; 3] = lift(&[sums.weight[i], sums.r[i], sums.r2[i]]);
@@ -239,13 +235,13 @@ impl TrackLikelihood {
                 overlap += part.covered.re / self.count as f64;
                 [by.weight[i], by.r[i], by.r2[i]] = gradient_of(&part.ln_likelihood);
                 // The cover depends on the weight alone.
-                by_cover[i] = gradient_of(&part.covered)[0];
+                cover_bar[i] = gradient_of(&part.covered)[0];
             }
         }
         let penalty = self.length_penalty(crate::scalar::variable::<1>(overlap, 0));
-        let [by_overlap] = gradient_of(&penalty);
-        for (slot, cover) in by.weight.iter_mut().zip(&by_cover) {
-            *slot -= by_overlap * cover / self.count as f64;
+        let [overlap_bar] = gradient_of(&penalty);
+        for (slot, cover) in by.weight.iter_mut().zip(&cover_bar) {
+            *slot -= overlap_bar * cover / self.count as f64;
         }
         let total = total - penalty.re;
         if total.is_finite() {

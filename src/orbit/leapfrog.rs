@@ -1,18 +1,18 @@
 //! The hot loop: kick-drift-kick in the host and the moving progenitor, on any number type.
 
-use super::{Course, State};
+use super::{Schedule, State};
 use crate::potential::{Plummer, Potential};
 use crate::scalar::{Scalar, Vec3};
 
 /// A particle today.
 #[derive(Clone, Copy, Debug)]
-pub struct Arrival<S> {
+pub struct FinalParticle<S> {
     /// Its state at t = 0.
     pub state: State<S>,
     /// Times its projection went round counter-clockwise, counted at the negative x axis; a whole number.
     pub turns: S,
     /// Steps that turned it by more than 90 degrees around the projected centre, where the count is not safe.
-    pub unsafe_turns: S,
+    pub ambiguous_windings: S,
 }
 
 /// One for a number below zero, zero for others.
@@ -49,28 +49,28 @@ pub(super) fn force<S: Scalar>(
 pub fn advance<S: Scalar>(
     host: &impl Potential<S>,
     progenitor: &Plummer<S>,
-    course: &impl Course<S>,
+    schedule: &impl Schedule<S>,
     start: State<S>,
     turns: S,
-) -> Arrival<S> {
-    let steps = course.steps();
+) -> FinalParticle<S> {
+    let steps = schedule.steps();
     let mut x = start.x;
-    let first = force(host, progenitor, x, course.progenitor_at(0));
-    let mut v = start.v.add_scaled(first, course.kick_gyr(0));
+    let first = force(host, progenitor, x, schedule.progenitor_at(0));
+    let mut v = start.v.add_scaled(first, schedule.kick_gyr(0));
     let mut turns = turns;
-    let mut unsafe_turns = S::zero();
+    let mut ambiguous_windings = S::zero();
     for j in 1..=steps {
         let before = x;
-        x = x.add_scaled(v, course.drift_gyr(j - 1));
+        x = x.add_scaled(v, schedule.drift_gyr(j - 1));
         turns += crossing(before, x);
         let cosine = before.x * x.x + before.y * x.y;
-        unsafe_turns += is_negative(cosine);
-        let a = force(host, progenitor, x, course.progenitor_at(j));
-        v = v.add_scaled(a, course.kick_gyr(j));
+        ambiguous_windings += is_negative(cosine);
+        let a = force(host, progenitor, x, schedule.progenitor_at(j));
+        v = v.add_scaled(a, schedule.kick_gyr(j));
     }
-    Arrival {
+    FinalParticle {
         state: State { x, v },
         turns,
-        unsafe_turns,
+        ambiguous_windings,
     }
 }

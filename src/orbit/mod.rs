@@ -1,16 +1,16 @@
 //! Moving bodies: the progenitor's dense orbit, and the leapfrog that carries the particles.
 
-mod adjoint;
-mod clock;
-mod flight;
+mod adaptive_grid;
+mod dense_orbit;
 mod leapfrog;
-mod progenitor;
+mod leapfrog_vjp;
+mod schedule;
 
-pub use adjoint::{ByStep, reverse};
-pub use clock::Clock;
-pub use flight::{Course, Flight, HalfAndHalf};
-pub use leapfrog::{Arrival, advance, crossing};
-pub use progenitor::{DenseOrbit, Moment, Node, OrbitMethod, Placement, add_placed};
+pub use adaptive_grid::AdaptiveGrid;
+pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, OrbitTime, add_weighted};
+pub use leapfrog::{FinalParticle, advance, crossing};
+pub use leapfrog_vjp::{StepCotangent, reverse};
+pub use schedule::{InterleavedSchedules, Schedule, StepSchedule};
 
 use crate::scalar::Vec3;
 

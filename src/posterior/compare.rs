@@ -214,7 +214,7 @@ fn mode_name(mode: Mode) -> String {
 }
 
 fn marginal(a: &Column, b: &Column, weights: &[Vec<f64>; 2], ess: [f64; 2]) -> MarginalRow {
-    let moments = |values: &[f64], w: &[f64]| {
+    let orbit_times = |values: &[f64], w: &[f64]| {
         let mean: f64 = values.iter().zip(w).map(|(v, w)| v * w).sum();
         let variance: f64 = values
             .iter()
@@ -223,8 +223,8 @@ fn marginal(a: &Column, b: &Column, weights: &[Vec<f64>; 2], ess: [f64; 2]) -> M
             .sum();
         (mean, variance)
     };
-    let (ma, va) = moments(&a.values, &weights[0]);
-    let (mb, vb) = moments(&b.values, &weights[1]);
+    let (ma, va) = orbit_times(&a.values, &weights[0]);
+    let (mb, vb) = orbit_times(&b.values, &weights[1]);
     let quantile = |values: &[f64], w: &[f64], p: f64| weighted_quantile(values, w, p);
     let median = [
         quantile(&a.values, &weights[0], 0.5),

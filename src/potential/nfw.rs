@@ -135,7 +135,7 @@ impl<S: Scalar> FlattenedNfw<S> {
     /// derivatives with respect to the halo's parameters to `cotangent` and returns the acceleration and the derivative
     /// with respect to `x` (which is minus the Hessian times `lambda`).
     #[inline(always)]
-    pub fn pull_back(
+    pub fn vjp(
         &self,
         x: Vec3<S>,
         lambda: Vec3<S>,
@@ -155,9 +155,9 @@ impl<S: Scalar> FlattenedNfw<S> {
             .axis
             .add_scaled(x, -(pull * self.flattening))
             .add_scaled(lambda, -(k * along * self.flattening));
-        let by_x =
+        let x_bar =
             (lambda.add_scaled(self.axis, self.flattening * n_lambda) * (-k)).add_scaled(y, -dk_y);
-        (y * (-k), by_x)
+        (y * (-k), x_bar)
     }
 }
 

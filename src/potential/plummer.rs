@@ -37,10 +37,10 @@ impl<S: Scalar> Plummer<S> {
     /// The same sphere for another number type, from constants.
     #[inline(always)]
     #[must_use]
-    pub fn broadcast(sphere: &Plummer<f64>) -> Self {
+    pub fn broadcast(progenitor: &Plummer<f64>) -> Self {
         Self {
-            mass: S::from_f64(sphere.mass),
-            r_s: S::from_f64(sphere.r_s),
+            mass: S::from_f64(progenitor.mass),
+            r_s: S::from_f64(progenitor.r_s),
         }
     }
 
@@ -57,9 +57,9 @@ impl<S: Scalar> Plummer<S> {
         a.add_scaled(x, -self.slopes(x).1)
     }
 
-    /// Reverse mode, as in [`FlattenedNfw::pull_back`](super::FlattenedNfw::pull_back).
+    /// Reverse mode, as in [`FlattenedNfw::vjp`](super::FlattenedNfw::vjp).
     #[inline(always)]
-    pub fn pull_back(
+    pub fn vjp(
         &self,
         x: Vec3<S>,
         lambda: Vec3<S>,

@@ -183,7 +183,7 @@ fn truths(track: &ObservedTrack) -> BTreeMap<String, f64> {
 fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> Option<String> {
     let draws = &stored.run.draws;
     let model_track = |row: usize| {
-        let (t, arrivals) = target
+        let (t, particles) = target
             .likelihood()
             .track_at(&target.params(draws.theta_row(row)))
             .ok()?;
@@ -191,20 +191,20 @@ fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> 
             phi_deg: t.bins.iter().map(|b| b.phi_deg).collect(),
             r_kpc: t.bins.iter().map(|b| b.r_kpc).collect(),
         };
-        Some((model, arrivals))
+        Some((model, particles))
     };
-    let (best, arrivals) = model_track(stored.run.draws.best()?)?;
+    let (best, particles) = model_track(stored.run.draws.best()?)?;
     let offset = unit_open(&mut stream(stored.run.seed, Domain::Post, CHOICE_TASK, 0));
     let tracks: Vec<ModelTrack> = draws
         .resample(TRACKS, offset)
         .into_iter()
         .filter_map(|row| Some(model_track(row)?.0))
         .collect();
-    let every = (arrivals.len() / DOTS).max(1);
-    let particles: Vec<(f64, f64)> = arrivals
+    let every = (particles.len() / DOTS).max(1);
+    let particles: Vec<(f64, f64)> = particles
         .x
         .iter()
-        .zip(&arrivals.y)
+        .zip(&particles.y)
         .step_by(every)
         .map(|(x, y)| (*x, *y))
         .collect();

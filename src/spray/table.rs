@@ -1,7 +1,7 @@
 //! The table of releases: who leaves when, through which side, with which kick. Made once from a seed; from here to the
 //! likelihood nobody holds a generator.
 
-use super::{Arm, Kick, Recipe};
+use super::{Recipe, ReleaseOffset, Tail};
 use crate::error::{Error, Result};
 use oblate_samplers::normal::quantile;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// How the draws are spread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Design {
+pub enum SamplingScheme {
     /// Independent normals; release times -T + k T / epochs (the paper).
     Random,
     /// One Owen-scrambled Sobol set per arm over release time and normals, sorted by time: the track noise of 2.5 times
@@ -19,7 +19,7 @@ pub enum Design {
     /// The Sobol set, each particle linked to one of nearly the same kick at the next release time: on the sky it is spread along
     /// the way there. The track noise of 1.4 times as many Sobol particles, and a likelihood as smooth as that of four times as many.
     #[default]
-    Linked,
+    SobolSegments,
 }
 
 /// What a table is made from.
@@ -30,9 +30,9 @@ pub struct TableSettings {
     pub particles: usize,
     /// Release times; 0 chooses 100 for `random`, else as many as leave each 32 particles (from 2,048 on), else 16, else 8:
     /// whichever divides them.
-    pub epochs: usize,
+    pub release_times: usize,
     /// Spread of the draws.
-    pub design: Design,
+    pub sampling_scheme: SamplingScheme,
     /// Release recipe.
     pub recipe: Recipe,
     /// Seed of the table.
@@ -43,8 +43,8 @@ impl Default for TableSettings {
     fn default() -> Self {
         Self {
             particles: 2_560,
-            epochs: 0,
-            design: Design::default(),
+            release_times: 0,
+            sampling_scheme: SamplingScheme::default(),
             recipe: Recipe::default(),
             seed: 1,
         }
@@ -53,11 +53,11 @@ impl Default for TableSettings {
 
 /// One particle of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Particle {
+pub struct Release {
     /// Side.
-    pub arm: Arm,
+    pub tail: Tail,
     /// Release in the tidal frame.
-    pub kick: Kick,
+    pub offset: ReleaseOffset,
 }
 
 /// All releases, epoch by epoch, oldest first; equal numbers per epoch, leading before trailing.
@@ -65,15 +65,15 @@ pub struct Particle {
 pub struct ReleaseTable {
     /// Release time of each epoch as a fraction of the age, in [-1, 0).
     pub taus: Vec<f64>,
-    /// Particles, `taus.len() * per_epoch` of them.
-    pub particles: Vec<Particle>,
+    /// Particles, `taus.len() * per_release_time` of them.
+    pub releases: Vec<Release>,
     /// Particles per epoch.
-    pub per_epoch: usize,
+    pub per_release_time: usize,
     /// Recipe that the kicks belong to.
     pub recipe: Recipe,
-    /// How much further on each particle's partner is ([`Design::Linked`]; of those released last, how much before them); 0 if they
+    /// How much further on each particle's partner is ([`SamplingScheme::SobolSegments`]; of those released last, how much before them); 0 if they
     /// have none.
-    pub links: usize,
+    pub neighbour_offset: usize,
 }
 
 impl ReleaseTable {
@@ -91,54 +91,54 @@ impl ReleaseTable {
         if n == 0 {
             return Err(fail("give at least 2"));
         }
-        let epochs = match (settings.epochs, settings.design) {
-            (0, Design::Random) => 100,
-            (0, Design::Sobol | Design::Linked) => sobol_epochs(n),
+        let release_times = match (settings.release_times, settings.sampling_scheme) {
+            (0, SamplingScheme::Random) => 100,
+            (0, SamplingScheme::Sobol | SamplingScheme::SobolSegments) => sobol_release_times(n),
             (given, _) => given,
         };
-        if !n.is_multiple_of(2 * epochs) {
+        if !n.is_multiple_of(2 * release_times) {
             return Err(fail(&format!(
-                "with {epochs} release times give a multiple of {}, or set `epochs` to a divisor of half of it",
-                2 * epochs
+                "with {release_times} release times give a multiple of {}, or set `release_times` to a divisor of half of it",
+                2 * release_times
             )));
         }
-        if settings.design != Design::Random && n / 2 > SOBOL_LIMIT {
+        if settings.sampling_scheme != SamplingScheme::Random && n / 2 > SOBOL_LIMIT {
             return Err(fail(
                 "this design has at most 131072 particles; use design = \"random\" for more",
             ));
         }
-        let per_arm = n / (2 * epochs);
-        let arms = [Arm::Leading, Arm::Trailing];
-        let kicks = arms.map(|arm| match settings.design {
-            Design::Random => random_kicks(settings, arm, n / 2),
-            Design::Sobol => sobol_kicks(settings, arm, n / 2),
-            Design::Linked => linked(sobol_kicks(settings, arm, n / 2), per_arm),
+        let per_tail = n / (2 * release_times);
+        let tails = [Tail::Leading, Tail::Trailing];
+        let kicks = tails.map(|tail| match settings.sampling_scheme {
+            SamplingScheme::Random => random_offsets(settings, tail, n / 2),
+            SamplingScheme::Sobol => sobol_offsets(settings, tail, n / 2),
+            SamplingScheme::SobolSegments => linked(sobol_offsets(settings, tail, n / 2), per_tail),
         });
-        let mut particles = Vec::with_capacity(n);
-        for epoch in 0..epochs {
-            for (arm, kicks) in arms.iter().zip(&kicks) {
-                let these = &kicks[epoch * per_arm..(epoch + 1) * per_arm];
-                particles.extend(these.iter().map(|kick| Particle {
-                    arm: *arm,
-                    kick: *kick,
+        let mut releases = Vec::with_capacity(n);
+        for release_time in 0..release_times {
+            for (tail, kicks) in tails.iter().zip(&kicks) {
+                let these = &kicks[release_time * per_tail..(release_time + 1) * per_tail];
+                releases.extend(these.iter().map(|kick| Release {
+                    tail: *tail,
+                    offset: *kick,
                 }));
             }
         }
-        let middle = match settings.design {
-            Design::Random => 0.0,
-            Design::Sobol | Design::Linked => 0.5,
+        let middle = match settings.sampling_scheme {
+            SamplingScheme::Random => 0.0,
+            SamplingScheme::Sobol | SamplingScheme::SobolSegments => 0.5,
         };
-        let taus = (0..epochs)
-            .map(|k| (k as f64 + middle) / epochs as f64 - 1.0)
+        let taus = (0..release_times)
+            .map(|k| (k as f64 + middle) / release_times as f64 - 1.0)
             .collect();
         Ok(Self {
             taus,
-            particles,
-            per_epoch: 2 * per_arm,
+            releases,
+            per_release_time: 2 * per_tail,
             recipe: settings.recipe,
-            links: match settings.design {
-                Design::Linked if epochs > 1 => 2 * per_arm,
-                Design::Random | Design::Sobol | Design::Linked => 0,
+            neighbour_offset: match settings.sampling_scheme {
+                SamplingScheme::SobolSegments if release_times > 1 => 2 * per_tail,
+                SamplingScheme::Random | SamplingScheme::Sobol | SamplingScheme::SobolSegments => 0,
             },
         })
     }
@@ -146,48 +146,48 @@ impl ReleaseTable {
     /// Number of particles.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.particles.len()
+        self.releases.len()
     }
 
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.particles.is_empty()
+        self.releases.is_empty()
     }
 }
 
 /// Release times of `n` particles of the Sobol design, if nobody says. More than these do not lower the noise of a track, and
 /// 16 particles of one time fill the lanes.
-fn sobol_epochs(n: usize) -> usize {
-    let per_epoch = [32, 16, 8]
+fn sobol_release_times(n: usize) -> usize {
+    let per_release_time = [32, 16, 8]
         .into_iter()
         .find(|k| n.is_multiple_of(*k) && (*k < 32 || n >= 2_048));
-    (n / per_epoch.unwrap_or(8)).max(1)
+    (n / per_release_time.unwrap_or(8)).max(1)
 }
 
 /// Longest Sobol sequence of the generator in use.
 const SOBOL_LIMIT: usize = 1 << 16;
 
 /// Independent draws; a draw without meaning is repeated from the same stream.
-fn random_kicks(settings: &TableSettings, arm: Arm, count: usize) -> Vec<Kick> {
-    let mut rng = stream(settings.seed, Domain::Design, arm_number(arm), 0);
+fn random_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<ReleaseOffset> {
+    let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 0);
     let mut kicks = Vec::with_capacity(count);
     while kicks.len() < count {
         let mut xi = [0.0; 5];
         for x in xi.iter_mut().take(settings.recipe.normals()) {
             *x = standard_normal(&mut rng);
         }
-        kicks.extend(settings.recipe.kick(&xi, arm));
+        kicks.extend(settings.recipe.kick(&xi, tail));
     }
     kicks
 }
 
 /// A scrambled Sobol set, sorted by its first coordinate, the release time: its index must not choose the time, nor the
 /// arm, because its low bits are the first coordinates of the points.
-fn sobol_kicks(settings: &TableSettings, arm: Arm, count: usize) -> Vec<Kick> {
+fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<ReleaseOffset> {
     // Scrambles are 32-bit seeds; the two arms and the redraws get sets of their own.
     let scramble = |round: u64| {
-        let mut rng = stream(settings.seed, Domain::Design, arm_number(arm), 1 + round);
+        let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 1 + round);
         #[allow(
             clippy::cast_possible_truncation,
             reason = "the low half of a random word is a random half-word"
@@ -204,7 +204,7 @@ fn sobol_kicks(settings: &TableSettings, arm: Arm, count: usize) -> Vec<Kick> {
         f64::from(sobol_burley::sample(i as u32, dimension as u32, seed))
             + 0.5 / f64::from(1_u32 << 24)
     };
-    let mut rows: Vec<(f64, Kick)> = Vec::with_capacity(count);
+    let mut rows: Vec<(f64, ReleaseOffset)> = Vec::with_capacity(count);
     for i in 0..count {
         let mut round = 0;
         loop {
@@ -213,7 +213,7 @@ fn sobol_kicks(settings: &TableSettings, arm: Arm, count: usize) -> Vec<Kick> {
             for (d, x) in xi.iter_mut().enumerate().take(settings.recipe.normals()) {
                 *x = quantile(point(i, d + 1, seed));
             }
-            if let Some(kick) = settings.recipe.kick(&xi, arm) {
+            if let Some(kick) = settings.recipe.kick(&xi, tail) {
                 rows.push((point(i, 0, scramble(0)), kick));
                 break;
             }
@@ -227,18 +227,21 @@ fn sobol_kicks(settings: &TableSettings, arm: Arm, count: usize) -> Vec<Kick> {
 /// Kicks of one release time that may change places: more would be nearer still, at the price of comparing all pairs.
 const LINKED_TOGETHER: usize = 64;
 
-/// Reorders the kicks of each release time, `per_epoch` of them, so that each follows one of nearly the same kick: of
+/// Reorders the kicks of each release time, `per_release_time` of them, so that each follows one of nearly the same kick: of
 /// [`LINKED_TOGETHER`] no two could change places and be nearer to those before, by the sum of squares.
-fn linked(mut kicks: Vec<Kick>, per_epoch: usize) -> Vec<Kick> {
-    for first in (per_epoch..kicks.len()).step_by(per_epoch) {
+fn linked(mut kicks: Vec<ReleaseOffset>, per_release_time: usize) -> Vec<ReleaseOffset> {
+    for first in (per_release_time..kicks.len()).step_by(per_release_time) {
         let (before, rest) = kicks.split_at_mut(first);
-        let (before, now) = (&before[first - per_epoch..], &mut rest[..per_epoch]);
-        let apart = |i: usize, kick: &Kick| before[i].squared_distance(kick);
+        let (before, now) = (
+            &before[first - per_release_time..],
+            &mut rest[..per_release_time],
+        );
+        let apart = |i: usize, kick: &ReleaseOffset| before[i].squared_distance(kick);
         let mut moved = true;
         while moved {
             moved = false;
             let earlier = |i| (i - i % LINKED_TOGETHER..i).map(move |j| (i, j));
-            for (i, j) in (0..per_epoch).flat_map(earlier) {
+            for (i, j) in (0..per_release_time).flat_map(earlier) {
                 let gain =
                     apart(i, &now[i]) + apart(j, &now[j]) - apart(i, &now[j]) - apart(j, &now[i]);
                 // Rounding must not swap two of them for ever.
@@ -252,9 +255,9 @@ fn linked(mut kicks: Vec<Kick>, per_epoch: usize) -> Vec<Kick> {
     kicks
 }
 
-fn arm_number(arm: Arm) -> u64 {
-    match arm {
-        Arm::Leading => 0,
-        Arm::Trailing => 1,
+fn tail_number(tail: Tail) -> u64 {
+    match tail {
+        Tail::Leading => 0,
+        Tail::Trailing => 1,
     }
 }

@@ -1,22 +1,22 @@
 //! Host, progenitor and table of releases in, present-day particles out: the conductor, no physics of its own.
 //!
-//! Two stages. [`Setup`] is cold: the dense orbit and one [`Launch`] per epoch, on any [`Real`]. The particles are hot:
-//! [`Model::particles`] carries them one by one on any number type (the reference), [`Model::carry`] does it in SIMD lanes
-//! for the CPU at hand, and [`Model::pull_back`] is the exact derivative of the lanes' path.
+//! Two stages. [`ProgenitorSolution`] is cold: the dense orbit and one [`ReleaseFrame`] per epoch, on any [`Real`]. The particles are hot:
+//! [`Model::integrate_one_by_one`] carries them one by one on any number type (the reference), [`Model::integrate`] does it in SIMD lanes
+//! for the CPU at hand, and [`Model::vjp`] is the exact derivative of the lanes' path.
 
-mod backward;
-mod cold;
-mod forward;
-mod pair;
-mod setup;
+mod lane_groups;
+mod particles;
+mod particles_vjp;
+mod progenitor_solution;
+mod progenitor_solution_vjp;
 
-pub use backward::{Counted, REGULAR, Workspace};
-pub use forward::Arrivals;
-pub use pair::{Flights, Group};
-pub use setup::{Galaxy, Launch, Setup};
+pub use lane_groups::{Group, StepSchedules};
+pub use particles::Particles;
+pub use particles_vjp::{Adjoint, MAX_STRETCH, Workspace};
+pub use progenitor_solution::{ProgenitorSolution, ReleaseFrame, System};
 
 use crate::error::{Error, Rejection, Result};
-use crate::orbit::{Arrival, Flight, OrbitMethod, Placement, advance};
+use crate::orbit::{FinalParticle, HermiteWeights, OrbitMethod, StepSchedule, advance};
 use crate::scalar::Real;
 use crate::spray::{ReleaseTable, TableSettings};
 use serde::{Deserialize, Serialize};
@@ -37,7 +37,7 @@ pub enum StepRule {
     /// Equal steps: the paper.
     #[default]
     Uniform,
-    /// Shorter where the progenitor's orbit turns faster, see [`Clock`](crate::orbit::Clock).
+    /// Shorter where the progenitor's orbit turns faster, see [`AdaptiveGrid`](crate::orbit::AdaptiveGrid).
     Dynamical,
 }
 
@@ -87,7 +87,7 @@ pub struct ModelSettings {
     /// Fewest leapfrog steps per turn where the progenitor's orbit turns fastest (a circular orbit there, 2 pi / omega); a
     /// galaxy with fewer is rejected. With six the energy of a plunging orbit still holds to 1e-4; with two or three its
     /// particles are scattered by their steps alone, and a track is an accident of rounding. 0: none is rejected.
-    pub steps_per_turn: usize,
+    pub min_steps_per_orbit: usize,
 }
 
 impl Default for ModelSettings {
@@ -99,7 +99,7 @@ impl Default for ModelSettings {
             step_rule: StepRule::default(),
             orbit: OrbitMethod::default(),
             orbit_steps: 192,
-            steps_per_turn: 6,
+            min_steps_per_orbit: 6,
         }
     }
 }
@@ -113,7 +113,7 @@ pub struct Model {
     /// Steps of the particles of each epoch.
     steps: Vec<usize>,
     /// Placements of the progenitor at every force evaluation, one more than steps in each epoch.
-    path: Vec<Placement>,
+    path: Vec<HermiteWeights>,
     /// Where each epoch's begin.
     path_starts: Vec<usize>,
 }
@@ -137,7 +137,7 @@ impl Model {
             }
         }
         let table = ReleaseTable::new(&settings.releases)?;
-        let groups = pair::groups(&table);
+        let groups = lane_groups::groups(&table);
         let steps: Vec<usize> = table
             .taus
             .iter()
@@ -150,7 +150,7 @@ impl Model {
             path.extend((0..=*steps).map(|j| {
                 // The last one is today, whatever the rounding of the fractions.
                 let left = 1.0 - j as f64 / *steps as f64;
-                Placement::at(tau * left, settings.orbit_steps)
+                HermiteWeights::at(tau * left, settings.orbit_steps)
             }));
         }
         Ok(Self {
@@ -177,42 +177,49 @@ impl Model {
 
     /// Placements of the progenitor during the flight of one epoch.
     #[inline(always)]
-    fn path_of(&self, epoch: usize) -> &[Placement] {
-        let start = self.path_starts[epoch];
-        &self.path[start..=start + self.steps[epoch]]
+    fn path_of(&self, release_time: usize) -> &[HermiteWeights] {
+        let start = self.path_starts[release_time];
+        &self.path[start..=start + self.steps[release_time]]
     }
 
     /// Writes the course of one epoch's particles.
     #[inline(always)]
-    fn plan<S: Real>(&self, epoch: usize, setup: &Setup<S>, flight: &mut Flight<S>) {
-        let (tau, steps) = (self.table.taus[epoch], self.steps[epoch]);
-        flight.path.clear();
-        let Some(clock) = &setup.clock else {
-            for place in self.path_of(epoch) {
-                flight.path.push(setup.orbit.position(place));
+    fn plan<S: Real>(
+        &self,
+        release_time: usize,
+        solution: &ProgenitorSolution<S>,
+        schedule: &mut StepSchedule<S>,
+    ) {
+        let (tau, steps) = (self.table.taus[release_time], self.steps[release_time]);
+        schedule.path.clear();
+        let Some(grid) = &solution.grid else {
+            for place in self.path_of(release_time) {
+                schedule.path.push(solution.orbit.position(place));
             }
-            let step = setup.age_gyr * (-tau / steps as f64);
-            flight.drift_gyr.clear();
-            flight.drift_gyr.resize(steps, step);
-            flight.set_kicks();
+            let step = solution.age_gyr * (-tau / steps as f64);
+            schedule.drift_gyr.clear();
+            schedule.drift_gyr.resize(steps, step);
+            schedule.set_kicks();
             return;
         };
-        clock.moments(tau, steps, &mut flight.moments);
-        flight.places.clear();
-        flight.drift_gyr.clear();
-        let mut before = flight.moments[0];
-        for (j, moment) in flight.moments.iter().enumerate() {
-            let (row, place) = setup.orbit.position_at(*moment);
-            flight.path.push(row);
-            flight.places.push(place);
+        grid.orbit_times(tau, steps, &mut schedule.orbit_times);
+        schedule.places.clear();
+        schedule.drift_gyr.clear();
+        let mut before = schedule.orbit_times[0];
+        for (j, orbit_time) in schedule.orbit_times.iter().enumerate() {
+            let (row, place) = solution.orbit.position_at(*orbit_time);
+            schedule.path.push(row);
+            schedule.places.push(place);
             if j > 0 {
-                let nodes = (moment.node - before.node) as f64;
-                let intervals = moment.share - before.share + nodes;
-                flight.drift_gyr.push(intervals * setup.orbit.spacing_gyr);
-                before = *moment;
+                let nodes = (orbit_time.node - before.node) as f64;
+                let intervals = orbit_time.share - before.share + nodes;
+                schedule
+                    .drift_gyr
+                    .push(intervals * solution.orbit.spacing_gyr);
+                before = *orbit_time;
             }
         }
-        flight.set_kicks();
+        schedule.set_kicks();
     }
 
     /// The cold stage.
@@ -220,20 +227,23 @@ impl Model {
     /// # Errors
     /// [`Rejection::BadParameter`] or [`Rejection::BadOrbit`] where there is no finite orbit, [`Rejection::UnresolvedOrbit`]
     /// where the steps are too long for it.
-    pub fn setup<S: Real>(&self, galaxy: &Galaxy<S>) -> std::result::Result<Setup<S>, Rejection> {
-        self.setup_reusing(galaxy, None)
+    pub fn progenitor_solution<S: Real>(
+        &self,
+        system: &System<S>,
+    ) -> std::result::Result<ProgenitorSolution<S>, Rejection> {
+        self.progenitor_solution_reusing(system, None)
     }
 
     /// As [`setup`](Self::setup), in the memory of an earlier one: no allocation.
     ///
     /// # Errors
     /// As [`setup`](Self::setup).
-    pub fn setup_reusing<S: Real>(
+    pub fn progenitor_solution_reusing<S: Real>(
         &self,
-        galaxy: &Galaxy<S>,
-        spare: Option<Setup<S>>,
-    ) -> std::result::Result<Setup<S>, Rejection> {
-        Setup::new(galaxy, &self.settings, &self.table, spare)
+        system: &System<S>,
+        spare: Option<ProgenitorSolution<S>>,
+    ) -> std::result::Result<ProgenitorSolution<S>, Rejection> {
+        ProgenitorSolution::new(system, &self.settings, &self.table, spare)
     }
 
     /// Every particle today, one by one, in the order of the table, on any number type: the reference that the fast path
@@ -241,30 +251,36 @@ impl Model {
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a state is not finite.
-    pub fn particles<S: Real>(
+    pub fn integrate_one_by_one<S: Real>(
         &self,
-        setup: &Setup<S>,
-    ) -> std::result::Result<Vec<Arrival<S>>, Rejection> {
-        let mut arrivals = Vec::with_capacity(self.table.len());
-        let mut flight = Flight::default();
-        for (epoch, launch) in setup.launches.iter().enumerate() {
-            self.plan(epoch, setup, &mut flight);
-            let first = epoch * self.table.per_epoch;
-            for particle in &self.table.particles[first..first + self.table.per_epoch] {
-                let (start, turns) = launch.release(
-                    particle.kick.position.map(S::from_f64),
-                    particle.kick.velocity.map(S::from_f64),
+        solution: &ProgenitorSolution<S>,
+    ) -> std::result::Result<Vec<FinalParticle<S>>, Rejection> {
+        let mut particles = Vec::with_capacity(self.table.len());
+        let mut schedule = StepSchedule::default();
+        for (release_time, release_frame) in solution.release_frames.iter().enumerate() {
+            self.plan(release_time, solution, &mut schedule);
+            let first = release_time * self.table.per_release_time;
+            for release in &self.table.releases[first..first + self.table.per_release_time] {
+                let (start, turns) = release_frame.release(
+                    release.offset.position.map(S::from_f64),
+                    release.offset.velocity.map(S::from_f64),
                 );
-                let arrival = advance(&setup.host, &setup.sphere, &flight, start, turns);
-                if !(arrival.state.x.norm2() + arrival.state.v.norm2())
+                let particle = advance(
+                    &solution.host,
+                    &solution.progenitor,
+                    &schedule,
+                    start,
+                    turns,
+                );
+                if !(particle.state.x.norm2() + particle.state.v.norm2())
                     .re()
                     .is_finite()
                 {
                     return Err(Rejection::BadParticle);
                 }
-                arrivals.push(arrival);
+                particles.push(particle);
             }
         }
-        Ok(arrivals)
+        Ok(particles)
     }
 }

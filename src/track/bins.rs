@@ -3,13 +3,13 @@
 //! Angles are the particles' own, unwrapped, counted from the progenitor; leading is positive. Bin b covers
 //! [b, b + 1) widths. Particles stand for themselves, or, linked, are spread along the way to their partners.
 
-use super::stretch::{Spot, Stretch, Way};
-use crate::orbit::Arrival;
+use super::segment::{Segment, SegmentRun, SkyPoint};
+use crate::orbit::FinalParticle;
 use crate::scalar::{
     Dual, Eights, Isa, Kernel, LANES, Lanes, Level, Real, Scalar, angle, compile_kernel,
     gradient_of, smooth_step, variable,
 };
-use crate::stream::Arrivals;
+use crate::stream::Particles;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -79,7 +79,7 @@ const AT_A_TIME: usize = 1_024;
 pub struct PartialSums {
     bins: Vec<[f64; 4]>,
     /// Positions, radii and their squares of the particles: each is needed twice, for itself and as a partner.
-    spots: [Vec<f64>; 3],
+    points: [Vec<f64>; 3],
 }
 
 impl PartialSums {
@@ -90,9 +90,9 @@ impl PartialSums {
 
     /// Eight particles from one of those that are here, or as many as there are.
     #[inline(always)]
-    fn spot<I: Isa>(&self, first: usize) -> Spot<Lanes<I, 1>> {
-        let [position, r, r2] = &self.spots;
-        Spot {
+    fn sky_point<I: Isa>(&self, first: usize) -> SkyPoint<Lanes<I, 1>> {
+        let [position, r, r2] = &self.points;
+        SkyPoint {
             position: Lanes::load(&eight(&position[first..])),
             r: Lanes::load(&eight(&r[first..])),
             r2: Lanes::load(&eight(&r2[first..])),
@@ -108,12 +108,12 @@ impl PartialSums {
             reason = "edges are between -1 and the number of bins and 1"
         )]
         let row = (edge + 1.0) as usize + (turn % 2) * (self.bins.len() / 2);
-        let (above, spot) = (above * weight, [1.0, r, r2, 0.0]);
+        let (above, sky_point) = (above * weight, [1.0, r, r2, 0.0]);
         for (bin, share) in self.bins[row..row + 2]
             .iter_mut()
             .zip([weight - above, above])
         {
-            for (sum, value) in bin.iter_mut().zip(spot) {
+            for (sum, value) in bin.iter_mut().zip(sky_point) {
                 *sum += share * value;
             }
         }
@@ -158,9 +158,9 @@ impl BinGrid {
 
     /// Where a particle is on the sky.
     #[inline(always)]
-    fn spot<S: Scalar>(&self, x: S, y: S, turns: S) -> Spot<S> {
+    fn sky_point<S: Scalar>(&self, x: S, y: S, turns: S) -> SkyPoint<S> {
         let r2 = x * x + y * y;
-        Spot {
+        SkyPoint {
             position: (angle(y, x) + turns * TAU) * self.per_radian(),
             r: r2.sqrt(),
             r2,
@@ -222,53 +222,58 @@ impl BinGrid {
     }
 
     /// Bins the particles of the reference path; each one's partner is `links` further on, 0 if there are none.
-    pub fn sum_arrivals<S: Real>(&self, arrivals: &[Arrival<S>], links: usize, sums: &mut Sums<S>) {
+    pub fn sum_final_particles<S: Real>(
+        &self,
+        particles: &[FinalParticle<S>],
+        neighbour_offset: usize,
+        sums: &mut Sums<S>,
+    ) {
         sums.reset(self.len);
-        let spot = |i: usize| {
-            let Arrival { state, turns, .. } = &arrivals[i];
-            self.spot(state.x.x, state.x.y, *turns)
+        let sky_point = |i: usize| {
+            let FinalParticle { state, turns, .. } = &particles[i];
+            self.sky_point(state.x.x, state.x.y, *turns)
         };
-        for stretch in Stretch::all(0..arrivals.len(), arrivals.len(), links) {
-            for i in stretch.particles.clone() {
-                let here = spot(i);
-                let way = here.way(spot(stretch.partner(i))).limited(here.r);
-                for k in 0..stretch.spots {
-                    let Spot { position, r, r2 } = stretch.spot(here, way, k);
+        for run in SegmentRun::all(0..particles.len(), particles.len(), neighbour_offset) {
+            for i in run.particles.clone() {
+                let here = sky_point(i);
+                let segment = here.segment(sky_point(run.partner(i))).limited(here.r);
+                for k in 0..run.points {
+                    let SkyPoint { position, r, r2 } = run.sky_point(here, segment, k);
                     let Placed { edge, above } = self.place(position);
-                    self.add(edge.re(), above, [r, r2], stretch.weight(), sums);
+                    self.add(edge.re(), above, [r, r2], run.weight(), sums);
                 }
             }
         }
     }
 
     /// Bins the particles of the fast path, some thousand at a time; `part` is memory for that.
-    pub fn sum(&self, arrivals: &Arrivals, sums: &mut Sums<f64>, part: &mut PartialSums) {
-        self.sum_at(Level::best(), arrivals, sums, part);
+    pub fn sum(&self, particles: &Particles, sums: &mut Sums<f64>, part: &mut PartialSums) {
+        self.sum_at(Level::best(), particles, sums, part);
     }
 
     /// As [`sum`](Self::sum), at a chosen level: how the levels are tested against each other.
     pub fn sum_at(
         &self,
         level: Level,
-        arrivals: &Arrivals,
+        particles: &Particles,
         sums: &mut Sums<f64>,
         part: &mut PartialSums,
     ) {
         sums.reset(self.len);
-        for first in (0..arrivals.len()).step_by(AT_A_TIME) {
-            self.sum_some(level, arrivals, first, part);
+        for first in (0..particles.len()).step_by(AT_A_TIME) {
+            self.sum_some(level, particles, first, part);
             part.add_to(sums);
         }
     }
 
     /// As [`sum`](Self::sum), over the threads of the present rayon pool. The same bits.
-    pub fn sum_in_parallel(&self, arrivals: &Arrivals, sums: &mut Sums<f64>) {
+    pub fn sum_in_parallel(&self, particles: &Particles, sums: &mut Sums<f64>) {
         sums.reset(self.len);
-        let firsts = (0..arrivals.len().div_ceil(AT_A_TIME)).into_par_iter();
+        let firsts = (0..particles.len().div_ceil(AT_A_TIME)).into_par_iter();
         let parts: Vec<PartialSums> = firsts
             .map(|k| {
                 let mut part = PartialSums::default();
-                self.sum_some(Level::best(), arrivals, k * AT_A_TIME, &mut part);
+                self.sum_some(Level::best(), particles, k * AT_A_TIME, &mut part);
                 part
             })
             .collect();
@@ -276,16 +281,16 @@ impl BinGrid {
     }
 
     /// Bins the [`AT_A_TIME`] particles from number `first` on, or as many as there are.
-    fn sum_some(&self, level: Level, arrivals: &Arrivals, first: usize, sums: &mut PartialSums) {
-        let len = arrivals.len();
+    fn sum_some(&self, level: Level, particles: &Particles, first: usize, sums: &mut PartialSums) {
+        let len = particles.len();
         let some = first..len.min(first + AT_A_TIME);
         sums.reset(self.len);
-        for stretch in Stretch::all(some, len, arrivals.links) {
+        for run in SegmentRun::all(some, len, particles.neighbour_offset) {
             let grid = self;
-            let binning = Binning {
+            let binning = BinKernel {
                 grid,
-                arrivals,
-                stretch,
+                particles,
+                run,
                 sums,
             };
             binning.dispatch(level);
@@ -294,82 +299,82 @@ impl BinGrid {
 
     /// Reverse mode of [`sum`](Self::sum): turns derivatives with respect to the sums into derivatives with respect to
     /// the particles' sky positions.
-    pub fn pull_back(
+    pub fn vjp(
         &self,
-        arrivals: &Arrivals,
+        particles: &Particles,
         by: &Sums<f64>,
-        by_x: &mut Vec<f64>,
-        by_y: &mut Vec<f64>,
+        x_bar: &mut Vec<f64>,
+        y_bar: &mut Vec<f64>,
     ) {
-        let len = arrivals.len();
-        let spots: Vec<Spot<f64>> = (0..len)
-            .map(|i| self.spot(arrivals.x[i], arrivals.y[i], arrivals.turns[i]))
+        let len = particles.len();
+        let points: Vec<SkyPoint<f64>> = (0..len)
+            .map(|i| self.sky_point(particles.x[i], particles.y[i], particles.turns[i]))
             .collect();
         // With respect to positions and radii first.
-        let (by_position, by_r) = (&mut *by_x, &mut *by_y);
-        for column in [&mut *by_position, &mut *by_r] {
+        let (position_bar, r_bar) = (&mut *x_bar, &mut *y_bar);
+        for column in [&mut *position_bar, &mut *r_bar] {
             column.clear();
             column.resize(len, 0.0);
         }
-        for stretch in Stretch::all(0..len, len, arrivals.links) {
-            for i in stretch.particles.clone() {
-                let (here, other) = (spots[i], stretch.partner(i));
-                let way = here.way(spots[other]);
-                let ours = Way {
-                    across: variable::<3>(way.across, 0),
-                    out: variable(way.out, 1),
+        for run in SegmentRun::all(0..len, len, particles.neighbour_offset) {
+            for i in run.particles.clone() {
+                let (here, other) = (points[i], run.partner(i));
+                let segment = here.segment(points[other]);
+                let ours = Segment {
+                    d_phi: variable::<3>(segment.d_phi, 0),
+                    out: variable(segment.out, 1),
                 }
                 .limited(variable(here.r, 2));
-                let along = Way {
-                    across: ours.across.re,
+                let along = Segment {
+                    d_phi: ours.d_phi.re,
                     out: ours.out.re,
                 };
                 // What the spots say of the particle's own place, and of the way that they are on.
-                let (mut by_place, mut by_way) = ([0.0; 2], [0.0; 2]);
-                for k in 0..stretch.spots {
-                    let by_spot = self.pull_back_spot(stretch.spot(here, along, k), by);
-                    for (d, by) in by_spot.into_iter().enumerate() {
-                        by_place[d] += stretch.weight() * by;
-                        by_way[d] += stretch.weight() * stretch.share(k) * by;
+                let (mut point_bar, mut segment_bar) = ([0.0; 2], [0.0; 2]);
+                for k in 0..run.points {
+                    let quadrature_bar = self.point_vjp(run.sky_point(here, along, k), by);
+                    for (d, by) in quadrature_bar.into_iter().enumerate() {
+                        point_bar[d] += run.weight() * by;
+                        segment_bar[d] += run.weight() * run.share(k) * by;
                     }
                 }
-                let through_way = ours.across * by_way[0] + ours.out * by_way[1];
-                let [by_across, by_out, by_own_r] = gradient_of(&through_way);
-                by_position[i] += by_place[0] - by_across;
-                by_r[i] += by_place[1] - by_out + by_own_r;
-                by_position[other] += by_across;
-                by_r[other] += by_out;
+                let through_way = ours.d_phi * segment_bar[0] + ours.out * segment_bar[1];
+                let [d_phi_bar, d_r_bar, own_r_bar] = gradient_of(&through_way);
+                position_bar[i] += point_bar[0] - d_phi_bar;
+                r_bar[i] += point_bar[1] - d_r_bar + own_r_bar;
+                position_bar[other] += d_phi_bar;
+                r_bar[other] += d_r_bar;
             }
         }
-        for (i, spot) in spots.iter().enumerate() {
-            let (by_angle, by_r) = (by_x[i] * self.per_radian(), by_y[i]);
-            let (x, y, r) = (arrivals.x[i], arrivals.y[i], spot.r);
-            by_x[i] = by_r * x / r - by_angle * y / spot.r2;
-            by_y[i] = by_r * y / r + by_angle * x / spot.r2;
+        for (i, sky_point) in points.iter().enumerate() {
+            let (angle_bar, r_bar) = (x_bar[i] * self.per_radian(), y_bar[i]);
+            let (x, y, r) = (particles.x[i], particles.y[i], sky_point.r);
+            x_bar[i] = r_bar * x / r - angle_bar * y / sky_point.r2;
+            y_bar[i] = r_bar * y / r + angle_bar * x / sky_point.r2;
         }
     }
 
     /// Derivatives with respect to the position and the radius of a spot of weight one.
-    fn pull_back_spot(&self, Spot { position, r, r2 }: Spot<f64>, by: &Sums<f64>) -> [f64; 2] {
+    fn point_vjp(&self, SkyPoint { position, r, r2 }: SkyPoint<f64>, by: &Sums<f64>) -> [f64; 2] {
         let Placed { edge, above } = self.place::<Dual<1>>(variable(position, 0));
         let [slope] = gradient_of(&above);
         let shares = [(1.0 - above.re, -slope), (above.re, slope)];
-        let (mut by_position, mut by_r) = (0.0, 0.0);
+        let (mut position_bar, mut r_bar) = (0.0, 0.0);
         for (i, (weight, slope)) in self.beside(edge.re).into_iter().zip(shares) {
             if let Some(i) = i {
-                by_r += weight * (by.r[i] + 2.0 * r * by.r2[i]);
-                by_position += slope * (by.weight[i] + by.r[i] * r + by.r2[i] * r2);
+                r_bar += weight * (by.r[i] + 2.0 * r * by.r2[i]);
+                position_bar += slope * (by.weight[i] + by.r[i] * r + by.r2[i] * r2);
             }
         }
-        [by_position, by_r]
+        [position_bar, r_bar]
     }
 }
 
 /// Adds particles to sums: where they belong is found in lanes, and added one by one.
-struct Binning<'a> {
+struct BinKernel<'a> {
     grid: &'a BinGrid,
-    arrivals: &'a Arrivals,
-    stretch: Stretch,
+    particles: &'a Particles,
+    run: SegmentRun,
     sums: &'a mut PartialSums,
 }
 
@@ -384,39 +389,39 @@ fn eight(column: &[f64]) -> Eights<1> {
     Eights([eights])
 }
 
-impl Kernel for Binning<'_> {
+impl Kernel for BinKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self) {
         let Self {
             grid,
-            arrivals,
-            stretch,
+            particles,
+            run,
             sums,
         } = self;
-        let (both, weight) = (stretch.with_partners(), stretch.weight());
-        for column in &mut sums.spots {
+        let (both, weight) = (run.with_partners(), run.weight());
+        for column in &mut sums.points {
             column.resize(both.len().next_multiple_of(LANES), 0.0);
         }
         for first in (0..both.len()).step_by(LANES) {
             let next = both.start + first..both.end;
-            let x = Lanes::<I, 1>::load(&eight(&arrivals.x[next.clone()]));
-            let y = Lanes::load(&eight(&arrivals.y[next.clone()]));
-            let turns = Lanes::load(&eight(&arrivals.turns[next]));
-            let Spot { position, r, r2 } = grid.spot(x, y, turns);
+            let x = Lanes::<I, 1>::load(&eight(&particles.x[next.clone()]));
+            let y = Lanes::load(&eight(&particles.y[next.clone()]));
+            let turns = Lanes::load(&eight(&particles.turns[next]));
+            let SkyPoint { position, r, r2 } = grid.sky_point(x, y, turns);
             let numbers = [position.store(), r.store(), r2.store()];
-            for (column, numbers) in sums.spots.iter_mut().zip(numbers) {
+            for (column, numbers) in sums.points.iter_mut().zip(numbers) {
                 column[first..first + LANES].copy_from_slice(&numbers.0[0]);
             }
         }
-        for first in stretch.particles.clone().step_by(LANES) {
-            let n = LANES.min(stretch.particles.end - first);
-            let here = sums.spot::<I>(first - both.start);
-            let there = sums.spot(stretch.partner(first) - both.start);
-            let way = here.way(there).limited(here.r);
-            for k in 0..stretch.spots {
-                let Spot { position, r, r2 } = stretch.spot(here, way, k);
+        for first in run.particles.clone().step_by(LANES) {
+            let n = LANES.min(run.particles.end - first);
+            let here = sums.sky_point::<I>(first - both.start);
+            let there = sums.sky_point(run.partner(first) - both.start);
+            let segment = here.segment(there).limited(here.r);
+            for k in 0..run.points {
+                let SkyPoint { position, r, r2 } = run.sky_point(here, segment, k);
                 let Placed { edge, above } = grid.place(position);
                 let (edge, above) = (grid.row(edge).store().0[0], above.store().0[0]);
                 let (r, r2) = (r.store().0[0], r2.store().0[0]);
@@ -428,7 +433,7 @@ impl Kernel for Binning<'_> {
     }
 }
 
-compile_kernel!(Binning);
+compile_kernel!(BinKernel);
 
 /// One bin of a track.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -455,18 +460,18 @@ pub struct Track {
 }
 
 impl Track {
-    /// The track of particles, every bin with a weight of at least `least_n`.
+    /// The track of particles, every bin with a weight of at least `min_n`.
     #[must_use]
-    pub fn of(arrivals: &Arrivals, width_deg: f64, edges: BinEdges, least_n: f64) -> Self {
+    pub fn of(particles: &Particles, width_deg: f64, edges: BinEdges, min_n: f64) -> Self {
         let bin_of = |i: usize| {
             #[allow(
                 clippy::cast_possible_truncation,
                 reason = "a finite angle is below 2^51 bins"
             )]
-            let bin = (arrivals.angle(i).to_degrees() / width_deg).floor() as i64;
+            let bin = (particles.angle(i).to_degrees() / width_deg).floor() as i64;
             bin
         };
-        let numbers = (0..arrivals.len()).map(bin_of);
+        let numbers = (0..particles.len()).map(bin_of);
         let (lo, hi) = numbers.fold((i64::MAX, i64::MIN), |(lo, hi), b| (lo.min(b), hi.max(b)));
         if lo > hi {
             return Self {
@@ -484,9 +489,9 @@ impl Track {
             edges,
         };
         let mut sums = Sums::default();
-        grid.sum(arrivals, &mut sums, &mut PartialSums::default());
+        grid.sum(particles, &mut sums, &mut PartialSums::default());
         let bins = (0..len)
-            .filter(|&i| sums.weight[i] > 0.0 && sums.weight[i] >= least_n)
+            .filter(|&i| sums.weight[i] > 0.0 && sums.weight[i] >= min_n)
             .map(|i| {
                 let n = sums.weight[i];
                 let mean = sums.r[i] / n;

@@ -4,7 +4,7 @@ use crate::golden::{json, number, numbers, path};
 use oblate::orbit::State;
 use oblate::potential::{FlattenedNfw, Plummer};
 use oblate::scalar::Vec3;
-use oblate::stream::Galaxy;
+use oblate::stream::System;
 use std::io::Read;
 
 /// Names of the streams.
@@ -17,14 +17,14 @@ pub const NAMES: [&str; 5] = [
 ];
 
 /// The stream's host, progenitor and present state.
-pub fn galaxy(name: &str) -> Galaxy<f64> {
+pub fn system(name: &str) -> System<f64> {
     let file = json(&format!("streams_gala/{name}.json"));
     let p = &file["host_and_progenitor"];
     let get = |key: &str| number(&p[key]);
     let axis = Vec3::from(numbers::<3>(&file["n_unit"]));
-    Galaxy {
+    System {
         host: FlattenedNfw::new(10.0_f64.powf(get("log10M")), get("Rs"), get("q"), axis),
-        sphere: Plummer {
+        progenitor: Plummer {
             mass: get("m"),
             r_s: get("a"),
         },

@@ -189,7 +189,7 @@ fn pulling_back_is_the_transpose_of_the_dual_derivative() {
         let x = numbers::<3>(&case["x"]);
         let halo = FlattenedNfw::new(get("M"), get("Rs"), get("q"), axis);
         let mut cotangent = NfwCotangent::zero();
-        let (acceleration, by_x) = halo.pull_back(Vec3::from(x), lambda, &mut cotangent);
+        let (acceleration, x_bar) = halo.vjp(Vec3::from(x), lambda, &mut cotangent);
         assert!(
             relative_difference(
                 &acceleration.to_array(),
@@ -232,7 +232,7 @@ fn pulling_back_is_the_transpose_of_the_dual_derivative() {
             case["id"]
         );
         assert!(
-            relative_difference(&by_x.to_array(), &golden[6..]) < 1e-11,
+            relative_difference(&x_bar.to_array(), &golden[6..]) < 1e-11,
             "{}",
             case["id"]
         );
@@ -243,15 +243,15 @@ fn pulling_back_is_the_transpose_of_the_dual_derivative() {
         .skip(1)
     {
         let x = numbers::<3>(&case["x"]);
-        let sphere = Plummer {
+        let progenitor = Plummer {
             mass: number(&case["m"]),
             r_s: number(&case["a"]),
         };
         let mut cotangent = PlummerCotangent::zero();
-        let (_, by_x) = sphere.pull_back(Vec3::from(x), lambda, &mut cotangent);
-        let v: [Dual<5>; 5] = lift(&[0.0, sphere.r_s, x[0], x[1], x[2]]);
+        let (_, x_bar) = progenitor.vjp(Vec3::from(x), lambda, &mut cotangent);
+        let v: [Dual<5>; 5] = lift(&[0.0, progenitor.r_s, x[0], x[1], x[2]]);
         let dual = Plummer {
-            mass: v[0].exp() * sphere.mass,
+            mass: v[0].exp() * progenitor.mass,
             r_s: v[1],
         };
         let golden = gradient_of(
@@ -260,7 +260,7 @@ fn pulling_back_is_the_transpose_of_the_dual_derivative() {
                 .dot(Vec3::from_f64(lambda)),
         );
         assert!(relative_difference(&[cotangent.ln_mass, cotangent.r_s], &golden[..2]) < TOLERANCE);
-        assert!(relative_difference(&by_x.to_array(), &golden[2..]) < TOLERANCE);
+        assert!(relative_difference(&x_bar.to_array(), &golden[2..]) < TOLERANCE);
     }
 }
 

@@ -4,7 +4,9 @@ use crate::golden::{cases, json, number, numbers};
 use oblate::orbit::State;
 use oblate::potential::FlattenedNfw;
 use oblate::scalar::{Dual, Real, Vec3, gradient_of, lift};
-use oblate::spray::{Arm, Design, Kick, Recipe, ReleaseTable, TableSettings, Tidal};
+use oblate::spray::{
+    Recipe, ReleaseOffset, ReleaseTable, SamplingScheme, TableSettings, Tail, Tidal,
+};
 use serde_json::Value;
 
 /// The golden files' own tolerance, relative to `r_j` for offsets and to the velocity scale for velocities.
@@ -29,7 +31,7 @@ fn progenitor(case: &Value) -> State<f64> {
 }
 
 /// Offset from the progenitor that a kick makes, position then velocity.
-fn offset(kick: &Kick, tidal: &Tidal<f64>, scales: (f64, f64)) -> [f64; 6] {
+fn offset(kick: &ReleaseOffset, tidal: &Tidal<f64>, scales: (f64, f64)) -> [f64; 6] {
     let combine = |c: [f64; 3], scale: f64| {
         tidal
             .frame
@@ -60,9 +62,9 @@ fn check(case: &Value, recipe: Recipe, xi_names: &[&str], velocity_unit: f64) {
     }
     let scales = recipe.scales(&tidal, m);
     let progenitor_state = [p.x.to_array(), p.v.to_array()].concat();
-    for (arm, key) in [(Arm::Leading, "lead"), (Arm::Trailing, "trail")] {
+    for (tail, key) in [(Tail::Leading, "lead"), (Tail::Trailing, "trail")] {
         let kick = recipe
-            .kick(&xi, arm)
+            .kick(&xi, tail)
             .expect("no golden case has a radius below zero");
         let ours = offset(&kick, &tidal, scales);
         let golden = numbers::<6>(&case[key]);
@@ -150,15 +152,15 @@ fn a_radial_orbit_and_a_negative_bracket_give_finite_releases() {
 fn kicks_have_the_published_moments() {
     let settings = TableSettings {
         particles: 40_000,
-        design: Design::Random,
+        sampling_scheme: SamplingScheme::Random,
         ..TableSettings::default()
     };
     for recipe in [Recipe::Fardal2015, Recipe::Fardal2015Published] {
         let table = ReleaseTable::new(&TableSettings { recipe, ..settings }).expect("a table");
         let trailing: Vec<_> = table
-            .particles
+            .releases
             .iter()
-            .filter(|p| p.arm == Arm::Trailing)
+            .filter(|p| p.tail == Tail::Trailing)
             .collect();
         let n = trailing.len() as f64;
         let sd = if recipe == Recipe::Fardal2015 {
@@ -166,10 +168,10 @@ fn kicks_have_the_published_moments() {
         } else {
             0.4
         };
-        let mean = trailing.iter().map(|p| p.kick.position[0]).sum::<f64>() / n;
+        let mean = trailing.iter().map(|p| p.offset.position[0]).sum::<f64>() / n;
         let var = trailing
             .iter()
-            .map(|p| (p.kick.position[0] - 2.0).powi(2))
+            .map(|p| (p.offset.position[0] - 2.0).powi(2))
             .sum::<f64>()
             / n;
         // Four standard errors.
@@ -185,27 +187,27 @@ fn kicks_have_the_published_moments() {
 fn a_chen_draw_below_zero_radius_is_refused() {
     assert!(
         Recipe::Chen2025
-            .kick(&[-4.6, 0.0, 0.0, 0.0, 0.0], Arm::Leading)
+            .kick(&[-4.6, 0.0, 0.0, 0.0, 0.0], Tail::Leading)
             .is_none()
     );
     assert!(
         Recipe::Chen2025
-            .kick(&[-4.5, 0.0, 0.0, 0.0, 0.0], Arm::Leading)
+            .kick(&[-4.5, 0.0, 0.0, 0.0, 0.0], Tail::Leading)
             .is_some()
     );
 }
 
 #[test]
 fn tables_are_even_and_reproducible() {
-    for design in [Design::Random, Design::Sobol] {
+    for sampling_scheme in [SamplingScheme::Random, SamplingScheme::Sobol] {
         let settings = TableSettings {
             particles: 1_000,
-            design,
+            sampling_scheme,
             ..TableSettings::default()
         };
         let table = ReleaseTable::new(&settings).expect("a table");
         assert_eq!(table.len(), 1_000);
-        assert_eq!(table.len(), table.taus.len() * table.per_epoch);
+        assert_eq!(table.len(), table.taus.len() * table.per_release_time);
         assert!(table.taus.windows(2).all(|t| t[0] < t[1]) && table.taus[0] >= -1.0);
         assert_eq!(table, ReleaseTable::new(&settings).expect("a table"));
         let other = ReleaseTable::new(&TableSettings {
@@ -213,10 +215,13 @@ fn tables_are_even_and_reproducible() {
             ..settings
         })
         .expect("a table");
-        assert_ne!(table.particles, other.particles);
-        for epoch in table.particles.chunks(table.per_epoch) {
-            let leading = epoch.iter().filter(|p| p.arm == Arm::Leading).count();
-            assert_eq!(2 * leading, table.per_epoch);
+        assert_ne!(table.releases, other.releases);
+        for release_time in table.releases.chunks(table.per_release_time) {
+            let leading = release_time
+                .iter()
+                .filter(|p| p.tail == Tail::Leading)
+                .count();
+            assert_eq!(2 * leading, table.per_release_time);
         }
     }
     let odd = TableSettings {
@@ -235,41 +240,46 @@ fn tables_are_even_and_reproducible() {
 #[test]
 fn linked_particles_are_the_sobol_set_beside_kicks_like_theirs() {
     for (recipe, particles) in [(Recipe::default(), 2_560), (Recipe::Chen2025, 512)] {
-        let [sobol, linked] = [Design::Sobol, Design::Linked].map(|design| {
-            ReleaseTable::new(&TableSettings {
-                particles,
-                design,
-                recipe,
-                ..TableSettings::default()
-            })
-            .expect("a table")
-        });
-        assert_eq!((sobol.links, linked.links), (0, linked.per_epoch));
+        let [sobol, linked] =
+            [SamplingScheme::Sobol, SamplingScheme::SobolSegments].map(|sampling_scheme| {
+                ReleaseTable::new(&TableSettings {
+                    particles,
+                    sampling_scheme,
+                    recipe,
+                    ..TableSettings::default()
+                })
+                .expect("a table")
+            });
+        assert_eq!(
+            (sobol.neighbour_offset, linked.neighbour_offset),
+            (0, linked.per_release_time)
+        );
         assert_eq!(sobol.taus, linked.taus);
         // The same particles at every release time, in another order.
-        let epochs = |table: &ReleaseTable| -> Vec<Vec<String>> {
-            let sorted = |epoch: &[oblate::spray::Particle]| {
-                let mut names: Vec<String> = epoch.iter().map(|p| format!("{p:?}")).collect();
+        let release_times = |table: &ReleaseTable| -> Vec<Vec<String>> {
+            let sorted = |release_time: &[oblate::spray::Release]| {
+                let mut names: Vec<String> =
+                    release_time.iter().map(|p| format!("{p:?}")).collect();
                 names.sort();
                 names
             };
             table
-                .particles
-                .chunks(table.per_epoch)
+                .releases
+                .chunks(table.per_release_time)
                 .map(sorted)
                 .collect()
         };
-        assert_eq!(epochs(&sobol), epochs(&linked));
+        assert_eq!(release_times(&sobol), release_times(&linked));
         // Partners are of one arm, and nearer than in the order of the Sobol set: of 16 normal points in four dimensions the nearest
         // ones are half as far as any two, squared.
         let mean_square = |table: &ReleaseTable| {
-            let (ours, n) = (&table.particles, table.per_epoch);
+            let (ours, n) = (&table.releases, table.per_release_time);
             let squares = ours.iter().zip(&ours[n..]).map(|(a, b)| {
-                assert_eq!(a.arm, b.arm);
+                assert_eq!(a.tail, b.tail);
                 let differences = (0..3).flat_map(|i| {
                     [
-                        a.kick.position[i] - b.kick.position[i],
-                        a.kick.velocity[i] - b.kick.velocity[i],
+                        a.offset.position[i] - b.offset.position[i],
+                        a.offset.velocity[i] - b.offset.velocity[i],
                     ]
                 });
                 differences.map(|d| d * d).sum::<f64>()
@@ -286,22 +296,22 @@ fn many_particles_of_one_release_time_are_linked_in_no_time() {
     // All pairs of 32,768 are half a billion, and would be compared until nothing moves.
     let table = ReleaseTable::new(&TableSettings {
         particles: 131_072,
-        epochs: 2,
+        release_times: 2,
         ..TableSettings::default()
     })
     .expect("a table");
-    assert_eq!((table.links, table.len()), (65_536, 131_072));
+    assert_eq!((table.neighbour_offset, table.len()), (65_536, 131_072));
 }
 
 #[test]
 fn one_release_time_links_nothing() {
     let table = ReleaseTable::new(&TableSettings {
         particles: 64,
-        epochs: 1,
+        release_times: 1,
         ..TableSettings::default()
     })
     .expect("a table");
-    assert_eq!(table.links, 0);
+    assert_eq!(table.neighbour_offset, 0);
 }
 
 #[test]
@@ -312,12 +322,12 @@ fn sobol_spreads_better_than_random() {
         ..TableSettings::default()
     })
     .expect("a table");
-    for arm in [Arm::Leading, Arm::Trailing] {
+    for tail in [Tail::Leading, Tail::Trailing] {
         let k_r: Vec<f64> = table
-            .particles
+            .releases
             .iter()
-            .filter(|p| p.arm == arm)
-            .map(|p| p.kick.position[0] * arm.sign())
+            .filter(|p| p.tail == tail)
+            .map(|p| p.offset.position[0] * tail.sign())
             .collect();
         let mean = k_r.iter().sum::<f64>() / k_r.len() as f64;
         assert!((mean - 2.0).abs() < 0.005, "{mean}");

@@ -1,24 +1,24 @@
 //! Whole streams: the integrator and the release against gala, lanes against the scalar path.
 
-use crate::gala::{NAMES, galaxy, subset};
+use crate::gala::{NAMES, subset, system};
 use oblate::Rejection;
-use oblate::orbit::{DenseOrbit, Flight, OrbitMethod, Placement, State, advance};
+use oblate::orbit::{DenseOrbit, HermiteWeights, OrbitMethod, State, StepSchedule, advance};
 use oblate::potential::Potential;
 use oblate::scalar::Level;
 use oblate::scalar::Vec3;
-use oblate::spray::{Arm, Design, Recipe, TableSettings, Tidal};
-use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule};
+use oblate::spray::{Recipe, SamplingScheme, TableSettings, Tail, Tidal};
+use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepSchedules, System};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Steps of the test orbits: the golden streams were made at a tolerance of 1e-10.
 const ORBIT_STEPS: usize = 8_000;
 
-fn orbit(galaxy: &Galaxy<f64>) -> DenseOrbit<f64> {
+fn orbit(system: &System<f64>) -> DenseOrbit<f64> {
     DenseOrbit::integrate(
-        &galaxy.host,
-        galaxy.today,
-        galaxy.age_gyr,
+        &system.host,
+        system.today,
+        system.age_gyr,
         ORBIT_STEPS,
         OrbitMethod::Accurate,
     )
@@ -34,12 +34,12 @@ fn state([x, y, z, vx, vy, vz]: [f64; 6]) -> State<f64> {
 #[test]
 fn the_release_reproduces_galas_released_states() {
     for name in NAMES {
-        let galaxy = galaxy(name);
-        let orbit = orbit(&galaxy);
+        let system = system(name);
+        let orbit = orbit(&system);
         for p in subset(name) {
-            let (s, _) = orbit.at(p.t_release / galaxy.age_gyr);
-            let tidal = Tidal::new(&galaxy.host, galaxy.sphere.mass, s);
-            let (length, speed) = Recipe::Fardal2015.scales(&tidal, galaxy.sphere.mass);
+            let (s, _) = orbit.at(p.t_release / system.age_gyr);
+            let tidal = Tidal::new(&system.host, system.progenitor.mass, s);
+            let (length, speed) = Recipe::Fardal2015.scales(&tidal, system.progenitor.mass);
             let [k_r, k_z, k_vphi, k_vz] = p.k;
             let xi = [
                 (k_r - 2.0) / 0.5,
@@ -48,13 +48,13 @@ fn the_release_reproduces_galas_released_states() {
                 k_vz / 0.5,
                 0.0,
             ];
-            let arm = if p.trailing {
-                Arm::Trailing
+            let tail = if p.trailing {
+                Tail::Trailing
             } else {
-                Arm::Leading
+                Tail::Leading
             };
             let kick = Recipe::Fardal2015
-                .kick(&xi, arm)
+                .kick(&xi, tail)
                 .expect("Fardal always has a kick");
             let combine = |c: [f64; 3], scale: f64| {
                 tidal
@@ -94,34 +94,34 @@ fn beyond_print(ours: Vec3<f64>, printed: Vec3<f64>) -> f64 {
 #[test]
 fn the_leapfrog_converges_to_galas_final_states() {
     for name in NAMES {
-        let galaxy = galaxy(name);
-        let orbit = orbit(&galaxy);
-        let carry = |start: State<f64>, t_release: f64, turns: f64, steps: usize| {
-            let tau = t_release / galaxy.age_gyr;
+        let system = system(name);
+        let orbit = orbit(&system);
+        let integrate = |start: State<f64>, t_release: f64, turns: f64, steps: usize| {
+            let tau = t_release / system.age_gyr;
             let at = |j: usize| {
-                orbit.position(&Placement::at(
+                orbit.position(&HermiteWeights::at(
                     tau * (1.0 - j as f64 / steps as f64),
                     ORBIT_STEPS,
                 ))
             };
-            let mut flight = Flight {
+            let mut schedule = StepSchedule {
                 path: (0..=steps).map(at).collect(),
-                ..Flight::default()
+                ..StepSchedule::default()
             };
-            flight.drift_gyr.resize(steps, -t_release / steps as f64);
-            flight.set_kicks();
-            advance(&galaxy.host, &galaxy.sphere, &flight, start, turns)
+            schedule.drift_gyr.resize(steps, -t_release / steps as f64);
+            schedule.set_kicks();
+            advance(&system.host, &system.progenitor, &schedule, start, turns)
         };
         let mut errors: Vec<f64> = subset(name)
             .par_iter()
             .map(|p| {
-                let (progenitor, turns) = orbit.at(p.t_release / galaxy.age_gyr);
+                let (progenitor, turns) = orbit.at(p.t_release / system.age_gyr);
                 let start = state(p.start);
                 let turns = turns + oblate::orbit::crossing(progenitor.x, start.x);
                 // A fixed number of steps per Gyr, and Richardson's step from second to fourth order.
                 let steps = ((-p.t_release * 3_000.0) as usize).max(200);
-                let coarse = carry(start, p.t_release, turns, steps);
-                let fine = carry(start, p.t_release, turns, 2 * steps);
+                let coarse = integrate(start, p.t_release, turns, steps);
+                let fine = integrate(start, p.t_release, turns, 2 * steps);
                 let x = fine.state.x + (fine.state.x - coarse.state.x) * (1.0 / 3.0);
                 let angle = f64::atan2(x.y, x.x).to_degrees() + 360.0 * fine.turns;
                 // The file has six digits.
@@ -142,10 +142,10 @@ fn the_leapfrog_converges_to_galas_final_states() {
     }
 }
 
-fn model(design: Design, particles: usize) -> Model {
+fn model(sampling_scheme: SamplingScheme, particles: usize) -> Model {
     let releases = TableSettings {
         particles,
-        design,
+        sampling_scheme,
         ..TableSettings::default()
     };
     Model::new(&ModelSettings {
@@ -160,15 +160,15 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
     // Rounding differs (fused or not); the flow amplifies it, most for the few particles that pass close to a centre.
     const TOLERANCE_KPC: f64 = 1e-8;
     const MEDIAN_KPC: f64 = 1e-11;
-    for design in [Design::Random, Design::Sobol] {
-        let model = model(design, 1_000);
+    for sampling_scheme in [SamplingScheme::Random, SamplingScheme::Sobol] {
+        let model = model(sampling_scheme, 1_000);
         for name in NAMES {
-            let setup = model.setup(&galaxy(name)).expect("a setup");
-            let reference = model.particles(&setup).expect("particles");
+            let solution = model.progenitor_solution(&system(name)).expect("a setup");
+            let reference = model.integrate_one_by_one(&solution).expect("particles");
             for &level in Level::available() {
-                let (mut flights, mut out) = (Flights::default(), Arrivals::default());
+                let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
                 model
-                    .carry_at(level, &setup, &mut flights, &mut out)
+                    .integrate_at(level, &solution, &mut schedules, &mut out)
                     .expect("particles");
                 let mut differences: Vec<f64> = reference
                     .iter()
@@ -192,27 +192,29 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
 
 #[test]
 fn a_stream_over_many_threads_has_the_bits_of_one_thread() {
-    for (design, particles) in [
-        (Design::Random, 1_000),
-        (Design::Sobol, 1_016),
-        (Design::Sobol, 8),
-        (Design::Linked, 512),
+    for (sampling_scheme, particles) in [
+        (SamplingScheme::Random, 1_000),
+        (SamplingScheme::Sobol, 1_016),
+        (SamplingScheme::Sobol, 8),
+        (SamplingScheme::SobolSegments, 512),
     ] {
-        let model = model(design, particles);
-        let setup = model.setup(&galaxy(NAMES[0])).expect("a setup");
-        let (mut flights, mut one) = (Flights::default(), Arrivals::default());
+        let model = model(sampling_scheme, particles);
+        let solution = model
+            .progenitor_solution(&system(NAMES[0]))
+            .expect("a setup");
+        let (mut schedules, mut one) = (StepSchedules::default(), Particles::default());
         model
-            .carry(&setup, &mut flights, &mut one)
+            .integrate(&solution, &mut schedules, &mut one)
             .expect("particles");
         for threads in [1, 2, 3, 7] {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
                 .expect("threads");
-            let mut many = Arrivals::default();
-            pool.install(|| model.carry_in_parallel(&setup, &mut many))
+            let mut many = Particles::default();
+            pool.install(|| model.integrate_in_parallel(&solution, &mut many))
                 .expect("particles");
-            assert_eq!(one, many, "{design:?} {particles} {threads}");
+            assert_eq!(one, many, "{sampling_scheme:?} {particles} {threads}");
         }
     }
 }
@@ -220,10 +222,10 @@ fn a_stream_over_many_threads_has_the_bits_of_one_thread() {
 #[test]
 fn an_orbit_that_turns_too_fast_for_the_steps_is_rejected_by_name() {
     // A circular orbit in a round halo turns by omega = sqrt(a / r), whatever the rule of the steps.
-    let base = galaxy("s2_spherical");
+    let base = system("s2_spherical");
     let x = Vec3::new(30.0, 0.0, 0.0);
     let omega = (base.host.acceleration(x).norm2().sqrt() / 30.0).sqrt();
-    let circular = Galaxy {
+    let circular = System {
         today: State {
             x,
             v: Vec3::new(0.0, 30.0 * omega, 0.0),
@@ -231,16 +233,16 @@ fn an_orbit_that_turns_too_fast_for_the_steps_is_rejected_by_name() {
         ..base
     };
     let turns = omega * base.age_gyr / TAU;
-    let result = |galaxy: &Galaxy<f64>, steps, steps_per_turn, step_rule| {
+    let result = |system: &System<f64>, steps, min_steps_per_orbit, step_rule| {
         let settings = ModelSettings {
             steps,
-            steps_per_turn,
+            min_steps_per_orbit,
             step_rule,
             orbit_steps: 1_024,
             ..ModelSettings::default()
         };
         let model = Model::new(&settings).expect("a model");
-        model.setup(galaxy).map(|_| ())
+        model.progenitor_solution(system).map(|_| ())
     };
     for rule in [StepRule::Uniform, StepRule::Dynamical] {
         let per_turn = 10;

@@ -1,33 +1,33 @@
 //! Tracks against gala's, hard against soft bins, and the bins' derivatives.
 
-use crate::gala::{NAMES, galaxy, track};
-use oblate::orbit::{Arrival, State};
+use crate::gala::{NAMES, system, track};
+use oblate::orbit::{FinalParticle, State};
 use oblate::scalar::Level;
 use oblate::scalar::{Dual, Vec3, gradient_of, lift};
-use oblate::spray::{Design, TableSettings};
-use oblate::stream::{Arrivals, Flights, Model, ModelSettings};
+use oblate::spray::{SamplingScheme, TableSettings};
+use oblate::stream::{Model, ModelSettings, Particles, StepSchedules};
 use oblate::track::{BinEdges, BinGrid, PartialSums, Sums, Track};
 use proptest::prelude::*;
 
-fn arrivals(name: &str, settings: &ModelSettings) -> Arrivals {
+fn particles(name: &str, settings: &ModelSettings) -> Particles {
     let model = Model::new(settings).expect("a model");
-    let setup = model.setup(&galaxy(name)).expect("a setup");
-    let (mut flights, mut out) = (Flights::default(), Arrivals::default());
+    let solution = model.progenitor_solution(&system(name)).expect("a setup");
+    let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
     model
-        .carry(&setup, &mut flights, &mut out)
+        .integrate(&solution, &mut schedules, &mut out)
         .expect("particles");
     out
 }
 
 /// gala's release times (2000 epochs), independent random numbers, and steps so fine that only noise is left.
-fn converged(name: &str) -> Arrivals {
+fn converged(name: &str) -> Particles {
     let releases = TableSettings {
         particles: 80_000,
-        epochs: 2_000,
-        design: Design::Random,
+        release_times: 2_000,
+        sampling_scheme: SamplingScheme::Random,
         ..TableSettings::default()
     };
-    arrivals(
+    particles(
         name,
         &ModelSettings {
             releases,
@@ -82,7 +82,7 @@ fn tracks_reproduce_galas_within_their_noise() {
 
 #[test]
 fn soft_bins_become_hard_ones_as_their_edges_narrow() {
-    let ours = arrivals("s0_oblate_tilted", &ModelSettings::default());
+    let ours = particles("s0_oblate_tilted", &ModelSettings::default());
     let hard = Track::of(&ours, 10.0, BinEdges::Hard, 40.0);
     let difference = |half_width_deg: f64| {
         let soft = Track::of(&ours, 10.0, BinEdges::Soft { half_width_deg }, 1.0);
@@ -103,9 +103,9 @@ fn soft_bins_become_hard_ones_as_their_edges_narrow() {
 }
 
 /// The default, linked particles, and the same for themselves.
-fn designs() -> [ModelSettings; 2] {
+fn sampling_schemes() -> [ModelSettings; 2] {
     let alone = TableSettings {
-        design: Design::Sobol,
+        sampling_scheme: SamplingScheme::Sobol,
         ..TableSettings::default()
     };
     [TableSettings::default(), alone].map(|releases| ModelSettings {
@@ -116,8 +116,11 @@ fn designs() -> [ModelSettings; 2] {
 
 #[test]
 fn the_shares_of_all_particles_add_up_to_their_number() {
-    for (name, settings) in NAMES.iter().flat_map(|name| designs().map(|d| (name, d))) {
-        let ours = arrivals(name, &settings);
+    for (name, settings) in NAMES
+        .iter()
+        .flat_map(|name| sampling_schemes().map(|d| (name, d)))
+    {
+        let ours = particles(name, &settings);
         for edges in [BinEdges::Hard, BinEdges::default()] {
             let total: f64 = Track::of(&ours, 10.0, edges, 0.0)
                 .bins
@@ -142,12 +145,12 @@ fn a_linked_particle_is_spread_along_the_way_to_its_partner() {
         (r * cos, r * sin)
     };
     let places = [at(5.0, 10.0), at(5.0 + across, 13.0)];
-    let two = Arrivals {
+    let two = Particles {
         x: places.iter().map(|p| p.0).collect(),
         y: places.iter().map(|p| p.1).collect(),
         turns: vec![0.0; 2],
-        links: 1,
-        ..Arrivals::default()
+        neighbour_offset: 1,
+        ..Particles::default()
     };
     let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0);
     // At 5 -+ 2.65 and 7.95 degrees, 10 -+ 0.375 and 1.125 kpc.
@@ -165,12 +168,12 @@ proptest! {
     /// However far their partners are, particles stay within two bins and a third of their radius.
     #[test]
     fn links_do_not_reach_far(places in prop::array::uniform2((1.0..200.0_f64, -3.1..3.1_f64)), turns in -3..4_i32) {
-        let two = Arrivals {
+        let two = Particles {
             x: places.iter().map(|(r, angle)| r * angle.cos()).collect(),
             y: places.iter().map(|(r, angle)| r * angle.sin()).collect(),
             turns: vec![0.0, f64::from(turns)],
-            links: 1,
-            ..Arrivals::default()
+            neighbour_offset: 1,
+            ..Particles::default()
         };
         let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0);
         let total: f64 = track.bins.iter().map(|b| b.n).sum();
@@ -191,16 +194,19 @@ proptest! {
 
 #[test]
 fn every_level_bins_as_the_reference_does() {
-    for (name, settings) in NAMES.iter().flat_map(|name| designs().map(|d| (name, d))) {
-        let ours = arrivals(name, &settings);
+    for (name, settings) in NAMES
+        .iter()
+        .flat_map(|name| sampling_schemes().map(|d| (name, d)))
+    {
+        let ours = particles(name, &settings);
         let reference: Vec<_> = (0..ours.len())
-            .map(|i| Arrival {
+            .map(|i| FinalParticle {
                 state: State {
                     x: Vec3::new(ours.x[i], ours.y[i], ours.z[i]),
                     v: Vec3::zero(),
                 },
                 turns: ours.turns[i],
-                unsafe_turns: 0.0,
+                ambiguous_windings: 0.0,
             })
             .collect();
         for edges in [BinEdges::Hard, BinEdges::default()] {
@@ -211,7 +217,7 @@ fn every_level_bins_as_the_reference_does() {
                 edges,
             };
             let (mut by_reference, mut by_level) = (Sums::default(), Sums::default());
-            grid.sum_arrivals(&reference, ours.links, &mut by_reference);
+            grid.sum_final_particles(&reference, ours.neighbour_offset, &mut by_reference);
             for level in Level::available() {
                 grid.sum_at(*level, &ours, &mut by_level, &mut PartialSums::default());
                 for (a, b) in [
@@ -233,7 +239,7 @@ fn every_level_bins_as_the_reference_does() {
 proptest! {
     /// Reverse mode of particles and the ways that they are spread over against duals.
     #[test]
-    fn pulling_back_sums_of_linked_particles_matches_duals(places in prop::array::uniform4((1.0..80.0_f64, -3.0..3.0_f64)), links in 0..3_usize) {
+    fn pulling_back_sums_of_linked_particles_matches_duals(places in prop::array::uniform4((1.0..80.0_f64, -3.0..3.0_f64)), neighbour_offset in 0..3_usize) {
         let n = places.len();
         let numbers: [f64; 8] = std::array::from_fn(|k| {
             let (r, angle) = places[k / 2];
@@ -242,15 +248,15 @@ proptest! {
         let duals: [Dual<8>; 8] = lift(&numbers);
         let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges: BinEdges::default() };
         let zero = Dual::<8>::from_re(0.0);
-        let reference: Vec<Arrival<Dual<8>>> = (0..n)
-            .map(|i| Arrival {
+        let reference: Vec<FinalParticle<Dual<8>>> = (0..n)
+            .map(|i| FinalParticle {
                 state: State { x: Vec3::new(duals[2 * i], duals[2 * i + 1], zero), v: Vec3::from_f64(Vec3::zero()) },
                 turns: zero,
-                unsafe_turns: zero,
+                ambiguous_windings: zero,
             })
             .collect();
         let mut sums = Sums::default();
-        grid.sum_arrivals(&reference, links, &mut sums);
+        grid.sum_final_particles(&reference, neighbour_offset, &mut sums);
         let mut total = zero;
         let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };
         for i in 0..180 {
@@ -258,20 +264,20 @@ proptest! {
             total += sums.weight[i] * a + sums.r[i] * b + sums.r2[i] * c;
             (by.weight[i], by.r[i], by.r2[i]) = (a, b, c);
         }
-        let arrivals = Arrivals {
+        let particles = Particles {
             x: numbers.iter().step_by(2).copied().collect(),
             y: numbers.iter().skip(1).step_by(2).copied().collect(),
             turns: vec![0.0; n],
-            links,
-            ..Arrivals::default()
+            neighbour_offset,
+            ..Particles::default()
         };
-        let (mut by_x, mut by_y) = (Vec::new(), Vec::new());
-        grid.pull_back(&arrivals, &by, &mut by_x, &mut by_y);
+        let (mut x_bar, mut y_bar) = (Vec::new(), Vec::new());
+        grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
         let expected: [f64; 8] = gradient_of(&total);
         let scale = expected.iter().fold(1e-3_f64, |m, g| m.max(g.abs()));
         for i in 0..n {
-            prop_assert!((expected[2 * i] - by_x[i]).abs() < 1e-11 * scale, "{expected:?} {by_x:?}");
-            prop_assert!((expected[2 * i + 1] - by_y[i]).abs() < 1e-11 * scale, "{expected:?} {by_y:?}");
+            prop_assert!((expected[2 * i] - x_bar[i]).abs() < 1e-11 * scale, "{expected:?} {x_bar:?}");
+            prop_assert!((expected[2 * i + 1] - y_bar[i]).abs() < 1e-11 * scale, "{expected:?} {y_bar:?}");
         }
     }
 
@@ -294,16 +300,16 @@ proptest! {
         let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges };
         let [dx, dy]: [Dual<2>; 2] = lift(&[x, y]);
         let turns = f64::from(turns);
-        let arrival = Arrival {
+        let particle = FinalParticle {
             state: State {
                 x: Vec3::new(dx, dy, Dual::from_re(0.0)),
                 v: Vec3::from_f64(Vec3::zero()),
             },
             turns: Dual::from_re(turns),
-            unsafe_turns: Dual::from_re(0.0),
+            ambiguous_windings: Dual::from_re(0.0),
         };
         let mut duals = Sums::default();
-        grid.sum_arrivals(&[arrival], 0, &mut duals);
+        grid.sum_final_particles(&[particle], 0, &mut duals);
         // A scalar that weighs every sum differently.
         let weigh = |i: usize| (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
         let mut total = Dual::<2>::from_re(0.0);
@@ -313,12 +319,12 @@ proptest! {
             total += duals.weight[i] * a + duals.r[i] * b + duals.r2[i] * c;
             (by.weight[i], by.r[i], by.r2[i]) = (a, b, c);
         }
-        let arrivals = Arrivals { x: vec![x], y: vec![y], turns: vec![turns], ..Arrivals::default() };
-        let (mut by_x, mut by_y) = (Vec::new(), Vec::new());
-        grid.pull_back(&arrivals, &by, &mut by_x, &mut by_y);
+        let particles = Particles { x: vec![x], y: vec![y], turns: vec![turns], ..Particles::default() };
+        let (mut x_bar, mut y_bar) = (Vec::new(), Vec::new());
+        grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
         let [gx, gy] = gradient_of(&total);
         let scale = gx.abs().max(gy.abs()).max(1e-3);
-        prop_assert!((gx - by_x[0]).abs() < 1e-11 * scale, "{gx} {}", by_x[0]);
-        prop_assert!((gy - by_y[0]).abs() < 1e-11 * scale, "{gy} {}", by_y[0]);
+        prop_assert!((gx - x_bar[0]).abs() < 1e-11 * scale, "{gx} {}", x_bar[0]);
+        prop_assert!((gy - y_bar[0]).abs() < 1e-11 * scale, "{gy} {}", y_bar[0]);
     }
 }

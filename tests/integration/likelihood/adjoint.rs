@@ -18,11 +18,11 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
         coverage: Coverage::Reject,
         ..soft
     };
-    let with = |design, recipe, orbit| {
+    let with = |sampling_scheme, recipe, orbit| {
         let releases = TableSettings {
             particles: 200,
-            epochs: 10,
-            design,
+            release_times: 10,
+            sampling_scheme,
             recipe,
             seed: 3,
         };
@@ -31,7 +31,7 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             steps: 30,
             steps_per: StepsPer::Particle,
             orbit_steps: 128,
-            steps_per_turn: 0,
+            min_steps_per_orbit: 0,
             orbit,
             ..ModelSettings::default()
         }
@@ -50,22 +50,34 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
         (small(), noisy),
         (
             with(
-                Design::Random,
+                SamplingScheme::Random,
                 Recipe::Fardal2015Published,
                 OrbitMethod::Accurate,
             ),
             hard,
         ),
         (
-            with(Design::Random, Recipe::Chen2025, OrbitMethod::Leapfrog),
+            with(
+                SamplingScheme::Random,
+                Recipe::Chen2025,
+                OrbitMethod::Leapfrog,
+            ),
             reject,
         ),
         (
-            with(Design::Sobol, Recipe::Chen2025, OrbitMethod::Accurate),
+            with(
+                SamplingScheme::Sobol,
+                Recipe::Chen2025,
+                OrbitMethod::Accurate,
+            ),
             soft,
         ),
         (
-            with(Design::Linked, Recipe::Chen2025, OrbitMethod::Accurate),
+            with(
+                SamplingScheme::SobolSegments,
+                Recipe::Chen2025,
+                OrbitMethod::Accurate,
+            ),
             noisy,
         ),
         (dynamical(small()), noisy),
@@ -73,7 +85,7 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
         (per_age(dynamical(small())), noisy),
         (
             dynamical(with(
-                Design::Random,
+                SamplingScheme::Random,
                 Recipe::default(),
                 OrbitMethod::Leapfrog,
             )),
@@ -152,7 +164,7 @@ fn the_smooth_gradient_forgets_chaotic_pasts_and_nothing_else() {
         };
         let (Ok((a, exact)), Ok((b, smooth))) = (
             likelihood.gradient(&theta),
-            likelihood.smooth_gradient(&theta),
+            likelihood.truncated_gradient(&theta),
         ) else {
             continue;
         };

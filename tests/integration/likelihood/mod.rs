@@ -11,8 +11,8 @@ use oblate::likelihood::{
 use oblate::orbit::OrbitMethod;
 use oblate::params::{DIM, PriorSettings, QRange, StreamParams, StreamPrior};
 use oblate::scalar::{Dual, gradient_of, lift};
-use oblate::spray::{Design, Recipe, TableSettings};
-use oblate::stream::{Arrivals, Flights, Galaxy, Model, ModelSettings, StepRule, StepsPer};
+use oblate::spray::{Recipe, SamplingScheme, TableSettings};
+use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepSchedules, StepsPer, System};
 use oblate::track::{BinEdges, Sums, Track};
 use oblate_samplers::Prior;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -70,7 +70,7 @@ fn small() -> ModelSettings {
         steps: 40,
         steps_per: StepsPer::Particle,
         orbit_steps: 256,
-        steps_per_turn: 0,
+        min_steps_per_orbit: 0,
         ..ModelSettings::default()
     }
 }
@@ -82,9 +82,11 @@ fn likelihood_at(
     settings: &LikelihoodSettings,
 ) -> Option<StreamLikelihood> {
     let params = oblate::params::StreamParams::from_array(*theta);
-    let setup = model.setup(&Galaxy::from_params(&params, Q)).ok()?;
-    let (mut flights, mut out) = (Flights::default(), Arrivals::default());
-    model.carry(&setup, &mut flights, &mut out).ok()?;
+    let solution = model
+        .progenitor_solution(&System::from_params(&params, Q))
+        .ok()?;
+    let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
+    model.integrate(&solution, &mut schedules, &mut out).ok()?;
     let track = Track::of(&out, 10.0, settings.edges, 0.02 * out.len() as f64);
     let data: Vec<DataBin> = track
         .bins
@@ -167,12 +169,12 @@ fn mirrored_streams_have_the_same_track() {
     let (_, theta) = draw(3);
     let track = |theta: &Theta| {
         let params = oblate::params::StreamParams::from_array(*theta);
-        let setup = model
-            .setup(&Galaxy::from_params(&params, Q))
+        let solution = model
+            .progenitor_solution(&System::from_params(&params, Q))
             .expect("a setup");
-        let (mut flights, mut out) = (Flights::default(), Arrivals::default());
+        let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
         model
-            .carry(&setup, &mut flights, &mut out)
+            .integrate(&solution, &mut schedules, &mut out)
             .expect("particles");
         out
     };
@@ -183,8 +185,9 @@ fn mirrored_streams_have_the_same_track() {
     // Out-of-plane kicks follow the angular momentum, a pseudovector: flip them by reversing nothing but z, which the
     // release does by itself because Fardal's kicks along the pole change sign with it only in distribution.
     let (a, b) = (track(&theta), track(&mirrored));
-    let mean =
-        |t: &Arrivals| t.x.iter().zip(&t.y).map(|(x, y)| x.hypot(*y)).sum::<f64>() / t.len() as f64;
+    let mean = |t: &Particles| {
+        t.x.iter().zip(&t.y).map(|(x, y)| x.hypot(*y)).sum::<f64>() / t.len() as f64
+    };
     assert!(
         (mean(&a) / mean(&b) - 1.0).abs() < 0.02,
         "{} {}",
@@ -348,20 +351,20 @@ proptest! {
         // No velocity at all is a plunge through the centre; one of them alone a radial or a circular start.
         velocity in [extreme(0.0, 250.0), extreme(1e-9, 250.0), extreme(-250.0, 0.0)],
         age_gyr in extreme(1.0, 4.0),
-        (particles, epochs) in prop_oneof![Just((8, 4)), Just((2, 1)), Just((64, 32)), Just((128, 8))],
+        (particles, release_times) in prop_oneof![Just((8, 4)), Just((2, 1)), Just((64, 32)), Just((128, 8))],
         steps in prop_oneof![Just(1_usize), Just(2), Just(60)],
         step_rule in prop_oneof![Just(StepRule::Uniform), Just(StepRule::Dynamical)],
         steps_per in prop_oneof![Just(StepsPer::Particle), Just(StepsPer::Age)],
         orbit in prop_oneof![Just(OrbitMethod::Accurate), Just(OrbitMethod::Leapfrog)],
     ) {
         let settings = ModelSettings {
-            releases: TableSettings { particles, epochs, ..TableSettings::default() },
+            releases: TableSettings { particles, release_times, ..TableSettings::default() },
             steps,
             steps_per,
             step_rule,
             orbit,
             orbit_steps: 64,
-            steps_per_turn: 0,
+            min_steps_per_orbit: 0,
         };
         let bin = |bin| DataBin { bin, r_kpc: 50.0, r_err_kpc: 1.0 };
         let data = [bin(-1), bin(0), bin(1)];

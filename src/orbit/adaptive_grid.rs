@@ -5,13 +5,13 @@
 //! (r / a)^(1/4). Particles stay close enough to their progenitor for one grid to serve all of an epoch, and so each still
 //! goes through one fixed sequence of leapfrog maps. The grid depends on the parameters, and its derivative is taken along.
 
-use super::progenitor::{CORE2, emptied, locate};
-use super::{DenseOrbit, Moment, Node};
+use super::dense_orbit::{CORE2, clear_and_reserve, locate};
+use super::{DenseOrbit, Node, OrbitTime};
 use crate::scalar::Real;
 
 /// The phase at the nodes of an orbit.
 #[derive(Clone, Debug)]
-pub struct Clock<S> {
+pub struct AdaptiveGrid<S> {
     /// Rate at every node, in arbitrary but common units.
     rate: Vec<S>,
     /// Phase at every node, from 0 at the oldest, by the trapezoidal rule; between nodes it is linear in time.
@@ -25,14 +25,14 @@ fn rate_at<S: Real>(node: &Node<S>) -> S {
     node.turn4().sqrt().sqrt().sqrt()
 }
 
-impl<S: Real> Clock<S> {
+impl<S: Real> AdaptiveGrid<S> {
     /// The clock of an orbit, in the memory of another one if there is one.
     #[must_use]
     pub fn of(orbit: &DenseOrbit<S>, spare: Option<Self>) -> Self {
         let spare = spare.map_or_else(Default::default, |s| (s.rate, s.phase, s.inverse));
         let (mut rate, mut phase, mut inverse) = spare;
         for column in [&mut rate, &mut phase, &mut inverse] {
-            emptied(column, orbit.nodes.len());
+            clear_and_reserve(column, orbit.nodes.len());
         }
         rate.extend(orbit.nodes.iter().map(rate_at));
         let mut sum = S::zero();
@@ -53,7 +53,7 @@ impl<S: Real> Clock<S> {
     /// The largest angle, in radians, that a circular orbit through a node would turn by if all of the phase were one step; in
     /// `n` steps from the oldest node to today it turns by the `n`-th part of it at most.
     #[must_use]
-    pub fn fastest_turn(&self) -> f64 {
+    pub fn max_orbital_phase(&self) -> f64 {
         let rates = self.rate.iter().map(|rate| rate.re());
         let all = self.phase.last().map_or(0.0, |phase| phase.re());
         // The rate is the root of the turn in an interval, and a step takes `step in phase / rate` intervals.
@@ -63,14 +63,14 @@ impl<S: Real> Clock<S> {
     /// Writes `steps + 1` moments from `tau` to today, evenly spaced in phase. The first and the last are `tau` and today
     /// exactly.
     #[inline(always)]
-    pub fn moments(&self, tau: f64, steps: usize, out: &mut Vec<Moment<S>>) {
+    pub fn orbit_times(&self, tau: f64, steps: usize, out: &mut Vec<OrbitTime<S>>) {
         let last = self.phase.len() - 1;
         let (first, share) = locate(tau, last);
         let start = self.phase[first] * (1.0 - share) + self.phase[first + 1] * share;
         let stride = (self.phase[last] - start) / steps as f64;
         let mut node = first;
         out.clear();
-        out.push(Moment {
+        out.push(OrbitTime {
             node,
             share: S::from_f64(share),
         });
@@ -80,48 +80,59 @@ impl<S: Real> Clock<S> {
                 node += 1;
             }
             let share = (target - self.phase[node]) * self.inverse[node];
-            out.push(Moment { node, share });
+            out.push(OrbitTime { node, share });
         }
-        out.push(Moment {
+        out.push(OrbitTime {
             node: last - 1,
             share: S::one(),
         });
     }
 }
 
-impl Clock<f64> {
+impl AdaptiveGrid<f64> {
     /// Adds, to the derivatives with respect to the phases at the nodes, what comes from those with respect to the times of
     /// one epoch's [`moments`](Self::moments), as fractions of the age.
-    pub fn pull_back_times(&self, moments: &[Moment<f64>], by_times: &[f64], by_phase: &mut [f64]) {
-        let steps = by_times.len() - 1;
+    pub fn times_vjp(
+        &self,
+        orbit_times: &[OrbitTime<f64>],
+        times_bar: &[f64],
+        phase_bar: &mut [f64],
+    ) {
+        let steps = times_bar.len() - 1;
         let last = self.phase.len() - 1;
-        let first = moments[0];
-        for (j, (moment, by_time)) in moments.iter().zip(by_times).enumerate().take(steps).skip(1) {
-            let Moment { node, share } = *moment;
+        let first = orbit_times[0];
+        for (j, (orbit_time, time_bar)) in orbit_times
+            .iter()
+            .zip(times_bar)
+            .enumerate()
+            .take(steps)
+            .skip(1)
+        {
+            let OrbitTime { node, share } = *orbit_time;
             let done = j as f64 / steps as f64;
-            let by_target = by_time * self.inverse[node] / last as f64;
-            by_phase[node] += by_target * (share - 1.0);
-            by_phase[node + 1] -= by_target * share;
-            let by_start = by_target * (1.0 - done);
-            by_phase[first.node] += by_start * (1.0 - first.share);
-            by_phase[first.node + 1] += by_start * first.share;
-            by_phase[last] += by_target * done;
+            let target_bar = time_bar * self.inverse[node] / last as f64;
+            phase_bar[node] += target_bar * (share - 1.0);
+            phase_bar[node + 1] -= target_bar * share;
+            let start_bar = target_bar * (1.0 - done);
+            phase_bar[first.node] += start_bar * (1.0 - first.share);
+            phase_bar[first.node + 1] += start_bar * first.share;
+            phase_bar[last] += target_bar * done;
         }
     }
 
     /// Adds, to the derivatives with respect to the nodes of the orbit, what comes from those with respect to the phases.
-    pub fn pull_back(&self, orbit: &DenseOrbit<f64>, by_phase: &[f64], nodes: &mut [Node<f64>]) {
+    pub fn vjp(&self, orbit: &DenseOrbit<f64>, phase_bar: &[f64], nodes: &mut [Node<f64>]) {
         // A rate is in every phase after its node, half by the interval before it and half by the one after.
         let mut later = 0.0;
-        for (i, by_node) in nodes.iter_mut().enumerate().rev() {
+        for (i, node_bar) in nodes.iter_mut().enumerate().rev() {
             let after = later;
-            later += by_phase[i];
+            later += phase_bar[i];
             let before = if i > 0 { later } else { 0.0 };
-            let by_rate = 0.5 * (after + before);
+            let rate_bar = 0.5 * (after + before);
             let node = &orbit.nodes[i];
-            let scale = 0.25 * self.rate[i] * by_rate;
-            by_node.add(0, node.x() * (-scale / (node.x().norm2() + CORE2)));
-            by_node.add(2, node.ddx() * (scale / node.ddx().norm2()));
+            let scale = 0.25 * self.rate[i] * rate_bar;
+            node_bar.add(0, node.x() * (-scale / (node.x().norm2() + CORE2)));
+            node_bar.add(2, node.ddx() * (scale / node.ddx().norm2()));
         }
     }
 }

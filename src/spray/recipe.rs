@@ -8,14 +8,14 @@ use serde::{Deserialize, Serialize};
 /// The side a star leaves from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Arm {
+pub enum Tail {
     /// Through L1, towards the host: the leading tail.
     Leading,
     /// Through L2: the trailing tail.
     Trailing,
 }
 
-impl Arm {
+impl Tail {
     /// -1 for leading, +1 for trailing.
     #[must_use]
     pub fn sign(self) -> f64 {
@@ -29,14 +29,14 @@ impl Arm {
 /// A particle's release in the tidal frame (outwards, along the motion, along the angular momentum): position in the
 /// recipe's length scale, velocity in its velocity scale, both relative to the progenitor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Kick {
+pub struct ReleaseOffset {
     /// Offset over the length scale.
     pub position: [f64; 3],
     /// Offset over the velocity scale.
     pub velocity: [f64; 3],
 }
 
-impl Kick {
+impl ReleaseOffset {
     /// The squares of the differences of all components, added.
     pub(super) fn squared_distance(&self, other: &Self) -> f64 {
         let all = |kick: &Self| kick.position.into_iter().chain(kick.velocity);
@@ -73,19 +73,19 @@ impl Recipe {
     /// The kick made of standard normals `xi` (the first [`normals`](Self::normals) are used). `None`: the draw has no
     /// meaning (Chen's radius at or below zero, probability 2.4e-6) and must be repeated.
     #[must_use]
-    pub fn kick(self, xi: &[f64; 5], arm: Arm) -> Option<Kick> {
-        let sign = arm.sign();
+    pub fn kick(self, xi: &[f64; 5], tail: Tail) -> Option<ReleaseOffset> {
+        let sign = tail.sign();
         match self {
             Self::Fardal2015 => {
                 let [k_r, k_z, k_vphi, k_vz] = fardal(xi, 0.5);
-                Some(Kick {
+                Some(ReleaseOffset {
                     position: [sign * k_r, 0.0, sign * k_z],
                     velocity: [0.0, sign * k_r * k_vphi, sign * k_vz],
                 })
             }
             Self::Fardal2015Published => {
                 let [k_r, k_z, k_vphi, k_vz] = fardal(xi, 0.4);
-                Some(Kick {
+                Some(ReleaseOffset {
                     position: [sign * k_r, 0.0, sign * k_z],
                     velocity: [0.0, sign * k_vphi, sign * k_vz],
                 })
@@ -117,7 +117,7 @@ fn fardal(xi: &[f64; 5], planar: f64) -> [f64; 4] {
 
 /// Chen et al. 2025: means and covariance of (r, phi, theta, alpha, beta) with r and alpha correlated, by its lower
 /// Cholesky factor; r in tidal radii, angles in degrees. The leading tail is a half turn about the pole.
-fn chen(xi: &[f64; 5], sign: f64) -> Option<Kick> {
+fn chen(xi: &[f64; 5], sign: f64) -> Option<ReleaseOffset> {
     let r = 1.6 + 0.35 * xi[0];
     if r <= 0.0 {
         return None;
@@ -133,7 +133,7 @@ fn chen(xi: &[f64; 5], sign: f64) -> Option<Kick> {
             height.sin(),
         ]
     };
-    Some(Kick {
+    Some(ReleaseOffset {
         position: direction(phi, theta).map(|c| c * r),
         velocity: direction(alpha, beta).map(|c| c / r.sqrt()),
     })

@@ -2,13 +2,13 @@
 //! map, at about the cost of two values, and no path to remember.
 
 use super::leapfrog::force;
-use super::{Course, State};
+use super::{Schedule, State};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
 
 /// Derivatives with respect to one step of a course.
 #[derive(Clone, Copy, Debug)]
-pub struct ByStep<S> {
+pub struct StepCotangent<S> {
     /// With respect to the progenitor's position at its kick.
     pub progenitor: Vec3<S>,
     /// With respect to the length of its drift, times that length: no division per particle.
@@ -17,7 +17,7 @@ pub struct ByStep<S> {
     pub kick: S,
 }
 
-impl<S: Scalar> ByStep<S> {
+impl<S: Scalar> StepCotangent<S> {
     /// Nothing yet.
     #[inline(always)]
     #[must_use]
@@ -44,39 +44,39 @@ impl<S: Scalar> ByStep<S> {
 pub fn reverse<S: Scalar>(
     host: &FlattenedNfw<S>,
     progenitor: &Plummer<S>,
-    course: &impl Course<S>,
+    schedule: &impl Schedule<S>,
     end: State<S>,
-    by_position: Vec3<S>,
-    by_host: &mut NfwCotangent<S>,
-    by_sphere: &mut PlummerCotangent<S>,
-    by_course: &mut [ByStep<S>],
+    position_bar: Vec3<S>,
+    host_bar: &mut NfwCotangent<S>,
+    progenitor_bar: &mut PlummerCotangent<S>,
+    schedule_bar: &mut [StepCotangent<S>],
     limit2: S,
 ) -> State<S> {
-    let steps = course.steps();
+    let steps = schedule.steps();
     let mut at = end;
     let mut by = State {
-        x: by_position,
+        x: position_bar,
         v: Vec3::zero(),
     };
     // The last kick changes velocities only, so derivatives start at the last drift.
-    let last = force(host, progenitor, at.x, course.progenitor_at(steps));
-    at.v = at.v.add_scaled(last, -course.kick_gyr(steps));
+    let last = force(host, progenitor, at.x, schedule.progenitor_at(steps));
+    at.v = at.v.add_scaled(last, -schedule.kick_gyr(steps));
     for j in (0..steps).rev() {
         // Drift x_{j+1} = x_j + h v.
-        let drift = at.v * course.drift_gyr(j);
+        let drift = at.v * schedule.drift_gyr(j);
         at.x = at.x - drift;
-        by.v = by.v.add_scaled(by.x, course.drift_gyr(j));
-        let by_step = &mut by_course[j];
-        by_step.drift += by.x.dot(drift);
-        // Kick v += c a(x_j).
-        let lambda = by.v * course.kick_gyr(j);
-        let (a_host, x_host) = host.pull_back(at.x, lambda, by_host);
+        by.v = by.v.add_scaled(by.x, schedule.drift_gyr(j));
+        let step_bar = &mut schedule_bar[j];
+        step_bar.drift += by.x.dot(drift);
+        // ReleaseOffset v += c a(x_j).
+        let lambda = by.v * schedule.kick_gyr(j);
+        let (a_host, x_host) = host.vjp(at.x, lambda, host_bar);
         let (a_sphere, x_sphere) =
-            progenitor.pull_back(at.x - course.progenitor_at(j), lambda, by_sphere);
+            progenitor.vjp(at.x - schedule.progenitor_at(j), lambda, progenitor_bar);
         let a = a_host + a_sphere;
-        at.v = at.v.add_scaled(a, -course.kick_gyr(j));
-        by_step.kick += by.v.dot(a);
-        by_step.progenitor = by_step.progenitor - x_sphere;
+        at.v = at.v.add_scaled(a, -schedule.kick_gyr(j));
+        step_bar.kick += by.v.dot(a);
+        step_bar.progenitor = step_bar.progenitor - x_sphere;
         by.x = by.x + x_host + x_sphere;
         by = within(by, limit2);
     }

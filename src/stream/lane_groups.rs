@@ -1,7 +1,7 @@
 //! Two groups of particles side by side: one alone leaves the arithmetic units waiting for its square roots.
 
-use super::{Launch, Model, Setup};
-use crate::orbit::{Flight, HalfAndHalf, State};
+use super::{Model, ProgenitorSolution, ReleaseFrame};
+use crate::orbit::{InterleavedSchedules, State, StepSchedule};
 use crate::scalar::{Eights, Isa, LANES, Lanes, Vec3};
 use crate::spray::ReleaseTable;
 
@@ -9,7 +9,7 @@ use crate::spray::ReleaseTable;
 #[derive(Clone, Copy, Debug)]
 pub struct Group {
     /// Their epoch.
-    pub epoch: usize,
+    pub release_time: usize,
     /// The first one's number in the table.
     pub first: usize,
     /// How many of the lanes are particles.
@@ -21,25 +21,25 @@ pub struct Group {
 }
 
 /// Groups side by side in the hot loops.
-pub const IN_FLIGHT: usize = 2;
+pub const UNROLL: usize = 2;
 
 /// Lanes of all groups in flight.
-pub type Wide<I> = Lanes<I, IN_FLIGHT>;
+pub type Interleaved<I> = Lanes<I, UNROLL>;
 
 /// The courses of the groups in flight; buffers, reused from call to call.
-pub type Flights = [Flight<f64>; IN_FLIGHT];
+pub type StepSchedules = [StepSchedule<f64>; UNROLL];
 
 /// Deals the particles of a table into groups, epoch by epoch.
 pub(super) fn groups(table: &ReleaseTable) -> Vec<Group> {
     let mut groups = Vec::new();
-    for epoch in 0..table.taus.len() {
-        let begin = epoch * table.per_epoch;
-        let end = begin + table.per_epoch;
+    for release_time in 0..table.taus.len() {
+        let begin = release_time * table.per_release_time;
+        let end = begin + table.per_release_time;
         for first in (begin..end).step_by(LANES) {
             let len = LANES.min(end - first);
-            let kick = |lane: usize| table.particles[first + lane.min(len - 1)].kick;
+            let kick = |lane: usize| table.releases[first + lane.min(len - 1)].offset;
             groups.push(Group {
-                epoch,
+                release_time,
                 first,
                 len,
                 position: std::array::from_fn(|c| std::array::from_fn(|l| kick(l).position[c])),
@@ -53,9 +53,9 @@ pub(super) fn groups(table: &ReleaseTable) -> Vec<Group> {
 /// Two groups of equally many steps, or one twice: then the second has no particles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair<'a> {
-    pub groups: [&'a Group; IN_FLIGHT],
+    pub groups: [&'a Group; UNROLL],
     /// Particles of each.
-    pub lens: [usize; IN_FLIGHT],
+    pub lens: [usize; UNROLL],
 }
 
 /// The pairs of a run of groups.
@@ -71,7 +71,7 @@ impl<'a> Iterator for Pairs<'a> {
         let (a, rest) = self.left.split_first()?;
         let partner = rest
             .first()
-            .filter(|b| self.model.steps[b.epoch] == self.model.steps[a.epoch]);
+            .filter(|b| self.model.steps[b.release_time] == self.model.steps[a.release_time]);
         self.left = &rest[usize::from(partner.is_some())..];
         Some(Pair {
             groups: [a, partner.unwrap_or(a)],
@@ -90,31 +90,34 @@ impl<'a> Pair<'a> {
     }
 
     /// Their epochs.
-    pub fn epochs(&self) -> [usize; IN_FLIGHT] {
+    pub fn release_times(&self) -> [usize; UNROLL] {
         let [a, b] = self.groups;
-        [a.epoch, b.epoch]
+        [a.release_time, b.release_time]
     }
 
     /// The position parts of their kicks.
     #[inline(always)]
-    pub fn position<I: Isa>(&self) -> [Wide<I>; 3] {
+    pub fn position<I: Isa>(&self) -> [Interleaved<I>; 3] {
         let [a, b] = self.groups;
         kicks(&a.position, &b.position)
     }
 
     /// The velocity parts.
     #[inline(always)]
-    pub fn velocity<I: Isa>(&self) -> [Wide<I>; 3] {
+    pub fn velocity<I: Isa>(&self) -> [Interleaved<I>; 3] {
         let [a, b] = self.groups;
         kicks(&a.velocity, &b.velocity)
     }
 
     /// Their launches.
     #[inline(always)]
-    pub fn launches<I: Isa>(&self, setup: &Setup<f64>) -> Launch<Wide<I>> {
-        let [a, b] = self.epochs();
-        let (a, b) = (&setup.launches[a], &setup.launches[b]);
-        Launch {
+    pub fn release_frames<I: Isa>(
+        &self,
+        solution: &ProgenitorSolution<f64>,
+    ) -> ReleaseFrame<Interleaved<I>> {
+        let [a, b] = self.release_times();
+        let (a, b) = (&solution.release_frames[a], &solution.release_frames[b]);
+        ReleaseFrame {
             state: State {
                 x: Lanes::vectors(a.state.x, b.state.x),
                 v: Lanes::vectors(a.state.v, b.state.v),
@@ -127,7 +130,7 @@ impl<'a> Pair<'a> {
 }
 
 #[inline(always)]
-fn kicks<I: Isa>(a: &[[f64; LANES]; 3], b: &[[f64; LANES]; 3]) -> [Wide<I>; 3] {
+fn kicks<I: Isa>(a: &[[f64; LANES]; 3], b: &[[f64; LANES]; 3]) -> [Interleaved<I>; 3] {
     [
         Lanes::load(&Eights([a[0], b[0]])),
         Lanes::load(&Eights([a[1], b[1]])),
@@ -136,7 +139,7 @@ fn kicks<I: Isa>(a: &[[f64; LANES]; 3], b: &[[f64; LANES]; 3]) -> [Wide<I>; 3] {
 }
 
 #[inline(always)]
-fn frames<I: Isa>(a: &[Vec3<f64>; 3], b: &[Vec3<f64>; 3]) -> [Vec3<Wide<I>>; 3] {
+fn frames<I: Isa>(a: &[Vec3<f64>; 3], b: &[Vec3<f64>; 3]) -> [Vec3<Interleaved<I>>; 3] {
     [
         Lanes::vectors(a[0], b[0]),
         Lanes::vectors(a[1], b[1]),
@@ -147,39 +150,43 @@ fn frames<I: Isa>(a: &[Vec3<f64>; 3], b: &[Vec3<f64>; 3]) -> [Vec3<Wide<I>>; 3] 
 /// Plans the courses of pair after pair, each epoch's once.
 pub(super) struct Planner<'a> {
     model: &'a Model,
-    setup: &'a Setup<f64>,
-    flights: &'a mut Flights,
+    solution: &'a ProgenitorSolution<f64>,
+    schedules: &'a mut StepSchedules,
     /// The epochs that the flights are of.
-    planned: [usize; IN_FLIGHT],
+    planned: [usize; UNROLL],
 }
 
 impl<'a> Planner<'a> {
     /// With the buffers of an earlier one, whatever they hold.
-    pub fn new(model: &'a Model, setup: &'a Setup<f64>, flights: &'a mut Flights) -> Self {
+    pub fn new(
+        model: &'a Model,
+        solution: &'a ProgenitorSolution<f64>,
+        schedules: &'a mut StepSchedules,
+    ) -> Self {
         Self {
             model,
-            setup,
-            flights,
-            planned: [usize::MAX; IN_FLIGHT],
+            solution,
+            schedules,
+            planned: [usize::MAX; UNROLL],
         }
     }
 
     /// The course of each half of a pair.
     #[inline(always)]
-    pub fn courses(&mut self, pair: &Pair<'_>) -> HalfAndHalf<'_> {
-        let [a, b] = pair.epochs();
-        let [one, other] = &mut *self.flights;
+    pub fn schedules(&mut self, pair: &Pair<'_>) -> InterleavedSchedules<'_> {
+        let [a, b] = pair.release_times();
+        let [one, other] = &mut *self.schedules;
         if self.planned[0] != a {
             self.planned[0] = a;
-            self.model.plan(a, self.setup, one);
+            self.model.plan(a, self.solution, one);
         }
         if a == b {
-            return HalfAndHalf(one, one);
+            return InterleavedSchedules(one, one);
         }
         if self.planned[1] != b {
             self.planned[1] = b;
-            self.model.plan(b, self.setup, other);
+            self.model.plan(b, self.solution, other);
         }
-        HalfAndHalf(one, other)
+        InterleavedSchedules(one, other)
     }
 }

@@ -14,27 +14,27 @@ const REACH_RADII: f64 = 0.3;
 /// A run of particles, and how each of them stands for the stream: in spots of the same weight, one in all, evenly spread on the
 /// line to its partner and as far to the other side.
 #[derive(Clone, Debug)]
-pub struct Stretch {
+pub struct SegmentRun {
     /// Their numbers.
     pub particles: Range<usize>,
     /// How much further on each one's partner is.
     to: isize,
     /// Number of spots.
-    pub spots: usize,
+    pub points: usize,
 }
 
-impl Stretch {
+impl SegmentRun {
     /// How some of `len` particles stand for the stream, if each one's partner is `links` further on, and that of the last ones as
     /// much before them, or if they have none, 0.
-    pub fn all(some: Range<usize>, len: usize, links: usize) -> [Self; 2] {
-        let last = len.saturating_sub(links);
+    pub fn all(some: Range<usize>, len: usize, neighbour_offset: usize) -> [Self; 2] {
+        let last = len.saturating_sub(neighbour_offset);
         let within = |from: usize, to: usize| some.start.max(from)..some.end.min(to);
-        let spots = if links == 0 { 1 } else { SPOTS };
-        let to = links.cast_signed();
+        let points = if neighbour_offset == 0 { 1 } else { SPOTS };
+        let to = neighbour_offset.cast_signed();
         [(within(0, last), to), (within(last, len), -to)].map(|(particles, to)| Self {
             particles,
             to,
-            spots,
+            points,
         })
     }
 
@@ -56,7 +56,7 @@ impl Stretch {
     /// The weight of each spot.
     #[inline(always)]
     pub fn weight(&self) -> f64 {
-        1.0 / self.spots as f64
+        1.0 / self.points as f64
     }
 
     /// How far spot number `k` is on the way: from -1 to 1.
@@ -65,16 +65,21 @@ impl Stretch {
         (2 * k + 1) as f64 * self.weight() - 1.0
     }
 
-    /// Spot number `k` of a particle here, spread along a way.
+    /// Point number `k` of a particle here, spread along a way.
     #[inline(always)]
-    pub fn spot<S: Scalar>(&self, here: Spot<S>, way: Way<S>, k: usize) -> Spot<S> {
-        if self.spots == 1 {
+    pub fn sky_point<S: Scalar>(
+        &self,
+        here: SkyPoint<S>,
+        segment: Segment<S>,
+        k: usize,
+    ) -> SkyPoint<S> {
+        if self.points == 1 {
             return here;
         }
         let share = self.share(k);
-        let r = here.r + way.out * share;
-        Spot {
-            position: here.position + way.across * share,
+        let r = here.r + segment.out * share;
+        SkyPoint {
+            position: here.position + segment.d_phi * share,
             r,
             r2: r * r,
         }
@@ -83,18 +88,18 @@ impl Stretch {
 
 /// A spot on the sky: its angle in bin widths from the progenitor, its radius, and the square of that.
 #[derive(Clone, Copy, Debug)]
-pub struct Spot<S> {
+pub struct SkyPoint<S> {
     pub position: S,
     pub r: S,
     pub r2: S,
 }
 
-impl<S: Scalar> Spot<S> {
+impl<S: Scalar> SkyPoint<S> {
     /// The way to another one.
     #[inline(always)]
-    pub fn way(self, other: Self) -> Way<S> {
-        Way {
-            across: other.position - self.position,
+    pub fn segment(self, other: Self) -> Segment<S> {
+        Segment {
+            d_phi: other.position - self.position,
             out: other.r - self.r,
         }
     }
@@ -102,20 +107,20 @@ impl<S: Scalar> Spot<S> {
 
 /// A way on the sky: along angles, in bin widths, and outwards.
 #[derive(Clone, Copy, Debug)]
-pub struct Way<S> {
-    pub across: S,
+pub struct Segment<S> {
+    pub d_phi: S,
     pub out: S,
 }
 
-impl<S: Scalar> Way<S> {
+impl<S: Scalar> Segment<S> {
     /// As much of it as a particle at radius `r` is spread over: all of a short one, and smoothly less of a longer one.
     #[inline(always)]
     pub fn limited(self, r: S) -> Self {
-        let across = self.across * (1.0 / REACH_BINS);
+        let d_phi = self.d_phi * (1.0 / REACH_BINS);
         let out = self.out / (r * REACH_RADII);
-        let share = S::one() / (S::one() + across * across + out * out).sqrt();
+        let share = S::one() / (S::one() + d_phi * d_phi + out * out).sqrt();
         Self {
-            across: self.across * share,
+            d_phi: self.d_phi * share,
             out: self.out * share,
         }
     }

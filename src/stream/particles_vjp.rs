@@ -1,13 +1,13 @@
 //! The exact derivative of the hot stage: the discrete adjoint of the leapfrog in lanes, joined to the dual numbers of
 //! the cold stage.
 //!
-//! Forward mode is cheap where many numbers depend on few (an orbit on the 15 numbers of a [`Galaxy`]), reverse mode where
+//! Forward mode is cheap where many numbers depend on few (an orbit on the 15 numbers of a [`System`]), reverse mode where
 //! many end in one (all particles in one likelihood): so the particles run backwards, the setup once more on duals, and they
 //! meet at the launches and the orbit's nodes. Paths are run backwards, not remembered: memory is O(particles + steps).
 
-use super::pair::{Flights, IN_FLIGHT, Pair, Planner, Wide};
-use super::{Arrivals, Galaxy, Launch, Model, Setup, Threads};
-use crate::orbit::{ByStep, Flight, Node, State, add_placed, reverse};
+use super::lane_groups::{Interleaved, Pair, Planner, StepSchedules, UNROLL};
+use super::{Model, Particles, ProgenitorSolution, ReleaseFrame, System, Threads};
+use crate::orbit::{Node, State, StepCotangent, StepSchedule, add_weighted, reverse};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Eights, Isa, Kernel, LANES, Lanes, Level, Scalar, Vec3, compile_kernel};
 use rayon::prelude::*;
@@ -21,13 +21,13 @@ const PARTS: usize = 8;
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
     /// The courses of the particles on their way here.
-    pub flights: Flights,
+    pub schedules: StepSchedules,
     /// The particles today.
-    pub arrivals: Arrivals,
+    pub particles: Particles,
     /// Derivative of the result with respect to each particle's sky position.
-    pub by_x: Vec<f64>,
+    pub x_bar: Vec<f64>,
     /// The y part.
-    pub by_y: Vec<f64>,
+    pub y_bar: Vec<f64>,
     parts: Vec<Part>,
 }
 
@@ -37,9 +37,9 @@ struct Part {
     /// Their groups.
     groups: Range<usize>,
     /// Their courses.
-    flights: Flights,
+    schedules: StepSchedules,
     /// Derivatives with respect to the courses in flight.
-    sums: [Vec<ByStep<f64>>; IN_FLIGHT],
+    sums: [Vec<StepCotangent<f64>>; UNROLL],
     /// What comes of it.
     by: Cotangents,
 }
@@ -48,52 +48,52 @@ struct Part {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cotangents {
     /// The first one.
-    first_epoch: usize,
+    first_release_time: usize,
     /// With respect to the launches from the first epoch on.
-    pub launches: Vec<Launch<f64>>,
+    pub release_frames: Vec<ReleaseFrame<f64>>,
     /// With respect to the nodes of the orbit.
     pub nodes: Vec<Node<f64>>,
     /// With respect to the phases of the clock at the nodes.
     phases: Vec<f64>,
     /// With respect to the times of the course at hand.
     times: Vec<f64>,
-    pub shared: ByShared,
+    pub shared: SharedCotangent,
 }
 
 impl Cotangents {
     /// Forgets what was: zero for these epochs and an orbit of `nodes`.
-    fn reset(&mut self, epochs: &Range<usize>, nodes: usize) {
+    fn reset(&mut self, release_times: &Range<usize>, nodes: usize) {
         let zero = Vec3::zero();
-        let no_launch = Launch {
+        let no_launch = ReleaseFrame {
             state: State { x: zero, v: zero },
             position: [zero; 3],
             velocity: [zero; 3],
             turns: 0.0,
         };
-        self.first_epoch = epochs.start;
-        self.launches.clear();
-        self.launches.resize(epochs.len(), no_launch);
+        self.first_release_time = release_times.start;
+        self.release_frames.clear();
+        self.release_frames.resize(release_times.len(), no_launch);
         self.nodes.clear();
         self.nodes.resize(nodes, Node::zero());
         self.phases.clear();
         self.phases.resize(nodes, 0.0);
-        self.shared = ByShared::zero();
+        self.shared = SharedCotangent::zero();
     }
 }
 
 /// Derivatives with respect to what the cold stage hands over, beside nodes and launches.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ByShared {
+pub(super) struct SharedCotangent {
     pub host: NfwCotangent<f64>,
-    pub sphere: PlummerCotangent<f64>,
+    pub progenitor: PlummerCotangent<f64>,
     pub age_gyr: f64,
 }
 
-impl ByShared {
+impl SharedCotangent {
     fn zero() -> Self {
         Self {
             host: NfwCotangent::zero(),
-            sphere: PlummerCotangent::zero(),
+            progenitor: PlummerCotangent::zero(),
             age_gyr: 0.0,
         }
     }
@@ -103,13 +103,13 @@ impl ByShared {
         self.host.ln_r_s += other.host.ln_r_s;
         self.host.flattening += other.host.flattening;
         self.host.axis += other.host.axis;
-        self.sphere.ln_mass += other.sphere.ln_mass;
-        self.sphere.r_s += other.sphere.r_s;
+        self.progenitor.ln_mass += other.progenitor.ln_mass;
+        self.progenitor.r_s += other.progenitor.r_s;
         self.age_gyr += other.age_gyr;
     }
 }
 
-impl Default for ByShared {
+impl Default for SharedCotangent {
     fn default() -> Self {
         Self::zero()
     }
@@ -117,31 +117,31 @@ impl Default for ByShared {
 
 /// Which particles a derivative counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Counted {
+pub enum Adjoint {
     /// All, all the way: the exact derivative of the discrete model.
-    All,
-    /// Each as far back as its final position moves by at most [`REGULAR`] times what its position then does. A particle
+    Exact,
+    /// Each as far back as its final position moves by at most [`MAX_STRETCH`] times what its position then does. A particle
     /// that meets a centre again and again in steps too long for it is chaotic: it moves a bin's mean by little, but its
     /// derivative can exceed all others together by ten orders of magnitude, and says nothing about any finite step.
     /// Forgetting its past where that happens leaves a field that samplers can follow.
-    Regular,
+    Truncated,
 }
 
 /// Largest stretch of a regular particle: tides stretch by tens in the age of a stream, eccentric orbits by hundreds.
-pub const REGULAR: f64 = 1_000.0;
+pub const MAX_STRETCH: f64 = 1_000.0;
 
 /// Where the particles are today, and the derivative of the result with respect to that.
 struct Ends<'a> {
-    arrivals: &'a Arrivals,
-    by_x: &'a [f64],
-    by_y: &'a [f64],
+    particles: &'a Particles,
+    x_bar: &'a [f64],
+    y_bar: &'a [f64],
 }
 
 impl Ends<'_> {
     /// Those of a pair. A lane without a particle has a state of another, and no derivative.
     #[inline(always)]
-    fn of<I: Isa>(&self, pair: &Pair<'_>) -> (State<Wide<I>>, Vec3<Wide<I>>) {
-        let Arrivals { x, y, z, v, .. } = self.arrivals;
+    fn of<I: Isa>(&self, pair: &Pair<'_>) -> (State<Interleaved<I>>, Vec3<Interleaved<I>>) {
+        let Particles { x, y, z, v, .. } = self.particles;
         let end = State {
             x: Vec3::new(repeated(pair, x), repeated(pair, y), repeated(pair, z)),
             v: Vec3::new(
@@ -150,19 +150,19 @@ impl Ends<'_> {
                 repeated(pair, &v[2]),
             ),
         };
-        let by_position = Vec3::new(
-            padded(pair, self.by_x),
-            padded(pair, self.by_y),
+        let position_bar = Vec3::new(
+            padded(pair, self.x_bar),
+            padded(pair, self.y_bar),
             Lanes::zero(),
         );
-        (end, by_position)
+        (end, position_bar)
     }
 }
 
 /// A pair's parts of a column; the last number of each again in lanes without a particle.
 #[inline(always)]
-fn repeated<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Wide<I> {
-    let mut lanes = Eights([[0.0; LANES]; IN_FLIGHT]);
+fn repeated<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
+    let mut lanes = Eights([[0.0; LANES]; UNROLL]);
     for (lanes, group) in lanes.0.iter_mut().zip(pair.groups) {
         let (part, rest) = lanes.split_at_mut(group.len);
         part.copy_from_slice(&column[group.first..group.first + group.len]);
@@ -173,8 +173,8 @@ fn repeated<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Wide<I> {
 
 /// A pair's parts of a column; zeros in lanes without a particle.
 #[inline(always)]
-fn padded<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Wide<I> {
-    let mut lanes = Eights([[0.0; LANES]; IN_FLIGHT]);
+fn padded<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
+    let mut lanes = Eights([[0.0; LANES]; UNROLL]);
     for ((lanes, group), len) in lanes.0.iter_mut().zip(pair.groups).zip(pair.lens) {
         lanes[..len].copy_from_slice(&column[group.first..group.first + len]);
     }
@@ -182,134 +182,144 @@ fn padded<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Wide<I> {
 }
 
 /// The particles of a part backwards.
-struct Backward<'a> {
+struct VjpKernel<'a> {
     model: &'a Model,
-    setup: &'a Setup<f64>,
+    solution: &'a ProgenitorSolution<f64>,
     ends: &'a Ends<'a>,
     /// Square of the largest stretch that counts.
     max_stretch2: f64,
     part: &'a mut Part,
 }
 
-impl Kernel for Backward<'_> {
+impl Kernel for VjpKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<I: Isa>(self) {
         let Self {
             model,
-            setup,
+            solution,
             ends,
             max_stretch2,
             part,
         } = self;
-        let host = FlattenedNfw::<Wide<I>>::broadcast(&setup.host);
-        let sphere = Plummer::<Wide<I>>::broadcast(&setup.sphere);
-        let mut by_host = NfwCotangent::<Wide<I>>::zero();
-        let mut by_sphere = PlummerCotangent::<Wide<I>>::zero();
-        let mut by_course = vec![ByStep::<Wide<I>>::zero(); model.settings.steps];
+        let host = FlattenedNfw::<Interleaved<I>>::broadcast(&solution.host);
+        let progenitor = Plummer::<Interleaved<I>>::broadcast(&solution.progenitor);
+        let mut host_bar = NfwCotangent::<Interleaved<I>>::zero();
+        let mut progenitor_bar = PlummerCotangent::<Interleaved<I>>::zero();
+        let mut schedule_bar = vec![StepCotangent::<Interleaved<I>>::zero(); model.settings.steps];
         let Part {
-            flights, sums, by, ..
+            schedules,
+            sums,
+            by,
+            ..
         } = part;
-        let mut planner = Planner::new(model, setup, flights);
+        let mut planner = Planner::new(model, solution, schedules);
         let mut pairs = Pair::all(model, &model.groups[part.groups.clone()]).peekable();
         while let Some(pair) = pairs.next() {
-            let (end, by_position) = ends.of::<I>(&pair);
-            let limit2 = by_position.norm2() * max_stretch2;
-            let courses = planner.courses(&pair);
-            let by_course = &mut by_course[..model.steps[pair.groups[0].epoch]];
-            let by_start = reverse(
+            let (end, position_bar) = ends.of::<I>(&pair);
+            let limit2 = position_bar.norm2() * max_stretch2;
+            let schedules = planner.schedules(&pair);
+            let schedule_bar = &mut schedule_bar[..model.steps[pair.groups[0].release_time]];
+            let start_bar = reverse(
                 &host,
-                &sphere,
-                &courses,
+                &progenitor,
+                &schedules,
                 end,
-                by_position,
-                &mut by_host,
-                &mut by_sphere,
-                by_course,
+                position_bar,
+                &mut host_bar,
+                &mut progenitor_bar,
+                schedule_bar,
                 limit2,
             );
-            by.add_launches(&pair, &by_start);
+            by.add_release_frames(&pair, &start_bar);
             // Pairs of the same epochs are summed together.
             if pairs
                 .peek()
-                .is_none_or(|next| next.epochs() != pair.epochs())
+                .is_none_or(|next| next.release_times() != pair.release_times())
             {
-                sum_lanes(by_course, sums);
+                sum_lanes(schedule_bar, sums);
                 // A half without particles has no derivatives of its own, but may hold those of an earlier pair.
-                for ((sums, flight), epoch) in
-                    sums.iter().zip([courses.0, courses.1]).zip(pair.epochs())
+                for ((sums, schedule), release_time) in sums
+                    .iter()
+                    .zip([schedules.0, schedules.1])
+                    .zip(pair.release_times())
                 {
-                    by.add_course(model, setup, epoch, flight, sums);
+                    by.add_course(model, solution, release_time, schedule, sums);
                 }
             }
         }
         by.shared.host = NfwCotangent {
-            ln_mass: by_host.ln_mass.sum(),
-            ln_r_s: by_host.ln_r_s.sum(),
-            flattening: by_host.flattening.sum(),
-            axis: sum_vector(by_host.axis),
+            ln_mass: host_bar.ln_mass.sum(),
+            ln_r_s: host_bar.ln_r_s.sum(),
+            flattening: host_bar.flattening.sum(),
+            axis: sum_vector(host_bar.axis),
         };
-        by.shared.sphere = PlummerCotangent {
-            ln_mass: by_sphere.ln_mass.sum(),
-            r_s: by_sphere.r_s.sum(),
+        by.shared.progenitor = PlummerCotangent {
+            ln_mass: progenitor_bar.ln_mass.sum(),
+            r_s: progenitor_bar.r_s.sum(),
         };
     }
 }
 
-compile_kernel!(Backward);
+compile_kernel!(VjpKernel);
 
 /// The sum of all lanes of a vector.
 #[inline(always)]
-fn sum_vector<I: Isa>(v: Vec3<Wide<I>>) -> Vec3<f64> {
+fn sum_vector<I: Isa>(v: Vec3<Interleaved<I>>) -> Vec3<f64> {
     Vec3::new(v.x.sum(), v.y.sum(), v.z.sum())
 }
 
 /// The sums of the lanes of each half of a vector.
 #[inline(always)]
-fn sums_of_vector<I: Isa>(v: Vec3<Wide<I>>) -> [Vec3<f64>; IN_FLIGHT] {
+fn sums_of_vector<I: Isa>(v: Vec3<Interleaved<I>>) -> [Vec3<f64>; UNROLL] {
     let ([x, x_2], [y, y_2], [z, z_2]) = (v.x.sums(), v.y.sums(), v.z.sums());
     [Vec3::new(x, y, z), Vec3::new(x_2, y_2, z_2)]
 }
 
 /// Sums the derivatives with respect to courses over the lanes of each half, and forgets them there.
 #[inline(always)]
-fn sum_lanes<I: Isa>(lanes: &mut [ByStep<Wide<I>>], out: &mut [Vec<ByStep<f64>>; IN_FLIGHT]) {
+fn sum_lanes<I: Isa>(
+    lanes: &mut [StepCotangent<Interleaved<I>>],
+    out: &mut [Vec<StepCotangent<f64>>; UNROLL],
+) {
     out.iter_mut().for_each(Vec::clear);
     for by in lanes {
         let progenitor = sums_of_vector(by.progenitor);
         let (drift, kick) = (by.drift.sums(), by.kick.sums());
-        for k in 0..IN_FLIGHT {
-            out[k].push(ByStep {
+        for k in 0..UNROLL {
+            out[k].push(StepCotangent {
                 progenitor: progenitor[k],
                 drift: drift[k],
                 kick: kick[k],
             });
         }
-        *by = ByStep::zero();
+        *by = StepCotangent::zero();
     }
 }
 
 impl Cotangents {
     /// Adds derivatives with respect to the starts of a pair to those with respect to its launches.
     #[inline(always)]
-    fn add_launches<I: Isa>(&mut self, pair: &Pair<'_>, by_start: &State<Wide<I>>) {
-        let State { x, v } = *by_start;
+    fn add_release_frames<I: Isa>(&mut self, pair: &Pair<'_>, start_bar: &State<Interleaved<I>>) {
+        let State { x, v } = *start_bar;
         let (position, velocity) = (pair.position::<I>(), pair.velocity::<I>());
-        let (by_x, by_v) = (sums_of_vector(x), sums_of_vector(v));
+        let (x_bar, v_bar) = (sums_of_vector(x), sums_of_vector(v));
         // A half without particles has no derivatives.
-        for k in 0..IN_FLIGHT {
-            let launch = &mut self.launches[pair.groups[k].epoch - self.first_epoch];
-            launch.state.x += by_x[k];
-            launch.state.v += by_v[k];
+        for k in 0..UNROLL {
+            let release_frame =
+                &mut self.release_frames[pair.groups[k].release_time - self.first_release_time];
+            release_frame.state.x += x_bar[k];
+            release_frame.state.v += v_bar[k];
         }
         for c in 0..3 {
-            let by_position = sums_of_vector(x * position[c]);
-            let by_velocity = sums_of_vector(v * velocity[c]);
-            for k in 0..IN_FLIGHT {
-                let launch = &mut self.launches[pair.groups[k].epoch - self.first_epoch];
-                launch.position[c] += by_position[k];
-                launch.velocity[c] += by_velocity[k];
+            let position_bar = sums_of_vector(x * position[c]);
+            let velocity_bar = sums_of_vector(v * velocity[c]);
+            for k in 0..UNROLL {
+                let release_frame =
+                    &mut self.release_frames[pair.groups[k].release_time - self.first_release_time];
+                release_frame.position[c] += position_bar[k];
+                release_frame.velocity[c] += velocity_bar[k];
             }
         }
     }
@@ -319,46 +329,46 @@ impl Cotangents {
     fn add_course(
         &mut self,
         model: &Model,
-        setup: &Setup<f64>,
-        epoch: usize,
-        flight: &Flight<f64>,
-        by_course: &[ByStep<f64>],
+        solution: &ProgenitorSolution<f64>,
+        release_time: usize,
+        schedule: &StepSchedule<f64>,
+        schedule_bar: &[StepCotangent<f64>],
     ) {
-        let places = if setup.clock.is_some() {
-            &flight.places
+        let places = if solution.grid.is_some() {
+            &schedule.places
         } else {
-            model.path_of(epoch)
+            model.path_of(release_time)
         };
-        for (place, by) in places.iter().zip(by_course) {
-            add_placed(&mut self.nodes, place, by.progenitor);
+        for (place, by) in places.iter().zip(schedule_bar) {
+            add_weighted(&mut self.nodes, place, by.progenitor);
         }
-        let steps = by_course.len();
+        let steps = schedule_bar.len();
         // A drift is in itself and by half in the kicks at both of its ends; the kick today moves nothing.
-        let by_drift = |j: usize| {
+        let drift_bar = |j: usize| {
             let next = if j + 1 < steps {
-                by_course[j + 1].kick
+                schedule_bar[j + 1].kick
             } else {
                 0.0
             };
-            by_course[j].drift / flight.drift_gyr[j] + 0.5 * (by_course[j].kick + next)
+            schedule_bar[j].drift / schedule.drift_gyr[j] + 0.5 * (schedule_bar[j].kick + next)
         };
         self.shared.age_gyr += (0..steps)
-            .map(|j| by_drift(j) * flight.drift_gyr[j])
+            .map(|j| drift_bar(j) * schedule.drift_gyr[j])
             .sum::<f64>()
-            / setup.age_gyr;
-        if let Some(clock) = &setup.clock {
-            let by_times = &mut self.times;
-            by_times.clear();
-            by_times.resize(steps + 1, 0.0);
+            / solution.age_gyr;
+        if let Some(grid) = &solution.grid {
+            let times_bar = &mut self.times;
+            times_bar.clear();
+            times_bar.resize(steps + 1, 0.0);
             for j in 0..steps {
-                let by = by_drift(j) * setup.age_gyr;
-                by_times[j + 1] += by;
-                by_times[j] += by_course[j]
+                let by = drift_bar(j) * solution.age_gyr;
+                times_bar[j + 1] += by;
+                times_bar[j] += schedule_bar[j]
                     .progenitor
-                    .dot(setup.orbit.slope(flight.moments[j]))
+                    .dot(solution.orbit.slope(schedule.orbit_times[j]))
                     - by;
             }
-            clock.pull_back_times(&flight.moments, by_times, &mut self.phases);
+            grid.times_vjp(&schedule.orbit_times, times_bar, &mut self.phases);
         }
     }
 
@@ -373,80 +383,81 @@ impl Cotangents {
                 sum.add(row, by.vector(row));
             }
         }
-        self.launches.append(&mut next.launches);
+        self.release_frames.append(&mut next.release_frames);
     }
 }
 
 impl Model {
-    /// The gradient with respect to the [numbers](Galaxy::numbers) of a galaxy of a result whose derivatives with respect to
+    /// The gradient with respect to the [numbers](System::numbers) of a galaxy of a result whose derivatives with respect to
     /// the particles' sky positions stand in `work.by_x` and `work.by_y`. `setup` was made from this galaxy, and the
-    /// particles are the ones that [`carry`](Self::carry) made from it. The same bits for any [`Threads`].
-    pub fn pull_back(
+    /// particles are the ones that [`integrate`](Self::integrate) made from it. The same bits for any [`Threads`].
+    pub fn vjp(
         &self,
-        galaxy: &Galaxy<f64>,
-        setup: &Setup<f64>,
-        counted: Counted,
+        system: &System<f64>,
+        solution: &ProgenitorSolution<f64>,
+        adjoint: Adjoint,
         threads: Threads,
         work: &mut Workspace,
-    ) -> [f64; Galaxy::<f64>::NUMBERS] {
-        self.prepare(setup, work);
+    ) -> [f64; System::<f64>::LEN] {
+        self.prepare(solution, work);
         let Workspace {
-            arrivals,
-            by_x,
-            by_y,
+            particles,
+            x_bar,
+            y_bar,
             parts,
             ..
         } = work;
         let ends = Ends {
-            arrivals,
-            by_x,
-            by_y,
+            particles,
+            x_bar,
+            y_bar,
         };
-        let one = |part: &mut Part| self.pull_back_part(setup, counted, &ends, part);
+        let one = |part: &mut Part| self.part_vjp(solution, adjoint, &ends, part);
         match threads {
             Threads::One => parts.iter_mut().for_each(one),
             Threads::All => parts.par_iter_mut().for_each(one),
         }
         let [Part { by: total, .. }, others @ ..] = parts.as_mut_slice() else {
-            return [0.0; Galaxy::<f64>::NUMBERS];
+            return [0.0; System::<f64>::LEN];
         };
         for part in others {
             total.append(&mut part.by);
         }
-        if let Some(clock) = &setup.clock {
-            clock.pull_back(&setup.orbit, &total.phases, &mut total.nodes);
+        if let Some(grid) = &solution.grid {
+            grid.vjp(&solution.orbit, &total.phases, &mut total.nodes);
         }
-        self.pull_back_setup(galaxy, total)
+        self.progenitor_solution_vjp(system, total)
     }
 
     /// Deals the epochs into parts.
-    fn prepare(&self, setup: &Setup<f64>, work: &mut Workspace) {
-        let epochs = self.table.taus.len();
-        let groups_per_epoch = self.groups.len() / epochs;
-        let per_part = epochs.div_ceil(PARTS);
+    fn prepare(&self, solution: &ProgenitorSolution<f64>, work: &mut Workspace) {
+        let release_times = self.table.taus.len();
+        let groups_per_release_time = self.groups.len() / release_times;
+        let per_part = release_times.div_ceil(PARTS);
         work.parts
-            .resize_with(epochs.div_ceil(per_part), Part::default);
+            .resize_with(release_times.div_ceil(per_part), Part::default);
         for (k, part) in work.parts.iter_mut().enumerate() {
-            let range = k * per_part..epochs.min((k + 1) * per_part);
-            part.by.reset(&range, setup.orbit.nodes.len());
-            part.groups = range.start * groups_per_epoch..range.end * groups_per_epoch;
+            let range = k * per_part..release_times.min((k + 1) * per_part);
+            part.by.reset(&range, solution.orbit.nodes.len());
+            part.groups =
+                range.start * groups_per_release_time..range.end * groups_per_release_time;
         }
     }
 
-    fn pull_back_part(
+    fn part_vjp(
         &self,
-        setup: &Setup<f64>,
-        counted: Counted,
+        solution: &ProgenitorSolution<f64>,
+        adjoint: Adjoint,
         ends: &Ends<'_>,
         part: &mut Part,
     ) {
-        let max_stretch2 = match counted {
-            Counted::All => f64::INFINITY,
-            Counted::Regular => REGULAR * REGULAR,
+        let max_stretch2 = match adjoint {
+            Adjoint::Exact => f64::INFINITY,
+            Adjoint::Truncated => MAX_STRETCH * MAX_STRETCH,
         };
-        let backward = Backward {
+        let backward = VjpKernel {
             model: self,
-            setup,
+            solution,
             ends,
             max_stretch2,
             part,

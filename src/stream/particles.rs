@@ -1,9 +1,9 @@
 //! The hot stage in SIMD lanes.
 
-use super::pair::{Flights, Group, IN_FLIGHT, Pair, Planner, Wide};
-use super::{Model, Setup};
+use super::lane_groups::{Group, Interleaved, Pair, Planner, StepSchedules, UNROLL};
+use super::{Model, ProgenitorSolution};
 use crate::error::{Rejection, Tally};
-use crate::orbit::{Arrival, State, advance};
+use crate::orbit::{FinalParticle, State, advance};
 use crate::potential::{FlattenedNfw, Plummer};
 use crate::scalar::{Eights, Isa, Kernel, Level, angle, compile_kernel};
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 
 /// Present-day particles, component by component, in the order of the table.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Arrivals {
+pub struct Particles {
     /// Sky x, kpc.
     pub x: Vec<f64>,
     /// Sky y, kpc.
@@ -23,12 +23,12 @@ pub struct Arrivals {
     /// Winding counts.
     pub turns: Vec<f64>,
     /// How much further on each particle's partner is; 0 if they have none.
-    pub links: usize,
+    pub neighbour_offset: usize,
     /// What was unsafe on the way.
     pub tally: Tally,
 }
 
-impl Arrivals {
+impl Particles {
     /// Number of particles.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -69,7 +69,7 @@ impl Arrivals {
     }
 }
 
-/// A part of the columns of [`Arrivals`].
+/// A part of the columns of [`Particles`].
 struct Columns<'a> {
     /// Number of its first particle.
     first: usize,
@@ -95,8 +95,8 @@ impl<'a> Columns<'a> {
 
     /// Stores the lanes of a pair. Returns their unsafe turns, NaN if any state is not finite.
     #[inline(always)]
-    fn store<I: Isa>(&mut self, pair: &Pair<'_>, arrival: &Arrival<Wide<I>>) -> f64 {
-        let State { x, v } = arrival.state;
+    fn store<I: Isa>(&mut self, pair: &Pair<'_>, particle: &FinalParticle<Interleaved<I>>) -> f64 {
+        let State { x, v } = particle.state;
         // Zero for finite states, NaN otherwise.
         let lost = ((x.norm2() + v.norm2()) * 0.0).sum();
         let values = [
@@ -106,9 +106,9 @@ impl<'a> Columns<'a> {
             v.x.store(),
             v.y.store(),
             v.z.store(),
-            arrival.turns.store(),
+            particle.turns.store(),
         ];
-        lost + self.copy(pair, &values, &arrival.unsafe_turns.store())
+        lost + self.copy(pair, &values, &particle.ambiguous_windings.store())
     }
 
     /// As [`store`](Self::store), of lanes in memory.
@@ -116,8 +116,8 @@ impl<'a> Columns<'a> {
     fn copy(
         &mut self,
         pair: &Pair<'_>,
-        values: &[Eights<IN_FLIGHT>; 7],
-        unsafe_turns: &Eights<IN_FLIGHT>,
+        values: &[Eights<UNROLL>; 7],
+        ambiguous_windings: &Eights<UNROLL>,
     ) -> f64 {
         let mut sum = 0.0;
         for (k, len) in pair
@@ -126,7 +126,7 @@ impl<'a> Columns<'a> {
             .enumerate()
             .filter(|(_, len)| *len > 0)
         {
-            sum += unsafe_turns.0[k][..len].iter().sum::<f64>();
+            sum += ambiguous_windings.0[k][..len].iter().sum::<f64>();
             let from = pair.groups[k].first - self.first;
             for (column, values) in self.columns.iter_mut().zip(values) {
                 column[from..from + len].copy_from_slice(&values.0[k][..len]);
@@ -136,15 +136,15 @@ impl<'a> Columns<'a> {
     }
 }
 
-struct Forward<'a> {
+struct IntegrateKernel<'a> {
     model: &'a Model,
-    setup: &'a Setup<f64>,
+    solution: &'a ProgenitorSolution<f64>,
     groups: &'a [Group],
-    flights: &'a mut Flights,
+    schedules: &'a mut StepSchedules,
     out: Columns<'a>,
 }
 
-impl Kernel for Forward<'_> {
+impl Kernel for IntegrateKernel<'_> {
     type Output = f64;
 
     /// Carries every group; returns the number of unsafe turns, NaN if any state is not finite.
@@ -152,26 +152,26 @@ impl Kernel for Forward<'_> {
     fn run<I: Isa>(self) -> f64 {
         let Self {
             model,
-            setup,
+            solution,
             groups,
-            flights,
+            schedules,
             mut out,
         } = self;
-        let host = FlattenedNfw::<Wide<I>>::broadcast(&setup.host);
-        let sphere = Plummer::<Wide<I>>::broadcast(&setup.sphere);
-        let mut planner = Planner::new(model, setup, flights);
-        let mut unsafe_turns = 0.0;
+        let host = FlattenedNfw::<Interleaved<I>>::broadcast(&solution.host);
+        let progenitor = Plummer::<Interleaved<I>>::broadcast(&solution.progenitor);
+        let mut planner = Planner::new(model, solution, schedules);
+        let mut ambiguous_windings = 0.0;
         for pair in Pair::all(model, groups) {
-            let launch = pair.launches::<I>(setup);
-            let (start, turns) = launch.release(pair.position(), pair.velocity());
-            let arrival = advance(&host, &sphere, &planner.courses(&pair), start, turns);
-            unsafe_turns += out.store(&pair, &arrival);
+            let release_frame = pair.release_frames::<I>(solution);
+            let (start, turns) = release_frame.release(pair.position(), pair.velocity());
+            let particle = advance(&host, &progenitor, &planner.schedules(&pair), start, turns);
+            ambiguous_windings += out.store(&pair, &particle);
         }
-        unsafe_turns
+        ambiguous_windings
     }
 }
 
-compile_kernel!(Forward);
+compile_kernel!(IntegrateKernel);
 
 impl Model {
     /// Every particle today, in lanes, at the best level of this CPU. Buffers are reused: no allocation after the first
@@ -179,55 +179,51 @@ impl Model {
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a state is not finite.
-    pub fn carry(
+    pub fn integrate(
         &self,
-        setup: &Setup<f64>,
-        flights: &mut Flights,
-        out: &mut Arrivals,
+        solution: &ProgenitorSolution<f64>,
+        schedules: &mut StepSchedules,
+        out: &mut Particles,
     ) -> Result<(), Rejection> {
-        self.carry_at(Level::best(), setup, flights, out)
+        self.integrate_at(Level::best(), solution, schedules, out)
     }
 
-    /// As [`carry`](Self::carry), at a chosen level: how the levels are tested against each other.
+    /// As [`integrate`](Self::integrate), at a chosen level: how the levels are tested against each other.
     ///
     /// # Errors
-    /// As [`carry`](Self::carry).
-    pub fn carry_at(
+    /// As [`integrate`](Self::integrate).
+    pub fn integrate_at(
         &self,
         level: Level,
-        setup: &Setup<f64>,
-        flights: &mut Flights,
-        out: &mut Arrivals,
+        solution: &ProgenitorSolution<f64>,
+        schedules: &mut StepSchedules,
+        out: &mut Particles,
     ) -> Result<(), Rejection> {
-        let forward = Forward {
+        let forward = IntegrateKernel {
             model: self,
-            setup,
+            solution,
             groups: &self.groups,
-            flights,
+            schedules,
             out: out.columns(self.table.len()),
         };
-        let unsafe_turns = forward.dispatch(level);
-        out.links = self.table.links;
-        out.tally = tally(setup, unsafe_turns)?;
+        let ambiguous_windings = forward.dispatch(level);
+        out.neighbour_offset = self.table.neighbour_offset;
+        out.tally = tally(solution, ambiguous_windings)?;
         Ok(())
     }
 
-    /// As [`carry`](Self::carry), over the threads of the present rayon pool and with buffers of its own. The same bits.
+    /// As [`integrate`](Self::integrate), over the threads of the present rayon pool and with buffers of its own. The same bits.
     ///
     /// # Errors
-    /// As [`carry`](Self::carry).
-    pub fn carry_in_parallel(
+    /// As [`integrate`](Self::integrate).
+    pub fn integrate_in_parallel(
         &self,
-        setup: &Setup<f64>,
-        out: &mut Arrivals,
+        solution: &ProgenitorSolution<f64>,
+        out: &mut Particles,
     ) -> Result<(), Rejection> {
         // More parts than threads, as one may be late; whole pairs of groups, as those fly together.
         let parts = 4 * rayon::current_num_threads();
-        let per_part = self
-            .groups
-            .len()
-            .div_ceil(parts)
-            .next_multiple_of(IN_FLIGHT);
+        let per_part = self.groups.len().div_ceil(parts).next_multiple_of(UNROLL);
         let mut left = out.columns(self.table.len());
         let mut work = Vec::with_capacity(parts);
         for groups in self.groups.chunks(per_part) {
@@ -236,21 +232,21 @@ impl Model {
             work.push((groups, part));
             left = rest;
         }
-        let unsafe_turns: Vec<f64> = work
+        let ambiguous_windings: Vec<f64> = work
             .into_par_iter()
             .map(|(groups, out)| {
-                let forward = Forward {
+                let forward = IntegrateKernel {
                     model: self,
-                    setup,
+                    solution,
                     groups,
-                    flights: &mut Flights::default(),
+                    schedules: &mut StepSchedules::default(),
                     out,
                 };
                 forward.dispatch(Level::best())
             })
             .collect();
-        out.links = self.table.links;
-        out.tally = tally(setup, unsafe_turns.iter().sum())?;
+        out.neighbour_offset = self.table.neighbour_offset;
+        out.tally = tally(solution, ambiguous_windings.iter().sum())?;
         Ok(())
     }
 }
@@ -261,11 +257,11 @@ impl Model {
     clippy::cast_sign_loss,
     reason = "a count below particles times steps"
 )]
-fn tally(setup: &Setup<f64>, unsafe_turns: f64) -> Result<Tally, Rejection> {
-    if !unsafe_turns.is_finite() {
+fn tally(solution: &ProgenitorSolution<f64>, ambiguous_windings: f64) -> Result<Tally, Rejection> {
+    if !ambiguous_windings.is_finite() {
         return Err(Rejection::BadParticle);
     }
-    let mut tally = setup.tally;
-    tally.unsafe_turns += unsafe_turns as u64;
+    let mut tally = solution.tally;
+    tally.ambiguous_windings += ambiguous_windings as u64;
     Ok(tally)
 }

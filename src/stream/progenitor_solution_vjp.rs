@@ -1,32 +1,32 @@
 //! The cold stage once more, on dual numbers: where the derivatives of the particles, in reverse mode, meet those of the orbit and the
 //! releases, in forward mode.
 
-use super::backward::{ByShared, Cotangents};
-use super::setup::launch;
-use super::{Galaxy, Model, ModelSettings};
+use super::particles_vjp::{Cotangents, SharedCotangent};
+use super::progenitor_solution::release_frame;
+use super::{Model, ModelSettings, System};
 use crate::orbit::DenseOrbit;
 use crate::potential::Potential;
 use crate::scalar::{Isa, Kernel, LANES, LaneDual, Lanes, Level, Scalar, Vec3, compile_kernel};
 use std::marker::PhantomData;
 
 /// The cold stage once more, on duals, joined to the derivatives with respect to what it hands over.
-struct Cold<'a> {
+struct SetupJvp<'a> {
     model: &'a Model,
-    galaxy: &'a Galaxy<f64>,
+    system: &'a System<f64>,
     total: &'a Cotangents,
 }
 
 impl Model {
-    /// The gradient with respect to the [numbers](Galaxy::numbers) of a galaxy, from the derivatives with respect to what the cold
+    /// The gradient with respect to the [numbers](System::numbers) of a galaxy, from the derivatives with respect to what the cold
     /// stage hands over to the particles.
-    pub(super) fn pull_back_setup(
+    pub(super) fn progenitor_solution_vjp(
         &self,
-        galaxy: &Galaxy<f64>,
+        system: &System<f64>,
         total: &Cotangents,
-    ) -> [f64; Galaxy::<f64>::NUMBERS] {
-        let cold = Cold {
+    ) -> [f64; System::<f64>::LEN] {
+        let cold = SetupJvp {
             model: self,
-            galaxy,
+            system,
             total,
         };
         cold.dispatch(Level::best())
@@ -34,30 +34,30 @@ impl Model {
 }
 
 /// Vectors for the derivatives with respect to the numbers of a galaxy.
-const VECTORS: usize = Galaxy::<f64>::NUMBERS.div_ceil(LANES);
+const VECTORS: usize = System::<f64>::LEN.div_ceil(LANES);
 
-impl Kernel for Cold<'_> {
-    type Output = [f64; Galaxy::<f64>::NUMBERS];
+impl Kernel for SetupJvp<'_> {
+    type Output = [f64; System::<f64>::LEN];
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Self::Output {
         let Self {
             model,
-            galaxy,
+            system,
             total,
         } = self;
-        let mut numbers = [LaneDual::<I, VECTORS>::zero(); Galaxy::<f64>::NUMBERS];
-        for (i, number) in galaxy.numbers().into_iter().enumerate() {
+        let mut numbers = [LaneDual::<I, VECTORS>::zero(); System::<f64>::LEN];
+        for (i, number) in system.numbers().into_iter().enumerate() {
             numbers[i] = LaneDual::variable(number, i);
         }
-        let galaxy = Galaxy::from_numbers(numbers);
+        let system = System::from_vector(numbers);
         let ModelSettings {
             orbit_steps, orbit, ..
         } = model.settings;
         let orbit = DenseOrbit::integrate(
-            &OutOfLine::<I, _>::new(&galaxy.host),
-            galaxy.today,
-            galaxy.age_gyr,
+            &OutOfLine::<I, _>::new(&system.host),
+            system.today,
+            system.age_gyr,
             orbit_steps,
             orbit,
         );
@@ -67,42 +67,45 @@ impl Kernel for Cold<'_> {
                 sum.add_vec(&node.vector(row), by.vector(row));
             }
         }
-        for (tau, by) in model.table.taus.iter().zip(&total.launches) {
-            let (launch, _) = launch(
-                &galaxy.host,
-                &galaxy.sphere,
+        for (tau, by) in model.table.taus.iter().zip(&total.release_frames) {
+            let (release_frame, _) = release_frame(
+                &system.host,
+                &system.progenitor,
                 &orbit,
                 *tau,
                 model.table.recipe,
             );
-            sum.add_vec(&launch.state.x, by.state.x);
-            sum.add_vec(&launch.state.v, by.state.v);
+            sum.add_vec(&release_frame.state.x, by.state.x);
+            sum.add_vec(&release_frame.state.v, by.state.v);
             for c in 0..3 {
-                sum.add_vec(&launch.position[c], by.position[c]);
-                sum.add_vec(&launch.velocity[c], by.velocity[c]);
+                sum.add_vec(&release_frame.position[c], by.position[c]);
+                sum.add_vec(&release_frame.velocity[c], by.velocity[c]);
             }
         }
         // What the particles meet directly.
-        let ByShared {
+        let SharedCotangent {
             host,
-            sphere,
+            progenitor,
             age_gyr,
         } = total.shared;
-        sum.add(&galaxy.host.mass, host.ln_mass / galaxy.host.mass.re);
-        sum.add(&galaxy.host.r_s, host.ln_r_s / galaxy.host.r_s.re);
-        sum.add(&galaxy.host.flattening, host.flattening);
-        sum.add_vec(&galaxy.host.axis, host.axis);
-        sum.add(&galaxy.sphere.mass, sphere.ln_mass / galaxy.sphere.mass.re);
-        sum.add(&galaxy.sphere.r_s, sphere.r_s);
-        sum.add(&galaxy.age_gyr, age_gyr);
-        let mut gradient = [0.0; Galaxy::<f64>::NUMBERS];
+        sum.add(&system.host.mass, host.ln_mass / system.host.mass.re);
+        sum.add(&system.host.r_s, host.ln_r_s / system.host.r_s.re);
+        sum.add(&system.host.flattening, host.flattening);
+        sum.add_vec(&system.host.axis, host.axis);
+        sum.add(
+            &system.progenitor.mass,
+            progenitor.ln_mass / system.progenitor.mass.re,
+        );
+        sum.add(&system.progenitor.r_s, progenitor.r_s);
+        sum.add(&system.age_gyr, age_gyr);
+        let mut gradient = [0.0; System::<f64>::LEN];
         let lanes = sum.0.store();
-        gradient.copy_from_slice(&lanes.0.as_flattened()[..Galaxy::<f64>::NUMBERS]);
+        gradient.copy_from_slice(&lanes.0.as_flattened()[..System::<f64>::LEN]);
         gradient
     }
 }
 
-compile_kernel!(Cold);
+compile_kernel!(SetupJvp);
 
 /// A potential whose acceleration is a function that is called and not inlined: on dual numbers it is long, and an orbit's step
 /// holds it many times.

@@ -2,7 +2,7 @@
 
 use super::{ModelSettings, StepRule};
 use crate::error::{Rejection, Tally};
-use crate::orbit::{Clock, DenseOrbit, State, crossing};
+use crate::orbit::{AdaptiveGrid, DenseOrbit, State, crossing};
 use crate::params::{QRange, StreamParams};
 use crate::potential::{FlattenedNfw, Plummer};
 use crate::scalar::{Real, Scalar, Vec3};
@@ -12,18 +12,18 @@ use std::f64::consts::{LN_10, TAU};
 
 /// What makes a stream: a host, a progenitor, and where it is today.
 #[derive(Clone, Copy, Debug)]
-pub struct Galaxy<S> {
+pub struct System<S> {
     /// The halo.
     pub host: FlattenedNfw<S>,
     /// The progenitor's own gravity.
-    pub sphere: Plummer<S>,
+    pub progenitor: Plummer<S>,
     /// The progenitor today, kpc and kpc/Gyr.
     pub today: State<S>,
     /// Time since the first release.
     pub age_gyr: S,
 }
 
-impl<S: Real> Galaxy<S> {
+impl<S: Real> System<S> {
     /// The galaxy of 13 parameters (physics.md 1): masses from their logarithms, the halo's shape from its vector, the
     /// progenitor today at y = 0.
     pub fn from_params(params: &StreamParams<S>, q_range: QRange) -> Self {
@@ -36,7 +36,7 @@ impl<S: Real> Galaxy<S> {
                 shape.q,
                 shape.axis,
             ),
-            sphere: Plummer {
+            progenitor: Plummer {
                 mass: mass(params.log10_m_prog),
                 r_s: params.r_s_prog_kpc,
             },
@@ -49,9 +49,9 @@ impl<S: Real> Galaxy<S> {
     }
 }
 
-impl<S: Real> Galaxy<S> {
+impl<S: Real> System<S> {
     /// How many numbers a galaxy is.
-    pub const NUMBERS: usize = 15;
+    pub const LEN: usize = 15;
 
     /// The numbers: mass, scale radius, flattening 1/q^2 - 1 and axis of the halo, mass and scale radius of the
     /// progenitor, its position and velocity today, the age.
@@ -59,7 +59,7 @@ impl<S: Real> Galaxy<S> {
     pub fn numbers(&self) -> [S; 15] {
         let Self {
             host,
-            sphere,
+            progenitor,
             today: State { x, v },
             age_gyr,
         } = *self;
@@ -71,8 +71,8 @@ impl<S: Real> Galaxy<S> {
             n.x,
             n.y,
             n.z,
-            sphere.mass,
-            sphere.r_s,
+            progenitor.mass,
+            progenitor.r_s,
             x.x,
             x.y,
             x.z,
@@ -85,7 +85,7 @@ impl<S: Real> Galaxy<S> {
 
     /// The galaxy of its [numbers](Self::numbers).
     #[inline(always)]
-    pub fn from_numbers(numbers: [S; 15]) -> Self {
+    pub fn from_vector(numbers: [S; 15]) -> Self {
         let [
             mass,
             r_s,
@@ -106,7 +106,7 @@ impl<S: Real> Galaxy<S> {
         let axis = Vec3::new(n_x, n_y, n_z);
         Self {
             host: FlattenedNfw::from_flattening(mass, r_s, flattening, axis),
-            sphere: Plummer { mass: m, r_s: a },
+            progenitor: Plummer { mass: m, r_s: a },
             today: State {
                 x: Vec3::new(x, y, z),
                 v: Vec3::new(v_x, v_y, v_z),
@@ -118,7 +118,7 @@ impl<S: Real> Galaxy<S> {
 
 /// One epoch's release: the progenitor, and the scaled tidal frame that kicks are counted in.
 #[derive(Clone, Copy, Debug)]
-pub struct Launch<S> {
+pub struct ReleaseFrame<S> {
     /// The progenitor's state.
     pub state: State<S>,
     /// Tidal frame times the recipe's length scale, kpc.
@@ -129,7 +129,7 @@ pub struct Launch<S> {
     pub turns: S,
 }
 
-impl<S: Scalar> Launch<S> {
+impl<S: Scalar> ReleaseFrame<S> {
     /// The state and the winding count of a particle that leaves with the given kick.
     #[inline(always)]
     pub fn release(&self, position: [S; 3], velocity: [S; 3]) -> (State<S>, S) {
@@ -155,59 +155,65 @@ fn scaled<S: Scalar>(frame: &[Vec3<S>; 3], factor: S) -> [Vec3<S>; 3] {
 
 /// The release at the time `tau`, and whether its tidal radius had to be bounded.
 #[inline(always)]
-pub(super) fn launch<S: Real>(
+pub(super) fn release_frame<S: Real>(
     host: &FlattenedNfw<S>,
-    sphere: &Plummer<S>,
+    progenitor: &Plummer<S>,
     orbit: &DenseOrbit<S>,
     tau: f64,
     recipe: Recipe,
-) -> (Launch<S>, bool) {
+) -> (ReleaseFrame<S>, bool) {
     let (state, turns) = orbit.at(tau);
-    let tidal = Tidal::new(host, sphere.mass, state);
-    let (length, speed) = recipe.scales(&tidal, sphere.mass);
-    let launch = Launch {
+    let tidal = Tidal::new(host, progenitor.mass, state);
+    let (length, speed) = recipe.scales(&tidal, progenitor.mass);
+    let release_frame = ReleaseFrame {
         state,
         position: scaled(&tidal.frame, length),
         velocity: scaled(&tidal.frame, speed),
         turns,
     };
-    (launch, tidal.bounded)
+    (release_frame, tidal.bounded)
 }
 
 /// Everything that the particles of one parameter set share.
 #[derive(Clone, Debug)]
-pub struct Setup<S> {
+pub struct ProgenitorSolution<S> {
     /// The halo.
     pub host: FlattenedNfw<S>,
     /// The progenitor's own gravity.
-    pub sphere: Plummer<S>,
+    pub progenitor: Plummer<S>,
     /// Age in Gyr.
     pub age_gyr: S,
     /// The progenitor's orbit.
     pub orbit: DenseOrbit<S>,
     /// The phase that steps are even in, if they are not even in time.
-    pub clock: Option<Clock<S>>,
+    pub grid: Option<AdaptiveGrid<S>>,
     /// One launch per epoch.
-    pub launches: Vec<Launch<S>>,
+    pub release_frames: Vec<ReleaseFrame<S>>,
     /// What had to be bounded.
     pub tally: Tally,
 }
 
-impl<S: Real> Setup<S> {
+impl<S: Real> ProgenitorSolution<S> {
     /// Integrates the orbit and prepares the launches, in the memory of another setup if there is one.
     pub(super) fn new(
-        galaxy: &Galaxy<S>,
+        system: &System<S>,
         settings: &ModelSettings,
         table: &ReleaseTable,
         spare: Option<Self>,
     ) -> Result<Self, Rejection> {
-        let Galaxy {
+        let System {
             host,
-            sphere,
+            progenitor,
             today,
             age_gyr,
-        } = *galaxy;
-        let positive = [host.mass, host.r_s, sphere.mass, sphere.r_s, age_gyr];
+        } = *system;
+        let positive = [
+            host.mass,
+            host.r_s,
+            progenitor.mass,
+            progenitor.r_s,
+            age_gyr,
+        ];
         let finite = today.x.norm2() + today.v.norm2() + host.flattening + host.axis.norm2();
         if !finite.re().is_finite()
             || positive
@@ -216,9 +222,9 @@ impl<S: Real> Setup<S> {
         {
             return Err(Rejection::BadParameter);
         }
-        let (spare_orbit, spare_clock, mut launches) = spare
+        let (spare_orbit, spare_clock, mut release_frames) = spare
             .map_or((None, None, Vec::new()), |s| {
-                (Some(s.orbit), s.clock, s.launches)
+                (Some(s.orbit), s.grid, s.release_frames)
             });
         let orbit = DenseOrbit::integrate_reusing(
             &host,
@@ -231,32 +237,34 @@ impl<S: Real> Setup<S> {
         if !orbit.is_finite() {
             return Err(Rejection::BadOrbit);
         }
-        let clock = match settings.step_rule {
+        let grid = match settings.step_rule {
             StepRule::Uniform => None,
-            StepRule::Dynamical => Some(Clock::of(&orbit, spare_clock)),
+            StepRule::Dynamical => Some(AdaptiveGrid::of(&orbit, spare_clock)),
         };
-        if settings.steps_per_turn > 0 {
-            let turn = clock
-                .as_ref()
-                .map_or_else(|| orbit.fastest_turn(), Clock::fastest_turn);
-            if turn * settings.steps_per_turn as f64 > TAU * settings.steps as f64 {
+        if settings.min_steps_per_orbit > 0 {
+            let turn = grid.as_ref().map_or_else(
+                || orbit.max_orbital_phase(),
+                AdaptiveGrid::max_orbital_phase,
+            );
+            if turn * settings.min_steps_per_orbit as f64 > TAU * settings.steps as f64 {
                 return Err(Rejection::UnresolvedOrbit);
             }
         }
         let mut tally = Tally::default();
-        launches.clear();
+        release_frames.clear();
         for tau in &table.taus {
-            let (launch, bounded) = launch(&host, &sphere, &orbit, *tau, table.recipe);
+            let (release_frame, bounded) =
+                release_frame(&host, &progenitor, &orbit, *tau, table.recipe);
             tally.bounded_tidal_radius += u64::from(bounded);
-            launches.push(launch);
+            release_frames.push(release_frame);
         }
         Ok(Self {
-            clock,
+            grid,
             host,
-            sphere,
+            progenitor,
             age_gyr,
             orbit,
-            launches,
+            release_frames,
             tally,
         })
     }

@@ -1,11 +1,11 @@
 //! One epoch's way through time, as the leapfrog asks for it.
 
-use super::progenitor::vector;
-use super::{Moment, Placement};
+use super::dense_orbit::vector;
+use super::{HermiteWeights, OrbitTime};
 use crate::scalar::{Isa, Lanes, Scalar, Vec3};
 
 /// What a particle meets on its way: where the progenitor is at each force evaluation, and how long drifts and kicks are.
-pub trait Course<S> {
+pub trait Schedule<S> {
     /// Number of steps.
     fn steps(&self) -> usize;
     /// The progenitor's position at force evaluation `j`, 0 to `steps`.
@@ -18,7 +18,7 @@ pub trait Course<S> {
 
 /// A course spelled out; the same for all particles of an epoch. Its buffers are reused from epoch to epoch.
 #[derive(Clone, Debug)]
-pub struct Flight<S> {
+pub struct StepSchedule<S> {
     /// The progenitor's positions, kpc, in rows as those of a [`Node`](super::Node).
     pub path: Vec<[S; 4]>,
     /// Lengths of the drifts, Gyr.
@@ -26,24 +26,24 @@ pub struct Flight<S> {
     /// Lengths of the kicks, Gyr.
     pub kick_gyr: Vec<S>,
     /// Moments of the force evaluations, if they depend on the parameters.
-    pub moments: Vec<Moment<S>>,
+    pub orbit_times: Vec<OrbitTime<S>>,
     /// Their placements on the orbit.
-    pub places: Vec<Placement>,
+    pub places: Vec<HermiteWeights>,
 }
 
-impl<S> Default for Flight<S> {
+impl<S> Default for StepSchedule<S> {
     fn default() -> Self {
         Self {
             path: Vec::new(),
             drift_gyr: Vec::new(),
             kick_gyr: Vec::new(),
-            moments: Vec::new(),
+            orbit_times: Vec::new(),
             places: Vec::new(),
         }
     }
 }
 
-impl<S: Scalar> Flight<S> {
+impl<S: Scalar> StepSchedule<S> {
     /// Sets the kicks that belong to the drifts.
     #[inline(always)]
     pub fn set_kicks(&mut self) {
@@ -57,7 +57,7 @@ impl<S: Scalar> Flight<S> {
     }
 }
 
-impl<S: Scalar> Course<S> for Flight<S> {
+impl<S: Scalar> Schedule<S> for StepSchedule<S> {
     #[inline(always)]
     fn steps(&self) -> usize {
         self.drift_gyr.len()
@@ -79,9 +79,9 @@ impl<S: Scalar> Course<S> for Flight<S> {
 /// One course for the first half of the lanes, another for the second: two groups of particles side by side, so that one's
 /// arithmetic fills the other's waits.
 #[derive(Clone, Copy, Debug)]
-pub struct HalfAndHalf<'a>(pub &'a Flight<f64>, pub &'a Flight<f64>);
+pub struct InterleavedSchedules<'a>(pub &'a StepSchedule<f64>, pub &'a StepSchedule<f64>);
 
-impl<I: Isa> Course<Lanes<I, 2>> for HalfAndHalf<'_> {
+impl<I: Isa> Schedule<Lanes<I, 2>> for InterleavedSchedules<'_> {
     #[inline(always)]
     fn steps(&self) -> usize {
         self.0.drift_gyr.len()

@@ -2,7 +2,7 @@
 //!
 //! Times are fractions `tau` of the age: -1 at the first release, 0 today. Nodes are equidistant in `tau`, and between
 //! them the curve is the quintic Hermite interpolant of position, velocity and acceleration. So the weights of an
-//! interpolated position are pure numbers, the same for every parameter: [`Placement`].
+//! interpolated position are pure numbers, the same for every parameter: [`HermiteWeights`].
 
 use super::{State, crossing};
 use crate::potential::Potential;
@@ -81,7 +81,7 @@ impl<S: Scalar> Node<S> {
 
 /// Forgets what is in a vector and makes room for `n`.
 #[inline(always)]
-pub(super) fn emptied<T>(vector: &mut Vec<T>, n: usize) {
+pub(super) fn clear_and_reserve<T>(vector: &mut Vec<T>, n: usize) {
     vector.clear();
     vector.reserve_exact(n);
 }
@@ -100,14 +100,14 @@ fn row<S: Scalar>(v: Vec3<S>) -> [S; 4] {
 
 /// Where a time lies between two nodes, and the weights of their six vectors in the position then.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placement {
+pub struct HermiteWeights {
     /// The earlier node.
     pub node: usize,
     /// Weights of (x, dx, ddx) of the earlier node, then of the later one.
     pub weights: [f64; 6],
 }
 
-impl Placement {
+impl HermiteWeights {
     /// The placement of the time `tau` in [-1, 0] on `steps` intervals.
     #[must_use]
     pub fn at(tau: f64, steps: usize) -> Self {
@@ -121,7 +121,7 @@ impl Placement {
 
 /// A moment on an orbit: in the interval after `node`, a `share` in [0, 1] of the way.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment<S> {
+pub struct OrbitTime<S> {
     /// The earlier node.
     pub node: usize,
     /// How far towards the later one.
@@ -129,7 +129,7 @@ pub struct Moment<S> {
 }
 
 /// Adds the derivative with respect to an interpolated position to those with respect to the two nodes around it.
-pub fn add_placed(nodes: &mut [Node<f64>], place: &Placement, by: Vec3<f64>) {
+pub fn add_weighted(nodes: &mut [Node<f64>], place: &HermiteWeights, by: Vec3<f64>) {
     let by = row(by);
     let rows = nodes[place.node..place.node + 2]
         .iter_mut()
@@ -229,8 +229,8 @@ impl<S: Real> DenseOrbit<S> {
         let spacing = age_gyr / steps as f64;
         let mut state = today;
         let (mut nodes, mut turns) = spare.map_or_else(Default::default, |s| (s.nodes, s.turns));
-        emptied(&mut nodes, steps + 1);
-        emptied(&mut turns, steps + 1);
+        clear_and_reserve(&mut nodes, steps + 1);
+        clear_and_reserve(&mut turns, steps + 1);
         nodes.push(Node::of(host, today, spacing));
         turns.push(S::zero());
         let mut wound = S::zero();
@@ -268,26 +268,29 @@ impl<S: Real> DenseOrbit<S> {
 
     /// Position, as a row, at a moment that may have derivatives of its own; and its placement.
     #[inline(always)]
-    pub fn position_at(&self, moment: Moment<S>) -> ([S; 4], Placement) {
-        let Moment { node, share } = moment;
+    pub fn position_at(&self, orbit_time: OrbitTime<S>) -> ([S; 4], HermiteWeights) {
+        let OrbitTime { node, share } = orbit_time;
         let numbers = quintic(share);
         let mut weights = [0.0; 6];
         for (weight, number) in weights.iter_mut().zip(numbers) {
             *weight = number.re();
         }
-        (self.combine(node, numbers), Placement { node, weights })
+        (
+            self.combine(node, numbers),
+            HermiteWeights { node, weights },
+        )
     }
 
     /// Derivative of the position at a moment with respect to the time as a fraction of the age.
     #[inline(always)]
-    pub fn slope(&self, moment: Moment<f64>) -> Vec3<S> {
-        let weights = constants(quintic_slope(moment.share));
-        vector(&self.combine(moment.node, weights)) * S::from_f64(self.intervals() as f64)
+    pub fn slope(&self, orbit_time: OrbitTime<f64>) -> Vec3<S> {
+        let weights = constants(quintic_slope(orbit_time.share));
+        vector(&self.combine(orbit_time.node, weights)) * S::from_f64(self.intervals() as f64)
     }
 
     /// Position at a placement, as a row.
     #[inline(always)]
-    pub fn position(&self, place: &Placement) -> [S; 4] {
+    pub fn position(&self, place: &HermiteWeights) -> [S; 4] {
         self.combine(place.node, constants(place.weights))
     }
 
@@ -311,7 +314,7 @@ impl<S: Real> DenseOrbit<S> {
     /// The largest angle, in radians, that a circular orbit through a node turns by in the whole age; in `n` even steps it
     /// turns by the `n`-th part of it in each.
     #[must_use]
-    pub fn fastest_turn(&self) -> f64 {
+    pub fn max_orbital_phase(&self) -> f64 {
         let fourth_powers = self.nodes.iter().map(|node| node.turn4().re());
         fourth_powers.fold(0.0, f64::max).sqrt().sqrt() * self.intervals() as f64
     }
