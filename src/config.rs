@@ -108,7 +108,7 @@ pub struct StudyPopulation {
 /// Reads a settings file.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read; [`Error::Input`] with file, line and the parser's word for an unknown key, a
+/// [`Error::Io`] if it cannot be read; [`Error::Syntax`] with file, line and the parser's message for an unknown key, a
 /// wrong type or broken syntax.
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = std::fs::read_to_string(path).map_err(|source| Error::Io {
@@ -116,15 +116,15 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
         source,
         remedy: "give the path of a readable settings file",
     })?;
-    toml::from_str(&text).map_err(|e| Error::Input {
+    toml::from_str(&text).map_err(|e| Error::Syntax {
         path: path.to_path_buf(),
         line: e.span().map(|span| {
             let start = span.start.min(text.len());
             let own = unknown_key(e.message(), &text[start..]).unwrap_or(0);
             text[..start + own].matches('\n').count() + 1
         }),
-        what: e.message().trim().replace('\n', " "),
-        remedy: "see `oblate fit --print-config` for every key and its default".to_owned(),
+        message: e.message().trim().replace('\n', " "),
+        remedy: "give the known keys, with values of their types",
     })
 }
 

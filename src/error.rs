@@ -1,6 +1,12 @@
 //! The three kinds of bad news: [`Error`] (this run cannot go on), [`Rejection`] (this point has no track) and
 //! [`Tally`] (it went on, but count it).
 
+mod population;
+mod track;
+
+pub use population::PosteriorFault;
+pub use track::TrackFault;
+
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -11,17 +17,47 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file says something that cannot be used.
-    #[error("{}{}: {what}; {remedy}", path.display(), line.map_or(String::new(), |l| format!(", line {l}")))]
-    Input {
+    /// A file is not written in its format.
+    #[error("{}: {message}; {remedy}", place(path, *line))]
+    Syntax {
         /// The file.
         path: PathBuf,
         /// The line, from 1, where it is known.
         line: Option<usize>,
-        /// What is wrong, with the column's or key's name.
-        what: String,
+        /// The parser's message.
+        message: String,
         /// What to do.
-        remedy: String,
+        remedy: &'static str,
+    },
+    /// A track file cannot be used.
+    #[error("{}: {fault}", place(path, *line))]
+    TrackFile {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1, where it is known.
+        line: Option<usize>,
+        /// What is wrong.
+        fault: TrackFault,
+    },
+    /// The columns of a track made in memory cannot be used.
+    #[error("track {name}{}: {fault}", bin.map_or(String::new(), |bin| format!(", bin {bin}")))]
+    Track {
+        /// The track.
+        name: String,
+        /// The bin, from 1, if one bin is at fault.
+        bin: Option<usize>,
+        /// What is wrong.
+        fault: TrackFault,
+    },
+    /// A value that was read from a file cannot be used.
+    #[error("{}: {source}", place(path, *line))]
+    InFile {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1, where it is known.
+        line: Option<usize>,
+        /// What is wrong with it.
+        source: Box<Error>,
     },
     /// A setting, flag or argument is out of its range.
     #[error("{key} = {value}: {remedy}")]
@@ -48,7 +84,7 @@ pub enum Error {
         hi: f64,
     },
     /// The output exists already.
-    #[error("{}: exists already; choose another --out, continue it with --resume, or replace it with --force", path.display())]
+    #[error("{}: exists already", path.display())]
     Exists {
         /// The file or folder.
         path: PathBuf,
@@ -63,23 +99,140 @@ pub enum Error {
         /// What to do.
         remedy: &'static str,
     },
-    /// No draw of the prior meets what is asked of it.
-    #[error("none of {tries} prior draws {what}; {remedy}")]
-    NoneFits {
-        /// Number of draws tried.
-        tries: usize,
-        /// What they should have done.
-        what: String,
-        /// What to do.
-        remedy: String,
+    /// Another process works in the run folder.
+    #[error("{}: another run works in this folder; wait for its end, or use another folder", path.display())]
+    FolderInUse {
+        /// The locked file.
+        path: PathBuf,
     },
-    /// Runs that were to be combined do not belong together.
-    #[error("{what}; {remedy}")]
-    Mismatch {
-        /// How they differ.
-        what: String,
-        /// What to do.
-        remedy: String,
+    /// The folder holds a run of another track, other settings or another version.
+    #[error("{}: made from another track, other settings or another version", path.display())]
+    OtherInputs {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A run folder has no track.
+    #[error("{} has no track: it is not a fit", path.display())]
+    NotAFit {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A run folder has the files of two runs.
+    #[error(
+        "posterior.zarr and summary.json belong to different runs; restore the run folder from one copy, or fit again"
+    )]
+    MixedFolder,
+    /// No draw of the prior gives the data's track.
+    #[error(
+        "none of {tries} prior draws covers the data's bin at phi = {phi_deg} deg within a factor of five of its radius, {r_kpc} kpc; \
+         check the track's units and its progenitor's position, or widen the prior"
+    )]
+    UnreachableTrack {
+        /// Number of draws.
+        tries: u64,
+        /// Centre of the bin.
+        phi_deg: f64,
+        /// Its radius.
+        r_kpc: f64,
+    },
+    /// Too few draws of the prior make mocks.
+    #[error(
+        "only {found} of {tries} prior draws meet the criteria of a mock; loosen the criteria on angle, length and radius, or change \
+         the prior"
+    )]
+    TooFewMocks {
+        /// Number of draws.
+        tries: u64,
+        /// Number of mocks among them.
+        found: usize,
+    },
+    /// Fewer runs than are needed.
+    #[error("{given} runs where at least {min} are needed")]
+    TooFewRuns {
+        /// Number of runs.
+        given: usize,
+        /// The minimum.
+        min: usize,
+    },
+    /// A fit that is to be used further has not converged.
+    #[error(
+        "the fit {name} has not converged; fit it longer (its summary names the checks that failed), or leave it out"
+    )]
+    NotConverged {
+        /// Its name.
+        name: String,
+    },
+    /// Fits that were to be merged are of different posteriors.
+    #[error(
+        "{first} and {second} differ in their {part}; merge fits of one track whose settings differ in the seed and the sampler's only"
+    )]
+    OtherPosterior {
+        /// Name of one fit.
+        first: String,
+        /// Name of the other.
+        second: String,
+        /// What differs: the track, or a table of the settings.
+        part: &'static str,
+    },
+    /// A fit that was to be merged ends with a bridge.
+    #[error(
+        "{} is the result of a bridge, not a nested run; merge the coarse runs, {} and those like it, and continue from the result by a \
+         bridge", path.display(), coarse.display()
+    )]
+    NotNested {
+        /// Its folder.
+        path: PathBuf,
+        /// The folder of its coarse run.
+        coarse: PathBuf,
+    },
+    /// A bridge would lead to the model that it starts from.
+    #[error("the model is that of the fit itself; choose a finer one")]
+    SameModel,
+    /// The output is one of the inputs.
+    #[error("{} is one of the runs to merge; choose another folder", path.display())]
+    OutputIsInput {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Runs that were to be compared have different parameters.
+    #[error(
+        "{first} has the parameters {first_names:?}, {second} has {second_names:?}; compare runs of one target: the same free parameters"
+    )]
+    OtherParameters {
+        /// Name of one run.
+        first: String,
+        /// Its parameters.
+        first_names: Vec<String>,
+        /// Name of the other.
+        second: String,
+        /// Its parameters.
+        second_names: Vec<String>,
+    },
+    /// A run has no column of this name.
+    #[error("the run has no column `{column}`; choose among {}", found.join(", "))]
+    NoColumn {
+        /// The name.
+        column: String,
+        /// The names of its columns.
+        found: Vec<String>,
+    },
+    /// Draws have another number of columns than is needed.
+    #[error(
+        "draws of {found} columns where {needed} are needed; give draws of the same run or family"
+    )]
+    DrawColumns {
+        /// Number of columns.
+        found: usize,
+        /// Number needed.
+        needed: usize,
+    },
+    /// A posterior of q cannot be part of a population.
+    #[error("{name}: {fault}")]
+    Posterior {
+        /// Name of the fit.
+        name: String,
+        /// What is wrong.
+        fault: PosteriorFault,
     },
     /// A point that had to have a track has none.
     #[error(
@@ -91,7 +244,15 @@ pub enum Error {
     Sampler(#[from] oblate_samplers::Error),
 }
 
-/// Why a point of parameter space has no track or no likelihood. Adjoint by cause, never an error of the run.
+/// A file with a line, for messages.
+fn place(path: &std::path::Path, line: Option<usize>) -> String {
+    line.map_or_else(
+        || path.display().to_string(),
+        |line| format!("{}, line {line}", path.display()),
+    )
+}
+
+/// Why a point of parameter space has no track or no likelihood. Counted by cause, never an error of the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rejection {
@@ -130,8 +291,8 @@ impl Rejection {
         match self {
             Self::BadParameter => "give finite parameters, masses, radii and an age above zero",
             Self::UnresolvedOrbit => {
-                "its progenitor comes too close to the centre for the leapfrog's steps: give more of them (--steps, model.steps), \
-                 or model.min_steps_per_orbit = 0 to have it all the same"
+                "its progenitor comes too close to the centre for the leapfrog's steps: increase `model.steps`, \
+                 or set `model.min_steps_per_orbit = 0` to have it all the same"
             }
             Self::Uncovered => "change the parameters, or take coverage = \"penalty\"",
             Self::BadOrbit | Self::BadParticle | Self::BadLikelihood => "change the parameters",

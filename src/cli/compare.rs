@@ -25,11 +25,7 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
         .map(|path| RunFolder::open(path)?.read())
         .collect::<Result<_>>()?;
     let Some((first, others)) = stored.split_first() else {
-        return Err(Error::Setting {
-            key: "RUN".to_owned(),
-            value: "none".to_owned(),
-            remedy: "give at least two run folders".to_owned(),
-        });
+        return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     let mut agree = true;
     for other in others {

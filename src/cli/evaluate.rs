@@ -34,26 +34,26 @@ pub fn run(args: &Args, _: &Common, input: &mut dyn BufRead, out: &mut dyn Write
     let track = ObservedTrack::read(&args.track)?;
     let target = StreamTarget::from_track(&track, &settings)?;
     for (number, line) in input.lines().enumerate() {
-        let fail = |what: String, remedy: &str| Error::Input {
-            path: PathBuf::from("standard input"),
-            line: Some(number + 1),
-            what,
-            remedy: remedy.to_owned(),
-        };
+        let stdin = PathBuf::from("standard input");
+        let number = Some(number + 1);
         let line = line.map_err(output)?;
         if line.trim().is_empty() {
             continue;
         }
-        let params: StreamParams<f64> = serde_json::from_str(&line).map_err(|e| {
-            fail(
-                e.to_string(),
-                "give one JSON object with the 13 parameters per line",
-            )
+        let params: StreamParams<f64> = serde_json::from_str(&line).map_err(|e| Error::Syntax {
+            path: stdin.clone(),
+            line: number,
+            message: e.to_string(),
+            remedy: "give one JSON object with the 13 parameters per line",
         })?;
         target
             .stream_prior()
             .check_inside(&params)
-            .map_err(|e| fail(e.to_string(), "leave such points out: their prior is zero"))?;
+            .map_err(|e| Error::InFile {
+                path: stdin,
+                line: number,
+                source: Box::new(e),
+            })?;
         let begin = Instant::now();
         let theta = params.to_array();
         let likelihood = target.likelihood();

@@ -6,6 +6,7 @@ mod evaluate;
 mod fit;
 mod folder;
 mod merge;
+mod message;
 mod mock;
 mod options;
 mod population;
@@ -13,6 +14,8 @@ mod progress;
 mod report;
 mod stream;
 mod study;
+
+pub use message::message;
 
 use crate::error::{Error, Result};
 use clap::{CommandFactory, Parser, Subcommand};

@@ -42,11 +42,10 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     let params: StreamParams<f64> = read(&args.params)?;
     let prior = StreamPrior::new(&PriorSettings::default())?;
-    prior.check_inside(&params).map_err(|e| Error::Input {
+    prior.check_inside(&params).map_err(|e| Error::InFile {
         path: args.params.clone(),
         line: None,
-        what: e.to_string(),
-        remedy: "mend the parameter file".to_owned(),
+        source: Box::new(e),
     })?;
     if !(args.bin_width > 0.0
         && args.bin_width <= 120.0

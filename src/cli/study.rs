@@ -35,11 +35,11 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
         config.out.clone_from(folder);
     }
     if config.tracks.is_none() && config.mocks.is_none() {
-        return Err(Error::Input {
+        return Err(Error::Syntax {
             path: args.study.clone(),
             line: None,
-            what: "a study of nothing".to_owned(),
-            remedy: "give [tracks], [mocks] or both".to_owned(),
+            message: "the study has neither tracks nor mocks".to_owned(),
+            remedy: "give [tracks], [mocks] or both",
         });
     }
     let files_from = args.study.parent().unwrap_or(Path::new("."));

@@ -2,7 +2,7 @@
 //! small subset that both YAML 1.1 (astropy) and 1.2 read the same way.
 
 use super::ObservedTrack;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, TrackFault};
 use saphyr::{LoadableYamlNode, Scalar, Yaml};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -32,25 +32,19 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
         })
         .flat_map(|l| [l, "\n"])
         .collect();
-    let fail = |line: usize, what: String| Error::Input {
+    let fail = |line: usize, message: String| Error::TrackFile {
         path: path.to_path_buf(),
         line: Some(line),
-        what,
-        remedy: "write the table with astropy (`format=\"ascii.ecsv\"`), or use plain CSV"
-            .to_owned(),
+        fault: TrackFault::Header { message },
     };
-    let documents = Yaml::load_from_str(&yaml).map_err(|e| {
-        fail(
-            e.marker().line() + 1,
-            format!("the header is not YAML ({})", e.info()),
-        )
-    })?;
+    let documents = Yaml::load_from_str(&yaml)
+        .map_err(|e| fail(e.marker().line() + 1, format!("not YAML: {}", e.info())))?;
     let Some(Value::Object(top)) = documents.first().map(json) else {
-        return Err(fail(2, "the header names no columns".to_owned()));
+        return Err(fail(2, "it names no columns".to_owned()));
     };
     let mut header = Header::default();
     let Some(Value::Array(columns)) = top.get("datatype") else {
-        return Err(fail(2, "the header has no `datatype` list".to_owned()));
+        return Err(fail(2, "it has no `datatype` list".to_owned()));
     };
     for column in columns {
         if let (Some(name), Some(unit)) = (
@@ -63,7 +57,7 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
     match top.get("delimiter").and_then(Value::as_str) {
         None => {}
         Some(d) if d == "," || d == " " => header.delimiter = d.bytes().next(),
-        Some(d) => return Err(fail(2, format!("the header's delimiter is {d:?}"))),
+        Some(d) => return Err(fail(2, format!("its delimiter is {d:?}"))),
     }
     match top.get("meta") {
         Some(Value::Object(map)) => header.meta.extend(map.clone()),

@@ -119,7 +119,7 @@ enum Cut {
 /// `count` mocks: draw number i of `seed` is the same whatever else is drawn, and on any number of threads.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range, [`Error::NoneFits`] if too few draws meet the criteria.
+/// [`Error::Setting`] for settings out of range, [`Error::TooFewMocks`] if too few draws meet the criteria.
 pub fn mocks(
     prior: &StreamPrior,
     settings: &MockSettings,
@@ -135,14 +135,9 @@ pub fn mocks(
     let mut first = 0;
     while found.mocks.len() < count {
         if first >= MOST_TRIES * (found.mocks.len() as u64 + 1) {
-            return Err(Error::NoneFits {
-                tries: usize::try_from(first).unwrap_or(usize::MAX),
-                what: format!(
-                    "beyond the first {} meets the criteria of a mock",
-                    found.mocks.len()
-                ),
-                remedy: "loosen min_angle_deg, min_length_kpc or radii_kpc, or change the prior"
-                    .to_owned(),
+            return Err(Error::TooFewMocks {
+                tries: first,
+                found: found.mocks.len(),
             });
         }
         let batch: Vec<(u64, std::result::Result<Mock, Cut>)> = (first..first + BATCH)

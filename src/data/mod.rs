@@ -52,7 +52,7 @@ impl ObservedTrack {
     /// kpc (2 % of the radius if `None`).
     ///
     /// # Errors
-    /// [`Error::Setting`] under the key `track`, if the columns do not make a track (see [`ObservedTrack::read`]).
+    /// [`Error::Track`] if the columns do not make a track (see [`ObservedTrack::read`]).
     pub fn new(
         name: &str,
         phi_deg: &[f64],
@@ -72,13 +72,10 @@ impl ObservedTrack {
         };
         match check::fault(&track) {
             None => Ok(track),
-            Some(fault) => Err(Error::Setting {
-                key: "track".to_owned(),
-                value: match fault.row {
-                    Some(row) => format!("{name}, bin {}: {}", row + 1, fault.what),
-                    None => format!("{name}: {}", fault.what),
-                },
-                remedy: fault.remedy,
+            Some(found) => Err(Error::Track {
+                name: name.to_owned(),
+                bin: found.row.map(|row| row + 1),
+                fault: found.fault,
             }),
         }
     }
@@ -90,7 +87,7 @@ impl ObservedTrack {
     /// The header may give `bin_width` in degrees; otherwise it is the smallest step of `phi`.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be read; [`Error::Input`] with line and column if it is not a table, a column
+    /// [`Error::Io`] if the file cannot be read; [`Error::TrackFile`] with line and column if it is not a table, a column
     /// is missing, a unit is unknown, a value is not finite or not positive, bins are fewer than three, not
     /// increasing, not equally wide, or do not have their edges at multiples of the bin width from the progenitor.
     pub fn read(path: &Path) -> Result<Self> {

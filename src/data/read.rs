@@ -1,7 +1,7 @@
 //! Files to tracks: finds the columns, applies the units, and turns each fault into an error with its line.
 
 use super::{ObservedTrack, check, default_errors, ecsv};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, TrackFault};
 use serde_json::Value;
 use std::path::Path;
 
@@ -37,7 +37,7 @@ pub fn track(path: &Path) -> Result<ObservedTrack> {
     let mut header = header.unwrap_or_default();
 
     let (phi, phi_unit) = (table.need(path, "phi")?, header.units.get("phi"));
-    let to_deg = factor(path, &table, "phi", phi_unit, "deg", |u| match u {
+    let to_deg = factor(path, &table, "phi", phi_unit, |u| match u {
         "deg" => Some(1.0),
         "rad" => Some(180.0 / std::f64::consts::PI),
         _ => None,
@@ -48,9 +48,7 @@ pub fn track(path: &Path) -> Result<ObservedTrack> {
             return Ok(KPC_PER_ARCSEC_MPC * distance_mpc(path, &table, &header)?);
         }
         let unit = header.units.get(column);
-        factor(path, &table, column, unit, "kpc", |u| {
-            (u == "kpc").then_some(1.0)
-        })
+        factor(path, &table, column, unit, |u| (u == "kpc").then_some(1.0))
     };
     let to_kpc = kpc("r")?;
     let r_kpc: Vec<f64> = table.need(path, "r")?.iter().map(|x| x * to_kpc).collect();
@@ -62,11 +60,12 @@ pub fn track(path: &Path) -> Result<ObservedTrack> {
         None => None,
     };
     let bin_width_deg = match header.meta.get("bin_width") {
-        Some(width) => number(width).ok_or_else(|| Error::Input {
+        Some(width) => number(width).ok_or_else(|| Error::TrackFile {
             path: path.to_path_buf(),
             line: line_of(&lines, "bin_width"),
-            what: format!("`bin_width` is {width}"),
-            remedy: "give the width of a bin in degrees as a plain number".to_owned(),
+            fault: TrackFault::BinWidthNotANumber {
+                text: width.to_string(),
+            },
         })?,
         None => smallest_step(&phi_deg),
     };
@@ -92,15 +91,14 @@ pub fn track(path: &Path) -> Result<ObservedTrack> {
     };
     match check::fault(&track) {
         None => Ok(track),
-        Some(fault) => Err(Error::Input {
+        Some(found) => Err(Error::TrackFile {
             path: path.to_path_buf(),
-            line: fault
+            line: found
                 .row
                 .and_then(|row| table.rows.get(row))
                 .map(|(line, _)| *line)
                 .or(Some(table.names_line)),
-            what: fault.what,
-            remedy: fault.remedy,
+            fault: found.fault,
         }),
     }
 }
@@ -115,24 +113,26 @@ fn smallest_step(phi_deg: &[f64]) -> f64 {
     if least.is_finite() { least } else { 0.0 }
 }
 
-/// The factor from a column's unit to ours.
+/// The factor from a column's unit to degrees or kpc.
 fn factor(
     path: &Path,
     table: &Table,
     column: &str,
     unit: Option<&String>,
-    ours: &str,
     known: impl Fn(&str) -> Option<f64>,
 ) -> Result<f64> {
     let Some(unit) = unit else { return Ok(1.0) };
-    known(unit).ok_or_else(|| Error::Input {
+    known(unit).ok_or_else(|| Error::TrackFile {
         path: path.to_path_buf(),
         line: Some(table.names_line),
-        what: format!("column `{column}` is in `{unit}`"),
-        remedy: if column == "phi" {
-            "give phi in deg or rad".to_owned()
-        } else {
-            format!("give it in {ours}, or in arcsec with `distance` [Mpc] in the header")
+        fault: TrackFault::UnknownUnit {
+            column: column.to_owned(),
+            unit: unit.to_owned(),
+            known: if column == "phi" {
+                "deg or rad"
+            } else {
+                "kpc, or in arcsec with `distance` [Mpc] in the header"
+            },
         },
     })
 }
@@ -147,18 +147,13 @@ fn number(value: &Value) -> Option<f64> {
 
 /// The header's distance, which must be in Mpc.
 fn distance_mpc(path: &Path, table: &Table, header: &ecsv::Header) -> Result<f64> {
-    let fail = |what: String| Error::Input {
+    let fail = |fault| Error::TrackFile {
         path: path.to_path_buf(),
         line: Some(table.names_line),
-        what,
-        remedy:
-            "add `distance` in Mpc, a number above zero, to the header's meta, or give r in kpc"
-                .to_owned(),
+        fault,
     };
     let Some(value) = header.meta.get("distance") else {
-        return Err(fail(
-            "column `r` is in arcsec and the header has no `distance`".to_owned(),
-        ));
+        return Err(fail(TrackFault::NoDistance));
     };
     let unit = value.get("unit").map(|u| {
         u.get("unit")
@@ -169,7 +164,9 @@ fn distance_mpc(path: &Path, table: &Table, header: &ecsv::Header) -> Result<f64
     });
     match (number(value), unit.as_deref()) {
         (Some(mpc), None | Some("Mpc")) if mpc > 0.0 => Ok(mpc),
-        _ => Err(fail(format!("the header's `distance` is {value}"))),
+        _ => Err(fail(TrackFault::BadDistance {
+            text: value.to_string(),
+        })),
     }
 }
 
@@ -195,12 +192,12 @@ impl Table {
                 .trim(csv::Trim::All)
                 .from_reader(content.trim().as_bytes())
                 .read_record(&mut record)
-                .map_err(|e| Error::Input {
+                .map_err(|e| Error::TrackFile {
                     path: path.to_path_buf(),
                     line: Some(line),
-                    what: format!("not a row of a table ({e})"),
-                    remedy: "give one row per bin, its values separated as the header says"
-                        .to_owned(),
+                    fault: TrackFault::BadRow {
+                        message: e.to_string(),
+                    },
                 })?;
             let fields: Vec<String> = record.iter().map(str::to_owned).collect();
             if names_line == 0 {
@@ -209,25 +206,21 @@ impl Table {
             } else if fields.len() == names.len() {
                 rows.push((line, fields));
             } else {
-                return Err(Error::Input {
+                return Err(Error::TrackFile {
                     path: path.to_path_buf(),
                     line: Some(line),
-                    what: format!(
-                        "{} values where the header names {} columns",
-                        fields.len(),
-                        names.len()
-                    ),
-                    remedy: "give every row one value per column, separated as the header says"
-                        .to_owned(),
+                    fault: TrackFault::RowLength {
+                        values: fields.len(),
+                        columns: names.len(),
+                    },
                 });
             }
         }
         if names.is_empty() {
-            return Err(Error::Input {
+            return Err(Error::TrackFile {
                 path: path.to_path_buf(),
                 line: None,
-                what: "the file has no table".to_owned(),
-                remedy: "give columns phi and r, with r_err and n where known".to_owned(),
+                fault: TrackFault::NoTable,
             });
         }
         Ok(Self {
@@ -239,14 +232,13 @@ impl Table {
 
     /// A column that must be there.
     fn need(&self, path: &Path, name: &str) -> Result<Vec<f64>> {
-        self.find(path, name)?.ok_or_else(|| Error::Input {
+        self.find(path, name)?.ok_or_else(|| Error::TrackFile {
             path: path.to_path_buf(),
             line: Some(self.names_line),
-            what: format!(
-                "column `{name}` is missing (found {})",
-                self.names.join(", ")
-            ),
-            remedy: "name the columns phi, r and, where known, r_err and n".to_owned(),
+            fault: TrackFault::MissingColumn {
+                column: name.to_owned(),
+                found: self.names.clone(),
+            },
         })
     }
 
@@ -258,11 +250,13 @@ impl Table {
         self.rows
             .iter()
             .map(|(line, fields)| {
-                fields[at].parse::<f64>().map_err(|_| Error::Input {
+                fields[at].parse::<f64>().map_err(|_| Error::TrackFile {
                     path: path.to_path_buf(),
                     line: Some(*line),
-                    what: format!("column `{name}` is {:?}, not a number", fields[at]),
-                    remedy: "give a number, or drop the row".to_owned(),
+                    fault: TrackFault::NotANumber {
+                        column: name.to_owned(),
+                        text: fields[at].clone(),
+                    },
                 })
             })
             .collect::<Result<Vec<f64>>>()

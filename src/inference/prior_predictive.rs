@@ -16,7 +16,7 @@ const FACTOR: f64 = 5.0;
 /// a factor of five of the data's.
 ///
 /// # Errors
-/// [`Error::NoneFits`] naming the first bin that no draw reaches.
+/// [`Error::UnreachableTrack`] with the first bin that no draw reaches.
 pub fn check_prior_predictive(target: &StreamTarget, seed: u64) -> Result<()> {
     let likelihood = target.likelihood();
     let grid = likelihood.track().grid();
@@ -45,15 +45,10 @@ pub fn check_prior_predictive(target: &StreamTarget, seed: u64) -> Result<()> {
         );
     match reached.iter().position(|r| !r) {
         None => Ok(()),
-        Some(i) => Err(Error::NoneFits {
-            tries: 1_000,
-            what: format!(
-                "reaches the data's bin at phi = {} deg, r = {} kpc",
-                (data[i].bin as f64 + 0.5) * grid.width_deg,
-                data[i].r_kpc
-            ),
-            remedy: "check the track's units and its progenitor's place, or widen the prior"
-                .to_owned(),
+        Some(i) => Err(Error::UnreachableTrack {
+            tries: DRAWS,
+            phi_deg: (data[i].bin as f64 + 0.5) * grid.width_deg,
+            r_kpc: data[i].r_kpc,
         }),
     }
 }

@@ -34,7 +34,7 @@ impl PopulationDensity {
     /// The density on `points` equally spaced values of q from weighted draws of the hyperparameters.
     ///
     /// # Errors
-    /// [`Error::Setting`] for fewer than two points, [`Error::Mismatch`] for no draws or draws of another family.
+    /// [`Error::Setting`] for fewer than two points, [`Error::DrawColumns`] for no draws or draws of another family.
     pub fn new<F: Family<N>, const N: usize>(
         family: &F,
         draws: &Draws,
@@ -48,14 +48,9 @@ impl PopulationDensity {
             });
         }
         if draws.is_empty() || draws.dim != N {
-            return Err(Error::Mismatch {
-                what: format!(
-                    "{} draws of {} hyperparameters, but {} has {N}",
-                    draws.len(),
-                    draws.dim,
-                    family.name()
-                ),
-                remedy: "give the run of this family".to_owned(),
+            return Err(Error::DrawColumns {
+                found: if draws.is_empty() { 0 } else { draws.dim },
+                needed: N,
             });
         }
         let (lo, hi) = family.support();

@@ -1,6 +1,6 @@
 //! What one fitted stream brings to a population: weighted draws of q, and the prior under which they were drawn.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, PosteriorFault, Result};
 use crate::params::QPrior;
 
 /// How far the weights' sum may be from 1: the rounding of some 1e5 exponentials, read back from a file.
@@ -36,60 +36,38 @@ impl QPosterior {
     /// the same for every draw.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] with the stream's name: no draws, lengths that differ, weights that do not add up to 1, a
+    /// [`Error::Posterior`] with the stream's name: no draws, lengths that differ, weights that do not add up to 1, a
     /// draw outside its own prior, an unknown prior, or one that does not cover the support.
     pub fn check(&self, support: (f64, f64)) -> Result<f64> {
-        let refuse = |what: String, remedy: &str| {
-            Err(Error::Mismatch {
-                what: format!("{}: {what}", self.name),
-                remedy: remedy.to_owned(),
+        let refuse = |fault| {
+            Err(Error::Posterior {
+                name: self.name.clone(),
+                fault,
             })
         };
         if self.q.is_empty() {
-            return refuse(
-                "the fit has no draws of q".to_owned(),
-                "finish the fit, or leave the stream out",
-            );
+            return refuse(PosteriorFault::NoDraws);
         }
         if self.q.len() != self.ln_weight.len() {
-            return refuse(
-                format!(
-                    "{} draws of q, but {} weights",
-                    self.q.len(),
-                    self.ln_weight.len()
-                ),
-                "write the run folder again",
-            );
+            return refuse(PosteriorFault::Lengths {
+                draws: self.q.len(),
+                weights: self.ln_weight.len(),
+            });
         }
         let QPrior::Uniform { lo, hi } = self.prior else {
-            return refuse(
-                "the prior of q in this fit is not known, so it cannot be divided out".to_owned(),
-                "fit again with dir_x, dir_y and dir_z free under their default marginals",
-            );
+            return refuse(PosteriorFault::UnknownPrior);
         };
         let (from, to) = support;
         if !(lo <= from && hi >= to) {
-            return refuse(
-                format!(
-                    "the fit's prior of q, uniform on [{lo}, {hi}], does not cover the population's support \
-                     [{from}, {to}]"
-                ),
-                "fit again with a wider range of q, or narrow the family's",
-            );
+            return refuse(PosteriorFault::NarrowPrior { lo, hi, from, to });
         }
-        if let Some(q) = self.q.iter().find(|q| !(**q >= lo && **q <= hi)) {
-            return refuse(
-                format!("q = {q} is outside the fit's own prior [{lo}, {hi}]"),
-                "check that draws and prior come from the same run",
-            );
+        if let Some(&q) = self.q.iter().find(|q| !(**q >= lo && **q <= hi)) {
+            return refuse(PosteriorFault::OutsideOwnPrior { q, lo, hi });
         }
         let sum: f64 = self.ln_weight.iter().map(|w| w.exp()).sum();
         // A NaN weight makes a NaN sum.
         if sum.is_nan() || (sum - 1.0).abs() > WEIGHT_SUM_TOLERANCE {
-            return refuse(
-                format!("the weights add up to {sum}"),
-                "normalise them so that their exponentials add up to 1",
-            );
+            return refuse(PosteriorFault::WeightSum { sum });
         }
         Ok(-(hi - lo).ln())
     }

@@ -2,7 +2,7 @@
 
 use super::family::Family;
 use super::q_posterior::QPosterior;
-use crate::error::{Error, Result};
+use crate::error::{Error, PosteriorFault, Result};
 use crate::scalar::{Dual, Real, gradient_of, lift};
 use oblate_samplers::{Cause, Outcome, Prior, Target};
 use serde::{Deserialize, Serialize};
@@ -57,9 +57,8 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
     /// density is zero, their weight remains lost), the others are thinned.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] for no streams, for whatever [`QPosterior::check`] refuses, and for a stream without a
-    /// draw inside the support; [`Error::Setting`] for `max_draws = 0`; [`Error::Sampler`] for hyperpriors that are
-    /// not distributions.
+    /// [`Error::TooFewRuns`] for no streams; [`Error::Posterior`] for a stream that [`QPosterior::check`] refuses or that has no draw
+    /// inside the support; [`Error::Setting`] for `max_draws = 0`; [`Error::Sampler`] for hyperpriors that are not distributions.
     pub fn new(family: F, streams: &[QPosterior], settings: PopulationSettings) -> Result<Self> {
         if settings.max_draws == 0 {
             return Err(Error::Setting {
@@ -69,10 +68,7 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
             });
         }
         if streams.is_empty() {
-            return Err(Error::Mismatch {
-                what: "a population of no streams".to_owned(),
-                remedy: "give at least one run folder of a finished fit".to_owned(),
-            });
+            return Err(Error::TooFewRuns { given: 0, min: 1 });
         }
         let (lo, hi) = family.support();
         let mut prepared = Vec::with_capacity(streams.len());
@@ -87,9 +83,9 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
                 .map(|(q, w)| (*q, w - ln_prior))
                 .unzip();
             if q.is_empty() {
-                return Err(Error::Mismatch {
-                    what: format!("{}: no draw of q lies in [{lo}, {hi}]", posterior.name),
-                    remedy: "widen the family's support".to_owned(),
+                return Err(Error::Posterior {
+                    name: posterior.name,
+                    fault: PosteriorFault::OutsideSupport { lo, hi },
                 });
             }
             prepared.push(Stream { q, ln_factor });

@@ -123,15 +123,14 @@ impl Comparison {
 /// Compares two runs of one target.
 ///
 /// # Errors
-/// [`Error::Mismatch`] if they have different parameters.
+/// [`Error::OtherParameters`] if they have different parameters.
 pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Comparison> {
     if a.names != b.names {
-        return Err(Error::Mismatch {
-            what: format!(
-                "{name_a} has the parameters {:?}, {name_b} has {:?}",
-                a.names, b.names
-            ),
-            remedy: "compare runs of one target: the same free parameters".to_owned(),
+        return Err(Error::OtherParameters {
+            first: name_a.to_owned(),
+            first_names: a.names.clone(),
+            second: name_b.to_owned(),
+            second_names: b.names.clone(),
         });
     }
     let ln_z = [a, b].map(|r| ValueError {

@@ -60,36 +60,30 @@ pub fn columns(run: &Run) -> Vec<Column> {
 /// One column of a run by name.
 ///
 /// # Errors
-/// [`Error::Mismatch`] that lists the columns there are.
+/// [`Error::NoColumn`] that lists the columns there are.
 pub fn column(run: &Run, name: &str) -> Result<Column> {
     columns(run)
         .into_iter()
         .find(|c| c.name == name)
-        .ok_or_else(|| Error::Mismatch {
-            what: format!("the run has no column `{name}`"),
-            remedy: format!(
-                "choose among {}",
-                run.names
-                    .iter()
-                    .chain(run.derived_names.iter().map(|d| &d.0))
-                    .cloned()
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            ),
+        .ok_or_else(|| Error::NoColumn {
+            column: name.to_owned(),
+            found: run
+                .names
+                .iter()
+                .chain(run.derived_names.iter().map(|d| &d.0))
+                .cloned()
+                .collect(),
         })
 }
 
 /// The run that was split into a summary and stored arrays: equal to the original in every bit.
 ///
 /// # Errors
-/// [`Error::Mismatch`] if the two were not written together.
+/// [`Error::MixedFolder`] if the two were not written together.
 pub fn run_from_parts(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
     let names: Vec<String> = summary.parameters.iter().map(|p| p.0.clone()).collect();
     if names != stored.names || summary.seed != stored.seed {
-        return Err(Error::Mismatch {
-            what: "posterior.zarr and summary.json belong to different runs".to_owned(),
-            remedy: "restore the run folder from one copy, or fit again".to_owned(),
-        });
+        return Err(Error::MixedFolder);
     }
     Ok(Run {
         method: summary.method,

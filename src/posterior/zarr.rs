@@ -68,19 +68,15 @@ struct Root {
 /// is replaced.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder's parent is missing, not writable or full; [`Error::Mismatch`] if prior draws have
+/// [`Error::Io`] if the folder's parent is missing, not writable or full; [`Error::DrawColumns`] if prior draws have
 /// other columns than the run.
 pub fn write(path: &Path, run: &Run, beside: Beside<'_>) -> Result<()> {
     if let Some(prior) = beside.prior
         && (prior.dim, prior.derived_dim) != (run.draws.dim, run.draws.derived_dim)
     {
-        return Err(Error::Mismatch {
-            what: format!(
-                "prior draws have {} + {} columns, the run has {} + {}",
-                prior.dim, prior.derived_dim, run.draws.dim, run.draws.derived_dim
-            ),
-            remedy: "draw the prior with the run's own parameters and derived quantities"
-                .to_owned(),
+        return Err(Error::DrawColumns {
+            found: prior.dim + prior.derived_dim,
+            needed: run.draws.dim + run.draws.derived_dim,
         });
     }
     let io = |source| Error::Io {

@@ -13,8 +13,8 @@ use std::path::Path;
 /// and prior stay the same.
 ///
 /// # Errors
-/// [`Error::Setting`] if `change` leaves model and likelihood as they are, or for a setting out of its range; [`Error::Mismatch`] if
-/// `parent` is not a fit; those of reading `parent` and of the folder as for [`fit`](super::fit).
+/// [`Error::SameModel`] if `change` leaves model and likelihood as they are; [`Error::Setting`] or [`Error::Sampler`] for a setting out
+/// of its range; [`Error::NotAFit`] if `parent` is not a fit; those of reading `parent` and of the folder as for [`fit`](super::fit).
 pub fn bridge(
     parent: &Path,
     change: impl FnOnce(&mut FitSettings),
@@ -29,11 +29,7 @@ pub fn bridge(
     let mut settings = coarse.clone();
     change(&mut settings);
     if settings.model == coarse.model && settings.likelihood == coarse.likelihood {
-        return Err(Error::Setting {
-            key: "model".to_owned(),
-            value: "that of the fit itself".to_owned(),
-            remedy: "name a finer one: --profile fast, or more --particles or --steps".to_owned(),
-        });
+        return Err(Error::SameModel);
     }
     let fine = StreamTarget::from_track(&track, &settings)?;
     let coarse = StreamTarget::from_track(&track, &coarse)?;

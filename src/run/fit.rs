@@ -16,8 +16,8 @@ use std::time::Instant;
 /// is interrupted or its time is up, it is the result, and this folder has no summary yet.
 ///
 /// # Errors
-/// Those of [`FitPlan::new`]; [`Error::Exists`](crate::Error::Exists) or [`Error::Mismatch`](crate::Error::Mismatch) if the folder
-/// exists and cannot be used; [`Error::Io`](crate::Error::Io) if a file cannot be read or written;
+/// Those of [`FitPlan::new`]; [`Error::Exists`](crate::Error::Exists), [`Error::OtherInputs`](crate::Error::OtherInputs) or
+/// [`Error::FolderInUse`](crate::Error::FolderInUse) if the folder exists and cannot be used; [`Error::Io`](crate::Error::Io) if a file cannot be read or written;
 /// [`Error::Sampler`](crate::Error::Sampler) if the sampler fails.
 pub fn fit(
     track: &ObservedTrack,

@@ -76,8 +76,8 @@ impl RunFolder {
     /// Makes the folder of a run ready to be worked in.
     ///
     /// # Errors
-    /// [`Error::Exists`] if there is one that must not be replaced; [`Error::Mismatch`] if it is to be resumed and was made from other
-    /// inputs; [`Error::Io`] or [`Error::Input`] if its files cannot be made, read or understood.
+    /// [`Error::Exists`] if there is one that must not be replaced; [`Error::OtherInputs`] if it is to be resumed and was made from other
+    /// inputs; [`Error::Io`] or [`Error::Syntax`] if its files cannot be made, read or understood.
     pub(super) fn prepare(
         path: &Path,
         if_exists: IfExists,
@@ -89,13 +89,8 @@ impl RunFolder {
         }
         let folder = Self::open(path)?;
         if folder.read_versions()?.input_hash != versions.input_hash {
-            return Err(Error::Mismatch {
-                what: format!(
-                    "{}: made from another track, other settings or another version",
-                    path.display()
-                ),
-                remedy: "resume with what its config.toml says, or start again with --force"
-                    .to_owned(),
+            return Err(Error::OtherInputs {
+                path: path.to_path_buf(),
             });
         }
         if folder.finished() {
@@ -129,7 +124,7 @@ impl RunFolder {
     /// [`Error::Exists`] if something is there and `force` is not given, or if it is not a run folder;
     /// [`Error::Io`] if it cannot be made, or if a run works in it.
     pub fn create(path: &Path, force: bool) -> Result<Self> {
-        const REMEDY: &str = "choose an --out whose parent is writable";
+        const REMEDY: &str = "choose a folder whose parent is writable";
         let folder = Self {
             path: path.to_path_buf(),
         };
@@ -159,7 +154,7 @@ impl RunFolder {
         };
         std::fs::metadata(folder.config()).map_err(io(
             &folder.config(),
-            "give a run folder that `oblate fit` or `oblate population` made",
+            "give a run folder, as fits and populations make them",
         ))?;
         Ok(folder)
     }
@@ -185,17 +180,16 @@ impl RunFolder {
     /// What made the run, read back.
     ///
     /// # Errors
-    /// [`Error::Io`] or [`Error::Input`] if `versions.json` cannot be read or understood.
+    /// [`Error::Io`] or [`Error::Syntax`] if `versions.json` cannot be read or understood.
     pub fn read_versions(&self) -> Result<Versions> {
         let path = self.versions();
         let text = std::fs::read_to_string(&path)
-            .map_err(io(&path, "restore the run folder from a whole copy"))?;
-        serde_json::from_str(&text).map_err(|e| Error::Input {
+            .map_err(io(&path, "restore the run folder from a copy"))?;
+        serde_json::from_str(&text).map_err(|e| Error::Syntax {
             path,
             line: Some(e.line()),
-            what: format!("not a version file ({e})"),
-            remedy: "restore the run folder from a whole copy, or start again with --force"
-                .to_owned(),
+            message: format!("not a version file ({e})"),
+            remedy: "restore the run folder from a copy, or begin the run again",
         })
     }
 
@@ -214,12 +208,11 @@ impl RunFolder {
     /// The track that was fitted, read back.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] if there is none; as of [`ObservedTrack::read`].
+    /// [`Error::NotAFit`] if there is none; as of [`ObservedTrack::read`].
     pub fn read_track(&self) -> Result<ObservedTrack> {
         if !self.track().is_file() {
-            return Err(Error::Mismatch {
-                what: format!("{} has no track: it is not a fit", self.path.display()),
-                remedy: "give a run folder that `oblate fit` made".to_owned(),
+            return Err(Error::NotAFit {
+                path: self.path.clone(),
             });
         }
         ObservedTrack::read(&self.track())
@@ -301,24 +294,20 @@ impl RunFolder {
     /// Reads a finished run back.
     ///
     /// # Errors
-    /// [`Error::Io`] if the run has not finished or a file is missing; [`Error::Input`] with the line if
-    /// `summary.json` cannot be understood; [`Error::Mismatch`] if its parts do not belong together.
+    /// [`Error::Io`] if the run has not finished or a file is missing; [`Error::Syntax`] with the line if
+    /// `summary.json` cannot be understood; [`Error::MixedFolder`] if its parts do not belong together.
     pub fn read(&self) -> Result<StoredRun> {
-        let text = std::fs::read_to_string(self.summary()).map_err(io(
-            &self.summary(),
-            "finish the run first (`oblate fit --resume`)",
-        ))?;
-        let summary: Summary = serde_json::from_str(&text).map_err(|e| Error::Input {
+        let text = std::fs::read_to_string(self.summary())
+            .map_err(io(&self.summary(), "finish the run first"))?;
+        let summary: Summary = serde_json::from_str(&text).map_err(|e| Error::Syntax {
             path: self.summary(),
             line: Some(e.line()),
-            what: format!("not a summary ({e})"),
-            remedy: "restore the file, or fit again with this version of oblate".to_owned(),
+            message: format!("not a summary ({e})"),
+            remedy: "restore the file, or fit again with this version of oblate",
         })?;
         let run = run_from_parts(&summary, zarr::read(&self.posterior())?)?;
-        let config = std::fs::read_to_string(self.config()).map_err(io(
-            &self.config(),
-            "restore the run folder from a whole copy",
-        ))?;
+        let config = std::fs::read_to_string(self.config())
+            .map_err(io(&self.config(), "restore the run folder from a copy"))?;
         Ok(StoredRun {
             name: self
                 .path

@@ -6,7 +6,8 @@ use std::fs::{File, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// An open log, which no other process may open meanwhile: two runs in one folder would spoil each other. Each line is written with one call, so that a killed run leaves at most its last line cut.
+/// An open log. It is locked, so that no two runs work in one folder. Each line is written with one call, so that a killed run leaves
+/// at most its last line incomplete.
 #[derive(Debug)]
 pub struct Log {
     path: PathBuf,
@@ -17,19 +18,17 @@ impl Log {
     /// Opens a log for appending, and makes it if it is not there.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be opened, or if another run has it open.
+    /// [`Error::FolderInUse`] if another run has it open; [`Error::Io`] if the file cannot be opened.
     pub fn append_to(path: &Path) -> Result<Self> {
         let file = File::options()
             .create(true)
             .append(true)
             .open(path)
             .map_err(|source| io(path, source))?;
-        // Some file systems know no locks: there it is the user who must take care.
+        // Some file systems have no locks; there nothing prevents two runs in one folder.
         if let Err(TryLockError::WouldBlock) = file.try_lock() {
-            return Err(Error::Io {
+            return Err(Error::FolderInUse {
                 path: path.to_path_buf(),
-                source: std::io::ErrorKind::ResourceBusy.into(),
-                remedy: "another run works in this folder: wait for its end, or choose another --out",
             });
         }
         Ok(Self {

@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 /// those of the first.
 ///
 /// # Errors
-/// [`Error::Mismatch`] if one is not a fit, or is one of another track or model; [`Error::Setting`] if `parts` is empty or has the
-/// destination in it; [`Error::Sampler`] if two have the same seed or one is not a nested run; those of reading `parts` and of the
-/// folder as for [`fit`](super::fit).
+/// [`Error::TooFewRuns`] for no `parts`; [`Error::NotAFit`] or [`Error::NotNested`] if one is not a nested fit;
+/// [`Error::OtherPosterior`] if one is of another track or model; [`Error::OutputIsInput`] if the destination is one of them;
+/// [`Error::Sampler`] if two have the same seed; those of reading `parts` and of the folder as for [`fit`](super::fit).
 pub fn merge(
     parts: &[PathBuf],
     destination: Destination<'_>,
@@ -27,20 +27,13 @@ pub fn merge(
         .map(|p| StoredFit::read(p))
         .collect::<Result<Vec<_>>>()?;
     let Some((first, others)) = fits.split_first() else {
-        return Err(Error::Setting {
-            key: "RUN".to_owned(),
-            value: "none".to_owned(),
-            remedy: "give at least two run folders".to_owned(),
-        });
+        return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     for (fit, part) in fits.iter().zip(parts) {
         if fit.stored.run.method == Method::Refine {
-            return Err(Error::Mismatch {
-                what: format!("{} is a refinement, not a nested run", part.display()),
-                remedy: format!(
-                    "merge the coarse runs, {} and the like, and refine the result (`oblate bridge`)",
-                    part.join("coarse").display()
-                ),
+            return Err(Error::NotNested {
+                path: part.clone(),
+                coarse: part.join("coarse"),
             });
         }
     }
@@ -53,10 +46,8 @@ pub fn merge(
     let run = inference::merge(&target, &runs)?;
     let out = destination.folder;
     if parts.iter().any(|part| same(part, out)) {
-        return Err(Error::Setting {
-            key: "--out".to_owned(),
-            value: out.display().to_string(),
-            remedy: "it is one of the runs to merge; choose another folder".to_owned(),
+        return Err(Error::OutputIsInput {
+            path: out.to_path_buf(),
         });
     }
     let mut inputs = vec![b"merge".as_slice()];
@@ -76,9 +67,9 @@ fn same(one: &Path, other: &Path) -> bool {
 }
 
 impl StoredFit {
-    /// Refuses a fit of another posterior.
+    /// Checks that another fit is of the same posterior.
     fn matches(&self, other: &Self) -> Result<()> {
-        let differs = if self.track != other.track {
+        let part = if self.track != other.track {
             "track"
         } else if self.settings.model != other.settings.model {
             "[model]"
@@ -89,14 +80,10 @@ impl StoredFit {
         } else {
             return Ok(());
         };
-        Err(Error::Mismatch {
-            what: format!(
-                "{} and {} differ in their {differs}",
-                self.stored.name, other.stored.name
-            ),
-            remedy:
-                "merge fits of one track whose settings differ in the seed and the sampler's alone"
-                    .to_owned(),
+        Err(Error::OtherPosterior {
+            first: self.stored.name.clone(),
+            second: other.stored.name.clone(),
+            part,
         })
     }
 }

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// The posterior of q of a finished fit, with the prior that the fit really used.
 ///
 /// # Errors
-/// [`Error::Mismatch`] if the run has no q.
+/// [`Error::NoColumn`] if the run has no q.
 pub fn q_posterior(stored: &StoredRun) -> Result<QPosterior> {
     let q = column(&stored.run, "q")?;
     Ok(QPosterior {
@@ -30,7 +30,8 @@ pub fn q_posterior(stored: &StoredRun) -> Result<QPosterior> {
 /// Samples the population of finished fits into a run folder.
 ///
 /// # Errors
-/// [`Error::Mismatch`] if a fit has not converged and `allow_unconverged` is false, or has no prior of q in closed form;
+/// [`Error::NotConverged`] if a fit has not converged and `allow_unconverged` is false; [`Error::Posterior`] if its posterior of q
+/// cannot be used; [`Error::TooFewRuns`] for no fits;
 /// [`Error::Setting`] or [`Error::Sampler`] for a setting out of its range; those of reading the fits and of the folder as for
 /// [`fit`](super::fit).
 pub fn population(
@@ -47,10 +48,8 @@ pub fn population(
     let mut warnings = Vec::new();
     for fit in stored.iter().filter(|s| !s.summary.converged) {
         if !allow_unconverged {
-            return Err(Error::Mismatch {
-                what: format!("the fit {} has not converged", fit.name),
-                remedy: "fit it longer (its summary says what failed), leave it out, or give --allow-unconverged"
-                    .to_owned(),
+            return Err(Error::NotConverged {
+                name: fit.name.clone(),
             });
         }
         warnings.push(format!(

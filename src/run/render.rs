@@ -35,7 +35,7 @@ struct Drawn {
 /// Draws every figure of finished runs into their folders, and one self-contained page of all of them.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Input`] or [`Error::Mismatch`] if a folder cannot be read; [`Error::Io`] or [`Error::Sampler`] if a file
+/// [`Error::Io`], [`Error::Syntax`] or [`Error::MixedFolder`] if a folder cannot be read; [`Error::Io`] or [`Error::Sampler`] if a file
 /// cannot be written.
 pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()> {
     let drawn: Vec<Drawn> = folders.iter().map(|f| draw(f)).collect::<Result<_>>()?;

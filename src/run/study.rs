@@ -56,7 +56,7 @@ pub type Monitored<'a> =
 /// Runs a study. Track files are relative to `files_from`; `monitored` does the work of one run under a monitor of the caller's.
 ///
 /// # Errors
-/// [`Error::Io`] or [`Error::Input`] for a track that cannot be read, before any work; those of [`mocks`], [`fit`] and
+/// [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read, before any work; those of [`mocks`], [`fit`] and
 /// [`population`].
 pub fn study(
     config: &StudyConfig,

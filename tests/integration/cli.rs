@@ -380,9 +380,27 @@ fn a_fit_is_bridged_to_another_model_of_its_stream() {
     // The settings that it leaves are those of the model that it came to.
     let left = std::fs::read_to_string(Path::new(&out).join("config.toml")).expect("settings");
     assert!(left.contains("particles = 200"), "{left}");
+    refused(
+        &bridge(&["--particles", "200", "--members", "200"]),
+        &["exists already", "--resume", "--force"],
+    );
     let page = path("page.html");
     let output = oblate(&["report", &out, "--out", &page], "");
     assert_eq!(output.status.code(), Some(0));
+    // A folder without a track, as a population's.
+    std::fs::remove_file(Path::new(&fit).join("track.ecsv")).expect("a track");
+    let output = oblate(
+        &[
+            "bridge",
+            &fit,
+            "--particles",
+            "200",
+            "--out",
+            &path("other"),
+        ],
+        "",
+    );
+    refused(&output, &["has no track", "oblate fit"]);
 }
 
 #[test]
@@ -454,7 +472,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
     assert!(!Path::new(&five).exists(), "nothing is left behind");
     refused(
         &oblate(&["merge", &one, &three, "--out", &path("merged")], ""),
-        &["refinement", "coarse", "oblate bridge"],
+        &["the result of a bridge", "coarse", "oblate bridge"],
     );
     // Without time it says where it stands, and goes on.
     let four = path("four");

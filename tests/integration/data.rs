@@ -17,7 +17,7 @@ fn refusal(extension: &str, text: &str) -> String {
     let path = folder.path().join(format!("track.{extension}"));
     std::fs::write(&path, text).unwrap();
     let error = ObservedTrack::read(&path).unwrap_err();
-    assert!(matches!(error, Error::Input { .. }), "{error:?}");
+    assert!(matches!(error, Error::TrackFile { .. }), "{error:?}");
     let words = error.to_string();
     let name = path.display().to_string();
     assert!(words.starts_with(&name), "{words} does not name the file");

@@ -275,10 +275,11 @@ fn what_cannot_be_combined_is_refused_with_its_name_and_a_remedy() {
         let error = PopulationTarget::new(family(), streams, PopulationSettings::default())
             .map(|_| ())
             .unwrap_err();
-        assert!(matches!(error, Error::Mismatch { .. }), "{error}");
+        assert!(matches!(error, Error::Posterior { .. }), "{error}");
         error.to_string()
     };
-    assert!(refusal(&[]).contains("no streams"));
+    let none = PopulationTarget::new(family(), &[], PopulationSettings::default()).map(|_| ());
+    assert!(matches!(none, Err(Error::TooFewRuns { given: 0, min: 1 })));
     let unknown = QPosterior {
         prior: QPrior::Unknown,
         ..stream()

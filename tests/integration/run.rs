@@ -2,6 +2,7 @@
 
 use crate::runs;
 use oblate::Error;
+use oblate::cli::message;
 use oblate::data::ObservedTrack;
 use oblate::posterior::{Summary, SummaryContext, zarr};
 use oblate::run::{RunFolder, Versions};
@@ -45,7 +46,7 @@ fn an_existing_folder_is_refused_without_force_and_stays_as_it_was() {
     let before = std::fs::read(folder.summary()).unwrap();
     let error = RunFolder::create(&path, false).unwrap_err();
     assert!(matches!(error, Error::Exists { .. }));
-    assert!(error.to_string().contains("--force"), "{error}");
+    assert!(message(&error).contains("--force"), "{error}");
     assert_eq!(std::fs::read(folder.summary()).unwrap(), before);
     let again = RunFolder::create(&path, true).unwrap();
     assert!(!again.finished());
@@ -77,14 +78,14 @@ fn a_folder_whose_run_was_killed_before_its_settings_is_as_good_as_none() {
 #[test]
 fn an_unfinished_or_foreign_folder_is_refused_with_a_remedy() {
     let temporary = tempfile::tempdir().unwrap();
-    let words = RunFolder::open(temporary.path()).unwrap_err().to_string();
+    let words = message(&RunFolder::open(temporary.path()).unwrap_err());
     assert!(
         words.contains("config.toml") && words.contains("oblate fit"),
         "{words}"
     );
     let folder = RunFolder::create(&temporary.path().join("new"), false).unwrap();
     folder.begin("", &Versions::new(&[])).unwrap();
-    let words = folder.read().unwrap_err().to_string();
+    let words = message(&folder.read().unwrap_err());
     assert!(
         words.contains("summary.json") && words.contains("--resume"),
         "{words}"

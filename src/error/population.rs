@@ -1,0 +1,65 @@
+//! What keeps a posterior of q out of a population.
+
+/// A fault of a posterior of q; the message ends with what to do.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PosteriorFault {
+    /// There are no draws.
+    #[error("the fit has no draws of q; finish the fit, or leave the stream out")]
+    NoDraws,
+    /// The numbers of draws and weights differ.
+    #[error("{draws} draws of q, but {weights} weights; write the run folder again")]
+    Lengths {
+        /// Number of draws.
+        draws: usize,
+        /// Number of weights.
+        weights: usize,
+    },
+    /// The prior of q has no closed form.
+    #[error(
+        "the prior of q in this fit is not known, so it cannot be divided out; fit again with dir_x, dir_y and dir_z free under \
+         their default marginals"
+    )]
+    UnknownPrior,
+    /// The fit's prior does not cover the population's support.
+    #[error(
+        "the fit's prior of q, uniform on [{lo}, {hi}], does not cover the population's support [{from}, {to}]; fit again with a wider \
+         range of q, or narrow the family's"
+    )]
+    NarrowPrior {
+        /// Lower end of the fit's prior.
+        lo: f64,
+        /// Its upper end.
+        hi: f64,
+        /// Lower end of the population's support.
+        from: f64,
+        /// Its upper end.
+        to: f64,
+    },
+    /// A draw lies outside the prior that made it.
+    #[error(
+        "q = {q} is outside the fit's own prior [{lo}, {hi}]; check that draws and prior come from the same run"
+    )]
+    OutsideOwnPrior {
+        /// The draw.
+        q: f64,
+        /// Lower end of the prior.
+        lo: f64,
+        /// Its upper end.
+        hi: f64,
+    },
+    /// The weights are not normalised.
+    #[error("the weights add up to {sum}; normalise them so that their exponentials add up to 1")]
+    WeightSum {
+        /// Their sum.
+        sum: f64,
+    },
+    /// No draw lies inside the population's support.
+    #[error("no draw of q lies in [{lo}, {hi}]; widen the family's support")]
+    OutsideSupport {
+        /// Lower end of the support.
+        lo: f64,
+        /// Its upper end.
+        hi: f64,
+    },
+}
