@@ -8,7 +8,7 @@
 
 use oblate::FitSettings;
 use oblate::data::ObservedTrack;
-use oblate_samplers::nested::Kernel;
+use oblate::samplers::nested::Kernel;
 use std::path::Path;
 
 /// The parameters that are taken as known.

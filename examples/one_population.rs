@@ -12,8 +12,8 @@ use oblate::population::{
     PopulationSettings, PopulationTarget, QPosterior, TruncatedGaussian, TruncatedGaussianSettings,
 };
 use oblate::posterior::{Interval, column};
-use oblate_samplers::control::{Control, Silent};
-use oblate_samplers::rng::{Domain, standard_normal, stream};
+use oblate::samplers::control::{Control, Silent};
+use oblate::samplers::rng::{Domain, standard_normal, stream};
 
 const TRUE_MEAN: f64 = 0.8;
 const TRUE_WIDTH: f64 = 0.1;

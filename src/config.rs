@@ -128,20 +128,44 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
     })
 }
 
-/// Writes settings as TOML, every value spelled out.
+/// Writes all settings as TOML. The tables called `expert` come last, after a comment that says what they are.
 ///
 /// # Errors
-/// [`Error::Setting`] for a value that TOML has no form for (a seed above 2^63).
+/// [`Error::Setting`] for a value that TOML cannot hold (a seed of 2^63 or more).
 pub fn to_toml<T: Serialize>(settings: &T) -> Result<String> {
-    toml::to_string_pretty(settings).map_err(|e| Error::Setting {
+    let text = toml::to_string_pretty(settings).map_err(|e| Error::Setting {
         key: "settings".to_owned(),
         value: e.to_string(),
         remedy: "give numbers that a settings file can hold, seeds below 2^63".to_owned(),
-    })
+    })?;
+    Ok(expert_last(&text))
 }
 
-/// Where in `text`, the table that the parser points at, an unknown key itself stands: tables that are laid over defaults are
-/// checked as a whole.
+/// Moves the tables called `expert`, and the tables inside them, to the end of a TOML text.
+fn expert_last(text: &str) -> String {
+    let (mut usual, mut expert) = (String::new(), String::new());
+    let mut in_expert = false;
+    for line in text.lines() {
+        if let Some(header) = line.strip_prefix('[') {
+            let path = header.split(']').next().unwrap_or_default();
+            in_expert = path.split('.').any(|key| key == "expert");
+        }
+        let part = if in_expert { &mut expert } else { &mut usual };
+        part.push_str(line);
+        part.push('\n');
+    }
+    if expert.is_empty() {
+        return usual;
+    }
+    format!(
+        "{}\n\n# Expert settings of the samplers. The defaults suit almost every fit; change them only if a convergence check says so.\n\n{}\n",
+        usual.trim_end(),
+        expert.trim_end()
+    )
+}
+
+/// Position of an unknown key in `text`, the table that the parser's error points at. Tables that are merged with defaults are checked
+/// as a whole, so that the parser itself knows only the table.
 fn unknown_key(message: &str, text: &str) -> Option<usize> {
     let key = message.split("unknown field `").nth(1)?.split('`').next()?;
     let stands_alone = |at: &usize| {
@@ -152,4 +176,32 @@ fn unknown_key(message: &str, text: &str) -> Option<usize> {
     };
     let mut places = text.match_indices(key).map(|(at, _)| at);
     places.find(stands_alone)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn expert_tables_come_last_and_the_text_means_the_same() {
+        let numbers = |pairs: &[(&str, f64)]| -> toml::Table {
+            pairs
+                .iter()
+                .map(|(key, value)| ((*key).to_owned(), toml::Value::Float(*value)))
+                .collect()
+        };
+        let mut sampler = numbers(&[("live", 500.0)]);
+        sampler.insert("expert".to_owned(), numbers(&[("batch", 0.1)]).into());
+        let settings = BTreeMap::from([
+            ("nested".to_owned(), sampler),
+            ("prior".to_owned(), numbers(&[("q_min", 0.5)])),
+        ]);
+        let text = to_toml(&settings).unwrap();
+        let place = |what: &str| text.find(what).unwrap();
+        assert!(place("[prior]") < place("# Expert settings"));
+        assert!(place("# Expert settings") < place("[nested.expert]"));
+        let read: BTreeMap<String, toml::Table> = toml::from_str(&text).unwrap();
+        assert_eq!(read, settings);
+    }
 }

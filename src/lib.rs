@@ -94,3 +94,4 @@ pub mod units;
 
 pub use error::{Error, Rejection, Result, Tally};
 pub use inference::{Fit, FitSettings, fit};
+pub use oblate_samplers as samplers;

@@ -10,9 +10,13 @@ use std::path::PathBuf;
 
 /// Flags of `oblate compare`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:\n  oblate compare runs/s0_nested runs/s0_pt-hmc")]
+#[command(
+    after_help = "Example:\n  oblate compare runs/s0_nested runs/s0_pt-hmc\n\n\
+Columns: diff/err, the difference of the means over its standard error; diff/w68, that of the medians over the half-width of the 68 % interval;\n\
+distance, the Wasserstein distance over that half-width; expected, its expectation for equal posteriors."
+)]
 pub struct Args {
-    /// Finished runs of one target
+    /// Finished runs of one track with the same free parameters
     #[arg(required = true, num_args = 2..)]
     runs: Vec<PathBuf>,
 }
@@ -48,19 +52,19 @@ fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
     say(
         out,
         &format!(
-            "ln Z {:.3} +- {:.3} and {:.3} +- {:.3}: {:+.2} sigma",
+            "ln Z {:.3} +- {:.3} and {:.3} +- {:.3}: difference {:+.2} combined errors",
             c.ln_z[0].value, c.ln_z[0].error, c.ln_z[1].value, c.ln_z[1].error, c.ln_z_sigma
         ),
     )?;
     say(
         out,
-        "           quantity     median_1     median_2   sigma  of width  distance  by chance",
+        "           quantity     median_1     median_2  diff/err  diff/w68  distance  expected",
     )?;
     for row in &c.marginals {
         say(
             out,
             &format!(
-                "{:>19} {:12.4} {:12.4} {:+7.2} {:9.3} {:9.3} {:10.3}",
+                "{:>19} {:12.4} {:12.4} {:+9.2} {:9.3} {:9.3} {:9.3}",
                 row.name,
                 row.median[0],
                 row.median[1],
@@ -75,7 +79,7 @@ fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
         say(
             out,
             &format!(
-                "{:>19} {:6.3} +- {:.3} {:6.3} +- {:.3} {:+7.2}",
+                "{:>19} {:6.3} +- {:.3} {:6.3} +- {:.3} {:+9.2}",
                 mode.name, mode.weight[0], mode.error[0], mode.weight[1], mode.error[1], mode.sigma
             ),
         )?;
@@ -86,7 +90,7 @@ fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
             c.names[i], cost.calls, cost.gradients, cost.ess, cost.cpu_seconds
         );
         if let Some(rate) = cost.q_ess_per_cpu_second {
-            line.push_str(&format!(", {rate:.3} effective draws of q per second"));
+            line.push_str(&format!(", ESS of q {rate:.3} per CPU second"));
         }
         say(out, &line)?;
     }

@@ -21,14 +21,14 @@ Each input line is a JSON object with the 13 parameters; each output line is\n  
 pub struct Args {
     /// The track (ECSV or CSV)
     track: PathBuf,
-    /// Give the gradient with respect to the 13 parameters too
+    /// Print the gradient with respect to the 13 parameters too
     #[arg(long)]
     gradient: bool,
     #[command(flatten)]
     settings: FitFlags,
 }
 
-/// Answers line by line, each at once.
+/// Answers each line before reading the next.
 pub fn run(args: &Args, _: &Common, input: &mut dyn BufRead, out: &mut dyn Write) -> Result<Exit> {
     let settings = args.settings.settings()?;
     let track = ObservedTrack::read(&args.track)?;

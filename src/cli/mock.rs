@@ -16,13 +16,13 @@ use std::path::PathBuf;
     after_help = "Example:\n  oblate mock --count 5 --seed 7 --population 0.8,0.1 --out mocks"
 )]
 pub struct Args {
-    /// How many mocks
+    /// Number of mocks
     #[arg(long, default_value_t = 1)]
     count: usize,
     /// Seed of the draws
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder for the tracks and their truths
+    /// Folder for the tracks and their true parameters
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Draw q from a truncated Gaussian MU,SIGMA instead of the prior
@@ -31,7 +31,7 @@ pub struct Args {
     /// Relative noise of each radius
     #[arg(long)]
     noise: Option<f64>,
-    /// Replace files that are there
+    /// Replace files that exist
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -76,7 +76,7 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     std::fs::create_dir_all(&args.out).map_err(|source| Error::Io {
         path: args.out.clone(),
         source,
-        remedy: "choose an --out whose parent is writable",
+        remedy: "choose a folder whose parent is writable",
     })?;
     let mut rows = Vec::new();
     for mock in &found.mocks {

@@ -1,4 +1,4 @@
-//! Flags that verbs share, and what they mean for the settings.
+//! Flags that verbs share, and how they change settings.
 
 use crate::config::read;
 use crate::error::{Error, Result};
@@ -61,10 +61,10 @@ pub struct LimitFlags {
 /// Flags of the model, shared by `stream`, `evaluate`, `mock` and `fit`.
 #[derive(Args, Debug, Default)]
 pub struct ModelFlags {
-    /// Settings that have a name: `fast` (2,560 particles smeared along segments, soft bins, penalty) or `paper` (10,000 random, hard, reject)
+    /// Named settings: `fast` (Sobol segments, soft bin edges, a penalty) or `paper` (10,000 random particles, hard edges, rejection)
     #[arg(long, value_enum)]
     profile: Option<ProfileName>,
-    /// Particles, both tails together
+    /// Number of particles, both tails together
     #[arg(long)]
     particles: Option<usize>,
     /// Leapfrog steps per particle
@@ -72,7 +72,7 @@ pub struct ModelFlags {
     steps: Option<usize>,
     /// Sampling scheme of the releases
     #[arg(long, value_enum)]
-    sampling_scheme: Option<SamplingSchemeName>,
+    sampling_scheme: Option<SchemeName>,
     /// Seed of the table of releases
     #[arg(long)]
     model_seed: Option<u64>,
@@ -85,7 +85,7 @@ enum ProfileName {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum SamplingSchemeName {
+enum SchemeName {
     Random,
     Sobol,
     SobolSegments,
@@ -111,11 +111,11 @@ impl ModelFlags {
 
     /// Applies the flags other than the profile to a model's settings.
     pub fn apply(&self, model: &mut ModelSettings) {
-        if let Some(sampling_scheme) = self.sampling_scheme {
-            model.releases.sampling_scheme = match sampling_scheme {
-                SamplingSchemeName::Random => SamplingScheme::Random,
-                SamplingSchemeName::Sobol => SamplingScheme::Sobol,
-                SamplingSchemeName::SobolSegments => SamplingScheme::SobolSegments,
+        if let Some(scheme) = self.sampling_scheme {
+            model.releases.sampling_scheme = match scheme {
+                SchemeName::Random => SamplingScheme::Random,
+                SchemeName::Sobol => SamplingScheme::Sobol,
+                SchemeName::SobolSegments => SamplingScheme::SobolSegments,
             };
             model.releases.release_times = 0;
         }
@@ -140,7 +140,7 @@ pub struct FitFlags {
     pub config: Option<PathBuf>,
     #[command(flatten)]
     pub model: ModelFlags,
-    /// Master seed
+    /// Master seed of the sampler
     #[arg(long)]
     pub seed: Option<u64>,
 }
@@ -183,7 +183,7 @@ pub fn say_json(out: &mut dyn Write, value: &impl serde::Serialize) -> Result<()
     say(out, &text)
 }
 
-/// Refuses a file or folder that exists, unless `force` is given.
+/// Fails if a file exists, unless `force` is given.
 pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
     if path.exists() && !force {
         return Err(Error::Exists {

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Time between two plain lines.
+/// Time between two lines of plain text.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// The interrupt flag of the process. The first Ctrl-C sets it, a second one ends the process at once.
@@ -92,22 +92,22 @@ impl Observer for Progress {
         match event {
             Event::Nested { ln_x, ln_z, ln_z_error, remaining, calls, efficiency, .. } => self.show(
                 &format!(
-                    "ln X {ln_x:.1}, ln Z {ln_z:.2} +- {ln_z_error:.2}, remaining {remaining:.3}, {calls} calls, \
+                    "ln X {ln_x:.1}, ln Z {ln_z:.2} +- {ln_z_error:.2}, delta ln Z {remaining:.3}, {calls} calls, \
                      efficiency {:.2} %",
                     100.0 * efficiency
                 ),
                 false,
             ),
             Event::Strand { number, ln_z, ln_z_error, ess, calls } => self.show(
-                &format!("strand {number}, ln Z {ln_z:.2} +- {ln_z_error:.2}, ESS {ess:.0}, {calls} calls"),
+                &format!("batch {number}, ln Z {ln_z:.2} +- {ln_z_error:.2}, ESS {ess:.0}, {calls} calls"),
                 false,
             ),
             Event::Annealing { beta, ln_z, calls } => {
-                self.show(&format!("annealing, beta {beta:.2e}, ln Z {ln_z:.2}, {calls} calls"), false);
+                self.show(&format!("SMC, beta {beta:.2e}, ln Z {ln_z:.2}, {calls} calls"), false);
             }
             Event::Tempered { round, scan, scans, barrier, round_trips, ln_z, gradients } => self.show(
                 &format!(
-                    "round {round}, scan {} of {scans}, barrier {barrier:.1}, {round_trips} round trips, ln Z \
+                    "round {round}, scan {} of {scans}, communication barrier {barrier:.1}, {round_trips} round trips, ln Z \
                      {ln_z:.2}, {gradients} gradients",
                     scan + 1
                 ),
@@ -115,7 +115,7 @@ impl Observer for Progress {
             ),
             Event::Refining { share, ln_z, calls } => {
                 self.show(
-                    &format!("{:.0} % of the way, ln Z {ln_z:.2}, {calls} calls", 100.0 * share),
+                    &format!("bridge {:.0} %, ln Z {ln_z:.2}, {calls} calls", 100.0 * share),
                     false,
                 );
             }

@@ -18,7 +18,7 @@ pub struct Args {
     /// The page to write
     #[arg(long, value_name = "FILE", default_value = "report.html")]
     out: PathBuf,
-    /// Replace a page that is there
+    /// Replace the page if it exists
     #[arg(long)]
     force: bool,
     /// Title of the page
@@ -26,7 +26,7 @@ pub struct Args {
     title: String,
 }
 
-/// Draws the page.
+/// Writes the page.
 pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     refuse_existing(&args.out, args.force)?;
     render_report(&args.title, &args.runs, &args.out)?;

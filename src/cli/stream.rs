@@ -22,23 +22,23 @@ pub struct Args {
     /// Bin width in degrees
     #[arg(long, default_value_t = 10.0)]
     bin_width: f64,
-    /// Half-width of soft bin edges in degrees; 0 for hard ones
+    /// Half-width of soft bin edges in degrees; 0: hard edges
     #[arg(long, default_value_t = 2.0)]
     edge: f64,
-    /// Least fraction of the particles in a bin
+    /// Minimum fraction of all particles that a bin of the track must have
     #[arg(long, default_value_t = 0.005)]
     min_fraction: f64,
     /// Write the particles to this CSV file
     #[arg(long, value_name = "FILE")]
     particles_out: Option<PathBuf>,
-    /// Replace a file that is there
+    /// Replace the file if it exists
     #[arg(long)]
     force: bool,
     #[command(flatten)]
     model: ModelFlags,
 }
 
-/// Makes one stream.
+/// Computes one stream.
 pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     let params: StreamParams<f64> = read(&args.params)?;
     let prior = StreamPrior::new(&PriorSettings::default())?;
@@ -125,7 +125,7 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
             say(
                 out,
                 &format!(
-                    "{} steps turned a particle by more than 90 degrees: give more --steps",
+                    "{} particle steps cover more than 90 degrees, so that windings are ambiguous: give more --steps",
                     particles.tally.ambiguous_windings
                 ),
             )?;

@@ -18,7 +18,7 @@ Run it again to continue after an interrupt, or to read the results back.")]
 pub struct Args {
     /// The study (TOML)
     study: PathBuf,
-    /// Folder of all results, instead of the study's own
+    /// Folder of all results; overrides the study's `out`
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
     /// Exit with 0 even if a run has not converged
@@ -28,7 +28,7 @@ pub struct Args {
     limits: LimitFlags,
 }
 
-/// Runs a study and draws its report.
+/// Runs a study and writes its report.
 pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
     let mut config: StudyConfig = read(&args.study)?;
     if let Some(folder) = &args.out {
@@ -84,12 +84,12 @@ fn print(result: &StudyResult, out: &mut dyn Write) -> Result<()> {
         say(
             out,
             &format!(
-                "{:.1} % of prior draws met the mocks' criteria",
+                "{:.1} % of prior draws met the criteria of a mock",
                 100.0 * acceptance
             ),
         )?;
     }
-    // Both samplers on one track: do they agree?
+    // Runs of different samplers on one track are compared.
     for group in [&result.tracks, &result.mocks, &result.populations] {
         for (i, a) in group.iter().enumerate() {
             for b in group[i + 1..].iter().filter(|b| b.name == a.name) {

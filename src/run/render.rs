@@ -24,7 +24,7 @@ const DOTS: usize = 1_500;
 /// Substream within [`Domain::Post`] of the choice of posterior draws.
 const CHOICE_TASK: u64 = 0x7061_6765;
 
-/// A run with its figures: name, caption, SVG.
+/// A run with its figures: name, caption and SVG.
 struct Drawn {
     stored: StoredRun,
     folder: RunFolder,
@@ -69,7 +69,7 @@ pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()>
     Ok(())
 }
 
-/// Names of runs on the page: the folder's, with its parent's where two are alike.
+/// Names of the runs on the page: that of the folder, or its whole path where two folders have the same name.
 fn unique_names(drawn: &[Drawn], folders: &[PathBuf]) -> Vec<String> {
     drawn
         .iter()
@@ -137,13 +137,13 @@ fn draw(path: &Path) -> Result<Drawn> {
     ));
     figures.push((
         "health",
-        "The sampler's way from prior to posterior".to_owned(),
+        "Diagnostics of the sampler".to_owned(),
         health(&stored.run),
     ));
     if let Ok(coarse) = RunFolder::open(&folder.coarse()) {
         figures.push((
             "coarse-health",
-            "The same of the coarse fit that it began with".to_owned(),
+            "Diagnostics of the sampler in the coarse fit that came first".to_owned(),
             health(&coarse.read()?.run),
         ));
     }
@@ -163,7 +163,7 @@ fn corner_columns(stored: &StoredRun) -> Vec<Column> {
         .collect()
 }
 
-/// True values that a track's header knows: a mapping `truth`, or `q_true`.
+/// True values in a track's header: a mapping `truth`, or `q_true`.
 fn truths(track: &ObservedTrack) -> BTreeMap<String, f64> {
     let mut known = BTreeMap::new();
     if let Some(map) = track.meta.get("truth").and_then(|t| t.as_object()) {
@@ -179,7 +179,7 @@ fn truths(track: &ObservedTrack) -> BTreeMap<String, f64> {
     known
 }
 
-/// The overlay of data, posterior draws and best fit; `None` if the best fit has no track.
+/// Data, tracks of posterior draws and the best fit in one figure; `None` if the best fit has no track.
 fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> Option<String> {
     let draws = &stored.run.draws;
     let model_track = |row: usize| {
