@@ -1,6 +1,6 @@
 //! `oblate bridge`.
 
-use super::Exit;
+use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::options::{Common, ModelFlags};
 use crate::config::read;

@@ -1,6 +1,6 @@
 //! `oblate compare`.
 
-use super::Exit;
+use super::exit::Exit;
 use super::options::{Common, say, say_json};
 use crate::error::{Error, Result};
 use crate::posterior::{Comparison, compare};

@@ -1,6 +1,6 @@
 //! `oblate evaluate`: the likelihood for programs in any language.
 
-use super::Exit;
+use super::exit::Exit;
 use super::options::{Common, FitFlags, output, say_json};
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};

@@ -1,6 +1,6 @@
 //! `oblate fit`.
 
-use super::Exit;
+use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::options::{Common, FitFlags, sampler};
 use crate::data::ObservedTrack;

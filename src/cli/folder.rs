@@ -1,6 +1,6 @@
 //! What the verbs that fill a run folder share: its flags, the work under a progress display, and the printed result.
 
-use super::Exit;
+use super::exit::Exit;
 use super::options::{Common, LimitFlags, say, say_json};
 use super::progress::Progress;
 use crate::error::{Error, Result};

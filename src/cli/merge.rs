@@ -1,6 +1,6 @@
 //! `oblate merge`.
 
-use super::Exit;
+use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::options::Common;
 use crate::error::Result;

@@ -1,6 +1,6 @@
 //! `oblate mock`.
 
-use super::Exit;
+use super::exit::Exit;
 use super::options::{Common, ModelFlags, output, refuse_existing, say, say_json, write_file};
 use crate::config::to_toml;
 use crate::data::{MockSettings, QPopulation, mocks};

@@ -3,6 +3,7 @@
 mod bridge;
 mod compare;
 mod evaluate;
+mod exit;
 mod fit;
 mod folder;
 mod merge;
@@ -15,60 +16,13 @@ mod report;
 mod stream;
 mod study;
 
+pub use exit::Exit;
 pub use message::message;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use clap::{CommandFactory, Parser, Subcommand};
 use options::Common;
 use std::io::Write;
-
-/// How a command ended: the exit code of the process.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Exit {
-    /// 0: done.
-    Done,
-    /// 1: it failed, or a run has not converged.
-    Failed,
-    /// 2: wrong usage or input.
-    Usage,
-    /// 130: interrupted, with a checkpoint written.
-    Interrupted,
-}
-
-impl Exit {
-    /// The number for the operating system.
-    #[must_use]
-    pub fn code(self) -> u8 {
-        match self {
-            Self::Done => 0,
-            Self::Failed => 1,
-            Self::Usage => 2,
-            Self::Interrupted => 130,
-        }
-    }
-
-    /// The exit of finished runs: done if all have converged, or need not.
-    #[must_use]
-    pub fn of_runs(converged: bool) -> Self {
-        if converged { Self::Done } else { Self::Failed }
-    }
-
-    /// The exit of an error: [`Usage`](Self::Usage) if the user can correct it in the command or its inputs.
-    #[must_use]
-    pub fn of(error: &Error) -> Self {
-        use oblate_samplers::Error as S;
-        match error {
-            Error::Sampler(S::Interrupted) => Self::Interrupted,
-            Error::Sampler(S::Fatal(_) | S::Infinite { .. } | S::Io { .. }) | Error::NoTrack(_) => {
-                Self::Failed
-            }
-            Error::Io { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
-                Self::Failed
-            }
-            _ => Self::Usage,
-        }
-    }
-}
 
 /// The shapes of dark-matter haloes from the projected tracks of stellar streams.
 #[derive(Parser, Debug)]

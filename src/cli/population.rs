@@ -1,6 +1,6 @@
 //! `oblate population`.
 
-use super::Exit;
+use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::options::{Common, sampler};
 use crate::config::{PopulationConfig, read};

@@ -1,6 +1,6 @@
 //! `oblate report`.
 
-use super::Exit;
+use super::exit::Exit;
 use super::options::{Common, refuse_existing, say, say_json};
 use crate::error::Result;
 use crate::run::render_report;

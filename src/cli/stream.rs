@@ -1,6 +1,6 @@
 //! `oblate stream`.
 
-use super::Exit;
+use super::exit::Exit;
 use super::options::{Common, ModelFlags, refuse_existing, say, say_json, write_file};
 use crate::config::read;
 use crate::error::{Error, Result};

@@ -1,6 +1,6 @@
 //! `oblate run`.
 
-use super::Exit;
+use super::exit::Exit;
 use super::options::{Common, LimitFlags, say, say_json};
 use super::progress::Progress;
 use crate::config::{StudyConfig, read};

@@ -1,6 +1,6 @@
 //! Diagnostics of the model at the best fit of a run.
 
-use super::StreamTarget;
+use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::likelihood::StreamLikelihood;
 use crate::potential::Potential;

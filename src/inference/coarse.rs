@@ -4,7 +4,7 @@
 //! bins allow and a smaller penalty for uncovered bins make it smoother (`cargo bench --bench roughness`). The SMC bridge then
 //! corrects its posterior to that of the model itself.
 
-use super::FitSettings;
+use super::settings::FitSettings;
 use crate::likelihood::Coverage;
 use crate::track::BinEdges;
 

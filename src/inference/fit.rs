@@ -1,6 +1,10 @@
 //! A fit in memory, and the plan that fits in memory and fits into a run folder share.
 
-use super::{FitSettings, StreamTarget, bridge, check_prior_predictive, diagnose, sample};
+use super::best_fit::diagnose;
+use super::prior_predictive::check_prior_predictive;
+use super::sample::{bridge, sample};
+use super::settings::FitSettings;
+use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::error::Result;
 use crate::posterior::{Summary, SummaryContext};

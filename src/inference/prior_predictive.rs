@@ -1,7 +1,7 @@
 //! A prior predictive check before the fit: can the prior produce the track at all? A smooth likelihood is finite everywhere, so the
 //! sampler itself would not tell.
 
-use super::StreamTarget;
+use super::target::StreamTarget;
 use crate::error::{Error, Result};
 use oblate_samplers::rng::{Domain, stream};
 use rayon::prelude::*;

@@ -1,6 +1,6 @@
 //! The posterior of a stream as a target of the samplers: free parameters in, ln L and its gradient out.
 
-use super::FitSettings;
+use super::settings::FitSettings;
 use crate::data::ObservedTrack;
 use crate::error::{Rejection, Result, Tally};
 use crate::likelihood::{DataBin, Evaluation, StreamLikelihood, TrackLikelihood};

@@ -1,7 +1,7 @@
 //! The SMC bridge from a finished fit to a finer model, into another run folder.
 
-use super::Monitor;
 use super::folder::RunState;
+use super::monitor::Monitor;
 use super::session::{Destination, RunSession};
 use super::stored_fit::StoredFit;
 use crate::error::{Error, Result};

@@ -1,8 +1,8 @@
 //! A fit of a track into a run folder: what `oblate fit` and a study do.
 
-use super::folder::RunState;
+use super::folder::{IfExists, RunState};
+use super::monitor::Monitor;
 use super::session::{Destination, RunSession};
-use super::{IfExists, Monitor};
 use crate::data::ObservedTrack;
 use crate::error::Result;
 use crate::inference::{Coarse, Fit, FitPlan, FitSettings, bridge_from, sample};

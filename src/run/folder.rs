@@ -1,6 +1,7 @@
 //! The run folder: its files, what is written when, how a folder that exists is treated, and reading a finished run back.
 
-use super::{Log, Versions};
+use super::log::Log;
+use super::versions::Versions;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::Fit;

@@ -1,7 +1,7 @@
 //! Several nested fits of one track, merged into one fit.
 
-use super::Monitor;
 use super::folder::RunState;
+use super::monitor::Monitor;
 use super::session::{Destination, RunSession};
 use super::stored_fit::StoredFit;
 use crate::error::{Error, Result};

@@ -1,6 +1,6 @@
 //! Monitoring a run: the caller's observer, interrupt and time limits, and the log in the run folder.
 
-use super::Log;
+use super::log::Log;
 use oblate_samplers::{Event, Observer};
 use serde_json::json;
 use std::ops::ControlFlow;

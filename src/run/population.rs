@@ -1,8 +1,8 @@
 //! The population of finished fits, from their run folders into another one.
 
-use super::folder::RunState;
+use super::folder::{RunFolder, RunState, StoredRun};
+use super::monitor::Monitor;
 use super::session::{Destination, RunSession};
-use super::{Monitor, RunFolder, StoredRun};
 use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
 use crate::inference::{Fit, sample};

@@ -1,6 +1,6 @@
 //! From run folders to figures and one page: reads the runs, computes the model tracks again, and passes the numbers to the report.
 
-use super::{RunFolder, StoredRun};
+use super::folder::{RunFolder, StoredRun};
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, StreamTarget};

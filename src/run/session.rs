@@ -1,7 +1,8 @@
 //! One run in its folder, from beginning to end: what fits, bridges, mergers and populations share.
 
-use super::folder::RunState;
-use super::{IfExists, Monitor, RunFolder, Versions};
+use super::folder::{IfExists, RunFolder, RunState};
+use super::monitor::Monitor;
+use super::versions::Versions;
 use crate::config::{read, to_toml};
 use crate::data::ObservedTrack;
 use crate::error::Result;

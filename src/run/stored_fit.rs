@@ -1,6 +1,6 @@
 //! A finished fit with its track and settings, read back from its folder.
 
-use super::{RunFolder, StoredRun};
+use super::folder::{RunFolder, StoredRun};
 use crate::config::read;
 use crate::data::ObservedTrack;
 use crate::error::Result;

@@ -1,7 +1,11 @@
 //! A study: tracks and mocks, their fits, and a population. It can be repeated: runs that have finished with the same inputs are read
 //! back, and interrupted ones are continued.
 
-use super::{Destination, IfExists, Monitor, fit, population};
+use super::fit::fit;
+use super::folder::IfExists;
+use super::monitor::Monitor;
+use super::population::population;
+use super::session::Destination;
 use crate::config::StudyConfig;
 use crate::data::{ObservedTrack, mocks};
 use crate::error::{Error, Result};

@@ -3,10 +3,13 @@
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, StreamTarget, prior_draws};
 use oblate::likelihood::Coverage;
+use oblate::run::{Destination, IfExists, Monitor};
 use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::ln_sum_exp;
 use oblate_samplers::{Control, Marginal, Outcome, Prior, Target, nested};
 use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
 
 /// A gala track with all but the halo's mass and shape known.
 fn target(coverage: Coverage) -> StreamTarget {
@@ -119,4 +122,43 @@ fn prior_draws_follow_the_prior_and_have_its_derived_quantities() {
     assert!((mean(draws.column(0)) - 4.0).abs() < 4.0 * 1.155 / 4000_f64.sqrt());
     assert!((mean(draws.column(1)) - 1.0).abs() < 4.0 * 3.0 / 4000_f64.sqrt());
     assert!((draws.derived_row(17)[0] - draws.theta_row(17).iter().sum::<f64>()).abs() < 1e-12);
+}
+
+#[test]
+fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
+    let mut settings: FitSettings = toml::from_str(
+        r#"
+        coarse_particles = 64
+        model = { steps = 30, orbit_steps = 64, releases = { particles = 128 } }
+        prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
+        "#,
+    )
+    .unwrap();
+    settings.sampling.nested.n_live = 40;
+    settings.sampling.nested.steps = Some(6);
+    settings.sampling.bridge.members = 60;
+    settings.sampling.bridge.sweeps = 4;
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
+    let track = ObservedTrack::read(&path).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let destination = Destination {
+        folder: &folder.path().join("fit"),
+        if_exists: IfExists::Refuse,
+        command: "",
+    };
+    let mut monitor = Monitor {
+        observer: &mut Silent,
+        interrupt: Arc::default(),
+        checkpoint_every: Duration::MAX,
+        max_wall: Duration::MAX,
+    };
+    let written = oblate::run::fit(&track, &settings, destination, &mut monitor).unwrap();
+    let fit = oblate::fit(&track, &settings).unwrap();
+    assert_eq!(fit.run.bits(), written.run.bits());
+    assert_eq!(fit.summary.parameters, written.summary.parameters);
+    let text = fit.summary.to_string();
+    assert!(
+        text.contains("ln Z = ") && text.contains("log10_m_halo"),
+        "{text}"
+    );
 }
