@@ -15,9 +15,9 @@ use std::result::Result as StdResult;
 pub struct PopulationConfig {
     /// Master seed of the sampler.
     pub seed: u64,
-    /// The family.
+    /// The family of distributions of q.
     pub family: TruncatedGaussianSettings,
-    /// The reweighting.
+    /// The reweighting of the streams' posteriors.
     pub reweighting: PopulationSettings,
     /// The samplers.
     #[serde(deserialize_with = "sampling_of_populations")]
@@ -41,15 +41,15 @@ fn sampling_of_populations<'de, D: Deserializer<'de>>(
     over_defaults(SamplerSettings::for_populations(), given)
 }
 
-/// A study: tracks and mocks, their fits by one or more samplers, a population, a report.
+/// Settings of a study: tracks and mocks, their fits by one or more samplers, a population and a report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyConfig {
     /// Title of the report.
     pub title: String,
-    /// Folder of all results, from the working directory.
+    /// Folder of all results, relative to the working directory.
     pub out: PathBuf,
-    /// Exit with 0 even if a run has not converged; the output and the page still say so first.
+    /// Exit with 0 even if a run has not converged; the output and the report still say so.
     #[serde(default)]
     pub allow_unconverged: bool,
     /// Tracks to fit.
@@ -67,9 +67,9 @@ pub struct StudyConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyTracks {
-    /// Track files, from the study file's folder.
+    /// Track files, relative to the folder of the study file.
     pub files: Vec<PathBuf>,
-    /// Samplers that each is fitted by.
+    /// Samplers; each fits every track.
     pub samplers: Vec<Sampler>,
     /// Settings of the fits; `sampling.sampler` is set by `samplers`.
     #[serde(default)]
@@ -80,13 +80,13 @@ pub struct StudyTracks {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyMocks {
-    /// How many.
+    /// Number of mocks.
     pub count: usize,
     /// Seed of the draws.
     pub seed: u64,
-    /// Samplers that each is fitted by.
+    /// Samplers; each fits every track.
     pub samplers: Vec<Sampler>,
-    /// How they are made.
+    /// How the mocks are made.
     #[serde(default)]
     pub mock: MockSettings,
     /// Settings of the fits; the prior is that of the mocks too.
@@ -98,7 +98,7 @@ pub struct StudyMocks {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyPopulation {
-    /// Samplers that it is sampled by.
+    /// Samplers; each samples the population.
     pub samplers: Vec<Sampler>,
     /// Settings.
     #[serde(default)]

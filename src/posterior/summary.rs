@@ -280,9 +280,9 @@ impl Summary {
             );
         }
         let ended = match self.status {
-            Status::Complete => "the run ended by its own rule",
-            Status::Interrupted => "the run was interrupted; continue it with --resume",
-            Status::BudgetSpent => "the budget ran out; continue it with --resume and a larger one",
+            Status::Complete => "the stopping rule was met",
+            Status::Interrupted => "the run was interrupted; resume it",
+            Status::BudgetSpent => "the time limit was reached; resume it with a larger one",
         };
         let failed: Vec<&GateRow> = self.gates.iter().filter(|g| !g.pass).collect();
         let mut words = format!("NOT CONVERGED: {ended}");

@@ -47,7 +47,7 @@ pub(super) enum RunState<Unfinished> {
 pub struct StoredRun {
     /// The folder's name.
     pub name: String,
-    /// `summary.json`.
+    /// Its `summary.json`.
     pub summary: Summary,
     /// The sampler's result, equal to the original in every bit.
     pub run: Run,
@@ -103,7 +103,7 @@ impl RunFolder {
         Ok(RunState::Unfinished(folder))
     }
 
-    /// Whether there is nothing at this path, or only what a run leaves that is killed before it has written its settings.
+    /// Whether there is nothing at this path, or only files of a run that was killed before it had written its settings.
     #[must_use]
     pub fn is_unstarted(path: &Path) -> bool {
         let Ok(entries) = std::fs::read_dir(path) else {
@@ -118,26 +118,25 @@ impl RunFolder {
         entries.into_iter().all(leftover)
     }
 
-    /// Makes a new folder. With `force`, one that is a run folder already is emptied first; anything else is never
-    /// touched.
+    /// Makes a new folder. With `force`, a run folder that exists is removed first; a folder of anything else never is.
     ///
     /// # Errors
-    /// [`Error::Exists`] if something is there and `force` is not given, or if it is not a run folder;
-    /// [`Error::Io`] if it cannot be made, or if a run works in it.
+    /// [`Error::Exists`] if something is there and `force` is false, or it is no run folder; [`Error::FolderInUse`] if a run works in it;
+    /// [`Error::Io`] if the folder cannot be made.
     pub fn create(path: &Path, force: bool) -> Result<Self> {
         const REMEDY: &str = "choose a folder whose parent is writable";
         let folder = Self {
             path: path.to_path_buf(),
         };
         if !Self::is_unstarted(path) {
-            // Only what oblate made is removed: a mistyped --out must not cost anybody their home.
+            // Only a run folder is removed, so that a mistyped path does no harm.
             let ours = folder.config().is_file() && folder.versions().is_file();
             if !(force && ours) {
                 return Err(Error::Exists {
                     path: path.to_path_buf(),
                 });
             }
-            // Nor what another run is writing.
+            // The lock of the log fails if another run works here.
             drop(folder.log()?);
             std::fs::remove_dir_all(path).map_err(io(path, REMEDY))?;
         }
@@ -145,7 +144,7 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Opens a run folder, finished or not (to resume it).
+    /// Opens a run folder, finished or not.
     ///
     /// # Errors
     /// [`Error::Io`] if it has no `config.toml`.
@@ -166,19 +165,19 @@ impl RunFolder {
         &self.path
     }
 
-    /// The resolved configuration.
+    /// Path of the settings.
     #[must_use]
     pub fn config(&self) -> PathBuf {
         self.path.join("config.toml")
     }
 
-    /// What made the run.
+    /// Path of the versions.
     #[must_use]
     pub fn versions(&self) -> PathBuf {
         self.path.join(VERSIONS)
     }
 
-    /// What made the run, read back.
+    /// Reads the versions.
     ///
     /// # Errors
     /// [`Error::Io`] or [`Error::Syntax`] if `versions.json` cannot be read or understood.
@@ -194,19 +193,19 @@ impl RunFolder {
         })
     }
 
-    /// Numbers and verdict.
+    /// Path of the summary.
     #[must_use]
     pub fn summary(&self) -> PathBuf {
         self.path.join(SUMMARY_FILE)
     }
 
-    /// The track that was fitted; a population has none.
+    /// Path of the track that was fitted; a population has none.
     #[must_use]
     pub fn track(&self) -> PathBuf {
         self.path.join("track.ecsv")
     }
 
-    /// The track that was fitted, read back.
+    /// Reads the track that was fitted.
     ///
     /// # Errors
     /// [`Error::NotAFit`] if there is none; as of [`ObservedTrack::read`].
@@ -219,25 +218,25 @@ impl RunFolder {
         ObservedTrack::read(&self.track())
     }
 
-    /// Draws.
+    /// Path of the draws.
     #[must_use]
     pub fn posterior(&self) -> PathBuf {
         self.path.join("posterior.zarr")
     }
 
-    /// The checkpoint while running.
+    /// Path of the checkpoint.
     #[must_use]
     pub fn checkpoint(&self) -> PathBuf {
         self.path.join("checkpoint")
     }
 
-    /// The run folder of the coarse fit that a fit begins with.
+    /// Path of the run folder of the coarse fit that came first.
     #[must_use]
     pub fn coarse(&self) -> PathBuf {
         self.path.join("coarse")
     }
 
-    /// A figure by name, as SVG.
+    /// Path of a figure, an SVG file.
     #[must_use]
     pub fn figure(&self, name: &str) -> PathBuf {
         self.path.join(format!("{name}.svg"))
@@ -246,12 +245,12 @@ impl RunFolder {
     /// The log, open for appending.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be opened.
+    /// [`Error::FolderInUse`] if another run has it open; [`Error::Io`] if it cannot be opened.
     pub fn log(&self) -> Result<Log> {
         Log::append_to(&self.path.join("log.jsonl"))
     }
 
-    /// Whether the run wrote its summary, which comes last.
+    /// Whether the run has written its summary, its last file.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.summary().is_file()
@@ -267,8 +266,8 @@ impl RunFolder {
         Ok(())
     }
 
-    /// Writes the draws, then the summary, then removes the checkpoint, unless the run may go on, because it ended by a budget or is
-    /// a tempered one that has not converged: a folder with a summary is whole.
+    /// Writes the draws, then the summary, so that a folder with a summary is complete, then removes the checkpoint. The checkpoint stays
+    /// if the run can be continued: because its time was up, or because it is a tempered one that has not converged.
     ///
     /// # Errors
     /// As of [`zarr::write`]; [`Error::Sampler`] or [`Error::Io`] if the summary cannot be written or the checkpoint

@@ -32,7 +32,7 @@ struct Drawn {
     figures: Vec<(&'static str, String, String)>,
 }
 
-/// Draws every figure of finished runs into their folders, and one self-contained page of all of them.
+/// Writes every figure of finished runs into their folders, and one self-contained HTML page of all of them.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Syntax`] or [`Error::MixedFolder`] if a folder cannot be read; [`Error::Io`] or [`Error::Sampler`] if a file
