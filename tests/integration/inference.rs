@@ -135,6 +135,7 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
     )
     .unwrap();
     settings.sampling.nested.n_live = 40;
+    settings.sampling.nested.kernel = nested::Kernel::RandomSlice;
     settings.sampling.nested.steps = Some(6);
     settings.sampling.bridge.members = 60;
     settings.sampling.bridge.sweeps = 4;
