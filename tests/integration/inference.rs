@@ -1,9 +1,10 @@
-//! The target as samplers see it, and draws of its prior.
+//! The target as samplers see it, draws of its prior, the fit in memory, and the settings of the coarse fit.
 
 use oblate::data::ObservedTrack;
-use oblate::inference::{FitSettings, StreamTarget, prior_draws};
+use oblate::inference::{FitSettings, Profile, StreamTarget, prior_draws};
 use oblate::likelihood::Coverage;
 use oblate::run::{Destination, IfExists, Monitor};
+use oblate::track::BinEdges;
 use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::ln_sum_exp;
 use oblate_samplers::{Control, Marginal, Outcome, Prior, Target, nested};
@@ -162,4 +163,49 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
         text.contains("ln Z = ") && text.contains("log10_m_halo"),
         "{text}"
     );
+}
+
+#[test]
+fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
+    let fine = FitSettings::default();
+    let coarse = fine.coarse(8.0).expect("2,560 particles have one");
+    assert_eq!(coarse.model.releases.particles, fine.coarse_particles);
+    assert_eq!(
+        coarse.likelihood.edges,
+        BinEdges::Soft {
+            half_width_deg: 4.0
+        }
+    );
+    let z_miss = |config: &FitSettings| match config.likelihood.coverage {
+        Coverage::Penalty { z_miss, .. } => z_miss,
+        Coverage::Reject => f64::INFINITY,
+    };
+    assert!(z_miss(&coarse) < z_miss(&fine));
+    assert!(coarse.model.orbit_steps < fine.model.orbit_steps);
+    // Everything else is the fit's, and it has no coarse model of its own.
+    assert_eq!((&coarse.prior, coarse.seed), (&fine.prior, fine.seed));
+    assert_eq!(coarse.sampling, fine.sampling);
+    assert_eq!(coarse.coarse(8.0), None);
+    // What is gentle or short already stays so.
+    let mut gentle = fine.clone();
+    gentle.model.orbit_steps = 64;
+    gentle.likelihood.coverage = Coverage::Penalty {
+        z_miss: 3.0,
+        lambda: 10.0,
+    };
+    let coarse = gentle.coarse(8.0).expect("as many particles");
+    assert_eq!(coarse.model.orbit_steps, 64);
+    assert_eq!(coarse.likelihood.coverage, gentle.likelihood.coverage);
+}
+
+#[test]
+fn few_particles_and_a_likelihood_with_zeros_have_no_coarse_model() {
+    let mut few = FitSettings::default();
+    few.model.releases.particles = 2 * few.coarse_particles - 1;
+    assert_eq!(few.coarse(8.0), None);
+    let paper = FitSettings {
+        likelihood: Profile::Paper.likelihood(),
+        ..FitSettings::default()
+    };
+    assert_eq!(paper.coarse(8.0), None);
 }

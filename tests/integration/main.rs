@@ -6,7 +6,6 @@
 
 mod arrows;
 mod cli;
-mod config;
 mod data;
 mod gala;
 mod golden;
