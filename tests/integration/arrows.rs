@@ -1,6 +1,6 @@
-//! The import order of `src`: a room may use what stands to its left, never what stands to its right.
+//! The import order of `src`: a module may use what stands to its left, never what stands to its right.
 
-use crate::rooms::wrong_arrows;
+use crate::modules::wrong_arrows;
 use std::path::Path;
 
 /// From the ground floor through the forward model and the inference to the front desk.
@@ -27,7 +27,7 @@ const ORDER: [&str; 19] = [
 ];
 
 #[test]
-fn every_room_imports_only_rooms_to_its_left() {
+fn every_module_imports_only_modules_to_its_left() {
     let src = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/src"));
     let (wrong, seen) = wrong_arrows(src, &ORDER);
     assert!(wrong.is_empty(), "{wrong:#?}");

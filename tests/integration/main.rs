@@ -18,9 +18,12 @@ mod population;
 mod posterior;
 mod potential;
 // The reader of import orders lives with the samplers, which must not depend on this crate.
+#[allow(dead_code, reason = "some functions belong to the other crate's tests")]
+#[path = "../../samplers/tests/integration/files.rs"]
+mod files;
+#[path = "../../samplers/tests/integration/modules.rs"]
+mod modules;
 mod report;
-#[path = "../../samplers/tests/integration/rooms.rs"]
-mod rooms;
 mod run;
 mod runs;
 mod spray;

@@ -1,4 +1,4 @@
-//! One binary for the crate's integration tests; each module mirrors a room of `src`.
+//! One binary for the crate's integration tests; each module mirrors a module of `src`.
 #![allow(
     clippy::cast_possible_truncation,
     reason = "tests cast small counts of their own"
@@ -8,11 +8,12 @@ mod arrows;
 mod batch;
 mod boost;
 mod exact;
+mod files;
 mod hmc;
+mod modules;
 mod nested;
 mod pt;
 mod pulls;
 mod refine;
-mod rooms;
 mod stops;
 mod targets;

@@ -1,47 +1,48 @@
-//! Reads which rooms of a crate import which, for the tests of import order here and next door.
+//! Reads which modules of a crate import which, for the tests of import order of both crates.
 
+use crate::files::rust_files;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// The arrows that point to the right in `order`, and rooms without a place, as sentences; and the number of arrows seen.
+/// The arrows that point to the right in `order`, and modules without a place, as sentences; and the number of arrows seen.
 pub fn wrong_arrows(src: &Path, order: &[&str]) -> (Vec<String>, usize) {
     let front = fs::read_to_string(src.join("lib.rs")).unwrap();
     let exports = exports(&front);
     let (mut wrong, mut seen) = (Vec::new(), 0);
-    for file in sources(src) {
+    for file in rust_files(src) {
         let below = file.strip_prefix(src).unwrap();
         let first = below.components().next().unwrap().as_os_str();
-        let room = Path::new(first).file_stem().unwrap().to_str().unwrap();
-        if room == "lib" {
+        let module = Path::new(first).file_stem().unwrap().to_str().unwrap();
+        if module == "lib" {
             continue;
         }
-        for used in rooms_used(&fs::read_to_string(&file).unwrap(), &exports) {
+        for used in modules_used(&fs::read_to_string(&file).unwrap(), &exports) {
             let place = |name: &str| order.iter().position(|r| *r == name);
-            match (place(room), place(&used)) {
+            match (place(module), place(&used)) {
                 (Some(own), Some(other)) if other > own => {
-                    wrong.push(format!("{}: {room} imports {used}", below.display()));
+                    wrong.push(format!("{}: {module} imports {used}", below.display()));
                 }
                 (Some(own), Some(other)) => seen += usize::from(other < own),
-                _ => wrong.push(format!("{room} or {used} has no place in the order")),
+                _ => wrong.push(format!("{module} or {used} has no place in the order")),
             }
         }
     }
     (wrong, seen)
 }
 
-/// Names that the front page re-exports, with their rooms.
+/// Names that the front page re-exports, with their modules.
 fn exports(front: &str) -> BTreeMap<String, String> {
     front
         .split(';')
         .filter_map(|item| item.trim().strip_prefix("pub use "))
         .filter_map(|path| path.split_once("::"))
-        .flat_map(|(room, names)| heads(names).into_iter().map(|n| (n, room.to_owned())))
+        .flat_map(|(module, names)| heads(names).into_iter().map(|n| (n, module.to_owned())))
         .collect()
 }
 
-/// Rooms named after `crate::` (in a command: after `oblate::`), outside comments and test modules.
-pub fn rooms_used(text: &str, exports: &BTreeMap<String, String>) -> BTreeSet<String> {
+/// Modules named after `crate::` (in a command: after `oblate::`), outside comments and test modules.
+pub fn modules_used(text: &str, exports: &BTreeMap<String, String>) -> BTreeSet<String> {
     let code: String = text
         .split("#[cfg(test)]\nmod tests {")
         .next()
@@ -85,19 +86,4 @@ fn heads(path: &str) -> Vec<String> {
     }
     names.retain(|n| !n.is_empty());
     names
-}
-
-/// Every source file below a folder, but for files of tests.
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            files.extend(sources(&path));
-        } else if path.extension().is_some_and(|e| e == "rs") && !path.ends_with("tests.rs") {
-            files.push(path);
-        }
-    }
-    files.sort();
-    files
 }
