@@ -1,20 +1,14 @@
 //! What a nested run must pass to be believed.
 
-use super::reckoning::Errors;
+use super::reckoning::{Errors, Measured};
 use super::settings::Kernel;
 use super::state::{Job, State};
-use super::tuning::mean;
+use super::tuning::{MAX_SEED_CORRELATION, mean};
 use crate::output::Gate;
 use crate::rng::{Domain, stream};
 
 /// Task number of the stream that spreads ranks over their places.
 const SPREAD: u64 = 3;
-
-/// Largest correlation of a new point's likelihood rank with its seed's. On a Gaussian, two shells, two narrow modes and four of
-/// different tails the mean of ln Z was within 0.6 of its error, and the scatter of 30 seeds up to 1.1 times it, where the echo was below
-/// this; above, the scatter reached 1.9 times the error
-/// (`cargo test -p oblate-samplers --release --test integration bias_of -- --ignored --nocapture`).
-pub(super) const MOST_ECHO: f64 = 0.2;
 
 /// Largest error of ln Z by the scatter of clans in units of that of ideal draws. The error that is quoted is the larger of the two, and
 /// holds: of 240 runs of four targets with 400 live points 101 had ratios from 1.5 to 2.3, and an rms of (ln Z - truth) / error of 0.8;
@@ -26,17 +20,6 @@ const MOST_SCATTER: f64 = 2.5;
 /// where 5 to 7 were, by 1 to 1.2 on one mode and up to 2.6 on two
 /// (`cargo test -p oblate-samplers --release --test integration errors_of_means -- --ignored --nocapture`).
 const LEAST_LINEAGES: f64 = 4.0;
-
-/// What the evidence knows about itself.
-pub(super) struct Measured {
-    pub errors: Errors,
-    /// ln Z of the even and of the odd clans.
-    pub halves: [f64; 2],
-    /// Effective number of lineages that the posterior is of.
-    pub lineages: f64,
-    /// Kish's effective number of draws.
-    pub kish: f64,
-}
 
 /// All gates that apply to a run with these targets and this kernel.
 pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Gate> {
@@ -148,7 +131,7 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
                 gates.push(Gate::at_most(
                     "seed-echo",
                     mean(&state.tuning.echoes),
-                    MOST_ECHO,
+                    MAX_SEED_CORRELATION,
                     "correlation of a new point's likelihood rank with its seed's; if too large, live points are fewer than they seem and ln Z is too high: double `steps`",
                 ));
             }

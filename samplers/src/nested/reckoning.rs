@@ -1,7 +1,6 @@
 //! What births, deaths and parameters come to: evidence and effective sizes with their errors, of one run or of several.
 
 use super::evidence::{History, Weighted};
-use super::gates::Measured;
 use super::live::{REJECTED, lineages};
 use super::settings::Settings;
 use crate::diagnostics::{kish_ess, size_of_mean};
@@ -28,6 +27,17 @@ pub(super) struct Errors {
     pub bootstrapped: f64,
     /// Necks that few ancestors came through: see [`of_ancestry`].
     pub ancestral: f64,
+}
+
+/// What the evidence knows about itself.
+pub(super) struct Measured {
+    pub errors: Errors,
+    /// ln Z of the even and of the odd clans.
+    pub halves: [f64; 2],
+    /// Effective number of lineages that the posterior is of.
+    pub lineages: f64,
+    /// Kish's effective number of draws.
+    pub kish: f64,
 }
 
 impl Errors {

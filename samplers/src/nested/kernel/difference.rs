@@ -27,7 +27,8 @@
 //! have been made, which the scatter of lineages measures and the gates watch; and two points born in one batch, each with the
 //! other's seed among its pairs, share what their chains have not forgotten.
 
-use super::{Chain, Fence, cube_from_normal, slice};
+use super::chain::{Chain, Fence, cube_from_normal};
+use super::slice;
 use crate::error::Result;
 use crate::rng::{Stream, unit_open};
 use crate::target::Symmetry;

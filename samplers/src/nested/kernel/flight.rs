@@ -23,7 +23,7 @@
 //! lead to one, and places near the edge would have too much. Beyond an edge of the cube, a wall or the metric region, and at
 //! rejected points, there is no mirror, and the chain turns round at once.
 
-use super::{Chain, Fence};
+use super::chain::{Chain, Fence};
 use crate::error::Result;
 use crate::nested::bound::draw_direction;
 use crate::nested::live::REJECTED;

@@ -1,6 +1,6 @@
 //! Declared jumps: an involution of the standard-normal coordinates, tested on the cube.
 
-use super::{Chain, cube_from_normal};
+use super::chain::{Chain, cube_from_normal};
 use crate::error::Result;
 use crate::rng::{Stream, unit_open};
 use crate::target::{Involution, Symmetry};

@@ -1,7 +1,7 @@
 //! One slice: step out from a random offset along a line, then shrink (Neal 2003). And the plain choice of the line: a
 //! random direction of the local ellipsoid.
 
-use super::{Chain, Fence, Pace};
+use super::chain::{Chain, Fence, Pace};
 use crate::error::{Error, Result};
 use crate::nested::bound::draw_direction;
 use crate::rng::{Stream, below, unit_open};

@@ -3,6 +3,7 @@ use crate::nested::bound::draw_direction;
 use crate::nested::bound::tests::overlapping;
 use crate::nested::rank::ks_probability;
 use crate::nested::settings::BoundKind;
+use crate::normal;
 use crate::rng::{Domain, below, standard_normal, stream, unit_open};
 use crate::target::{HalfSpace, Involution, Marginal, Orbit, Outcome, Prior};
 use rayon::prelude::*;

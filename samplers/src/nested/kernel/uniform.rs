@@ -1,6 +1,6 @@
 //! Independent draws: from the prior, or from the bound.
 
-use super::{Motion, Newborn, Setting};
+use super::chain::{Motion, Newborn, Setting};
 use crate::error::{Error, Result};
 use crate::nested::bound::Bound;
 use crate::nested::likelihood::Likelihood;

@@ -3,7 +3,7 @@
 //! A ball's points are nearly all at its surface in many dimensions. Where a region is thin a step of that length is never
 //! accepted, and a chain that is there stays; short ones among the steps let it go.
 
-use super::{Chain, Fence};
+use super::chain::{Chain, Fence};
 use crate::error::Result;
 use crate::nested::bound::draw_direction;
 use crate::rng::{Stream, unit_open};

@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::nested::evidence::History;
-use crate::nested::kernel::Motion;
+use crate::nested::kernel::chain::Motion;
 use crate::nested::likelihood::Tally;
 use crate::nested::tuning::mean;
 use crate::rng::unit_open;

@@ -1,0 +1,207 @@
+//! A chain of steps above a contour: what its steps share, and where it may go.
+
+use crate::error::Result;
+use crate::neighbours::{Neighbours, Pair};
+use crate::nested::bound::Bound;
+use crate::nested::likelihood::{Likelihood, Tally};
+use crate::nested::live::Points;
+use crate::nested::settings::Kernel;
+use crate::normal;
+use crate::rng::Stream;
+use crate::target::{Symmetry, Target};
+
+/// What all points of a batch share.
+pub(in crate::nested) struct Setting<'a> {
+    pub target: &'a dyn Target,
+    /// New points lie strictly above this log-likelihood.
+    pub contour: f64,
+    /// The kernel, `Auto` resolved.
+    pub kernel: Kernel,
+    /// None: draw from the prior, whatever the kernel. One: draw from it. Two: the metrics of chains from even and
+    /// odd lineages.
+    pub bounds: &'a [Bound],
+    /// The survivors of even and of odd lineages: a chain moves along differences of points of the half that its seed is not
+    /// in. Empty but for the kernel that asks for them.
+    pub halves: &'a [Neighbours; 2],
+    /// Step length in units of the local ellipsoid.
+    pub scale: f64,
+    /// Step length along the difference of two points, in units of their distance.
+    pub stride: f64,
+    /// Slices, flights or walk steps.
+    pub steps: usize,
+}
+
+/// What a step does not leave, lest its law change on the way.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::nested) enum Fence {
+    /// The metric region of this label.
+    Region(usize),
+    /// The cell of a pair of points.
+    Cell(Pair),
+}
+
+/// What steps did, for the tuning of their length.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::nested) struct Pace {
+    /// Slices: steps outward. Flights: moves straight on. Walk: steps accepted.
+    pub grown: u64,
+    /// Slices: points that fell outside. Flights: moves that met an edge. Walk: steps refused.
+    pub shrunk: u64,
+}
+
+impl Pace {
+    /// Adds the steps of another.
+    pub fn add(&mut self, other: Self) {
+        self.grown += other.grown;
+        self.shrunk += other.shrunk;
+    }
+
+    /// Share of the steps that grew; `None` before the first.
+    pub fn share(&self) -> Option<f64> {
+        let all = self.grown + self.shrunk;
+        (all > 0).then(|| self.grown as f64 / all as f64)
+    }
+}
+
+/// The steps of a chain.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::nested) struct Motion {
+    /// Those in units of the local ellipsoid.
+    pub local: Pace,
+    /// Those along differences of points.
+    pub differences: Pace,
+    /// Whether the chain ended elsewhere than it began.
+    pub moved: bool,
+}
+
+/// A new point.
+#[derive(Debug)]
+pub(in crate::nested) struct Newborn {
+    pub u: Vec<f64>,
+    pub ln_l: f64,
+    pub tally: Tally,
+    pub motion: Motion,
+}
+
+/// A walker above the contour and the workspace of its steps.
+pub(super) struct Chain<'a> {
+    pub(super) setting: &'a Setting<'a>,
+    pub(super) bound: &'a Bound,
+    /// The survivors of the half that the seed is not in.
+    pub(super) others: &'a Neighbours,
+    pub(super) likelihood: Likelihood<'a>,
+    pub(super) x: Vec<f64>,
+    pub(super) ln_l: f64,
+    /// Metric region of `x`.
+    pub(super) label: usize,
+    pub(super) trial: Vec<f64>,
+    pub(super) direction: Vec<f64>,
+    pub(super) ball: Vec<f64>,
+    pub(super) motion: Motion,
+}
+
+impl<'a> Chain<'a> {
+    /// A chain that starts at row `seed` of `kept`.
+    pub(super) fn new(
+        setting: &'a Setting<'a>,
+        bound: &'a Bound,
+        kept: &'a Points,
+        seed: usize,
+    ) -> Self {
+        let [even, odd] = setting.halves;
+        let others = if kept.kin[seed].lineage.is_multiple_of(2) {
+            odd
+        } else {
+            even
+        };
+        let dim = kept.dim();
+        Self {
+            setting,
+            bound,
+            others,
+            likelihood: Likelihood::new(setting.target),
+            x: kept.row(seed).to_vec(),
+            ln_l: kept.ln_l[seed],
+            label: bound.label(kept.row(seed)),
+            trial: vec![0.0; dim],
+            direction: vec![0.0; dim],
+            ball: vec![0.0; dim],
+            motion: Motion::default(),
+        }
+    }
+
+    /// Puts `x + t direction` into `trial`; whether it is in the cube, inside the walls and inside the fence.
+    pub(super) fn aim(&mut self, t: f64, fence: Fence) -> bool {
+        let mut in_cube = true;
+        for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
+            *o = x + t * v;
+            in_cube &= *o > 0.0 && *o < 1.0;
+        }
+        in_cube && self.inside(fence) && self.likelihood.inside_walls(&self.trial)
+    }
+
+    /// Puts `x + t direction` into `trial`; its log-likelihood if the chain may go there and it is above the contour.
+    pub(super) fn look(&mut self, t: f64, fence: Fence) -> Result<Option<f64>> {
+        if !self.aim(t, fence) {
+            return Ok(None);
+        }
+        let ln_l = self.likelihood.at(&self.trial)?;
+        Ok((ln_l > self.setting.contour).then_some(ln_l))
+    }
+
+    /// Whether `trial` is inside the fence.
+    pub(super) fn inside(&self, fence: Fence) -> bool {
+        match fence {
+            Fence::Region(label) => self.bound.has_label(&self.trial, label),
+            Fence::Cell(pair) => {
+                let orbit = Symmetry::first_orbit(self.setting.target.symmetries());
+                self.others.unfenced(&pair)
+                    || self.others.holds(&pair, &normals(&self.trial), orbit)
+            }
+        }
+    }
+
+    /// The chain's point in standard-normal coordinates.
+    pub(super) fn normals(&self) -> Vec<f64> {
+        normals(&self.x)
+    }
+
+    /// Moves to `trial`.
+    pub(super) fn accept(&mut self, ln_l: f64) {
+        std::mem::swap(&mut self.x, &mut self.trial);
+        self.ln_l = ln_l;
+    }
+
+    /// Draws the position along every declared orbit afresh. The likelihood is the same there but for rounding, which a
+    /// chaotic target amplifies: a point must carry the value of its own digits, or chains that start from it may find
+    /// nothing above the contour. So it costs one call. A draw beyond a wall, or one that rounding takes below the
+    /// contour, is refused.
+    pub(super) fn refresh_orbits(&mut self, rng: &mut Stream) -> Result<()> {
+        for symmetry in self.setting.target.symmetries() {
+            if let Symmetry::Orbit(orbit) = symmetry {
+                let mut z = self.normals();
+                orbit.refresh(&mut z, rng);
+                cube_from_normal(&z, &mut self.trial);
+                if self.likelihood.inside_walls(&self.trial) {
+                    let ln_l = self.likelihood.at(&self.trial)?;
+                    if ln_l > self.setting.contour {
+                        self.accept(ln_l);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A point of the cube in standard-normal coordinates.
+pub(super) fn normals(u: &[f64]) -> Vec<f64> {
+    u.iter().map(|u| normal::quantile(*u)).collect()
+}
+
+/// `u = Phi(z)`, kept inside the open cube where doubles would round it to a wall.
+pub(super) fn cube_from_normal(z: &[f64], u: &mut [f64]) {
+    for (u, z) in u.iter_mut().zip(z) {
+        *u = normal::cdf(*z).clamp(f64::MIN_POSITIVE, 1.0 - 0.5 * f64::EPSILON);
+    }
+}
