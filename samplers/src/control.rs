@@ -71,15 +71,6 @@ pub enum Event {
         /// Gradients so far.
         gradients: u64,
     },
-    /// One block of a boost.
-    Boost {
-        /// Draws so far.
-        draws: usize,
-        /// Evidence.
-        ln_z: f64,
-        /// Effective draws.
-        ess: f64,
-    },
     /// One step of a refinement.
     Refining {
         /// Share of the fine likelihood in ln L.

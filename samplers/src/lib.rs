@@ -39,8 +39,8 @@
 //! ```
 //!
 //! Rooms, each of which may only look at the ones before it: [`error`], [`normal`], [`rng`], [`target`],
-//! [`checkpoint`], [`output`], [`control`], the keeper of checkpoints and clocks, [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], [`nested`] and [`pt`],
-//! [`boost`], which makes more of what they found, and [`refine`], which carries it to a finer likelihood.
+//! [`checkpoint`], [`output`], [`control`], the keeper of checkpoints and clocks, [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], [`nested`] and
+//! [`pt`], and [`refine`], which carries what they found to a finer likelihood.
 #![cfg_attr(
     test,
     allow(
@@ -58,7 +58,6 @@
     )
 )]
 
-pub mod boost;
 pub mod checkpoint;
 pub mod control;
 pub mod cooling;

@@ -322,13 +322,6 @@ impl Mixture {
         rows.iter().map(|x| self.ln_density(x)).sum::<f64>() / rows.len() as f64
     }
 
-    /// The probabilities that a point belongs to each component.
-    pub fn belonging(&self, x: &[f64]) -> Vec<f64> {
-        let here = self.ln_densities(x);
-        let sum = ln_sum_exp(&here);
-        here.iter().map(|l| (l - sum).exp()).collect()
-    }
-
     /// A draw.
     pub fn draw(&self, rng: &mut Stream) -> Vec<f64> {
         let mut place = unit_open(rng);
@@ -460,7 +453,9 @@ mod tests {
         }
         let one = Mixture::fit(&rows, 1, &mut stream(1, Domain::Test, 3, 0)).unwrap();
         assert!(two.mean_ln_density(&rows) > one.mean_ln_density(&rows) + 1.0);
-        let belongs = two.belonging(&[1.0, 5.0]);
+        let here = two.ln_densities(&[1.0, 5.0]);
+        let sum = ln_sum_exp(&here);
+        let belongs: Vec<f64> = here.iter().map(|l| (l - sum).exp()).collect();
         assert!((belongs.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         assert!(belongs.iter().any(|b| *b > 0.999));
     }

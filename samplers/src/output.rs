@@ -13,8 +13,6 @@ pub enum Method {
     Nested,
     /// Non-reversible parallel tempering with Hamiltonian moves.
     PtHmc,
-    /// Importance sampling from a mixture fitted to another run.
-    Boost,
     /// A run on a coarse likelihood, carried to a fine one.
     Refine,
 }
@@ -306,17 +304,6 @@ pub enum Path {
         round_trips: Vec<u64>,
         /// Log-likelihood of the coldest chain, every scan that counts, ladder by ladder.
         trace: Vec<Vec<f64>>,
-    },
-    /// Importance sampling goes there in one step: what tells how well is the largest weights and the mixture's components.
-    Importance {
-        /// The largest log weights, ascending, in units of the mean weight.
-        ln_tail: Vec<f64>,
-        /// The same by the generalised Pareto distribution fitted to them.
-        ln_tail_smooth: Vec<f64>,
-        /// Weight of every component of the mixture.
-        share: Vec<f64>,
-        /// The same in the run that the mixture was fitted to.
-        parent_share: Vec<f64>,
     },
     /// One entry per step from the coarse likelihood to the fine one.
     Refinement {

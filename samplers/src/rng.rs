@@ -28,8 +28,6 @@ pub enum Domain {
     PtAnneal = 18,
     /// The mixture that a tempered run begins its path at; task = scan, index = components.
     PtReference = 19,
-    /// Importance sampling from a mixture; task says what for, index = draw.
-    Boost = 24,
     /// Refinement of a run; task = level, index = member.
     Refine = 25,
     /// Post-processing: simulated weights, bootstraps, resampling; task says which.

@@ -15,8 +15,7 @@ const MOST_POINTS: usize = 1500;
 ///
 /// Nested: ln L against ln X with the posterior weight per unit of ln X, and the histogram of insertion ranks with the 95 %
 /// band of uniform ranks. Tempered: swap rejection and barrier, acceptance and step size against temperature, and the
-/// trace of the coldest chains with their round trips. Boosted: the largest weights with the distribution fitted to them, and
-/// the components' shares against those of the parent run. Refined: ln Z and the ancestors left on the way.
+/// trace of the coldest chains with their round trips. Refined: ln Z and the ancestors left on the way.
 #[must_use]
 pub fn health(run: &Run) -> String {
     match &run.path {
@@ -41,17 +40,6 @@ pub fn health(run: &Run) -> String {
             moves(&mut canvas, beta, acceptance, step_size);
             traces(&mut canvas, trace, round_trips);
             canvas.finish("Health of a tempered run")
-        }
-        Path::Importance {
-            ln_tail,
-            ln_tail_smooth,
-            share,
-            parent_share,
-        } => {
-            let mut canvas = Canvas::new(560.0, 220.0);
-            tail(&mut canvas, ln_tail, ln_tail_smooth);
-            shares(&mut canvas, share, parent_share);
-            canvas.finish("Health of a boost")
         }
         Path::Refinement {
             share,
@@ -95,55 +83,6 @@ fn way(canvas: &mut Canvas, rect: (f64, f64, f64, f64), share: &[f64], values: &
     axes.frame(canvas);
     axes.draw_x(canvas, "share of the fine likelihood", 5, 8.0);
     axes.draw_y(canvas, what, 5, 8.0, 42.0);
-}
-
-/// The largest weights against how many are larger: as drawn, and by the distribution fitted to them.
-fn tail(canvas: &mut Canvas, ln_tail: &[f64], ln_tail_smooth: &[f64]) {
-    let decades = |values: &[f64]| -> Vec<f64> {
-        values.iter().map(|v| v / std::f64::consts::LN_10).collect()
-    };
-    let (raw, smooth) = (decades(ln_tail), decades(ln_tail_smooth));
-    let larger: Vec<f64> = (0..raw.len())
-        .map(|i| ((raw.len() - i) as f64).log10())
-        .collect();
-    let axes = Axes {
-        rect: (56.0, 12.0, 216.0, 160.0),
-        x: range_of(larger.iter().copied().chain([0.0]), 0.04),
-        y: range_of(raw.iter().chain(&smooth).copied(), 0.15),
-    };
-    canvas.clipped(axes.rect, |canvas| {
-        for at in axes.all(&larger, &raw) {
-            canvas.dot(at, 1.2, COLOURS[0], 1.0, "weight");
-        }
-        canvas.line(&axes.all(&larger, &smooth), COLOURS[1], 1.1, "4 2");
-    });
-    axes.frame(canvas);
-    axes.draw_x(canvas, "log\u{2081}\u{2080} rank of the weight", 5, 8.0);
-    axes.draw_y(canvas, "log\u{2081}\u{2080} weight / mean", 5, 8.0, 42.0);
-    axes.caption(canvas, "dots: largest weights; dashed: Pareto fit", 7.0);
-}
-
-/// Weight of every component against that in the parent run.
-fn shares(canvas: &mut Canvas, share: &[f64], parent_share: &[f64]) {
-    let range = range_of(share.iter().chain(parent_share).copied().chain([0.0]), 0.15);
-    let axes = Axes {
-        rect: (330.0, 12.0, 216.0, 160.0),
-        x: range,
-        y: range,
-    };
-    canvas.line(
-        &axes.all(&[range.0, range.1], &[range.0, range.1]),
-        INK,
-        0.8,
-        "4 2",
-    );
-    for at in axes.all(parent_share, share) {
-        canvas.dot(at, 2.0, COLOURS[0], 1.0, "component");
-    }
-    axes.frame(canvas);
-    axes.draw_x(canvas, "component's share in the parent run", 5, 8.0);
-    axes.draw_y(canvas, "share here", 5, 8.0, 32.0);
-    axes.caption(canvas, "on the line: both agree", 7.0);
 }
 
 /// Evenly spaced indices, so that at most [`MOST_POINTS`] are drawn; the last one included.

@@ -173,7 +173,6 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
     for (name, run) in [
         ("n", runs::nested(900, 1)),
         ("t", runs::tempered(400, 2)),
-        ("b", runs::boosted(400, 3)),
         ("r", runs::refined(400, 4)),
     ] {
         // What tests/peers/read_back.py opens.

@@ -295,9 +295,6 @@ fn health_shows_every_kind_of_run() {
     assert_eq!(svg.matches("class=\"gap\"").count(), 7);
     assert_eq!(svg.matches("class=\"acceptance\"").count(), 8);
     assert!(svg.contains("31, 28, 35, 30"));
-    let svg = sound("health_boosted", health(&runs::boosted(2000, 6)));
-    assert_eq!(svg.matches("class=\"weight\"").count(), 30);
-    assert_eq!(svg.matches("class=\"component\"").count(), 3);
     let svg = sound("health_refined", health(&runs::refined(2000, 6)));
     assert_eq!(svg.matches("class=\"step\"").count(), 6);
 }

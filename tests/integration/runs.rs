@@ -164,18 +164,6 @@ pub fn tempered(rows: usize, seed: u64) -> Run {
     run(Method::PtHmc, draws, path, seed)
 }
 
-/// A boosted run's shape: independent draws, a tail of weights, three components.
-pub fn boosted(rows: usize, seed: u64) -> Run {
-    let ln_tail: Vec<f64> = (0..30).map(|i| 0.1 * f64::from(i)).collect();
-    let path = Path::Importance {
-        ln_tail_smooth: ln_tail.iter().map(|w| 0.98 * w).collect(),
-        ln_tail,
-        share: vec![0.5, 0.3, 0.2],
-        parent_share: vec![0.45, 0.35, 0.2],
-    };
-    run(Method::Boost, draws(rows, 1, seed), path, seed)
-}
-
 /// A refined run's shape: equal weights, three steps.
 pub fn refined(rows: usize, seed: u64) -> Run {
     let path = Path::Refinement {

@@ -6,7 +6,6 @@
 
 mod arrows;
 mod batch;
-mod boost;
 mod exact;
 mod files;
 mod hmc;

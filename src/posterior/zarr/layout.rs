@@ -225,17 +225,6 @@ pub fn write_path(store: &Store, path: &Path) -> Result<()> {
             store.array("/path/trace_length", &dims, &lengths, Map::new())?;
             floats("trace", "scan", &trace.concat())
         }
-        Path::Importance {
-            ln_tail,
-            ln_tail_smooth,
-            share,
-            parent_share,
-        } => {
-            floats("ln_tail", "draw", ln_tail)?;
-            floats("ln_tail_smooth", "draw", ln_tail_smooth)?;
-            floats("share", "component", share)?;
-            floats("parent_share", "component", parent_share)
-        }
         Path::Refinement {
             share,
             ln_ratio,
@@ -287,12 +276,6 @@ pub fn read_path(store: &Store, method: Method) -> Result<Path> {
                 trace,
             }
         }
-        Method::Boost => Path::Importance {
-            ln_tail: floats("ln_tail")?,
-            ln_tail_smooth: floats("ln_tail_smooth")?,
-            share: floats("share")?,
-            parent_share: floats("parent_share")?,
-        },
         Method::Refine => Path::Refinement {
             share: floats("share")?,
             ln_ratio: floats("ln_ratio")?,

@@ -82,11 +82,11 @@ fn what_does_not_belong_together_is_refused() {
     let other = sample(&hard::quarter(), &settings(50, Kernel::Uniform), 3);
     assert!(why(&[&parts[0], &other]).contains("ln L of its best draw"));
     let mut tempered = parts[1].clone();
-    tempered.path = Path::Importance {
-        ln_tail: Vec::new(),
-        ln_tail_smooth: Vec::new(),
+    tempered.path = Path::Refinement {
         share: Vec::new(),
-        parent_share: Vec::new(),
+        ln_ratio: Vec::new(),
+        ancestors: Vec::new(),
+        echo: Vec::new(),
     };
     assert!(why(&[&parts[0], &tempered]).contains("births and deaths"));
 }
