@@ -3,7 +3,7 @@
 //!
 //! A problem is a log-likelihood over a product prior ([`Prior`]). Both samplers see the prior only through unit
 //! coordinates: nested sampling through the cube `u`, tempering through standard normals `z = Φ⁻¹(u)`, so that the
-//! walls of a bounded prior vanish and the same target serves both.
+//! bounds of a prior vanish and the same target serves both.
 //!
 //! Every random number comes from a counter-based stream keyed by (seed, purpose, task, index) ([`rng`]), work is
 //! mapped in order over threads, and reductions are serial: one seed gives the same bits on any number of threads.
@@ -38,8 +38,8 @@
 //! # }
 //! ```
 //!
-//! Rooms, each of which may only look at the ones before it: [`error`], [`normal`], [`rng`], [`target`],
-//! [`checkpoint`], [`output`], [`control`], the keeper of checkpoints and clocks, [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], [`nested`] and
+//! Modules, each of which may only import the ones before it: [`error`], [`normal`], [`rng`], [`target`],
+//! [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], [`nested`] and
 //! [`pt`], and [`refine`], which carries what they found to a finer likelihood.
 #![cfg_attr(
     test,

@@ -33,7 +33,6 @@
 //! ```
 
 mod bound;
-mod closure;
 mod dynamic;
 mod evidence;
 mod finish;
@@ -49,7 +48,6 @@ mod settings;
 mod state;
 mod tuning;
 
-pub use closure::{Sample, sample};
 pub use merge::merge;
 pub use run::run;
 pub use settings::{BoundKind, Kernel, Settings};
