@@ -56,21 +56,11 @@
 //! | [`config`] | the settings files |
 //! | [`run`] | a run folder, the work that fills it, and studies of many |
 //! | [`cli`] | the command, one file per verb |
-#![cfg_attr(
-    test,
-    allow(
-        clippy::cast_possible_truncation,
-        reason = "tests cast small counts of their own"
-    )
-)]
-#![cfg_attr(
-    not(test),
-    deny(
-        clippy::unwrap_used,
-        clippy::expect_used,
-        clippy::panic,
-        clippy::print_stdout
-    )
+#![deny(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout
 )]
 
 pub mod cli;

@@ -21,14 +21,3 @@ pub fn kpc_per_gyr_from_km_s(v: f64) -> f64 {
 pub fn km_s_from_kpc_per_gyr(v: f64) -> f64 {
     v / KPC_PER_GYR_IN_KM_S
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn g_is_the_field_value_in_our_units() {
-        let from_km_s = 4.30091e-6 * KPC_PER_GYR_IN_KM_S * KPC_PER_GYR_IN_KM_S;
-        assert!((G / from_km_s - 1.0).abs() < 1e-15);
-    }
-}

@@ -21,4 +21,4 @@ pub use density::PopulationDensity;
 pub use family::Family;
 pub use q_posterior::QPosterior;
 pub use target::{PopulationSettings, PopulationTarget};
-pub use truncated_gaussian::{TruncatedGaussian, TruncatedGaussianSettings};
+pub use truncated_gaussian::{TruncatedGaussian, TruncatedGaussianSettings, gauss_legendre};

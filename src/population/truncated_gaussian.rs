@@ -173,16 +173,18 @@ impl TruncatedGaussian {
     }
 }
 
-/// Nodes and weights of the Gauss-Legendre rule on [0, 1], by Newton's method on the Legendre polynomial.
-fn gauss_legendre() -> [(f64, f64); NODES] {
-    let n = NODES as f64;
+/// The `N` nodes and weights of the Gauss-Legendre rule on [0, 1], as pairs (node, weight), by Newton's method on the
+/// Legendre polynomial.
+#[must_use]
+pub fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
+    let n = N as f64;
     std::array::from_fn(|i| {
         // Tricomi's first guess is good to 1e-4 of the spacing; five steps are two more than needed.
         let mut x = -(PI * (i as f64 + 0.75) / (n + 0.5)).cos();
         let mut slope = 1.0;
         for _ in 0..5 {
             let (mut p, mut previous) = (x, 1.0);
-            for k in 2..=NODES {
+            for k in 2..=N {
                 let k = k as f64;
                 (p, previous) = (((2.0 * k - 1.0) * x * p - (k - 1.0) * previous) / k, p);
             }
@@ -191,94 +193,4 @@ fn gauss_legendre() -> [(f64, f64); NODES] {
         }
         (0.5 * (1.0 + x), 1.0 / ((1.0 - x * x) * slope * slope))
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scalar::{gradient_of, lift};
-
-    fn family() -> TruncatedGaussian {
-        TruncatedGaussian::new(TruncatedGaussianSettings::default()).unwrap()
-    }
-
-    #[test]
-    fn the_rule_integrates_polynomials_exactly() {
-        let rule = gauss_legendre();
-        for power in [0, 1, 2, 17, 60, 95] {
-            let sum: f64 = rule.iter().map(|(x, w)| w * x.powi(power)).sum();
-            let exact = 1.0 / f64::from(power + 1);
-            assert!((sum / exact - 1.0).abs() < 4e-14, "{power}: {sum}");
-        }
-    }
-
-    #[test]
-    fn every_member_is_normalised_on_the_support() {
-        let family = family();
-        for (mu, sigma) in [
-            (1.0, 0.1),
-            (0.5, 0.3),
-            (1.5, 1.0),
-            (2.5, 0.2),
-            (0.3, 0.05),
-            (9.0, 40.0),
-        ] {
-            let ln_pdf = family.ln_pdf([mu, sigma]);
-            // Midpoints: error of order h^2 times the second derivative's integral, at most the slope at the ends.
-            let n = 200_000;
-            let h = 1.0 / f64::from(n);
-            let sum: f64 = (0..n)
-                .map(|i| h * ln_pdf(0.5 + h * (f64::from(i) + 0.5)).exp())
-                .sum();
-            assert!((sum - 1.0).abs() < 1e-6, "{mu} {sigma}: {sum}");
-        }
-    }
-
-    #[test]
-    fn value_and_gradient_are_continuous_where_the_mean_crosses_a_bound() {
-        let family = family();
-        for bound in [0.5, 1.5] {
-            let at = |mu: f64| family.ln_pdf(lift(&[mu, 0.2]))(0.9);
-            let (inside, outside) = (at(bound - 1e-12), at(bound + 1e-12));
-            assert!((inside.re - outside.re).abs() < 1e-10);
-            for (a, b) in gradient_of(&inside).iter().zip(gradient_of(&outside)) {
-                assert!((a - b).abs() < 1e-9, "{a} {b}");
-            }
-        }
-    }
-
-    #[test]
-    fn impossible_hyperpriors_are_refused_with_their_key() {
-        let default = TruncatedGaussianSettings::default();
-        let uniform = |lo, hi| Marginal::Uniform { lo, hi };
-        for (settings, key) in [
-            (
-                TruncatedGaussianSettings {
-                    q_min: 1.5,
-                    ..default
-                },
-                "population.q_min",
-            ),
-            (
-                TruncatedGaussianSettings {
-                    mu_pop: uniform(1.0, 0.0),
-                    ..default
-                },
-                "population.mu_pop",
-            ),
-            (
-                TruncatedGaussianSettings {
-                    sigma_pop: uniform(-1.0, 1.0),
-                    ..default
-                },
-                "population.sigma_pop",
-            ),
-        ] {
-            let error = TruncatedGaussian::new(settings).unwrap_err();
-            assert!(
-                matches!(error, Error::Setting { key: ref k, .. } if k == key),
-                "{error}"
-            );
-        }
-    }
 }

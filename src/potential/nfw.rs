@@ -202,19 +202,3 @@ pub fn log10_m200(log10_mass: f64, r_s: f64) -> f64 {
     }
     volume_mass.log10() + 3.0 * 0.5 * (lo + hi)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn m200_is_the_mass_inside_200_critical_densities() {
-        for (log10_mass, r_s) in [(11.0, 25.0), (12.0, 15.0), (14.0, 10.0)] {
-            let m200 = 10.0_f64.powf(log10_m200(log10_mass, r_s));
-            let r200 = (m200 / (200.0 * CRITICAL_DENSITY * 4.0 * PI / 3.0)).cbrt();
-            let s = r200 / r_s;
-            let enclosed = 10.0_f64.powf(log10_mass) * ((1.0 + s).ln() - s / (1.0 + s));
-            assert!((enclosed / m200 - 1.0).abs() < 1e-9, "{log10_mass} {r_s}");
-        }
-    }
-}

@@ -6,6 +6,7 @@
 
 mod arrows;
 mod cli;
+mod config;
 mod data;
 mod gala;
 mod golden;
@@ -26,6 +27,8 @@ mod modules;
 mod report;
 mod run;
 mod runs;
+mod scalar;
 mod spray;
 mod stream;
 mod track;
+mod units;

@@ -5,7 +5,7 @@ use oblate::Error;
 use oblate::params::QPrior;
 use oblate::population::{
     Family, PopulationDensity, PopulationSettings, PopulationTarget, QPosterior, TruncatedGaussian,
-    TruncatedGaussianSettings,
+    TruncatedGaussianSettings, gauss_legendre,
 };
 use oblate::scalar::{gradient_of, lift};
 use oblate_samplers::control::Silent;
@@ -465,4 +465,84 @@ fn hyperpriors_are_settings() {
         [settings.mu_pop, settings.sigma_pop]
     );
     assert_eq!(target.streams(), 6);
+}
+
+#[test]
+fn the_rule_integrates_polynomials_exactly() {
+    let rule = gauss_legendre::<48>();
+    for power in [0, 1, 2, 17, 60, 95] {
+        let sum: f64 = rule.iter().map(|(x, w)| w * x.powi(power)).sum();
+        let exact = 1.0 / f64::from(power + 1);
+        assert!((sum / exact - 1.0).abs() < 4e-14, "{power}: {sum}");
+    }
+}
+
+#[test]
+fn every_member_is_normalised_on_the_support() {
+    let family = family();
+    for (mu, sigma) in [
+        (1.0_f64, 0.1),
+        (0.5, 0.3),
+        (1.5, 1.0),
+        (2.5, 0.2),
+        (0.3, 0.05),
+        (9.0, 40.0),
+    ] {
+        let ln_pdf = family.ln_pdf([mu, sigma]);
+        // Midpoints: error of order h^2 times the second derivative's integral, at most the slope at the ends.
+        let n = 200_000;
+        let h = 1.0 / f64::from(n);
+        let sum: f64 = (0..n)
+            .map(|i| h * ln_pdf(0.5 + h * (f64::from(i) + 0.5)).exp())
+            .sum();
+        assert!((sum - 1.0).abs() < 1e-6, "{mu} {sigma}: {sum}");
+    }
+}
+
+#[test]
+fn value_and_gradient_are_continuous_where_the_mean_crosses_a_bound() {
+    let family = family();
+    for bound in [0.5, 1.5] {
+        let at = |mu: f64| family.ln_pdf(lift(&[mu, 0.2]))(0.9);
+        let (inside, outside) = (at(bound - 1e-12), at(bound + 1e-12));
+        assert!((inside.re - outside.re).abs() < 1e-10);
+        for (a, b) in gradient_of(&inside).iter().zip(gradient_of(&outside)) {
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn impossible_hyperpriors_are_refused_with_their_key() {
+    let default = TruncatedGaussianSettings::default();
+    let uniform = |lo, hi| Marginal::Uniform { lo, hi };
+    for (settings, key) in [
+        (
+            TruncatedGaussianSettings {
+                q_min: 1.5,
+                ..default
+            },
+            "population.q_min",
+        ),
+        (
+            TruncatedGaussianSettings {
+                mu_pop: uniform(1.0, 0.0),
+                ..default
+            },
+            "population.mu_pop",
+        ),
+        (
+            TruncatedGaussianSettings {
+                sigma_pop: uniform(-1.0, 1.0),
+                ..default
+            },
+            "population.sigma_pop",
+        ),
+    ] {
+        let error = TruncatedGaussian::new(settings).unwrap_err();
+        assert!(
+            matches!(error, Error::Setting { key: ref k, .. } if k == key),
+            "{error}"
+        );
+    }
 }

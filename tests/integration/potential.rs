@@ -3,10 +3,12 @@
 use crate::golden::{cases, json, number, numbers, relative_difference};
 use oblate::potential::{
     FlattenedNfw, MiyamotoNagai, NfwCotangent, Plummer, PlummerCotangent, Potential, Sum,
+    log10_m200,
 };
 use oblate::scalar::{Dual, Real, Vec3, gradient_of, lift};
-use oblate::units::G;
+use oblate::units::{CRITICAL_DENSITY, G};
 use serde_json::Value;
+use std::f64::consts::PI;
 
 /// The golden files' own tolerance: each entry against the largest of its vector or matrix.
 const TOLERANCE: f64 = 1e-12;
@@ -283,4 +285,15 @@ fn a_sum_of_potentials_adds_up() {
     assert!(h.norm2().sqrt() < 1e-12);
     let ratio: f64 = both.density(x) / (halo.density(x) + disc.density(x));
     assert!((ratio - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn m200_is_the_mass_inside_200_critical_densities() {
+    for (log10_mass, r_s) in [(11.0, 25.0), (12.0, 15.0), (14.0, 10.0)] {
+        let m200 = 10.0_f64.powf(log10_m200(log10_mass, r_s));
+        let r200 = (m200 / (200.0 * CRITICAL_DENSITY * 4.0 * PI / 3.0)).cbrt();
+        let s = r200 / r_s;
+        let enclosed = 10.0_f64.powf(log10_mass) * ((1.0 + s).ln() - s / (1.0 + s));
+        assert!((enclosed / m200 - 1.0).abs() < 1e-9, "{log10_mass} {r_s}");
+    }
 }

@@ -1,67 +1,17 @@
-//! The prior as a distribution: what its draws look like, and that the known moves leave it alone.
+//! The known moves: they leave the prior alone, and are offered only where they do.
 
+use super::{DRAWS, default_prior, rng};
 use crate::ks;
-use oblate::params::symmetry::{HalfTurn, MassVelocityAge, QuarterTurnTwin};
+use oblate::params::symmetry::{
+    HalfTurn, MassVelocityAge, QuarterTurnTwin, symmetries, truncated_exponential,
+};
 use oblate::params::{PARAMETERS, PriorSettings, StreamPrior, index_of};
+use oblate_samplers::Marginal;
 use oblate_samplers::hmc::{Evaluator, Metric, MetricKind, Point, slice};
 use oblate_samplers::neighbours::Neighbours;
 use oblate_samplers::normal;
-use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
+use oblate_samplers::rng::{Stream, standard_normal, unit_open};
 use oblate_samplers::target::{Involution, Orbit, Outcome, Symmetry, Target};
-
-const DRAWS: usize = 20_000;
-
-fn default_prior() -> StreamPrior {
-    StreamPrior::new(&PriorSettings::default()).unwrap()
-}
-
-fn rng(task: u64) -> Stream {
-    stream(20_260_101, Domain::Test, task, 0)
-}
-
-#[test]
-fn q_is_uniform_and_the_axis_isotropic_over_the_hemisphere() {
-    let prior = default_prior();
-    let mut rng = rng(1);
-    let (mut q, mut cosine, mut azimuth, mut both) = (vec![], vec![], vec![], vec![]);
-    for _ in 0..DRAWS {
-        let shape = prior.shape(&prior.draw(&mut rng));
-        let turn = shape.axis.y.atan2(shape.axis.x) / std::f64::consts::TAU + 0.5;
-        q.push(shape.q - 0.5);
-        cosine.push(shape.axis.z);
-        azimuth.push(turn);
-        // Independence of q and the axis: the sum of two uniforms, modulo 1, is uniform too.
-        both.push((shape.q - 0.5 + shape.axis.z).fract());
-    }
-    for (name, sample) in [
-        ("q", q),
-        ("cosine", cosine),
-        ("azimuth", azimuth),
-        ("sum", both),
-    ] {
-        let d = ks::distance_from_uniform(sample);
-        assert!(d < ks::LIMIT, "{name}: {d}");
-    }
-}
-
-#[test]
-fn draws_follow_the_marginals_and_lie_inside() {
-    let prior = default_prior();
-    let mut rng = rng(2);
-    let draws: Vec<_> = (0..DRAWS).map(|_| prior.draw(&mut rng)).collect();
-    for draw in &draws {
-        prior.check_inside(draw).unwrap();
-    }
-    for (i, parameter) in PARAMETERS.iter().enumerate() {
-        let marginal = prior.prior().marginals()[i];
-        let u = draws
-            .iter()
-            .map(|d| marginal.u_from_theta(d.to_array()[i]))
-            .collect();
-        let d = ks::distance_from_uniform(u);
-        assert!(d < ks::LIMIT, "{}: {d}", parameter.name);
-    }
-}
 
 /// Prior draws in standard normals, each moved by `step`: per coordinate, and for products of pairs that the move
 /// couples, still the prior.
@@ -359,4 +309,60 @@ fn the_quarter_turn_with_the_twin_is_an_involution_with_its_jacobian() {
         let across = before.axis.x * after.axis.x + before.axis.y * after.axis.y;
         assert!(across.abs() < 1e-12, "{across}");
     }
+}
+
+#[test]
+fn the_truncated_exponential_has_the_right_distribution_function() {
+    for (rate, lo, hi) in [
+        (0.0, 1.0, 3.0),
+        (1e-9, 0.1, 4.0),
+        (2.0, 0.5, 9.0),
+        (1e3, 0.2, 7.0),
+    ] {
+        for i in 1..10 {
+            let u = 0.1 * f64::from(i);
+            let s = truncated_exponential(u, rate, lo, hi);
+            let cdf = if rate > 0.0 {
+                f64::exp_m1(-rate * (s - lo)) / f64::exp_m1(-rate * (hi - lo))
+            } else {
+                (s - lo) / (hi - lo)
+            };
+            // s carries a rounding of 2e-16 s, worth rate times that in u, and (s - lo) loses digits alike.
+            let tolerance = 1e-14 + 1e-15 * (rate + 1.0);
+            assert!((cdf - u).abs() < tolerance, "{rate} {u}: {cdf}");
+        }
+    }
+}
+
+#[test]
+fn moves_are_offered_only_under_a_prior_that_they_fit() {
+    let offered = |change: &dyn Fn(&mut PriorSettings)| {
+        let mut settings = PriorSettings::default();
+        change(&mut settings);
+        symmetries(&StreamPrior::new(&settings).unwrap()).len()
+    };
+    assert_eq!(offered(&|_| {}), 3);
+    assert_eq!(offered(&|s| s.fixed.age_gyr = Some(2.0)), 2);
+    assert_eq!(
+        offered(&|s| s.marginals.vx0_km_s = Marginal::Normal { mean: 1.0, sd: 9.0 }),
+        2
+    );
+    assert_eq!(
+        offered(&|s| s.marginals.log10_m_prog = Marginal::Normal { mean: 8.0, sd: 1.0 }),
+        2
+    );
+    assert_eq!(
+        offered(&|s| s.marginals.dir_y = Marginal::Normal { mean: 0.0, sd: 2.0 }),
+        2
+    );
+    assert_eq!(offered(&|s| s.fixed.dir_z = Some(1.0)), 2);
+    assert_eq!(offered(&|s| s.fixed.dir_x = Some(0.0)), 1);
+    // Other widths and half-spaces are derived for, and stay.
+    assert_eq!(
+        offered(&|s| s.marginals.vy0_km_s = Marginal::Normal {
+            mean: 0.0,
+            sd: 90.0
+        }),
+        3
+    );
 }

@@ -1,0 +1,274 @@
+//! The prior: its settings, its draws, and the coordinates of the unit cube and of standard normals.
+
+use super::{DRAWS, default_prior, rng};
+use crate::ks;
+use oblate::Error;
+use oblate::params::{DIM, PARAMETERS, PriorSettings, QPrior, StreamParams, StreamPrior, index_of};
+use oblate_samplers::{Marginal, Prior, normal as gaussian};
+use proptest::prelude::*;
+
+const fn uniform(lo: f64, hi: f64) -> Marginal {
+    Marginal::Uniform { lo, hi }
+}
+
+const fn normal(sd: f64) -> Marginal {
+    Marginal::Normal { mean: 0.0, sd }
+}
+
+fn params() -> StreamParams<f64> {
+    StreamParams::from_array([
+        12.5, 15.0, 0.3, -0.8, 0.6, 8.0, 2.0, 60.0, 40.0, -30.0, 150.0, 20.0, 2.5,
+    ])
+}
+
+#[test]
+fn an_empty_file_is_the_default() {
+    let settings: PriorSettings = serde_json::from_str("{}").unwrap();
+    assert_eq!(settings, PriorSettings::default());
+    assert_eq!(StreamPrior::new(&settings).unwrap().prior().dim(), DIM);
+}
+
+#[test]
+fn settings_come_back_from_their_own_file() {
+    let mut settings = PriorSettings::default();
+    settings.fix("age_gyr", 2.0).unwrap();
+    settings.marginals.x0_kpc = normal(90.0);
+    let text = serde_json::to_string(&settings).unwrap();
+    assert_eq!(
+        serde_json::from_str::<PriorSettings>(&text).unwrap(),
+        settings
+    );
+}
+
+#[test]
+fn one_marginal_can_be_changed_without_naming_the_others() {
+    let settings: PriorSettings = serde_json::from_str(
+        r#"{"marginals": {"age_gyr": {"kind": "uniform", "lo": 2.0, "hi": 3.0}}}"#,
+    )
+    .unwrap();
+    assert_eq!(settings.marginals.age_gyr, uniform(2.0, 3.0));
+    assert_eq!(
+        settings.marginals.x0_kpc,
+        PriorSettings::default().marginals.x0_kpc
+    );
+}
+
+#[test]
+fn unknown_keys_are_errors_at_every_depth() {
+    for text in [
+        r#"{"q_minimum": 0.4}"#,
+        r#"{"fixed": {"age": 2.0}}"#,
+        r#"{"marginals": {"age": {"kind": "half_normal", "sd": 1.0}}}"#,
+        r#"{"marginals": {"age_gyr": {"kind": "half_normal", "sd": 1.0, "mean": 0.0}}}"#,
+    ] {
+        let error = serde_json::from_str::<PriorSettings>(text).unwrap_err();
+        assert!(error.to_string().contains("unknown field"), "{error}");
+    }
+}
+
+#[test]
+fn fixed_parameters_are_filled_in_and_left_out() {
+    let mut settings = PriorSettings::default();
+    settings.fix("r_s_halo_kpc", 15.0).unwrap();
+    settings.fix("age_gyr", 2.5).unwrap();
+    let prior = StreamPrior::new(&settings).unwrap();
+    assert_eq!(prior.prior().dim(), 11);
+    assert_eq!(prior.free_index("age_gyr"), None);
+    assert_eq!(prior.free_index("dir_x"), Some(1));
+    assert_eq!(prior.fill(&prior.free_of(&params())), params());
+    prior.check_inside(&params()).unwrap();
+    let mut other = params();
+    other.age_gyr = 2.0;
+    let error = prior.check_inside(&other).unwrap_err();
+    assert!(matches!(error, Error::Setting { ref key, .. } if key == "age_gyr"));
+}
+
+#[test]
+fn impossible_settings_are_refused_with_their_key() {
+    let with = |change: &dyn Fn(&mut PriorSettings)| {
+        let mut settings = PriorSettings::default();
+        change(&mut settings);
+        match StreamPrior::new(&settings) {
+            Err(Error::Setting { key, .. }) => key,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(with(&|s| s.q_min = 0.0), "prior.q_min");
+    assert_eq!(with(&|s| s.q_max = 0.5), "prior.q_max");
+    assert_eq!(
+        with(&|s| s.marginals.age_gyr = uniform(4.0, 1.0)),
+        "prior.marginals.age_gyr"
+    );
+    assert_eq!(
+        with(&|s| s.marginals.r_s_prog_kpc = normal(2.0)),
+        "prior.marginals.r_s_prog_kpc"
+    );
+    assert_eq!(
+        with(&|s| s.fixed.age_gyr = Some(0.0)),
+        "prior.fixed.age_gyr"
+    );
+    assert_eq!(
+        with(&|s| s.fixed.vx0_km_s = Some(f64::NAN)),
+        "prior.fixed.vx0_km_s"
+    );
+    assert_eq!(with(&|s| s.fixed = params().map(Some)), "prior.fixed");
+    let mut settings = PriorSettings::default();
+    let error = settings.fix("age", 2.0).unwrap_err().to_string();
+    assert!(error.contains("age_gyr"), "{error}");
+}
+
+#[test]
+fn points_outside_the_prior_are_refused_by_name() {
+    let prior = StreamPrior::new(&PriorSettings::default()).unwrap();
+    prior.check_inside(&params()).unwrap();
+    for (name, value) in [
+        ("log10_m_halo", 14.1),
+        ("dir_z", -1e-9),
+        ("vx0_km_s", f64::INFINITY),
+        ("vy0_km_s", -1.0),
+        ("age_gyr", f64::NAN),
+    ] {
+        let mut wrong = params();
+        *wrong.get_mut(index_of(name).unwrap()).unwrap() = value;
+        let error = prior.check_inside(&wrong).unwrap_err();
+        assert!(
+            matches!(error, Error::OutsidePrior { name: ref n, .. } if n == name),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn the_prior_of_q_is_known_only_while_the_shape_vector_is_free_and_standard() {
+    let q_prior = |settings: &PriorSettings| StreamPrior::new(settings).unwrap().q_prior();
+    let mut settings = PriorSettings {
+        q_max: 1.2,
+        ..PriorSettings::default()
+    };
+    assert_eq!(q_prior(&settings), QPrior::Uniform { lo: 0.5, hi: 1.2 });
+    settings.marginals.dir_z = normal(1.0);
+    assert_eq!(q_prior(&settings), QPrior::Uniform { lo: 0.5, hi: 1.2 });
+    settings.marginals.dir_y = normal(2.0);
+    assert_eq!(q_prior(&settings), QPrior::Unknown);
+    settings.fix("dir_y", 0.0).unwrap();
+    assert_eq!(q_prior(&settings), QPrior::Unknown);
+}
+
+#[test]
+fn q_is_uniform_and_the_axis_isotropic_over_the_hemisphere() {
+    let prior = default_prior();
+    let mut rng = rng(1);
+    let (mut q, mut cosine, mut azimuth, mut both) = (vec![], vec![], vec![], vec![]);
+    for _ in 0..DRAWS {
+        let shape = prior.shape(&prior.draw(&mut rng));
+        let turn = shape.axis.y.atan2(shape.axis.x) / std::f64::consts::TAU + 0.5;
+        q.push(shape.q - 0.5);
+        cosine.push(shape.axis.z);
+        azimuth.push(turn);
+        // Independence of q and the axis: the sum of two uniforms, modulo 1, is uniform too.
+        both.push((shape.q - 0.5 + shape.axis.z).fract());
+    }
+    for (name, sample) in [
+        ("q", q),
+        ("cosine", cosine),
+        ("azimuth", azimuth),
+        ("sum", both),
+    ] {
+        let d = ks::distance_from_uniform(sample);
+        assert!(d < ks::LIMIT, "{name}: {d}");
+    }
+}
+
+#[test]
+fn draws_follow_the_marginals_and_lie_inside() {
+    let prior = default_prior();
+    let mut rng = rng(2);
+    let draws: Vec<_> = (0..DRAWS).map(|_| prior.draw(&mut rng)).collect();
+    for draw in &draws {
+        prior.check_inside(draw).unwrap();
+    }
+    for (i, parameter) in PARAMETERS.iter().enumerate() {
+        let marginal = prior.prior().marginals()[i];
+        let u = draws
+            .iter()
+            .map(|d| marginal.u_from_theta(d.to_array()[i]))
+            .collect();
+        let d = ks::distance_from_uniform(u);
+        assert!(d < ks::LIMIT, "{}: {d}", parameter.name);
+    }
+}
+
+/// The coordinates in which samplers move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Coordinates {
+    Cube,
+    Normals,
+}
+
+impl Coordinates {
+    fn theta_from_x(self, prior: &Prior, x: &[f64]) -> Vec<f64> {
+        let mut theta = vec![0.0; x.len()];
+        match self {
+            Self::Cube => prior.theta_from_u(x, &mut theta),
+            Self::Normals => prior.theta_from_z(x, &mut theta),
+        }
+        theta
+    }
+
+    fn x_from_theta(self, prior: &Prior, theta: &[f64]) -> Vec<f64> {
+        let pairs = prior.marginals().iter().zip(theta);
+        match self {
+            Self::Cube => pairs.map(|(m, t)| m.u_from_theta(*t)).collect(),
+            Self::Normals => {
+                let mut z = vec![0.0; theta.len()];
+                prior.z_from_theta(theta, &mut z);
+                z
+            }
+        }
+    }
+
+    /// `d theta_i / d x_i`: the density of x over that of theta.
+    fn dtheta_dx(self, prior: &Prior, theta: &[f64]) -> Vec<f64> {
+        let pairs = prior.marginals().iter().zip(theta);
+        let ln_pdf_x = |m: &Marginal, t: f64| match self {
+            Self::Cube => 0.0,
+            Self::Normals => gaussian::ln_pdf(m.z_from_theta(t)),
+        };
+        pairs
+            .map(|(m, t)| (ln_pdf_x(m, *t) - m.ln_pdf(*t)).exp())
+            .collect()
+    }
+}
+
+proptest! {
+    #[test]
+    fn coordinates_invert_exactly_and_jacobians_match_central_differences(
+        z in proptest::collection::vec(-4.0_f64..4.0, 13)
+    ) {
+        let stream = default_prior();
+        let prior = stream.prior();
+        let theta = Coordinates::Normals.theta_from_x(prior, &z);
+        for system in [Coordinates::Cube, Coordinates::Normals] {
+            let x = system.x_from_theta(prior, &theta);
+            let back = system.theta_from_x(prior, &x);
+            let slope = system.dtheta_dx(prior, &theta);
+            for i in 0..13 {
+                // Half a unit in the last place of x, through the slope, and two of theta itself.
+                let grain = 1.2e-16 * x[i].abs() * slope[i] + 1e-15 * theta[i].abs().max(1.0);
+                prop_assert!((back[i] - theta[i]).abs() < 10.0 * grain, "{:?} {}", system, i);
+                // A step small against the distance to the cube's walls.
+                let room = if system == Coordinates::Cube { x[i].min(1.0 - x[i]) } else { 1.0 };
+                let h = 1e-4 * room;
+                let at = |dx: f64| {
+                    let mut moved = x.clone();
+                    moved[i] += dx;
+                    system.theta_from_x(prior, &moved)[i]
+                };
+                let central = (at(h) - at(-h)) / (2.0 * h);
+                // Truncation of second order in the relative step; rounding of theta over the step.
+                let tolerance = 1e-6 * slope[i] + 10.0 * grain / h;
+                prop_assert!((central - slope[i]).abs() < tolerance, "{:?} {}: {} {}", system, i, central, slope[i]);
+            }
+        }
+    }
+}
