@@ -13,16 +13,14 @@ pub struct Parameter {
     pub name: &'static str,
     /// The unit as astropy reads it; empty where there is none.
     pub unit: &'static str,
-    /// A short label for the axis of a figure, in plain text.
-    pub label: &'static str,
 }
 
 /// Writes the table, the struct and the conversions from one list, so that they cannot disagree.
 macro_rules! parameters {
-    ($($(#[$doc:meta])* $name:ident, $unit:literal, $label:literal;)*) => {
-        /// Names, units and labels, in the order of the table of priors.
+    ($($(#[$doc:meta])* $name:ident, $unit:literal;)*) => {
+        /// Names and units, in the order of the table of priors.
         pub const PARAMETERS: [Parameter; DIM] = [
-            $(Parameter { name: stringify!($name), unit: $unit, label: $label },)*
+            $(Parameter { name: stringify!($name), unit: $unit },)*
         ];
 
         /// The names alone, in the same order.
@@ -67,31 +65,31 @@ macro_rules! parameters {
 
 parameters! {
     /// log10 of the NFW mass scale `4 pi rho_0 r_s^3` in solar masses; not M200.
-    log10_m_halo, "dex(solMass)", "log10 M_halo";
+    log10_m_halo, "dex(solMass)";
     /// NFW scale radius in kpc.
-    r_s_halo_kpc, "kpc", "r_s,halo";
+    r_s_halo_kpc, "kpc";
     /// Shape vector, component along the sky's x axis; see [`Shape`](crate::params::Shape).
-    dir_x, "", "dir_x";
+    dir_x, "";
     /// Shape vector, component along the sky's y axis.
-    dir_y, "", "dir_y";
+    dir_y, "";
     /// Shape vector, component towards the observer.
-    dir_z, "", "dir_z";
+    dir_z, "";
     /// log10 of the progenitor's Plummer mass in solar masses.
-    log10_m_prog, "dex(solMass)", "log10 m_prog";
+    log10_m_prog, "dex(solMass)";
     /// Plummer scale radius in kpc.
-    r_s_prog_kpc, "kpc", "r_s,prog";
+    r_s_prog_kpc, "kpc";
     /// The progenitor's x today in kpc; its y is zero by the choice of the sky's axes.
-    x0_kpc, "kpc", "x_0";
+    x0_kpc, "kpc";
     /// The progenitor's z today in kpc.
-    z0_kpc, "kpc", "z_0";
+    z0_kpc, "kpc";
     /// The progenitor's velocity today along x in km/s.
-    vx0_km_s, "km / s", "v_x,0";
+    vx0_km_s, "km / s";
     /// The progenitor's velocity today along y in km/s.
-    vy0_km_s, "km / s", "v_y,0";
+    vy0_km_s, "km / s";
     /// The progenitor's velocity today along z in km/s.
-    vz0_km_s, "km / s", "v_z,0";
+    vz0_km_s, "km / s";
     /// Age of the stream in Gyr: its first particles left that long ago.
-    age_gyr, "Gyr", "age";
+    age_gyr, "Gyr";
 }
 
 impl<S: Copy> StreamParams<S> {

@@ -1,4 +1,4 @@
-//! The NFW halo, flattened in its potential along one axis (physics.md 2).
+//! The NFW halo, flattened in its potential along one axis (docs/physics.md, section 2).
 
 use super::Potential;
 use crate::scalar::{Scalar, Vec3, ln_1p, two_atanh_tail};
@@ -62,7 +62,7 @@ const TINY_M2: f64 = 1e-40;
 #[inline(always)]
 fn profile<S: Scalar>(s: S) -> S {
     let one_plus = s + 1.0;
-    let (power, ln_power) = one_plus.binade();
+    let (power, ln_power) = one_plus.split_exponent();
     let below = s + (S::one() + power);
     let short = S::one() - power;
     // One division for the two reciprocals.

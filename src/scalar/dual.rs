@@ -1,6 +1,6 @@
 //! Dual numbers: those of `num-dual`, the reference, and ones in lanes for where duals are the cost.
 
-use super::isa::{Eights, Isa, LANES, binade, nearest};
+use super::isa::{Isa, LANES, LaneArray, round_ties_even, split_exponent};
 use super::{Lanes, Real, Scalar};
 use num_dual::DualSVec64;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -41,7 +41,7 @@ impl<I: Isa, const K: usize> LaneDual<I, K> {
     #[inline(always)]
     #[must_use]
     pub fn variable(value: f64, index: usize) -> Self {
-        let mut eps = Eights([[0.0; LANES]; K]);
+        let mut eps = LaneArray([[0.0; LANES]; K]);
         eps.0[index / LANES][index % LANES] = 1.0;
         Self {
             re: value,
@@ -209,14 +209,14 @@ impl<I: Isa, const K: usize> Scalar for LaneDual<I, K> {
     }
 
     #[inline(always)]
-    fn binade(self) -> (Self, Self) {
-        let (power, ln) = binade(self.re);
+    fn split_exponent(self) -> (Self, Self) {
+        let (power, ln) = split_exponent(self.re);
         (Self::from_f64(power), Self::from_f64(ln))
     }
 
     #[inline(always)]
-    fn nearest(self) -> Self {
-        Self::from_f64(nearest(self.re))
+    fn round_ties_even(self) -> Self {
+        Self::from_f64(round_ties_even(self.re))
     }
 }
 

@@ -5,7 +5,7 @@
               instruction set"
 )]
 
-use super::isa::{Eights, Isa, LANES, NO_FRACTION};
+use super::isa::{Isa, LANES, LaneArray, NO_FRACTION};
 use super::{Scalar, Vec3};
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -116,16 +116,16 @@ impl<I: Isa, const K: usize> Scalar for Lanes<I, K> {
     }
 
     #[inline(always)]
-    fn binade(self) -> (Self, Self) {
+    fn split_exponent(self) -> (Self, Self) {
         let (mut power, mut ln) = (self, self);
         for i in 0..K {
-            (power.0[i], ln.0[i]) = I::binade(self.0[i]);
+            (power.0[i], ln.0[i]) = I::split_exponent(self.0[i]);
         }
         (power, ln)
     }
 
     #[inline(always)]
-    fn nearest(self) -> Self {
+    fn round_ties_even(self) -> Self {
         (self + NO_FRACTION) - NO_FRACTION
     }
 }
@@ -134,10 +134,10 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
     /// From memory, eight by eight.
     #[inline(always)]
     #[must_use]
-    pub fn load(eights: &Eights<K>) -> Self {
+    pub fn load(array: &LaneArray<K>) -> Self {
         let mut lanes = Self::from_f64(0.0);
         for i in 0..K {
-            lanes.0[i] = I::load(&eights.0[i]);
+            lanes.0[i] = I::load(&array.0[i]);
         }
         lanes
     }
@@ -145,12 +145,12 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
     /// To memory.
     #[inline(always)]
     #[must_use]
-    pub fn store(self) -> Eights<K> {
-        let mut eights = [[0.0; LANES]; K];
+    pub fn store(self) -> LaneArray<K> {
+        let mut array = [[0.0; LANES]; K];
         for i in 0..K {
-            eights[i] = I::store(self.0[i]);
+            array[i] = I::store(self.0[i]);
         }
-        Eights(eights)
+        LaneArray(array)
     }
 
     /// The sum of each eight.

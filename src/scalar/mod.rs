@@ -15,7 +15,7 @@ pub use dispatch::{Kernel, Level};
 pub use dual::{Dual, LaneDual, gradient_of, lift, variable};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use isa::{Avx2, Avx512};
-pub use isa::{Eights, Isa, LANES, Portable};
+pub use isa::{Isa, LANES, LaneArray, Portable};
 pub use lanes::Lanes;
 pub use vec3::Vec3;
 
@@ -61,10 +61,10 @@ pub trait Scalar:
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
 
     /// For a positive normal number, the constants `(2^k, k ln 2)` with `self / 2^k` in [sqrt(1/2), sqrt(2)).
-    fn binade(self) -> (Self, Self);
+    fn split_exponent(self) -> (Self, Self);
 
-    /// The nearest whole number, a constant; below 2^51.
-    fn nearest(self) -> Self;
+    /// The nearest whole number, halves to the even one, with derivative zero; for magnitudes below 2^51.
+    fn round_ties_even(self) -> Self;
 
     /// Zero.
     #[must_use]
@@ -140,14 +140,14 @@ where
     }
 
     #[inline(always)]
-    fn binade(self) -> (Self, Self) {
-        let (power, ln) = isa::binade(Real::re(self));
+    fn split_exponent(self) -> (Self, Self) {
+        let (power, ln) = isa::split_exponent(Real::re(self));
         (Self::from(power), Self::from(ln))
     }
 
     #[inline(always)]
-    fn nearest(self) -> Self {
-        Self::from(isa::nearest(Real::re(self)))
+    fn round_ties_even(self) -> Self {
+        Self::from(isa::round_ties_even(Real::re(self)))
     }
 }
 
@@ -186,7 +186,7 @@ where
 /// `k ln 2 + 2 atanh u`, and `|u| < 0.172`.
 #[inline(always)]
 pub fn ln_1p<S: Scalar>(s: S) -> S {
-    let (power, ln_power) = (s + 1.0).binade();
+    let (power, ln_power) = (s + 1.0).split_exponent();
     let u = (s + (S::one() - power)) / (s + (S::one() + power));
     let z = u * u;
     ln_power + (u * 2.0 + u * z * two_atanh_tail(z))

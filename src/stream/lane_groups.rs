@@ -2,7 +2,7 @@
 
 use super::{Model, ProgenitorSolution, ReleaseFrame};
 use crate::orbit::{InterleavedSchedules, State, StepSchedule};
-use crate::scalar::{Eights, Isa, LANES, Lanes, Vec3};
+use crate::scalar::{Isa, LANES, LaneArray, Lanes, Vec3};
 use crate::spray::ReleaseTable;
 
 /// Particles of one epoch that travel side by side; short groups repeat their last particle.
@@ -132,9 +132,9 @@ impl<'a> Pair<'a> {
 #[inline(always)]
 fn kicks<I: Isa>(a: &[[f64; LANES]; 3], b: &[[f64; LANES]; 3]) -> [Interleaved<I>; 3] {
     [
-        Lanes::load(&Eights([a[0], b[0]])),
-        Lanes::load(&Eights([a[1], b[1]])),
-        Lanes::load(&Eights([a[2], b[2]])),
+        Lanes::load(&LaneArray([a[0], b[0]])),
+        Lanes::load(&LaneArray([a[1], b[1]])),
+        Lanes::load(&LaneArray([a[2], b[2]])),
     ]
 }
 

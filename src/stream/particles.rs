@@ -5,7 +5,7 @@ use super::{Model, ProgenitorSolution};
 use crate::error::{Rejection, Tally};
 use crate::orbit::{FinalParticle, State, advance};
 use crate::potential::{FlattenedNfw, Plummer};
-use crate::scalar::{Eights, Isa, Kernel, Level, angle, compile_kernel};
+use crate::scalar::{Isa, Kernel, LaneArray, Level, angle, compile_kernel};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -116,8 +116,8 @@ impl<'a> Columns<'a> {
     fn copy(
         &mut self,
         pair: &Pair<'_>,
-        values: &[Eights<UNROLL>; 7],
-        ambiguous_windings: &Eights<UNROLL>,
+        values: &[LaneArray<UNROLL>; 7],
+        ambiguous_windings: &LaneArray<UNROLL>,
     ) -> f64 {
         let mut sum = 0.0;
         for (k, len) in pair

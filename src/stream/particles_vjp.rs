@@ -9,7 +9,7 @@ use super::lane_groups::{Interleaved, Pair, Planner, StepSchedules, UNROLL};
 use super::{Model, Particles, ProgenitorSolution, ReleaseFrame, System, Threads};
 use crate::orbit::{Node, State, StepCotangent, StepSchedule, add_weighted, reverse};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
-use crate::scalar::{Eights, Isa, Kernel, LANES, Lanes, Level, Scalar, Vec3, compile_kernel};
+use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, Scalar, Vec3, compile_kernel};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -162,7 +162,7 @@ impl Ends<'_> {
 /// A pair's parts of a column; the last number of each again in lanes without a particle.
 #[inline(always)]
 fn repeated<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
-    let mut lanes = Eights([[0.0; LANES]; UNROLL]);
+    let mut lanes = LaneArray([[0.0; LANES]; UNROLL]);
     for (lanes, group) in lanes.0.iter_mut().zip(pair.groups) {
         let (part, rest) = lanes.split_at_mut(group.len);
         part.copy_from_slice(&column[group.first..group.first + group.len]);
@@ -174,7 +174,7 @@ fn repeated<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
 /// A pair's parts of a column; zeros in lanes without a particle.
 #[inline(always)]
 fn padded<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
-    let mut lanes = Eights([[0.0; LANES]; UNROLL]);
+    let mut lanes = LaneArray([[0.0; LANES]; UNROLL]);
     for ((lanes, group), len) in lanes.0.iter_mut().zip(pair.groups).zip(pair.lens) {
         lanes[..len].copy_from_slice(&column[group.first..group.first + len]);
     }

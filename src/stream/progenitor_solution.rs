@@ -7,7 +7,7 @@ use crate::params::{QRange, StreamParams};
 use crate::potential::{FlattenedNfw, Plummer};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
-use crate::units::KPC_PER_GYR_IN_KM_S;
+use crate::units::KM_S_IN_KPC_PER_GYR;
 use std::f64::consts::{LN_10, TAU};
 
 /// What makes a stream: a host, a progenitor, and where it is today.
@@ -42,7 +42,7 @@ impl<S: Real> System<S> {
             },
             today: State {
                 x: params.position_kpc(),
-                v: params.velocity_km_s() * S::from_f64(KPC_PER_GYR_IN_KM_S),
+                v: params.velocity_km_s() * S::from_f64(KM_S_IN_KPC_PER_GYR),
             },
             age_gyr: params.age_gyr,
         }

@@ -6,7 +6,7 @@
 use super::segment::{Segment, SegmentRun, SkyPoint};
 use crate::orbit::FinalParticle;
 use crate::scalar::{
-    Dual, Eights, Isa, Kernel, LANES, Lanes, Level, Real, Scalar, angle, compile_kernel,
+    Dual, Isa, Kernel, LANES, LaneArray, Lanes, Level, Real, Scalar, angle, compile_kernel,
     gradient_of, smooth_step, variable,
 };
 use crate::stream::Particles;
@@ -170,7 +170,7 @@ impl BinGrid {
     /// Where a particle at a position belongs.
     #[inline(always)]
     fn place<S: Scalar>(&self, position: S) -> Placed<S> {
-        let edge = position.nearest();
+        let edge = position.round_ties_even();
         let above = match self.edges {
             BinEdges::Hard => S::select(position.lt(edge), S::zero(), S::one()),
             BinEdges::Soft { half_width_deg } => {
@@ -380,13 +380,13 @@ struct BinKernel<'a> {
 
 /// The next eight numbers of a column, or as many as there are.
 #[inline(always)]
-fn eight(column: &[f64]) -> Eights<1> {
+fn eight(column: &[f64]) -> LaneArray<1> {
     let mut eights = [0.0; LANES];
     match column.first_chunk() {
         Some(whole) => eights = *whole,
         None => eights[..column.len()].copy_from_slice(column),
     }
-    Eights([eights])
+    LaneArray([eights])
 }
 
 impl Kernel for BinKernel<'_> {

@@ -79,7 +79,7 @@ fn everything<S: Real>(a: S, b: S) -> Vec<S> {
         a.ln(),
         a.cbrt(),
         a.tanh(),
-        a.nearest(),
+        a.round_ties_even(),
         angle(a, b),
         a.with_derivative(2.0, -3.0),
         ln_1p(a),

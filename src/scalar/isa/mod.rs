@@ -1,7 +1,7 @@
-//! Eight numbers in the registers of one instruction set: the only file that knows an instruction by name is `x86`.
+//! Eight numbers in the registers of one instruction set. CPU intrinsics are called only in `x86`.
 //!
-//! A compiler turns loops over arrays into vector instructions when it likes to; in a loop as large as the leapfrog's it
-//! leaves some of them in halves and pieces. Named instructions are vectors always.
+//! Intrinsics are used because the compiler's own vectorisation is not reliable in large loops: in the leapfrog it leaves
+//! some operations on single numbers or on half registers.
 
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -15,16 +15,18 @@ use std::fmt::Debug;
 /// Numbers in one [`Isa::Vector`].
 pub const LANES: usize = 8;
 
-/// Lanes in memory, `K` times eight. On cache lines: a function that has some of them keeps its stack on cache lines, and with
-/// it the registers that its loops have to put there; without, every other one of those would straddle two.
+/// `K` times eight numbers in memory, the array form of [`Lanes`](super::Lanes).
+///
+/// Aligned to cache lines of 64 bytes. A function that holds one aligns its whole stack frame to cache lines, so that vector
+/// registers that are spilled to the stack do not straddle two lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
-pub struct Eights<const K: usize>(pub [[f64; LANES]; K]);
+pub struct LaneArray<const K: usize>(pub [[f64; LANES]; K]);
 
-/// What lanes need of an instruction set, eight numbers at a time.
+/// The operations of an instruction set on eight numbers at a time.
 ///
-/// Those of a CPU that may not be the present one cannot be named outside of this crate, and inside only
-/// [`compile_kernel`](super::dispatch) does, after it has asked the CPU.
+/// The instruction sets that the present CPU may lack are private to this crate. Inside it only
+/// [`compile_kernel`](super::dispatch) names them, and it runs them only where the CPU has reported them.
 pub trait Isa: Copy + Debug + 'static {
     /// Eight numbers.
     type Vector: Copy + Debug;
@@ -63,7 +65,7 @@ pub trait Isa: Copy + Debug + 'static {
     /// The sum of the eight, by halves: fours, then pairs, then one.
     fn sum(a: Self::Vector) -> f64;
     /// The constants `(2^k, k ln 2)` with `a / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal numbers.
-    fn binade(a: Self::Vector) -> (Self::Vector, Self::Vector);
+    fn split_exponent(a: Self::Vector) -> (Self::Vector, Self::Vector);
 }
 
 /// Mantissa bits of a double.
@@ -78,7 +80,7 @@ const TWO_52_AND_BIAS: f64 = 4_503_599_627_370_496.0 + 1023.0;
 /// `(2^k, k ln 2)` with `x / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal `x`: by the bits of the number, without
 /// a branch.
 #[inline(always)]
-pub(super) fn binade(x: f64) -> (f64, f64) {
+pub(super) fn split_exponent(x: f64) -> (f64, f64) {
     let exponent = (x.to_bits() + SHIFT) & !MANTISSA;
     let k = f64::from_bits((exponent >> 52) | TWO_52_BITS) - TWO_52_AND_BIAS;
     (f64::from_bits(exponent), k * std::f64::consts::LN_2)
@@ -87,13 +89,13 @@ pub(super) fn binade(x: f64) -> (f64, f64) {
 /// 1.5 * 2^52: a number below 2^51 loses its fraction when this is added to it.
 pub(super) const NO_FRACTION: f64 = 6_755_399_441_055_744.0;
 
-/// The nearest whole number; of two, the even one.
+/// The nearest whole number, halves to the even one; for magnitudes below 2^51.
 #[inline(always)]
-pub(super) fn nearest(x: f64) -> f64 {
+pub(super) fn round_ties_even(x: f64) -> f64 {
     (x + NO_FRACTION) - NO_FRACTION
 }
 
-/// Plain arrays, for the compiler to make of them what the target promises: every CPU.
+/// Plain arrays, compiled for the baseline instruction set of the target: runs on every CPU.
 #[derive(Clone, Copy, Debug)]
 pub struct Portable;
 
@@ -165,8 +167,8 @@ impl Isa for Portable {
         (a + c) + (b + d)
     }
     #[inline(always)]
-    fn binade(a: Self::Vector) -> (Self::Vector, Self::Vector) {
-        let pairs = a.map(binade);
+    fn split_exponent(a: Self::Vector) -> (Self::Vector, Self::Vector) {
+        let pairs = a.map(split_exponent);
         (pairs.map(|p| p.0), pairs.map(|p| p.1))
     }
 }

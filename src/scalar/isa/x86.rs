@@ -111,7 +111,7 @@ impl Isa for Avx512 {
         }
     }
     #[inline(always)]
-    fn binade(a: __m512d) -> (__m512d, __m512d) {
+    fn split_exponent(a: __m512d) -> (__m512d, __m512d) {
         cpu! {
             let bits = _mm512_add_epi64(_mm512_castpd_si512(a), _mm512_set1_epi64(signed(SHIFT)));
             let exponent = _mm512_and_si512(bits, _mm512_set1_epi64(signed(!MANTISSA)));
@@ -133,9 +133,9 @@ pub(crate) struct Avx2;
 type Two = [__m256d; 2];
 
 impl Avx2 {
-    /// [`Isa::binade`] of one register.
+    /// [`Isa::split_exponent`] of one register.
     #[inline(always)]
-    fn binade_of_four(a: __m256d) -> (__m256d, __m256d) {
+    fn split_exponent_of_four(a: __m256d) -> (__m256d, __m256d) {
         cpu! {
             let bits = _mm256_add_epi64(_mm256_castpd_si256(a), _mm256_set1_epi64x(signed(SHIFT)));
             let exponent = _mm256_and_si256(bits, _mm256_set1_epi64x(signed(!MANTISSA)));
@@ -240,8 +240,11 @@ impl Isa for Avx2 {
         cpu! { sum_of_four(_mm256_add_pd(a[0], a[1])) }
     }
     #[inline(always)]
-    fn binade(a: Two) -> (Two, Two) {
-        let (low, high) = (Self::binade_of_four(a[0]), Self::binade_of_four(a[1]));
+    fn split_exponent(a: Two) -> (Two, Two) {
+        let (low, high) = (
+            Self::split_exponent_of_four(a[0]),
+            Self::split_exponent_of_four(a[1]),
+        );
         ([low.0, high.0], [low.1, high.1])
     }
 }
