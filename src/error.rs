@@ -1,5 +1,5 @@
-//! The three kinds of bad news: [`Error`] (this run cannot go on), [`Rejection`] (this point has no track) and
-//! [`Tally`] (it went on, but count it).
+//! [`Error`]: the run cannot start or continue; [`Rejection`]: a point of parameter space has no track or no likelihood;
+//! [`Tally`]: approximations made on the way to a track, counted.
 
 mod population;
 mod track;
@@ -306,13 +306,13 @@ impl std::fmt::Display for Rejection {
     }
 }
 
-/// What was bounded, smoothed or made unsafe on the way to one track, counted for the report.
+/// Numbers of approximations and ambiguities on the way to one track, for the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tally {
-    /// Releases whose tidal radius had to be bounded (see the spray room).
+    /// Releases whose tidal radius had to be bounded (see [`spray`](crate::spray)).
     pub bounded_tidal_radius: u64,
-    /// Particle-steps that turned a particle by more than 90 degrees around the projected centre: its winding count
-    /// is not safe.
+    /// Particle steps that change the angle around the projected centre by more than 90 degrees, so that the winding number is
+    /// ambiguous.
     pub ambiguous_windings: u64,
 }
 

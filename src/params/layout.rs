@@ -1,4 +1,4 @@
-//! Name, unit and place of each of the thirteen parameters, in one table.
+//! Name, unit and index of each of the thirteen parameters, in one table.
 
 use crate::scalar::{Scalar, Vec3};
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Number of parameters of a stream.
 pub const DIM: usize = 13;
 
-/// What is known of one parameter besides its value.
+/// Name and unit of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameter {
     /// The name in files, flags and columns.
@@ -15,7 +15,7 @@ pub struct Parameter {
     pub unit: &'static str,
 }
 
-/// Writes the table, the struct and the conversions from one list, so that they cannot disagree.
+/// Defines the table, the struct and the conversions from one list, so that they agree.
 macro_rules! parameters {
     ($($(#[$doc:meta])* $name:ident, $unit:literal;)*) => {
         /// Names and units, in the order of the table of priors.
@@ -119,7 +119,7 @@ impl<S: Scalar> StreamParams<S> {
     }
 }
 
-/// The place of a parameter by its name.
+/// The index of a parameter in [`PARAMETERS`] by its name; `None` for an unknown name.
 #[must_use]
 pub fn index_of(name: &str) -> Option<usize> {
     NAMES.iter().position(|n| *n == name)

@@ -1,5 +1,5 @@
-//! The prior of the thirteen parameters: one table of defaults, settings to change or fix any of them, and the map
-//! from what a sampler moves (the free parameters) to what the model needs (all of them).
+//! The prior of the thirteen parameters: the table of defaults, settings that change or fix any of them, and the map from
+//! the free parameters, which a sampler varies, to all thirteen, which the model needs.
 
 use super::layout::{DIM, PARAMETERS, StreamParams, index_of};
 use super::shape::{QPrior, QRange, Shape};
@@ -26,8 +26,9 @@ const fn half_normal(sd: f64) -> Marginal {
     Marginal::HalfNormal { sd }
 }
 
-/// The prior of Chemaly et al. (2026), table 1. The half-normals choose one of several equivalent copies: the axis'
-/// sign, the side of the halo that faces us, the orientation of the sky's axes, the sense of the orbit.
+/// The prior of Chemaly et al. (2026), table 1. The half-normals select one of several equivalent configurations: the sign
+/// of the halo's axis (`dir_z`), the direction of the sky's x axis (`x0_kpc`), the near or the far side of the halo
+/// (`z0_kpc`), and the sense of the orbit (`vy0_km_s`).
 const DEFAULT: StreamParams<Marginal> = StreamParams {
     log10_m_halo: uniform(11.0, 14.0),
     r_s_halo_kpc: uniform(10.0, 25.0),
@@ -124,9 +125,9 @@ impl PriorSettings {
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreamPrior {
     settings: PriorSettings,
-    /// Places of the free parameters among the thirteen, in order.
+    /// Indices of the free parameters in [`PARAMETERS`], in order.
     free: Vec<usize>,
-    /// Values of the fixed parameters; unused (NaN) in the places of the free ones.
+    /// Values of the fixed parameters; NaN, and unused, at the indices of the free ones.
     fixed: [f64; DIM],
     prior: Prior,
 }
@@ -135,9 +136,9 @@ impl StreamPrior {
     /// Checks the settings and builds the product prior of the free parameters.
     ///
     /// # Errors
-    /// [`Error::Setting`] with the key, for bounds of q out of order, a marginal that is no distribution or reaches
-    /// below zero where the model needs a positive number, a fixed value that the model cannot use, or no free
-    /// parameter.
+    /// [`Error::Setting`], with the key, if `q_min` is not positive or not below `q_max`, a marginal is no distribution or
+    /// extends below zero where the model needs a positive number, a fixed value is not finite or not positive where it must
+    /// be, or no parameter is free.
     pub fn new(settings: &PriorSettings) -> Result<Self> {
         let (q_min, q_max) = (settings.q_min, settings.q_max);
         if !(q_min.is_finite() && q_min > 0.0) {
@@ -201,13 +202,13 @@ impl StreamPrior {
         &self.prior
     }
 
-    /// The places of the free parameters in [`PARAMETERS`], in the order of [`prior`](Self::prior).
+    /// The indices of the free parameters in [`PARAMETERS`], in the order of [`prior`](Self::prior).
     #[must_use]
     pub fn free(&self) -> &[usize] {
         &self.free
     }
 
-    /// Where a parameter stands among the free ones; `None` if it is fixed or unknown.
+    /// The index of a parameter among the free ones; `None` if it is fixed or unknown.
     #[must_use]
     pub fn free_index(&self, name: &str) -> Option<usize> {
         let index = index_of(name)?;

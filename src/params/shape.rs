@@ -1,4 +1,4 @@
-//! What the shape vector means: its direction is the halo's axis, its length the flattening.
+//! The shape vector: its direction is the symmetry axis of the halo, its length determines the flattening q.
 //!
 //! With three standard normal components (the last one its positive half) the axis is isotropic over the hemisphere
 //! towards the observer, and `F(|r|)`, the distribution function of the length, is uniform: so is q.
@@ -11,8 +11,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_2_SQRT_PI};
 /// `sqrt(2 / pi)`.
 const SQRT_2_OVER_PI: f64 = FRAC_2_SQRT_PI * FRAC_1_SQRT_2;
 
-/// Below this length of the shape vector the axis has no direction left and is set to the line of sight. The prior
-/// gives it a probability of 3e-37.
+/// A shape vector shorter than this has no usable direction; its axis is set to the line of sight. The prior probability of
+/// such a vector is 3e-37.
 const MIN_LENGTH: f64 = 1e-12;
 
 /// Below this length the series replaces the difference of error function and exponential.
@@ -27,7 +27,7 @@ pub struct QRange {
     pub q_max: f64,
 }
 
-/// The prior that a fit put on q: what a population needs to know in order to divide it out.
+/// The prior of q in a fit, which the population model divides out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum QPrior {
@@ -52,7 +52,7 @@ pub struct Shape<S> {
 }
 
 impl QRange {
-    /// The shape that a shape vector stands for: `q = q_min + (q_max - q_min) F(|r|)` with
+    /// Flattening and axis of a shape vector: `q = q_min + (q_max - q_min) F(|r|)` with
     /// `F(r) = erf(r / sqrt 2) - sqrt(2 / pi) r exp(-r^2 / 2)`, and `axis = r / |r|`.
     ///
     /// Everything is written in `|r|^2`, whose derivative exists at the origin, so q has finite derivatives there

@@ -1,5 +1,5 @@
-//! Moves that the physics knows: one exact ridge of the posterior, and jumps between the four orientations that a
-//! projected track hardly tells apart.
+//! Symmetries of the posterior that samplers use as moves: the exact degeneracy of mass, velocity and age, and two
+//! involutions between the four orientation modes, which a projected track barely distinguishes.
 
 use super::prior::StreamPrior;
 use super::shape::{length_cdf, length_quantile, length_sf};
@@ -7,8 +7,8 @@ use oblate_samplers::rng::{Stream, unit_open};
 use oblate_samplers::target::{Involution, Orbit};
 use oblate_samplers::{Marginal, Prior, Symmetry};
 
-/// All moves that hold under the given prior, for a likelihood that sees lengths alone (a track on the sky, without
-/// velocities).
+/// All moves that are valid under the given prior, for a likelihood that depends on lengths only (a track on the sky,
+/// without velocities).
 #[must_use]
 pub fn symmetries(prior: &StreamPrior) -> Vec<Symmetry> {
     let mut moves = Vec::new();
@@ -27,7 +27,7 @@ pub fn symmetries(prior: &StreamPrior) -> Vec<Symmetry> {
 /// The exact degeneracy of mass, velocity and age. Masses times `s`, velocities times `sqrt s`, age over `sqrt s`:
 /// every length of the model is unchanged, at any number of steps.
 ///
-/// Where to move on that orbit (Liu and Sabatti 2000, theorem 1): if `x` follows the density `p`, so does `g x` with
+/// How to move along this group orbit (Liu and Sabatti 2000, theorem 1): if `x` follows the density `p`, so does `g x` with
 /// `g` drawn from `p(g x) |J_g(x)|` with respect to the group's left Haar measure. Here the group is the
 /// multiplicative one, with Haar measure `ds / s`. In the coordinates (log10 M, log10 m, vx, vy, vz, T) the masses
 /// are shifted, three velocities are multiplied by `s^(1/2)` each and one age by `s^(-1/2)`: `J = s^(3/2 - 1/2) = s`.
@@ -116,7 +116,7 @@ impl MassVelocityAge {
 pub fn truncated_exponential(u: f64, rate: f64, lo: f64, hi: f64) -> f64 {
     let width = hi - lo;
     let x = rate * width;
-    // Below this the exponential is flat to the last digit, and the formula is 0/0.
+    // Below this the density is constant to rounding, and the formula is 0/0.
     if x < 1e-16 {
         return lo + u * width;
     }
@@ -129,8 +129,8 @@ impl Orbit for MassVelocityAge {
         "mass-velocity-age"
     }
 
-    /// One uniform is used, whatever happens. Should rounding put a parameter onto its bound (probability 1e-15), the
-    /// point is left where it is.
+    /// Always uses one random number. If rounding puts a parameter onto its bound (probability 1e-15), the point is not
+    /// moved.
     fn refresh(&self, z: &mut [f64], rng: &mut Stream) {
         let u = unit_open(rng);
         let mut theta = vec![0.0; z.len()];
@@ -153,7 +153,7 @@ impl Orbit for MassVelocityAge {
         }
     }
 
-    /// The level is the host's mass.
+    /// Moves to the host mass of `to`.
     fn align(&self, z: &mut [f64], to: &[f64]) -> bool {
         let (place, ..) = self.masses[0];
         let level = self.prior.marginals()[place].theta_from_z(to[place]);
@@ -162,7 +162,7 @@ impl Orbit for MassVelocityAge {
         let s = 10_f64.powf(level - theta[place]);
         let could = self.move_by(z, theta, s);
         if could {
-            // To the last digit.
+            // Exactly, without the rounding of the factor.
             z[place] = to[place];
         }
         could
@@ -170,7 +170,8 @@ impl Orbit for MassVelocityAge {
 }
 
 impl MassVelocityAge {
-    /// Moves `z`, whose physical parameters are `theta`, along the orbit by the factor `s`, unless a bound is in the way.
+    /// Moves `z`, whose physical parameters are `theta`, along the group orbit by the factor `s`, unless that crosses a bound.
+    /// Returns whether it moved.
     fn move_by(&self, z: &mut [f64], mut theta: Vec<f64>, s: f64) -> bool {
         self.scale(&mut theta, s);
         let new: Vec<(usize, f64)> = self
@@ -194,7 +195,7 @@ impl MassVelocityAge {
 
 /// Turns the halo's axis by 180 degrees around the line of sight: `(dir_x, dir_y) -> -(dir_x, dir_y)`.
 ///
-/// On the sky the flattening looks the same from its near and its far side; only the depth along the stream differs.
+/// The projected flattening is the same for both axes; only the depth along the stream differs.
 /// Its marginals are symmetric, so `z -> -z` for both and the Jacobian is 1.
 #[derive(Clone, Debug)]
 pub struct HalfTurn {
@@ -233,12 +234,11 @@ impl Involution for HalfTurn {
     }
 }
 
-/// Turns the axis' projection by a quarter turn and takes q to its twin on the other side of 1,
-/// `q -> q_min + q_max - q`: a halo squashed along one direction of the sky looks like one stretched along the
-/// other.
+/// Rotates the projected axis by 90 degrees and maps q to `q_min + q_max - q`, its reflection about the middle of the
+/// range: in projection, a halo flattened along one direction resembles one elongated along the perpendicular direction.
 ///
-/// A quarter turn is not its own inverse, but it is if its sense depends on the quadrant: forwards from the first
-/// and third, backwards from the second and fourth. The length `r` of the shape vector goes to `r'` with
+/// A rotation by 90 degrees becomes its own inverse if its sense depends on the quadrant: anticlockwise from the first and
+/// third, clockwise from the second and fourth. The length `r` of the shape vector goes to `r'` with
 /// `F(r') = 1 - F(r)`. Both parts leave the prior `N(0, I)` of z unchanged (turns are isometries; F(r) is uniform,
 /// and the vector's direction is kept), so `p(z) dz = p(z') dz'` and `ln J = (|z'|^2 - |z|^2) / 2`.
 #[derive(Clone, Debug)]

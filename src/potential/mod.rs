@@ -1,8 +1,7 @@
 //! Gravitational potentials and their derivatives, one file per mass model.
 //!
-//! What q flattens: in [`FlattenedNfw`] it flattens the POTENTIAL, as the paper's code does (its text says the
-//! density). For q below about 0.59 the density then goes negative on the minor axis; [`Potential::density`] is the
-//! diagnostic that tells.
+//! In [`FlattenedNfw`] q is the axis ratio of the potential, as in the code of Chemaly et al. (2026); their text says of the
+//! density. For q below about 0.59 the density is then negative on the minor axis; see [`Potential::density`].
 //!
 //! Units: kpc, Gyr, solar masses; a potential is in (kpc/Gyr)^2.
 
@@ -32,7 +31,7 @@ pub trait Potential<S: Scalar> {
     /// (grad grad Phi) v at `x`; in 1/Gyr^2 times the unit of `v`.
     fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S>;
 
-    /// The mass density by Poisson's equation, in Msun/kpc^3. Negative where a flattened potential asks for it.
+    /// The mass density by Poisson's equation, in Msun/kpc^3. It can be negative for a strongly flattened potential.
     fn density(&self, x: Vec3<S>) -> S {
         let unit = |i: usize| {
             let mut e = [S::zero(); 3];

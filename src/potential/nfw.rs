@@ -39,7 +39,7 @@ pub struct NfwCotangent<S> {
 }
 
 impl<S: Scalar> NfwCotangent<S> {
-    /// Nothing yet.
+    /// All derivatives zero.
     #[must_use]
     pub fn zero() -> Self {
         Self {

@@ -23,7 +23,7 @@ pub struct PlummerCotangent<S> {
 }
 
 impl<S: Scalar> PlummerCotangent<S> {
-    /// Nothing yet.
+    /// All derivatives zero.
     #[must_use]
     pub fn zero() -> Self {
         Self {

@@ -1,4 +1,4 @@
-//! Compiles a kernel for each instruction set and picks one at run time: the only file that asks the CPU.
+//! Compiles a kernel for each instruction set and chooses one at run time, by the features that the CPU reports.
 
 use super::Isa;
 use std::sync::OnceLock;
@@ -10,7 +10,7 @@ pub enum Level {
     Avx512,
     /// AVX2 with fused multiply-add.
     Avx2,
-    /// What the target promises (SSE2 on x86-64, NEON on aarch64).
+    /// The instructions that every CPU of the target has (SSE2 on x86-64, NEON on aarch64).
     Baseline,
 }
 
@@ -61,7 +61,7 @@ impl Level {
 /// A computation that is compiled for each instruction set: by [`compile_kernel`] where it is called on a [`Level`], by
 /// [`Isa::call`] within another kernel.
 pub trait Kernel {
-    /// What it returns.
+    /// The type of the result.
     type Output;
     /// The computation, in lanes of `I`; implement it with `#[inline(always)]`, and every function below it that uses lanes too.
     fn run<I: Isa>(self) -> Self::Output;

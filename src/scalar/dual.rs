@@ -1,4 +1,4 @@
-//! Dual numbers: those of `num-dual`, the reference, and ones in lanes for where duals are the cost.
+//! Dual numbers: those of `num-dual`, which are the reference, and faster ones that keep their derivatives in lanes.
 
 use super::isa::{Isa, LANES, LaneArray, round_ties_even, split_exponent};
 use super::{Lanes, Real, Scalar};
@@ -26,8 +26,8 @@ pub fn gradient_of<const N: usize>(result: &Dual<N>) -> [f64; N] {
     result.eps.0.map_or([0.0; N], |eps| eps.data.0[0])
 }
 
-/// As [`Dual`], with its derivatives in lanes: `K` times eight of them, whether used or not. Where duals are the cost, it
-/// takes a quarter of the time. Real parts are the same as on `f64`, to the bit.
+/// As [`Dual`], with its derivatives in lanes: `K` times eight of them, whether used or not. It takes about a quarter of
+/// the time of [`Dual`]. Real parts are the same as on `f64`, to the bit.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneDual<I: Isa, const K: usize> {
     /// The number.

@@ -1,8 +1,7 @@
-//! Several numbers side by side, as one number to the physics.
+//! Several numbers in SIMD registers that generic code handles as one [`Scalar`].
 #![allow(
     clippy::needless_range_loop,
-    reason = "closures and iterators are functions of their own: only what is surely inlined is compiled for the \
-              instruction set"
+    reason = "closures and iterators are separate functions, and only inlined code is compiled for the instruction set"
 )]
 
 use super::isa::{Isa, LANES, LaneArray, NO_FRACTION};
@@ -131,7 +130,7 @@ impl<I: Isa, const K: usize> Scalar for Lanes<I, K> {
 }
 
 impl<I: Isa, const K: usize> Lanes<I, K> {
-    /// From memory, eight by eight.
+    /// Loads from memory.
     #[inline(always)]
     #[must_use]
     pub fn load(array: &LaneArray<K>) -> Self {
@@ -142,7 +141,7 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
         lanes
     }
 
-    /// To memory.
+    /// Stores to memory.
     #[inline(always)]
     #[must_use]
     pub fn store(self) -> LaneArray<K> {
@@ -153,7 +152,7 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
         LaneArray(array)
     }
 
-    /// The sum of each eight.
+    /// The sum of each group of eight lanes.
     #[inline(always)]
     #[must_use]
     pub fn sums(self) -> [f64; K] {

@@ -1,8 +1,9 @@
-//! What physics may ask of a number, so that one source runs on `f64`, on SIMD lanes and on dual numbers.
+//! The traits [`Scalar`] and [`Real`]: operations on numbers, so that one source of the physics runs on `f64`, on SIMD
+//! lanes and on dual numbers.
 //!
-//! The law: no branch on the value of a scalar. A comparison gives a mask, [`Scalar::select`] merges, and a loop's
-//! length never depends on a scalar. On dual numbers comparisons look at the real part only, so the path through the
-//! code is the same for every number type.
+//! Generic code must not branch on the value of a scalar: a comparison gives a mask, [`Scalar::select`] chooses by it, and
+//! the number of iterations of a loop never depends on a scalar. Comparisons of dual numbers use the real parts only, so
+//! every number type executes the same operations.
 
 mod dispatch;
 mod dual;
@@ -24,7 +25,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// What the hot loops may ask of a number: arithmetic, a square root, masks.
+/// The operations of the inner loops: arithmetic, square root, comparison and selection.
 pub trait Scalar:
     Copy
     + Debug
@@ -91,7 +92,7 @@ pub trait Scalar:
     }
 }
 
-/// What the cold code may ask besides: special functions, and the real part.
+/// Further operations, for code outside the inner loops: special functions and the real part. Not implemented by lanes.
 pub trait Real: Scalar {
     /// The real part.
     fn re(self) -> f64;
@@ -103,8 +104,8 @@ pub trait Real: Scalar {
     fn cbrt(self) -> Self;
     /// Hyperbolic tangent.
     fn tanh(self) -> Self;
-    /// The value at the real part with the given first derivative: how a function without a formula in dual numbers
-    /// (the error function) enters them.
+    /// The number `value` with `derivative` times the derivatives of `self` (the chain rule). For functions that dual
+    /// numbers do not provide, such as the error function.
     fn with_derivative(self, value: f64, derivative: f64) -> Self;
 }
 
@@ -182,7 +183,7 @@ where
     }
 }
 
-/// `ln(1 + s)` for `s > -1`, to the last digits for small `s` too: with `1 + s = 2^k (1 + u) / (1 - u)` it is
+/// `ln(1 + s)` for `s > -1`, accurate also for small `s`: with `1 + s = 2^k (1 + u) / (1 - u)` it is
 /// `k ln 2 + 2 atanh u`, and `|u| < 0.172`.
 #[inline(always)]
 pub fn ln_1p<S: Scalar>(s: S) -> S {
@@ -196,7 +197,7 @@ pub fn ln_1p<S: Scalar>(s: S) -> S {
 /// below 1e-18 of the logarithm.
 #[inline(always)]
 pub fn two_atanh_tail<S: Scalar>(z: S) -> S {
-    // By pairs (Estrin's scheme): the hot loop waits for this sum, and Horner's is one long chain.
+    // Estrin's scheme: shorter dependency chains than Horner's, and the inner loop waits for this sum.
     let z2 = z * z;
     let z4 = z2 * z2;
     let low = tail_pair(1, z).mul_add(z2, tail_pair(0, z));
@@ -215,7 +216,7 @@ fn tail_pair<S: Scalar>(j: usize, z: S) -> S {
 /// The angle of the point (`x`, `y`) in radians, above -pi and up to pi, to 4e-16; 0 at the origin.
 #[inline(always)]
 pub fn angle<S: Scalar>(y: S, x: S) -> S {
-    // The point in the first eighth of the circle, then turned back by what is nearest to it of 0, pi/8 and pi/4.
+    // Reflect the point into the first octant, then rotate it by minus the nearest of 0, pi/8 and pi/4.
     let (width, height) = (x.max(-x), y.max(-y));
     let (far, near) = (width.max(height), width.min(height));
     // Tangents of pi/16 and 3 pi/16.

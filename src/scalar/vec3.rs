@@ -1,9 +1,9 @@
-//! Three numbers that turn together.
+//! Vectors of three components.
 
 use super::Scalar;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-/// A vector in the halo's frame: the observer looks down the z axis.
+/// A vector in the frame of the sky, centred on the halo: x and y in the plane of the sky, z towards the observer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vec3<S> {
     /// Along the sky's x axis.

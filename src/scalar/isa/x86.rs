@@ -1,5 +1,5 @@
-//! AVX-512 and AVX2, by their instructions. No closures here and no iterators: those are functions of their own, compiled
-//! for the target's least CPU unless the compiler happens to inline them.
+//! AVX-512 and AVX2 by their intrinsics. This file uses no closures or iterators: they are separate functions, which are
+//! compiled for the target's baseline unless the compiler inlines them.
 
 use super::{Isa, LANES, MANTISSA, SHIFT, TWO_52_AND_BIAS, TWO_52_BITS};
 use crate::scalar::Kernel;
