@@ -91,7 +91,7 @@ impl<S: Real> AdaptiveGrid<S> {
 
 impl AdaptiveGrid<f64> {
     /// Adds, to the derivatives with respect to the phases at the nodes, what comes from those with respect to the times of
-    /// one epoch's [`moments`](Self::moments), as fractions of the age.
+    /// one epoch's [`orbit_times`](Self::orbit_times), as fractions of the age.
     pub fn times_vjp(
         &self,
         orbit_times: &[OrbitTime<f64>],

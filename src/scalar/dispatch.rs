@@ -58,7 +58,7 @@ impl Level {
     }
 }
 
-/// A computation that is compiled for each instruction set: by [`compile_kernel`] where it is called on a [`Level`], by
+/// A computation that is compiled for each instruction set: by `compile_kernel` where it is called on a [`Level`], by
 /// [`Isa::call`] within another kernel.
 pub trait Kernel {
     /// The type of the result.

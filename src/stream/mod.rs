@@ -234,10 +234,10 @@ impl Model {
         self.progenitor_solution_reusing(system, None)
     }
 
-    /// As [`setup`](Self::setup), in the memory of an earlier one: no allocation.
+    /// As [`progenitor_solution`](Self::progenitor_solution), in the memory of an earlier one: no allocation.
     ///
     /// # Errors
-    /// As [`setup`](Self::setup).
+    /// As [`progenitor_solution`](Self::progenitor_solution).
     pub fn progenitor_solution_reusing<S: Real>(
         &self,
         system: &System<S>,

@@ -1,4 +1,4 @@
-//! One binary for the integration tests; each module mirrors a room of `src`.
+//! One binary for the integration tests; each module mirrors a module of `src`.
 #![allow(
     clippy::cast_possible_truncation,
     reason = "tests cast small counts of their own"

@@ -26,7 +26,7 @@ pub struct LaneArray<const K: usize>(pub [[f64; LANES]; K]);
 /// The operations of an instruction set on eight numbers at a time.
 ///
 /// The instruction sets that the present CPU may lack are private to this crate. Inside it only
-/// [`compile_kernel`](super::dispatch) names them, and it runs them only where the CPU has reported them.
+/// `compile_kernel` names them, and it runs them only where the CPU has reported them.
 pub trait Isa: Copy + Debug + 'static {
     /// Eight numbers.
     type Vector: Copy + Debug;
