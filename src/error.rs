@@ -1,9 +1,11 @@
 //! [`Error`]: the run cannot start or continue; [`Rejection`]: a point of parameter space has no track or no likelihood;
 //! [`Tally`]: approximations made on the way to a track, counted.
 
+mod array;
 mod population;
 mod track;
 
+pub use array::ArrayFault;
 pub use population::PosteriorFault;
 pub use track::TrackFault;
 
@@ -116,6 +118,16 @@ pub enum Error {
     NotAFit {
         /// The folder.
         path: PathBuf,
+    },
+    /// An array of a posterior file cannot be used.
+    #[error("{}: {array}: {fault}; restore the run folder from a whole copy, or fit again", path.display())]
+    Array {
+        /// The Zarr folder.
+        path: PathBuf,
+        /// The array within it.
+        array: String,
+        /// What is wrong.
+        fault: ArrayFault,
     },
     /// A run folder has the files of two runs.
     #[error(

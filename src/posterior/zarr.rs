@@ -93,7 +93,7 @@ pub fn write(path: &Path, run: &Run, beside: Beside<'_>) -> Result<()> {
         .tempdir_in(parent)
         .map_err(io)?;
     let inside = fresh.path().join("zarr");
-    let store = Store::create(&inside)?;
+    let store = Store::create(&inside);
     let root = Root {
         inference_library: "oblate".to_owned(),
         inference_library_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -130,7 +130,7 @@ pub fn write(path: &Path, run: &Run, beside: Beside<'_>) -> Result<()> {
 /// Reads a run's arrays.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder or an array of it is missing or damaged.
+/// [`Error::Io`] if the folder or an array of it is missing; [`Error::Array`] if an array is damaged.
 pub fn read(path: &Path) -> Result<Stored> {
     let store = Store::open(path)?;
     let root: Root = store.attributes("/")?;

@@ -198,7 +198,7 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
         assert_eq!(back.cost, run.cost);
     }
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
-    assert_eq!(left.len(), 4, "temporary folders are gone");
+    assert_eq!(left.len(), 3, "temporary folders are gone");
 }
 
 #[test]
@@ -226,6 +226,46 @@ fn parts_of_different_runs_are_refused() {
         words.contains("different runs") && words.contains("restore"),
         "{words}"
     );
+}
+
+#[test]
+fn an_array_that_is_damaged_or_not_ours_is_refused_by_name_and_cause() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.zarr");
+    let metadata = path.join("weighted/theta/zarr.json");
+    let chunk = path.join("weighted/theta/c/0/0");
+    let replace = |from: &str, to: &str| {
+        let text = std::fs::read_to_string(&metadata).unwrap();
+        assert!(text.contains(from), "{from} in {text}");
+        std::fs::write(&metadata, text.replace(from, to)).unwrap();
+    };
+    let damages: [(&dyn Fn(), &str); 9] = [
+        (
+            &|| std::fs::remove_file(&chunk).unwrap(),
+            "chunk is missing",
+        ),
+        (&|| std::fs::write(&chunk, [0; 8]).unwrap(), "has 8 bytes"),
+        (&|| replace("float64", "float32"), "data_type"),
+        (&|| replace("little", "big"), "codecs"),
+        (&|| replace("\"bytes\"", "\"zstd\""), "codecs"),
+        (&|| replace("\"regular\"", "\"rectangular\""), "chunk_grid"),
+        (&|| replace("\"default\"", "\"v2\""), "chunk_key_encoding"),
+        (&|| replace("100", "1000000000000"), "has"),
+        (
+            &|| std::fs::write(&metadata, [0xff; 100]).unwrap(),
+            "zarr.json cannot be read",
+        ),
+    ];
+    for (damage, cause) in damages {
+        let run = runs::nested(100, 1);
+        zarr::write(&path, &run, zarr::Beside::default()).unwrap();
+        damage();
+        let message = zarr::read(&path).unwrap_err().to_string();
+        assert!(
+            message.contains("weighted/theta") && message.contains(cause),
+            "{cause}: {message}"
+        );
+    }
 }
 
 #[test]

@@ -357,7 +357,7 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
     let verdict = body.find("NOT CONVERGED").unwrap();
     assert!(verdict < body.find("<table").unwrap() && verdict < body.find("<svg").unwrap());
     assert!(body.contains("chains &lt;disagree&gt;; run longer"));
-    assert!(body.contains("--resume") && body.contains("--seed 5"));
+    assert!(body.contains("resume it with a larger one") && body.contains("--seed 5"));
     // Self-contained: no address but the name of SVG's own language.
     let addresses = html.matches("http").count();
     assert_eq!(

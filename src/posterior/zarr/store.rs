@@ -1,52 +1,144 @@
-//! A thin hand on `zarrs`: groups with attributes, arrays of one uncompressed chunk, errors with the folder's name.
+//! The subset of Zarr version 3 that posterior files use: groups with attributes, and arrays of one uncompressed little-endian
+//! chunk on the local file system.
+//!
+//! The reader accepts what the writer writes and refuses everything else by name, so that no other codec, byte order or chunk grid is
+//! misread. Source: the Zarr core specification, version 3.0.
 
-use crate::error::{Error, Result};
-use serde::{Serialize, de::DeserializeOwned};
-use serde_json::{Map, Value};
+use crate::error::{ArrayFault, Error, Result};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde_json::{Map, Value, json};
+use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use zarrs::array::{Array, ArrayBuilder, DataType, Element, ElementOwned, FillValue, data_type};
-use zarrs::filesystem::FilesystemStore;
-use zarrs::group::{Group, GroupBuilder};
+
+/// The file that holds the metadata of a group or an array.
+const METADATA: &str = "zarr.json";
 
 /// An open Zarr hierarchy.
 pub struct Store {
     path: PathBuf,
-    inner: Arc<FilesystemStore>,
 }
 
-/// A type that an array may hold.
-pub trait Item: Element + ElementOwned + Copy {
-    /// Zarr's name for it.
-    fn data_type() -> DataType;
-    /// What a missing chunk stands for.
-    fn fill() -> FillValue;
+/// A number type that an array may hold.
+pub trait Item: Copy {
+    /// Zarr's name of the type.
+    const DATA_TYPE: &'static str;
+    /// Bytes of one number.
+    const SIZE: usize;
+    /// The value that Zarr gives to a missing chunk.
+    fn fill_value() -> Value;
+    /// Appends the little-endian bytes.
+    fn put(self, bytes: &mut Vec<u8>);
+    /// The number of [`SIZE`](Self::SIZE) little-endian bytes.
+    fn get(bytes: &[u8]) -> Self;
 }
 
-impl Item for f64 {
-    fn data_type() -> DataType {
-        data_type::float64()
-    }
-    fn fill() -> FillValue {
-        FillValue::from(f64::NAN)
-    }
+macro_rules! item {
+    ($type:ty, $name:literal, $fill:expr) => {
+        impl Item for $type {
+            const DATA_TYPE: &'static str = $name;
+            const SIZE: usize = size_of::<$type>();
+            fn fill_value() -> Value {
+                json!($fill)
+            }
+            fn put(self, bytes: &mut Vec<u8>) {
+                bytes.extend_from_slice(&self.to_le_bytes());
+            }
+            fn get(bytes: &[u8]) -> Self {
+                let mut own = [0; size_of::<$type>()];
+                own.copy_from_slice(bytes);
+                <$type>::from_le_bytes(own)
+            }
+        }
+    };
+}
+item!(f64, "float64", "NaN");
+item!(u32, "uint32", 0);
+item!(u64, "uint64", 0);
+
+/// Metadata of a group.
+#[derive(Serialize, Deserialize)]
+struct GroupMetadata {
+    zarr_format: u8,
+    node_type: String,
+    #[serde(default)]
+    attributes: Map<String, Value>,
 }
 
-impl Item for u32 {
-    fn data_type() -> DataType {
-        data_type::uint32()
-    }
-    fn fill() -> FillValue {
-        FillValue::from(0_u32)
-    }
+/// Metadata of an array.
+#[derive(Serialize, Deserialize)]
+struct ArrayMetadata {
+    zarr_format: u8,
+    node_type: String,
+    shape: Vec<u64>,
+    data_type: Value,
+    chunk_grid: Value,
+    chunk_key_encoding: Value,
+    fill_value: Value,
+    codecs: Value,
+    #[serde(default)]
+    attributes: Map<String, Value>,
+    #[serde(default)]
+    dimension_names: Vec<String>,
 }
 
-impl Item for u64 {
-    fn data_type() -> DataType {
-        data_type::uint64()
+impl ArrayMetadata {
+    /// Metadata of an array of one chunk; `dims` are (name, length).
+    fn of_one_chunk<T: Item>(dims: &[(&str, usize)], attributes: Map<String, Value>) -> Self {
+        let shape: Vec<u64> = dims.iter().map(|d| d.1 as u64).collect();
+        // A chunk has no side of length zero, also where the array is empty.
+        let chunk: Vec<u64> = shape.iter().map(|n| (*n).max(1)).collect();
+        Self {
+            zarr_format: 3,
+            node_type: "array".to_owned(),
+            data_type: json!(T::DATA_TYPE),
+            chunk_grid: json!({"name": "regular", "configuration": {"chunk_shape": chunk}}),
+            chunk_key_encoding: json!({"name": "default", "configuration": {"separator": "/"}}),
+            fill_value: T::fill_value(),
+            codecs: json!([{"name": "bytes", "configuration": {"endian": "little"}}]),
+            shape,
+            attributes,
+            dimension_names: dims.iter().map(|d| d.0.to_owned()).collect(),
+        }
     }
-    fn fill() -> FillValue {
-        FillValue::from(0_u64)
+
+    /// Refuses an array that [`of_one_chunk`](Self::of_one_chunk) does not describe.
+    fn check<T: Item>(&self) -> std::result::Result<(), ArrayFault> {
+        let own: Vec<(&str, usize)> = self
+            .shape
+            .iter()
+            .map(|n| ("", usize::try_from(*n).unwrap_or(usize::MAX)))
+            .collect();
+        let needed = Self::of_one_chunk::<T>(&own, Map::new());
+        let pairs = [
+            ("zarr_format", json!(self.zarr_format), json!(3)),
+            ("node_type", json!(self.node_type), json!("array")),
+            ("data_type", self.data_type.clone(), needed.data_type),
+            ("chunk_grid", self.chunk_grid.clone(), needed.chunk_grid),
+            (
+                "chunk_key_encoding",
+                self.chunk_key_encoding.clone(),
+                needed.chunk_key_encoding,
+            ),
+            ("codecs", self.codecs.clone(), needed.codecs),
+        ];
+        for (key, found, needed) in pairs {
+            if found != needed {
+                return Err(ArrayFault::Unsupported {
+                    key,
+                    found: found.to_string(),
+                    needed: needed.to_string(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Bytes of the chunk, `None` if the shape is beyond any file.
+    fn bytes<T: Item>(&self) -> Option<u64> {
+        self.shape
+            .iter()
+            .try_fold(T::SIZE as u64, |product, n| product.checked_mul(*n))
     }
 }
 
@@ -60,63 +152,124 @@ pub fn text(pairs: &[(&str, &str)]) -> Map<String, Value> {
 }
 
 impl Store {
-    fn fail(&self, at: &str, why: impl std::fmt::Display) -> Error {
-        Error::Io {
-            path: self.path.clone(),
-            source: std::io::Error::other(format!("{at}: {why}")),
-            remedy: "check that the folder is whole, or fit again into a new one",
+    /// A new hierarchy in the folder `path`, which need not exist.
+    pub fn create(path: &Path) -> Self {
+        Self {
+            path: path.to_path_buf(),
         }
     }
 
-    fn at(path: &Path) -> Result<Self> {
-        let inner = FilesystemStore::new(path).map_err(|e| Error::Io {
-            path: path.to_path_buf(),
-            source: std::io::Error::other(e.to_string()),
-            remedy: "check that the folder is there and readable",
-        })?;
-        Ok(Self {
-            path: path.to_path_buf(),
-            inner: Arc::new(inner),
-        })
-    }
-
-    /// A new hierarchy.
-    pub fn create(path: &Path) -> Result<Self> {
-        Self::at(path)
-    }
-
-    /// One that must be there.
+    /// The hierarchy in the folder `path`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if there is none.
     pub fn open(path: &Path) -> Result<Self> {
-        std::fs::metadata(path.join("zarr.json")).map_err(|source| Error::Io {
-            path: path.join("zarr.json"),
+        fs::metadata(path.join(METADATA)).map_err(|source| Error::Io {
+            path: path.join(METADATA),
             source,
             remedy: "give a run folder whose fit has finished",
         })?;
-        Self::at(path)
+        Ok(Self::create(path))
     }
 
-    /// Writes a group with attributes.
+    /// The folder of a group or an array.
+    fn node(&self, at: &str) -> PathBuf {
+        self.path.join(at.trim_start_matches('/'))
+    }
+
+    fn fault(&self, at: &str, fault: ArrayFault) -> Error {
+        Error::Array {
+            path: self.path.clone(),
+            array: at.to_owned(),
+            fault,
+        }
+    }
+
+    /// Writes a file, and the folders above it.
+    fn write(&self, file: &Path, bytes: &[u8]) -> Result<()> {
+        let write = || {
+            if let Some(folder) = file.parent() {
+                fs::create_dir_all(folder)?;
+            }
+            fs::File::create(file)?.write_all(bytes)
+        };
+        write().map_err(|source| Error::Io {
+            path: file.to_path_buf(),
+            source,
+            remedy: "check that the run folder exists, is writable and has space left",
+        })
+    }
+
+    fn write_metadata(&self, at: &str, metadata: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_vec_pretty(metadata).map_err(|e| self.metadata_fault(at, &e))?;
+        self.write(&self.node(at).join(METADATA), &text)
+    }
+
+    fn read_metadata<T: DeserializeOwned>(&self, at: &str) -> Result<T> {
+        let file = self.node(at).join(METADATA);
+        let text = fs::read(&file).map_err(|source| Error::Io {
+            path: file,
+            source,
+            remedy: "restore the run folder from a whole copy, or fit again",
+        })?;
+        serde_json::from_slice(&text).map_err(|e| self.metadata_fault(at, &e))
+    }
+
+    fn metadata_fault(&self, at: &str, error: &serde_json::Error) -> Error {
+        let message = error.to_string();
+        self.fault(at, ArrayFault::Metadata { message })
+    }
+
+    /// Writes a group with attributes; those that are not a JSON object are left out.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be written; [`Error::Array`] if the attributes have no JSON form.
     pub fn group(&self, at: &str, attributes: &impl Serialize) -> Result<()> {
         let attributes = match serde_json::to_value(attributes) {
             Ok(Value::Object(map)) => map,
             Ok(_) => Map::new(),
-            Err(e) => return Err(self.fail(at, e)),
+            Err(e) => return Err(self.metadata_fault(at, &e)),
         };
-        let group = GroupBuilder::new()
-            .attributes(attributes)
-            .build(self.inner.clone(), at)
-            .map_err(|e| self.fail(at, e))?;
-        group.store_metadata().map_err(|e| self.fail(at, e))
+        let metadata = GroupMetadata {
+            zarr_format: 3,
+            node_type: "group".to_owned(),
+            attributes,
+        };
+        self.write_metadata(at, &metadata)
     }
 
     /// A group's attributes.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it is missing; [`Error::Array`] if it is not a group or has other attributes.
     pub fn attributes<T: DeserializeOwned>(&self, at: &str) -> Result<T> {
-        let group = Group::open(self.inner.clone(), at).map_err(|e| self.fail(at, e))?;
-        serde_json::from_value(Value::Object(group.attributes().clone()))
-            .map_err(|e| self.fail(at, e))
+        let group: GroupMetadata = self.read_metadata(at)?;
+        for (key, found, needed) in [
+            ("zarr_format", json!(group.zarr_format), json!(3)),
+            ("node_type", json!(group.node_type), json!("group")),
+        ] {
+            if found != needed {
+                let (found, needed) = (found.to_string(), needed.to_string());
+                return Err(self.fault(at, ArrayFault::Unsupported { key, found, needed }));
+            }
+        }
+        serde_json::from_value(Value::Object(group.attributes))
+            .map_err(|e| self.metadata_fault(at, &e))
+    }
+
+    /// The file of the only chunk of an array of `dimensions` dimensions.
+    fn chunk(&self, at: &str, dimensions: usize) -> PathBuf {
+        let mut file = self.node(at).join("c");
+        for _ in 0..dimensions {
+            file.push("0");
+        }
+        file
     }
 
     /// Writes an array, row-major, in one chunk; `dims` are (name, length).
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be written.
     pub fn array<T: Item>(
         &self,
         at: &str,
@@ -124,39 +277,52 @@ impl Store {
         data: &[T],
         attributes: Map<String, Value>,
     ) -> Result<()> {
-        let shape: Vec<u64> = dims.iter().map(|d| d.1 as u64).collect();
-        let chunk: Vec<u64> = shape.iter().map(|n| (*n).max(1)).collect();
-        let array = ArrayBuilder::new(shape, chunk, T::data_type(), T::fill())
-            .dimension_names(Some(dims.iter().map(|d| d.0)))
-            .attributes(attributes)
-            .build(self.inner.clone(), at)
-            .map_err(|e| self.fail(at, e))?;
-        array.store_metadata().map_err(|e| self.fail(at, e))?;
+        self.write_metadata(at, &ArrayMetadata::of_one_chunk::<T>(dims, attributes))?;
         if data.is_empty() {
             return Ok(());
         }
-        array
-            .store_chunk(&vec![0; dims.len()], data)
-            .map_err(|e| self.fail(at, e))
+        let mut bytes = Vec::with_capacity(data.len() * T::SIZE);
+        data.iter().for_each(|number| number.put(&mut bytes));
+        self.write(&self.chunk(at, dims.len()), &bytes)
     }
 
     /// Reads a whole array, row-major.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it is missing or cannot be read; [`Error::Array`] if it is not an array of this type in one uncompressed
+    /// chunk of the size that its shape says. The size is compared with the file before memory is taken for it.
     pub fn read<T: Item>(&self, at: &str) -> Result<Vec<T>> {
-        let array = Array::open(self.inner.clone(), at).map_err(|e| self.fail(at, e))?;
-        array
-            .retrieve_array_subset(&array.subset_all())
-            .map_err(|e| self.fail(at, e))
+        let metadata: ArrayMetadata = self.read_metadata(at)?;
+        metadata.check::<T>().map_err(|e| self.fault(at, e))?;
+        let needed = metadata.bytes::<T>();
+        if needed == Some(0) {
+            return Ok(Vec::new());
+        }
+        let file = self.chunk(at, metadata.shape.len());
+        let Ok(found) = fs::metadata(&file).map(|m| m.len()) else {
+            return Err(self.fault(at, ArrayFault::MissingChunk));
+        };
+        if needed != Some(found) {
+            let needed = needed.map_or_else(|| "more than any file".to_owned(), |n| n.to_string());
+            return Err(self.fault(at, ArrayFault::ChunkSize { found, needed }));
+        }
+        let bytes = fs::read(&file).map_err(|source| Error::Io {
+            path: file,
+            source,
+            remedy: "restore the run folder from a whole copy, or fit again",
+        })?;
+        Ok(bytes.chunks_exact(T::SIZE).map(T::get).collect())
     }
 }
 
 /// Syncs every file below a folder.
 pub fn sync(folder: &Path) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(folder)? {
+    for entry in fs::read_dir(folder)? {
         let path = entry?.path();
         if path.is_dir() {
             sync(&path)?;
         } else {
-            std::fs::File::open(&path)?.sync_all()?;
+            fs::File::open(&path)?.sync_all()?;
         }
     }
     Ok(())

@@ -1,0 +1,34 @@
+//! What is wrong with an array of a posterior file.
+
+/// Why an array or group of a Zarr folder cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ArrayFault {
+    /// Its `zarr.json` is not Zarr version 3 metadata of the expected kind.
+    #[error("its zarr.json cannot be read ({message})")]
+    Metadata {
+        /// The parser's message.
+        message: String,
+    },
+    /// Its metadata asks for a feature that posterior files do not use.
+    #[error("its {key} is {found}, and only {needed} is supported")]
+    Unsupported {
+        /// The key of the metadata.
+        key: &'static str,
+        /// Its value.
+        found: String,
+        /// What posterior files have.
+        needed: String,
+    },
+    /// Its chunk is not there.
+    #[error("its chunk is missing")]
+    MissingChunk,
+    /// Its chunk has another size than its shape says.
+    #[error("its chunk has {found} bytes, and its shape needs {needed}")]
+    ChunkSize {
+        /// Bytes in the file.
+        found: u64,
+        /// Bytes by the shape; `None` if there is no such number.
+        needed: String,
+    },
+}
