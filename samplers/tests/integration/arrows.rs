@@ -64,10 +64,7 @@ mod tests {
 }
 
 /// Circles between files that are there today.
-const KNOWN_CIRCLES: [&[&str]; 2] = [
-    &["boost/mod.rs", "boost/outcome.rs"],
-    &["refine/mod.rs", "refine/outcome.rs"],
-];
+const KNOWN_CIRCLES: [&[&str]; 1] = [&["refine/mod.rs", "refine/outcome.rs"]];
 
 #[test]
 fn no_two_files_import_each_other() {
