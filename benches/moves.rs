@@ -29,8 +29,8 @@ impl Target for With<'_> {
     }
 }
 
-fn gate(run: &Run, name: &str) -> f64 {
-    let found = run.gates.iter().find(|g| g.name == name);
+fn check(run: &Run, name: &str) -> f64 {
+    let found = run.checks.iter().find(|g| g.name == name);
     found.map_or(f64::NAN, |g| g.value)
 }
 
@@ -72,9 +72,9 @@ fn main() {
                 run.evidence.ln_z,
                 run.evidence.error,
                 run.cost.calls,
-                gate(&run, "seed-echo"),
-                gate(&run, "relative-jump"),
-                gate(&run, "lineages-left"),
+                check(&run, "seed-echo"),
+                check(&run, "relative-jump"),
+                check(&run, "lineages-left"),
                 run.ess.quoted,
             );
         }

@@ -119,17 +119,17 @@ impl<'a> Chain<'a> {
     }
 
     fn run(mut self, schedule: &Schedule) -> Record {
-        let mut orbit_times = Moments::new(DIM);
+        let mut moments = Moments::new(DIM);
         for (plan, moves) in schedule.warm_up {
-            self.refine(&orbit_times);
-            orbit_times = self.learn(plan, *moves);
+            self.refine(&moments);
+            moments = self.learn(plan, *moves);
         }
         self.record(schedule.frozen)
     }
 
     /// Takes the metric that the moments of a window ask for, if they do, and a step that is no longer than it was in any direction.
-    fn refine(&mut self, orbit_times: &Moments) {
-        if let Some(metric) = self.metric.refined(orbit_times) {
+    fn refine(&mut self, moments: &Moments) {
+        if let Some(metric) = self.metric.refined(moments) {
             self.step /= self.metric.ln_stretch(&metric).exp();
             self.metric = metric;
         }
@@ -138,7 +138,7 @@ impl<'a> Chain<'a> {
     /// A window of warm-up, in which the step learns; its moments are for the metric.
     fn learn(&mut self, plan: &Plan, moves: usize) -> Moments {
         let mut step = StepSize::new(self.step);
-        let mut orbit_times = Moments::new(DIM);
+        let mut moments = Moments::new(DIM);
         let mut explorer = Explorer::new(self.target, 1.0, &self.metric);
         let lessons = moves / MOVES_PER_LESSON;
         for lesson in 0..lessons {
@@ -159,7 +159,7 @@ impl<'a> Chain<'a> {
                     let slopes = self.at.gradient.iter().zip(&self.at.z);
                     let mut score: Vec<f64> = slopes.map(|(g, z)| g - z).collect();
                     shorten(&mut score, LONGEST_SCORE);
-                    orbit_times.push(&self.at.z, &score);
+                    moments.push(&self.at.z, &score);
                 }
             }
             if !met.is_empty() {
@@ -168,7 +168,7 @@ impl<'a> Chain<'a> {
         }
         self.tally.add(&explorer.evaluator);
         self.step = step.ln_found().exp();
-        orbit_times
+        moments
     }
 
     /// The frozen moves.

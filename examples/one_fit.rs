@@ -41,8 +41,8 @@ fn main() -> oblate::Result<()> {
 
     let fit = oblate::fit(&track, &settings)?;
     println!("{}", fit.summary);
-    for check in fit.run.gates.iter().filter(|check| !check.pass) {
-        println!("failed: {} ({})", check.name, check.say);
+    for check in fit.run.checks.iter().filter(|check| !check.pass) {
+        println!("failed: {} ({})", check.name, check.message);
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! How a caller watches, limits, stops and resumes a run.
 
+use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -7,7 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// What a run tells its observer, at safe points only.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "event", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Event {
     /// Work begins.
@@ -26,14 +28,14 @@ pub enum Event {
         /// Its simulated error, where known.
         ln_z_error: f64,
         /// Log-evidence that the live points could still add.
-        remaining: f64,
+        delta_ln_z: f64,
         /// Likelihood calls so far.
         calls: u64,
         /// Accepted points per call, lately.
         efficiency: f64,
     },
     /// A dynamic nested run has come to an end that is not yet its target, and adds live points.
-    Strand {
+    Batch {
         /// Ends so far.
         number: usize,
         /// Evidence.
@@ -46,7 +48,7 @@ pub enum Event {
         calls: u64,
     },
     /// One sweep of the populations that a tempered run starts from.
-    Annealing {
+    Smc {
         /// Inverse temperature of the least cooled population.
         beta: f64,
         /// Mean of their estimates of ln L's mean over the part of the prior cooled through: ln Z at beta = 1.
@@ -71,8 +73,8 @@ pub enum Event {
         /// Gradients so far.
         gradients: u64,
     },
-    /// One step of a refinement.
-    Refining {
+    /// One step of an SMC bridge.
+    Bridge {
         /// Share of the fine likelihood in ln L.
         share: f64,
         /// Evidence there.
@@ -83,7 +85,10 @@ pub enum Event {
     /// A checkpoint was written.
     Checkpointed,
     /// Something the user should know, with its remedy.
-    Warning(String),
+    Warning {
+        /// What it is, and its remedy.
+        message: String,
+    },
     /// Work ends.
     Finished,
 }

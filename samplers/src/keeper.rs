@@ -78,7 +78,9 @@ impl Keeper {
             checkpoint::load::<S>(&plan.path, self.config_hash, self.fingerprint)?;
         self.before = time(&state);
         if let Some(text) = &warning {
-            control.tell(&Event::Warning(text.clone()));
+            control.tell(&Event::Warning {
+                message: text.clone(),
+            });
         }
         Ok(Some((state, warning)))
     }
@@ -103,7 +105,9 @@ impl Keeper {
         control: &mut Control<'_>,
     ) -> Error {
         if let Err(second) = self.save(state, control) {
-            control.tell(&Event::Warning(second.to_string()));
+            control.tell(&Event::Warning {
+                message: second.to_string(),
+            });
         }
         error
     }

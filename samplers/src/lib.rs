@@ -33,14 +33,14 @@
 //! let run = nested::run(&bell, &nested::Settings::default(), 1, &mut Control::new(&mut Silent))?;
 //! // Both normals lie inside the box, whose density is 1/400.
 //! assert!((run.evidence.ln_z + 400_f64.ln()).abs() < 4.0 * run.evidence.error);
-//! assert!(run.converged(), "{:?}", run.gates);
+//! assert!(run.converged(), "{:?}", run.checks);
 //! # Ok(())
 //! # }
 //! ```
 //!
 //! Modules, each of which may only import the ones before it: [`error`], [`normal`], [`rng`], [`target`],
 //! [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], [`nested`] and
-//! [`pt`], and [`refine`], which carries what they found to a finer likelihood.
+//! [`pt`], and [`bridge`], the SMC bridge from a finished run to a finer likelihood.
 #![cfg_attr(
     test,
     allow(
@@ -58,6 +58,7 @@
     )
 )]
 
+pub mod bridge;
 pub mod checkpoint;
 pub mod control;
 pub mod cooling;
@@ -71,7 +72,6 @@ pub mod nested;
 pub mod normal;
 pub mod output;
 pub mod pt;
-pub mod refine;
 pub mod rng;
 pub mod target;
 

@@ -14,7 +14,7 @@ pub enum Method {
     /// Non-reversible parallel tempering with Hamiltonian moves.
     PtHmc,
     /// A run on a coarse likelihood, carried to a fine one.
-    Refine,
+    Bridge,
 }
 
 /// Why a run ended.
@@ -46,10 +46,10 @@ pub struct Draws {
     pub ln_weight: Vec<f64>,
     /// Which Markov chain each row is of, in its order: its ladder. All 0 where there are none.
     pub chain: Vec<u32>,
-    /// Which group of dependent draws each row is of: the ladders that began in one population, the lineage in a nested run.
-    /// Groups are independent of each other, so that their scatter is the error of whatever is computed from the draws; all 0
-    /// where every draw is independent.
-    pub group: Vec<u32>,
+    /// Cluster of dependent draws that each row belongs to: the chain sets that start from one SMC sampler, the lineage in a nested run.
+    /// Clusters are independent of each other, so the error of any estimate follows from their scatter; all 0 where every draw is
+    /// independent.
+    pub cluster: Vec<u32>,
 }
 
 /// Where a row of draws stands.
@@ -57,8 +57,8 @@ pub struct Draws {
 pub struct Origin {
     /// See [`Draws::chain`].
     pub chain: u32,
-    /// See [`Draws::group`].
-    pub group: u32,
+    /// See [`Draws::cluster`].
+    pub cluster: u32,
 }
 
 impl Draws {
@@ -89,7 +89,7 @@ impl Draws {
         self.ln_likelihood.push(ln_likelihood);
         self.ln_weight.push(ln_weight);
         self.chain.push(origin.chain);
-        self.group.push(origin.group);
+        self.cluster.push(origin.cluster);
         if self.derived.len() != self.len() * self.derived_dim {
             return Err(Error::Mismatch {
                 what: "derived quantities",
@@ -167,10 +167,10 @@ impl Draws {
         rows_by(&self.chain)
     }
 
-    /// Row numbers, group by group.
+    /// Row numbers, cluster by cluster.
     #[must_use]
-    pub fn groups(&self) -> Vec<Vec<usize>> {
-        rows_by(&self.group)
+    pub fn clusters(&self) -> Vec<Vec<usize>> {
+        rows_by(&self.cluster)
     }
 
     /// `count` equal-weight rows by systematic resampling with the one uniform `offset` in [0, 1): row numbers, in
@@ -265,7 +265,7 @@ impl Cost {
 /// How the run went from prior to posterior.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Path {
+pub enum History {
     /// One entry per dead point, outermost first.
     Nested {
         /// Expected log prior volume.
@@ -306,7 +306,7 @@ pub enum Path {
         trace: Vec<Vec<f64>>,
     },
     /// One entry per step from the coarse likelihood to the fine one.
-    Refinement {
+    Bridge {
         /// The fine one's share in ln L.
         share: Vec<f64>,
         /// ln Z over that of the coarse run.
@@ -320,7 +320,7 @@ pub enum Path {
 
 /// One check of a run, with its remedy in words.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Gate {
+pub struct Check {
     /// Short name.
     pub name: String,
     /// What was measured.
@@ -330,31 +330,31 @@ pub struct Gate {
     /// Whether it passed.
     pub pass: bool,
     /// What it means, and what to do if it failed.
-    pub say: String,
+    pub message: String,
 }
 
-impl Gate {
-    /// A gate that passes if `value <= limit`; a NaN fails.
+impl Check {
+    /// A check that passes if `value <= limit`; a NaN fails.
     #[must_use]
-    pub fn at_most(name: &str, value: f64, limit: f64, say: impl Into<String>) -> Self {
+    pub fn at_most(name: &str, value: f64, limit: f64, message: impl Into<String>) -> Self {
         Self {
             name: name.to_owned(),
             value,
             limit,
             pass: value <= limit,
-            say: say.into(),
+            message: message.into(),
         }
     }
 
-    /// A gate that passes if `value >= limit`; a NaN fails.
+    /// A check that passes if `value >= limit`; a NaN fails.
     #[must_use]
-    pub fn at_least(name: &str, value: f64, limit: f64, say: impl Into<String>) -> Self {
+    pub fn at_least(name: &str, value: f64, limit: f64, message: impl Into<String>) -> Self {
         Self {
             name: name.to_owned(),
             value,
             limit,
             pass: value >= limit,
-            say: say.into(),
+            message: message.into(),
         }
     }
 }
@@ -385,18 +385,18 @@ pub struct Run {
     /// Cost.
     pub cost: Cost,
     /// From prior to posterior.
-    pub path: Path,
+    pub history: History,
     /// Checks.
-    pub gates: Vec<Gate>,
+    pub checks: Vec<Check>,
     /// Warnings, each with its remedy.
     pub warnings: Vec<String>,
 }
 
 impl Run {
-    /// Whether the run ended by its own rule and every gate passed.
+    /// Whether the run ended by its own rule and every check passed.
     #[must_use]
     pub fn converged(&self) -> bool {
-        self.status == Status::Complete && self.gates.iter().all(|g| g.pass)
+        self.status == Status::Complete && self.checks.iter().all(|g| g.pass)
     }
 
     /// Whether it is a run on this target: parameters have the same names, and the best draw the same ln L.

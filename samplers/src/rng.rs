@@ -28,8 +28,8 @@ pub enum Domain {
     PtAnneal = 18,
     /// The mixture that a tempered run begins its path at; task = scan, index = components.
     PtReference = 19,
-    /// Refinement of a run; task = level, index = member.
-    Refine = 25,
+    /// SMC bridge to a finer model; task = level, index = particle.
+    Bridge = 25,
     /// Post-processing: simulated weights, bootstraps, resampling; task says which.
     Post = 32,
     /// Draws of the prior outside any sampler (mocks, checks).

@@ -90,19 +90,19 @@ impl Progress {
 impl Observer for Progress {
     fn event(&mut self, event: &Event) -> ControlFlow<()> {
         match event {
-            Event::Nested { ln_x, ln_z, ln_z_error, remaining, calls, efficiency, .. } => self.show(
+            Event::Nested { ln_x, ln_z, ln_z_error, delta_ln_z, calls, efficiency, .. } => self.show(
                 &format!(
-                    "ln X {ln_x:.1}, ln Z {ln_z:.2} +- {ln_z_error:.2}, delta ln Z {remaining:.3}, {calls} calls, \
+                    "ln X {ln_x:.1}, ln Z {ln_z:.2} +- {ln_z_error:.2}, delta ln Z {delta_ln_z:.3}, {calls} calls, \
                      efficiency {:.2} %",
                     100.0 * efficiency
                 ),
                 false,
             ),
-            Event::Strand { number, ln_z, ln_z_error, ess, calls } => self.show(
+            Event::Batch { number, ln_z, ln_z_error, ess, calls } => self.show(
                 &format!("batch {number}, ln Z {ln_z:.2} +- {ln_z_error:.2}, ESS {ess:.0}, {calls} calls"),
                 false,
             ),
-            Event::Annealing { beta, ln_z, calls } => {
+            Event::Smc { beta, ln_z, calls } => {
                 self.show(&format!("SMC, beta {beta:.2e}, ln Z {ln_z:.2}, {calls} calls"), false);
             }
             Event::Tempered { round, scan, scans, barrier, round_trips, ln_z, gradients } => self.show(
@@ -113,13 +113,13 @@ impl Observer for Progress {
                 ),
                 false,
             ),
-            Event::Refining { share, ln_z, calls } => {
+            Event::Bridge { share, ln_z, calls } => {
                 self.show(
                     &format!("bridge {:.0} %, ln Z {ln_z:.2}, {calls} calls", 100.0 * share),
                     false,
                 );
             }
-            Event::Warning(say) => self.show(&format!("warning: {say}"), true),
+            Event::Warning { message } => self.show(&format!("warning: {message}"), true),
             Event::Finished => {
                 if let Some(bar) = &self.bar {
                     bar.finish_and_clear();

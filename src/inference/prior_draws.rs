@@ -15,7 +15,7 @@ pub fn prior_draws(target: &dyn Target, count: usize, seed: u64) -> Draws {
         ln_likelihood: vec![f64::NAN; count],
         ln_weight: vec![-(count as f64).ln(); count],
         chain: vec![0; count],
-        group: vec![0; count],
+        cluster: vec![0; count],
         ..Draws::default()
     };
     let (mut u, mut theta) = (vec![0.0; dim], vec![0.0; dim]);

@@ -2,7 +2,7 @@
 
 use super::settings::{Sampler, SamplerSettings};
 use crate::error::Result;
-use oblate_samplers::{Control, Run, Target, nested, pt, refine};
+use oblate_samplers::{Control, Run, Target, bridge, nested, pt};
 
 /// Samples a target with the sampler that the settings choose.
 ///
@@ -34,7 +34,7 @@ pub fn bridge(
     seed: u64,
     control: &mut Control<'_>,
 ) -> Result<Run> {
-    Ok(refine::run(
+    Ok(bridge::run(
         fine,
         coarse,
         parent,

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::likelihood::LikelihoodSettings;
 use crate::params::PriorSettings;
 use crate::stream::ModelSettings;
-use oblate_samplers::{nested, pt, refine};
+use oblate_samplers::{bridge, nested, pt};
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::result::Result as StdResult;
@@ -57,7 +57,7 @@ pub struct SamplerSettings {
     /// Parallel tempering.
     pub pt_hmc: pt::Settings,
     /// The SMC bridge from a coarse model to a finer one.
-    pub bridge: refine::Settings,
+    pub bridge: bridge::Settings,
 }
 
 impl SamplerSettings {

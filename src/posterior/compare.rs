@@ -77,7 +77,7 @@ pub struct Comparison {
     pub modes: Vec<ModeRow>,
     /// Costs.
     pub cost: [CostRow; 2],
-    /// Whether both runs have converged by their own gates.
+    /// Whether both runs have converged by their own checks.
     pub converged: [bool; 2],
 }
 
@@ -113,7 +113,7 @@ impl Comparison {
         }
         for (name, converged) in self.names.iter().zip(self.converged) {
             if !converged {
-                words.push_str(&format!("; {name} has not converged: see its gates"));
+                words.push_str(&format!("; {name} has not converged: see its checks"));
             }
         }
         words

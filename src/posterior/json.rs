@@ -1,5 +1,5 @@
 //! Numbers in JSON, which knows neither NaN nor infinities: these are written as the strings `"nan"`, `"inf"` and
-//! `"-inf"`, so that a failed gate keeps its value. Finite numbers are exact to the bit.
+//! `"-inf"`, so that a failed check keeps its value. Finite numbers are exact to the bit.
 
 use serde::de::Error as _;
 use serde::ser::SerializeMap;

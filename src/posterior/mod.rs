@@ -14,7 +14,7 @@ pub mod zarr;
 pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare};
 pub use modes::{Mode, ModeWeight, Share, mode_weights, prolate_share};
 pub use summary::{
-    Counts, GateRow, Interval, SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals,
+    CheckRow, Counts, Interval, SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals,
 };
 
 use crate::error::{Error, Result};
@@ -115,8 +115,8 @@ pub fn run_from_parts(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
             wall_seconds: summary.cost.wall_seconds,
             rejected: summary.cost.rejected.clone(),
         },
-        path: stored.path,
-        gates: summary.gates.iter().map(GateRow::gate).collect(),
+        history: stored.history,
+        checks: summary.checks.iter().map(CheckRow::check).collect(),
         warnings: summary.warnings.clone(),
     })
 }

@@ -86,7 +86,7 @@ pub fn prolate_share(run: &Run) -> Option<Share> {
 /// The shares of labels below `N`, one label per draw.
 fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
     let weights = run.draws.weights();
-    let groups = run.draws.groups();
+    let groups = run.draws.clusters();
     // Groups of dependent draws are drawn whole; where there are none, rows.
     let groups: Vec<[f64; N]> = if groups.len() > 1 {
         let sums = groups.into_iter();

@@ -5,7 +5,7 @@ use super::{Column, columns, json};
 use crate::params::QPrior;
 use oblate_samplers::Run;
 use oblate_samplers::diagnostics::weighted_quantile;
-use oblate_samplers::output::{Gate, Method, Status};
+use oblate_samplers::output::{Check, Method, Status};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -61,9 +61,9 @@ impl Interval {
     }
 }
 
-/// One gate as it is written.
+/// One check as it is written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct GateRow {
+pub struct CheckRow {
     /// Short name.
     pub name: String,
     /// What was measured.
@@ -75,31 +75,31 @@ pub struct GateRow {
     /// Whether it passed.
     pub pass: bool,
     /// What it means, and what to do if it failed.
-    pub say: String,
+    pub message: String,
 }
 
-impl GateRow {
+impl CheckRow {
     /// The sampler's own form.
     #[must_use]
-    pub fn gate(&self) -> Gate {
-        Gate {
+    pub fn check(&self) -> Check {
+        Check {
             name: self.name.clone(),
             value: self.value,
             limit: self.limit,
             pass: self.pass,
-            say: self.say.clone(),
+            message: self.message.clone(),
         }
     }
 }
 
-impl From<&Gate> for GateRow {
-    fn from(gate: &Gate) -> Self {
+impl From<&Check> for CheckRow {
+    fn from(check: &Check) -> Self {
         Self {
-            name: gate.name.clone(),
-            value: gate.value,
-            limit: gate.limit,
-            pass: gate.pass,
-            say: gate.say.clone(),
+            name: check.name.clone(),
+            value: check.value,
+            limit: check.limit,
+            pass: check.pass,
+            message: check.message.clone(),
         }
     }
 }
@@ -139,7 +139,7 @@ pub struct SummaryContext {
 pub struct Summary {
     /// [`SUMMARY_FORMAT`].
     pub format: u32,
-    /// Whether the run ended by its own rule and every gate passed. First, because it comes first.
+    /// Whether the run ended by its own rule and every check passed. First, because it comes first.
     pub converged: bool,
     /// Why it ended.
     pub status: Status,
@@ -189,7 +189,7 @@ pub struct Summary {
     /// What it cost.
     pub cost: Counts,
     /// Every check.
-    pub gates: Vec<GateRow>,
+    pub checks: Vec<CheckRow>,
     /// The sampler's warnings.
     pub warnings: Vec<String>,
     /// The model's warnings.
@@ -257,7 +257,7 @@ impl Summary {
                 wall_seconds: run.cost.wall_seconds,
                 rejected: run.cost.rejected.clone(),
             },
-            gates: run.gates.iter().map(GateRow::from).collect(),
+            checks: run.checks.iter().map(CheckRow::from).collect(),
             warnings: run.warnings.clone(),
             model_warnings: context.warnings.clone(),
             diagnostics: context.diagnostics.clone(),
@@ -275,7 +275,7 @@ impl Summary {
         if self.converged {
             return format!(
                 "Converged: all {} checks passed, effective sample size {:.0}.",
-                self.gates.len(),
+                self.checks.len(),
                 self.ess
             );
         }
@@ -284,13 +284,13 @@ impl Summary {
             Status::Interrupted => "the run was interrupted; resume it",
             Status::BudgetSpent => "the time limit was reached; resume it with a larger one",
         };
-        let failed: Vec<&GateRow> = self.gates.iter().filter(|g| !g.pass).collect();
+        let failed: Vec<&CheckRow> = self.checks.iter().filter(|g| !g.pass).collect();
         let mut words = format!("NOT CONVERGED: {ended}");
         if !failed.is_empty() {
             words.push_str(&format!(
                 "; {} of {} checks failed ({})",
                 failed.len(),
-                self.gates.len(),
+                self.checks.len(),
                 failed
                     .iter()
                     .map(|g| g.name.as_str())

@@ -21,14 +21,14 @@ use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use layout::Table;
 use oblate_samplers::Run;
-use oblate_samplers::output::{Draws, Method, Path as RunPath};
+use oblate_samplers::output::{Draws, History, Method};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use store::Store;
 
 /// What goes into the file beside the run.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Beside<'a> {
+pub struct Extras<'a> {
     /// The data that was fitted.
     pub track: Option<&'a ObservedTrack>,
     /// Draws of the prior, with the run's parameters and derived quantities.
@@ -48,8 +48,8 @@ pub struct Stored {
     pub seed: u64,
     /// The draws, equal to the sampler's in every bit.
     pub draws: Draws,
-    /// The path, equal to the sampler's in every bit.
-    pub path: RunPath,
+    /// The history, equal to the sampler's in every bit.
+    pub history: History,
 }
 
 /// The root's attributes.
@@ -70,7 +70,7 @@ struct Root {
 /// # Errors
 /// [`Error::Io`] if the folder's parent is missing, not writable or full; [`Error::DrawColumns`] if prior draws have
 /// other columns than the run.
-pub fn write(path: &Path, run: &Run, beside: Beside<'_>) -> Result<()> {
+pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
     if let Some(prior) = beside.prior
         && (prior.dim, prior.derived_dim) != (run.draws.dim, run.draws.derived_dim)
     {
@@ -118,7 +118,7 @@ pub fn write(path: &Path, run: &Run, beside: Beside<'_>) -> Result<()> {
         layout::write_track(&store, track)?;
     }
     layout::write_weighted(&store, &run.draws)?;
-    layout::write_path(&store, &run.path)?;
+    layout::write_history(&store, &run.history)?;
     store::sync(&inside).map_err(io)?;
     // A folder cannot be renamed onto one with content: the old one steps aside first, and goes with `fresh`.
     if path.exists() {
@@ -135,13 +135,13 @@ pub fn read(path: &Path) -> Result<Stored> {
     let store = Store::open(path)?;
     let root: Root = store.attributes("/")?;
     let draws = layout::read_weighted(&store, root.names.len(), root.derived_names.len())?;
-    let path = layout::read_path(&store, root.method)?;
+    let history = layout::read_history(&store, root.method)?;
     Ok(Stored {
         names: root.names,
         units: root.units,
         derived_names: root.derived_names,
         seed: root.seed,
         draws,
-        path,
+        history,
     })
 }

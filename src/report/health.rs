@@ -3,7 +3,7 @@
 use super::axes::{Axes, range_of};
 use super::canvas::{Anchor, COLOURS, Canvas, INK};
 use oblate_samplers::Run;
-use oblate_samplers::output::Path;
+use oblate_samplers::output::History;
 
 /// Cells of the histogram of insertion ranks.
 const RANK_CELLS: usize = 20;
@@ -18,14 +18,14 @@ const MOST_POINTS: usize = 1500;
 /// trace of the coldest chains with their round trips. Refined: ln Z and the ancestors left on the way.
 #[must_use]
 pub fn health(run: &Run) -> String {
-    match &run.path {
-        Path::Nested {
+    match &run.history {
+        History::Nested {
             ln_x,
             ln_likelihood,
             insertion_rank,
             ..
         } => nested(ln_x, ln_likelihood, insertion_rank),
-        Path::Tempered {
+        History::Tempered {
             beta,
             swap_rejection,
             acceptance,
@@ -41,7 +41,7 @@ pub fn health(run: &Run) -> String {
             traces(&mut canvas, trace, round_trips);
             canvas.finish("Health of a tempered run")
         }
-        Path::Refinement {
+        History::Bridge {
             share,
             ln_ratio,
             ancestors,

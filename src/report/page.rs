@@ -78,7 +78,7 @@ pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
         parameters(&mut out, run.summary);
         figures(&mut out, run.figures);
         modes(&mut out, run.summary);
-        gates(&mut out, run.summary);
+        checks(&mut out, run.summary);
         again(&mut out, run);
     }
     put!(out, "</body></html>");
@@ -109,9 +109,9 @@ fn verdict(out: &mut String, run: &PageRun<'_>) {
             q.hi95
         );
     }
-    let failed = s.gates.iter().filter(|g| !g.pass);
+    let failed = s.checks.iter().filter(|g| !g.pass);
     let notes: Vec<String> = failed
-        .map(|g| format!("{}: {}", g.name, g.say))
+        .map(|g| format!("{}: {}", g.name, g.message))
         .chain(s.warnings.iter().cloned())
         .chain(s.model_warnings.iter().cloned())
         .collect();
@@ -282,12 +282,12 @@ fn modes(out: &mut String, s: &Summary) {
     put!(out, "</tbody></table>");
 }
 
-fn gates(out: &mut String, s: &Summary) {
+fn checks(out: &mut String, s: &Summary) {
     put!(
         out,
         "<table><thead><tr><th>check</th><th>value</th><th>limit</th><th>passed</th><th>meaning</th></tr></thead><tbody>"
     );
-    for g in &s.gates {
+    for g in &s.checks {
         put!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"words\">{}</td></tr>",
@@ -295,7 +295,7 @@ fn gates(out: &mut String, s: &Summary) {
             number(g.value),
             number(g.limit),
             if g.pass { "yes" } else { "NO" },
-            escape(&g.say)
+            escape(&g.message)
         );
     }
     put!(out, "</tbody></table>");

@@ -272,7 +272,7 @@ impl RunFolder {
     /// # Errors
     /// As of [`zarr::write`]; [`Error::Sampler`] or [`Error::Io`] if the summary cannot be written or the checkpoint
     /// not removed.
-    pub fn finish(&self, run: &Run, summary: &Summary, beside: zarr::Beside<'_>) -> Result<()> {
+    pub fn finish(&self, run: &Run, summary: &Summary, beside: zarr::Extras<'_>) -> Result<()> {
         zarr::write(&self.posterior(), run, beside)?;
         self.json(&self.summary(), summary)?;
         if run.status != Status::Complete || (run.method == Method::PtHmc && !run.converged()) {

@@ -30,7 +30,7 @@ pub fn merge(
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     for (fit, part) in fits.iter().zip(parts) {
-        if fit.stored.run.method == Method::Refine {
+        if fit.stored.run.method == Method::Bridge {
             return Err(Error::NotNested {
                 path: part.clone(),
                 coarse: part.join("coarse"),

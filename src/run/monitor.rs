@@ -2,7 +2,6 @@
 
 use super::log::Log;
 use oblate_samplers::{Event, Observer};
-use serde_json::json;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -39,57 +38,7 @@ pub(super) struct Logged<'a> {
 impl Observer for Logged<'_> {
     fn event(&mut self, event: &Event) -> ControlFlow<()> {
         // A log that cannot be written must not end the run: where the disk is full, the checkpoint reports it.
-        let _ = self.log.write(&line(event));
+        let _ = self.log.write(event);
         self.observer.event(event)
-    }
-}
-
-/// An event as one line of the log.
-fn line(event: &Event) -> serde_json::Value {
-    match event {
-        Event::Started { dim } => json!({"event": "started", "dim": dim}),
-        Event::Nested {
-            iteration,
-            ln_x,
-            ln_z,
-            ln_z_error,
-            remaining,
-            calls,
-            efficiency,
-        } => json!({
-            "event": "nested", "iteration": iteration, "ln_x": ln_x, "ln_z": ln_z, "ln_z_error": ln_z_error,
-            "remaining": remaining, "calls": calls, "efficiency": efficiency,
-        }),
-        Event::Strand {
-            number,
-            ln_z,
-            ln_z_error,
-            ess,
-            calls,
-        } => json!({
-            "event": "strand", "number": number, "ln_z": ln_z, "ln_z_error": ln_z_error, "ess": ess, "calls": calls,
-        }),
-        Event::Annealing { beta, ln_z, calls } => json!({
-            "event": "annealing", "beta": beta, "ln_z": ln_z, "calls": calls,
-        }),
-        Event::Tempered {
-            round,
-            scan,
-            scans,
-            barrier,
-            round_trips,
-            ln_z,
-            gradients,
-        } => json!({
-            "event": "tempered", "round": round, "scan": scan, "scans": scans, "barrier": barrier,
-            "round_trips": round_trips, "ln_z": ln_z, "gradients": gradients,
-        }),
-        Event::Refining { share, ln_z, calls } => json!({
-            "event": "refining", "share": share, "ln_z": ln_z, "calls": calls,
-        }),
-        Event::Checkpointed => json!({"event": "checkpointed"}),
-        Event::Warning(say) => json!({"event": "warning", "say": say}),
-        Event::Finished => json!({"event": "finished"}),
-        other => json!({"event": format!("{other:?}")}),
     }
 }

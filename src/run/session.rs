@@ -121,7 +121,7 @@ impl<'a> RunSession<'a> {
         let summary = summarize(&run, self.destination.command, &self.versions.input_hash);
         if run.status != Status::Interrupted {
             let prior = prior_draws(target, PRIOR_DRAWS, run.seed);
-            let beside = zarr::Beside {
+            let beside = zarr::Extras {
                 track,
                 prior: Some(&prior),
             };

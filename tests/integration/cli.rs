@@ -287,7 +287,7 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
         "parameters",
         "cost",
         "converged",
-        "gates",
+        "checks",
     ] {
         assert!(!summary[key].is_null(), "{key}");
     }
@@ -372,7 +372,7 @@ fn a_fit_is_bridged_to_another_model_of_its_stream() {
     ]);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let summary = json(&output.stdout);
-    assert_eq!(summary["method"], "refine");
+    assert_eq!(summary["method"], "bridge");
     let parts = &summary["ln_z_error_parts"];
     for part in ["parent", "weights", "shares"] {
         assert!(parts[part].as_f64().expect("a number") >= 0.0, "{parts}");
@@ -448,7 +448,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
     for key in ["ln_z", "parameters", "ess"] {
         assert_eq!(both[key], fine[key], "{key}");
     }
-    assert_eq!(both["method"], "refine");
+    assert_eq!(both["method"], "bridge");
     let calls = |of: &serde_json::Value| of["cost"]["calls"].as_u64().expect("a number");
     assert_eq!(calls(&both), calls(&coarse) + calls(&fine));
     // It is a whole run within, and can be read as one.
@@ -535,11 +535,11 @@ fn fits_from_several_seeds_are_merged_into_one() {
     };
     let calls = |summary: &serde_json::Value| summary["cost"]["calls"].as_u64().expect("calls");
     assert_eq!(calls(&summary), calls(&part(&one)) + calls(&part(&two)));
-    let names: Vec<&str> = summary["gates"]
+    let names: Vec<&str> = summary["checks"]
         .as_array()
-        .expect("gates")
+        .expect("checks")
         .iter()
-        .filter_map(|gate| gate["name"].as_str())
+        .filter_map(|check| check["name"].as_str())
         .collect();
     assert!(names.contains(&"seeds agree on the means"), "{names:?}");
     refused(&merge(&[&one, &two], &both), &["exists already"]);
@@ -598,7 +598,7 @@ fn a_tempered_fit_that_ended_too_soon_goes_on_with_more_extensions() {
         let again = fit(&name("in two"), coarse, "1", &["--resume"]);
         assert_eq!(again["ln_z"], short["ln_z"]);
         let longer = fit(&name("in two"), coarse, "2", &["--resume"]);
-        for key in ["ln_z", "ess", "parameters", "gates"] {
+        for key in ["ln_z", "ess", "parameters", "checks"] {
             assert_eq!(longer[key], expected[key], "{coarse}: {key}");
         }
     }
@@ -673,7 +673,7 @@ fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
             assert_eq!(spent["ln_z"] == expected["ln_z"], over);
         }
         let resumed = of(&args(&name, &["--resume"]));
-        for key in ["ln_z", "ess", "parameters", "gates"] {
+        for key in ["ln_z", "ess", "parameters", "checks"] {
             assert_eq!(resumed[key], expected[key], "{what}: {key}");
         }
     }

@@ -329,7 +329,7 @@ fn bands_of_the_population_density_are_quantiles_over_the_draws() {
         ln_likelihood: vec![0.0; 101],
         ln_weight: vec![-(101.0_f64).ln(); 101],
         chain: vec![0; 101],
-        group: vec![0; 101],
+        cluster: vec![0; 101],
         ..Draws::default()
     };
     let density = PopulationDensity::new(&family, &draws, 201).unwrap();

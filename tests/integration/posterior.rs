@@ -6,7 +6,7 @@ use oblate::params::QPrior;
 use oblate::posterior::{
     Interval, Summary, SummaryContext, columns, compare, modes, run_from_parts, zarr,
 };
-use oblate_samplers::output::{Gate, Path as RunPath, Run};
+use oblate_samplers::output::{Check, History, Run};
 
 fn summary(run: &Run) -> Summary {
     Summary::new(
@@ -61,8 +61,8 @@ fn summary_has_the_keys_that_scripts_rely_on() {
         assert!(json["cost"][key].is_number(), "cost.{key}");
     }
     assert_eq!(json["converged"], true);
-    for key in ["name", "value", "limit", "pass", "say"] {
-        assert!(!json["gates"][0][key].is_null(), "gates[0].{key}");
+    for key in ["name", "value", "limit", "pass", "message"] {
+        assert!(!json["checks"][0][key].is_null(), "checks[0].{key}");
     }
     assert_eq!(json["q_prior"]["kind"], "uniform");
     assert_eq!(json["q_prior"]["hi"], 1.5);
@@ -81,15 +81,15 @@ fn summary_has_the_keys_that_scripts_rely_on() {
 #[test]
 fn a_failed_gate_keeps_its_infinite_value_and_leads_the_verdict() {
     let mut run = runs::nested(500, 5);
-    run.gates
-        .push(Gate::at_most("r_hat", f64::INFINITY, 1.01, "run longer"));
+    run.checks
+        .push(Check::at_most("r_hat", f64::INFINITY, 1.01, "run longer"));
     let before = summary(&run);
     assert!(!before.converged);
     assert!(before.verdict().starts_with("NOT CONVERGED"));
     assert!(before.verdict().contains("r_hat"));
     let text = serde_json::to_string(&before).unwrap();
     let after: Summary = serde_json::from_str(&text).unwrap();
-    assert_eq!(after.gates, before.gates);
+    assert_eq!(after.checks, before.checks);
     assert!(after.ln_z_estimates["stepping_stone"].is_nan());
 }
 
@@ -179,7 +179,7 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
         if let Ok(kept) = std::env::var("OBLATE_FIGURES") {
             let kept = std::path::Path::new(&kept);
             std::fs::create_dir_all(kept).unwrap();
-            let beside = zarr::Beside {
+            let beside = zarr::Extras {
                 track: Some(&track),
                 prior: Some(&run.draws),
             };
@@ -187,7 +187,7 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
             track.write(&kept.join("track.ecsv")).unwrap();
         }
         let path = folder.path().join(name);
-        zarr::write(&path, &run, zarr::Beside::default()).unwrap();
+        zarr::write(&path, &run, zarr::Extras::default()).unwrap();
         let text = serde_json::to_string(&summary(&run)).unwrap();
         let back = run_from_parts(
             &serde_json::from_str(&text).unwrap(),
@@ -204,20 +204,20 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
 #[test]
 fn an_empty_and_ragged_trace_comes_back() {
     let mut run = runs::tempered(40, 2);
-    if let RunPath::Tempered { trace, .. } = &mut run.path {
+    if let History::Tempered { trace, .. } = &mut run.history {
         *trace = vec![vec![], vec![1.0, -2.0], vec![3.5]];
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("p.zarr");
-    zarr::write(&path, &run, zarr::Beside::default()).unwrap();
-    assert_eq!(zarr::read(&path).unwrap().path, run.path);
+    zarr::write(&path, &run, zarr::Extras::default()).unwrap();
+    assert_eq!(zarr::read(&path).unwrap().history, run.history);
 }
 
 #[test]
 fn parts_of_different_runs_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("p.zarr");
-    zarr::write(&path, &runs::nested(100, 1), zarr::Beside::default()).unwrap();
+    zarr::write(&path, &runs::nested(100, 1), zarr::Extras::default()).unwrap();
     let other = summary(&runs::nested(100, 2));
     let words = run_from_parts(&other, zarr::read(&path).unwrap())
         .unwrap_err()
@@ -272,7 +272,7 @@ fn an_array_that_is_damaged_or_not_ours_is_refused_by_name_and_cause() {
 fn a_damaged_folder_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("p.zarr");
-    zarr::write(&path, &runs::nested(100, 1), zarr::Beside::default()).unwrap();
+    zarr::write(&path, &runs::nested(100, 1), zarr::Extras::default()).unwrap();
     std::fs::remove_dir_all(path.join("weighted/theta")).unwrap();
     let words = zarr::read(&path).unwrap_err().to_string();
     assert!(

@@ -8,7 +8,7 @@ use oblate::report::{
     CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, compare_rows, corner, health,
     page, q_posterior,
 };
-use oblate_samplers::output::{Gate, Run, Status};
+use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 
 /// Every figure is checked for what no figure may have; then kept if asked.
@@ -316,7 +316,7 @@ fn comparison_measures_shifts_against_the_first_run() {
 fn page_says_first_that_a_run_has_not_converged_and_why() {
     let mut bad = runs::tempered(2000, 6);
     bad.status = Status::BudgetSpent;
-    bad.gates.push(Gate::at_most(
+    bad.checks.push(Check::at_most(
         "r_hat",
         1.2,
         1.01,

@@ -17,7 +17,7 @@ fn finished(path: &std::path::Path) -> RunFolder {
     let summary = Summary::new(&run, &SummaryContext::default());
     let track =
         ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
-    let beside = zarr::Beside {
+    let beside = zarr::Extras {
         track: Some(&track),
         prior: None,
     };

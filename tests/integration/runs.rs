@@ -1,7 +1,7 @@
 //! Runs with known answers: keyed draws of a product of normals, dressed as results of either sampler.
 
 use oblate_samplers::normal;
-use oblate_samplers::output::{Cost, Draws, Ess, Evidence, Gate, Method, Path, Run, Status};
+use oblate_samplers::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
 use std::collections::BTreeMap;
 
@@ -42,13 +42,13 @@ fn draws(rows: usize, chains: u32, seed: u64) -> Draws {
         draws.ln_likelihood.push(ln_l);
         draws.ln_weight.push(-(rows as f64).ln());
         draws.chain.push(u32::try_from(row).unwrap() % chains);
-        draws.group.push(u32::try_from(row).unwrap() % chains);
+        draws.cluster.push(u32::try_from(row).unwrap() % chains);
     }
     draws
 }
 
 /// What both kinds of run share.
-fn run(method: Method, draws: Draws, path: Path, seed: u64) -> Run {
+fn run(method: Method, draws: Draws, history: History, seed: u64) -> Run {
     let kish = oblate_samplers::diagnostics::kish_ess(&draws.ln_weight);
     Run {
         method,
@@ -81,8 +81,8 @@ fn run(method: Method, draws: Draws, path: Path, seed: u64) -> Run {
             wall_seconds: 33.25,
             rejected: BTreeMap::from([("bad_orbit".to_owned(), 12)]),
         },
-        path,
-        gates: vec![Gate::at_least(
+        history,
+        checks: vec![Check::at_least(
             "ess",
             kish,
             400.0,
@@ -111,7 +111,7 @@ pub fn nested(rows: usize, seed: u64) -> Run {
     let insertion_rank = (0..rows)
         .map(|i| unit_open(&mut stream(seed, Domain::Test, 3, i as u64)))
         .collect();
-    let path = Path::Nested {
+    let history = History::Nested {
         ln_x,
         ln_likelihood_birth: (0..rows)
             .map(|i| {
@@ -126,7 +126,7 @@ pub fn nested(rows: usize, seed: u64) -> Run {
         live: vec![live; rows],
         insertion_rank,
     };
-    run(Method::Nested, draws, path, seed)
+    run(Method::Nested, draws, history, seed)
 }
 
 /// A tempered run's shape: four chains of equal weight, a ladder of eight temperatures.
@@ -148,7 +148,7 @@ pub fn tempered(rows: usize, seed: u64) -> Run {
                 .collect()
         })
         .collect();
-    let path = Path::Tempered {
+    let history = History::Tempered {
         mean_ln_likelihood: beta.iter().map(|b| -40.0 + 20.0 * b).collect(),
         variance_ln_likelihood: beta.iter().map(|b| 6.0 / (b + 0.1)).collect(),
         swap_rejection: rejection,
@@ -161,16 +161,16 @@ pub fn tempered(rows: usize, seed: u64) -> Run {
         trace,
         beta,
     };
-    run(Method::PtHmc, draws, path, seed)
+    run(Method::PtHmc, draws, history, seed)
 }
 
 /// A refined run's shape: equal weights, three steps.
 pub fn refined(rows: usize, seed: u64) -> Run {
-    let path = Path::Refinement {
+    let history = History::Bridge {
         share: vec![0.3, 0.7, 1.0],
         ln_ratio: vec![1.0, 1.8, 2.1],
         ancestors: vec![600.0, 450.0, 400.0],
         echo: vec![0.3, 0.25, 0.2],
     };
-    run(Method::Refine, draws(rows, 1, seed), path, seed)
+    run(Method::Bridge, draws(rows, 1, seed), history, seed)
 }

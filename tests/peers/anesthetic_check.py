@@ -19,17 +19,17 @@ warnings.filterwarnings("ignore", message=".*[Cc]onsolidated.*")
 folder = Path(sys.argv[1])
 summary = json.loads((folder / "summary.json").read_text())
 zarr = folder / "posterior.zarr"
-path = xr.open_zarr(zarr, group="path", consolidated=False)
+history = xr.open_zarr(zarr, group="history", consolidated=False)
 weighted = xr.open_zarr(zarr, group="weighted", consolidated=False)
 names = list(summary["parameters"])
 
 # Rejected points have no likelihood and no row of parameters, but they were alive.
-ln_l = path["ln_likelihood"].values
+ln_l = history["ln_likelihood"].values
 theta = np.full((ln_l.size, len(names)), np.nan)
 theta[np.isfinite(ln_l)] = weighted["theta"].values
 # Points born above rejected ones have the smallest number as birth, so that is where those died; anesthetic wants another, below
 # all others but not as far.
-birth = path["ln_likelihood_birth"].values
+birth = history["ln_likelihood_birth"].values
 lowest = ln_l[np.isfinite(ln_l)].min() - 1.0
 birth = np.where(birth == np.finfo(float).min, lowest, birth)
 samples = anesthetic.NestedSamples(

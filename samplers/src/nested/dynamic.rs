@@ -3,7 +3,7 @@
 //! A strand is a run of its own above a contour: its points begin as draws of the prior above the floor, and when the lowest
 //! of them is above the ceiling they all die. Births and deaths of all strands together weigh as those of one run do.
 
-use super::evidence::{History, Weighted};
+use super::evidence::{DeadPoints, Weighted};
 use super::live::Points;
 use super::reckoning::simulated;
 use super::settings::Settings;
@@ -30,7 +30,7 @@ pub(super) struct Span {
 impl Span {
     /// Where more points tell most. A point's importance for the posterior is its weight; for the evidence, that of all points
     /// from it on by the number alive, because they all lie in the volume that its own death leaves uncertain.
-    pub fn of(history: &History, weighted: &Weighted, posterior_share: f64) -> Self {
+    pub fn of(history: &DeadPoints, weighted: &Weighted, posterior_share: f64) -> Self {
         let count = weighted.p.len();
         let mut rest = 0.0;
         let mut evidence: Vec<f64> = (0..count)
@@ -75,7 +75,7 @@ impl Span {
 /// What a run has come to, all strands together.
 pub(super) struct Survey {
     pub points: Points,
-    pub history: History,
+    pub history: DeadPoints,
     pub weighted: Weighted,
     /// Error of ln Z: to first order while it is above its target, then simulated, as the run will be judged by.
     pub ln_z_error: f64,
@@ -85,7 +85,7 @@ pub(super) struct Survey {
 
 impl Survey {
     pub fn of(points: Points, settings: &Settings, seed: u64) -> Self {
-        let history = History::of(&points);
+        let history = DeadPoints::of(&points);
         let weighted = history.weigh();
         let expected = history.expected_error(&weighted);
         // Simulations of the whole history cost more than a strand's worth of cheap likelihoods.
@@ -108,7 +108,7 @@ impl Survey {
         self.wants(settings) == [false, false]
     }
 
-    /// What more points are to aim at: what the settings say, or the one target of two that is left.
+    /// What more points are to aim at: what the settings message, or the one target of two that is left.
     pub fn posterior_share(&self, settings: &Settings) -> f64 {
         let both = settings.target_ess.is_some() && settings.target_ln_z_error.is_some();
         match self.wants(settings) {
@@ -138,9 +138,9 @@ mod tests {
 
     /// Ten points that die one after the other, none replaced; weights peak where `ln_l` does not grow as fast as the volume
     /// shrinks.
-    fn history(ln_l: &[f64]) -> History {
+    fn history(ln_l: &[f64]) -> DeadPoints {
         let lineages: Vec<Kin> = (0..).take(ln_l.len()).map(Kin::from).collect();
-        History::new(ln_l, &vec![NEVER; ln_l.len()], &lineages)
+        DeadPoints::new(ln_l, &vec![NEVER; ln_l.len()], &lineages)
     }
 
     #[test]

@@ -16,7 +16,7 @@ const BOOTSTRAP: u64 = 2;
 
 /// Births and deaths in order of death.
 #[derive(Clone, Debug)]
-pub(super) struct History {
+pub(super) struct DeadPoints {
     /// Log-likelihoods, ascending.
     pub ln_l: Vec<f64>,
     /// Contours of birth.
@@ -62,7 +62,7 @@ pub(super) struct Weighted {
     pub ln_p: Vec<f64>,
 }
 
-impl History {
+impl DeadPoints {
     /// Of the points of a run.
     pub fn of(points: &Points) -> Self {
         Self::new(&points.ln_l, &points.birth, &points.kin)

@@ -1,7 +1,7 @@
 //! From the points of a run to its result.
 
-use super::evidence::History;
-use super::gates;
+use super::checks;
+use super::evidence::DeadPoints;
 use super::live::Points;
 use super::reckoning::{Errors, Reckoning};
 use super::state::{Job, State};
@@ -19,14 +19,14 @@ pub(super) fn finish(
     let points = state.points();
     let theta = physical(job, &points);
     let reckoning = Reckoning::of(
-        History::of(&points),
+        DeadPoints::of(&points),
         &theta,
         points.dim(),
         |history, weighted| Errors::of(history, weighted, job.settings, job.seed),
     );
     let draws = reckoning.draws(job.target, &theta)?;
     let ess = reckoning.ess(&draws);
-    let gates = gates::judge(job, state, &reckoning.measured(ess.kish));
+    let checks = checks::judge(job, state, &reckoning.measured(ess.kish));
     if state.tuning.steps > job.first_steps() {
         warnings.push(format!(
             "steps per new point were raised from {} to {} because new points resembled their seeds; start the next run with `steps = {}`",
@@ -54,8 +54,8 @@ pub(super) fn finish(
             wall_seconds: state.time.wall_seconds,
             rejected: state.rejected.clone(),
         },
-        path: reckoning.path(state.ranks.fractions()),
-        gates,
+        history: reckoning.run_history(state.ranks.fractions()),
+        checks,
         warnings,
     })
 }

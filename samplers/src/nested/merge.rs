@@ -3,14 +3,14 @@
 //! Births and deaths of independent runs weigh together as those of one run with as many live points as all of them had (Skilling
 //! 2006; Higson et al. 2019). What each of them found is compared first: a mode that one run has missed shows as a difference.
 
-use super::evidence::History;
-use super::gates::of_kin;
+use super::checks::of_kin;
+use super::evidence::DeadPoints;
 use super::live::{self, Kin, REJECTED, narrow};
 use super::reckoning::{Errors, Reckoning, simulated};
 use super::settings::Settings;
 use crate::diagnostics::{chance_of_scatter, weighted_moments};
 use crate::error::{Error, Result};
-use crate::output::{Cost, Draws, Gate, Method, Path, Run, Status};
+use crate::output::{Check, Cost, Draws, History, Method, Run, Status};
 use crate::target::Target;
 use std::collections::BTreeSet;
 
@@ -19,7 +19,7 @@ const WHAT: &str = "the runs to merge";
 /// Least probability that runs of one posterior differ as these do.
 const LEAST_PROBABILITY: f64 = 0.01;
 
-/// One nested run out of several on the same `target`, of different seeds, at no further cost. Its gates are the worst of theirs and
+/// One nested run out of several on the same `target`, of different seeds, at no further cost. Its checks are the worst of theirs and
 /// whether they agree; it has the seed of the first.
 ///
 /// # Errors
@@ -42,7 +42,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     for part in &parts {
         all.add(part, dim);
     }
-    let history = History::new(&all.ln_l, &all.birth, &all.kin);
+    let history = DeadPoints::new(&all.ln_l, &all.birth, &all.kin);
     let reckoning = Reckoning::of(history, &all.theta, dim, |history, _| Errors {
         simulated: simulated(history, &Settings::default(), first.seed),
         bootstrapped: together(runs, &parts, "bootstrap"),
@@ -50,9 +50,9 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     });
     let draws = reckoning.draws(target, &all.theta)?;
     let ess = reckoning.ess(&draws);
-    let mut gates = worst(runs);
-    gates.extend(of_kin(&reckoning.measured(ess.kish)));
-    gates.extend(agreement(runs));
+    let mut checks = worst(runs);
+    checks.extend(of_kin(&reckoning.measured(ess.kish)));
+    checks.extend(agreement(runs));
     let ranks = parts.iter().flat_map(|part| part.insertion_rank);
     Ok(Run {
         method: Method::Nested,
@@ -66,8 +66,8 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
         evidence: reckoning.evidence(),
         ess,
         cost: cost(runs),
-        path: reckoning.path(ranks.copied().collect()),
-        gates,
+        history: reckoning.run_history(ranks.copied().collect()),
+        checks,
         warnings: runs.iter().flat_map(|run| run.warnings.clone()).collect(),
     })
 }
@@ -91,13 +91,13 @@ struct Part<'a> {
 impl<'a> Part<'a> {
     fn of(target: &dyn Target, run: &'a Run) -> Result<Self> {
         run.check_belongs(target, WHAT)?;
-        let Path::Nested {
+        let History::Nested {
             ln_likelihood,
             ln_likelihood_birth,
             live,
             insertion_rank,
             ..
-        } = &run.path
+        } = &run.history
         else {
             return refuse(
                 "one is not a nested run, which alone has births and deaths; leave it out",
@@ -142,9 +142,9 @@ impl Together {
         let founders = narrow(part.founders());
         let rejected = (0..founders).cycle().take(part.rejected());
         let first = self.lineages;
-        let own = rejected.chain(part.draws.group.iter().copied());
+        let own = rejected.chain(part.draws.cluster.iter().copied());
         self.kin.extend(own.map(|l| Kin::from(first + l)));
-        let last = part.draws.group.iter().max().map_or(0, |l| l + 1);
+        let last = part.draws.cluster.iter().max().map_or(0, |l| l + 1);
         self.lineages += last.max(founders).next_multiple_of(2);
         self.theta
             .extend(std::iter::repeat_n(0.0, part.rejected() * dim));
@@ -152,8 +152,8 @@ impl Together {
     }
 }
 
-/// Of every gate that all runs have, and that does not depend on their number, one that failed, or else the first.
-fn worst(runs: &[&Run]) -> Vec<Gate> {
+/// Of every check that all runs have, and that does not depend on their number, one that failed, or else the first.
+fn worst(runs: &[&Run]) -> Vec<Check> {
     const NOT_OF_ONE: [&str; 5] = [
         "lineages-left",
         "bootstrap-to-simulated",
@@ -161,15 +161,15 @@ fn worst(runs: &[&Run]) -> Vec<Gate> {
         "target-ess",
         "target-ln-z-error",
     ];
-    let of = |name: &str| -> Option<Gate> {
-        let own = |run: &&Run| run.gates.iter().find(|g| g.name == name).cloned();
-        let all: Vec<Gate> = runs.iter().filter_map(own).collect();
+    let of = |name: &str| -> Option<Check> {
+        let own = |run: &&Run| run.checks.iter().find(|g| g.name == name).cloned();
+        let all: Vec<Check> = runs.iter().filter_map(own).collect();
         let failed = all.iter().find(|g| !g.pass);
         failed.or(all.first()).cloned()
     };
     let names = runs
         .iter()
-        .flat_map(|run| run.gates.iter().map(|g| &g.name));
+        .flat_map(|run| run.checks.iter().map(|g| &g.name));
     let mut seen = BTreeSet::new();
     names
         .filter(|name| !NOT_OF_ONE.contains(&name.as_str()) && seen.insert(*name))
@@ -178,20 +178,20 @@ fn worst(runs: &[&Run]) -> Vec<Gate> {
 }
 
 /// Whether the runs agree on ln Z, and on the mean of every parameter.
-fn agreement(runs: &[&Run]) -> [Gate; 2] {
+fn agreement(runs: &[&Run]) -> [Check; 2] {
     let ln_z = runs.iter().map(|r| (r.evidence.ln_z, r.evidence.error));
     let dim = runs[0].names.len();
     let least = (0..dim)
         .map(|k| probability(runs.iter().map(|run| mean(run, k))))
         .fold(1.0, f64::min);
     [
-        Gate::at_least(
+        Check::at_least(
             "seeds agree on the evidence",
             probability(ln_z),
             LEAST_PROBABILITY,
             "probability that ln Z of the runs differ by chance as they do; if too small, some run misses a mode or its error is too small: double `n-live` or `steps`",
         ),
-        Gate::at_least(
+        Check::at_least(
             "seeds agree on the means",
             least,
             LEAST_PROBABILITY / dim as f64,

@@ -33,10 +33,10 @@
 //! ```
 
 mod bound;
+mod checks;
 mod dynamic;
 mod evidence;
 mod finish;
-mod gates;
 mod kernel;
 mod likelihood;
 mod live;

@@ -1,17 +1,17 @@
 //! What births, deaths and parameters come to: evidence and effective sizes with their errors, of one run or of several.
 
-use super::evidence::{History, Weighted};
+use super::evidence::{DeadPoints, Weighted};
 use super::live::{REJECTED, lineages};
 use super::settings::Settings;
 use crate::diagnostics::{kish_ess, size_of_mean};
 use crate::error::Result;
-use crate::output::{Draws, Ess, Evidence, Origin, Path};
+use crate::output::{Draws, Ess, Evidence, History, Origin};
 use crate::target::Target;
 use std::collections::BTreeMap;
 
 /// Births and deaths, and all that follows from them.
 pub(super) struct Reckoning {
-    pub history: History,
+    pub history: DeadPoints,
     pub weighted: Weighted,
     /// Effective size of each parameter: its variance over that of its mean.
     sizes: Vec<f64>,
@@ -42,7 +42,7 @@ pub(super) struct Measured {
 
 impl Errors {
     /// Of one run with these settings and seed.
-    pub fn of(history: &History, weighted: &Weighted, settings: &Settings, seed: u64) -> Self {
+    pub fn of(history: &DeadPoints, weighted: &Weighted, settings: &Settings, seed: u64) -> Self {
         let founders = lineages(settings.n_live);
         let clans = founders as f64;
         // So few scatter a little less, weighted at random, about their own mean than about the truth.
@@ -59,10 +59,10 @@ impl Errors {
 impl Reckoning {
     /// Of a history whose points, in the order given to it, have these physical parameters, row-major, `dim` each.
     pub fn of(
-        history: History,
+        history: DeadPoints,
         theta: &[f64],
         dim: usize,
-        errors: impl FnOnce(&History, &Weighted) -> Errors,
+        errors: impl FnOnce(&DeadPoints, &Weighted) -> Errors,
     ) -> Self {
         let weighted = history.weigh();
         let sizes = (0..dim)
@@ -116,7 +116,7 @@ impl Reckoning {
                 let theta = &theta[row * dim..(row + 1) * dim];
                 let origin = Origin {
                     chain: 0,
-                    group: self.history.lineages.of[death],
+                    cluster: self.history.lineages.of[death],
                 };
                 draws.push(target, theta, ln_l, self.weighted.ln_p[death], origin)?;
             }
@@ -149,7 +149,7 @@ impl Reckoning {
     }
 
     /// The way from the prior to the peak, with the ranks of those inserted.
-    pub fn path(&self, insertion_rank: Vec<f64>) -> Path {
+    pub fn run_history(&self, insertion_rank: Vec<f64>) -> History {
         let shown = |l: &f64| {
             if *l <= REJECTED {
                 f64::NEG_INFINITY
@@ -158,7 +158,7 @@ impl Reckoning {
             }
         };
         let mut sum = 0.0;
-        Path::Nested {
+        History::Nested {
             ln_x: self
                 .history
                 .expected_ln_t()
@@ -177,14 +177,14 @@ impl Reckoning {
 }
 
 /// Error of ln Z by the volumes of ideal draws.
-pub(super) fn simulated(history: &History, settings: &Settings, seed: u64) -> f64 {
+pub(super) fn simulated(history: &DeadPoints, settings: &Settings, seed: u64) -> f64 {
     deviation(&history.simulate(seed, settings.simulations))
 }
 
 /// Error of ln Z for want of ancestors, after the estimate of Lee & Whiteley (2018) for particle filters. Two draws of the posterior
 /// descend from one first point more often than seeds drawn by chance would make them only where the descendants of few first points
 /// found the way to the peak; and as many as found it, by chance, measure its volume. The excess is the relative variance of Z.
-fn of_ancestry(history: &History, weighted: &Weighted, founders: usize, n_live: usize) -> f64 {
+fn of_ancestry(history: &DeadPoints, weighted: &Weighted, founders: usize, n_live: usize) -> f64 {
     let alike = 1.0 / history.effective_lineages(weighted);
     let at_first = 1.0 / founders as f64;
     // Of n living ones every e-fold replaces n, and each time 2 / n^2 of the pairs become siblings.
@@ -223,7 +223,7 @@ mod tests {
             .take(ln_l.len())
             .map(|i| Kin::from(i % shared))
             .collect();
-        let history = History::new(&ln_l, &birth, &kin);
+        let history = DeadPoints::new(&ln_l, &birth, &kin);
         // A hundredth of the prior, evenly: ln X = -4.6.
         let mut weighted = history.weigh();
         let end = 460..660;

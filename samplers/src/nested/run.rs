@@ -56,7 +56,7 @@ pub fn run(
             if survey.meets(settings) {
                 break Status::Complete;
             }
-            stop |= control.tell(&Event::Strand {
+            stop |= control.tell(&Event::Batch {
                 number: state.strands,
                 ln_z: survey.weighted.ln_z,
                 ln_z_error: survey.ln_z_error,
@@ -100,7 +100,7 @@ fn event(state: &State, settings: &Settings) -> Event {
         ln_x: state.ln_x,
         ln_z: state.ln_z,
         ln_z_error: (state.information.max(0.0) / settings.n_live as f64).sqrt(),
-        remaining: state.remaining(settings),
+        delta_ln_z: state.delta_ln_z(settings),
         calls: state.calls,
         efficiency: state.efficiency,
     }

@@ -35,7 +35,7 @@ impl Kernel {
     }
 
     /// Steps per new point if the user gives none: `(3 + d) / 2` slices, from 15 parameters on `d^2 / 22`; `(3 + d) / 3` flights; 25 walk
-    /// steps, from 12 parameters on `2 + 2 d`. In 30 dimensions `(3 + d) / 2` slices give a ln Z too high by 1.2 errors where no gate
+    /// steps, from 12 parameters on `2 + 2 d`. In 30 dimensions `(3 + d) / 2` slices give a ln Z too high by 1.2 errors where no check
     /// says so (`cargo test -p oblate-samplers --release --test campaign -- --ignored nested`).
     #[must_use]
     pub fn default_steps(self, dim: usize) -> usize {

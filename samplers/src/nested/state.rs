@@ -156,11 +156,11 @@ impl State {
 
     /// How much the live points could still raise ln Z when the first strand ended, or can now; 0 on a final plateau, whose
     /// volume the deaths already share.
-    pub fn remaining(&self, settings: &Settings) -> f64 {
-        self.left.unwrap_or_else(|| self.remaining_now(settings))
+    pub fn delta_ln_z(&self, settings: &Settings) -> f64 {
+        self.left.unwrap_or_else(|| self.delta_ln_z_now(settings))
     }
 
-    fn remaining_now(&self, settings: &Settings) -> f64 {
+    fn delta_ln_z_now(&self, settings: &Settings) -> f64 {
         let best = self.live.best();
         if !self.started || best <= REJECTED {
             return f64::INFINITY;
@@ -181,7 +181,7 @@ impl State {
     /// Whether the present strand has reached its end.
     pub fn rests(&self, settings: &Settings) -> bool {
         match &self.span {
-            None => self.remaining(settings) < settings.dlnz,
+            None => self.delta_ln_z(settings) < settings.dlnz,
             Some(span) => {
                 let lowest = self.live.ln_l.iter().copied().fold(f64::INFINITY, f64::min);
                 lowest > span.ceiling || self.on_last_plateau(settings)
@@ -327,7 +327,7 @@ impl State {
             }
             self.count(&born);
         }
-        self.left = Some(self.remaining(job.settings));
+        self.left = Some(self.delta_ln_z(job.settings));
         self.next_point += count as u64;
         self.iteration += 1;
         self.dead = points;

@@ -131,7 +131,7 @@ impl Tuning {
     /// Short jumps alone raise nothing, they are only gated: on a thin shell points stay close to their seeds for
     /// long after their likelihoods have forgotten them, and ln Z is as good. An echo that the last raise has not lowered
     /// by a quarter is not for want of steps either: chains that keep to their own mode, each with likelihoods of its
-    /// own, echo for ever. It is left to the gate, unless it grows.
+    /// own, echo for ever. It is left to the check, unless it grows.
     pub fn watch(&mut self, ranks: &Ranks, window: usize, most: usize) {
         let (insertions, echoes, stayed) = self.window;
         let made = ranks.len() - insertions;

@@ -3,7 +3,7 @@
 //!
 //! Several independent ladders run through rounds of doubling length. Temperatures, metrics and step sizes adapt
 //! between rounds (steps also within all rounds but the last); the last round is frozen and is the result. It may go on
-//! until it passes its gates: on a path that begins at a mixture in frozen legs, each fitted to all before it, of which the
+//! until it passes its checks: on a path that begins at a mixture in frozen legs, each fitted to all before it, of which the
 //! later half is the result. The top of each ladder, at inverse temperature 0, draws the prior or the mixture afresh in every scan, so
 //! that each round trip of a state through the ladder is an independent restart, and every ladder's evidence is one independent
 //! estimate.
@@ -35,13 +35,13 @@
 //! let run = pt::run(&target, &pt::Settings::default(), 1, &mut Control::new(&mut Silent))?;
 //! let exact = -0.5 * 10_f64.ln() - 0.45;
 //! assert!((run.evidence.ln_z - exact).abs() < 4.0 * run.evidence.error);
-//! assert!(run.converged(), "{:?}", run.gates);
+//! assert!(run.converged(), "{:?}", run.checks);
 //! # Ok::<(), oblate_samplers::Error>(())
 //! ```
 
 mod anneal;
+mod checks;
 mod evidence;
-mod gates;
 mod ladder;
 mod outcome;
 mod record;
@@ -64,7 +64,7 @@ use state::State;
 ///
 /// An interrupt, an observer's `Break` or a spent budget ends the run after the scan in progress: a checkpoint is
 /// written where one is planned, and the round in progress is returned as an unconverged result. An adapting round's
-/// draws are not exact; [`Run::status`] says so. A run that has ended without passing its gates goes on from its checkpoint if
+/// draws are not exact; [`Run::status`] says so. A run that has ended without passing its checks goes on from its checkpoint if
 /// `settings` allow more `extensions`, to the same bits as if they always had.
 ///
 /// # Errors
@@ -140,7 +140,9 @@ pub fn run(
     }
     let run = outcome::assemble(target, &state, status)?;
     for warning in &run.warnings {
-        control.tell(&Event::Warning(warning.clone()));
+        control.tell(&Event::Warning {
+            message: warning.clone(),
+        });
     }
     control.tell(&Event::Finished);
     Ok(run)

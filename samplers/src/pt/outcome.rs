@@ -1,13 +1,13 @@
 //! From the state of a run to its result.
 
+use super::checks::{Evidenced, checks};
 use super::evidence::Estimate;
-use super::gates::{Evidenced, gates};
 use super::ladder::barrier;
 use super::record::Cold;
 use super::state::State;
 use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
 use crate::error::Result;
-use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run, Status};
+use crate::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
@@ -21,7 +21,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
         estimate,
         ess,
         steps,
-        gates,
+        checks,
     } = judge(state, &cold, target.dim());
     let draws = draws(target, state, &cold)?;
     Ok(Run {
@@ -42,26 +42,26 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
             wall_seconds: state.time.wall_seconds,
             rejected: state.tally.rejected.clone(),
         },
-        path: path(state, steps, cold.ln_likelihood),
-        gates,
+        history: history(state, steps, cold.ln_likelihood),
+        checks,
         warnings: warnings(state),
     })
 }
 
-/// What the round in progress comes to, and what the gates say of it.
+/// What the round in progress comes to, and what the checks say of it.
 struct Judged {
     estimate: Estimate,
     ess: Ess,
     /// Step of each temperature.
     steps: Vec<f64>,
-    gates: Vec<Gate>,
+    checks: Vec<Check>,
 }
 
 fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
     let estimate = state.evidence();
     let (ess, worst_r_hat) = effective_sizes(state, cold, dim);
     let steps: Vec<f64> = state.rungs.iter().map(|rung| rung.step.step()).collect();
-    let gates = gates(&Evidenced {
+    let checks = checks(&Evidenced {
         record: &state.record,
         estimate: &estimate,
         history: &state.history,
@@ -75,14 +75,17 @@ fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
         estimate,
         ess,
         steps,
-        gates,
+        checks,
     }
 }
 
-/// Whether the round in progress passes all gates.
+/// Whether the round in progress passes all checks.
 pub(super) fn passes(state: &State, dim: usize) -> bool {
     let cold = state.record.cold();
-    judge(state, &cold, dim).gates.iter().all(|gate| gate.pass)
+    judge(state, &cold, dim)
+        .checks
+        .iter()
+        .all(|check| check.pass)
 }
 
 fn draws(target: &dyn Target, state: &State, cold: &Cold) -> Result<Draws> {
@@ -95,8 +98,8 @@ fn draws(target: &dyn Target, state: &State, cold: &Cold) -> Result<Draws> {
     for (chain, (rows, values)) in (0_u32..).zip(ladders) {
         for (z, &ln_l) in rows.chunks_exact(target.dim()).zip(values) {
             target.prior().theta_from_z(z, &mut theta);
-            let group = chain % families;
-            let origin = Origin { chain, group };
+            let cluster = chain % families;
+            let origin = Origin { chain, cluster };
             draws.push(target, &theta, ln_l, ln_weight, origin)?;
         }
     }
@@ -210,13 +213,13 @@ fn modes(cold: &Cold, dim: usize) -> f64 {
     mode_agreement(&labels, &slices(&cold.ln_likelihood))
 }
 
-fn path(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> Path {
+fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History {
     let record = &state.record;
     let leg = record.telling_leg();
     let rungs = leg.beta.len();
     let (mean, variance) = (0..rungs).map(|rung| leg.traces.moments(rung)).unzip();
     let rejection = leg.mean_rejection();
-    Path::Tempered {
+    History::Tempered {
         beta: leg.beta.clone(),
         mean_ln_likelihood: mean,
         variance_ln_likelihood: variance,

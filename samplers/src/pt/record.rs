@@ -160,7 +160,7 @@ pub(super) struct Cold {
     pub(super) ln_likelihood: Vec<Vec<f64>>,
 }
 
-/// Everything a round leaves behind: for adaptation, evidence, gates and draws.
+/// Everything a round leaves behind: for adaptation, evidence, checks and draws.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Record {
     /// One, and as many more as the last round goes on for.

@@ -21,7 +21,7 @@ pub struct Settings {
     pub ladders: usize,
     /// Rounds, each twice as long as the one before; all but the last adapt.
     pub rounds: usize,
-    /// How many times the last round may go on for as long again, until the run passes its gates; 0: it is as long as planned. On a
+    /// How many times the last round may go on for as long again, until the run passes its checks; 0: it is as long as planned. On a
     /// path from the prior all of its scans count. On one from a mixture it goes on in legs: mixture, temperatures and metrics are
     /// fitted anew each time to all that it has drawn, and of the legs the later half counts, rounded up. A run that ended too soon
     /// goes on from its checkpoint if it is allowed more.

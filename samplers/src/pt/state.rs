@@ -285,7 +285,7 @@ impl State {
         if let Some(annealing) = &self.annealing {
             let (beta, ln_z) = annealing.progress();
             let calls = self.tally.calls;
-            return Event::Annealing { beta, ln_z, calls };
+            return Event::Smc { beta, ln_z, calls };
         }
         let last = self.history.last();
         Event::Tempered {

@@ -9,8 +9,8 @@ use oblate_samplers::{Run, Target};
 
 /// Correlation of the likelihood ranks of new points with those of their seeds; 0 for a kernel without seeds.
 const ECHO: Column = ("echo", |run| {
-    let gate = run.gates.iter().find(|g| g.name == "seed-echo");
-    gate.map_or(0.0, |g| g.value)
+    let check = run.checks.iter().find(|g| g.name == "seed-echo");
+    check.map_or(0.0, |g| g.value)
 });
 
 fn sample(target: &dyn Target, settings: &Settings, seed: u64) -> Run {

@@ -41,7 +41,7 @@ fn ladders() {
     table.judge();
 }
 
-/// The same limits for paths from a mixture of what populations have found, whose last round goes on until the gates pass: as a
+/// The same limits for paths from a mixture of what populations have found, whose last round goes on until the checks pass: as a
 /// stream is fitted.
 #[test]
 #[ignore = "minutes: before a release"]

@@ -62,8 +62,8 @@ pub type Column = (&'static str, fn(&Run) -> f64);
 pub struct Table {
     columns: Vec<Column>,
     wrong: Vec<String>,
-    /// z of the runs that failed a gate, by its name, and of those that passed all.
-    by_gate: BTreeMap<String, Vec<f64>>,
+    /// z of the runs that failed a check, by its name, and of those that passed all.
+    by_check: BTreeMap<String, Vec<f64>>,
 }
 
 impl Table {
@@ -78,14 +78,14 @@ impl Table {
         columns.extend(own);
         let names: Vec<&str> = columns.iter().map(|c| c.0).collect();
         println!(
-            "\n| target | d | how | mean z | sd z | {} | gates failed |\n|{}",
+            "\n| target | d | how | mean z | sd z | {} | checks failed |\n|{}",
             names.join(" | "),
             "---|".repeat(6 + names.len())
         );
         Self {
             columns,
             wrong: Vec::new(),
-            by_gate: BTreeMap::new(),
+            by_check: BTreeMap::new(),
         }
     }
 
@@ -103,7 +103,7 @@ impl Table {
                 failed
             };
             for name in names {
-                self.by_gate.entry(name.to_owned()).or_default().push(*z);
+                self.by_check.entry(name.to_owned()).or_default().push(*z);
             }
         }
         let means: Vec<String> = self
@@ -125,17 +125,17 @@ impl Table {
         }
     }
 
-    /// Prints what a failed gate said of ln Z.
+    /// Prints what a failed check said of ln Z.
     ///
     /// # Panics
     /// If a row was outside its limits.
     pub fn judge(self) {
-        println!("\n| gate failed | runs | mean z | rms z |\n|---|---|---|---|");
-        for (gate, z) in &self.by_gate {
+        println!("\n| check failed | runs | mean z | rms z |\n|---|---|---|---|");
+        for (check, z) in &self.by_check {
             let count = z.len() as f64;
             let mean = z.iter().sum::<f64>() / count;
             let rms = (z.iter().map(|z| z * z).sum::<f64>() / count).sqrt();
-            println!("| {gate} | {} | {mean:+.2} | {rms:.2} |", z.len());
+            println!("| {check} | {} | {mean:+.2} | {rms:.2} |", z.len());
         }
         assert!(self.wrong.is_empty(), "{:#?}", self.wrong);
     }
@@ -149,17 +149,17 @@ fn figures(value: f64) -> String {
     }
 }
 
-/// Gates that a run failed.
+/// Checks that a run failed.
 fn failed(run: &Run) -> impl Iterator<Item = &str> {
-    let gates = run.gates.iter().filter(|g| !g.pass);
-    gates.map(|g| g.name.as_str())
+    let checks = run.checks.iter().filter(|g| !g.pass);
+    checks.map(|g| g.name.as_str())
 }
 
-/// Gates that failed, and in how many runs.
+/// Checks that failed, and in how many runs.
 fn failures(runs: &[Run]) -> String {
     let mut counts = BTreeMap::new();
-    for gate in runs.iter().flat_map(failed) {
-        *counts.entry(gate).or_insert(0) += 1;
+    for check in runs.iter().flat_map(failed) {
+        *counts.entry(check).or_insert(0) += 1;
     }
     let told: Vec<String> = counts.iter().map(|(n, c)| format!("{n} {c}")).collect();
     told.join(", ")

@@ -6,6 +6,7 @@
 
 mod arrows;
 mod batch;
+mod bridge;
 mod exact;
 mod files;
 mod hmc;
@@ -13,6 +14,5 @@ mod modules;
 mod nested;
 mod pt;
 mod pulls;
-mod refine;
 mod stops;
 mod targets;

@@ -4,7 +4,7 @@ use super::store::{Store, text};
 use crate::data::ObservedTrack;
 use crate::error::Result;
 use oblate_samplers::Run;
-use oblate_samplers::output::{Draws, Method, Path};
+use oblate_samplers::output::{Draws, History, Method};
 use oblate_samplers::rng::{Domain, stream, unit_open};
 use serde_json::Map;
 
@@ -147,7 +147,7 @@ pub fn write_weighted(store: &Store, draws: &Draws) -> Result<()> {
     )?;
     store.array("/weighted/ln_weight", &[row], &draws.ln_weight, none())?;
     store.array("/weighted/chain", &[row], &draws.chain, none())?;
-    store.array("/weighted/group", &[row], &draws.group, none())
+    store.array("/weighted/cluster", &[row], &draws.cluster, none())
 }
 
 /// `weighted`, back.
@@ -160,19 +160,19 @@ pub fn read_weighted(store: &Store, dim: usize, derived_dim: usize) -> Result<Dr
         ln_likelihood: store.read("/weighted/ln_likelihood")?,
         ln_weight: store.read("/weighted/ln_weight")?,
         chain: store.read("/weighted/chain")?,
-        group: store.read("/weighted/group")?,
+        cluster: store.read("/weighted/cluster")?,
     })
 }
 
 /// `path`.
-pub fn write_path(store: &Store, path: &Path) -> Result<()> {
-    store.group("/path", &Map::new())?;
+pub fn write_history(store: &Store, history: &History) -> Result<()> {
+    store.group("/history", &Map::new())?;
     let floats = |name: &str, dim: &str, values: &[f64]| {
         let dims = [(dim, values.len())];
-        store.array(&format!("/path/{name}"), &dims, values, Map::new())
+        store.array(&format!("/history/{name}"), &dims, values, Map::new())
     };
-    match path {
-        Path::Nested {
+    match history {
+        History::Nested {
             ln_x,
             ln_likelihood,
             ln_likelihood_birth,
@@ -182,10 +182,10 @@ pub fn write_path(store: &Store, path: &Path) -> Result<()> {
             floats("ln_x", "step", ln_x)?;
             floats("ln_likelihood", "step", ln_likelihood)?;
             floats("ln_likelihood_birth", "step", ln_likelihood_birth)?;
-            store.array("/path/live", &[("step", live.len())], live, Map::new())?;
+            store.array("/history/live", &[("step", live.len())], live, Map::new())?;
             floats("insertion_rank", "insertion", insertion_rank)
         }
-        Path::Tempered {
+        History::Tempered {
             beta,
             mean_ln_likelihood,
             variance_ln_likelihood,
@@ -211,21 +211,21 @@ pub fn write_path(store: &Store, path: &Path) -> Result<()> {
             floats("mean_leapfrogs", "temperature", mean_leapfrogs)?;
             let per_temperature = [("temperature", divergences.len())];
             store.array(
-                "/path/divergences",
+                "/history/divergences",
                 &per_temperature,
                 divergences,
                 Map::new(),
             )?;
             floats("barrier", "temperature", barrier)?;
             let ladders = [("ladder", round_trips.len())];
-            store.array("/path/round_trips", &ladders, round_trips, Map::new())?;
+            store.array("/history/round_trips", &ladders, round_trips, Map::new())?;
             // Ladders may differ in length: one flat array, and how long each is.
             let lengths: Vec<u64> = trace.iter().map(|t| t.len() as u64).collect();
             let dims = [("traced_ladder", lengths.len())];
-            store.array("/path/trace_length", &dims, &lengths, Map::new())?;
+            store.array("/history/trace_length", &dims, &lengths, Map::new())?;
             floats("trace", "scan", &trace.concat())
         }
-        Path::Refinement {
+        History::Bridge {
             share,
             ln_ratio,
             ancestors,
@@ -240,21 +240,21 @@ pub fn write_path(store: &Store, path: &Path) -> Result<()> {
 }
 
 /// `path`, back.
-pub fn read_path(store: &Store, method: Method) -> Result<Path> {
-    let floats = |name: &str| store.read::<f64>(&format!("/path/{name}"));
+pub fn read_history(store: &Store, method: Method) -> Result<History> {
+    let floats = |name: &str| store.read::<f64>(&format!("/history/{name}"));
     Ok(match method {
-        Method::Nested => Path::Nested {
+        Method::Nested => History::Nested {
             ln_x: floats("ln_x")?,
             ln_likelihood: floats("ln_likelihood")?,
             ln_likelihood_birth: floats("ln_likelihood_birth")?,
-            live: store.read("/path/live")?,
+            live: store.read("/history/live")?,
             insertion_rank: floats("insertion_rank")?,
         },
         Method::PtHmc => {
             let flat = floats("trace")?;
             let mut rest = flat.as_slice();
             let mut trace = Vec::new();
-            for length in store.read::<u64>("/path/trace_length")? {
+            for length in store.read::<u64>("/history/trace_length")? {
                 let length = usize::try_from(length)
                     .unwrap_or(usize::MAX)
                     .min(rest.len());
@@ -262,7 +262,7 @@ pub fn read_path(store: &Store, method: Method) -> Result<Path> {
                 trace.push(head.to_vec());
                 rest = tail;
             }
-            Path::Tempered {
+            History::Tempered {
                 beta: floats("beta")?,
                 mean_ln_likelihood: floats("mean_ln_likelihood")?,
                 variance_ln_likelihood: floats("variance_ln_likelihood")?,
@@ -270,13 +270,13 @@ pub fn read_path(store: &Store, method: Method) -> Result<Path> {
                 acceptance: floats("acceptance")?,
                 step_size: floats("step_size")?,
                 mean_leapfrogs: floats("mean_leapfrogs")?,
-                divergences: store.read("/path/divergences")?,
+                divergences: store.read("/history/divergences")?,
                 barrier: floats("barrier")?,
-                round_trips: store.read("/path/round_trips")?,
+                round_trips: store.read("/history/round_trips")?,
                 trace,
             }
         }
-        Method::Refine => Path::Refinement {
+        Method::Bridge => History::Bridge {
             share: floats("share")?,
             ln_ratio: floats("ln_ratio")?,
             ancestors: floats("ancestors")?,

@@ -9,7 +9,7 @@
 //! 1. Survivors are draws from the prior above the contour, and all relatives of a seed are in its own half, because a
 //!    point is of its seed's lineage. Hold the other half fixed, with everything made of it: the metrics and the pairs to
 //!    choose from. The seed is still a draw from the prior above the contour. It is enough that every step keeps that law for
-//!    any fixed other half. Had the seed's own half a say, the pair would lean to where the seed is not, as a metric
+//!    any fixed other half. Had the seed's own half a message, the pair would lean to where the seed is not, as a metric
 //!    fitted to the seeds does ([`Bound::for_steps`](crate::nested::bound::Bound::for_steps)).
 //! 2. Which kind of slice comes next, the scale of the pair's cell and the width in units of the pair's distance are drawn
 //!    without a look at the chain's present state. The pair is of the cell where the chain is, and the slice does not leave
@@ -24,7 +24,7 @@
 //!    Steps across orbits no longer have to follow the bends of the orbit, and the way along it is redrawn at the end.
 //!
 //! So a new point has the right law and owes nothing to the other half. It does resemble its own seed until enough slices
-//! have been made, which the scatter of lineages measures and the gates watch; and two points born in one batch, each with the
+//! have been made, which the scatter of lineages measures and the checks watch; and two points born in one batch, each with the
 //! other's seed among its pairs, share what their chains have not forgotten.
 
 use super::chain::{Chain, Fence, cube_from_normal};

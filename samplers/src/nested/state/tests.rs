@@ -2,7 +2,7 @@
 //! exactly. What is left is the bookkeeping of batches, ties and weights.
 
 use super::*;
-use crate::nested::evidence::History;
+use crate::nested::evidence::DeadPoints;
 use crate::nested::kernel::chain::Motion;
 use crate::nested::likelihood::Tally;
 use crate::nested::tuning::mean;
@@ -57,7 +57,7 @@ fn perfect(
         state.live.push(&[x], ln_l(x), f64::NEG_INFINITY, lineage);
     }
     state.started = true;
-    while state.remaining(&settings) >= settings.dlnz {
+    while state.delta_ln_z(&settings) >= settings.dlnz {
         let batch = live::lowest(&state.live, settings.batch_size());
         let reach = inside(batch.contour);
         let born: Vec<Newborn> = batch
@@ -75,7 +75,7 @@ fn perfect(
     for i in 0..state.live.len() {
         points.push_from(&state.live, i);
     }
-    let history = History::of(&points);
+    let history = DeadPoints::of(&points);
     (history.weigh().ln_z, state.ranks.z_score(0))
 }
 

@@ -67,8 +67,8 @@ fn evidences_are_right_with_live_points_added_for_the_evidence() {
     agrees("gauss3", &target, target.ln_z, &aimed);
     let done = sample(&target, &aimed, 1);
     assert!(done.evidence.error_parts["simulated"] <= 0.08);
-    let gate = done.gates.iter().find(|g| g.name == "target-ln-z-error");
-    assert!(gate.is_some_and(|g| g.pass));
+    let check = done.checks.iter().find(|g| g.name == "target-ln-z-error");
+    assert!(check.is_some_and(|g| g.pass));
 }
 
 /// Counts strands.
@@ -77,7 +77,7 @@ struct Strands(usize);
 
 impl Observer for Strands {
     fn event(&mut self, event: &Event) -> ControlFlow<()> {
-        self.0 += usize::from(matches!(event, Event::Strand { .. }));
+        self.0 += usize::from(matches!(event, Event::Batch { .. }));
         ControlFlow::Continue(())
     }
 }
@@ -136,7 +136,7 @@ struct StopAt(u64);
 
 impl Observer for StopAt {
     fn event(&mut self, event: &Event) -> ControlFlow<()> {
-        if let Event::Nested { .. } | Event::Strand { .. } = event {
+        if let Event::Nested { .. } | Event::Batch { .. } = event {
             self.0 = self.0.saturating_sub(1);
         }
         if self.0 == 0 {
@@ -186,7 +186,7 @@ fn a_dynamic_run_has_the_same_bits_on_any_threads_and_after_any_stop() {
 #[ignore = "a table of seconds to minutes: run before a release with --ignored --nocapture"]
 fn calls_per_effective_draw() {
     println!(
-        "| target | kernel | ln Z - truth | error | calls | Kish | quoted | calls / Kish | failed gates |"
+        "| target | kernel | ln Z - truth | error | calls | Kish | quoted | calls / Kish | failed checks |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for (name, target) in [("mvn13", smooth::mvn13()), ("shells13", smooth::shells(13))] {
@@ -197,7 +197,7 @@ fn calls_per_effective_draw() {
         ] {
             let run = sample(&target, &dynamic(500, kernel, 20_000.0), 1);
             let failed: Vec<&str> = run
-                .gates
+                .checks
                 .iter()
                 .filter(|g| !g.pass)
                 .map(|g| g.name.as_str())

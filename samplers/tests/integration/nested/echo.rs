@@ -1,4 +1,4 @@
-//! What an echo of the seeds costs: bias and scatter of ln Z against the value of the gate, on exact targets.
+//! What an echo of the seeds costs: bias and scatter of ln Z against the value of the check, on exact targets.
 
 use super::{sample, settings};
 use crate::pulls::{pull, scatter};
@@ -8,7 +8,7 @@ use oblate_samplers::Target;
 use oblate_samplers::nested::{Kernel, Settings};
 
 #[test]
-#[ignore = "a table of minutes: what the limit of the gate `seed-echo` rests on"]
+#[ignore = "a table of minutes: what the limit of the check `seed-echo` rests on"]
 fn bias_of_the_evidence_by_echo() {
     println!(
         "| target | kernel | live | slices | echo | jump | mean z | sd z |\n|---|---|---|---|---|---|---|---|"
@@ -27,9 +27,9 @@ fn bias_of_the_evidence_by_echo() {
         for seed in 201..=230 {
             let run = sample(target, &settings, seed);
             z.push(pull(&run, truth));
-            let gate = |name| run.gates.iter().find(|g| g.name == name).unwrap();
-            echo += gate("seed-echo").value / 30.0;
-            jump += gate("relative-jump").value / 30.0;
+            let check = |name| run.checks.iter().find(|g| g.name == name).unwrap();
+            echo += check("seed-echo").value / 30.0;
+            jump += check("relative-jump").value / 30.0;
         }
         let (mean, sd) = scatter(&z);
         println!(
@@ -86,8 +86,8 @@ fn errors_of_means() {
                     x1.push(mean / (own / run.ess.bulk[0]).sqrt());
                     square += mean * mean / variance.unwrap_or(own) / 30.0;
                     kish += run.ess.kish / 30.0;
-                    let gate = run.gates.iter().find(|g| g.name == "lineages-left");
-                    left += gate.unwrap().value / 30.0;
+                    let check = run.checks.iter().find(|g| g.name == "lineages-left");
+                    left += check.unwrap().value / 30.0;
                 }
                 let ((z, z_sd), (x, x_sd)) = (scatter(&ln_z), scatter(&x1));
                 let strands = target_ess.map_or("static", |_| "dynamic");
@@ -121,11 +121,12 @@ fn cost_of_a_draw_by_echo() {
                 let runs: Vec<[f64; 5]> = (301..301 + seeds)
                     .map(|seed| {
                         let run = sample(&target, &settings, seed);
-                        let gate = |name| run.gates.iter().find(|g| g.name == name).unwrap().value;
+                        let check =
+                            |name| run.checks.iter().find(|g| g.name == name).unwrap().value;
                         [
                             pull(&run, target.ln_z),
-                            gate("seed-echo"),
-                            gate("relative-jump"),
+                            check("seed-echo"),
+                            check("relative-jump"),
                             run.cost.calls as f64 / run.ess.kish,
                             run.cost.gradients as f64 / run.ess.kish,
                         ]

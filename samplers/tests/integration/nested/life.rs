@@ -4,7 +4,7 @@ use super::{sample, settings};
 use crate::targets::{hard, smooth};
 use oblate_samplers::control::{CheckpointPlan, Control, Event, Observer, Silent};
 use oblate_samplers::nested::{Kernel, Settings, run};
-use oblate_samplers::output::{Path, Status};
+use oblate_samplers::output::{History, Status};
 use oblate_samplers::{Error, Marginal, Outcome, Prior, Run, Target, checkpoint};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -117,11 +117,11 @@ fn a_spent_budget_gives_a_valid_unconverged_run_that_can_be_resumed() {
     assert!(!part.converged());
     assert!(part.cost.calls >= 1000 && part.cost.calls < 3000);
     let open = part
-        .gates
+        .checks
         .iter()
         .find(|g| g.name == "remaining-evidence")
         .unwrap();
-    assert!(!open.pass && open.say.contains("resume"));
+    assert!(!open.pass && open.message.contains("resume"));
     assert!(part.evidence.ln_z.is_finite() && part.evidence.error.is_finite());
     assert!(
         part.draws
@@ -131,7 +131,7 @@ fn a_spent_budget_gives_a_valid_unconverged_run_that_can_be_resumed() {
             .all(|x| x.is_finite())
     );
     assert!(part.ess.bulk.iter().all(|x| x.is_finite()) && part.ess.quoted > 0.0);
-    assert!(part.gates.iter().all(|g| !g.value.is_nan()));
+    assert!(part.checks.iter().all(|g| !g.value.is_nan()));
     control.budget.max_calls = u64::MAX;
     let whole = run(&target, &settings, 1, &mut control).unwrap();
     assert_eq!(whole.bits(), sample(&target, &settings, 1).bits());
@@ -365,17 +365,17 @@ fn nan_counts_as_a_rejection_and_infinity_ends_the_run() {
 fn a_result_is_consistent_with_itself() {
     let target = hard::quarter();
     let run = sample(&target, &settings(200, Kernel::Uniform), 1);
-    assert!(run.converged(), "{:?}", run.gates);
+    assert!(run.converged(), "{:?}", run.checks);
     assert!((run.draws.weights().iter().sum::<f64>() - 1.0).abs() < 1e-12);
     assert!(run.draws.column(0).iter().all(|x| *x < 0.25));
     assert!(run.cost.rejected["beyond the quarter"] > 100);
-    let Path::Nested {
+    let History::Nested {
         ln_x,
         ln_likelihood,
         ln_likelihood_birth,
         live,
         insertion_rank,
-    } = &run.path
+    } = &run.history
     else {
         panic!("a nested run has a nested path")
     };

@@ -3,7 +3,7 @@
 use super::{sample, settings};
 use crate::targets::{hard, smooth};
 use oblate_samplers::nested::{Kernel, merge};
-use oblate_samplers::output::Path;
+use oblate_samplers::output::History;
 use oblate_samplers::{Run, Target};
 
 fn runs(target: &dyn Target, n_live: usize, seeds: std::ops::RangeInclusive<u64>) -> Vec<Run> {
@@ -21,7 +21,7 @@ fn runs_of_four_seeds_weigh_as_one_of_four_times_the_live_points() {
     let target = hard::quarter();
     let parts = runs(&target, 200, 1..=4);
     let whole = merged(&target, &parts);
-    assert!(whole.converged(), "{:#?}", whole.gates);
+    assert!(whole.converged(), "{:#?}", whole.checks);
     let (evidence, part) = (&whole.evidence, &parts[0].evidence);
     // A fixed seed: four errors are one in 15,000.
     assert!((evidence.ln_z - target.ln_z).abs() < 4.0 * evidence.error);
@@ -37,16 +37,16 @@ fn runs_of_four_seeds_weigh_as_one_of_four_times_the_live_points() {
     );
     let calls: u64 = parts.iter().map(|r| r.cost.calls).sum();
     assert_eq!(whole.cost.calls, calls);
-    let Path::Nested { live, .. } = &whole.path else {
+    let History::Nested { live, .. } = &whole.history else {
         panic!("a nested run")
     };
-    let Path::Nested { live: one, .. } = &parts[0].path else {
+    let History::Nested { live: one, .. } = &parts[0].history else {
         panic!("a nested run")
     };
     // Rejected points are drawn until there are 200 others, so that each begins with about 800.
     assert!(live[0] > 3 * one[0] && live[0] < 5 * one[0]);
     // Lineages of one run are not those of another, and stay in their half.
-    let groups = whole.draws.groups();
+    let groups = whole.draws.clusters();
     assert_eq!(groups.iter().filter(|g| !g.is_empty()).count(), 80);
 }
 
@@ -56,7 +56,7 @@ fn a_mode_that_one_run_missed_fails_the_merged_run() {
     let mut parts = runs(&target, 200, 1..=3);
     let verdict = |parts: &[Run]| -> Vec<bool> {
         let whole = merged(&target, parts);
-        let seeds = whole.gates.iter().filter(|g| g.name.starts_with("seeds"));
+        let seeds = whole.checks.iter().filter(|g| g.name.starts_with("seeds"));
         seeds.map(|g| g.pass).collect()
     };
     assert_eq!(verdict(&parts), [true, true]);
@@ -82,7 +82,7 @@ fn what_does_not_belong_together_is_refused() {
     let other = sample(&hard::quarter(), &settings(50, Kernel::Uniform), 3);
     assert!(why(&[&parts[0], &other]).contains("ln L of its best draw"));
     let mut tempered = parts[1].clone();
-    tempered.path = Path::Refinement {
+    tempered.history = History::Bridge {
         share: Vec::new(),
         ln_ratio: Vec::new(),
         ancestors: Vec::new(),

@@ -5,7 +5,7 @@ use crate::targets::hard::{self, Hard};
 use crate::targets::smooth::{self, Smooth};
 use oblate_samplers::control::{Control, Silent};
 use oblate_samplers::nested::{Kernel, Settings, run};
-use oblate_samplers::output::Path;
+use oblate_samplers::output::History;
 use oblate_samplers::{Run, Target};
 
 mod dynamic;
@@ -59,12 +59,12 @@ fn quarter_has_its_evidence() {
 #[test]
 fn births_tell_the_first_draws_from_those_above_rejected_points() {
     let run = sample(&hard::quarter(), &settings(100, Kernel::Uniform), 1);
-    let Path::Nested {
+    let History::Nested {
         ln_likelihood,
         ln_likelihood_birth: birth,
         live,
         ..
-    } = &run.path
+    } = &run.history
     else {
         panic!("a nested run has births")
     };
@@ -191,7 +191,7 @@ fn walls_of_the_prior_are_kept() {
     smooth(&smooth::wall2_as_reject(), 500, Kernel::Uniform);
 }
 
-/// Six runs with `steps` walk steps: the normal deviate of all their insertion ranks, and their failing gates.
+/// Six runs with `steps` walk steps: the normal deviate of all their insertion ranks, and their failing checks.
 fn rank_power(steps: usize) -> (f64, Vec<Vec<String>>) {
     let target = smooth::iso(13);
     let settings = Settings {
@@ -203,11 +203,11 @@ fn rank_power(steps: usize) -> (f64, Vec<Vec<String>>) {
     let (mut sum, mut count, mut failing) = (0.0, 0.0, Vec::new());
     for seed in 1..=6 {
         let run = sample(&target, &settings, seed);
-        if let Path::Nested { insertion_rank, .. } = &run.path {
+        if let History::Nested { insertion_rank, .. } = &run.history {
             sum += insertion_rank.iter().map(|v| v - 0.5).sum::<f64>();
             count += insertion_rank.len() as f64;
         }
-        let failed = run.gates.iter().filter(|g| !g.pass);
+        let failed = run.checks.iter().filter(|g| !g.pass);
         failing.push(failed.map(|g| g.name.clone()).collect());
     }
     (sum * (12.0_f64 / count).sqrt(), failing)
@@ -218,8 +218,8 @@ fn walks_too_short_fail_their_gates_and_longer_ones_pass_the_rank_test() {
     let (_, failing) = rank_power(2);
     // The run itself raises the steps as it goes, so that the ranks alone tell nothing; its first part still counts.
     for failed in &failing {
-        for gate in ["no-move", "seed-echo"] {
-            assert!(failed.iter().any(|name| name == gate), "{failed:?}");
+        for check in ["no-move", "seed-echo"] {
+            assert!(failed.iter().any(|name| name == check), "{failed:?}");
         }
     }
     let (z, _) = rank_power(33);

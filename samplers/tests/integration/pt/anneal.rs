@@ -13,7 +13,7 @@ struct Last(f64);
 impl Observer for Last {
     fn event(&mut self, event: &Event) -> ControlFlow<()> {
         match event {
-            Event::Annealing { ln_z, .. } => self.0 = *ln_z,
+            Event::Smc { ln_z, .. } => self.0 = *ln_z,
             Event::Tempered { .. } => return ControlFlow::Break(()),
             _ => {}
         }

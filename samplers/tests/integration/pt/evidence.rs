@@ -130,7 +130,7 @@ fn evidence_from_a_mixture_of_populations() {
     }
 }
 
-/// A last round that goes on until the gates pass counts all of its scans, and those before it none.
+/// A last round that goes on until the checks pass counts all of its scans, and those before it none.
 #[test]
 fn evidence_of_a_round_that_goes_on() {
     let going_on = Settings {
@@ -218,7 +218,7 @@ fn a_cliff_in_the_likelihood_is_counted_by_every_estimate() {
         let pull = (run.evidence.ln_z - target.ln_z) / run.evidence.error;
         assert!(pull.abs() < 4.0, "{}: {pull}", target.name);
         assert!(run.cost.rejected["outside the flat top"] > 0);
-        assert!(!super::gate(&run, "moves lost to rejected points").pass);
+        assert!(!super::check(&run, "moves lost to rejected points").pass);
     }
 }
 

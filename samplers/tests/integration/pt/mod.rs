@@ -9,7 +9,7 @@ mod schedule;
 
 use crate::targets::smooth::Smooth;
 use oblate_samplers::control::Silent;
-use oblate_samplers::output::Gate;
+use oblate_samplers::output::Check;
 use oblate_samplers::pt::{self, Settings};
 use oblate_samplers::{Control, Run};
 
@@ -27,12 +27,12 @@ fn rounds(rounds: usize) -> Settings {
     }
 }
 
-fn gate<'a>(run: &'a Run, name: &str) -> &'a Gate {
-    run.gates.iter().find(|g| g.name == name).unwrap()
+fn check<'a>(run: &'a Run, name: &str) -> &'a Check {
+    run.checks.iter().find(|g| g.name == name).unwrap()
 }
 
 fn failed(run: &Run) -> Vec<&str> {
-    run.gates
+    run.checks
         .iter()
         .filter(|g| !g.pass)
         .map(|g| g.name.as_str())

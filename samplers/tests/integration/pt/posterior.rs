@@ -1,6 +1,6 @@
 //! Posteriors against exact ones, and runs that must be refused.
 
-use super::{failed, gate, rounds, run};
+use super::{check, failed, rounds, run};
 use crate::hmc::{Datum, Difference, datum_of_sum};
 use crate::targets::smooth::{self, Flip, Smooth};
 use oblate_samplers::control::Silent;
@@ -136,18 +136,18 @@ fn a_ladder_with_a_gap_is_refused() {
 fn a_run_that_is_too_short_is_refused_with_a_remedy() {
     let run = run(&smooth::iso(13), &rounds(4), 1);
     assert!(!run.converged());
-    assert!(!gate(&run, "round trips, worst ladder").pass);
+    assert!(!check(&run, "round trips, worst ladder").pass);
     assert!(
-        gate(&run, "round trips, worst ladder")
-            .say
+        check(&run, "round trips, worst ladder")
+            .message
             .contains("add rounds")
     );
-    assert!(!gate(&run, "bulk effective size").pass);
+    assert!(!check(&run, "bulk effective size").pass);
 }
 
 #[test]
 fn runs_that_are_long_enough_pass_every_gate() {
-    // Two gates refuse one honest run in a hundred each, by their p-values: most of three seeds must pass.
+    // Two checks refuse one honest run in a hundred each, by their p-values: most of three seeds must pass.
     for (target, count, seeds) in [
         (smooth::iso(13), 10, vec![1, 2, 3]),
         (smooth::binomial(), 10, vec![1, 2, 3]),

@@ -162,7 +162,7 @@ fn a_spent_budget_stops_with_a_valid_unconverged_run_that_resumes() {
     assert!(!run.converged());
     assert!(run.cost.calls + run.cost.gradients >= 1000);
     let numbers = run
-        .gates
+        .checks
         .iter()
         .map(|g| g.value)
         .chain(run.evidence.estimates.values().copied())

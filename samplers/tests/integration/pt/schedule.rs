@@ -3,7 +3,7 @@
 use super::run;
 use crate::targets::smooth;
 use oblate_samplers::Run;
-use oblate_samplers::output::Path;
+use oblate_samplers::output::History;
 use oblate_samplers::pt::{Settings, round_trip_rate};
 
 /// A run on the 13-dimensional isotropic Gaussian with a fixed number of temperatures.
@@ -19,8 +19,8 @@ fn fixed(temperatures: usize, rounds: usize) -> Run {
 }
 
 fn ladder(run: &Run) -> (&[f64], &[f64], &[u64]) {
-    match &run.path {
-        Path::Tempered {
+    match &run.history {
+        History::Tempered {
             beta,
             swap_rejection,
             round_trips,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Most members: each has random streams of its own.
 const MOST_MEMBERS: usize = 1 << 20;
 
-/// Settings of [`refine::run`](super::run).
+/// Settings of [`bridge::run`](super::run).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {

@@ -87,7 +87,7 @@ pub fn run(
         if let Err(error) = moved {
             return Err(keeper.save_after(error, &way.state, control));
         }
-        stop = control.tell(&Event::Refining {
+        stop = control.tell(&Event::Bridge {
             share: way.state.share,
             ln_z: parent.evidence.ln_z + way.state.ln_ratio,
             calls: way.state.tally.calls,
@@ -178,8 +178,8 @@ impl Way<'_> {
     /// Takes draws of the parent, equally weighted, and asks for their fine likelihood.
     fn begin(&mut self, parent: &Run) -> Result<()> {
         let draws = &parent.draws;
-        let grouped = draws.group.iter().any(|g| *g != draws.group[0]);
-        let offset = unit_open(&mut stream(self.seed, Domain::Refine, 0, RESAMPLING));
+        let grouped = draws.cluster.iter().any(|g| *g != draws.cluster[0]);
+        let offset = unit_open(&mut stream(self.seed, Domain::Bridge, 0, RESAMPLING));
         let mut members = Vec::new();
         for row in draws.resample(self.settings.members, offset) {
             let mut z = vec![0.0; draws.dim];
@@ -195,7 +195,7 @@ impl Way<'_> {
                     },
                     ancestor: row,
                     lineage: if grouped {
-                        draws.group[row]
+                        draws.cluster[row]
                     } else {
                         u32::try_from(row).unwrap_or(u32::MAX)
                     },
@@ -262,7 +262,7 @@ impl Way<'_> {
             state.share + step
         };
         state.ln_ratio += cooling.ln_mean_weight(step);
-        let uniform = unit_open(&mut stream(self.seed, Domain::Refine, level, RESAMPLING));
+        let uniform = unit_open(&mut stream(self.seed, Domain::Bridge, level, RESAMPLING));
         let drawn = cooling.resample(step, uniform).into_iter();
         state.members = drawn.map(|i| state.members[i].clone()).collect();
         state.sweeps = 0;
@@ -290,7 +290,7 @@ impl Way<'_> {
             .map(|i| {
                 let mut member = state.members[i].clone();
                 let task = level << 32 | sweep;
-                let mut rng = stream(self.seed, Domain::Refine, task, i as u64);
+                let mut rng = stream(self.seed, Domain::Bridge, task, i as u64);
                 let half = (member.lineage % 2) as usize;
                 let mut point = Point::new(self.target.dim());
                 point.z.clone_from(&member.z);

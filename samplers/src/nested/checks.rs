@@ -4,7 +4,7 @@ use super::reckoning::{Errors, Measured};
 use super::settings::Kernel;
 use super::state::{Job, State};
 use super::tuning::{MAX_SEED_CORRELATION, mean};
-use crate::output::Gate;
+use crate::output::Check;
 use crate::rng::{Domain, stream};
 
 /// Task number of the stream that spreads ranks over their places.
@@ -12,7 +12,7 @@ const SPREAD: u64 = 3;
 
 /// Largest error of ln Z by the scatter of clans in units of that of ideal draws. The error that is quoted is the larger of the two, and
 /// holds: of 240 runs of four targets with 400 live points 101 had ratios from 1.5 to 2.3, and an rms of (ln Z - truth) / error of 0.8;
-/// nothing is known of larger ones. What runs that fail have, the campaign prints by gate: with a limit of 1.5, 122 of its runs by
+/// nothing is known of larger ones. What runs that fail have, the campaign prints by check: with a limit of 1.5, 122 of its runs by
 /// slices with an rms of 0.75 (`cargo test -p oblate-samplers --release --test campaign -- --ignored nested`).
 const MOST_SCATTER: f64 = 2.5;
 
@@ -21,17 +21,17 @@ const MOST_SCATTER: f64 = 2.5;
 /// (`cargo test -p oblate-samplers --release --test integration errors_of_means -- --ignored --nocapture`).
 const LEAST_LINEAGES: f64 = 4.0;
 
-/// All gates that apply to a run with these targets and this kernel.
-pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Gate> {
+/// All checks that apply to a run with these targets and this kernel.
+pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Check> {
     let settings = job.settings;
-    let mut gates = vec![
-        Gate::at_most(
+    let mut checks = vec![
+        Check::at_most(
             "remaining-evidence",
-            state.remaining(settings),
+            state.delta_ln_z(settings),
             settings.dlnz,
             "what the live points could still add to ln Z; if too much, resume the run with a larger budget",
         ),
-        Gate::at_most(
+        Check::at_most(
             "insertion-rank",
             state.ranks.z_score(0).abs(),
             3.0,
@@ -40,15 +40,15 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
     ];
     let mut rng = stream(job.seed, Domain::Post, SPREAD, 0);
     let windows = state.ranks.ks_windows(20 * settings.n_live, &mut rng);
-    gates.push(Gate::at_least(
+    checks.push(Check::at_least(
         "insertion-rank-windows",
         windows.iter().copied().fold(1.0, f64::min),
         0.01 / windows.len() as f64,
         "smallest Kolmogorov-Smirnov probability of the insertion ranks over parts of the run; if too small, double `steps` or raise `n-live`",
     ));
-    gates.extend(of_kin(measured));
+    checks.extend(of_kin(measured));
     if let Some(target) = settings.target_ess {
-        gates.push(Gate::at_least(
+        checks.push(Check::at_least(
             "target-ess",
             measured.kish,
             target,
@@ -56,7 +56,7 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
         ));
     }
     if let Some(target) = settings.target_ln_z_error {
-        gates.push(Gate::at_most(
+        checks.push(Check::at_most(
             "target-ln-z-error",
             measured.errors.simulated,
             target,
@@ -64,13 +64,13 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ga
         ));
     }
     if state.bounded_points > 0 {
-        gates.extend(of_kernel(job, state));
+        checks.extend(of_kernel(job, state));
     }
-    gates
+    checks
 }
 
 /// What the scatter of lineages and clans tells.
-pub(super) fn of_kin(measured: &Measured) -> [Gate; 3] {
+pub(super) fn of_kin(measured: &Measured) -> [Check; 3] {
     let Errors {
         simulated,
         bootstrapped,
@@ -86,19 +86,19 @@ pub(super) fn of_kin(measured: &Measured) -> [Gate; 3] {
     let error = 2.0 * simulated.max(bootstrapped);
     let apart = (even - odd).abs();
     [
-        Gate::at_least(
+        Check::at_least(
             "lineages-left",
             measured.lineages,
             LEAST_LINEAGES,
             "effective number of lineages among the posterior's draws; if fewer, effective sizes and errors of modes' weights are guesses: double `n-live`, or merge runs of several seeds",
         ),
-        Gate::at_most(
+        Check::at_most(
             "bootstrap-to-simulated",
             ratio,
             MOST_SCATTER,
             "error of ln Z by the scatter of clans over that of ideal draws; if too large, new points resemble their seeds: double `steps`",
         ),
-        Gate::at_most(
+        Check::at_most(
             "lineage-halves",
             if apart > 0.0 { apart / error } else { 0.0 },
             3.0,
@@ -107,11 +107,11 @@ pub(super) fn of_kin(measured: &Measured) -> [Gate; 3] {
     ]
 }
 
-fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
+fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Check> {
     let points = state.bounded_points as f64;
-    let mut gates = Vec::new();
+    let mut checks = Vec::new();
     match job.kernel() {
-        Kernel::Auto | Kernel::Uniform => gates.push(Gate::at_least(
+        Kernel::Auto | Kernel::Uniform => checks.push(Check::at_least(
             "bound-efficiency",
             points / state.bounded_calls.max(1) as f64,
             1e-3,
@@ -122,13 +122,13 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
         | Kernel::Differential
         | Kernel::Reflective => {
             if !state.tuning.jumps.is_empty() {
-                gates.push(Gate::at_least(
+                checks.push(Check::at_least(
                     "relative-jump",
                     mean(&state.tuning.jumps),
                     0.2,
                     "distance of new points from their seeds over that between live points; if too small, chains hardly leave their seeds: double `steps`",
                 ));
-                gates.push(Gate::at_most(
+                checks.push(Check::at_most(
                     "seed-echo",
                     mean(&state.tuning.echoes),
                     MAX_SEED_CORRELATION,
@@ -138,12 +138,12 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Gate> {
         }
     }
     if matches!(job.kernel(), Kernel::RandomWalk | Kernel::Reflective) {
-        gates.push(Gate::at_most(
+        checks.push(Check::at_most(
             "no-move",
             state.tuning.stayed as f64 / points,
             0.01,
             "share of chains that ended where they began; if too large, double `steps`",
         ));
     }
-    gates
+    checks
 }

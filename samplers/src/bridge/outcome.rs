@@ -3,7 +3,7 @@
 use super::{Level, Way};
 use crate::diagnostics::{effective_kinds, size_of_mean, sums_by_group};
 use crate::error::Result;
-use crate::output::{Cost, Draws, Ess, Evidence, Gate, Method, Origin, Path, Run, Status};
+use crate::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
 
 /// The result of a way that has been walked to its end.
@@ -13,9 +13,9 @@ pub(super) fn assemble(way: &Way<'_>, parent: &Run) -> Result<Run> {
     let draws = draws(way)?;
     let evidence = evidence(way, &draws, parent);
     let ess = effective_sizes(&draws, way);
-    let gates = gates(parent, &evidence, &ess);
+    let checks = checks(parent, &evidence, &ess);
     Ok(Run {
-        method: Method::Refine,
+        method: Method::Bridge,
         status: Status::Complete,
         seed: way.seed,
         stream_version: STREAM_VERSION,
@@ -32,13 +32,13 @@ pub(super) fn assemble(way: &Way<'_>, parent: &Run) -> Result<Run> {
             wall_seconds: state.time.wall_seconds,
             rejected: way.state.tally.rejected.clone(),
         },
-        path: Path::Refinement {
+        history: History::Bridge {
             share: column(&way.state.levels, |l| l.share),
             ln_ratio: column(&way.state.levels, |l| l.ln_ratio),
             ancestors: column(&way.state.levels, |l| l.ancestors),
             echo: column(&way.state.levels, |l| l.echo),
         },
-        gates,
+        checks,
         warnings: Vec::new(),
     })
 }
@@ -55,7 +55,7 @@ fn draws(way: &Way<'_>) -> Result<Draws> {
         way.target.prior().theta_from_z(&member.z, &mut theta);
         let origin = Origin {
             chain: 0,
-            group: member.lineage,
+            cluster: member.lineage,
         };
         draws.push(way.target, &theta, member.both.fine, ln_weight, origin)?;
     }
@@ -93,11 +93,11 @@ fn of_ancestry(way: &Way<'_>) -> f64 {
 /// What the way has moved between the parent's lineages, of each of which the parent knows its share to about a factor: the
 /// parent's own error does not see it.
 fn of_shares(draws: &Draws, parent: &Draws) -> f64 {
-    if parent.group.iter().all(|g| *g == parent.group[0]) {
+    if parent.cluster.iter().all(|g| *g == parent.cluster[0]) {
         // Independent draws: the weights' own error says it all.
         return 0.0;
     }
-    let shares = |draws: &Draws| sums_by_group(&draws.group, draws.weights().into_iter());
+    let shares = |draws: &Draws| sums_by_group(&draws.cluster, draws.weights().into_iter());
     // A lineage without a member is not among the last ones here.
     let (here, there) = (shares(draws), shares(parent));
     let here = here.into_iter().chain(std::iter::repeat(0.0));
@@ -114,7 +114,7 @@ fn effective_sizes(draws: &Draws, way: &Way<'_>) -> Ess {
     // A parameter whose groups agree by chance is not known better than by every draw.
     let most = draws.len() as f64;
     let bulk: Vec<f64> = (0..draws.dim)
-        .map(|k| size_of_mean(&draws.column(k), &weights, &draws.group).min(most))
+        .map(|k| size_of_mean(&draws.column(k), &weights, &draws.cluster).min(most))
         .collect();
     let kish = effective_kinds(way.state.members.iter().map(|m| m.ancestor));
     Ess {
@@ -125,22 +125,22 @@ fn effective_sizes(draws: &Draws, way: &Way<'_>) -> Ess {
     }
 }
 
-fn gates(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Gate> {
-    let failed = parent.gates.iter().filter(|g| !g.pass).count();
+fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
+    let failed = parent.checks.iter().filter(|g| !g.pass).count();
     vec![
-        Gate::at_most(
-            "parent-gates",
+        Check::at_most(
+            "parent-checks",
             failed as f64,
             0.0,
-            "gates that the coarse run failed; what it does not know is not known here: mend that run first",
+            "checks that the coarse run failed; what it does not know is not known here: mend that run first",
         ),
-        Gate::at_least(
+        Check::at_least(
             "ancestors-left",
             ess.kish,
             100.0,
             "draws of the coarse run that the result descends from, in effect; if too few, raise `members` or `sweeps`, or take a coarse likelihood nearer to the fine one",
         ),
-        Gate::at_most(
+        Check::at_most(
             "refinement-error",
             (evidence.error_parts["weights"].powi(2) + evidence.error_parts["shares"].powi(2))
                 .sqrt(),

@@ -4,9 +4,9 @@ use crate::pulls::{pull, scatter};
 use crate::stops::{StopAt, plan};
 use crate::targets::smooth;
 use oblate_samplers::control::{Control, Silent};
-use oblate_samplers::output::{Method, Path};
+use oblate_samplers::output::{History, Method};
 use oblate_samplers::{
-    Error, Event, Marginal, Observer, Outcome, Prior, Run, Target, nested, pt, refine,
+    Error, Event, Marginal, Observer, Outcome, Prior, Run, Target, bridge, nested, pt,
 };
 use std::ops::ControlFlow;
 
@@ -56,8 +56,8 @@ fn parent(target: &dyn Target, seed: u64) -> Run {
 }
 
 fn refined(fine: &dyn Target, coarse: &dyn Target, parent: &Run, seed: u64) -> Run {
-    let settings = refine::Settings::default();
-    refine::run(
+    let settings = bridge::Settings::default();
+    bridge::run(
         fine,
         coarse,
         parent,
@@ -69,7 +69,7 @@ fn refined(fine: &dyn Target, coarse: &dyn Target, parent: &Run, seed: u64) -> R
 }
 
 fn failed(run: &Run) -> Vec<&str> {
-    let failed = run.gates.iter().filter(|g| !g.pass);
+    let failed = run.checks.iter().filter(|g| !g.pass);
     failed.map(|g| g.name.as_str()).collect()
 }
 
@@ -80,15 +80,15 @@ fn the_evidence_and_the_moments_are_those_of_the_fine_likelihood() {
     let fine = Bell::new(5, 30.0, 1.0);
     for seed in 1..=5 {
         let run = refined(&fine, &coarse, &parent(&coarse, seed), seed);
-        assert_eq!(run.method, Method::Refine);
+        assert_eq!(run.method, Method::Bridge);
         let z = pull(&run, fine.ln_z());
         assert!(z.abs() < 4.0, "seed {seed}: {z}, {:?}", run.evidence);
         assert!(run.evidence.error < 0.5, "{:?}", run.evidence);
-        // Four hundred live points are few for the parent's own gates.
+        // Four hundred live points are few for the parent's own checks.
         let own = failed(&run)
             .into_iter()
-            .find(|name| *name != "parent-gates");
-        assert_eq!(own, None, "{:?}", run.gates);
+            .find(|name| *name != "parent-checks");
+        assert_eq!(own, None, "{:?}", run.checks);
         // The posterior is a normal of precision 31 about 30 / 31.
         for j in 0..5 {
             let mean = run.draws.column(j).iter().sum::<f64>() / run.draws.len() as f64;
@@ -138,12 +138,12 @@ fn a_coarse_likelihood_far_from_the_fine_one_is_told() {
     let coarse = Bell::new(5, 100.0, -1.0);
     let fine = Bell::new(5, 100.0, 1.0);
     let run = refined(&fine, &coarse, &parent(&coarse, 1), 1);
-    assert!(failed(&run).contains(&"ancestors-left"), "{:?}", run.gates);
-    let Path::Refinement {
+    assert!(failed(&run).contains(&"ancestors-left"), "{:?}", run.checks);
+    let History::Bridge {
         share, ancestors, ..
-    } = &run.path
+    } = &run.history
     else {
-        panic!("{:?}", run.path);
+        panic!("{:?}", run.history);
     };
     assert!(share.windows(2).all(|s| s[0] < s[1]) && share.last() == Some(&1.0));
     assert!(ancestors.last().unwrap() < &100.0);
@@ -167,7 +167,7 @@ struct Hasty;
 impl Observer for Hasty {
     fn event(&mut self, event: &Event) -> ControlFlow<()> {
         match event {
-            Event::Refining { .. } => ControlFlow::Break(()),
+            Event::Bridge { .. } => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),
         }
     }
@@ -178,13 +178,13 @@ fn what_cannot_be_refined_is_refused_and_an_interrupt_ends_it() {
     let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
     let parent = parent(&coarse, 1);
     let attempt = |fine: &dyn Target, coarse: &dyn Target, members: usize| {
-        let settings = refine::Settings {
+        let settings = bridge::Settings {
             members,
-            ..refine::Settings::default()
+            ..bridge::Settings::default()
         };
         let mut silent = Silent;
         let mut control = Control::new(&mut silent);
-        refine::run(fine, coarse, &parent, &settings, 1, &mut control).unwrap_err()
+        bridge::run(fine, coarse, &parent, &settings, 1, &mut control).unwrap_err()
     };
     let why = |error: Error| match error {
         Error::Mismatch { why, .. } => why,
@@ -201,10 +201,10 @@ fn what_cannot_be_refined_is_refused_and_an_interrupt_ends_it() {
     ));
     let nowhere = Nowhere(Bell::new(3, 6.0, 0.8));
     assert!(why(attempt(&nowhere, &coarse, 500)).contains("at none of its draws"));
-    let settings = refine::Settings::default();
+    let settings = bridge::Settings::default();
     let mut hasty = Hasty;
     let mut control = Control::new(&mut hasty);
-    let stopped = refine::run(&fine, &coarse, &parent, &settings, 1, &mut control);
+    let stopped = bridge::run(&fine, &coarse, &parent, &settings, 1, &mut control);
     assert!(matches!(stopped, Err(Error::Interrupted)));
 }
 
@@ -214,12 +214,12 @@ fn a_refinement_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped()
     let parent = parent(&coarse, 1);
     let expected = refined(&fine, &coarse, &parent, 1).bits();
     let folder = tempfile::tempdir().unwrap();
-    let settings = refine::Settings::default();
+    let settings = bridge::Settings::default();
     let resumed = |events: u64, seed: u64| {
         let mut observer = StopAt(events);
         let mut control = Control::new(&mut observer);
-        control.checkpoint = Some(plan(&folder.path().join("refine.ckpt")));
-        refine::run(&fine, &coarse, &parent, &settings, seed, &mut control)
+        control.checkpoint = Some(plan(&folder.path().join("bridge.ckpt")));
+        bridge::run(&fine, &coarse, &parent, &settings, seed, &mut control)
     };
     // Started, then twelve sweeps at each of a few levels, with a checkpoint after each.
     let mut stops = 0;
@@ -284,8 +284,8 @@ fn row(name: &str, coarse: &dyn Target, fine: &dyn Target, truth: f64) {
     let pulls: Vec<f64> = runs.iter().map(|run| pull(run, truth)).collect();
     let (mean, sd) = scatter(&pulls);
     let of = |value: &dyn Fn(&Run) -> f64| scatter(&runs.iter().map(value).collect::<Vec<_>>()).0;
-    let echo = |run: &Run| match &run.path {
-        Path::Refinement { echo, .. } => echo.iter().copied().fold(0.0, f64::max),
+    let echo = |run: &Run| match &run.history {
+        History::Bridge { echo, .. } => echo.iter().copied().fold(0.0, f64::max),
         other => panic!("{other:?}"),
     };
     println!(

@@ -6,9 +6,9 @@ use super::record::Record;
 use super::state::Finished;
 use crate::diagnostics::chance_of_scatter;
 use crate::hmc::MAX_STEP;
-use crate::output::{Ess, Gate};
+use crate::output::{Check, Ess};
 
-/// What the gates look at.
+/// What the checks look at.
 pub(super) struct Evidenced<'a> {
     pub(super) record: &'a Record,
     pub(super) estimate: &'a Estimate,
@@ -26,17 +26,17 @@ pub(super) struct Evidenced<'a> {
     pub(super) slices: bool,
 }
 
-/// All gates of a run.
-pub(super) fn gates(run: &Evidenced<'_>) -> Vec<Gate> {
-    let mut gates = journeys(run);
-    gates.extend(schedule(run));
-    gates.extend(evidence(run.estimate));
-    gates.extend(draws(run));
-    gates.extend(moves(run));
-    gates
+/// All checks of a run.
+pub(super) fn checks(run: &Evidenced<'_>) -> Vec<Check> {
+    let mut checks = journeys(run);
+    checks.extend(schedule(run));
+    checks.extend(evidence(run.estimate));
+    checks.extend(draws(run));
+    checks.extend(moves(run));
+    checks
 }
 
-fn journeys(run: &Evidenced<'_>) -> Vec<Gate> {
+fn journeys(run: &Evidenced<'_>) -> Vec<Check> {
     let journeys = run.record.journeys();
     let scans = run.record.scans();
     let leg = run.record.telling_leg();
@@ -47,25 +47,25 @@ fn journeys(run: &Evidenced<'_>) -> Vec<Gate> {
     let rate = trips / (scans * journeys.len()).max(1) as f64;
     let expected = round_trip_rate(&leg.mean_rejection());
     vec![
-        Gate::at_least(
+        Check::at_least(
             "round trips, worst ladder",
             fewest as f64,
             10.0,
             "prior to posterior and back, in each ladder; if too few, allow `extensions`, or add rounds: each doubles them",
         ),
-        Gate::at_least(
+        Check::at_least(
             "round trips, all ladders",
             trips,
             100.0,
             "independent restarts behind the evidence; if too few, allow `extensions`, or add rounds",
         ),
-        Gate::at_least(
+        Check::at_least(
             "restarts per machine",
             restarts as f64 / machines,
             1.0,
             "fresh prior draws that reached the posterior; if too few, allow `extensions`, or add rounds",
         ),
-        Gate::at_least(
+        Check::at_least(
             "round-trip rate",
             rate / expected,
             0.3,
@@ -74,7 +74,7 @@ fn journeys(run: &Evidenced<'_>) -> Vec<Gate> {
     ]
 }
 
-fn schedule(run: &Evidenced<'_>) -> Vec<Gate> {
+fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
     let rejection = run.record.telling_leg().mean_rejection();
     let worst = rejection.iter().copied().fold(0.0, f64::max);
     let barrier: f64 = rejection.iter().sum();
@@ -83,13 +83,13 @@ fn schedule(run: &Evidenced<'_>) -> Vec<Gate> {
     let change = (barrier - before).abs() / before.max(0.1);
     let change = if run.history.is_empty() { 1.0 } else { change };
     vec![
-        Gate::at_most(
+        Check::at_most(
             "swap rejection, worst gap",
             worst,
             0.75,
             "if above, the ladder has a gap: raise `temperatures` or `max_temperatures`, or add rounds so that it can adapt",
         ),
-        Gate::at_most(
+        Check::at_most(
             "change of barrier",
             change,
             0.1,
@@ -98,7 +98,7 @@ fn schedule(run: &Evidenced<'_>) -> Vec<Gate> {
     ]
 }
 
-fn evidence(estimate: &Estimate) -> Vec<Gate> {
+fn evidence(estimate: &Estimate) -> Vec<Check> {
     let error = estimate.error();
     let gap = (estimate.forward - estimate.backward).abs();
     // Ladders are alike, so they share their errors: one that has missed a small mode knows of none and thinks itself too good.
@@ -109,19 +109,19 @@ fn evidence(estimate: &Estimate) -> Vec<Gate> {
     let chi2 = scatter.sum::<f64>() / variance.max(1e-12);
     let p = chance_of_scatter(chi2, estimate.ladders.len());
     vec![
-        Gate::at_most(
+        Check::at_most(
             "evidence error",
             error,
             0.5,
             "standard error of ln Z in nats; if above, allow `extensions`, or add rounds",
         ),
-        Gate::at_most(
+        Check::at_most(
             "forward-backward gap",
             if gap.is_finite() { gap } else { f64::INFINITY },
             (3.0 * error).max(0.2),
             "stepping stones from both sides must agree; if not, add rounds or temperatures",
         ),
-        Gate::at_least(
+        Check::at_least(
             "ladders agree on the evidence",
             if error.is_finite() { p } else { 0.0 },
             0.01,
@@ -130,28 +130,28 @@ fn evidence(estimate: &Estimate) -> Vec<Gate> {
     ]
 }
 
-fn draws(run: &Evidenced<'_>) -> Vec<Gate> {
+fn draws(run: &Evidenced<'_>) -> Vec<Check> {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     vec![
-        Gate::at_most(
+        Check::at_most(
             "R-hat",
             run.worst_r_hat,
             1.01,
             "largest rank-normalised split R-hat of coordinates, their squares and ln L; if above, ladders have not converged: allow `extensions`, or add rounds",
         ),
-        Gate::at_least(
+        Check::at_least(
             "bulk effective size",
             least(&run.ess.bulk),
             400.0,
             "smallest over parameters; if below, allow `extensions`, add rounds, or raise `slices` or `moves`",
         ),
-        Gate::at_least(
+        Check::at_least(
             "tail effective size",
             least(&run.ess.tail),
             400.0,
             "smallest over parameters; if below, allow `extensions`, add rounds, or raise `moves`",
         ),
-        Gate::at_least(
+        Check::at_least(
             "ladders agree on the modes",
             run.mode_agreement,
             0.01,
@@ -160,7 +160,7 @@ fn draws(run: &Evidenced<'_>) -> Vec<Gate> {
     ]
 }
 
-fn moves(run: &Evidenced<'_>) -> Vec<Gate> {
+fn moves(run: &Evidenced<'_>) -> Vec<Check> {
     let locals = &run.record.telling_leg().locals[1..];
     let acceptance = |local: &super::record::Local| local.mean_acceptance();
     let lowest = locals.iter().map(acceptance).fold(1.0, f64::min);
@@ -177,7 +177,7 @@ fn moves(run: &Evidenced<'_>) -> Vec<Gate> {
             .map(|local| count(local) as f64 / local.moves.max(1) as f64)
             .fold(0.0, f64::max)
     };
-    let rejected = Gate::at_most(
+    let rejected = Check::at_most(
         "moves lost to rejected points",
         worst_share(|local| local.rejected),
         0.2,
@@ -187,19 +187,19 @@ fn moves(run: &Evidenced<'_>) -> Vec<Gate> {
         return vec![rejected];
     }
     vec![
-        Gate::at_least(
+        Check::at_least(
             "acceptance, lowest",
             lowest,
             0.5,
             "of local moves, over temperatures; if below, steps have not adapted: add rounds",
         ),
-        Gate::at_most(
+        Check::at_most(
             "acceptance, highest",
             highest,
             0.95,
             "if above, steps are shorter than they need to be: add rounds",
         ),
-        Gate::at_most(
+        Check::at_most(
             "cut trajectories",
             worst_share(|local| local.capped),
             0.01,
@@ -229,8 +229,8 @@ mod tests {
     }
 
     fn passes(name: &str, estimate: &Estimate) -> bool {
-        let gates = evidence(estimate);
-        gates.iter().find(|g| g.name == name).unwrap().pass
+        let checks = evidence(estimate);
+        checks.iter().find(|g| g.name == name).unwrap().pass
     }
 
     #[test]
