@@ -213,7 +213,7 @@ fn mode_name(mode: Mode) -> String {
 }
 
 fn marginal(a: &Column, b: &Column, weights: &[Vec<f64>; 2], ess: [f64; 2]) -> MarginalRow {
-    let orbit_times = |values: &[f64], w: &[f64]| {
+    let mean_and_variance = |values: &[f64], w: &[f64]| {
         let mean: f64 = values.iter().zip(w).map(|(v, w)| v * w).sum();
         let variance: f64 = values
             .iter()
@@ -222,8 +222,8 @@ fn marginal(a: &Column, b: &Column, weights: &[Vec<f64>; 2], ess: [f64; 2]) -> M
             .sum();
         (mean, variance)
     };
-    let (ma, va) = orbit_times(&a.values, &weights[0]);
-    let (mb, vb) = orbit_times(&b.values, &weights[1]);
+    let (ma, va) = mean_and_variance(&a.values, &weights[0]);
+    let (mb, vb) = mean_and_variance(&b.values, &weights[1]);
     let quantile = |values: &[f64], w: &[f64], p: f64| weighted_quantile(values, w, p);
     let median = [
         quantile(&a.values, &weights[0], 0.5),

@@ -258,7 +258,7 @@ fn an_array_that_is_damaged_or_not_ours_is_refused_by_name_and_cause() {
     ];
     for (damage, cause) in damages {
         let run = runs::nested(100, 1);
-        zarr::write(&path, &run, zarr::Beside::default()).unwrap();
+        zarr::write(&path, &run, zarr::Extras::default()).unwrap();
         damage();
         let message = zarr::read(&path).unwrap_err().to_string();
         assert!(
