@@ -1,14 +1,14 @@
-//! What does plain Hamiltonian Monte Carlo, without tempering, make of the posterior of a stream?
+//! Hamiltonian Monte Carlo without tempering on the posterior of a stream.
 //!
 //! `cargo bench --bench untempered` sends four independent chains through the posteriors of five gala tracks, all 13 parameters
-//! free, 512 particles. A chain learns its step and its dense metric in windows of 50, 100, 200 and 100 moves, as the tempered
-//! sampler does; then come 200 moves with both frozen, at most 64 leapfrogs each. In the first table a chain starts at the best of
-//! 1,000 draws of the prior; in the second at a draw of the posterior (`benches/draws.csv`, of a finer model), where all that is
-//! left to find is the way to other modes. A row takes about a minute of a core; `-- --quick` does short chains of one track.
+//! free, 512 particles. A chain adapts its step size and its dense metric in windows of 50, 100, 200 and 100 transitions, as the
+//! tempered sampler does; then it makes 200 transitions with both fixed, of at most 64 leapfrog steps. In the first table a chain starts
+//! at the best of 1,000 draws of the prior; in the second at a draw of the posterior (`benches/draws.csv`, of a finer model). A row takes
+//! about a minute of a core; `-- --quick` makes short chains on one track. The recorded table is in benches/RESULTS.md.
 //!
-//! R-hat is the largest of those of all coordinates and ln L. Cells are the eight of (sign of `dir_x`, sign of `dir_y`, oblate or
-//! prolate): how many each chain visited, and all together. Gradients and seconds count the warm-up too, all else the frozen moves
-//! alone.
+//! R-hat is the largest over all coordinates and ln L. Modes are the eight orientation modes (sign of `dir_x`, sign of `dir_y`, oblate or
+//! prolate): how many each chain visited, and all together. Gradients and seconds include the warm-up, everything else is of the last 200
+//! transitions.
 
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, StreamTarget};
@@ -99,7 +99,7 @@ struct Record {
     z: [Vec<f64>; DIM],
     ln_likelihood: Vec<f64>,
     q: Vec<f64>,
-    cells: BTreeSet<(bool, bool, bool)>,
+    modes: BTreeSet<(bool, bool, bool)>,
     acceptance: f64,
     diverged: usize,
     gradients: u64,
@@ -189,8 +189,8 @@ impl<'a> Chain<'a> {
             self.target.prior().theta_from_z(&self.at.z, &mut theta);
             let params = self.target.params(&theta);
             let q = self.target.stream_prior().shape(&params).q;
-            let cell = (params.dir_x >= 0.0, params.dir_y >= 0.0, q > 1.0);
-            record.cells.insert(cell);
+            let mode = (params.dir_x >= 0.0, params.dir_y >= 0.0, q > 1.0);
+            record.modes.insert(mode);
             record.q.push(q);
             record.ln_likelihood.push(self.at.ln_likelihood);
             for (column, z) in record.z.iter_mut().zip(&self.at.z) {
@@ -227,7 +227,7 @@ fn best_of_prior(target: &StreamTarget, number: usize) -> Point {
     best
 }
 
-/// A start for each chain among the draws of a track's posterior that are kept beside this file, spread over them.
+/// A start for each chain among the draws of a track's posterior that are in benches/draws.csv, spread over them.
 fn posterior_draws(folder: &Path, target: &StreamTarget, track: &str) -> Vec<Point> {
     let mut reader = csv::ReaderBuilder::new()
         .comment(Some(b'#'))
@@ -273,12 +273,12 @@ fn row(track: &str, chains: &[Record]) -> String {
         words.join(", ")
     };
     let sum = |of: &dyn Fn(&Record) -> f64| chains.iter().map(of).sum::<f64>();
-    let together: BTreeSet<_> = chains.iter().flat_map(|chain| &chain.cells).collect();
+    let together: BTreeSet<_> = chains.iter().flat_map(|chain| &chain.modes).collect();
     let median = |values: &[f64]| weighted_quantile(values, &vec![1.0; values.len()], 0.5);
     format!(
         "| {track} | {:.2} | {} | {} | {} | {} | {:.2} | {} | {} | {:.0} |",
         worst_r_hat(chains),
-        each(&|chain| chain.cells.len().to_string()),
+        each(&|chain| chain.modes.len().to_string()),
         together.len(),
         each(&|chain| format!("{:.1}", mean(&chain.ln_likelihood))),
         each(&|chain| format!("{:.2}", median(&chain.q))),
@@ -308,7 +308,7 @@ fn main() {
     config.model.releases.particles = 512;
     for (from, at_posterior) in [("the prior", false), ("the posterior", true)] {
         println!(
-            "\n| from {from} | R-hat | cells | together | mean ln L | median q | acceptance | divergent | gradients | CPU s |\n|---|---|---|---|---|---|---|---|---|---|"
+            "\n| from {from} | R-hat | modes | together | mean ln L | median q | acceptance | divergent | gradients | CPU s |\n|---|---|---|---|---|---|---|---|---|---|"
         );
         for name in tracks {
             let track = ObservedTrack::read(&folder.join(format!("examples/tracks/{name}.ecsv")))

@@ -1,39 +1,39 @@
-//! Tracks of mocks, and how far apart two are: for the tables of errors.
+//! Tracks of mocks and the distance between two tracks, for the studies of errors.
 
 use oblate::data::{MockSettings, mocks};
 use oblate::params::{PriorSettings, StreamPrior};
 use oblate::stream::{Model, Particles, StepSchedules, System};
 use oblate::track::{BinEdges, Track};
 
-/// Galaxies of prior draws that meet the paper's criteria.
-pub fn galaxies(count: usize) -> Vec<System<f64>> {
+/// Systems of prior draws that meet the paper's criteria.
+pub fn systems(count: usize) -> Vec<System<f64>> {
     let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
     let drawn = mocks(&prior, &MockSettings::default(), count, 1).expect("mocks");
     let system = |mock: &oblate::data::Mock| System::from_params(&mock.params, prior.q_range());
     drawn.mocks.iter().map(system).collect()
 }
 
-/// The track of a galaxy: bins with at least a hundredth of the particles.
+/// The track of a system: bins with at least one per cent of the particles.
 pub fn track(model: &Model, system: &System<f64>) -> Option<Track> {
-    Some(binned(&stars(model, system)?, BinEdges::default()))
+    Some(binned(&particles(model, system)?, BinEdges::default()))
 }
 
-/// Where the particles of a galaxy's stream are today.
-pub fn stars(model: &Model, system: &System<f64>) -> Option<Particles> {
+/// The particles of a system's stream today.
+pub fn particles(model: &Model, system: &System<f64>) -> Option<Particles> {
     let solution = model.progenitor_solution(system).ok()?;
-    let (mut schedules, mut stars) = (StepSchedules::default(), Particles::default());
+    let (mut schedules, mut particles) = (StepSchedules::default(), Particles::default());
     model
-        .integrate(&solution, &mut schedules, &mut stars)
+        .integrate(&solution, &mut schedules, &mut particles)
         .ok()?;
-    Some(stars)
+    Some(particles)
 }
 
-/// Their track in bins with these edges.
-pub fn binned(stars: &Particles, edges: BinEdges) -> Track {
-    Track::of(stars, 10.0, edges, 0.01 * stars.len() as f64)
+/// The track of particles in bins with these edges.
+pub fn binned(particles: &Particles, edges: BinEdges) -> Track {
+    Track::of(particles, 10.0, edges, 0.01 * particles.len() as f64)
 }
 
-/// Rms over the bins that both have of the relative difference, in per cent.
+/// Root mean square of the relative difference in per cent, over the bins that both tracks have.
 pub fn distance(track: &Track, reference: &Track) -> f64 {
     let squares: Vec<f64> = reference
         .bins

@@ -1,11 +1,13 @@
-//! How far off is a track for want of particles and steps, and what does each setting cost?
+//! Error of a track by numbers of particles and steps, and the time of each setting.
 //!
-//! `cargo bench --bench noise` prints a table: for mocks that meet the paper's criteria, the rms over bins (with at least a
-//! hundredth of the particles) of the mean radius against that of 131,072 Sobol particles of 800 equal steps, in per cent;
-//! every table of releases is drawn four times, and every draw counts. The data's errors are 2 per cent. `time` is that of one
-//! stream and its bins on one thread, the median over mocks, in units of the first row's; rows take turns mock by mock.
+//! `cargo bench --bench noise` prints a table: for mocks that meet the paper's criteria, the rms over bins (with at least one per
+//! cent of the particles) of the relative difference of the mean radius from that of 131,072 Sobol particles with 800 equal steps, in
+//! per cent; four tables of releases for each mock. The data's errors are 2 per cent. `time` is that of one stream and its bins on one
+//! thread, the median over mocks, relative to the first row; the settings are timed in turn for each mock.
 //!
-//! A second table says what soft edges change: the same distance between soft and hard bins of the reference's particles.
+//! A second table gives the effect of soft edges: the same difference between soft and hard bins of the reference's particles.
+//!
+//! The recorded tables are in benches/RESULTS.md.
 
 mod tracks;
 
@@ -15,7 +17,7 @@ use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepsPer};
 use oblate::track::{BinEdges, Track};
 use rayon::prelude::*;
 use std::time::Instant;
-use tracks::{binned, distance, galaxies, stars, track};
+use tracks::{binned, distance, particles, systems, track};
 
 const MOCKS: usize = 60;
 const SEEDS: u64 = 4;
@@ -53,7 +55,7 @@ fn rows() -> Vec<Row> {
         steps_per: StepsPer::Age,
         ..sobol(particles, per_release_time, steps, rule)
     };
-    let linked = |particles, per_release_time| ModelSettings {
+    let segments = |particles, per_release_time| ModelSettings {
         steps_per: StepsPer::Age,
         ..with(
             particles,
@@ -71,15 +73,18 @@ fn rows() -> Vec<Row> {
             with(10_000, 100, SamplingScheme::Random, 100, Uniform),
         ),
         row("fast", Profile::Fast.model()),
-        row("fast, not linked", age(2_560, 32, 120, Uniform)),
-        row("linked, 512", linked(512, 16)),
-        row("linked, 1,024", linked(1_024, 16)),
-        row("linked, 2,048", linked(2_048, 32)),
-        row("linked, 3,584", linked(3_584, 32)),
-        row("linked, 4,096", linked(4_096, 32)),
+        row("fast, without segments", age(2_560, 32, 120, Uniform)),
+        row("segments, 512", segments(512, 16)),
+        row("segments, 1,024", segments(1_024, 16)),
+        row("segments, 2,048", segments(2_048, 32)),
+        row("segments, 3,584", segments(3_584, 32)),
+        row("segments, 4,096", segments(4_096, 32)),
         row("sobol, 1,024", sobol(1_024, 16, 100, Uniform)),
         row("sobol, 4,096", sobol(4_096, 16, 100, Uniform)),
-        row("sobol, 4,096, 8 per epoch", sobol(4_096, 8, 100, Uniform)),
+        row(
+            "sobol, 4,096, 8 per release time",
+            sobol(4_096, 8, 100, Uniform),
+        ),
         row(
             "sobol, 4,096, 50 dynamical",
             sobol(4_096, 16, 50, Dynamical),
@@ -97,7 +102,7 @@ fn rows() -> Vec<Row> {
         ),
         row("sobol, 4,096, 400 per age", age(4_096, 16, 400, Uniform)),
         row(
-            "sobol, 3,072, 32 per epoch, 128 per age",
+            "sobol, 3,072, 32 per release time, 128 per age",
             age(3_072, 32, 128, Uniform),
         ),
         row("sobol, 3,584, 120 per age", age(3_584, 32, 120, Uniform)),
@@ -132,7 +137,7 @@ fn median_and_95(mut values: Vec<f64>) -> (f64, f64) {
 }
 
 fn main() {
-    let galaxies = galaxies(MOCKS);
+    let systems = systems(MOCKS);
     let exact = ModelSettings {
         releases: TableSettings {
             particles: 131_072,
@@ -146,18 +151,18 @@ fn main() {
         ..ModelSettings::default()
     };
     let reference = Model::new(&exact).expect("a model");
-    let exact: Vec<Option<Particles>> = galaxies
+    let exact: Vec<Option<Particles>> = systems
         .par_iter()
-        .map(|system| stars(&reference, system))
+        .map(|system| particles(&reference, system))
         .collect();
     let references: Vec<Option<Track>> = exact
         .iter()
-        .map(|stars| Some(binned(stars.as_ref()?, BinEdges::default())))
+        .map(|particles| Some(binned(particles.as_ref()?, BinEdges::default())))
         .collect();
     let rows = rows();
     let models: Vec<Vec<Model>> = rows.iter().map(|r| models(&r.settings, SEEDS)).collect();
     let mut seconds = vec![Vec::new(); rows.len()];
-    for system in &galaxies {
+    for system in &systems {
         for (models, seconds) in models.iter().zip(&mut seconds) {
             let best = (0..3).map(|_| {
                 let start = Instant::now();
@@ -170,7 +175,7 @@ fn main() {
     println!("| setting | median | 95 % | time |\n|---|---|---|---|");
     let mut unit = None;
     for ((row, models), seconds) in rows.iter().zip(&models).zip(seconds) {
-        let errors: Vec<f64> = galaxies
+        let errors: Vec<f64> = systems
             .par_iter()
             .zip(&references)
             .flat_map_iter(|(system, reference)| {
@@ -190,9 +195,9 @@ fn main() {
     }
     println!("\n| edges, half-width in degrees | median | 95 % |\n|---|---|---|");
     for half_width_deg in [1.0, 2.0, 3.0, 5.0] {
-        let shifts = exact.iter().flatten().map(|stars| {
-            let soft = binned(stars, BinEdges::Soft { half_width_deg });
-            distance(&soft, &binned(stars, BinEdges::Hard))
+        let shifts = exact.iter().flatten().map(|particles| {
+            let soft = binned(particles, BinEdges::Soft { half_width_deg });
+            distance(&soft, &binned(particles, BinEdges::Hard))
         });
         let (median, p95) = median_and_95(shifts.collect());
         println!("| {half_width_deg} | {median:.3} | {p95:.2} |");

@@ -1,8 +1,8 @@
-//! What do the moves that the stream's author knows add to a nested fit?
+//! The effect of the symmetry moves on a nested fit.
 //!
 //! `cargo bench --bench moves` fits two gala tracks with all 13 parameters free, 512 particles, 400 live points and 8 slices per point:
-//! without moves, with the exact redraw along the scaling of masses, velocities and age alone, with the orientation twins
-//! alone, and with all. Each fit takes about two minutes of a core; the order is that of the table.
+//! without symmetry moves, with the exact draw along the scaling of masses, velocities and age, with the involutions between
+//! orientation modes, and with all. Each fit takes about two minutes of a core. The recorded table is in benches/RESULTS.md.
 
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, StreamTarget};

@@ -1,7 +1,8 @@
-//! How far off is a track for want of steps, by rule?
+//! Error of a track by number of steps and step rule.
 //!
 //! `cargo bench --bench steps` prints a table, in per cent: for mocks that meet the paper's criteria, the rms over bins of the
-//! mean radius against that of the same particles at 3,200 equal steps. The data's errors are 2 per cent. Not a timing.
+//! relative difference of the mean radius from that of the same particles with 3,200 equal steps. The data's errors are 2 per cent.
+//! Not a timing. The recorded table is in benches/RESULTS.md.
 
 mod tracks;
 
@@ -9,7 +10,7 @@ use oblate::spray::TableSettings;
 use oblate::stream::{Model, ModelSettings, StepRule, StepsPer};
 use oblate::track::Track;
 use rayon::prelude::*;
-use tracks::{distance, galaxies, track};
+use tracks::{distance, systems, track};
 
 const MOCKS: usize = 60;
 const PARTICLES: usize = 2_048;
@@ -34,9 +35,9 @@ fn model(steps: usize, step_rule: StepRule) -> Model {
 }
 
 fn main() {
-    let galaxies = galaxies(MOCKS);
+    let systems = systems(MOCKS);
     let reference = model(REFERENCE_STEPS, StepRule::Uniform);
-    let references: Vec<Option<Track>> = galaxies
+    let references: Vec<Option<Track>> = systems
         .par_iter()
         .map(|system| track(&reference, system))
         .collect();
@@ -44,7 +45,7 @@ fn main() {
     for steps in [25, 50, 100, 200, 400] {
         for rule in [StepRule::Uniform, StepRule::Dynamical] {
             let model = model(steps, rule);
-            let mut errors: Vec<f64> = galaxies
+            let mut errors: Vec<f64> = systems
                 .par_iter()
                 .zip(&references)
                 .filter_map(|(system, reference)| {

@@ -1,10 +1,10 @@
-//! How rough is ln L along a short line, by setting?
+//! Roughness of ln L along short lines, by setting.
 //!
 //! `cargo bench --bench roughness` prints a table: for draws of the posteriors of five gala tracks (`benches/draws.csv`, twelve
-//! each), lines in six random directions of z, .05 to both sides (the prior is a unit normal in z), 41 points each. The roughness
-//! is the rms of ln L about the best cubic on the line: what a step of a sampler meets beside the posterior's own shape. Quantiles
-//! over all lines; lines with a rejected point are counted, not measured. `off` is by how much ln L at the draws exceeds that of
-//! `fast`: median, and half of what the middle 68 per cent span. Not a timing.
+//! each), lines in six random directions of z, 0.05 to both sides (the prior is a unit normal in z), 41 points each. The roughness
+//! is the rms of ln L about the best cubic on the line. Quantiles are over all lines; lines with a rejected point are counted, not
+//! measured. `off` is ln L at the draws minus that of `fast`: the median, and half of the central 68 per cent range. Not a timing.
+//! The recorded table is in benches/RESULTS.md.
 
 use nalgebra::{DMatrix, DVector};
 use oblate::data::ObservedTrack;
@@ -29,7 +29,7 @@ struct Draw {
     theta: [f64; DIM],
 }
 
-/// The draws that are kept beside this file.
+/// The draws in benches/draws.csv.
 fn draws(folder: &Path) -> Vec<Draw> {
     let mut reader = csv::ReaderBuilder::new()
         .comment(Some(b'#'))
@@ -41,7 +41,7 @@ fn draws(folder: &Path) -> Vec<Draw> {
         .collect()
 }
 
-/// Rms about the best cubic of ln L on line number `line` through a draw; None where a point is rejected.
+/// Rms of ln L about its best cubic on line number `line` through a draw; `None` if a point is rejected.
 fn roughness(
     likelihood: &StreamLikelihood,
     prior: &StreamPrior,
@@ -129,28 +129,28 @@ fn main() {
             soft,
         ),
         (
-            "fast, not linked",
+            "fast, without segments",
             with(fast, fast.releases.particles, SamplingScheme::Sobol),
             soft,
         ),
         (
-            "3,584 Sobol particles",
+            "3,584 particles, no segments",
             with(fast, 3_584, SamplingScheme::Sobol),
             soft,
         ),
         (
-            "1,024 linked particles",
+            "1,024 particles, segments",
             with(fast, 1_024, SamplingScheme::SobolSegments),
             soft,
         ),
         (
-            "1,024 Sobol particles",
+            "1,024 particles, no segments",
             with(fast, 1_024, SamplingScheme::Sobol),
             soft,
         ),
         ("coarse model of a fit", coarse.model, coarse.likelihood),
         (
-            "the same, not linked",
+            "the same, without segments",
             with(coarse.model, 512, SamplingScheme::Sobol),
             coarse.likelihood,
         ),
@@ -163,12 +163,12 @@ fn main() {
             },
         ),
         (
-            "512 linked particles",
+            "512 particles, segments",
             with(fast, 512, SamplingScheme::SobolSegments),
             soft,
         ),
         (
-            "512 Sobol particles",
+            "512 particles, no segments",
             with(fast, 512, SamplingScheme::Sobol),
             soft,
         ),
@@ -176,7 +176,7 @@ fn main() {
         ("10,000 random x 100, edges of 5 degrees", paper, wide),
         ("10,000 random x 100, a missing bin 30 sigma", paper, harsh),
         (
-            "10,000 Sobol particles",
+            "10,000 particles, no segments",
             with(fast, 10_000, SamplingScheme::Sobol),
             soft,
         ),
