@@ -2,10 +2,9 @@
 //!
 //! `cargo run --release --example one_stream`
 
+use oblate::Result;
 use oblate::params::{PriorSettings, StreamParams, StreamPrior};
-use oblate::stream::{Model, ModelSettings, Particles, StepSchedules, System};
-use oblate::track::{BinEdges, Track};
-use oblate::{Error, Result};
+use oblate::stream::{Model, ModelSettings};
 
 fn main() -> Result<()> {
     let params = StreamParams {
@@ -28,17 +27,9 @@ fn main() -> Result<()> {
     let shape = prior.shape(&params);
     println!("q = {:.2}, axis = {:.2?}", shape.q, shape.axis.to_array());
 
-    // Made once for many streams: the releases, and everything else that no parameter enters.
+    // Made once for many streams: the releases, and everything else that does not depend on the parameters.
     let model = Model::new(&ModelSettings::default())?;
-    let system = System::from_params(&params, prior.q_range());
-    let solution = model.progenitor_solution(&system).map_err(Error::NoTrack)?;
-    let (mut schedules, mut stars) = (StepSchedules::default(), Particles::default());
-    model
-        .integrate(&solution, &mut schedules, &mut stars)
-        .map_err(Error::NoTrack)?;
-
-    let least = 0.01 * stars.len() as f64;
-    let track = Track::of(&stars, 10.0, BinEdges::default(), least);
+    let track = model.stream(&params)?.track(10.0)?;
     println!("{:>8} {:>8} {:>8} {:>6}", "phi/deg", "r/kpc", "+-", "n");
     for bin in &track.bins {
         println!(

@@ -1,61 +1,74 @@
 //! The shapes of dark-matter haloes from the projected tracks of stellar streams.
 //!
-//! A satellite that orbits a galaxy loses stars through two points, one on the side of the galaxy and one on the far
-//! side. The first run ahead, the others fall behind, and together they draw a **stream** across the sky. Around other
-//! galaxies this drawing is all there is to see: one projected radius at each angle from the satellite, a **track**.
-//! How it winds depends on the halo's flattening q, the ratio of its axes (Chemaly et al. 2026).
+//! A satellite galaxy that orbits a larger one loses stars near two points, on the side of the host and on the far side. These stars
+//! form a **stream** of two tails, one ahead of the satellite and one behind it. Around other galaxies a stream is seen only in
+//! projection: its mean projected radius at each angle from the satellite is its **track**. The shape of the track depends on the
+//! flattening q of the halo, its axis ratio (Chemaly et al. 2026).
 //!
 //! From thirteen parameters to a track:
 //!
 //! ```
-//! use oblate::params::{PriorSettings, StreamParams, StreamPrior};
-//! use oblate::stream::{Particles, StepSchedules, System, Model, ModelSettings};
-//! use oblate::track::{BinEdges, Track};
+//! use oblate::params::StreamParams;
+//! use oblate::stream::{Model, ModelSettings};
 //!
 //! # fn main() -> oblate::Result<()> {
 //! let params = StreamParams::from_array([
-//!     12.0, 15.0, 0.3, 0.0, 1.2, // halo: log10 mass, scale radius, shape vector (its length is q, its direction the axis)
-//!     8.0, 1.0, // progenitor: log10 mass, scale radius
-//!     60.0, 30.0, 30.0, 140.0, 45.0, 3.0, // where it is today (kpc, km/s), and its stream's age (Gyr)
+//!     12.0, 15.0, 0.3, 0.0, 1.2, // halo: log10 of its mass in Msun, scale radius in kpc, shape vector (gives q and the axis)
+//!     8.0, 1.0, // progenitor: log10 of its mass in Msun, scale radius in kpc
+//!     60.0, 30.0, 30.0, 140.0, 45.0, // its position x, z in kpc and its velocity in km/s today
+//!     3.0, // time since the first star left, in Gyr
 //! ]);
-//! let prior = StreamPrior::new(&PriorSettings::default())?;
-//! prior.check_inside(&params)?;
-//! let model = Model::new(&ModelSettings::default())?;
-//! let galaxy = System::from_params(&params, prior.q_range());
-//! let setup = model.setup(&galaxy).map_err(oblate::Error::NoTrack)?;
-//! let (mut flights, mut stars) = (StepSchedules::default(), Particles::default());
-//! model.integrate(&setup, &mut flights, &mut stars).map_err(oblate::Error::NoTrack)?;
-//! let track = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * stars.len() as f64);
+//! let model = Model::new(&ModelSettings::default())?; // once for many streams
+//! let track = model.stream(&params)?.track(10.0)?; // bins of 10 degrees
+//! for bin in &track.bins {
+//!     println!("{:6.1} deg: {:5.1} +- {:.1} kpc", bin.phi_deg, bin.r_kpc, bin.r_err_kpc);
+//! }
 //! assert!(track.bins.len() > 5);
 //! assert!(track.bins.iter().all(|bin| (10.0..100.0).contains(&bin.r_kpc)));
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! # Rooms
+//! From a track to the posterior of q and the other parameters:
 //!
-//! A walk with the data; each room may only use the ones before it.
+//! ```no_run
+//! use oblate::{FitSettings, data::ObservedTrack};
+//! use std::path::Path;
 //!
-//! | room | what it holds |
+//! # fn main() -> oblate::Result<()> {
+//! let track = ObservedTrack::read(Path::new("track.ecsv"))?;
+//! let fit = oblate::fit(&track, &FitSettings::default())?;
+//! println!("{}", fit.summary);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! The folder `examples` has three programs: a stream, a fit, a population.
+//!
+//! # Modules
+//!
+//! Each module uses only the modules above it in this table.
+//!
+//! | module | contents |
 //! |---|---|
-//! | [`error`] | [`Error`]: this run cannot go on; [`Rejection`]: this point has no track; [`Tally`]: it went on, but count it |
-//! | [`units`] | kpc, solar masses, Gyr; km/s at the doors; the one value of G |
-//! | [`scalar`] | what physics may ask of a number, and the numbers: `f64`, lanes of it, duals |
-//! | [`params`] | the thirteen parameters, their prior, their coordinates, their symmetries |
-//! | [`potential`] | halo, progenitor, discs, and sums of them |
-//! | [`orbit`] | the progenitor's dense orbit, a particle's leapfrog, and its reverse |
-//! | [`spray`] | where, when and how stars leave |
-//! | [`stream`] | host, progenitor and releases in, present-day particles out; the gradient backwards |
+//! | [`error`] | [`Error`], [`Rejection`] of a parameter set, [`Tally`] of approximations |
+//! | [`units`] | kpc, Msun, Gyr, and the conversion from km/s |
+//! | [`scalar`] | the traits of the number types `f64`, SIMD lanes and dual numbers |
+//! | [`params`] | the thirteen parameters, their prior and their symmetries |
+//! | [`potential`] | halo and progenitor, and how to add a halo |
+//! | [`orbit`] | the progenitor's orbit, the leapfrog of a particle, and its adjoint |
+//! | [`spray`] | where, when and how fast stars leave |
+//! | [`stream`] | particles today, and gradients in reverse mode |
 //! | [`track`] | from particles to one radius per angle |
-//! | [`data`] | observed tracks, read and checked, and mocks with their selection |
-//! | [`likelihood`] | from parameters to ln L, and its exact gradient |
-//! | [`posterior`] | weighted draws with names, their summary, and the files that keep both |
-//! | [`inference`] | a fit: the posterior as a target of [`oblate_samplers`], its settings and its diagnostics |
-//! | [`population`] | many posteriors of q reweighted into one population |
+//! | [`data`] | observed tracks and mock tracks |
+//! | [`likelihood`] | ln L of a track, and its exact gradient |
+//! | [`posterior`] | weighted draws, their summary, and their files |
+//! | [`inference`] | fits: the posterior as a target of [`samplers`], settings, diagnostics |
+//! | [`population`] | the distribution of q over many haloes |
 //! | [`report`] | figures, tables, one page |
-//! | [`config`] | the settings files |
-//! | [`run`] | a run folder, the work that fills it, and studies of many |
-//! | [`cli`] | the command, one file per verb |
+//! | [`config`] | settings files |
+//! | [`run`] | run folders, and studies of many runs |
+//! | [`cli`] | the command, one file per subcommand |
 #![deny(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -85,3 +98,4 @@ pub mod units;
 pub use error::{Error, Rejection, Result, Tally};
 pub use inference::{Fit, FitSettings, fit};
 pub use oblate_samplers as samplers;
+pub use oblate_samplers::{Budget, Control, Event, Observer, Run};

@@ -1,5 +1,6 @@
 //! The hot loop: kick-drift-kick in the host and the moving progenitor, on any number type.
 
+use super::winding::{crossing, is_negative};
 use super::{Schedule, State};
 use crate::potential::{Plummer, Potential};
 use crate::scalar::{Scalar, Vec3};
@@ -13,20 +14,6 @@ pub struct FinalParticle<S> {
     pub turns: S,
     /// Steps that turned it by more than 90 degrees around the projected centre, where the count is not safe.
     pub ambiguous_windings: S,
-}
-
-/// One for a number below zero, zero for others.
-#[inline(always)]
-fn is_negative<S: Scalar>(s: S) -> S {
-    S::select(s.lt(S::zero()), S::one(), S::zero())
-}
-
-/// +1 if the short way from (x0, y0) to (x1, y1) crosses the negative x axis counter-clockwise, -1 if clockwise, else 0.
-#[inline(always)]
-pub fn crossing<S: Scalar>(from: Vec3<S>, to: Vec3<S>) -> S {
-    let side = is_negative(to.y) - is_negative(from.y);
-    let turn = from.x * to.y - to.x * from.y;
-    S::select(S::zero().lt(side * turn), side, S::zero())
 }
 
 /// The acceleration at `x` in the host and a progenitor at `centre`. A function and not a closure, so that it is inlined

@@ -5,12 +5,14 @@ mod dense_orbit;
 mod leapfrog;
 mod leapfrog_vjp;
 mod schedule;
+mod winding;
 
 pub use adaptive_grid::AdaptiveGrid;
 pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, OrbitTime, add_weighted};
-pub use leapfrog::{FinalParticle, advance, crossing};
+pub use leapfrog::{FinalParticle, advance};
 pub use leapfrog_vjp::{StepCotangent, reverse};
 pub use schedule::{InterleavedSchedules, Schedule, StepSchedule};
+pub use winding::crossing;
 
 use crate::scalar::Vec3;
 

@@ -71,9 +71,10 @@ pub struct PriorSettings {
 
 impl Default for PriorSettings {
     fn default() -> Self {
+        let QRange { q_min, q_max } = QRange::default();
         Self {
-            q_min: 0.5,
-            q_max: 1.5,
+            q_min,
+            q_max,
             marginals: DEFAULT,
             fixed: StreamParams::default(),
         }

@@ -51,6 +51,16 @@ pub struct Shape<S> {
     pub axis: Vec3<S>,
 }
 
+impl Default for QRange {
+    /// 0.5 to 1.5, as in the paper.
+    fn default() -> Self {
+        Self {
+            q_min: 0.5,
+            q_max: 1.5,
+        }
+    }
+}
+
 impl QRange {
     /// Flattening and axis of a shape vector: `q = q_min + (q_max - q_min) F(|r|)` with
     /// `F(r) = erf(r / sqrt 2) - sqrt(2 / pi) r exp(-r^2 / 2)`, and `axis = r / |r|`.

@@ -1,6 +1,5 @@
 //! Compiles a kernel for each instruction set and chooses one at run time, by the features that the CPU reports.
 
-use super::Isa;
 use std::sync::OnceLock;
 
 /// An instruction set that kernels are compiled for.
@@ -56,15 +55,6 @@ impl Level {
         levels.push(Self::Baseline);
         levels
     }
-}
-
-/// A computation that is compiled for each instruction set: by `compile_kernel` where it is called on a [`Level`], by
-/// [`Isa::call`] within another kernel.
-pub trait Kernel {
-    /// The type of the result.
-    type Output;
-    /// The computation, in lanes of `I`; implement it with `#[inline(always)]`, and every function below it that uses lanes too.
-    fn run<I: Isa>(self) -> Self::Output;
 }
 
 /// Compiles a [`Kernel`] with one lifetime parameter for each instruction set, and gives it `dispatch(self, level)`. A level that

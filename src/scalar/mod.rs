@@ -11,12 +11,12 @@ mod isa;
 mod lanes;
 mod vec3;
 
+pub use dispatch::Level;
 pub(crate) use dispatch::compile_kernel;
-pub use dispatch::{Kernel, Level};
 pub use dual::{Dual, LaneDual, gradient_of, lift, variable};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use isa::{Avx2, Avx512};
-pub use isa::{Isa, LANES, LaneArray, Portable};
+pub use isa::{Isa, Kernel, LANES, LaneArray, Portable};
 pub use lanes::Lanes;
 pub use vec3::Vec3;
 

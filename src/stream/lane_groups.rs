@@ -1,7 +1,7 @@
 //! Two groups of particles side by side: one alone leaves the arithmetic units waiting for its square roots.
 
-use super::{Model, ProgenitorSolution, ReleaseFrame};
-use crate::orbit::{InterleavedSchedules, State, StepSchedule};
+use super::progenitor_solution::{ProgenitorSolution, ReleaseFrame};
+use crate::orbit::{State, StepSchedule};
 use crate::scalar::{Isa, LANES, LaneArray, Lanes, Vec3};
 use crate::spray::ReleaseTable;
 
@@ -60,7 +60,7 @@ pub(super) struct Pair<'a> {
 
 /// The pairs of a run of groups.
 pub(super) struct Pairs<'a> {
-    model: &'a Model,
+    steps: &'a [usize],
     left: &'a [Group],
 }
 
@@ -71,7 +71,7 @@ impl<'a> Iterator for Pairs<'a> {
         let (a, rest) = self.left.split_first()?;
         let partner = rest
             .first()
-            .filter(|b| self.model.steps[b.release_time] == self.model.steps[a.release_time]);
+            .filter(|b| self.steps[b.release_time] == self.steps[a.release_time]);
         self.left = &rest[usize::from(partner.is_some())..];
         Some(Pair {
             groups: [a, partner.unwrap_or(a)],
@@ -81,10 +81,10 @@ impl<'a> Iterator for Pairs<'a> {
 }
 
 impl<'a> Pair<'a> {
-    /// All pairs of a run of groups.
-    pub fn all(model: &'a Model, groups: &'a [Group]) -> Pairs<'a> {
+    /// All pairs of a run of groups, whose particles take `steps` by release time.
+    pub fn all(steps: &'a [usize], groups: &'a [Group]) -> Pairs<'a> {
         Pairs {
-            model,
+            steps,
             left: groups,
         }
     }
@@ -145,48 +145,4 @@ fn frames<I: Isa>(a: &[Vec3<f64>; 3], b: &[Vec3<f64>; 3]) -> [Vec3<Interleaved<I
         Lanes::vectors(a[1], b[1]),
         Lanes::vectors(a[2], b[2]),
     ]
-}
-
-/// Plans the courses of pair after pair, each epoch's once.
-pub(super) struct Planner<'a> {
-    model: &'a Model,
-    solution: &'a ProgenitorSolution<f64>,
-    schedules: &'a mut StepSchedules,
-    /// The epochs that the flights are of.
-    planned: [usize; UNROLL],
-}
-
-impl<'a> Planner<'a> {
-    /// With the buffers of an earlier one, whatever they hold.
-    pub fn new(
-        model: &'a Model,
-        solution: &'a ProgenitorSolution<f64>,
-        schedules: &'a mut StepSchedules,
-    ) -> Self {
-        Self {
-            model,
-            solution,
-            schedules,
-            planned: [usize::MAX; UNROLL],
-        }
-    }
-
-    /// The course of each half of a pair.
-    #[inline(always)]
-    pub fn schedules(&mut self, pair: &Pair<'_>) -> InterleavedSchedules<'_> {
-        let [a, b] = pair.release_times();
-        let [one, other] = &mut *self.schedules;
-        if self.planned[0] != a {
-            self.planned[0] = a;
-            self.model.plan(a, self.solution, one);
-        }
-        if a == b {
-            return InterleavedSchedules(one, one);
-        }
-        if self.planned[1] != b {
-            self.planned[1] = b;
-            self.model.plan(b, self.solution, other);
-        }
-        InterleavedSchedules(one, other)
-    }
 }

@@ -1,9 +1,11 @@
 //! The cold stage once more, on dual numbers: where the derivatives of the particles, in reverse mode, meet those of the orbit and the
 //! releases, in forward mode.
 
-use super::particles_vjp::{Cotangents, SharedCotangent};
+use super::cotangents::{Cotangents, SharedCotangent};
+use super::model::Model;
 use super::progenitor_solution::release_frame;
-use super::{Model, ModelSettings, System};
+use super::settings::ModelSettings;
+use super::system::System;
 use crate::orbit::DenseOrbit;
 use crate::potential::Potential;
 use crate::scalar::{Isa, Kernel, LANES, LaneDual, Lanes, Level, Scalar, Vec3, compile_kernel};

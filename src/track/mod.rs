@@ -1,6 +1,115 @@
 //! From particles to one mean radius per angle from the progenitor.
 
-mod bins;
+mod grid;
 mod segment;
+mod sums;
+mod sums_lanes;
+mod sums_vjp;
 
-pub use bins::{BinEdges, BinGrid, PartialSums, Sums, Track, TrackBin};
+pub use grid::{BinEdges, BinGrid};
+pub use sums::Sums;
+pub use sums_lanes::PartialSums;
+
+use crate::error::{Error, Result};
+use crate::stream::Particles;
+use serde::{Deserialize, Serialize};
+
+/// One bin of a track.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrackBin {
+    /// Number of the bin: it covers [bin, bin + 1) widths.
+    pub bin: i64,
+    /// Middle of the bin, degrees from the progenitor.
+    pub phi_deg: f64,
+    /// Mean projected radius, kpc.
+    pub r_kpc: f64,
+    /// Standard error of the mean for independent particles, kpc.
+    pub r_err_kpc: f64,
+    /// Total weight.
+    pub n: f64,
+}
+
+/// A whole track: the bins with particles in them, in order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Track {
+    /// Bin width in degrees.
+    pub width_deg: f64,
+    /// The bins.
+    pub bins: Vec<TrackBin>,
+}
+
+/// Weight of a bin of [`Particles::track`], as a fraction of all particles: the paper's threshold for mock tracks.
+const MIN_FRACTION: f64 = 0.01;
+
+impl Particles {
+    /// The track in bins of `width_deg` degrees with the default edges: every bin that holds at least 1 % of the particles.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if the width is not above 0 and at most 120 degrees.
+    pub fn track(&self, width_deg: f64) -> Result<Track> {
+        if !(width_deg > 0.0 && width_deg <= 120.0) {
+            return Err(Error::Setting {
+                key: "width_deg".to_owned(),
+                value: width_deg.to_string(),
+                remedy: "give a width above 0 and at most 120 degrees".to_owned(),
+            });
+        }
+        let min_n = MIN_FRACTION * self.len() as f64;
+        Ok(Track::of(self, width_deg, BinEdges::default(), min_n))
+    }
+}
+
+impl Track {
+    /// The track of particles, every bin with a weight of at least `min_n`.
+    #[must_use]
+    pub fn of(particles: &Particles, width_deg: f64, edges: BinEdges, min_n: f64) -> Self {
+        let bin_of = |i: usize| {
+            #[allow(
+                clippy::cast_possible_truncation,
+                reason = "a finite angle is below 2^51 bins"
+            )]
+            let bin = (particles.angle(i).to_degrees() / width_deg).floor() as i64;
+            bin
+        };
+        let numbers = (0..particles.len()).map(bin_of);
+        let (lo, hi) = numbers.fold((i64::MAX, i64::MIN), |(lo, hi), b| (lo.min(b), hi.max(b)));
+        if lo > hi {
+            return Self {
+                width_deg,
+                bins: Vec::new(),
+            };
+        }
+        // More at each end: a particle is spread over two bins at most, and a soft edge shares it outwards.
+        let first = lo - 3;
+        let len = usize::try_from(hi - lo + 7).unwrap_or(0);
+        let grid = BinGrid {
+            width_deg,
+            first,
+            len,
+            edges,
+        };
+        let mut sums = Sums::default();
+        grid.sum(particles, &mut sums, &mut PartialSums::default());
+        let bins = (0..len)
+            .filter(|&i| sums.weight[i] > 0.0 && sums.weight[i] >= min_n)
+            .map(|i| {
+                let n = sums.weight[i];
+                let mean = sums.r[i] / n;
+                let variance = (sums.r2[i] / n - mean * mean).max(0.0);
+                #[allow(
+                    clippy::cast_possible_wrap,
+                    reason = "an index below the number of bins"
+                )]
+                let bin = first + i as i64;
+                TrackBin {
+                    bin,
+                    phi_deg: (bin as f64 + 0.5) * width_deg,
+                    r_kpc: mean,
+                    r_err_kpc: (variance / n).sqrt(),
+                    n,
+                }
+            })
+            .collect();
+        Self { width_deg, bins }
+    }
+}

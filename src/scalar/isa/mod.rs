@@ -9,7 +9,6 @@ mod x86;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::{Avx2, Avx512};
 
-use super::Kernel;
 use std::fmt::Debug;
 
 /// Numbers in one [`Isa::Vector`].
@@ -22,6 +21,15 @@ pub const LANES: usize = 8;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub struct LaneArray<const K: usize>(pub [[f64; LANES]; K]);
+
+/// A computation that is compiled for each instruction set: by `compile_kernel` where it is called on a [`Level`], by
+/// [`Isa::call`] within another kernel.
+pub trait Kernel {
+    /// The type of the result.
+    type Output;
+    /// The computation, in lanes of `I`; implement it with `#[inline(always)]`, and every function below it that uses lanes too.
+    fn run<I: Isa>(self) -> Self::Output;
+}
 
 /// The operations of an instruction set on eight numbers at a time.
 ///

@@ -1,8 +1,7 @@
 //! AVX-512 and AVX2 by their intrinsics. This file uses no closures or iterators: they are separate functions, which are
 //! compiled for the target's baseline unless the compiler inlines them.
 
-use super::{Isa, LANES, MANTISSA, SHIFT, TWO_52_AND_BIAS, TWO_52_BITS};
-use crate::scalar::Kernel;
+use super::{Isa, Kernel, LANES, MANTISSA, SHIFT, TWO_52_AND_BIAS, TWO_52_BITS};
 use std::arch::x86_64::*;
 use std::f64::consts::LN_2;
 

@@ -5,9 +5,15 @@
 //! many end in one (all particles in one likelihood): so the particles run backwards, the setup once more on duals, and they
 //! meet at the launches and the orbit's nodes. Paths are run backwards, not remembered: memory is O(particles + steps).
 
-use super::lane_groups::{Interleaved, Pair, Planner, StepSchedules, UNROLL};
-use super::{Model, Particles, ProgenitorSolution, ReleaseFrame, System, Threads};
-use crate::orbit::{Node, State, StepCotangent, StepSchedule, add_weighted, reverse};
+use super::cotangents::{Cotangents, sums_of_vector};
+use super::lane_groups::{Interleaved, Pair, StepSchedules, UNROLL};
+use super::model::Model;
+use super::particles::Particles;
+use super::progenitor_solution::ProgenitorSolution;
+use super::step_schedules::Planner;
+use super::system::System;
+use super::threads::Threads;
+use crate::orbit::{State, StepCotangent, reverse};
 use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, Scalar, Vec3, compile_kernel};
 use rayon::prelude::*;
@@ -42,77 +48,6 @@ struct Part {
     sums: [Vec<StepCotangent<f64>>; UNROLL],
     /// What comes of it.
     by: Cotangents,
-}
-
-/// Derivatives with respect to what the cold stage hands over to the particles of some epochs.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Cotangents {
-    /// The first one.
-    first_release_time: usize,
-    /// With respect to the launches from the first epoch on.
-    pub release_frames: Vec<ReleaseFrame<f64>>,
-    /// With respect to the nodes of the orbit.
-    pub nodes: Vec<Node<f64>>,
-    /// With respect to the phases of the clock at the nodes.
-    phases: Vec<f64>,
-    /// With respect to the times of the course at hand.
-    times: Vec<f64>,
-    pub shared: SharedCotangent,
-}
-
-impl Cotangents {
-    /// Forgets what was: zero for these epochs and an orbit of `nodes`.
-    fn reset(&mut self, release_times: &Range<usize>, nodes: usize) {
-        let zero = Vec3::zero();
-        let no_launch = ReleaseFrame {
-            state: State { x: zero, v: zero },
-            position: [zero; 3],
-            velocity: [zero; 3],
-            turns: 0.0,
-        };
-        self.first_release_time = release_times.start;
-        self.release_frames.clear();
-        self.release_frames.resize(release_times.len(), no_launch);
-        self.nodes.clear();
-        self.nodes.resize(nodes, Node::zero());
-        self.phases.clear();
-        self.phases.resize(nodes, 0.0);
-        self.shared = SharedCotangent::zero();
-    }
-}
-
-/// Derivatives with respect to what the cold stage hands over, beside nodes and launches.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SharedCotangent {
-    pub host: NfwCotangent<f64>,
-    pub progenitor: PlummerCotangent<f64>,
-    pub age_gyr: f64,
-}
-
-impl SharedCotangent {
-    fn zero() -> Self {
-        Self {
-            host: NfwCotangent::zero(),
-            progenitor: PlummerCotangent::zero(),
-            age_gyr: 0.0,
-        }
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.host.ln_mass += other.host.ln_mass;
-        self.host.ln_r_s += other.host.ln_r_s;
-        self.host.flattening += other.host.flattening;
-        self.host.axis += other.host.axis;
-        self.progenitor.ln_mass += other.progenitor.ln_mass;
-        self.progenitor.r_s += other.progenitor.r_s;
-        self.age_gyr += other.age_gyr;
-    }
-}
-
-impl Default for SharedCotangent {
-    fn default() -> Self {
-        Self::zero()
-    }
 }
 
 /// Which particles a derivative counts.
@@ -215,7 +150,7 @@ impl Kernel for VjpKernel<'_> {
             ..
         } = part;
         let mut planner = Planner::new(model, solution, schedules);
-        let mut pairs = Pair::all(model, &model.groups[part.groups.clone()]).peekable();
+        let mut pairs = Pair::all(&model.steps, &model.groups[part.groups.clone()]).peekable();
         while let Some(pair) = pairs.next() {
             let (end, position_bar) = ends.of::<I>(&pair);
             let limit2 = position_bar.norm2() * max_stretch2;
@@ -270,13 +205,6 @@ fn sum_vector<I: Isa>(v: Vec3<Interleaved<I>>) -> Vec3<f64> {
     Vec3::new(v.x.sum(), v.y.sum(), v.z.sum())
 }
 
-/// The sums of the lanes of each half of a vector.
-#[inline(always)]
-fn sums_of_vector<I: Isa>(v: Vec3<Interleaved<I>>) -> [Vec3<f64>; UNROLL] {
-    let ([x, x_2], [y, y_2], [z, z_2]) = (v.x.sums(), v.y.sums(), v.z.sums());
-    [Vec3::new(x, y, z), Vec3::new(x_2, y_2, z_2)]
-}
-
 /// Sums the derivatives with respect to courses over the lanes of each half, and forgets them there.
 #[inline(always)]
 fn sum_lanes<I: Isa>(
@@ -295,95 +223,6 @@ fn sum_lanes<I: Isa>(
             });
         }
         *by = StepCotangent::zero();
-    }
-}
-
-impl Cotangents {
-    /// Adds derivatives with respect to the starts of a pair to those with respect to its launches.
-    #[inline(always)]
-    fn add_release_frames<I: Isa>(&mut self, pair: &Pair<'_>, start_bar: &State<Interleaved<I>>) {
-        let State { x, v } = *start_bar;
-        let (position, velocity) = (pair.position::<I>(), pair.velocity::<I>());
-        let (x_bar, v_bar) = (sums_of_vector(x), sums_of_vector(v));
-        // A half without particles has no derivatives.
-        for k in 0..UNROLL {
-            let release_frame =
-                &mut self.release_frames[pair.groups[k].release_time - self.first_release_time];
-            release_frame.state.x += x_bar[k];
-            release_frame.state.v += v_bar[k];
-        }
-        for c in 0..3 {
-            let position_bar = sums_of_vector(x * position[c]);
-            let velocity_bar = sums_of_vector(v * velocity[c]);
-            for k in 0..UNROLL {
-                let release_frame =
-                    &mut self.release_frames[pair.groups[k].release_time - self.first_release_time];
-                release_frame.position[c] += position_bar[k];
-                release_frame.velocity[c] += velocity_bar[k];
-            }
-        }
-    }
-
-    /// Adds the derivatives with respect to one epoch's course to those with respect to the orbit's nodes, the age and,
-    /// where the course follows a clock, its phases.
-    fn add_course(
-        &mut self,
-        model: &Model,
-        solution: &ProgenitorSolution<f64>,
-        release_time: usize,
-        schedule: &StepSchedule<f64>,
-        schedule_bar: &[StepCotangent<f64>],
-    ) {
-        let places = if solution.grid.is_some() {
-            &schedule.places
-        } else {
-            model.path_of(release_time)
-        };
-        for (place, by) in places.iter().zip(schedule_bar) {
-            add_weighted(&mut self.nodes, place, by.progenitor);
-        }
-        let steps = schedule_bar.len();
-        // A drift is in itself and by half in the kicks at both of its ends; the kick today moves nothing.
-        let drift_bar = |j: usize| {
-            let next = if j + 1 < steps {
-                schedule_bar[j + 1].kick
-            } else {
-                0.0
-            };
-            schedule_bar[j].drift / schedule.drift_gyr[j] + 0.5 * (schedule_bar[j].kick + next)
-        };
-        self.shared.age_gyr += (0..steps)
-            .map(|j| drift_bar(j) * schedule.drift_gyr[j])
-            .sum::<f64>()
-            / solution.age_gyr;
-        if let Some(grid) = &solution.grid {
-            let times_bar = &mut self.times;
-            times_bar.clear();
-            times_bar.resize(steps + 1, 0.0);
-            for j in 0..steps {
-                let by = drift_bar(j) * solution.age_gyr;
-                times_bar[j + 1] += by;
-                times_bar[j] += schedule_bar[j]
-                    .progenitor
-                    .dot(solution.orbit.slope(schedule.orbit_times[j]))
-                    - by;
-            }
-            grid.times_vjp(&schedule.orbit_times, times_bar, &mut self.phases);
-        }
-    }
-
-    /// Adds those of the epochs that follow.
-    fn append(&mut self, next: &mut Self) {
-        self.shared.add(&next.shared);
-        for (sum, by) in self.phases.iter_mut().zip(&next.phases) {
-            *sum += by;
-        }
-        for (sum, by) in self.nodes.iter_mut().zip(&next.nodes) {
-            for row in 0..3 {
-                sum.add(row, by.vector(row));
-            }
-        }
-        self.release_frames.append(&mut next.release_frames);
     }
 }
 

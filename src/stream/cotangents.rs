@@ -1,0 +1,131 @@
+//! Derivatives of a result with respect to the progenitor solution, summed over particles.
+
+use super::lane_groups::{Interleaved, Pair, UNROLL};
+use super::progenitor_solution::ReleaseFrame;
+use crate::orbit::{Node, State};
+use crate::potential::{NfwCotangent, PlummerCotangent};
+use crate::scalar::{Isa, Vec3};
+use std::ops::Range;
+
+/// Derivatives with respect to what the cold stage hands over to the particles of some epochs.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Cotangents {
+    /// The first one.
+    pub first_release_time: usize,
+    /// With respect to the launches from the first epoch on.
+    pub release_frames: Vec<ReleaseFrame<f64>>,
+    /// With respect to the nodes of the orbit.
+    pub nodes: Vec<Node<f64>>,
+    /// With respect to the phases of the clock at the nodes.
+    pub phases: Vec<f64>,
+    /// With respect to the times of the course at hand.
+    pub times: Vec<f64>,
+    pub shared: SharedCotangent,
+}
+
+impl Cotangents {
+    /// Forgets what was: zero for these epochs and an orbit of `nodes`.
+    pub fn reset(&mut self, release_times: &Range<usize>, nodes: usize) {
+        let zero = Vec3::zero();
+        let no_launch = ReleaseFrame {
+            state: State { x: zero, v: zero },
+            position: [zero; 3],
+            velocity: [zero; 3],
+            turns: 0.0,
+        };
+        self.first_release_time = release_times.start;
+        self.release_frames.clear();
+        self.release_frames.resize(release_times.len(), no_launch);
+        self.nodes.clear();
+        self.nodes.resize(nodes, Node::zero());
+        self.phases.clear();
+        self.phases.resize(nodes, 0.0);
+        self.shared = SharedCotangent::zero();
+    }
+}
+
+/// Derivatives with respect to what the cold stage hands over, beside nodes and launches.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SharedCotangent {
+    pub host: NfwCotangent<f64>,
+    pub progenitor: PlummerCotangent<f64>,
+    pub age_gyr: f64,
+}
+
+impl SharedCotangent {
+    fn zero() -> Self {
+        Self {
+            host: NfwCotangent::zero(),
+            progenitor: PlummerCotangent::zero(),
+            age_gyr: 0.0,
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.host.ln_mass += other.host.ln_mass;
+        self.host.ln_r_s += other.host.ln_r_s;
+        self.host.flattening += other.host.flattening;
+        self.host.axis += other.host.axis;
+        self.progenitor.ln_mass += other.progenitor.ln_mass;
+        self.progenitor.r_s += other.progenitor.r_s;
+        self.age_gyr += other.age_gyr;
+    }
+}
+
+impl Default for SharedCotangent {
+    fn default() -> Self {
+        Self::zero()
+    }
+}
+
+impl Cotangents {
+    /// Adds derivatives with respect to the starts of a pair to those with respect to its launches.
+    #[inline(always)]
+    pub fn add_release_frames<I: Isa>(
+        &mut self,
+        pair: &Pair<'_>,
+        start_bar: &State<Interleaved<I>>,
+    ) {
+        let State { x, v } = *start_bar;
+        let (position, velocity) = (pair.position::<I>(), pair.velocity::<I>());
+        let (x_bar, v_bar) = (sums_of_vector(x), sums_of_vector(v));
+        // A half without particles has no derivatives.
+        for k in 0..UNROLL {
+            let release_frame =
+                &mut self.release_frames[pair.groups[k].release_time - self.first_release_time];
+            release_frame.state.x += x_bar[k];
+            release_frame.state.v += v_bar[k];
+        }
+        for c in 0..3 {
+            let position_bar = sums_of_vector(x * position[c]);
+            let velocity_bar = sums_of_vector(v * velocity[c]);
+            for k in 0..UNROLL {
+                let release_frame =
+                    &mut self.release_frames[pair.groups[k].release_time - self.first_release_time];
+                release_frame.position[c] += position_bar[k];
+                release_frame.velocity[c] += velocity_bar[k];
+            }
+        }
+    }
+
+    /// Adds those of the epochs that follow.
+    pub fn append(&mut self, next: &mut Self) {
+        self.shared.add(&next.shared);
+        for (sum, by) in self.phases.iter_mut().zip(&next.phases) {
+            *sum += by;
+        }
+        for (sum, by) in self.nodes.iter_mut().zip(&next.nodes) {
+            for row in 0..3 {
+                sum.add(row, by.vector(row));
+            }
+        }
+        self.release_frames.append(&mut next.release_frames);
+    }
+}
+
+/// The sums of the lanes of each half of a vector.
+#[inline(always)]
+pub(super) fn sums_of_vector<I: Isa>(v: Vec3<Interleaved<I>>) -> [Vec3<f64>; UNROLL] {
+    let ([x, x_2], [y, y_2], [z, z_2]) = (v.x.sums(), v.y.sums(), v.z.sums());
+    [Vec3::new(x, y, z), Vec3::new(x_2, y_2, z_2)]
+}

@@ -1,0 +1,106 @@
+//! The stream generator, and everything in it that no parameter enters.
+
+use super::lane_groups::{Group, groups};
+use super::progenitor_solution::ProgenitorSolution;
+use super::settings::ModelSettings;
+use super::system::System;
+use crate::error::{Error, Rejection, Result};
+use crate::orbit::HermiteWeights;
+use crate::scalar::Real;
+use crate::spray::ReleaseTable;
+
+/// A stream generator with its table of releases: made once, used for every point of a fit.
+#[derive(Clone, Debug)]
+pub struct Model {
+    pub(super) settings: ModelSettings,
+    pub(super) table: ReleaseTable,
+    pub(super) groups: Vec<Group>,
+    /// Steps of the particles of each epoch.
+    pub(super) steps: Vec<usize>,
+    /// Placements of the progenitor at every force evaluation, one more than steps in each epoch.
+    pub(super) path: Vec<HermiteWeights>,
+    /// Where each epoch's begin.
+    pub(super) path_starts: Vec<usize>,
+}
+
+impl Model {
+    /// Makes the table and everything else that no parameter enters.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for steps of zero, and what [`ReleaseTable::new`] refuses.
+    pub fn new(settings: &ModelSettings) -> Result<Self> {
+        for (key, value) in [
+            ("steps", settings.steps),
+            ("orbit_steps", settings.orbit_steps),
+        ] {
+            if value == 0 {
+                return Err(Error::Setting {
+                    key: key.to_owned(),
+                    value: "0".to_owned(),
+                    remedy: "give at least 1".to_owned(),
+                });
+            }
+        }
+        let table = ReleaseTable::new(&settings.releases)?;
+        let groups = groups(&table);
+        let steps: Vec<usize> = table
+            .taus
+            .iter()
+            .map(|tau| settings.steps_per.of(settings.steps, *tau))
+            .collect();
+        let mut path = Vec::new();
+        let mut path_starts = Vec::with_capacity(steps.len());
+        for (tau, steps) in table.taus.iter().zip(&steps) {
+            path_starts.push(path.len());
+            path.extend((0..=*steps).map(|j| {
+                // The last one is today, whatever the rounding of the fractions.
+                let left = 1.0 - j as f64 / *steps as f64;
+                HermiteWeights::at(tau * left, settings.orbit_steps)
+            }));
+        }
+        Ok(Self {
+            settings: *settings,
+            table,
+            groups,
+            steps,
+            path,
+            path_starts,
+        })
+    }
+
+    /// Its settings.
+    #[must_use]
+    pub fn settings(&self) -> &ModelSettings {
+        &self.settings
+    }
+
+    /// Its table of releases.
+    #[must_use]
+    pub fn table(&self) -> &ReleaseTable {
+        &self.table
+    }
+
+    /// The cold stage.
+    ///
+    /// # Errors
+    /// [`Rejection::BadParameter`] or [`Rejection::BadOrbit`] where there is no finite orbit, [`Rejection::UnresolvedOrbit`]
+    /// where the steps are too long for it.
+    pub fn progenitor_solution<S: Real>(
+        &self,
+        system: &System<S>,
+    ) -> std::result::Result<ProgenitorSolution<S>, Rejection> {
+        self.progenitor_solution_reusing(system, None)
+    }
+
+    /// As [`progenitor_solution`](Self::progenitor_solution), in the memory of an earlier one: no allocation.
+    ///
+    /// # Errors
+    /// As [`progenitor_solution`](Self::progenitor_solution).
+    pub fn progenitor_solution_reusing<S: Real>(
+        &self,
+        system: &System<S>,
+        spare: Option<ProgenitorSolution<S>>,
+    ) -> std::result::Result<ProgenitorSolution<S>, Rejection> {
+        ProgenitorSolution::new(system, &self.settings, &self.table, spare)
+    }
+}

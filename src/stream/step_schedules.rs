@@ -1,0 +1,100 @@
+//! The step schedules of the release times: where the progenitor is at each force evaluation, and how long the steps are.
+
+use super::lane_groups::{Pair, StepSchedules, UNROLL};
+use super::model::Model;
+use super::progenitor_solution::ProgenitorSolution;
+use crate::orbit::{HermiteWeights, InterleavedSchedules, StepSchedule};
+use crate::scalar::Real;
+
+impl Model {
+    /// Placements of the progenitor during the flight of one epoch.
+    #[inline(always)]
+    pub(super) fn path_of(&self, release_time: usize) -> &[HermiteWeights] {
+        let start = self.path_starts[release_time];
+        &self.path[start..=start + self.steps[release_time]]
+    }
+
+    /// Writes the course of one epoch's particles.
+    #[inline(always)]
+    pub(super) fn plan<S: Real>(
+        &self,
+        release_time: usize,
+        solution: &ProgenitorSolution<S>,
+        schedule: &mut StepSchedule<S>,
+    ) {
+        let (tau, steps) = (self.table.taus[release_time], self.steps[release_time]);
+        schedule.path.clear();
+        let Some(grid) = &solution.grid else {
+            for place in self.path_of(release_time) {
+                schedule.path.push(solution.orbit.position(place));
+            }
+            let step = solution.age_gyr * (-tau / steps as f64);
+            schedule.drift_gyr.clear();
+            schedule.drift_gyr.resize(steps, step);
+            schedule.set_kicks();
+            return;
+        };
+        grid.orbit_times(tau, steps, &mut schedule.orbit_times);
+        schedule.places.clear();
+        schedule.drift_gyr.clear();
+        let mut before = schedule.orbit_times[0];
+        for (j, orbit_time) in schedule.orbit_times.iter().enumerate() {
+            let (row, place) = solution.orbit.position_at(*orbit_time);
+            schedule.path.push(row);
+            schedule.places.push(place);
+            if j > 0 {
+                let nodes = (orbit_time.node - before.node) as f64;
+                let intervals = orbit_time.share - before.share + nodes;
+                schedule
+                    .drift_gyr
+                    .push(intervals * solution.orbit.spacing_gyr);
+                before = *orbit_time;
+            }
+        }
+        schedule.set_kicks();
+    }
+}
+
+/// Plans the courses of pair after pair, each epoch's once.
+pub(super) struct Planner<'a> {
+    model: &'a Model,
+    solution: &'a ProgenitorSolution<f64>,
+    schedules: &'a mut StepSchedules,
+    /// The epochs that the flights are of.
+    planned: [usize; UNROLL],
+}
+
+impl<'a> Planner<'a> {
+    /// With the buffers of an earlier one, whatever they hold.
+    pub fn new(
+        model: &'a Model,
+        solution: &'a ProgenitorSolution<f64>,
+        schedules: &'a mut StepSchedules,
+    ) -> Self {
+        Self {
+            model,
+            solution,
+            schedules,
+            planned: [usize::MAX; UNROLL],
+        }
+    }
+
+    /// The course of each half of a pair.
+    #[inline(always)]
+    pub fn schedules(&mut self, pair: &Pair<'_>) -> InterleavedSchedules<'_> {
+        let [a, b] = pair.release_times();
+        let [one, other] = &mut *self.schedules;
+        if self.planned[0] != a {
+            self.planned[0] = a;
+            self.model.plan(a, self.solution, one);
+        }
+        if a == b {
+            return InterleavedSchedules(one, one);
+        }
+        if self.planned[1] != b {
+            self.planned[1] = b;
+            self.model.plan(b, self.solution, other);
+        }
+        InterleavedSchedules(one, other)
+    }
+}

@@ -1,0 +1,57 @@
+//! Reverse mode of the step schedules: from derivatives with respect to the steps of one release time to derivatives with respect to
+//! the orbit's nodes, the age and the adaptive grid.
+
+use super::cotangents::Cotangents;
+use super::model::Model;
+use super::progenitor_solution::ProgenitorSolution;
+use crate::orbit::{StepCotangent, StepSchedule, add_weighted};
+
+impl Cotangents {
+    /// Adds the derivatives with respect to one epoch's course to those with respect to the orbit's nodes, the age and,
+    /// where the course follows a clock, its phases.
+    pub(super) fn add_course(
+        &mut self,
+        model: &Model,
+        solution: &ProgenitorSolution<f64>,
+        release_time: usize,
+        schedule: &StepSchedule<f64>,
+        schedule_bar: &[StepCotangent<f64>],
+    ) {
+        let places = if solution.grid.is_some() {
+            &schedule.places
+        } else {
+            model.path_of(release_time)
+        };
+        for (place, by) in places.iter().zip(schedule_bar) {
+            add_weighted(&mut self.nodes, place, by.progenitor);
+        }
+        let steps = schedule_bar.len();
+        // A drift is in itself and by half in the kicks at both of its ends; the kick today moves nothing.
+        let drift_bar = |j: usize| {
+            let next = if j + 1 < steps {
+                schedule_bar[j + 1].kick
+            } else {
+                0.0
+            };
+            schedule_bar[j].drift / schedule.drift_gyr[j] + 0.5 * (schedule_bar[j].kick + next)
+        };
+        self.shared.age_gyr += (0..steps)
+            .map(|j| drift_bar(j) * schedule.drift_gyr[j])
+            .sum::<f64>()
+            / solution.age_gyr;
+        if let Some(grid) = &solution.grid {
+            let times_bar = &mut self.times;
+            times_bar.clear();
+            times_bar.resize(steps + 1, 0.0);
+            for j in 0..steps {
+                let by = drift_bar(j) * solution.age_gyr;
+                times_bar[j + 1] += by;
+                times_bar[j] += schedule_bar[j]
+                    .progenitor
+                    .dot(solution.orbit.slope(schedule.orbit_times[j]))
+                    - by;
+            }
+            grid.times_vjp(&schedule.orbit_times, times_bar, &mut self.phases);
+        }
+    }
+}

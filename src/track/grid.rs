@@ -1,0 +1,102 @@
+//! The grid of angular bins, with hard or soft edges (docs/physics.md, section 6).
+//!
+//! Angles are counted from the progenitor and unwrapped; the leading tail is at positive angles. Bin b covers [b, b + 1) bin widths.
+
+use super::segment::SkyPoint;
+use crate::scalar::{Scalar, angle, smooth_step};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+
+/// How a particle near an edge is shared between the two bins.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BinEdges {
+    /// Not at all: it belongs to the bin it is in (the paper). The track then jumps as particles cross edges.
+    Hard,
+    /// By a C2 smooth step of this half-width in degrees; the shares add up to 1. Below half a bin.
+    Soft {
+        /// Half-width of each edge in degrees.
+        half_width_deg: f64,
+    },
+}
+
+impl Default for BinEdges {
+    fn default() -> Self {
+        Self::Soft {
+            half_width_deg: 2.0,
+        }
+    }
+}
+
+/// A run of equally wide bins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BinGrid {
+    /// Width in degrees.
+    pub width_deg: f64,
+    /// Number of the first bin: it begins at `first * width_deg` from the progenitor.
+    pub first: i64,
+    /// Number of bins.
+    pub len: usize,
+    /// Their edges.
+    pub edges: BinEdges,
+}
+
+/// A particle beside the edge that is nearest to it.
+pub(super) struct Placed<S> {
+    /// The edge: number of the bin above it.
+    pub edge: S,
+    /// Its share of the bin above; the rest is of the bin below.
+    pub above: S,
+}
+
+impl BinGrid {
+    /// Bin widths per radian.
+    pub(super) fn per_radian(&self) -> f64 {
+        180.0 / (PI * self.width_deg)
+    }
+
+    /// Where a particle is on the sky.
+    #[inline(always)]
+    pub(super) fn sky_point<S: Scalar>(&self, x: S, y: S, turns: S) -> SkyPoint<S> {
+        let r2 = x * x + y * y;
+        SkyPoint {
+            position: (angle(y, x) + turns * TAU) * self.per_radian(),
+            r: r2.sqrt(),
+            r2,
+        }
+    }
+
+    /// Where a particle at a position belongs.
+    #[inline(always)]
+    pub(super) fn place<S: Scalar>(&self, position: S) -> Placed<S> {
+        let edge = position.round_ties_even();
+        let above = match self.edges {
+            BinEdges::Hard => S::select(position.lt(edge), S::zero(), S::one()),
+            BinEdges::Soft { half_width_deg } => {
+                let half = half_width_deg / self.width_deg;
+                smooth_step((position - edge + half) * (0.5 / half))
+            }
+        };
+        Placed { edge, above }
+    }
+
+    /// Index of the bin above an edge: -1 or one more than there are bins where that is far outside.
+    #[inline(always)]
+    pub(super) fn row<S: Scalar>(&self, edge: S) -> S {
+        let (lo, hi) = (-S::one(), S::one() * (self.len as f64 + 1.0));
+        let row = edge - self.first as f64;
+        let row = S::select(row.lt(hi), row, hi);
+        S::select(lo.lt(row), row, lo)
+    }
+
+    /// Index of the bin below an edge and of that above it.
+    #[inline(always)]
+    pub(super) fn beside(&self, edge: f64) -> [Option<usize>; 2] {
+        #[allow(
+            clippy::cast_possible_truncation,
+            reason = "a finite angle is below 2^51 bins"
+        )]
+        let above = edge as i64 - self.first;
+        [above - 1, above].map(|i| usize::try_from(i).ok().filter(|i| *i < self.len))
+    }
+}
