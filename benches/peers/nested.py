@@ -1,4 +1,4 @@
-"""Runs dynesty, UltraNest and nautilus on the two targets of the table "What an effective draw costs" in samplers/README.md.
+"""Runs dynesty, UltraNest and nautilus on two targets of docs/validation.md, section 5.
 
     python benches/peers/nested.py [--samplers NAME ...] [--targets NAME ...] [--seed 1] [--limit 420]
 
