@@ -14,6 +14,7 @@ mod inference;
 mod ks;
 mod likelihood;
 mod orbit;
+mod pages;
 mod params;
 mod population;
 mod posterior;

@@ -1,0 +1,128 @@
+//! The pages of documentation say what the code has: links, names of parameters, settings, checks and benches.
+
+use oblate::config::to_toml;
+use oblate::inference::FitSettings;
+use oblate::params::NAMES;
+use std::path::{Path, PathBuf};
+
+const PAGES: [&str; 12] = [
+    "README.md",
+    "CHANGELOG.md",
+    "docs/files.md",
+    "docs/glossary.md",
+    "docs/physics.md",
+    "docs/samplers.md",
+    "docs/validation.md",
+    "benches/RESULTS.md",
+    "benches/peers/README.md",
+    "benches/studies/README.md",
+    "samplers/README.md",
+    "tests/peers/README.md",
+];
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn text(page: &str) -> String {
+    std::fs::read_to_string(root().join(page)).unwrap()
+}
+
+/// The parts of `text` between `open` and `close`.
+fn between<'a>(text: &'a str, open: &'a str, close: char) -> impl Iterator<Item = &'a str> {
+    text.split(open)
+        .skip(1)
+        .filter_map(move |rest| rest.split(close).next())
+}
+
+/// The anchor that a heading of a Markdown page has.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim().to_lowercase();
+    let kept = kept
+        .chars()
+        .filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+    kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+#[test]
+fn links_lead_to_files_and_headings() {
+    for page in PAGES {
+        let folder = root().join(page).parent().unwrap().to_path_buf();
+        for link in between(&text(page), "](", ')').filter(|link| !link.contains("://")) {
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let file: PathBuf = if file.is_empty() {
+                root().join(page)
+            } else {
+                folder.join(file)
+            };
+            assert!(file.exists(), "{page}: {link}");
+            if !heading.is_empty() {
+                let text = std::fs::read_to_string(file).unwrap();
+                let mut headings = text.lines().filter(|line| line.starts_with('#'));
+                let found = headings.any(|line| anchor(line.trim_start_matches('#')) == heading);
+                assert!(found, "{page}: {link}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_readme_has_at_most_a_thousand_words_and_every_parameter() {
+    let readme = text("README.md");
+    assert!(readme.split_whitespace().count() <= 1_000);
+    for name in NAMES {
+        assert!(readme.contains(&format!("`{name}`")), "{name}");
+    }
+}
+
+#[test]
+fn every_setting_is_explained() {
+    let pages = ["docs/physics.md", "docs/samplers.md", "docs/files.md"]
+        .map(text)
+        .concat();
+    let settings = to_toml(&FitSettings::default()).unwrap();
+    let keys = settings.lines().filter_map(|line| line.split_once(" = "));
+    for (key, _) in keys {
+        // As a whole word: `steps` is not explained by `orbit_steps`.
+        let mut words = pages.split(|c: char| !(c.is_alphanumeric() || c == '_'));
+        assert!(words.any(|word| word == key), "{key}");
+    }
+}
+
+#[test]
+fn every_check_is_explained() {
+    let page = text("docs/samplers.md");
+    let files = [
+        "nested/checks.rs",
+        "nested/merge.rs",
+        "pt/checks.rs",
+        "bridge/outcome.rs",
+    ];
+    let mut count = 0;
+    for file in files {
+        let source = text(&format!("samplers/src/{file}"));
+        let names = |call| {
+            let calls = source.split(call).skip(1);
+            calls.filter_map(|arguments| arguments.split('"').nth(1))
+        };
+        for name in names("Check::at_most(").chain(names("Check::at_least(")) {
+            assert!(page.contains(&format!("| `{name}` |")), "{file}: {name}");
+            count += 1;
+        }
+    }
+    assert!(count > 20, "only {count} checks found");
+}
+
+#[test]
+fn benches_that_pages_name_exist() {
+    let manifest = text("Cargo.toml");
+    for page in PAGES {
+        for name in between(&text(page), "--bench ", '`') {
+            let name = name.split_whitespace().next().unwrap();
+            assert!(
+                manifest.contains(&format!("name = \"{name}\"")),
+                "{page}: {name}"
+            );
+        }
+    }
+}
