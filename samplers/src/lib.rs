@@ -79,3 +79,8 @@ pub use control::{Budget, Control, Event, Observer};
 pub use error::{Error, Result};
 pub use output::Run;
 pub use target::{Cause, Marginal, Outcome, Prior, Symmetry, Target};
+
+/// The example of the README is compiled and run as a documentation test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
