@@ -4,11 +4,16 @@
 use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};
 use crate::params::{DIM, QRange, StreamParams};
+use crate::potential::Nfw;
 use crate::scalar::{Dual, Real, gradient_of, lift};
-use crate::stream::{Adjoint, Model, Particles, ProgenitorSolution, System, Threads, Workspace};
+use crate::stream::{
+    Adjoint, CompiledHalo, Model, Particles, ProgenitorSolution, SolutionMemory, System, Threads,
+    Workspace,
+};
 use crate::track::{PartialSums, Sums, Track};
 use rayon::prelude::*;
 use std::cell::RefCell;
+use std::marker::PhantomData;
 
 /// ln L at a point, and what was unsafe on the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +27,7 @@ pub struct Evaluation {
 /// Buffers of one thread.
 #[derive(Clone, Debug, Default)]
 pub struct Buffers {
-    solution: Option<ProgenitorSolution<f64>>,
+    memory: Option<SolutionMemory<f64>>,
     work: Workspace,
     sums: Sums<f64>,
     /// Of some of the particles.
@@ -45,21 +50,33 @@ fn with_buffers<T>(work: impl FnOnce(&mut Buffers) -> T) -> T {
 }
 
 /// The likelihood of one track as a function of the 13 parameters.
+///
+/// `H` is the kind of halo, that of Chemaly et al. (2026) unless it says otherwise.
 #[derive(Clone, Debug)]
-pub struct StreamLikelihood {
+pub struct StreamLikelihood<H = Nfw> {
     model: Model,
     track: TrackLikelihood,
     q_range: QRange,
+    halo: PhantomData<H>,
 }
 
 impl StreamLikelihood {
     /// From a stream generator, a track's likelihood and the range of q.
     #[must_use]
     pub fn new(model: Model, track: TrackLikelihood, q_range: QRange) -> Self {
+        Self::with_halo(model, track, q_range)
+    }
+}
+
+impl<H: CompiledHalo> StreamLikelihood<H> {
+    /// As [`new`](StreamLikelihood::new), with a halo of another kind.
+    #[must_use]
+    pub fn with_halo(model: Model, track: TrackLikelihood, q_range: QRange) -> Self {
         Self {
             model,
             track,
             q_range,
+            halo: PhantomData,
         }
     }
 
@@ -85,8 +102,8 @@ impl StreamLikelihood {
     }
 
     /// The galaxy at a point.
-    pub fn system<S: Real>(&self, params: &StreamParams<S>) -> System<S> {
-        System::from_params(params, self.q_range)
+    pub fn system<S: Real>(&self, params: &StreamParams<S>) -> System<S, H> {
+        System::with_halo(params, self.q_range)
     }
 
     /// ln L, in lanes, on the caller's thread.
@@ -157,9 +174,9 @@ impl StreamLikelihood {
         let system = self.system(&StreamParams::from_array(*theta));
         let solution = self
             .model
-            .progenitor_solution_reusing(&system, b.solution.take())?;
+            .progenitor_solution_reusing(&system, b.memory.take())?;
         let summed = self.sum(&solution, threads, b);
-        b.solution = Some(solution);
+        b.memory = Some(solution.into_memory());
         summed?;
         let ln_likelihood = self.track.ln_likelihood(&b.sums)?;
         Ok(Evaluation {
@@ -190,7 +207,7 @@ impl StreamLikelihood {
         let system_bar = self.model.vjp(&system, &solution, adjoint, threads, work);
         let numbers = self
             .system::<Dual<DIM>>(&StreamParams::from_array(lift(theta)))
-            .numbers();
+            .to_vector();
         let mut gradient = [0.0; DIM];
         for (number, by) in numbers.iter().zip(system_bar) {
             for (slot, derivative) in gradient.iter_mut().zip(gradient_of(number)) {
@@ -247,7 +264,7 @@ impl StreamLikelihood {
     /// Particles and their sums, into the buffers.
     fn sum(
         &self,
-        solution: &ProgenitorSolution<f64>,
+        solution: &ProgenitorSolution<f64, H>,
         threads: Threads,
         b: &mut Buffers,
     ) -> Result<(), Rejection> {

@@ -3,7 +3,7 @@
 
 use super::leapfrog::force;
 use super::{Schedule, State};
-use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
+use crate::potential::{Halo, HaloCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
 
 /// Derivatives with respect to one step of a course.
@@ -41,13 +41,13 @@ impl<S: Scalar> StepCotangent<S> {
     clippy::too_many_arguments,
     reason = "the mirror image of `advance`, plus its accumulators"
 )]
-pub fn reverse<S: Scalar>(
-    host: &FlattenedNfw<S>,
+pub fn reverse<S: Scalar, H: Halo>(
+    host: &H::In<S>,
     progenitor: &Plummer<S>,
     schedule: &impl Schedule<S>,
     end: State<S>,
     position_bar: Vec3<S>,
-    host_bar: &mut NfwCotangent<S>,
+    host_bar: &mut HaloCotangent<S>,
     progenitor_bar: &mut PlummerCotangent<S>,
     schedule_bar: &mut [StepCotangent<S>],
     limit2: S,
@@ -70,7 +70,7 @@ pub fn reverse<S: Scalar>(
         step_bar.drift += by.x.dot(drift);
         // ReleaseOffset v += c a(x_j).
         let lambda = by.v * schedule.kick_gyr(j);
-        let (a_host, x_host) = host.vjp(at.x, lambda, host_bar);
+        let (a_host, x_host) = H::vjp(host, at.x, lambda, host_bar);
         let (a_sphere, x_sphere) =
             progenitor.vjp(at.x - schedule.progenitor_at(j), lambda, progenitor_bar);
         let a = a_host + a_sphere;

@@ -5,13 +5,15 @@
 //!
 //! Units: kpc, Gyr, solar masses; a potential is in (kpc/Gyr)^2.
 
+mod halo;
 mod miyamoto_nagai;
 mod nfw;
 mod plummer;
 mod sum;
 
+pub use halo::{Halo, HaloCotangent, HaloParameters};
 pub use miyamoto_nagai::MiyamotoNagai;
-pub use nfw::{FlattenedNfw, NfwCotangent, log10_m200};
+pub use nfw::{FlattenedNfw, Nfw, log10_m200};
 pub use plummer::{Plummer, PlummerCotangent};
 pub use sum::Sum;
 

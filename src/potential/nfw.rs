@@ -1,6 +1,7 @@
 //! The NFW halo, flattened in its potential along one axis (docs/physics.md, section 2).
 
 use super::Potential;
+use super::halo::{Halo, HaloCotangent, HaloParameters};
 use crate::scalar::{Scalar, Vec3, ln_1p, two_atanh_tail};
 use crate::units::{CRITICAL_DENSITY, G};
 use std::f64::consts::PI;
@@ -25,31 +26,9 @@ pub struct FlattenedNfw<S> {
     inverse_r_s: S,
 }
 
-/// Derivatives of a scalar with respect to the halo's parameters, summed over many force evaluations.
-#[derive(Clone, Copy, Debug)]
-pub struct NfwCotangent<S> {
-    /// With respect to ln M.
-    pub ln_mass: S,
-    /// With respect to ln Rs.
-    pub ln_r_s: S,
-    /// With respect to 1/q^2 - 1.
-    pub flattening: S,
-    /// With respect to the axis (all three components free).
-    pub axis: Vec3<S>,
-}
-
-impl<S: Scalar> NfwCotangent<S> {
-    /// All derivatives zero.
-    #[must_use]
-    pub fn zero() -> Self {
-        Self {
-            ln_mass: S::zero(),
-            ln_r_s: S::zero(),
-            flattening: S::zero(),
-            axis: Vec3::zero(),
-        }
-    }
-}
+/// The kind of halo whose potential is a [`FlattenedNfw`]: that of Chemaly et al. (2026).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Nfw;
 
 /// Added to m^2 in kpc^2: keeps the exact centre finite and is below rounding everywhere else.
 const TINY_M2: f64 = 1e-40;
@@ -94,20 +73,6 @@ impl<S: Scalar> FlattenedNfw<S> {
         }
     }
 
-    /// The same halo for another number type, from constants.
-    #[inline(always)]
-    #[must_use]
-    pub fn broadcast(halo: &FlattenedNfw<f64>) -> Self {
-        Self {
-            mass: S::from_f64(halo.mass),
-            r_s: S::from_f64(halo.r_s),
-            flattening: S::from_f64(halo.flattening),
-            axis: Vec3::from_f64(halo.axis),
-            strength: S::from_f64(halo.strength),
-            inverse_r_s: S::from_f64(halo.inverse_r_s),
-        }
-    }
-
     /// `n.x`, the vector `y` and `s = m / Rs`.
     #[inline(always)]
     fn geometry(&self, x: Vec3<S>) -> (S, Vec3<S>, S) {
@@ -130,35 +95,6 @@ impl<S: Scalar> FlattenedNfw<S> {
         let dk = self.strength * df * inverse_s * (self.inverse_r_s * self.inverse_r_s);
         (k, dk)
     }
-
-    /// Reverse mode: given `lambda`, the derivative of some scalar with respect to the acceleration at `x`, adds the
-    /// derivatives with respect to the halo's parameters to `cotangent` and returns the acceleration and the derivative
-    /// with respect to `x` (which is minus the Hessian times `lambda`).
-    #[inline(always)]
-    pub fn vjp(
-        &self,
-        x: Vec3<S>,
-        lambda: Vec3<S>,
-        cotangent: &mut NfwCotangent<S>,
-    ) -> (Vec3<S>, Vec3<S>) {
-        let (along, y, s) = self.geometry(x);
-        let (k, dk) = self.slopes(s);
-        let y_lambda = y.dot(lambda);
-        let n_lambda = self.axis.dot(lambda);
-        let m2 = s * s * (self.r_s * self.r_s);
-        let dk_y = dk * y_lambda;
-        cotangent.ln_mass -= k * y_lambda;
-        cotangent.ln_r_s += (k * 3.0 + dk * m2) * y_lambda;
-        let pull = dk_y * along + k * n_lambda;
-        cotangent.flattening -= (pull + k * n_lambda) * along * 0.5;
-        cotangent.axis = cotangent
-            .axis
-            .add_scaled(x, -(pull * self.flattening))
-            .add_scaled(lambda, -(k * along * self.flattening));
-        let x_bar =
-            (lambda.add_scaled(self.axis, self.flattening * n_lambda) * (-k)).add_scaled(y, -dk_y);
-        (y * (-k), x_bar)
-    }
 }
 
 impl<S: Scalar> Potential<S> for FlattenedNfw<S> {
@@ -179,6 +115,70 @@ impl<S: Scalar> Potential<S> for FlattenedNfw<S> {
         let (_, y, s) = self.geometry(x);
         let (k, dk) = self.slopes(s);
         v.add_scaled(self.axis, self.flattening * self.axis.dot(v)) * k + y * (dk * y.dot(v))
+    }
+}
+
+impl Halo for Nfw {
+    type In<S: Scalar> = FlattenedNfw<S>;
+
+    #[inline(always)]
+    fn new<S: Scalar>(parameters: HaloParameters<S>) -> FlattenedNfw<S> {
+        let HaloParameters {
+            mass,
+            r_s,
+            flattening,
+            axis,
+        } = parameters;
+        FlattenedNfw::from_flattening(mass, r_s, flattening, axis)
+    }
+
+    #[inline(always)]
+    fn parameters<S: Scalar>(halo: &FlattenedNfw<S>) -> HaloParameters<S> {
+        HaloParameters {
+            mass: halo.mass,
+            r_s: halo.r_s,
+            flattening: halo.flattening,
+            axis: halo.axis,
+        }
+    }
+
+    #[inline(always)]
+    fn broadcast<S: Scalar>(halo: &FlattenedNfw<f64>) -> FlattenedNfw<S> {
+        FlattenedNfw {
+            mass: S::from_f64(halo.mass),
+            r_s: S::from_f64(halo.r_s),
+            flattening: S::from_f64(halo.flattening),
+            axis: Vec3::from_f64(halo.axis),
+            strength: S::from_f64(halo.strength),
+            inverse_r_s: S::from_f64(halo.inverse_r_s),
+        }
+    }
+
+    /// By hand: the gradient of ln L spends most of its time here.
+    #[inline(always)]
+    fn vjp<S: Scalar>(
+        halo: &FlattenedNfw<S>,
+        x: Vec3<S>,
+        lambda: Vec3<S>,
+        cotangent: &mut HaloCotangent<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let (along, y, s) = halo.geometry(x);
+        let (k, dk) = halo.slopes(s);
+        let y_lambda = y.dot(lambda);
+        let n_lambda = halo.axis.dot(lambda);
+        let m2 = s * s * (halo.r_s * halo.r_s);
+        let dk_y = dk * y_lambda;
+        cotangent.ln_mass -= k * y_lambda;
+        cotangent.ln_r_s += (k * 3.0 + dk * m2) * y_lambda;
+        let pull = dk_y * along + k * n_lambda;
+        cotangent.flattening -= (pull + k * n_lambda) * along * 0.5;
+        cotangent.axis = cotangent
+            .axis
+            .add_scaled(x, -(pull * halo.flattening))
+            .add_scaled(lambda, -(k * along * halo.flattening));
+        let x_bar =
+            (lambda.add_scaled(halo.axis, halo.flattening * n_lambda) * (-k)).add_scaled(y, -dk_y);
+        (y * (-k), x_bar)
     }
 }
 

@@ -57,14 +57,14 @@ impl Level {
     }
 }
 
-/// Compiles a [`Kernel`] with one lifetime parameter for each instruction set, and gives it `dispatch(self, level)`. A level that
-/// this CPU lacks runs at the baseline.
+/// Compiles a [`Kernel`] with one lifetime parameter, and perhaps one type parameter, for each instruction set, and gives it
+/// `dispatch(self, level)`. A level that this CPU lacks runs at the baseline.
 ///
-/// The compiled functions are not generic and stand in modules of their own, so that each is a codegen unit of its own: they are
-/// compiled in parallel, and only when they change. One kernel per file.
+/// The compiled functions stand in modules of their own, so that each is a codegen unit of its own: they are compiled in parallel, and
+/// only when they change. One kernel per file.
 macro_rules! compile_kernel {
-    ($kernel:ident) => {
-        impl $kernel<'_> {
+    ($kernel:ident $(<$parameter:ident: $bound:path>)?) => {
+        impl$(<$parameter: $bound>)? $kernel<'_ $(, $parameter)?> {
             fn dispatch(
                 self,
                 level: $crate::scalar::Level,
@@ -87,9 +87,9 @@ macro_rules! compile_kernel {
                 use super::super::$kernel;
                 use $crate::scalar::{Avx512, Kernel};
                 #[target_feature(enable = "avx512f,avx512dq,avx512vl,fma")]
-                pub(in super::super) fn run(
-                    kernel: $kernel<'_>,
-                ) -> <$kernel<'_> as Kernel>::Output {
+                pub(in super::super) fn run$(<$parameter: $bound>)?(
+                    kernel: $kernel<'_ $(, $parameter)?>,
+                ) -> <$kernel<'_ $(, $parameter)?> as Kernel>::Output {
                     kernel.run::<Avx512>()
                 }
             }
@@ -99,9 +99,9 @@ macro_rules! compile_kernel {
                 use super::super::$kernel;
                 use $crate::scalar::{Avx2, Kernel};
                 #[target_feature(enable = "avx2,fma")]
-                pub(in super::super) fn run(
-                    kernel: $kernel<'_>,
-                ) -> <$kernel<'_> as Kernel>::Output {
+                pub(in super::super) fn run$(<$parameter: $bound>)?(
+                    kernel: $kernel<'_ $(, $parameter)?>,
+                ) -> <$kernel<'_ $(, $parameter)?> as Kernel>::Output {
                     kernel.run::<Avx2>()
                 }
             }
@@ -110,9 +110,9 @@ macro_rules! compile_kernel {
                 use super::super::$kernel;
                 use $crate::scalar::{Kernel, Portable};
                 #[inline(never)]
-                pub(in super::super) fn run(
-                    kernel: $kernel<'_>,
-                ) -> <$kernel<'_> as Kernel>::Output {
+                pub(in super::super) fn run$(<$parameter: $bound>)?(
+                    kernel: $kernel<'_ $(, $parameter)?>,
+                ) -> <$kernel<'_ $(, $parameter)?> as Kernel>::Output {
                     kernel.run::<Portable>()
                 }
             }

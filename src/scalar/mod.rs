@@ -9,6 +9,7 @@ mod dispatch;
 mod dual;
 mod isa;
 mod lanes;
+mod tangent;
 mod vec3;
 
 pub use dispatch::Level;
@@ -18,6 +19,7 @@ pub use dual::{Dual, LaneDual, gradient_of, lift, variable};
 pub(crate) use isa::{Avx2, Avx512};
 pub use isa::{Isa, Kernel, LANES, LaneArray, Portable};
 pub use lanes::Lanes;
+pub use tangent::Tangent;
 pub use vec3::Vec3;
 
 use num_dual::DualNum;
@@ -29,6 +31,8 @@ use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign}
 pub trait Scalar:
     Copy
     + Debug
+    + Send
+    + Sync
     + 'static
     + Add<Output = Self>
     + Sub<Output = Self>
@@ -111,7 +115,7 @@ pub trait Real: Scalar {
 
 impl<T> Scalar for T
 where
-    T: DualNum<Primitive = f64> + Copy,
+    T: DualNum<Primitive = f64> + Copy + Send + Sync,
 {
     type Mask = bool;
 
@@ -154,7 +158,7 @@ where
 
 impl<T> Real for T
 where
-    T: DualNum<Primitive = f64> + Copy,
+    T: DualNum<Primitive = f64> + Copy + Send + Sync,
 {
     #[inline(always)]
     fn re(self) -> f64 {

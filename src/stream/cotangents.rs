@@ -3,7 +3,7 @@
 use super::lane_groups::{Interleaved, Pair, UNROLL};
 use super::progenitor_solution::ReleaseFrame;
 use crate::orbit::{Node, State};
-use crate::potential::{NfwCotangent, PlummerCotangent};
+use crate::potential::{HaloCotangent, PlummerCotangent};
 use crate::scalar::{Isa, Vec3};
 use std::ops::Range;
 
@@ -47,7 +47,7 @@ impl Cotangents {
 /// Derivatives with respect to what the cold stage hands over, beside nodes and launches.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SharedCotangent {
-    pub host: NfwCotangent<f64>,
+    pub host: HaloCotangent<f64>,
     pub progenitor: PlummerCotangent<f64>,
     pub age_gyr: f64,
 }
@@ -55,7 +55,7 @@ pub(super) struct SharedCotangent {
 impl SharedCotangent {
     fn zero() -> Self {
         Self {
-            host: NfwCotangent::zero(),
+            host: HaloCotangent::zero(),
             progenitor: PlummerCotangent::zero(),
             age_gyr: 0.0,
         }

@@ -1,9 +1,6 @@
-//! The exact derivative of the hot stage: the discrete adjoint of the leapfrog in lanes, joined to the dual numbers of
-//! the cold stage.
+//! Reverse mode of the integration: the discrete adjoint of the leapfrog, in SIMD lanes.
 //!
-//! Forward mode is cheap where many numbers depend on few (an orbit on the 15 numbers of a [`System`]), reverse mode where
-//! many end in one (all particles in one likelihood): so the particles run backwards, the setup once more on duals, and they
-//! meet at the launches and the orbit's nodes. Paths are run backwards, not remembered: memory is O(particles + steps).
+//! Paths are not stored but integrated backwards from today, so memory grows with particles plus steps, not with their product.
 
 use super::cotangents::{Cotangents, sums_of_vector};
 use super::lane_groups::{Interleaved, Pair, StepSchedules, UNROLL};
@@ -11,69 +8,33 @@ use super::model::Model;
 use super::particles::Particles;
 use super::progenitor_solution::ProgenitorSolution;
 use super::step_schedules::Planner;
-use super::system::System;
-use super::threads::Threads;
 use crate::orbit::{State, StepCotangent, reverse};
-use crate::potential::{FlattenedNfw, NfwCotangent, Plummer, PlummerCotangent};
+use crate::potential::{Halo, HaloCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, Scalar, Vec3, compile_kernel};
-use rayon::prelude::*;
 use std::ops::Range;
 
-/// Parts that the epochs are dealt into. Each sums its own derivatives, and the parts are added up in order: the same bits
-/// for any number of threads, one too.
-const PARTS: usize = 8;
-
-/// Buffers, reused from call to call.
+/// The particles of some release times, and the derivatives that they give.
 #[derive(Clone, Debug, Default)]
-pub struct Workspace {
-    /// The courses of the particles on their way here.
-    pub schedules: StepSchedules,
-    /// The particles today.
-    pub particles: Particles,
-    /// Derivative of the result with respect to each particle's sky position.
-    pub x_bar: Vec<f64>,
-    /// The y part.
-    pub y_bar: Vec<f64>,
-    parts: Vec<Part>,
-}
-
-/// Some epochs on their way back.
-#[derive(Clone, Debug, Default)]
-struct Part {
-    /// Their groups.
-    groups: Range<usize>,
-    /// Their courses.
+pub(super) struct Part {
+    /// Their lane groups.
+    pub groups: Range<usize>,
+    /// Their step schedules.
     schedules: StepSchedules,
-    /// Derivatives with respect to the courses in flight.
+    /// Derivatives with respect to the step schedules of the present pair.
     sums: [Vec<StepCotangent<f64>>; UNROLL],
-    /// What comes of it.
-    by: Cotangents,
+    /// Derivatives with respect to the progenitor solution.
+    pub cotangents: Cotangents,
 }
 
-/// Which particles a derivative counts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Adjoint {
-    /// All, all the way: the exact derivative of the discrete model.
-    Exact,
-    /// Each as far back as its final position moves by at most [`MAX_STRETCH`] times what its position then does. A particle
-    /// that meets a centre again and again in steps too long for it is chaotic: it moves a bin's mean by little, but its
-    /// derivative can exceed all others together by ten orders of magnitude, and says nothing about any finite step.
-    /// Forgetting its past where that happens leaves a field that samplers can follow.
-    Truncated,
-}
-
-/// Largest stretch of a regular particle: tides stretch by tens in the age of a stream, eccentric orbits by hundreds.
-pub const MAX_STRETCH: f64 = 1_000.0;
-
-/// Where the particles are today, and the derivative of the result with respect to that.
-struct Ends<'a> {
-    particles: &'a Particles,
-    x_bar: &'a [f64],
-    y_bar: &'a [f64],
+/// The particles today, and the derivative of the result with respect to their sky positions.
+pub(super) struct Ends<'a> {
+    pub particles: &'a Particles,
+    pub x_bar: &'a [f64],
+    pub y_bar: &'a [f64],
 }
 
 impl Ends<'_> {
-    /// Those of a pair. A lane without a particle has a state of another, and no derivative.
+    /// Those of a pair. A lane without a particle has the state of another particle, and derivatives of zero.
     #[inline(always)]
     fn of<I: Isa>(&self, pair: &Pair<'_>) -> (State<Interleaved<I>>, Vec3<Interleaved<I>>) {
         let Particles { x, y, z, v, .. } = self.particles;
@@ -94,7 +55,7 @@ impl Ends<'_> {
     }
 }
 
-/// A pair's parts of a column; the last number of each again in lanes without a particle.
+/// A pair's parts of a column; lanes without a particle repeat the last number.
 #[inline(always)]
 fn repeated<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
     let mut lanes = LaneArray([[0.0; LANES]; UNROLL]);
@@ -116,17 +77,17 @@ fn padded<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
     Lanes::load(&lanes)
 }
 
-/// The particles of a part backwards.
-struct VjpKernel<'a> {
-    model: &'a Model,
-    solution: &'a ProgenitorSolution<f64>,
-    ends: &'a Ends<'a>,
-    /// Square of the largest stretch that counts.
-    max_stretch2: f64,
-    part: &'a mut Part,
+/// The reverse mode of the integration of some lane groups.
+pub struct VjpKernel<'a, H: Halo> {
+    pub(super) model: &'a Model,
+    pub(super) solution: &'a ProgenitorSolution<f64, H>,
+    pub(super) ends: &'a Ends<'a>,
+    /// Square of the largest stretch of a particle whose derivative counts, see [`Adjoint`](super::Adjoint).
+    pub(super) max_stretch2: f64,
+    pub(super) part: &'a mut Part,
 }
 
-impl Kernel for VjpKernel<'_> {
+impl<H: Halo> Kernel for VjpKernel<'_, H> {
     type Output = ();
 
     #[inline(always)]
@@ -138,15 +99,15 @@ impl Kernel for VjpKernel<'_> {
             max_stretch2,
             part,
         } = self;
-        let host = FlattenedNfw::<Interleaved<I>>::broadcast(&solution.host);
+        let host = H::broadcast::<Interleaved<I>>(&solution.host);
         let progenitor = Plummer::<Interleaved<I>>::broadcast(&solution.progenitor);
-        let mut host_bar = NfwCotangent::<Interleaved<I>>::zero();
+        let mut host_bar = HaloCotangent::<Interleaved<I>>::zero();
         let mut progenitor_bar = PlummerCotangent::<Interleaved<I>>::zero();
         let mut schedule_bar = vec![StepCotangent::<Interleaved<I>>::zero(); model.settings.steps];
         let Part {
             schedules,
             sums,
-            by,
+            cotangents,
             ..
         } = part;
         let mut planner = Planner::new(model, solution, schedules);
@@ -156,7 +117,7 @@ impl Kernel for VjpKernel<'_> {
             let limit2 = position_bar.norm2() * max_stretch2;
             let schedules = planner.schedules(&pair);
             let schedule_bar = &mut schedule_bar[..model.steps[pair.groups[0].release_time]];
-            let start_bar = reverse(
+            let start_bar = reverse::<_, H>(
                 &host,
                 &progenitor,
                 &schedules,
@@ -167,37 +128,42 @@ impl Kernel for VjpKernel<'_> {
                 schedule_bar,
                 limit2,
             );
-            by.add_release_frames(&pair, &start_bar);
-            // Pairs of the same epochs are summed together.
+            cotangents.add_release_frames(&pair, &start_bar);
+            // Pairs of the same release times are summed together.
             if pairs
                 .peek()
                 .is_none_or(|next| next.release_times() != pair.release_times())
             {
                 sum_lanes(schedule_bar, sums);
-                // A half without particles has no derivatives of its own, but may hold those of an earlier pair.
+                // A half without particles adds no derivatives, but may hold those of an earlier pair.
                 for ((sums, schedule), release_time) in sums
                     .iter()
                     .zip([schedules.0, schedules.1])
                     .zip(pair.release_times())
                 {
-                    by.add_course(model, solution, release_time, schedule, sums);
+                    cotangents.add_schedule(model, solution, release_time, schedule, sums);
                 }
             }
         }
-        by.shared.host = NfwCotangent {
+        cotangents.shared.host = HaloCotangent {
             ln_mass: host_bar.ln_mass.sum(),
             ln_r_s: host_bar.ln_r_s.sum(),
             flattening: host_bar.flattening.sum(),
             axis: sum_vector(host_bar.axis),
         };
-        by.shared.progenitor = PlummerCotangent {
+        cotangents.shared.progenitor = PlummerCotangent {
             ln_mass: progenitor_bar.ln_mass.sum(),
             r_s: progenitor_bar.r_s.sum(),
         };
     }
 }
 
-compile_kernel!(VjpKernel);
+compile_kernel!(VjpKernel<H: crate::potential::Halo>);
+
+/// Runs the kernel at a level.
+pub(super) fn integrate_vjp<H: Halo>(kernel: VjpKernel<'_, H>, level: Level) {
+    kernel.dispatch(level);
+}
 
 /// The sum of all lanes of a vector.
 #[inline(always)]
@@ -205,7 +171,7 @@ fn sum_vector<I: Isa>(v: Vec3<Interleaved<I>>) -> Vec3<f64> {
     Vec3::new(v.x.sum(), v.y.sum(), v.z.sum())
 }
 
-/// Sums the derivatives with respect to courses over the lanes of each half, and forgets them there.
+/// Sums the derivatives with respect to step schedules over the lanes of each half, and sets them to zero.
 #[inline(always)]
 fn sum_lanes<I: Isa>(
     lanes: &mut [StepCotangent<Interleaved<I>>],
@@ -223,84 +189,5 @@ fn sum_lanes<I: Isa>(
             });
         }
         *by = StepCotangent::zero();
-    }
-}
-
-impl Model {
-    /// The gradient with respect to the [numbers](System::numbers) of a galaxy of a result whose derivatives with respect to
-    /// the particles' sky positions stand in `work.by_x` and `work.by_y`. `setup` was made from this galaxy, and the
-    /// particles are the ones that [`integrate`](Self::integrate) made from it. The same bits for any [`Threads`].
-    pub fn vjp(
-        &self,
-        system: &System<f64>,
-        solution: &ProgenitorSolution<f64>,
-        adjoint: Adjoint,
-        threads: Threads,
-        work: &mut Workspace,
-    ) -> [f64; System::<f64>::LEN] {
-        self.prepare(solution, work);
-        let Workspace {
-            particles,
-            x_bar,
-            y_bar,
-            parts,
-            ..
-        } = work;
-        let ends = Ends {
-            particles,
-            x_bar,
-            y_bar,
-        };
-        let one = |part: &mut Part| self.part_vjp(solution, adjoint, &ends, part);
-        match threads {
-            Threads::One => parts.iter_mut().for_each(one),
-            Threads::All => parts.par_iter_mut().for_each(one),
-        }
-        let [Part { by: total, .. }, others @ ..] = parts.as_mut_slice() else {
-            return [0.0; System::<f64>::LEN];
-        };
-        for part in others {
-            total.append(&mut part.by);
-        }
-        if let Some(grid) = &solution.grid {
-            grid.vjp(&solution.orbit, &total.phases, &mut total.nodes);
-        }
-        self.progenitor_solution_vjp(system, total)
-    }
-
-    /// Deals the epochs into parts.
-    fn prepare(&self, solution: &ProgenitorSolution<f64>, work: &mut Workspace) {
-        let release_times = self.table.taus.len();
-        let groups_per_release_time = self.groups.len() / release_times;
-        let per_part = release_times.div_ceil(PARTS);
-        work.parts
-            .resize_with(release_times.div_ceil(per_part), Part::default);
-        for (k, part) in work.parts.iter_mut().enumerate() {
-            let range = k * per_part..release_times.min((k + 1) * per_part);
-            part.by.reset(&range, solution.orbit.nodes.len());
-            part.groups =
-                range.start * groups_per_release_time..range.end * groups_per_release_time;
-        }
-    }
-
-    fn part_vjp(
-        &self,
-        solution: &ProgenitorSolution<f64>,
-        adjoint: Adjoint,
-        ends: &Ends<'_>,
-        part: &mut Part,
-    ) {
-        let max_stretch2 = match adjoint {
-            Adjoint::Exact => f64::INFINITY,
-            Adjoint::Truncated => MAX_STRETCH * MAX_STRETCH,
-        };
-        let backward = VjpKernel {
-            model: self,
-            solution,
-            ends,
-            max_stretch2,
-            part,
-        };
-        backward.dispatch(Level::best());
     }
 }

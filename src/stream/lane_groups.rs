@@ -2,6 +2,7 @@
 
 use super::progenitor_solution::{ProgenitorSolution, ReleaseFrame};
 use crate::orbit::{State, StepSchedule};
+use crate::potential::Halo;
 use crate::scalar::{Isa, LANES, LaneArray, Lanes, Vec3};
 use crate::spray::ReleaseTable;
 
@@ -111,9 +112,9 @@ impl<'a> Pair<'a> {
 
     /// Their launches.
     #[inline(always)]
-    pub fn release_frames<I: Isa>(
+    pub fn release_frames<I: Isa, H: Halo>(
         &self,
-        solution: &ProgenitorSolution<f64>,
+        solution: &ProgenitorSolution<f64, H>,
     ) -> ReleaseFrame<Interleaved<I>> {
         let [a, b] = self.release_times();
         let (a, b) = (&solution.release_frames[a], &solution.release_frames[b]);

@@ -7,7 +7,10 @@
 //! [`Model::vjp`] is the exact derivative of both stages: reverse mode through the particles, forward mode through the progenitor
 //! solution. Each file of the forward computation has its adjoint beside it, in the file whose name ends in `_vjp`.
 
+mod compiled;
 mod cotangents;
+mod forward;
+mod gradient;
 mod integrate;
 mod integrate_vjp;
 mod lane_groups;
@@ -21,11 +24,15 @@ mod step_schedules_vjp;
 mod system;
 mod threads;
 
-pub use integrate_vjp::{Adjoint, MAX_STRETCH, Workspace};
+pub use compiled::{CompiledHalo, Kernels};
+pub use gradient::{Adjoint, MAX_STRETCH, Workspace};
+pub use integrate::IntegrateKernel;
+pub use integrate_vjp::VjpKernel;
 pub use lane_groups::{Group, StepSchedules};
 pub use model::Model;
 pub use particles::Particles;
-pub use progenitor_solution::{ProgenitorSolution, ReleaseFrame};
+pub use progenitor_solution::{ProgenitorSolution, ReleaseFrame, SolutionMemory};
+pub use progenitor_solution_vjp::SolutionVjpKernel;
 pub use settings::{ModelSettings, StepRule, StepsPer};
-pub use system::System;
+pub use system::{SYSTEM_LEN, System};
 pub use threads::Threads;

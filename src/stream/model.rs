@@ -1,11 +1,12 @@
 //! The stream generator, and everything in it that no parameter enters.
 
 use super::lane_groups::{Group, groups};
-use super::progenitor_solution::ProgenitorSolution;
+use super::progenitor_solution::{ProgenitorSolution, SolutionMemory};
 use super::settings::ModelSettings;
 use super::system::System;
 use crate::error::{Error, Rejection, Result};
 use crate::orbit::HermiteWeights;
+use crate::potential::Halo;
 use crate::scalar::Real;
 use crate::spray::ReleaseTable;
 
@@ -80,15 +81,15 @@ impl Model {
         &self.table
     }
 
-    /// The cold stage.
+    /// The progenitor's orbit and the release frames.
     ///
     /// # Errors
     /// [`Rejection::BadParameter`] or [`Rejection::BadOrbit`] where there is no finite orbit, [`Rejection::UnresolvedOrbit`]
     /// where the steps are too long for it.
-    pub fn progenitor_solution<S: Real>(
+    pub fn progenitor_solution<S: Real, H: Halo>(
         &self,
-        system: &System<S>,
-    ) -> std::result::Result<ProgenitorSolution<S>, Rejection> {
+        system: &System<S, H>,
+    ) -> std::result::Result<ProgenitorSolution<S, H>, Rejection> {
         self.progenitor_solution_reusing(system, None)
     }
 
@@ -96,11 +97,11 @@ impl Model {
     ///
     /// # Errors
     /// As [`progenitor_solution`](Self::progenitor_solution).
-    pub fn progenitor_solution_reusing<S: Real>(
+    pub fn progenitor_solution_reusing<S: Real, H: Halo>(
         &self,
-        system: &System<S>,
-        spare: Option<ProgenitorSolution<S>>,
-    ) -> std::result::Result<ProgenitorSolution<S>, Rejection> {
-        ProgenitorSolution::new(system, &self.settings, &self.table, spare)
+        system: &System<S, H>,
+        memory: Option<SolutionMemory<S>>,
+    ) -> std::result::Result<ProgenitorSolution<S, H>, Rejection> {
+        ProgenitorSolution::new(system, &self.settings, &self.table, memory)
     }
 }

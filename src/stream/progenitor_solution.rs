@@ -4,7 +4,7 @@ use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Tally};
 use crate::orbit::{AdaptiveGrid, DenseOrbit, State, crossing};
-use crate::potential::{FlattenedNfw, Plummer};
+use crate::potential::{Halo, Nfw, Plummer, Potential};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
 use std::f64::consts::TAU;
@@ -49,7 +49,7 @@ fn scaled<S: Scalar>(frame: &[Vec3<S>; 3], factor: S) -> [Vec3<S>; 3] {
 /// The release at the time `tau`, and whether its tidal radius had to be bounded.
 #[inline(always)]
 pub(super) fn release_frame<S: Real>(
-    host: &FlattenedNfw<S>,
+    host: &impl Potential<S>,
     progenitor: &Plummer<S>,
     orbit: &DenseOrbit<S>,
     tau: f64,
@@ -69,9 +69,9 @@ pub(super) fn release_frame<S: Real>(
 
 /// Everything that the particles of one parameter set share.
 #[derive(Clone, Debug)]
-pub struct ProgenitorSolution<S> {
+pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
     /// The halo.
-    pub host: FlattenedNfw<S>,
+    pub host: H::In<S>,
     /// The progenitor's own gravity.
     pub progenitor: Plummer<S>,
     /// Age in Gyr.
@@ -86,13 +86,33 @@ pub struct ProgenitorSolution<S> {
     pub tally: Tally,
 }
 
-impl<S: Real> ProgenitorSolution<S> {
+/// The memory of a [`ProgenitorSolution`], for the next one.
+#[derive(Clone, Debug)]
+pub struct SolutionMemory<S> {
+    orbit: DenseOrbit<S>,
+    grid: Option<AdaptiveGrid<S>>,
+    release_frames: Vec<ReleaseFrame<S>>,
+}
+
+impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
+    /// Gives up the solution and keeps its memory.
+    #[must_use]
+    pub fn into_memory(self) -> SolutionMemory<S> {
+        SolutionMemory {
+            orbit: self.orbit,
+            grid: self.grid,
+            release_frames: self.release_frames,
+        }
+    }
+}
+
+impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
     /// Integrates the orbit and prepares the launches, in the memory of another setup if there is one.
     pub(super) fn new(
-        system: &System<S>,
+        system: &System<S, H>,
         settings: &ModelSettings,
         table: &ReleaseTable,
-        spare: Option<Self>,
+        memory: Option<SolutionMemory<S>>,
     ) -> Result<Self, Rejection> {
         let System {
             host,
@@ -100,14 +120,15 @@ impl<S: Real> ProgenitorSolution<S> {
             today,
             age_gyr,
         } = *system;
+        let halo = H::parameters(&host);
         let positive = [
-            host.mass,
-            host.r_s,
+            halo.mass,
+            halo.r_s,
             progenitor.mass,
             progenitor.r_s,
             age_gyr,
         ];
-        let finite = today.x.norm2() + today.v.norm2() + host.flattening + host.axis.norm2();
+        let finite = today.x.norm2() + today.v.norm2() + halo.flattening + halo.axis.norm2();
         if !finite.re().is_finite()
             || positive
                 .iter()
@@ -115,9 +136,9 @@ impl<S: Real> ProgenitorSolution<S> {
         {
             return Err(Rejection::BadParameter);
         }
-        let (spare_orbit, spare_clock, mut release_frames) = spare
-            .map_or((None, None, Vec::new()), |s| {
-                (Some(s.orbit), s.grid, s.release_frames)
+        let (old_orbit, old_grid, mut release_frames) = memory
+            .map_or((None, None, Vec::new()), |m| {
+                (Some(m.orbit), m.grid, m.release_frames)
             });
         let orbit = DenseOrbit::integrate_reusing(
             &host,
@@ -125,14 +146,14 @@ impl<S: Real> ProgenitorSolution<S> {
             age_gyr,
             settings.orbit_steps,
             settings.orbit,
-            spare_orbit,
+            old_orbit,
         );
         if !orbit.is_finite() {
             return Err(Rejection::BadOrbit);
         }
         let grid = match settings.step_rule {
             StepRule::Uniform => None,
-            StepRule::Dynamical => Some(AdaptiveGrid::of(&orbit, spare_clock)),
+            StepRule::Dynamical => Some(AdaptiveGrid::of(&orbit, old_grid)),
         };
         if settings.min_steps_per_orbit > 0 {
             let turn = grid.as_ref().map_or_else(

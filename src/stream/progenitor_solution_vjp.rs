@@ -1,45 +1,29 @@
-//! The cold stage once more, on dual numbers: where the derivatives of the particles, in reverse mode, meet those of the orbit and the
-//! releases, in forward mode.
+//! Reverse mode of the progenitor solution: it is computed once more on dual numbers, whose derivatives are multiplied by those of the
+//! result with respect to the solution.
 
 use super::cotangents::{Cotangents, SharedCotangent};
 use super::model::Model;
 use super::progenitor_solution::release_frame;
 use super::settings::ModelSettings;
-use super::system::System;
+use super::system::{SYSTEM_LEN, System};
 use crate::orbit::DenseOrbit;
-use crate::potential::Potential;
+use crate::potential::{Halo, Potential};
 use crate::scalar::{Isa, Kernel, LANES, LaneDual, Lanes, Level, Scalar, Vec3, compile_kernel};
 use std::marker::PhantomData;
 
-/// The cold stage once more, on duals, joined to the derivatives with respect to what it hands over.
-struct SetupJvp<'a> {
-    model: &'a Model,
-    system: &'a System<f64>,
-    total: &'a Cotangents,
+/// The reverse mode of a progenitor solution.
+pub struct SolutionVjpKernel<'a, H: Halo> {
+    pub(super) model: &'a Model,
+    pub(super) system: &'a System<f64, H>,
+    /// Derivatives of the result with respect to the solution.
+    pub(super) total: &'a Cotangents,
 }
 
-impl Model {
-    /// The gradient with respect to the [numbers](System::numbers) of a galaxy, from the derivatives with respect to what the cold
-    /// stage hands over to the particles.
-    pub(super) fn progenitor_solution_vjp(
-        &self,
-        system: &System<f64>,
-        total: &Cotangents,
-    ) -> [f64; System::<f64>::LEN] {
-        let cold = SetupJvp {
-            model: self,
-            system,
-            total,
-        };
-        cold.dispatch(Level::best())
-    }
-}
+/// Lane vectors that hold the derivatives with respect to the vector of a system.
+const VECTORS: usize = SYSTEM_LEN.div_ceil(LANES);
 
-/// Vectors for the derivatives with respect to the numbers of a galaxy.
-const VECTORS: usize = System::<f64>::LEN.div_ceil(LANES);
-
-impl Kernel for SetupJvp<'_> {
-    type Output = [f64; System::<f64>::LEN];
+impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
+    type Output = [f64; SYSTEM_LEN];
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Self::Output {
@@ -48,11 +32,11 @@ impl Kernel for SetupJvp<'_> {
             system,
             total,
         } = self;
-        let mut numbers = [LaneDual::<I, VECTORS>::zero(); System::<f64>::LEN];
-        for (i, number) in system.numbers().into_iter().enumerate() {
+        let mut numbers = [LaneDual::<I, VECTORS>::zero(); SYSTEM_LEN];
+        for (i, number) in system.to_vector().into_iter().enumerate() {
             numbers[i] = LaneDual::variable(number, i);
         }
-        let system = System::from_vector(numbers);
+        let system = System::<_, H>::from_vector(numbers);
         let ModelSettings {
             orbit_steps, orbit, ..
         } = model.settings;
@@ -84,30 +68,39 @@ impl Kernel for SetupJvp<'_> {
                 sum.add_vec(&release_frame.velocity[c], by.velocity[c]);
             }
         }
-        // What the particles meet directly.
+        // Derivatives with respect to what the particles depend on directly.
         let SharedCotangent {
             host,
             progenitor,
             age_gyr,
         } = total.shared;
-        sum.add(&system.host.mass, host.ln_mass / system.host.mass.re);
-        sum.add(&system.host.r_s, host.ln_r_s / system.host.r_s.re);
-        sum.add(&system.host.flattening, host.flattening);
-        sum.add_vec(&system.host.axis, host.axis);
+        let halo = H::parameters(&system.host);
+        sum.add(&halo.mass, host.ln_mass / halo.mass.re);
+        sum.add(&halo.r_s, host.ln_r_s / halo.r_s.re);
+        sum.add(&halo.flattening, host.flattening);
+        sum.add_vec(&halo.axis, host.axis);
         sum.add(
             &system.progenitor.mass,
             progenitor.ln_mass / system.progenitor.mass.re,
         );
         sum.add(&system.progenitor.r_s, progenitor.r_s);
         sum.add(&system.age_gyr, age_gyr);
-        let mut gradient = [0.0; System::<f64>::LEN];
+        let mut gradient = [0.0; SYSTEM_LEN];
         let lanes = sum.0.store();
-        gradient.copy_from_slice(&lanes.0.as_flattened()[..System::<f64>::LEN]);
+        gradient.copy_from_slice(&lanes.0.as_flattened()[..SYSTEM_LEN]);
         gradient
     }
 }
 
-compile_kernel!(SetupJvp);
+compile_kernel!(SolutionVjpKernel<H: crate::potential::Halo>);
+
+/// Runs the kernel at a level.
+pub(super) fn progenitor_solution_vjp<H: Halo>(
+    kernel: SolutionVjpKernel<'_, H>,
+    level: Level,
+) -> [f64; SYSTEM_LEN] {
+    kernel.dispatch(level)
+}
 
 /// A potential whose acceleration is a function that is called and not inlined: on dual numbers it is long, and an orbit's step
 /// holds it many times.

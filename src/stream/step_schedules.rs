@@ -4,6 +4,7 @@ use super::lane_groups::{Pair, StepSchedules, UNROLL};
 use super::model::Model;
 use super::progenitor_solution::ProgenitorSolution;
 use crate::orbit::{HermiteWeights, InterleavedSchedules, StepSchedule};
+use crate::potential::Halo;
 use crate::scalar::Real;
 
 impl Model {
@@ -16,10 +17,10 @@ impl Model {
 
     /// Writes the course of one epoch's particles.
     #[inline(always)]
-    pub(super) fn plan<S: Real>(
+    pub(super) fn plan<S: Real, H: Halo>(
         &self,
         release_time: usize,
-        solution: &ProgenitorSolution<S>,
+        solution: &ProgenitorSolution<S, H>,
         schedule: &mut StepSchedule<S>,
     ) {
         let (tau, steps) = (self.table.taus[release_time], self.steps[release_time]);
@@ -56,19 +57,19 @@ impl Model {
 }
 
 /// Plans the courses of pair after pair, each epoch's once.
-pub(super) struct Planner<'a> {
+pub(super) struct Planner<'a, H: Halo> {
     model: &'a Model,
-    solution: &'a ProgenitorSolution<f64>,
+    solution: &'a ProgenitorSolution<f64, H>,
     schedules: &'a mut StepSchedules,
     /// The epochs that the flights are of.
     planned: [usize; UNROLL],
 }
 
-impl<'a> Planner<'a> {
+impl<'a, H: Halo> Planner<'a, H> {
     /// With the buffers of an earlier one, whatever they hold.
     pub fn new(
         model: &'a Model,
-        solution: &'a ProgenitorSolution<f64>,
+        solution: &'a ProgenitorSolution<f64, H>,
         schedules: &'a mut StepSchedules,
     ) -> Self {
         Self {

@@ -5,14 +5,15 @@ use super::cotangents::Cotangents;
 use super::model::Model;
 use super::progenitor_solution::ProgenitorSolution;
 use crate::orbit::{StepCotangent, StepSchedule, add_weighted};
+use crate::potential::Halo;
 
 impl Cotangents {
     /// Adds the derivatives with respect to one epoch's course to those with respect to the orbit's nodes, the age and,
     /// where the course follows a clock, its phases.
-    pub(super) fn add_course(
+    pub(super) fn add_schedule<H: Halo>(
         &mut self,
         model: &Model,
-        solution: &ProgenitorSolution<f64>,
+        solution: &ProgenitorSolution<f64, H>,
         release_time: usize,
         schedule: &StepSchedule<f64>,
         schedule_bar: &[StepCotangent<f64>],

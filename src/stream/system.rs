@@ -2,16 +2,18 @@
 
 use crate::orbit::State;
 use crate::params::{QRange, StreamParams};
-use crate::potential::{FlattenedNfw, Plummer};
-use crate::scalar::{Real, Vec3};
+use crate::potential::{Halo, HaloParameters, Nfw, Plummer};
+use crate::scalar::{Real, Scalar, Vec3};
 use crate::units::KM_S_IN_KPC_PER_GYR;
 use std::f64::consts::LN_10;
 
 /// What makes a stream: a host, a progenitor, and where it is today.
+///
+/// `H` is the kind of halo, that of Chemaly et al. (2026) unless it says otherwise.
 #[derive(Clone, Copy, Debug)]
-pub struct System<S> {
+pub struct System<S: Scalar, H: Halo = Nfw> {
     /// The halo.
-    pub host: FlattenedNfw<S>,
+    pub host: H::In<S>,
     /// The progenitor's own gravity.
     pub progenitor: Plummer<S>,
     /// The progenitor today, kpc and kpc/Gyr.
@@ -21,18 +23,25 @@ pub struct System<S> {
 }
 
 impl<S: Real> System<S> {
-    /// The galaxy of 13 parameters (physics.md 1): masses from their logarithms, the halo's shape from its vector, the
+    /// The system of 13 parameters (docs/physics.md, section 1): masses from their logarithms, the halo's shape from its vector, the
     /// progenitor today at y = 0.
     pub fn from_params(params: &StreamParams<S>, q_range: QRange) -> Self {
+        Self::with_halo(params, q_range)
+    }
+}
+
+impl<S: Real, H: Halo> System<S, H> {
+    /// As [`from_params`](System::from_params), with a halo of another kind.
+    pub fn with_halo(params: &StreamParams<S>, q_range: QRange) -> Self {
         let mass = |log10: S| (log10 * LN_10).exp();
         let shape = q_range.shape(params.dir());
         Self {
-            host: FlattenedNfw::new(
+            host: H::new(HaloParameters::from_q(
                 mass(params.log10_m_halo),
                 params.r_s_halo_kpc,
                 shape.q,
                 shape.axis,
-            ),
+            )),
             progenitor: Plummer {
                 mass: mass(params.log10_m_prog),
                 r_s: params.r_s_prog_kpc,
@@ -53,25 +62,30 @@ impl From<&StreamParams<f64>> for System<f64> {
     }
 }
 
-impl<S: Real> System<S> {
-    /// How many numbers a galaxy is.
-    pub const LEN: usize = 15;
+/// How many numbers a system is.
+pub const SYSTEM_LEN: usize = 15;
 
-    /// The numbers: mass, scale radius, flattening 1/q^2 - 1 and axis of the halo, mass and scale radius of the
-    /// progenitor, its position and velocity today, the age.
+impl<S: Real, H: Halo> System<S, H> {
+    /// The system as a vector: mass, scale radius, flattening 1/q^2 - 1 and axis of the halo, mass and scale radius of the progenitor,
+    /// its position and velocity today, the age.
     #[inline(always)]
-    pub fn numbers(&self) -> [S; 15] {
+    pub fn to_vector(&self) -> [S; SYSTEM_LEN] {
         let Self {
-            host,
             progenitor,
             today: State { x, v },
             age_gyr,
+            ..
         } = *self;
-        let n = host.axis;
+        let HaloParameters {
+            mass,
+            r_s,
+            flattening,
+            axis: n,
+        } = H::parameters(&self.host);
         [
-            host.mass,
-            host.r_s,
-            host.flattening,
+            mass,
+            r_s,
+            flattening,
             n.x,
             n.y,
             n.z,
@@ -87,9 +101,9 @@ impl<S: Real> System<S> {
         ]
     }
 
-    /// The galaxy of its [numbers](Self::numbers).
+    /// The system of a [vector](Self::to_vector).
     #[inline(always)]
-    pub fn from_vector(numbers: [S; 15]) -> Self {
+    pub fn from_vector(vector: [S; SYSTEM_LEN]) -> Self {
         let [
             mass,
             r_s,
@@ -106,10 +120,14 @@ impl<S: Real> System<S> {
             v_y,
             v_z,
             age_gyr,
-        ] = numbers;
-        let axis = Vec3::new(n_x, n_y, n_z);
+        ] = vector;
         Self {
-            host: FlattenedNfw::from_flattening(mass, r_s, flattening, axis),
+            host: H::new(HaloParameters {
+                mass,
+                r_s,
+                flattening,
+                axis: Vec3::new(n_x, n_y, n_z),
+            }),
             progenitor: Plummer { mass: m, r_s: a },
             today: State {
                 x: Vec3::new(x, y, z),

@@ -14,6 +14,7 @@ mod inference;
 mod ks;
 mod likelihood;
 mod orbit;
+mod own_halo;
 mod pages;
 mod params;
 mod population;

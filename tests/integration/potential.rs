@@ -2,10 +2,10 @@
 
 use crate::golden::{cases, json, number, numbers, relative_difference};
 use oblate::potential::{
-    FlattenedNfw, MiyamotoNagai, NfwCotangent, Plummer, PlummerCotangent, Potential, Sum,
-    log10_m200,
+    FlattenedNfw, Halo, HaloCotangent, HaloParameters, MiyamotoNagai, Nfw, Plummer,
+    PlummerCotangent, Potential, Sum, log10_m200,
 };
-use oblate::scalar::{Dual, Real, Vec3, gradient_of, lift};
+use oblate::scalar::{Dual, Real, Scalar, Vec3, gradient_of, lift};
 use oblate::units::{CRITICAL_DENSITY, G};
 use serde_json::Value;
 use std::f64::consts::PI;
@@ -190,8 +190,8 @@ fn pulling_back_is_the_transpose_of_the_dual_derivative() {
         let axis = unit(Vec3::from(numbers::<3>(&case["v"])));
         let x = numbers::<3>(&case["x"]);
         let halo = FlattenedNfw::new(get("M"), get("Rs"), get("q"), axis);
-        let mut cotangent = NfwCotangent::zero();
-        let (acceleration, x_bar) = halo.vjp(Vec3::from(x), lambda, &mut cotangent);
+        let mut cotangent = HaloCotangent::zero();
+        let (acceleration, x_bar) = Nfw::vjp(&halo, Vec3::from(x), lambda, &mut cotangent);
         assert!(
             relative_difference(
                 &acceleration.to_array(),
@@ -264,6 +264,64 @@ fn pulling_back_is_the_transpose_of_the_dual_derivative() {
         assert!(relative_difference(&[cotangent.ln_mass, cotangent.r_s], &golden[..2]) < TOLERANCE);
         assert!(relative_difference(&x_bar.to_array(), &golden[2..]) < TOLERANCE);
     }
+}
+
+/// The NFW halo with nothing but its acceleration: its derivatives are the defaults of [`Halo`].
+#[derive(Clone, Copy, Debug, Default)]
+struct NfwByTangents;
+
+impl Halo for NfwByTangents {
+    type In<S: Scalar> = FlattenedNfw<S>;
+
+    fn new<S: Scalar>(parameters: HaloParameters<S>) -> FlattenedNfw<S> {
+        Nfw::new(parameters)
+    }
+
+    fn parameters<S: Scalar>(halo: &FlattenedNfw<S>) -> HaloParameters<S> {
+        Nfw::parameters(halo)
+    }
+}
+
+#[test]
+fn derivatives_by_tangents_equal_those_by_hand() {
+    let file = json("potential.json");
+    let lambda = Vec3::new(0.3, -1.1, 0.7);
+    let all = |bar: &HaloCotangent<f64>| {
+        let axis = bar.axis;
+        [
+            bar.ln_mass,
+            bar.ln_r_s,
+            bar.flattening,
+            axis.x,
+            axis.y,
+            axis.z,
+        ]
+    };
+    let mut seen = 0;
+    for case in cases(&file).iter().filter(|c| c["kind"] == "nfw") {
+        let get = |key: &str| number(&case[key]);
+        let axis = unit(Vec3::from(numbers::<3>(&case["v"])));
+        let x = Vec3::from(numbers::<3>(&case["x"]));
+        let halo = FlattenedNfw::new(get("M"), get("Rs"), get("q"), axis);
+        let (mut by_hand, mut by_tangents) = (HaloCotangent::zero(), HaloCotangent::zero());
+        let (_, x_bar) = Nfw::vjp(&halo, x, lambda, &mut by_hand);
+        let (a, x_bar_by_tangents) = NfwByTangents::vjp(&halo, x, lambda, &mut by_tangents);
+        let close = |a: &[f64], b: &[f64]| relative_difference(a, b) < 1e-11;
+        assert!(close(&a.to_array(), &halo.acceleration(x).to_array()));
+        assert!(
+            close(&x_bar_by_tangents.to_array(), &x_bar.to_array()),
+            "{}",
+            case["id"]
+        );
+        assert!(close(&all(&by_tangents), &all(&by_hand)), "{}", case["id"]);
+        let product = NfwByTangents::hessian_product(&halo, x, lambda);
+        assert!(close(
+            &product.to_array(),
+            &halo.hessian_product(x, lambda).to_array()
+        ));
+        seen += 1;
+    }
+    assert_eq!(seen, 120);
 }
 
 #[test]

@@ -35,11 +35,11 @@ pub trait Kernel {
 ///
 /// The instruction sets that the present CPU may lack are private to this crate. Inside it only
 /// `compile_kernel` names them, and it runs them only where the CPU has reported them.
-pub trait Isa: Copy + Debug + 'static {
+pub trait Isa: Copy + Debug + Send + Sync + 'static {
     /// Eight numbers.
-    type Vector: Copy + Debug;
+    type Vector: Copy + Debug + Send + Sync;
     /// The outcome of a comparison.
-    type Mask: Copy + Debug;
+    type Mask: Copy + Debug + Send + Sync;
 
     /// Runs a kernel within another one of this instruction set, as a function that is called and not inlined: where the
     /// same computation stands in many places, compiling it once saves most of the code.

@@ -1,0 +1,95 @@
+//! A halo of one's own: the halo of the paper plus the disc of the host galaxy, with exact gradients.
+//!
+//! `cargo run --release --example own_halo`
+//!
+//! Only the acceleration is written here, once for all number types. Derivatives with respect to positions and parameters follow from it.
+
+use oblate::Result;
+use oblate::params::{QRange, StreamParams};
+use oblate::potential::{FlattenedNfw, Halo, HaloParameters, MiyamotoNagai, Potential};
+use oblate::scalar::{Scalar, Vec3};
+use oblate::stream::{CompiledHalo, Kernels, Model, ModelSettings, System};
+
+/// A flattened NFW halo with a disc of 7e10 Msun, seen edge-on: its normal is the sky's y axis.
+#[derive(Clone, Copy, Debug)]
+pub struct HaloWithDisc<S> {
+    halo: FlattenedNfw<S>,
+    disc: MiyamotoNagai<S>,
+}
+
+impl<S: Scalar> Potential<S> for HaloWithDisc<S> {
+    #[inline(always)]
+    fn value(&self, x: Vec3<S>) -> S {
+        self.halo.value(x) + self.disc.value(x)
+    }
+
+    #[inline(always)]
+    fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
+        self.halo.acceleration(x) + self.disc.acceleration(x)
+    }
+
+    #[inline(always)]
+    fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
+        NfwWithDisc::hessian_product(self, x, v)
+    }
+}
+
+/// The kind of halo whose potential is a [`HaloWithDisc`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NfwWithDisc;
+
+impl Halo for NfwWithDisc {
+    type In<S: Scalar> = HaloWithDisc<S>;
+
+    #[inline(always)]
+    fn new<S: Scalar>(p: HaloParameters<S>) -> HaloWithDisc<S> {
+        HaloWithDisc {
+            halo: FlattenedNfw::from_flattening(p.mass, p.r_s, p.flattening, p.axis),
+            disc: MiyamotoNagai {
+                mass: S::from_f64(7e10),
+                a: S::from_f64(3.0),
+                b: S::from_f64(0.3),
+                normal: Vec3::from_f64(Vec3::new(0.0, 1.0, 0.0)),
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn parameters<S: Scalar>(potential: &HaloWithDisc<S>) -> HaloParameters<S> {
+        let halo = &potential.halo;
+        HaloParameters {
+            mass: halo.mass,
+            r_s: halo.r_s,
+            flattening: halo.flattening,
+            axis: halo.axis,
+        }
+    }
+}
+
+impl CompiledHalo for NfwWithDisc {
+    fn kernels() -> &'static Kernels<Self> {
+        static KERNELS: Kernels<NfwWithDisc> = Kernels::new();
+        &KERNELS
+    }
+}
+
+#[allow(dead_code, reason = "a test includes this file for the halo above")]
+fn main() -> Result<()> {
+    let params = StreamParams::from_array([
+        12.0, 15.0, 0.3, 0.0, 1.2, 8.0, 1.0, 60.0, 30.0, 30.0, 140.0, 45.0, 3.0,
+    ]);
+    let model = Model::new(&ModelSettings::default())?;
+    let without = model.stream(&params)?.track(10.0)?;
+    let system = System::<f64, NfwWithDisc>::with_halo(&params, QRange::default());
+    let with = model.stream(system)?.track(10.0)?;
+    println!(
+        "{:>8} {:>12} {:>12}",
+        "phi/deg", "without disc", "with disc"
+    );
+    for bin in &with.bins {
+        let other = without.bins.iter().find(|other| other.bin == bin.bin);
+        let r = other.map_or("-".to_owned(), |other| format!("{:.2}", other.r_kpc));
+        println!("{:>8} {:>12} {:>12.2}", bin.phi_deg, r, bin.r_kpc);
+    }
+    Ok(())
+}

@@ -1,0 +1,157 @@
+//! What a halo must provide, so that streams and their gradients can be computed in it.
+
+use super::Potential;
+use crate::scalar::{Scalar, Tangent, Vec3};
+use std::fmt::Debug;
+
+/// The parameters of a halo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HaloParameters<S> {
+    /// Mass scale in Msun; what it means is up to the halo.
+    pub mass: S,
+    /// Scale radius in kpc.
+    pub r_s: S,
+    /// 1/q^2 - 1, with the axis ratio q.
+    pub flattening: S,
+    /// Unit vector of the symmetry axis.
+    pub axis: Vec3<S>,
+}
+
+impl<S: Scalar> HaloParameters<S> {
+    /// From the axis ratio q.
+    pub fn from_q(mass: S, r_s: S, q: S, axis: Vec3<S>) -> Self {
+        Self {
+            mass,
+            r_s,
+            flattening: S::one() / (q * q) - 1.0,
+            axis,
+        }
+    }
+
+    /// The same parameters in another number type, each converted by `f`.
+    #[inline(always)]
+    pub fn map<T: Scalar>(&self, f: impl Fn(S) -> T) -> HaloParameters<T> {
+        HaloParameters {
+            mass: f(self.mass),
+            r_s: f(self.r_s),
+            flattening: f(self.flattening),
+            axis: Vec3::new(f(self.axis.x), f(self.axis.y), f(self.axis.z)),
+        }
+    }
+}
+
+/// Derivatives of a scalar with respect to the parameters of a halo, summed over many evaluations of the force.
+#[derive(Clone, Copy, Debug)]
+pub struct HaloCotangent<S> {
+    /// With respect to ln mass.
+    pub ln_mass: S,
+    /// With respect to ln `r_s`.
+    pub ln_r_s: S,
+    /// With respect to 1/q^2 - 1.
+    pub flattening: S,
+    /// With respect to the axis; the derivatives take its three components as independent.
+    pub axis: Vec3<S>,
+}
+
+impl<S: Scalar> HaloCotangent<S> {
+    /// All derivatives zero.
+    #[inline(always)]
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            ln_mass: S::zero(),
+            ln_r_s: S::zero(),
+            flattening: S::zero(),
+            axis: Vec3::zero(),
+        }
+    }
+}
+
+/// Directions of the derivatives in the default [`Halo::vjp`]: along `lambda`, and the six parameters.
+const DIRECTIONS: usize = 7;
+
+/// A kind of halo: a potential of four parameters in every number type.
+///
+/// A new halo is one file: a struct with a [`Potential`], whose acceleration is written once for all number types, and this trait for a
+/// marker type. Derivatives follow from the acceleration by dual numbers. To make streams in it, implement
+/// [`CompiledHalo`](crate::stream::CompiledHalo) as well; `examples/own_halo.rs` is complete.
+pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
+    /// The potential in the number type `S`.
+    type In<S: Scalar>: Potential<S> + Copy + Debug + Send + Sync;
+
+    /// The potential of these parameters.
+    fn new<S: Scalar>(parameters: HaloParameters<S>) -> Self::In<S>;
+
+    /// The parameters of a potential.
+    fn parameters<S: Scalar>(halo: &Self::In<S>) -> HaloParameters<S>;
+
+    /// The same potential in another number type, as constants.
+    #[inline(always)]
+    fn broadcast<S: Scalar>(halo: &Self::In<f64>) -> Self::In<S> {
+        Self::new(Self::parameters(halo).map(S::from_f64))
+    }
+
+    /// Reverse mode of the acceleration. `lambda` is the derivative of some scalar with respect to the acceleration at `x`; the
+    /// derivatives with respect to the parameters are added to `cotangent`. Returns the acceleration and the derivative with respect to
+    /// `x`.
+    ///
+    /// This default evaluates the acceleration once on [`Tangent`] numbers. The derivative with respect to `x` is minus the Hessian of
+    /// the potential times `lambda`; the Hessian is symmetric, so this is the derivative of the acceleration along `lambda`. A halo may
+    /// replace it by a formula of its own where speed matters.
+    #[inline(always)]
+    fn vjp<S: Scalar>(
+        halo: &Self::In<S>,
+        x: Vec3<S>,
+        lambda: Vec3<S>,
+        cotangent: &mut HaloCotangent<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let HaloParameters {
+            mass,
+            r_s,
+            flattening,
+            axis,
+        } = Self::parameters(halo);
+        let variable = |value: S, direction: usize, slope: S| {
+            Tangent::<S, DIRECTIONS>::along(value, direction, slope)
+        };
+        let one = S::one();
+        let lifted = Self::new(HaloParameters {
+            mass: variable(mass, 1, mass),
+            r_s: variable(r_s, 2, r_s),
+            flattening: variable(flattening, 3, one),
+            axis: Vec3::new(
+                variable(axis.x, 4, one),
+                variable(axis.y, 5, one),
+                variable(axis.z, 6, one),
+            ),
+        });
+        let a = lifted.acceleration(Vec3::new(
+            variable(x.x, 0, lambda.x),
+            variable(x.y, 0, lambda.y),
+            variable(x.z, 0, lambda.z),
+        ));
+        let slope = |k: usize| Vec3::new(a.x.eps[k], a.y.eps[k], a.z.eps[k]);
+        cotangent.ln_mass += lambda.dot(slope(1));
+        cotangent.ln_r_s += lambda.dot(slope(2));
+        cotangent.flattening += lambda.dot(slope(3));
+        cotangent.axis += Vec3::new(
+            lambda.dot(slope(4)),
+            lambda.dot(slope(5)),
+            lambda.dot(slope(6)),
+        );
+        (Vec3::new(a.x.re, a.y.re, a.z.re), slope(0))
+    }
+
+    /// (grad grad Phi) v at `x` from the acceleration on [`Tangent`] numbers, for [`Potential::hessian_product`] of a halo without a
+    /// formula of its own.
+    #[inline(always)]
+    fn hessian_product<S: Scalar>(halo: &Self::In<S>, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
+        let lifted = Self::new(Self::parameters(halo).map(Tangent::<S, 1>::constant));
+        let a = lifted.acceleration(Vec3::new(
+            Tangent::along(x.x, 0, v.x),
+            Tangent::along(x.y, 0, v.y),
+            Tangent::along(x.z, 0, v.z),
+        ));
+        -Vec3::new(a.x.eps[0], a.y.eps[0], a.z.eps[0])
+    }
+}
