@@ -1,5 +1,5 @@
-//! The likelihood as a function of the 13 parameters, by three callers of one source: lanes for the value, lanes and
-//! duals for the gradient, duals alone for the reference gradient.
+//! The likelihood as a function of the 13 parameters: its value in SIMD lanes, its gradient in lanes and dual numbers, and both on any
+//! number type as a reference.
 
 use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};
@@ -15,12 +15,12 @@ use rayon::prelude::*;
 use std::cell::RefCell;
 use std::marker::PhantomData;
 
-/// ln L at a point, and what was unsafe on the way.
+/// ln L of a parameter set, and the approximations made for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
     /// ln L.
     pub ln_likelihood: f64,
-    /// What was bounded or unsafe.
+    /// The approximations.
     pub tally: Tally,
 }
 
@@ -30,18 +30,18 @@ pub struct Buffers {
     memory: Option<SolutionMemory<f64>>,
     work: Workspace,
     sums: Sums<f64>,
-    /// Of some of the particles.
+    /// Sums over some of the particles.
     part: PartialSums,
     sums_bar: Sums<f64>,
 }
 
 thread_local! {
-    // One set per thread: no allocation after a thread's first call, and callers need not carry it.
+    // One set per thread: no allocation after a thread's first call, and none in the interface.
     static BUFFERS: RefCell<Buffers> = RefCell::default();
 }
 
-/// Lends this thread's buffers, and new ones to a call within the call: a thread that waits for others may be given
-/// another value to work on.
+/// Runs `work` with this thread's buffers. A call within a call gets new ones: a thread that waits for others may be given another
+/// value to compute.
 fn with_buffers<T>(work: impl FnOnce(&mut Buffers) -> T) -> T {
     let mut buffers = BUFFERS.take();
     let result = work(&mut buffers);
@@ -101,7 +101,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         &self.track
     }
 
-    /// The galaxy at a point.
+    /// The system of a parameter set.
     pub fn system<S: Real>(&self, params: &StreamParams<S>) -> System<S, H> {
         System::with_halo(params, self.q_range)
     }
@@ -114,8 +114,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         with_buffers(|b| self.value(theta, Threads::One, b))
     }
 
-    /// As [`ln_likelihood`](Self::ln_likelihood), over all threads of the present rayon pool: for one value that somebody
-    /// waits for. The same bits.
+    /// As [`ln_likelihood`](Self::ln_likelihood), over all threads of the present rayon pool: for a single value. The same bits.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
@@ -123,7 +122,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         with_buffers(|b| self.value(theta, Threads::All, b))
     }
 
-    /// ln L of many points, over all threads of the present rayon pool; each with the bits that it has alone.
+    /// ln L of many parameter sets, over all threads of the present rayon pool; each has the same bits as alone.
     #[must_use]
     pub fn ln_likelihoods(&self, points: &[[f64; DIM]]) -> Vec<Result<Evaluation, Rejection>> {
         points
@@ -132,8 +131,8 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
             .collect()
     }
 
-    /// ln L and its gradient with respect to the 13 physical parameters: the exact derivative of the discrete model, by
-    /// duals for the orbit and in reverse for the particles. On the caller's thread.
+    /// ln L and its gradient with respect to the 13 physical parameters: the exact derivative of the discrete model, by dual numbers
+    /// for the orbit and in reverse mode for the particles. On the caller's thread.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood); [`Rejection::BadLikelihood`] too if the gradient is not finite.
@@ -153,8 +152,8 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     }
 
     /// As [`gradient`](Self::gradient), without the particles whose derivative is chaotic ([`Adjoint::Truncated`]): not the
-    /// derivative of ln L where there are such particles, but a field that a Hamiltonian path can follow. A sampler that
-    /// accepts by ln L itself stays exact with any field.
+    /// derivative of ln L where there are such particles, but a field that Hamiltonian dynamics can follow. A sampler whose
+    /// acceptance probability uses ln L itself is exact with any field.
     ///
     /// # Errors
     /// As [`gradient`](Self::gradient).
@@ -241,7 +240,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         self.track.ln_likelihood(&sums)
     }
 
-    /// The whole track at a point, every bin that is covered, with the data's bins and this likelihood's edges; and the
+    /// The whole track of a parameter set in the data's bins with this likelihood's edges, every bin that is covered; and the
     /// particles.
     ///
     /// # Errors

@@ -225,7 +225,7 @@ impl TrackLikelihood {
         by.reset(self.grid.len);
         let mut total = 0.0;
         let mut overlap = 0.0;
-        // Derivatives of each bin's cover, for the penalty's share below.
+        // Derivatives of each bin's cover, for the penalty below.
         let mut cover_bar = vec![0.0; self.grid.len];
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {

@@ -1,9 +1,9 @@
-//! When particles step: a time grid along the progenitor's orbit, shared by the particles of an epoch.
+//! An adaptive time grid along the progenitor's orbit, the same for all particles of a release time.
 //!
-//! Equal steps spend most of them where little happens. Here the steps are even in a phase that runs as fast as the
-//! progenitor's orbit turns: `d phase / dt = sqrt(omega)`, `omega^2 = acceleration / radius`, that is steps proportional to
-//! (r / a)^(1/4). Particles stay close enough to their progenitor for one grid to serve all of an epoch, and so each still
-//! goes through one fixed sequence of leapfrog maps. The grid depends on the parameters, and its derivative is taken along.
+//! Most equal steps fall where the acceleration is small. Here the steps are even in a phase whose rate follows the orbital frequency
+//! of the progenitor: `d phase / dt = sqrt(omega)`, `omega^2 = acceleration / radius`, that is steps proportional to
+//! (r / a)^(1/4). Particles stay close enough to their progenitor that one grid is used for all of a release time, and each
+//! particle is still integrated by one fixed sequence of leapfrog maps. The grid depends on the parameters, and its derivative is included.
 
 use super::dense_orbit::{CORE2, clear_and_reserve, locate};
 use super::{DenseOrbit, Node, OrbitTime};
@@ -26,7 +26,7 @@ fn rate_at<S: Real>(node: &Node<S>) -> S {
 }
 
 impl<S: Real> AdaptiveGrid<S> {
-    /// The clock of an orbit, in the memory of another one if there is one.
+    /// The grid of an orbit, in the memory of another one if there is one.
     #[must_use]
     pub fn of(orbit: &DenseOrbit<S>, spare: Option<Self>) -> Self {
         let spare = spare.map_or_else(Default::default, |s| (s.rate, s.phase, s.inverse));
@@ -60,7 +60,7 @@ impl<S: Real> AdaptiveGrid<S> {
         rates.fold(0.0, f64::max) * all
     }
 
-    /// Writes `steps + 1` moments from `tau` to today, evenly spaced in phase. The first and the last are `tau` and today
+    /// Writes `steps + 1` times from `tau` to today, evenly spaced in phase. The first and the last are `tau` and today
     /// exactly.
     #[inline(always)]
     pub fn orbit_times(&self, tau: f64, steps: usize, out: &mut Vec<OrbitTime<S>>) {
@@ -91,7 +91,7 @@ impl<S: Real> AdaptiveGrid<S> {
 
 impl AdaptiveGrid<f64> {
     /// Adds, to the derivatives with respect to the phases at the nodes, what comes from those with respect to the times of
-    /// one epoch's [`orbit_times`](Self::orbit_times), as fractions of the age.
+    /// one release time's [`orbit_times`](Self::orbit_times), as fractions of the age.
     pub fn times_vjp(
         &self,
         orbit_times: &[OrbitTime<f64>],

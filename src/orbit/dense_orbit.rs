@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// Square of a radius, kpc^2, below which a rate of turning rises no more: a progenitor through the very centre has one.
 pub(super) const CORE2: f64 = 1e-4;
 
-/// How the progenitor is carried back in time.
+/// How the progenitor is integrated back in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OrbitMethod {
@@ -79,7 +79,7 @@ impl<S: Scalar> Node<S> {
     }
 }
 
-/// Forgets what is in a vector and makes room for `n`.
+/// Clears a vector and reserves memory for `n` elements.
 #[inline(always)]
 pub(super) fn clear_and_reserve<T>(vector: &mut Vec<T>, n: usize) {
     vector.clear();
@@ -108,7 +108,7 @@ pub struct HermiteWeights {
 }
 
 impl HermiteWeights {
-    /// The placement of the time `tau` in [-1, 0] on `steps` intervals.
+    /// The weights at the time `tau` in [-1, 0] on `steps` intervals.
     #[must_use]
     pub fn at(tau: f64, steps: usize) -> Self {
         let (node, t) = locate(tau, steps);
@@ -119,7 +119,7 @@ impl HermiteWeights {
     }
 }
 
-/// A moment on an orbit: in the interval after `node`, a `share` in [0, 1] of the way.
+/// A time on an orbit: in the interval after `node`, at the fraction `share` in [0, 1] of it.
 #[derive(Clone, Copy, Debug)]
 pub struct OrbitTime<S> {
     /// The earlier node.
@@ -266,7 +266,7 @@ impl<S: Real> DenseOrbit<S> {
         )
     }
 
-    /// Position, as a row, at a moment that may have derivatives of its own; and its placement.
+    /// Position, as a row, at a time that may have derivatives of its own; and its interpolation weights.
     #[inline(always)]
     pub fn position_at(&self, orbit_time: OrbitTime<S>) -> ([S; 4], HermiteWeights) {
         let OrbitTime { node, share } = orbit_time;
@@ -281,14 +281,14 @@ impl<S: Real> DenseOrbit<S> {
         )
     }
 
-    /// Derivative of the position at a moment with respect to the time as a fraction of the age.
+    /// Derivative of the position at a time with respect to the time as a fraction of the age.
     #[inline(always)]
     pub fn slope(&self, orbit_time: OrbitTime<f64>) -> Vec3<S> {
         let weights = constants(quintic_slope(orbit_time.share));
         vector(&self.combine(orbit_time.node, weights)) * S::from_f64(self.intervals() as f64)
     }
 
-    /// Position at a placement, as a row.
+    /// Position at given interpolation weights, as a row.
     #[inline(always)]
     pub fn position(&self, place: &HermiteWeights) -> [S; 4] {
         self.combine(place.node, constants(place.weights))

@@ -1,4 +1,4 @@
-//! The hot loop: kick-drift-kick in the host and the moving progenitor, on any number type.
+//! Kick-drift-kick leapfrog in the potential of the host and the moving progenitor, on any number type.
 
 use super::winding::{crossing, is_negative};
 use super::{Schedule, State};
@@ -12,7 +12,7 @@ pub struct FinalParticle<S> {
     pub state: State<S>,
     /// Times its projection went round counter-clockwise, counted at the negative x axis; a whole number.
     pub turns: S,
-    /// Steps that turned it by more than 90 degrees around the projected centre, where the count is not safe.
+    /// Steps that turned it by more than 90 degrees around the projected centre, where the count is ambiguous.
     pub ambiguous_windings: S,
 }
 
@@ -28,10 +28,9 @@ pub(super) fn force<S: Scalar>(
     progenitor.add_acceleration(x - centre, host.acceleration(x))
 }
 
-/// Carries one particle (or one lane of particles) along a course, in the sum of `host` and `progenitor`.
+/// Integrates one particle, or one lane each of several, along a step schedule in the potential of `host` and `progenitor`.
 ///
-/// The last kick of a step is fused with the first of the next: one force per step. `turns` is the winding count at
-/// birth.
+/// The last kick of a step is fused with the first of the next: one force per step. `turns` is the winding count at release.
 #[inline(always)]
 pub fn advance<S: Scalar>(
     host: &impl Potential<S>,

@@ -1,12 +1,12 @@
-//! The leapfrog of [`advance`](super::advance()) run backwards in reverse mode: exact derivatives of the same discrete
-//! map, at about the cost of two values, and no path to remember.
+//! Reverse mode of the leapfrog of [`advance`](super::advance()): exact derivatives of the same discrete map, at about the cost of two
+//! values, without storing the path.
 
 use super::leapfrog::force;
 use super::{Schedule, State};
 use crate::potential::{Halo, HaloCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
 
-/// Derivatives with respect to one step of a course.
+/// Derivatives with respect to one step of a schedule.
 #[derive(Clone, Copy, Debug)]
 pub struct StepCotangent<S> {
     /// With respect to the progenitor's position at its kick.
@@ -18,7 +18,7 @@ pub struct StepCotangent<S> {
 }
 
 impl<S: Scalar> StepCotangent<S> {
-    /// Nothing yet.
+    /// All zero.
     #[inline(always)]
     #[must_use]
     pub fn zero() -> Self {
@@ -30,11 +30,11 @@ impl<S: Scalar> StepCotangent<S> {
     }
 }
 
-/// Pulls the derivative `by_position` of some scalar with respect to a particle's final position back along its path: the
-/// derivative with respect to its start. Adds what falls on the host, the progenitor's sphere and the course.
+/// From the derivative `position_bar` of some scalar with respect to a particle's final position to its derivative with respect to the
+/// start, which is returned. The derivatives with respect to the host, the progenitor and the schedule are added to theirs.
 ///
-/// The path is not remembered but run backwards from `end`, the state that [`advance`](super::advance()) arrived at: each
-/// drift and kick is undone by itself, so it is the same path but for rounding. The derivative with respect to a state is set
+/// The path is not stored but integrated backwards from `end`, the final state of [`advance`](super::advance()): each drift and kick is
+/// undone, so it is the same path except for rounding. The derivative with respect to a state is set
 /// to zero where the square of its position part exceeds `limit2`; with a limit of infinity it is exact.
 #[inline(always)]
 #[allow(
@@ -68,16 +68,16 @@ pub fn reverse<S: Scalar, H: Halo>(
         by.v = by.v.add_scaled(by.x, schedule.drift_gyr(j));
         let step_bar = &mut schedule_bar[j];
         step_bar.drift += by.x.dot(drift);
-        // ReleaseOffset v += c a(x_j).
+        // Kick v += c a(x_j).
         let lambda = by.v * schedule.kick_gyr(j);
         let (a_host, x_host) = H::vjp(host, at.x, lambda, host_bar);
-        let (a_sphere, x_sphere) =
+        let (a_progenitor, x_progenitor) =
             progenitor.vjp(at.x - schedule.progenitor_at(j), lambda, progenitor_bar);
-        let a = a_host + a_sphere;
+        let a = a_host + a_progenitor;
         at.v = at.v.add_scaled(a, -schedule.kick_gyr(j));
         step_bar.kick += by.v.dot(a);
-        step_bar.progenitor = step_bar.progenitor - x_sphere;
-        by.x = by.x + x_host + x_sphere;
+        step_bar.progenitor = step_bar.progenitor - x_progenitor;
+        by.x = by.x + x_host + x_progenitor;
         by = within(by, limit2);
     }
     by

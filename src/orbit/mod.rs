@@ -1,4 +1,4 @@
-//! Moving bodies: the progenitor's dense orbit, and the leapfrog that carries the particles.
+//! The orbit of the progenitor and the leapfrog integration of particles, with its adjoint.
 
 mod adaptive_grid;
 mod dense_orbit;

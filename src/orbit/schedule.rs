@@ -1,10 +1,10 @@
-//! One epoch's way through time, as the leapfrog asks for it.
+//! The step schedule of the leapfrog: where the progenitor is at each force evaluation, and the lengths of drifts and kicks.
 
 use super::dense_orbit::vector;
 use super::{HermiteWeights, OrbitTime};
 use crate::scalar::{Isa, Lanes, Scalar, Vec3};
 
-/// What a particle meets on its way: where the progenitor is at each force evaluation, and how long drifts and kicks are.
+/// A step schedule.
 pub trait Schedule<S> {
     /// Number of steps.
     fn steps(&self) -> usize;
@@ -16,7 +16,7 @@ pub trait Schedule<S> {
     fn kick_gyr(&self, j: usize) -> S;
 }
 
-/// A course spelled out; the same for all particles of an epoch. Its buffers are reused from epoch to epoch.
+/// The step schedule of all particles of one release time, in buffers that are reused.
 #[derive(Clone, Debug)]
 pub struct StepSchedule<S> {
     /// The progenitor's positions, kpc, in rows as those of a [`Node`](super::Node).
@@ -25,9 +25,9 @@ pub struct StepSchedule<S> {
     pub drift_gyr: Vec<S>,
     /// Lengths of the kicks, Gyr.
     pub kick_gyr: Vec<S>,
-    /// Moments of the force evaluations, if they depend on the parameters.
+    /// Times of the force evaluations, if they depend on the parameters.
     pub orbit_times: Vec<OrbitTime<S>>,
-    /// Their placements on the orbit.
+    /// Their interpolation weights on the orbit.
     pub places: Vec<HermiteWeights>,
 }
 
@@ -76,8 +76,8 @@ impl<S: Scalar> Schedule<S> for StepSchedule<S> {
     }
 }
 
-/// One course for the first half of the lanes, another for the second: two groups of particles side by side, so that one's
-/// arithmetic fills the other's waits.
+/// One schedule for the first half of the lanes and another for the second: two lane groups are integrated together, so that one's
+/// arithmetic runs while the other waits for its results.
 #[derive(Clone, Copy, Debug)]
 pub struct InterleavedSchedules<'a>(pub &'a StepSchedule<f64>, pub &'a StepSchedule<f64>);
 

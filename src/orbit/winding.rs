@@ -8,7 +8,7 @@ pub(super) fn is_negative<S: Scalar>(s: S) -> S {
     S::select(s.lt(S::zero()), S::one(), S::zero())
 }
 
-/// +1 if the short way from (x0, y0) to (x1, y1) crosses the negative x axis counter-clockwise, -1 if clockwise, else 0.
+/// +1 if the straight line from (x0, y0) to (x1, y1) crosses the negative x axis counter-clockwise, -1 if clockwise, else 0.
 #[inline(always)]
 pub fn crossing<S: Scalar>(from: Vec3<S>, to: Vec3<S>) -> S {
     let side = is_negative(to.y) - is_negative(from.y);

@@ -1,4 +1,4 @@
-//! The published release recipes (physics.md 4).
+//! The published release recipes (docs/physics.md, section 4).
 
 use super::Tidal;
 use crate::scalar::Real;
@@ -70,7 +70,7 @@ impl Recipe {
         }
     }
 
-    /// The kick made of standard normals `xi` (the first [`normals`](Self::normals) are used). `None`: the draw has no
+    /// The release offset made of standard normals `xi` (the first [`normals`](Self::normals) are used). `None`: the draw has no
     /// meaning (Chen's radius at or below zero, probability 2.4e-6) and must be repeated.
     #[must_use]
     pub fn kick(self, xi: &[f64; 5], tail: Tail) -> Option<ReleaseOffset> {
@@ -94,12 +94,12 @@ impl Recipe {
         }
     }
 
-    /// The length (kpc) and velocity (kpc/Gyr) scales that kicks are counted in, for a progenitor of `mass` Msun.
+    /// The length (kpc) and velocity (kpc/Gyr) scales of the release offsets, for a progenitor of `mass` Msun.
     #[inline(always)]
     pub fn scales<S: Real>(self, tidal: &Tidal<S>, mass: S) -> (S, S) {
         match self {
             Self::Fardal2015 | Self::Fardal2015Published => (tidal.r_j, tidal.omega * tidal.r_j),
-            // Escape speed of a point mass at r_j; the kick carries 1/sqrt(r/r_j).
+            // Escape speed of a point mass at r_j; the offset contains 1/sqrt(r/r_j).
             Self::Chen2025 => (tidal.r_j, (mass * (2.0 * G) / tidal.r_j).sqrt()),
         }
     }

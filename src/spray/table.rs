@@ -1,4 +1,4 @@
-//! The table of releases: who leaves when, through which side, with which kick. Made once from a seed; from here to the
+//! The table of releases: release time, tail and release offset of each particle. Made once from a seed; from here to the
 //! likelihood nobody holds a generator.
 
 use super::{Recipe, ReleaseOffset, Tail};
@@ -11,13 +11,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SamplingScheme {
-    /// Independent normals; release times -T + k T / epochs (the paper).
+    /// Independent normals; release times -T + k T / `release_times` (the paper).
     Random,
-    /// One Owen-scrambled Sobol set per arm over release time and normals, sorted by time: the track noise of 2.5 times
+    /// One Owen-scrambled Sobol set per tail over release time and normals, sorted by time: the track noise of 2.5 times
     /// as many random particles. Release times are the middles of equal intervals.
     Sobol,
-    /// The Sobol set, each particle linked to one of nearly the same kick at the next release time: on the sky it is spread along
-    /// the way there. The track noise of 1.4 times as many Sobol particles, and a likelihood as smooth as that of four times as many.
+    /// The Sobol set. Each particle has a neighbour with nearly the same release offset at the next release time, and on the sky it is
+    /// smeared along the segment to that neighbour. The track noise of 1.4 times as many Sobol particles, and a likelihood as smooth as that of four times as many.
     #[default]
     SobolSegments,
 }
@@ -26,7 +26,7 @@ pub enum SamplingScheme {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TableSettings {
-    /// Particles, both arms together.
+    /// Particles, both tails together.
     pub particles: usize,
     /// Release times; 0 chooses 100 for `random`, else as many as leave each 32 particles (from 2,048 on), else 16, else 8:
     /// whichever divides them.
@@ -60,18 +60,18 @@ pub struct Release {
     pub offset: ReleaseOffset,
 }
 
-/// All releases, epoch by epoch, oldest first; equal numbers per epoch, leading before trailing.
+/// All releases by release time, oldest first; equal numbers at each time, leading before trailing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReleaseTable {
-    /// Release time of each epoch as a fraction of the age, in [-1, 0).
+    /// Release times as fractions of the age, in [-1, 0).
     pub taus: Vec<f64>,
     /// Particles, `taus.len() * per_release_time` of them.
     pub releases: Vec<Release>,
-    /// Particles per epoch.
+    /// Particles per release time.
     pub per_release_time: usize,
-    /// Recipe that the kicks belong to.
+    /// Recipe of the release offsets.
     pub recipe: Recipe,
-    /// How much further on each particle's partner is ([`SamplingScheme::SobolSegments`]; of those released last, how much before them); 0 if they
+    /// Index of each particle's neighbour minus its own ([`SamplingScheme::SobolSegments`]; of those released last, how much before them); 0 if they
     /// have none.
     pub neighbour_offset: usize,
 }
@@ -80,7 +80,7 @@ impl ReleaseTable {
     /// Makes the table.
     ///
     /// # Errors
-    /// [`Error::Setting`] if the particles cannot be dealt out evenly, or if there are none or too many for the design.
+    /// [`Error::Setting`] if the number of particles is not a multiple that the sampling scheme allows, zero or too large.
     pub fn new(settings: &TableSettings) -> Result<Self> {
         let n = settings.particles;
         let fail = |remedy: &str| Error::Setting {
@@ -183,9 +183,9 @@ fn random_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<Rel
 }
 
 /// A scrambled Sobol set, sorted by its first coordinate, the release time: its index must not choose the time, nor the
-/// arm, because its low bits are the first coordinates of the points.
+/// tail, because its low bits are the first coordinates of the points.
 fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<ReleaseOffset> {
-    // Scrambles are 32-bit seeds; the two arms and the redraws get sets of their own.
+    // Scrambles are 32-bit seeds; the two tails and the redraws get sets of their own.
     let scramble = |round: u64| {
         let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 1 + round);
         #[allow(
@@ -224,10 +224,10 @@ fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<Rele
     rows.into_iter().map(|(_, kick)| kick).collect()
 }
 
-/// Kicks of one release time that may change places: more would be nearer still, at the price of comparing all pairs.
+/// Number of release offsets of one release time that are compared with each other to find neighbours: the cost grows with its square.
 const LINKED_TOGETHER: usize = 64;
 
-/// Reorders the kicks of each release time, `per_release_time` of them, so that each follows one of nearly the same kick: of
+/// Reorders the release offsets of each release time, `per_release_time` of them, so that each follows one that is nearly equal: of
 /// [`LINKED_TOGETHER`] no two could change places and be nearer to those before, by the sum of squares.
 fn linked(mut kicks: Vec<ReleaseOffset>, per_release_time: usize) -> Vec<ReleaseOffset> {
     for first in (per_release_time..kicks.len()).step_by(per_release_time) {

@@ -28,7 +28,7 @@ const SOFTNESS: f64 = 1e-6;
 const TINY_L2: f64 = 1e-60;
 
 impl<S: Real> Tidal<S> {
-    /// `r_j = (G m / (Omega^2 - Phi_rr))^(1/3)` (King 1962; physics.md 4) for a progenitor of `mass` Msun in state `s`.
+    /// `r_j = (G m / (Omega^2 - Phi_rr))^(1/3)` (King 1962; docs/physics.md, section 4) for a progenitor of `mass` Msun in state `s`.
     ///
     /// The bracket is bounded from below by `G m / (10 r)^3`, smoothly (a hyperbola of relative width 1e-6), because
     /// potentials other than the NFW can make it small or negative; [`bounded`](Self::bounded) says where that acted.

@@ -7,27 +7,28 @@ use crate::potential::{HaloCotangent, PlummerCotangent};
 use crate::scalar::{Isa, Vec3};
 use std::ops::Range;
 
-/// Derivatives with respect to what the cold stage hands over to the particles of some epochs.
+/// Derivatives with respect to the progenitor solution, from the particles of some release times.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cotangents {
-    /// The first one.
+    /// The first release time.
     pub first_release_time: usize,
-    /// With respect to the launches from the first epoch on.
+    /// With respect to the release frames, from the first release time on.
     pub release_frames: Vec<ReleaseFrame<f64>>,
     /// With respect to the nodes of the orbit.
     pub nodes: Vec<Node<f64>>,
-    /// With respect to the phases of the clock at the nodes.
+    /// With respect to the phases of the adaptive grid at the nodes.
     pub phases: Vec<f64>,
-    /// With respect to the times of the course at hand.
+    /// With respect to the times of the present step schedule.
     pub times: Vec<f64>,
+    /// With respect to the potentials and the age.
     pub shared: SharedCotangent,
 }
 
 impl Cotangents {
-    /// Forgets what was: zero for these epochs and an orbit of `nodes`.
+    /// Zero for these release times and an orbit of `nodes`.
     pub fn reset(&mut self, release_times: &Range<usize>, nodes: usize) {
         let zero = Vec3::zero();
-        let no_launch = ReleaseFrame {
+        let no_frame = ReleaseFrame {
             state: State { x: zero, v: zero },
             position: [zero; 3],
             velocity: [zero; 3],
@@ -35,7 +36,7 @@ impl Cotangents {
         };
         self.first_release_time = release_times.start;
         self.release_frames.clear();
-        self.release_frames.resize(release_times.len(), no_launch);
+        self.release_frames.resize(release_times.len(), no_frame);
         self.nodes.clear();
         self.nodes.resize(nodes, Node::zero());
         self.phases.clear();
@@ -44,7 +45,7 @@ impl Cotangents {
     }
 }
 
-/// Derivatives with respect to what the cold stage hands over, beside nodes and launches.
+/// Derivatives with respect to what the particles of all release times share: potentials and age.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SharedCotangent {
     pub host: HaloCotangent<f64>,
@@ -79,7 +80,7 @@ impl Default for SharedCotangent {
 }
 
 impl Cotangents {
-    /// Adds derivatives with respect to the starts of a pair to those with respect to its launches.
+    /// Adds derivatives with respect to the starts of a pair to those with respect to its release frames.
     #[inline(always)]
     pub fn add_release_frames<I: Isa>(
         &mut self,
@@ -108,7 +109,7 @@ impl Cotangents {
         }
     }
 
-    /// Adds those of the epochs that follow.
+    /// Adds those of the release times that follow.
     pub fn append(&mut self, next: &mut Self) {
         self.shared.add(&next.shared);
         for (sum, by) in self.phases.iter_mut().zip(&next.phases) {

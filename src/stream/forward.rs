@@ -73,7 +73,7 @@ impl Model {
         solution: &ProgenitorSolution<f64, H>,
         out: &mut Particles,
     ) -> std::result::Result<(), Rejection> {
-        // More parts than threads, as one may be late; whole pairs of groups, as those fly together.
+        // More parts than threads, because some may take longer; whole pairs of groups, because those are integrated together.
         let parts = 4 * rayon::current_num_threads();
         let per_part = self.groups.len().div_ceil(parts).next_multiple_of(UNROLL);
         let mut left = out.columns(self.table.len());
@@ -103,7 +103,7 @@ impl Model {
     }
 }
 
-/// What was unsafe, with this many unsafe turns; NaN stands for a particle that is lost.
+/// The approximations of a stream with this many ambiguous windings; NaN if a particle is not finite.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

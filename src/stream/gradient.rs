@@ -2,7 +2,7 @@
 //!
 //! Reverse mode is cheap where many numbers give one: all particles, one likelihood. Forward mode is cheap where few numbers give many:
 //! the 15 numbers of a [`System`], the nodes of an orbit and the release frames. So derivatives go backwards through the particles to
-//! the [`ProgenitorSolution`], and meet there those of the solution, which are computed on dual numbers.
+//! the [`ProgenitorSolution`], and are there multiplied by the derivatives of the solution, which are computed on dual numbers.
 
 use super::compiled::CompiledHalo;
 use super::integrate_vjp::{Ends, Part, VjpKernel};

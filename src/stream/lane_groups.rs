@@ -1,4 +1,4 @@
-//! Two groups of particles side by side: one alone leaves the arithmetic units waiting for its square roots.
+//! Particles in lanes, and lane groups in pairs: the arithmetic units work on one group while the other waits for its square roots.
 
 use super::progenitor_solution::{ProgenitorSolution, ReleaseFrame};
 use crate::orbit::{State, StepSchedule};
@@ -6,31 +6,31 @@ use crate::potential::Halo;
 use crate::scalar::{Isa, LANES, LaneArray, Lanes, Vec3};
 use crate::spray::ReleaseTable;
 
-/// Particles of one epoch that travel side by side; short groups repeat their last particle.
+/// Particles of one release time that are integrated in the lanes of one vector; short groups repeat their last particle.
 #[derive(Clone, Copy, Debug)]
 pub struct Group {
-    /// Their epoch.
+    /// Their release time.
     pub release_time: usize,
     /// The first one's number in the table.
     pub first: usize,
     /// How many of the lanes are particles.
     pub len: usize,
-    /// Kicks, component by component.
+    /// Position parts of the release offsets, by component.
     pub position: [[f64; LANES]; 3],
     /// The velocity parts.
     pub velocity: [[f64; LANES]; 3],
 }
 
-/// Groups side by side in the hot loops.
+/// Number of lane groups that are integrated together.
 pub const UNROLL: usize = 2;
 
-/// Lanes of all groups in flight.
+/// Lanes of a pair of groups.
 pub type Interleaved<I> = Lanes<I, UNROLL>;
 
-/// The courses of the groups in flight; buffers, reused from call to call.
+/// The step schedules of a pair of groups; buffers, reused from call to call.
 pub type StepSchedules = [StepSchedule<f64>; UNROLL];
 
-/// Deals the particles of a table into groups, epoch by epoch.
+/// Divides the particles of each release time of a table into groups.
 pub(super) fn groups(table: &ReleaseTable) -> Vec<Group> {
     let mut groups = Vec::new();
     for release_time in 0..table.taus.len() {
@@ -38,13 +38,13 @@ pub(super) fn groups(table: &ReleaseTable) -> Vec<Group> {
         let end = begin + table.per_release_time;
         for first in (begin..end).step_by(LANES) {
             let len = LANES.min(end - first);
-            let kick = |lane: usize| table.releases[first + lane.min(len - 1)].offset;
+            let offset = |lane: usize| table.releases[first + lane.min(len - 1)].offset;
             groups.push(Group {
                 release_time,
                 first,
                 len,
-                position: std::array::from_fn(|c| std::array::from_fn(|l| kick(l).position[c])),
-                velocity: std::array::from_fn(|c| std::array::from_fn(|l| kick(l).velocity[c])),
+                position: std::array::from_fn(|c| std::array::from_fn(|l| offset(l).position[c])),
+                velocity: std::array::from_fn(|c| std::array::from_fn(|l| offset(l).velocity[c])),
             });
         }
     }
@@ -90,27 +90,27 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// Their epochs.
+    /// Their release times.
     pub fn release_times(&self) -> [usize; UNROLL] {
         let [a, b] = self.groups;
         [a.release_time, b.release_time]
     }
 
-    /// The position parts of their kicks.
+    /// The position parts of their release offsets.
     #[inline(always)]
     pub fn position<I: Isa>(&self) -> [Interleaved<I>; 3] {
         let [a, b] = self.groups;
-        kicks(&a.position, &b.position)
+        offsets(&a.position, &b.position)
     }
 
     /// The velocity parts.
     #[inline(always)]
     pub fn velocity<I: Isa>(&self) -> [Interleaved<I>; 3] {
         let [a, b] = self.groups;
-        kicks(&a.velocity, &b.velocity)
+        offsets(&a.velocity, &b.velocity)
     }
 
-    /// Their launches.
+    /// Their release frames.
     #[inline(always)]
     pub fn release_frames<I: Isa, H: Halo>(
         &self,
@@ -131,7 +131,7 @@ impl<'a> Pair<'a> {
 }
 
 #[inline(always)]
-fn kicks<I: Isa>(a: &[[f64; LANES]; 3], b: &[[f64; LANES]; 3]) -> [Interleaved<I>; 3] {
+fn offsets<I: Isa>(a: &[[f64; LANES]; 3], b: &[[f64; LANES]; 3]) -> [Interleaved<I>; 3] {
     [
         Lanes::load(&LaneArray([a[0], b[0]])),
         Lanes::load(&LaneArray([a[1], b[1]])),

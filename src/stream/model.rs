@@ -16,11 +16,11 @@ pub struct Model {
     pub(super) settings: ModelSettings,
     pub(super) table: ReleaseTable,
     pub(super) groups: Vec<Group>,
-    /// Steps of the particles of each epoch.
+    /// Steps of the particles of each release time.
     pub(super) steps: Vec<usize>,
-    /// Placements of the progenitor at every force evaluation, one more than steps in each epoch.
+    /// Interpolation weights of the progenitor's position at every force evaluation, one more than steps for each release time.
     pub(super) path: Vec<HermiteWeights>,
-    /// Where each epoch's begin.
+    /// Index of the first weights of each release time.
     pub(super) path_starts: Vec<usize>,
 }
 

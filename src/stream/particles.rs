@@ -1,4 +1,4 @@
-//! The hot stage in SIMD lanes.
+//! The particles of a stream today, as columns.
 
 use super::lane_groups::{Interleaved, Pair, UNROLL};
 use crate::error::Tally;
@@ -19,9 +19,9 @@ pub struct Particles {
     pub v: [Vec<f64>; 3],
     /// Winding counts.
     pub turns: Vec<f64>,
-    /// How much further on each particle's partner is; 0 if they have none.
+    /// Index of each particle's neighbour in release space minus its own; 0 if they have none.
     pub neighbour_offset: usize,
-    /// What was unsafe on the way.
+    /// The approximations made for them.
     pub tally: Tally,
 }
 
@@ -90,7 +90,7 @@ impl<'a> Columns<'a> {
         (before, after)
     }
 
-    /// Stores the lanes of a pair. Returns their unsafe turns, NaN if any state is not finite.
+    /// Stores the lanes of a pair. Returns their number of ambiguous windings, NaN if any state is not finite.
     #[inline(always)]
     pub fn store<I: Isa>(
         &mut self,

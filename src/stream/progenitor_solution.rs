@@ -1,4 +1,4 @@
-//! The cold stage of a stream: the progenitor's orbit, and the tidal frame at every release.
+//! The progenitor solution: the progenitor's orbit, and the release frame at every release time.
 
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
@@ -9,7 +9,7 @@ use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
 use std::f64::consts::TAU;
 
-/// One epoch's release: the progenitor, and the scaled tidal frame that kicks are counted in.
+/// The progenitor at one release time, and the scaled tidal frame in which release offsets are given.
 #[derive(Clone, Copy, Debug)]
 pub struct ReleaseFrame<S> {
     /// The progenitor's state.
@@ -23,7 +23,7 @@ pub struct ReleaseFrame<S> {
 }
 
 impl<S: Scalar> ReleaseFrame<S> {
-    /// The state and the winding count of a particle that leaves with the given kick.
+    /// The state and the winding count of a particle with the given release offset.
     #[inline(always)]
     pub fn release(&self, position: [S; 3], velocity: [S; 3]) -> (State<S>, S) {
         let x = offset(self.state.x, &self.position, position);
@@ -78,11 +78,11 @@ pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
     pub age_gyr: S,
     /// The progenitor's orbit.
     pub orbit: DenseOrbit<S>,
-    /// The phase that steps are even in, if they are not even in time.
+    /// The phase in which steps are even, if they are not even in time.
     pub grid: Option<AdaptiveGrid<S>>,
-    /// One launch per epoch.
+    /// One release frame per release time.
     pub release_frames: Vec<ReleaseFrame<S>>,
-    /// What had to be bounded.
+    /// The approximations made.
     pub tally: Tally,
 }
 
@@ -107,7 +107,7 @@ impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
 }
 
 impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
-    /// Integrates the orbit and prepares the launches, in the memory of another setup if there is one.
+    /// Integrates the orbit and computes the release frames, in the memory of another solution if there is one.
     pub(super) fn new(
         system: &System<S, H>,
         settings: &ModelSettings,

@@ -154,7 +154,7 @@ impl<I: Isa, P: Potential<LaneDual<I, VECTORS>>> Kernel for Acceleration<'_, I, 
     }
 }
 
-/// Sum of derivative times dual part: where reverse mode meets forward mode.
+/// Sum of derivatives of the result times dual parts: the chain rule.
 struct Contraction<I: Isa>(Lanes<I, VECTORS>);
 
 impl<I: Isa> Contraction<I> {

@@ -11,18 +11,18 @@ pub enum StepRule {
     /// Equal steps: the paper.
     #[default]
     Uniform,
-    /// Shorter where the progenitor's orbit turns faster, see [`AdaptiveGrid`](crate::orbit::AdaptiveGrid).
+    /// Shorter where the progenitor's orbital frequency is higher, see [`AdaptiveGrid`](crate::orbit::AdaptiveGrid).
     Dynamical,
 }
 
-/// Whose steps are counted.
+/// What the number of steps refers to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StepsPer {
     /// Every particle takes the same number of steps, longer ones the older it is: the paper.
     Particle,
-    /// A particle of the stream's age takes this number of steps, others in proportion to their time in flight: the same
-    /// error for about half of the steps. Particles fill the lanes where an epoch has 16 of them or more.
+    /// A particle of the stream's age takes this number of steps, others in proportion to their time since release: the
+    /// same error for about half of the steps. Lanes are full where a release time has 16 particles or more.
     #[default]
     Age,
 }
@@ -50,17 +50,17 @@ pub struct ModelSettings {
     pub releases: TableSettings,
     /// Leapfrog steps.
     pub steps: usize,
-    /// Whose steps these are.
+    /// What this number refers to.
     pub steps_per: StepsPer,
     /// How they are spread over its time.
     pub step_rule: StepRule,
-    /// How the progenitor is carried.
+    /// How the progenitor is integrated.
     pub orbit: OrbitMethod,
     /// Steps of the progenitor's orbit.
     pub orbit_steps: usize,
-    /// Fewest leapfrog steps per turn where the progenitor's orbit turns fastest (a circular orbit there, 2 pi / omega); a
-    /// galaxy with fewer is rejected. With six the energy of a plunging orbit still holds to 1e-4; with two or three its
-    /// particles are scattered by their steps alone, and a track is an accident of rounding. 0: none is rejected.
+    /// Minimum number of leapfrog steps per orbital period where the progenitor's period is shortest (that of a circular orbit there,
+    /// 2 pi / omega); a system with fewer is rejected. With six the energy of a plunging orbit still holds to 1e-4; with two or three its
+    /// particles are scattered by the integration error, and the track is random. 0: none is rejected.
     pub min_steps_per_orbit: usize,
 }
 

@@ -8,14 +8,14 @@ use crate::potential::Halo;
 use crate::scalar::Real;
 
 impl Model {
-    /// Placements of the progenitor during the flight of one epoch.
+    /// Interpolation weights of the progenitor's position for the particles of one release time.
     #[inline(always)]
     pub(super) fn path_of(&self, release_time: usize) -> &[HermiteWeights] {
         let start = self.path_starts[release_time];
         &self.path[start..=start + self.steps[release_time]]
     }
 
-    /// Writes the course of one epoch's particles.
+    /// Writes the step schedule of the particles of one release time.
     #[inline(always)]
     pub(super) fn plan<S: Real, H: Halo>(
         &self,
@@ -56,17 +56,17 @@ impl Model {
     }
 }
 
-/// Plans the courses of pair after pair, each epoch's once.
+/// Writes the step schedules of one pair after the other, those of each release time once.
 pub(super) struct Planner<'a, H: Halo> {
     model: &'a Model,
     solution: &'a ProgenitorSolution<f64, H>,
     schedules: &'a mut StepSchedules,
-    /// The epochs that the flights are of.
+    /// The release times whose schedules are in the buffers.
     planned: [usize; UNROLL],
 }
 
 impl<'a, H: Halo> Planner<'a, H> {
-    /// With the buffers of an earlier one, whatever they hold.
+    /// In the buffers of an earlier one; their content does not matter.
     pub fn new(
         model: &'a Model,
         solution: &'a ProgenitorSolution<f64, H>,
@@ -80,7 +80,7 @@ impl<'a, H: Halo> Planner<'a, H> {
         }
     }
 
-    /// The course of each half of a pair.
+    /// The step schedules of a pair.
     #[inline(always)]
     pub fn schedules(&mut self, pair: &Pair<'_>) -> InterleavedSchedules<'_> {
         let [a, b] = pair.release_times();

@@ -8,8 +8,8 @@ use crate::orbit::{StepCotangent, StepSchedule, add_weighted};
 use crate::potential::Halo;
 
 impl Cotangents {
-    /// Adds the derivatives with respect to one epoch's course to those with respect to the orbit's nodes, the age and,
-    /// where the course follows a clock, its phases.
+    /// Adds the derivatives with respect to the step schedule of one release time to those with respect to the orbit's nodes, the age and,
+    /// if the schedule follows an adaptive grid, its phases.
     pub(super) fn add_schedule<H: Halo>(
         &mut self,
         model: &Model,
@@ -27,7 +27,7 @@ impl Cotangents {
             add_weighted(&mut self.nodes, place, by.progenitor);
         }
         let steps = schedule_bar.len();
-        // A drift is in itself and by half in the kicks at both of its ends; the kick today moves nothing.
+        // A drift length enters the drift itself and half of the kicks at both of its ends; the kick today moves no position.
         let drift_bar = |j: usize| {
             let next = if j + 1 < steps {
                 schedule_bar[j + 1].kick

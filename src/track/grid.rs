@@ -7,13 +7,13 @@ use crate::scalar::{Scalar, angle, smooth_step};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-/// How a particle near an edge is shared between the two bins.
+/// How the weight of a particle near an edge is divided between the two bins.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BinEdges {
     /// Not at all: it belongs to the bin it is in (the paper). The track then jumps as particles cross edges.
     Hard,
-    /// By a C2 smooth step of this half-width in degrees; the shares add up to 1. Below half a bin.
+    /// By a C2 smooth step of this half-width in degrees, at most half a bin; the two weights add up to 1.
     Soft {
         /// Half-width of each edge in degrees.
         half_width_deg: f64,
@@ -41,11 +41,11 @@ pub struct BinGrid {
     pub edges: BinEdges,
 }
 
-/// A particle beside the edge that is nearest to it.
+/// The bins of a particle, given by the edge that is nearest to it.
 pub(super) struct Placed<S> {
     /// The edge: number of the bin above it.
     pub edge: S,
-    /// Its share of the bin above; the rest is of the bin below.
+    /// Weight in the bin above; the rest is in the bin below.
     pub above: S,
 }
 
@@ -66,7 +66,7 @@ impl BinGrid {
         }
     }
 
-    /// Where a particle at a position belongs.
+    /// The bins of a particle at a position.
     #[inline(always)]
     pub(super) fn place<S: Scalar>(&self, position: S) -> Placed<S> {
         let edge = position.round_ties_even();

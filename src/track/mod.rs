@@ -79,7 +79,7 @@ impl Track {
                 bins: Vec::new(),
             };
         }
-        // More at each end: a particle is spread over two bins at most, and a soft edge shares it outwards.
+        // Three more bins at each end: a segment reaches at most two bins, and a soft edge one more.
         let first = lo - 3;
         let len = usize::try_from(hi - lo + 7).unwrap_or(0);
         let grid = BinGrid {

@@ -8,7 +8,7 @@ use crate::scalar::{Real, Scalar};
 /// Sums over the particles of each bin: weight, weight times radius, weight times radius squared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sums<S> {
-    /// Total weight: the number of particles, with shared ones counted in parts.
+    /// Total weight: the number of particles, those in two bins counted in parts.
     pub weight: Vec<S>,
     /// Sum of r, kpc.
     pub r: Vec<S>,
@@ -37,7 +37,7 @@ impl<S: Scalar> Sums<S> {
 }
 
 impl BinGrid {
-    /// Adds a weight at a spot beside an edge.
+    /// Adds a weight at a quadrature point beside an edge.
     #[inline(always)]
     fn add<S: Scalar>(
         &self,
@@ -57,7 +57,7 @@ impl BinGrid {
         }
     }
 
-    /// Bins the particles of the reference path; each one's partner is `links` further on, 0 if there are none.
+    /// Bins particles of any number type; the neighbour of each is `neighbour_offset` after it, 0 if there are none.
     pub fn sum_final_particles<S: Real>(
         &self,
         particles: &[FinalParticle<S>],
@@ -72,7 +72,7 @@ impl BinGrid {
         for run in SegmentRun::all(0..particles.len(), particles.len(), neighbour_offset) {
             for i in run.particles.clone() {
                 let here = sky_point(i);
-                let segment = here.segment(sky_point(run.partner(i))).limited(here.r);
+                let segment = here.segment(sky_point(run.neighbour(i))).limited(here.r);
                 for k in 0..run.points {
                     let SkyPoint { position, r, r2 } = run.sky_point(here, segment, k);
                     let Placed { edge, above } = self.place(position);

@@ -7,16 +7,17 @@ use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, compile_kernel}
 use crate::stream::Particles;
 use rayon::prelude::*;
 
-/// Particles that are binned together: sums over all particles are sums of theirs, whoever makes them.
+/// Number of particles that are binned together. Sums over all particles are sums of these sums, so the bits do not depend on the
+/// number of threads.
 const AT_A_TIME: usize = 1_024;
 
 /// Sums over some particles, in memory that is used again: weight, r and r^2 of a bin beside each other, and two more bins at
-/// each end for what lies outside. Neighbouring particles are often of one bin, and the second would have to wait for the first: so
-/// there are two sets of bins that take turns.
+/// each end for what lies outside. Neighbouring particles often fall in one bin, and the second addition would wait for the first: so
+/// particles are added to two sets of bins in turn.
 #[derive(Clone, Debug, Default)]
 pub struct PartialSums {
     bins: Vec<[f64; 4]>,
-    /// Positions, radii and their squares of the particles: each is needed twice, for itself and as a partner.
+    /// Positions, radii and their squares of the particles: each is used twice, for the particle and as a neighbour.
     points: [Vec<f64>; 3],
 }
 
@@ -26,7 +27,7 @@ impl PartialSums {
         self.bins.resize(2 * (len + 4), [0.0; 4]);
     }
 
-    /// Eight particles from one of those that are here, or as many as there are.
+    /// Eight particles from number `first` on, or as many as there are.
     #[inline(always)]
     fn sky_point<I: Isa>(&self, first: usize) -> SkyPoint<Lanes<I, 1>> {
         let [position, r, r2] = &self.points;
@@ -37,7 +38,8 @@ impl PartialSums {
         }
     }
 
-    /// Adds a weight at a spot beside the edge under bin number `edge`, -1 to one more than there are; `turn` chooses the set.
+    /// Adds a weight at a quadrature point beside the lower edge of bin number `edge`, which is -1 to the number of bins plus 1; `turn`
+    /// chooses the set of bins.
     #[inline(always)]
     fn add(&mut self, turn: usize, edge: f64, above: f64, r: f64, r2: f64, weight: f64) {
         #[allow(
@@ -123,7 +125,7 @@ impl BinGrid {
     }
 }
 
-/// Adds particles to sums: where they belong is found in lanes, and added one by one.
+/// Adds particles to sums: their bins are computed in lanes, and they are added one by one.
 struct BinKernel<'a> {
     grid: &'a BinGrid,
     particles: &'a Particles,
@@ -153,7 +155,7 @@ impl Kernel for BinKernel<'_> {
             run,
             sums,
         } = self;
-        let (both, weight) = (run.with_partners(), run.weight());
+        let (both, weight) = (run.with_neighbours(), run.weight());
         for column in &mut sums.points {
             column.resize(both.len().next_multiple_of(LANES), 0.0);
         }
@@ -171,7 +173,7 @@ impl Kernel for BinKernel<'_> {
         for first in run.particles.clone().step_by(LANES) {
             let n = LANES.min(run.particles.end - first);
             let here = sums.sky_point::<I>(first - both.start);
-            let there = sums.sky_point(run.partner(first) - both.start);
+            let there = sums.sky_point(run.neighbour(first) - both.start);
             let segment = here.segment(there).limited(here.r);
             for k in 0..run.points {
                 let SkyPoint { position, r, r2 } = run.sky_point(here, segment, k);

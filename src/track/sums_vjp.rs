@@ -28,28 +28,28 @@ impl BinGrid {
         }
         for run in SegmentRun::all(0..len, len, particles.neighbour_offset) {
             for i in run.particles.clone() {
-                let (here, other) = (points[i], run.partner(i));
+                let (here, other) = (points[i], run.neighbour(i));
                 let segment = here.segment(points[other]);
                 let ours = Segment {
                     d_phi: variable::<3>(segment.d_phi, 0),
-                    out: variable(segment.out, 1),
+                    d_r: variable(segment.d_r, 1),
                 }
                 .limited(variable(here.r, 2));
                 let along = Segment {
                     d_phi: ours.d_phi.re,
-                    out: ours.out.re,
+                    d_r: ours.d_r.re,
                 };
-                // What the spots say of the particle's own place, and of the way that they are on.
+                // Derivatives with respect to the particle's own position, and with respect to the segment.
                 let (mut point_bar, mut segment_bar) = ([0.0; 2], [0.0; 2]);
                 for k in 0..run.points {
                     let quadrature_bar = self.point_vjp(run.sky_point(here, along, k), by);
                     for (d, by) in quadrature_bar.into_iter().enumerate() {
                         point_bar[d] += run.weight() * by;
-                        segment_bar[d] += run.weight() * run.share(k) * by;
+                        segment_bar[d] += run.weight() * run.fraction(k) * by;
                     }
                 }
-                let through_way = ours.d_phi * segment_bar[0] + ours.out * segment_bar[1];
-                let [d_phi_bar, d_r_bar, own_r_bar] = gradient_of(&through_way);
+                let along_segment = ours.d_phi * segment_bar[0] + ours.d_r * segment_bar[1];
+                let [d_phi_bar, d_r_bar, own_r_bar] = gradient_of(&along_segment);
                 position_bar[i] += point_bar[0] - d_phi_bar;
                 r_bar[i] += point_bar[1] - d_r_bar + own_r_bar;
                 position_bar[other] += d_phi_bar;
@@ -64,7 +64,7 @@ impl BinGrid {
         }
     }
 
-    /// Derivatives with respect to the position and the radius of a spot of weight one.
+    /// Derivatives with respect to the position and the radius of a quadrature point of weight one.
     fn point_vjp(&self, SkyPoint { position, r, r2 }: SkyPoint<f64>, by: &Sums<f64>) -> [f64; 2] {
         let Placed { edge, above } = self.place::<Dual<1>>(variable(position, 0));
         let [slope] = gradient_of(&above);
