@@ -2,61 +2,36 @@
 //!
 //! `cargo run --release --example own_halo`
 //!
-//! Only the acceleration is written here, once for all number types. Derivatives with respect to positions and parameters follow from it.
+//! The halo is put together from two potentials of the library; one of your own is a struct with the trait `Potential`, written once for
+//! all number types. The derivatives of a stream with respect to positions and parameters follow from the acceleration.
 
 use oblate::Result;
 use oblate::params::{QRange, StreamParams};
-use oblate::potential::{FlattenedNfw, Halo, HaloParameters, MiyamotoNagai, Potential};
+use oblate::potential::{FlattenedNfw, Halo, HaloParameters, MiyamotoNagai, Sum};
 use oblate::scalar::{Scalar, Vec3};
 use oblate::stream::{CompiledHalo, Kernels, Model, ModelSettings, System};
 
-/// A flattened NFW halo with a disc of 7e10 Msun, seen edge-on: its normal is the sky's y axis.
-#[derive(Clone, Copy, Debug)]
-pub struct HaloWithDisc<S> {
-    halo: FlattenedNfw<S>,
-    disc: MiyamotoNagai<S>,
-}
-
-impl<S: Scalar> Potential<S> for HaloWithDisc<S> {
-    #[inline(always)]
-    fn value(&self, x: Vec3<S>) -> S {
-        self.halo.value(x) + self.disc.value(x)
-    }
-
-    #[inline(always)]
-    fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
-        self.halo.acceleration(x) + self.disc.acceleration(x)
-    }
-
-    #[inline(always)]
-    fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
-        NfwWithDisc::hessian_product(self, x, v)
-    }
-}
-
-/// The kind of halo whose potential is a [`HaloWithDisc`].
+/// The kind of halo: a flattened NFW halo with a disc of 7e10 Msun that is seen edge-on, its normal along the sky's y axis.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NfwWithDisc;
 
 impl Halo for NfwWithDisc {
-    type In<S: Scalar> = HaloWithDisc<S>;
+    type In<S: Scalar> = Sum<FlattenedNfw<S>, MiyamotoNagai<S>>;
 
     #[inline(always)]
-    fn new<S: Scalar>(p: HaloParameters<S>) -> HaloWithDisc<S> {
-        HaloWithDisc {
-            halo: FlattenedNfw::from_flattening(p.mass, p.r_s, p.flattening, p.axis),
-            disc: MiyamotoNagai {
-                mass: S::from_f64(7e10),
-                a: S::from_f64(3.0),
-                b: S::from_f64(0.3),
-                normal: Vec3::from_f64(Vec3::new(0.0, 1.0, 0.0)),
-            },
-        }
+    fn new<S: Scalar>(p: HaloParameters<S>) -> Self::In<S> {
+        let halo = FlattenedNfw::from_flattening(p.mass, p.r_s, p.flattening, p.axis);
+        let disc = MiyamotoNagai {
+            mass: S::from_f64(7e10),
+            a: S::from_f64(3.0),
+            b: S::from_f64(0.3),
+            normal: Vec3::from_f64(Vec3::new(0.0, 1.0, 0.0)),
+        };
+        Sum(halo, disc)
     }
 
     #[inline(always)]
-    fn parameters<S: Scalar>(potential: &HaloWithDisc<S>) -> HaloParameters<S> {
-        let halo = &potential.halo;
+    fn parameters<S: Scalar>(Sum(halo, _): &Self::In<S>) -> HaloParameters<S> {
         HaloParameters {
             mass: halo.mass,
             r_s: halo.r_s,

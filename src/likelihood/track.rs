@@ -1,4 +1,4 @@
-//! Gaussian in radius per bin, with the coverage rule chosen by name (physics.md 7).
+//! Gaussian in radius per bin, with the coverage rule chosen by name (docs/physics.md, section 7).
 
 use crate::error::{Error, Rejection, Result};
 use crate::scalar::{Dual, Real, gradient_of, lift, smooth_step};

@@ -21,8 +21,8 @@ use crate::scalar::{Scalar, Vec3};
 use crate::units::G;
 use std::f64::consts::PI;
 
-/// A potential, centred on the origin unless it says otherwise. Implementors give value, acceleration and the product
-/// of the Hessian with a vector; the rest follows.
+/// A potential, centred on the origin unless it says otherwise. A model gives value, acceleration and the product of the
+/// Hessian with a vector; the rest follows from these.
 pub trait Potential<S: Scalar> {
     /// Phi at `x`, in (kpc/Gyr)^2.
     fn value(&self, x: Vec3<S>) -> S;

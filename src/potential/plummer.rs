@@ -13,7 +13,7 @@ pub struct Plummer<S> {
     pub r_s: S,
 }
 
-/// Derivatives of a scalar with respect to the sphere's parameters, summed over many force evaluations.
+/// Derivatives of a scalar with respect to its parameters, summed over many force evaluations.
 #[derive(Clone, Copy, Debug)]
 pub struct PlummerCotangent<S> {
     /// With respect to ln m.
@@ -34,7 +34,7 @@ impl<S: Scalar> PlummerCotangent<S> {
 }
 
 impl<S: Scalar> Plummer<S> {
-    /// The same sphere for another number type, from constants.
+    /// The same sphere in another number type, as constants.
     #[inline(always)]
     #[must_use]
     pub fn broadcast(progenitor: &Plummer<f64>) -> Self {
@@ -57,7 +57,7 @@ impl<S: Scalar> Plummer<S> {
         a.add_scaled(x, -self.slopes(x).1)
     }
 
-    /// Reverse mode, as in [`FlattenedNfw::vjp`](super::FlattenedNfw::vjp).
+    /// Reverse mode, as in [`Halo::vjp`](super::Halo::vjp).
     #[inline(always)]
     pub fn vjp(
         &self,

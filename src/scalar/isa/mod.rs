@@ -22,7 +22,7 @@ pub const LANES: usize = 8;
 #[repr(align(64))]
 pub struct LaneArray<const K: usize>(pub [[f64; LANES]; K]);
 
-/// A computation that is compiled for each instruction set: by `compile_kernel` where it is called on a [`Level`], by
+/// A computation that is compiled for each instruction set: by `compile_kernel` where it is called on a [`Level`](super::Level), by
 /// [`Isa::call`] within another kernel.
 pub trait Kernel {
     /// The type of the result.
