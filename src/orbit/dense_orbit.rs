@@ -30,6 +30,7 @@ pub struct Node<S>(pub [[S; 4]; 3]);
 
 impl<S: Scalar> Node<S> {
     /// All zeros.
+    #[inline(always)]
     #[must_use]
     pub fn zero() -> Self {
         Self([[S::zero(); 4]; 3])
@@ -73,8 +74,9 @@ impl<S: Scalar> Node<S> {
     /// Adds a vector to a row.
     #[inline(always)]
     pub fn add(&mut self, at: usize, vector: Vec3<S>) {
-        for (slot, value) in self.0[at].iter_mut().zip(row(vector)) {
-            *slot += value;
+        let row = row(vector);
+        for c in 0..4 {
+            self.0[at][c] += row[c];
         }
     }
 }
@@ -129,19 +131,20 @@ pub struct OrbitTime<S> {
 }
 
 /// Adds the derivative with respect to an interpolated position to those with respect to the two nodes around it.
+#[inline]
 pub fn add_weighted(nodes: &mut [Node<f64>], place: &HermiteWeights, by: Vec3<f64>) {
     let by = row(by);
-    let rows = nodes[place.node..place.node + 2]
-        .iter_mut()
-        .flat_map(|n| &mut n.0);
-    for (row, weight) in rows.zip(place.weights) {
-        for (slot, value) in row.iter_mut().zip(by) {
-            *slot += weight * value;
+    let HermiteWeights { node, weights } = *place;
+    for k in 0..6 {
+        let row = &mut nodes[node + k / 3].0[k % 3];
+        for c in 0..4 {
+            row[c] += weights[k] * by[c];
         }
     }
 }
 
 /// The interval of `tau` and the fraction within it.
+#[inline]
 pub(super) fn locate(tau: f64, steps: usize) -> (usize, f64) {
     let position = (tau + 1.0).clamp(0.0, 1.0) * steps as f64;
     #[allow(
@@ -157,8 +160,8 @@ pub(super) fn locate(tau: f64, steps: usize) -> (usize, f64) {
 #[inline(always)]
 fn constants<S: Scalar>(weights: [f64; 6]) -> [S; 6] {
     let mut numbers = [S::zero(); 6];
-    for (number, weight) in numbers.iter_mut().zip(weights) {
-        *number = S::from_f64(weight);
+    for k in 0..6 {
+        numbers[k] = S::from_f64(weights[k]);
     }
     numbers
 }
@@ -179,6 +182,7 @@ fn quintic<S: Scalar>(t: S) -> [S; 6] {
 }
 
 /// Its derivative.
+#[inline]
 fn quintic_slope(t: f64) -> [f64; 6] {
     let t2 = t * t;
     let later = 30.0 * t2 * (1.0 + t * (t - 2.0));
@@ -272,8 +276,8 @@ impl<S: Real> DenseOrbit<S> {
         let OrbitTime { node, share } = orbit_time;
         let numbers = quintic(share);
         let mut weights = [0.0; 6];
-        for (weight, number) in weights.iter_mut().zip(numbers) {
-            *weight = number.re();
+        for k in 0..6 {
+            weights[k] = numbers[k].re();
         }
         (
             self.combine(node, numbers),
@@ -306,6 +310,7 @@ impl<S: Real> DenseOrbit<S> {
     }
 
     /// Number of intervals between nodes.
+    #[inline]
     #[must_use]
     pub fn intervals(&self) -> usize {
         self.nodes.len() - 1

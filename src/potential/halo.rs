@@ -19,6 +19,7 @@ pub struct HaloParameters<S> {
 
 impl<S: Scalar> HaloParameters<S> {
     /// From the axis ratio q.
+    #[inline(always)]
     pub fn from_q(mass: S, r_s: S, q: S, axis: Vec3<S>) -> Self {
         Self {
             mass,

@@ -19,6 +19,7 @@ pub struct MiyamotoNagai<S> {
 
 impl<S: Scalar> MiyamotoNagai<S> {
     /// Height z, sqrt(z^2 + b^2), and the squared distance under the root of Phi.
+    #[inline(always)]
     fn geometry(&self, x: Vec3<S>) -> (S, S, S) {
         let z = self.normal.dot(x);
         let height = (z * z + self.b * self.b).sqrt();
@@ -28,22 +29,26 @@ impl<S: Scalar> MiyamotoNagai<S> {
     }
 
     /// The vector `y` with grad Phi = G M y / d^3.
+    #[inline(always)]
     fn direction(&self, x: Vec3<S>, z: S, height: S) -> Vec3<S> {
         x.add_scaled(self.normal, self.a * z / height)
     }
 }
 
 impl<S: Scalar> Potential<S> for MiyamotoNagai<S> {
+    #[inline(always)]
     fn value(&self, x: Vec3<S>) -> S {
         let (_, _, d2) = self.geometry(x);
         -(self.mass * G / d2.sqrt())
     }
 
+    #[inline(always)]
     fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
         let (z, height, d2) = self.geometry(x);
         self.direction(x, z, height) * (-(self.mass * G / (d2 * d2.sqrt())))
     }
 
+    #[inline(always)]
     fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
         let (z, height, d2) = self.geometry(x);
         let y = self.direction(x, z, height);

@@ -55,6 +55,7 @@ fn profile<S: Scalar>(s: S) -> S {
 
 impl<S: Scalar> FlattenedNfw<S> {
     /// A halo of mass scale `mass` (Msun), scale radius `r_s` (kpc), flattening `q` along the unit vector `axis`.
+    #[inline(always)]
     pub fn new(mass: S, r_s: S, q: S, axis: Vec3<S>) -> Self {
         Self::from_flattening(mass, r_s, S::one() / (q * q) - 1.0, axis)
     }

@@ -24,6 +24,7 @@ pub struct PlummerCotangent<S> {
 
 impl<S: Scalar> PlummerCotangent<S> {
     /// All derivatives zero.
+    #[inline(always)]
     #[must_use]
     pub fn zero() -> Self {
         Self {

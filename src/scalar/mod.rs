@@ -27,7 +27,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// The operations of the inner loops: arithmetic, square root, comparison and selection.
+/// The operations of the inner loops: arithmetic, square root, comparison and selection. Their functions must be inlined into kernels, because
+/// elsewhere they would be compiled without the instructions of the kernel.
 pub trait Scalar:
     Copy
     + Debug
@@ -72,24 +73,28 @@ pub trait Scalar:
     fn round_ties_even(self) -> Self;
 
     /// Zero.
+    #[inline(always)]
     #[must_use]
     fn zero() -> Self {
         Self::from_f64(0.0)
     }
 
     /// One.
+    #[inline(always)]
     #[must_use]
     fn one() -> Self {
         Self::from_f64(1.0)
     }
 
     /// The larger of two, on the real parts.
+    #[inline(always)]
     #[must_use]
     fn max(self, other: Self) -> Self {
         Self::select(self.lt(other), other, self)
     }
 
     /// The smaller of two, on the real parts.
+    #[inline(always)]
     #[must_use]
     fn min(self, other: Self) -> Self {
         Self::select(other.lt(self), other, self)

@@ -5,7 +5,7 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A number of type `S` with its derivatives in `N` directions.
 ///
-/// [`Dual`](super::Dual) is faster over `f64`; this type exists for number types that it cannot hold.
+/// As [`Dual`](super::Dual), with the same rounding, but over any number type, and inlined everywhere: for kernels.
 #[derive(Clone, Copy, Debug)]
 pub struct Tangent<S, const N: usize> {
     /// The number.
@@ -36,8 +36,8 @@ impl<S: Scalar, const N: usize> Tangent<S, N> {
     #[inline(always)]
     fn chain(self, re: S, slope: S) -> Self {
         let mut eps = self.eps;
-        for e in &mut eps {
-            *e *= slope;
+        for k in 0..N {
+            eps[k] *= slope;
         }
         Self { re, eps }
     }
@@ -46,8 +46,8 @@ impl<S: Scalar, const N: usize> Tangent<S, N> {
     #[inline(always)]
     fn chain2(self, other: Self, re: S, slope: S, other_slope: S) -> Self {
         let mut eps = self.eps;
-        for (e, o) in eps.iter_mut().zip(other.eps) {
-            *e = e.mul_add(slope, o * other_slope);
+        for k in 0..N {
+            eps[k] = eps[k].mul_add(slope, other.eps[k] * other_slope);
         }
         Self { re, eps }
     }
@@ -57,7 +57,14 @@ impl<S: Scalar, const N: usize> Add for Tangent<S, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, o: Self) -> Self {
-        self.chain2(o, self.re + o.re, S::one(), S::one())
+        let mut eps = self.eps;
+        for k in 0..N {
+            eps[k] += o.eps[k];
+        }
+        Self {
+            re: self.re + o.re,
+            eps,
+        }
     }
 }
 
@@ -65,7 +72,14 @@ impl<S: Scalar, const N: usize> Sub for Tangent<S, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, o: Self) -> Self {
-        self.chain2(o, self.re - o.re, S::one(), -S::one())
+        let mut eps = self.eps;
+        for k in 0..N {
+            eps[k] -= o.eps[k];
+        }
+        Self {
+            re: self.re - o.re,
+            eps,
+        }
     }
 }
 
@@ -81,8 +95,15 @@ impl<S: Scalar, const N: usize> Div for Tangent<S, N> {
     type Output = Self;
     #[inline(always)]
     fn div(self, o: Self) -> Self {
-        let (re, inverse) = (self.re / o.re, S::one() / o.re);
-        self.chain2(o, re, inverse, -(re * inverse))
+        let inverse = S::one() / o.re;
+        let mut eps = self.eps;
+        for k in 0..N {
+            eps[k] = (eps[k] * o.re - o.eps[k] * self.re) * inverse * inverse;
+        }
+        Self {
+            re: self.re * inverse,
+            eps,
+        }
     }
 }
 
@@ -140,7 +161,14 @@ impl<S: Scalar, const N: usize> Div<f64> for Tangent<S, N> {
     type Output = Self;
     #[inline(always)]
     fn div(self, c: f64) -> Self {
-        self.chain(self.re / c, S::from_f64(1.0 / c))
+        let mut eps = self.eps;
+        for k in 0..N {
+            eps[k] = eps[k] / c;
+        }
+        Self {
+            re: self.re / c,
+            eps,
+        }
     }
 }
 
@@ -155,14 +183,14 @@ impl<S: Scalar, const N: usize> Scalar for Tangent<S, N> {
     #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.re.sqrt();
-        self.chain(root, S::from_f64(0.5) / root)
+        self.chain(root, S::one() / self.re * root * 0.5)
     }
 
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
         let mut number = self.chain2(a, self.re.mul_add(a.re, b.re), a.re, self.re);
-        for (e, o) in number.eps.iter_mut().zip(b.eps) {
-            *e += o;
+        for k in 0..N {
+            number.eps[k] += b.eps[k];
         }
         number
     }
@@ -175,8 +203,8 @@ impl<S: Scalar, const N: usize> Scalar for Tangent<S, N> {
     #[inline(always)]
     fn select(mask: S::Mask, a: Self, b: Self) -> Self {
         let mut eps = a.eps;
-        for (e, o) in eps.iter_mut().zip(b.eps) {
-            *e = S::select(mask, *e, o);
+        for k in 0..N {
+            eps[k] = S::select(mask, eps[k], b.eps[k]);
         }
         Self {
             re: S::select(mask, a.re, b.re),

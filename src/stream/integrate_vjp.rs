@@ -59,10 +59,12 @@ impl Ends<'_> {
 #[inline(always)]
 fn repeated<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
     let mut lanes = LaneArray([[0.0; LANES]; UNROLL]);
-    for (lanes, group) in lanes.0.iter_mut().zip(pair.groups) {
-        let (part, rest) = lanes.split_at_mut(group.len);
-        part.copy_from_slice(&column[group.first..group.first + group.len]);
-        rest.fill(part[group.len - 1]);
+    for k in 0..UNROLL {
+        let group = pair.groups[k];
+        let part = &column[group.first..group.first + group.len];
+        for lane in 0..LANES {
+            lanes.0[k][lane] = part[lane.min(group.len - 1)];
+        }
     }
     Lanes::load(&lanes)
 }
@@ -71,8 +73,9 @@ fn repeated<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
 #[inline(always)]
 fn padded<I: Isa>(pair: &Pair<'_>, column: &[f64]) -> Interleaved<I> {
     let mut lanes = LaneArray([[0.0; LANES]; UNROLL]);
-    for ((lanes, group), len) in lanes.0.iter_mut().zip(pair.groups).zip(pair.lens) {
-        lanes[..len].copy_from_slice(&column[group.first..group.first + len]);
+    for k in 0..UNROLL {
+        let first = pair.groups[k].first;
+        lanes.0[k][..pair.lens[k]].copy_from_slice(&column[first..first + pair.lens[k]]);
     }
     Lanes::load(&lanes)
 }
@@ -136,12 +139,10 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
             {
                 sum_lanes(schedule_bar, sums);
                 // A half without particles adds no derivatives, but may hold those of an earlier pair.
-                for ((sums, schedule), release_time) in sums
-                    .iter()
-                    .zip([schedules.0, schedules.1])
-                    .zip(pair.release_times())
-                {
-                    cotangents.add_schedule(model, solution, release_time, schedule, sums);
+                let both = [schedules.0, schedules.1];
+                for k in 0..UNROLL {
+                    let release_time = pair.groups[k].release_time;
+                    cotangents.add_schedule(model, solution, release_time, both[k], &sums[k]);
                 }
             }
         }

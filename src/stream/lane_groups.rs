@@ -68,6 +68,7 @@ pub(super) struct Pairs<'a> {
 impl<'a> Iterator for Pairs<'a> {
     type Item = Pair<'a>;
 
+    #[inline]
     fn next(&mut self) -> Option<Pair<'a>> {
         let (a, rest) = self.left.split_first()?;
         let partner = rest
@@ -83,6 +84,7 @@ impl<'a> Iterator for Pairs<'a> {
 
 impl<'a> Pair<'a> {
     /// All pairs of a run of groups, whose particles take `steps` by release time.
+    #[inline]
     pub fn all(steps: &'a [usize], groups: &'a [Group]) -> Pairs<'a> {
         Pairs {
             steps,
@@ -91,6 +93,7 @@ impl<'a> Pair<'a> {
     }
 
     /// Their release times.
+    #[inline]
     pub fn release_times(&self) -> [usize; UNROLL] {
         let [a, b] = self.groups;
         [a.release_time, b.release_time]

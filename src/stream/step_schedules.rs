@@ -67,6 +67,7 @@ pub(super) struct Planner<'a, H: Halo> {
 
 impl<'a, H: Halo> Planner<'a, H> {
     /// In the buffers of an earlier one; their content does not matter.
+    #[inline]
     pub fn new(
         model: &'a Model,
         solution: &'a ProgenitorSolution<f64, H>,

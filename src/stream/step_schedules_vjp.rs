@@ -23,10 +23,10 @@ impl Cotangents {
         } else {
             model.path_of(release_time)
         };
-        for (place, by) in places.iter().zip(schedule_bar) {
-            add_weighted(&mut self.nodes, place, by.progenitor);
-        }
         let steps = schedule_bar.len();
+        for j in 0..steps {
+            add_weighted(&mut self.nodes, &places[j], schedule_bar[j].progenitor);
+        }
         // A drift length enters the drift itself and half of the kicks at both of its ends; the kick today moves no position.
         let drift_bar = |j: usize| {
             let next = if j + 1 < steps {
@@ -36,10 +36,11 @@ impl Cotangents {
             };
             schedule_bar[j].drift / schedule.drift_gyr[j] + 0.5 * (schedule_bar[j].kick + next)
         };
-        self.shared.age_gyr += (0..steps)
-            .map(|j| drift_bar(j) * schedule.drift_gyr[j])
-            .sum::<f64>()
-            / solution.age_gyr;
+        let mut sum = 0.0;
+        for j in 0..steps {
+            sum += drift_bar(j) * schedule.drift_gyr[j];
+        }
+        self.shared.age_gyr += sum / solution.age_gyr;
         if let Some(grid) = &solution.grid {
             let times_bar = &mut self.times;
             times_bar.clear();

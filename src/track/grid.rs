@@ -51,6 +51,7 @@ pub(super) struct Placed<S> {
 
 impl BinGrid {
     /// Bin widths per radian.
+    #[inline]
     pub(super) fn per_radian(&self) -> f64 {
         180.0 / (PI * self.width_deg)
     }
@@ -89,6 +90,17 @@ impl BinGrid {
         S::select(lo.lt(row), row, lo)
     }
 
+    /// The index of a bin, if it is in the grid.
+    #[inline(always)]
+    fn index(&self, bin: i64) -> Option<usize> {
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "between 0 and the number of bins"
+        )]
+        (bin >= 0 && bin < self.len.cast_signed() as i64).then_some(bin as usize)
+    }
+
     /// Index of the bin below an edge and of that above it.
     #[inline(always)]
     pub(super) fn beside(&self, edge: f64) -> [Option<usize>; 2] {
@@ -97,6 +109,6 @@ impl BinGrid {
             reason = "a finite angle is below 2^51 bins"
         )]
         let above = edge as i64 - self.first;
-        [above - 1, above].map(|i| usize::try_from(i).ok().filter(|i| *i < self.len))
+        [self.index(above - 1), self.index(above)]
     }
 }

@@ -27,6 +27,7 @@ pub struct SegmentRun {
 impl SegmentRun {
     /// The runs of some of `len` particles. The neighbour of each is `neighbour_offset` after it, that of the last ones as much before
     /// them; with an offset of 0 particles have no neighbours and are points.
+    #[inline]
     pub fn all(some: Range<usize>, len: usize, neighbour_offset: usize) -> [Self; 2] {
         let last = len.saturating_sub(neighbour_offset);
         let within = |from: usize, to: usize| some.start.max(from)..some.end.min(to);
@@ -46,6 +47,7 @@ impl SegmentRun {
     }
 
     /// The numbers of the particles and of their neighbours, and of those between them.
+    #[inline]
     pub fn with_neighbours(&self) -> Range<usize> {
         let Range { start, end } = self.particles;
         if self.particles.is_empty() {

@@ -49,12 +49,11 @@ impl PartialSums {
         )]
         let row = (edge + 1.0) as usize + (turn % 2) * (self.bins.len() / 2);
         let (above, sky_point) = (above * weight, [1.0, r, r2, 0.0]);
-        for (bin, share) in self.bins[row..row + 2]
-            .iter_mut()
-            .zip([weight - above, above])
-        {
-            for (sum, value) in bin.iter_mut().zip(sky_point) {
-                *sum += share * value;
+        let weights = [weight - above, above];
+        for k in 0..2 {
+            let bin = &mut self.bins[row + k];
+            for c in 0..4 {
+                bin[c] += weights[k] * sky_point[c];
             }
         }
     }

@@ -3,7 +3,7 @@
 use super::grid::{BinGrid, Placed};
 use super::segment::{Segment, SegmentRun, SkyPoint};
 use super::sums::Sums;
-use crate::scalar::{Dual, gradient_of, variable};
+use crate::scalar::Tangent;
 use crate::stream::Particles;
 
 impl BinGrid {
@@ -31,10 +31,10 @@ impl BinGrid {
                 let (here, other) = (points[i], run.neighbour(i));
                 let segment = here.segment(points[other]);
                 let ours = Segment {
-                    d_phi: variable::<3>(segment.d_phi, 0),
-                    d_r: variable(segment.d_r, 1),
+                    d_phi: Tangent::<f64, 3>::along(segment.d_phi, 0, 1.0),
+                    d_r: Tangent::along(segment.d_r, 1, 1.0),
                 }
-                .limited(variable(here.r, 2));
+                .limited(Tangent::along(here.r, 2, 1.0));
                 let along = Segment {
                     d_phi: ours.d_phi.re,
                     d_r: ours.d_r.re,
@@ -43,13 +43,13 @@ impl BinGrid {
                 let (mut point_bar, mut segment_bar) = ([0.0; 2], [0.0; 2]);
                 for k in 0..run.points {
                     let quadrature_bar = self.point_vjp(run.sky_point(here, along, k), by);
-                    for (d, by) in quadrature_bar.into_iter().enumerate() {
-                        point_bar[d] += run.weight() * by;
-                        segment_bar[d] += run.weight() * run.fraction(k) * by;
+                    for d in 0..2 {
+                        point_bar[d] += run.weight() * quadrature_bar[d];
+                        segment_bar[d] += run.weight() * run.fraction(k) * quadrature_bar[d];
                     }
                 }
                 let along_segment = ours.d_phi * segment_bar[0] + ours.d_r * segment_bar[1];
-                let [d_phi_bar, d_r_bar, own_r_bar] = gradient_of(&along_segment);
+                let [d_phi_bar, d_r_bar, own_r_bar] = along_segment.eps;
                 position_bar[i] += point_bar[0] - d_phi_bar;
                 r_bar[i] += point_bar[1] - d_r_bar + own_r_bar;
                 position_bar[other] += d_phi_bar;
@@ -65,15 +65,20 @@ impl BinGrid {
     }
 
     /// Derivatives with respect to the position and the radius of a quadrature point of weight one.
+    #[inline(always)]
     fn point_vjp(&self, SkyPoint { position, r, r2 }: SkyPoint<f64>, by: &Sums<f64>) -> [f64; 2] {
-        let Placed { edge, above } = self.place::<Dual<1>>(variable(position, 0));
-        let [slope] = gradient_of(&above);
-        let shares = [(1.0 - above.re, -slope), (above.re, slope)];
+        let Placed { edge, above } = self.place(Tangent::<f64, 1>::along(position, 0, 1.0));
+        let [slope] = above.eps;
+        let (bins, weights, slopes) = (
+            self.beside(edge.re),
+            [1.0 - above.re, above.re],
+            [-slope, slope],
+        );
         let (mut position_bar, mut r_bar) = (0.0, 0.0);
-        for (i, (weight, slope)) in self.beside(edge.re).into_iter().zip(shares) {
-            if let Some(i) = i {
-                r_bar += weight * (by.r[i] + 2.0 * r * by.r2[i]);
-                position_bar += slope * (by.weight[i] + by.r[i] * r + by.r2[i] * r2);
+        for k in 0..2 {
+            if let Some(i) = bins[k] {
+                r_bar += weights[k] * (by.r[i] + 2.0 * r * by.r2[i]);
+                position_bar += slopes[k] * (by.weight[i] + by.r[i] * r + by.r2[i] * r2);
             }
         }
         [position_bar, r_bar]

@@ -103,6 +103,18 @@ pub(super) fn round_ties_even(x: f64) -> f64 {
     (x + NO_FRACTION) - NO_FRACTION
 }
 
+/// An array of eight, computed element by element. A macro and not a function with a closure, because calls of closures are not always
+/// inlined.
+macro_rules! lane_by_lane {
+    ($i:ident => $value:expr) => {{
+        let mut lanes = [Default::default(); LANES];
+        for $i in 0..LANES {
+            lanes[$i] = $value;
+        }
+        lanes
+    }};
+}
+
 /// Plain arrays, compiled for the baseline instruction set of the target: runs on every CPU.
 #[derive(Clone, Copy, Debug)]
 pub struct Portable;
@@ -129,45 +141,43 @@ impl Isa for Portable {
     }
     #[inline(always)]
     fn add(a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        std::array::from_fn(|i| a[i] + b[i])
+        lane_by_lane!(i => a[i] + b[i])
     }
     #[inline(always)]
     fn sub(a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        std::array::from_fn(|i| a[i] - b[i])
+        lane_by_lane!(i => a[i] - b[i])
     }
     #[inline(always)]
     fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        std::array::from_fn(|i| a[i] * b[i])
+        lane_by_lane!(i => a[i] * b[i])
     }
     #[inline(always)]
     fn div(a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        std::array::from_fn(|i| a[i] / b[i])
+        lane_by_lane!(i => a[i] / b[i])
     }
     #[inline(always)]
     fn neg(a: Self::Vector) -> Self::Vector {
-        a.map(|a| -a)
+        lane_by_lane!(i => -a[i])
     }
     #[inline(always)]
     fn sqrt(a: Self::Vector) -> Self::Vector {
-        a.map(f64::sqrt)
+        lane_by_lane!(i => a[i].sqrt())
     }
     #[inline(always)]
     fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector {
-        std::array::from_fn(|i| a[i] * b[i] + c[i])
+        lane_by_lane!(i => a[i] * b[i] + c[i])
     }
     #[inline(always)]
     fn lt(a: Self::Vector, b: Self::Vector) -> Self::Mask {
-        std::array::from_fn(|i| if a[i] < b[i] { u64::MAX } else { 0 })
+        lane_by_lane!(i => if a[i] < b[i] { u64::MAX } else { 0 })
     }
     #[inline(always)]
     fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask {
-        std::array::from_fn(|i| a[i] & b[i])
+        lane_by_lane!(i => a[i] & b[i])
     }
     #[inline(always)]
     fn select(mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        std::array::from_fn(|i| {
-            f64::from_bits((a[i].to_bits() & mask[i]) | (b[i].to_bits() & !mask[i]))
-        })
+        lane_by_lane!(i => f64::from_bits((a[i].to_bits() & mask[i]) | (b[i].to_bits() & !mask[i])))
     }
     #[inline(always)]
     fn sum(a: Self::Vector) -> f64 {
@@ -176,7 +186,9 @@ impl Isa for Portable {
     }
     #[inline(always)]
     fn split_exponent(a: Self::Vector) -> (Self::Vector, Self::Vector) {
-        let pairs = a.map(split_exponent);
-        (pairs.map(|p| p.0), pairs.map(|p| p.1))
+        (
+            lane_by_lane!(i => split_exponent(a[i]).0),
+            lane_by_lane!(i => split_exponent(a[i]).1),
+        )
     }
 }

@@ -15,6 +15,7 @@ macro_rules! cpu {
 }
 
 /// The bits as an intrinsic takes them.
+#[inline(always)]
 const fn signed(bits: u64) -> i64 {
     i64::from_ne_bytes(bits.to_ne_bytes())
 }
