@@ -69,9 +69,9 @@ fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
                 row.median[0],
                 row.median[1],
                 row.sigma,
-                row.of_width,
-                row.distance,
-                row.distance_by_chance
+                row.shift,
+                row.wasserstein,
+                row.wasserstein_expected
             ),
         )?;
     }

@@ -1,7 +1,8 @@
 //! What makes columns a track, in one place for files and for tracks made in memory.
 
-use super::{LEAST_BINS, ObservedTrack};
-use crate::error::TrackFault;
+use super::observed::{MIN_BINS, ObservedTrack, default_errors};
+use crate::error::{Error, Result, TrackFault};
+use std::collections::BTreeMap;
 
 /// How far a centre may sit from its place, as a fraction of the bin width: files round their angles.
 const SLACK: f64 = 1e-3;
@@ -27,15 +28,6 @@ impl Fault {
     }
 }
 
-/// The bin of a centre.
-#[allow(
-    clippy::cast_possible_truncation,
-    reason = "checked tracks hold centres of a few turns at most; the cast saturates elsewhere"
-)]
-pub fn bin_of(phi_deg: f64, width_deg: f64) -> i64 {
-    (phi_deg / width_deg - 0.5).round() as i64
-}
-
 /// The first fault of a track, or `None` if it is sound.
 pub fn fault(track: &ObservedTrack) -> Option<Fault> {
     let rows = track.phi_deg.len();
@@ -45,10 +37,10 @@ pub fn fault(track: &ObservedTrack) -> Option<Fault> {
     if !same {
         return Fault::whole(TrackFault::ColumnLengths);
     }
-    if rows < LEAST_BINS {
+    if rows < MIN_BINS {
         return Fault::whole(TrackFault::TooFewBins {
             bins: rows,
-            min: LEAST_BINS,
+            min: MIN_BINS,
         });
     }
     (0..rows)
@@ -109,4 +101,38 @@ fn width_fault(track: &ObservedTrack) -> Option<Fault> {
         return Fault::at(0, TrackFault::OffGrid { phi_deg, width_deg });
     }
     None
+}
+
+impl ObservedTrack {
+    /// A track from columns of one length: centres in degrees, the bins' width in degrees, radii and their errors in
+    /// kpc (2 % of the radius if `None`).
+    ///
+    /// # Errors
+    /// [`Error::Track`] if the columns do not make a track (see [`ObservedTrack::read`]).
+    pub fn new(
+        name: &str,
+        phi_deg: &[f64],
+        bin_width_deg: f64,
+        r_kpc: &[f64],
+        r_err_kpc: Option<&[f64]>,
+    ) -> Result<Self> {
+        let track = Self {
+            name: name.to_owned(),
+            phi_deg: phi_deg.to_vec(),
+            bin_width_deg,
+            r_kpc: r_kpc.to_vec(),
+            r_err_kpc: r_err_kpc.map_or_else(|| default_errors(r_kpc), <[f64]>::to_vec),
+            r_err_assumed: r_err_kpc.is_none(),
+            n: None,
+            meta: BTreeMap::new(),
+        };
+        match fault(&track) {
+            None => Ok(track),
+            Some(found) => Err(Error::Track {
+                name: name.to_owned(),
+                bin: found.row.map(|row| row + 1),
+                fault: found.fault,
+            }),
+        }
+    }
 }

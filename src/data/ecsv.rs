@@ -1,7 +1,7 @@
 //! The header of ECSV (astropy's enhanced CSV): YAML in comment lines, read with `saphyr` and written by hand in the
 //! small subset that both YAML 1.1 (astropy) and 1.2 read the same way.
 
-use super::ObservedTrack;
+use super::observed::ObservedTrack;
 use crate::error::{Error, Result, TrackFault};
 use saphyr::{LoadableYamlNode, Scalar, Yaml};
 use serde_json::Value;
@@ -181,5 +181,17 @@ fn yaml(value: &Value) -> String {
             format!("{{{}}}", entries.join(", "))
         }
         plain => plain.to_string(),
+    }
+}
+
+impl ObservedTrack {
+    /// Writes ECSV that astropy and [`ObservedTrack::read`] read back, floats exact to the bit. The file appears whole
+    /// or not at all, and replaces an old one.
+    ///
+    /// # Errors
+    /// [`Error::Sampler`] with the file's name if it cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        oblate_samplers::checkpoint::write_atomically(path, text(self).as_bytes())?;
+        Ok(())
     }
 }

@@ -261,7 +261,7 @@ fn truth(params: &StreamParams<f64>, q: f64) -> serde_json::Value {
 /// The paper's three criteria; gives the length of the projected track.
 fn criteria(track: &Track, settings: &MockSettings) -> std::result::Result<f64, Cut> {
     let angle = track.bins.len() as f64 * track.width_deg;
-    if angle <= settings.min_angle_deg || track.bins.len() < super::LEAST_BINS {
+    if angle <= settings.min_angle_deg || track.bins.len() < super::MIN_BINS {
         return Err(Cut::Angle);
     }
     let point = |phi_deg: f64, r: f64| {

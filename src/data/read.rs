@@ -1,6 +1,7 @@
 //! Files to tracks: finds the columns, applies the units, and turns each fault into an error with its line.
 
-use super::{ObservedTrack, check, default_errors, ecsv};
+use super::observed::{ObservedTrack, default_errors};
+use super::{check, ecsv};
 use crate::error::{Error, Result, TrackFault};
 use serde_json::Value;
 use std::path::Path;
@@ -15,7 +16,7 @@ struct Table {
     rows: Vec<(usize, Vec<String>)>,
 }
 
-pub fn track(path: &Path) -> Result<ObservedTrack> {
+fn track(path: &Path) -> Result<ObservedTrack> {
     let text = std::fs::read_to_string(path).map_err(|source| Error::Io {
         path: path.to_path_buf(),
         source,
@@ -261,5 +262,21 @@ impl Table {
             })
             .collect::<Result<Vec<f64>>>()
             .map(Some)
+    }
+}
+
+impl ObservedTrack {
+    /// Reads a track from ECSV (a file that starts with `# %ECSV`) or plain CSV.
+    ///
+    /// Columns: `phi` (deg or rad), `r` (kpc, or arcsec with `distance` in Mpc in the header), optionally `r_err` (as
+    /// `r`) and `n`; others are ignored. CSV has no place for units: there `phi` is in degrees, `r` and `r_err` in kpc.
+    /// The header may give `bin_width` in degrees; otherwise it is the smallest step of `phi`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read; [`Error::TrackFile`] with line and column if it is not a table, a column
+    /// is missing, a unit is unknown, a value is not finite or not positive, bins are fewer than three, not
+    /// increasing, not equally wide, or do not have their edges at multiples of the bin width from the progenitor.
+    pub fn read(path: &Path) -> Result<Self> {
+        track(path)
     }
 }

@@ -1,20 +1,20 @@
 //! Do two runs of one target agree? Evidence, marginals, mode weights, cost, side by side.
 
-use super::modes::{Share, prolate_share};
+use super::columns::{Column, column, columns};
+use super::modes::{Mode, Probability, mode_weights, prolate_probability};
 use super::summary::ValueError;
-use super::{Column, Mode, column, columns, mode_weights};
 use crate::error::{Error, Result};
 use oblate_samplers::Run;
 use oblate_samplers::diagnostics::{bulk_ess, normal_deviate, wasserstein, weighted_quantile};
 use oblate_samplers::output::Method;
 use serde::Serialize;
 
-/// Differences beyond this many combined errors are disagreement.
+/// Runs disagree if they differ by more than this many combined standard errors.
 pub const SIGMA_LIMIT: f64 = 3.0;
 
-/// Mode weights are compared by their errors, but never more finely than this: a run that has not found a small cell
+/// Mode weights are compared by their errors, but never more finely than this: a run that has not found a small mode
 /// reports an error of zero for it.
-const LEAST_MODE_ERROR: f64 = 0.01;
+const MIN_MODE_ERROR: f64 = 0.01;
 
 /// One quantity in both runs.
 #[derive(Clone, Debug, Serialize)]
@@ -23,17 +23,17 @@ pub struct MarginalRow {
     pub name: String,
     /// Medians.
     pub median: [f64; 2],
-    /// Difference of the means over its Monte-Carlo error.
+    /// Difference of the means in combined standard errors.
     pub sigma: f64,
-    /// Difference of the medians over the mean 68 % half-width.
-    pub of_width: f64,
+    /// Shift: difference of the medians over the mean half-width of the 68 % intervals.
+    pub shift: f64,
     /// First Wasserstein distance of the marginals over the same half-width.
-    pub distance: f64,
-    /// What that distance would be on average for draws of one posterior, as many as the runs' effective sizes.
-    pub distance_by_chance: f64,
+    pub wasserstein: f64,
+    /// Its expectation if both runs are draws of one posterior, as many as their effective sample sizes (the null expectation).
+    pub wasserstein_expected: f64,
 }
 
-/// One orientation cell, or all that are prolate, in both runs.
+/// One orientation mode, or all that are prolate, in both runs.
 #[derive(Clone, Debug, Serialize)]
 pub struct ModeRow {
     /// Such as `dir_x+ dir_y- oblate`; `prolate`.
@@ -42,8 +42,8 @@ pub struct ModeRow {
     pub weight: [f64; 2],
     /// Their errors.
     pub error: [f64; 2],
-    /// Difference over the combined error, as the normal deviate that is as rare: either error may be the scatter of a few
-    /// populations or lineages (Welch's degrees of freedom).
+    /// Difference over the combined error, as the normal deviate that is as rare: either error may be a standard deviation
+    /// of few clusters (Welch's degrees of freedom).
     pub sigma: f64,
 }
 
@@ -58,7 +58,7 @@ pub struct CostRow {
     pub cpu_seconds: f64,
     /// The effective sample size to quote.
     pub ess: f64,
-    /// Effective draws of q per second of CPU, where there is a q.
+    /// ESS of q per CPU second, where there is a q.
     pub q_ess_per_cpu_second: Option<f64>,
 }
 
@@ -69,11 +69,11 @@ pub struct Comparison {
     pub names: [String; 2],
     /// Evidences.
     pub ln_z: [ValueError; 2],
-    /// Their difference over the combined error.
+    /// Their difference in combined standard errors.
     pub ln_z_sigma: f64,
     /// Every parameter and derived quantity.
     pub marginals: Vec<MarginalRow>,
-    /// Orientation cells and the prolate side, where the runs have them.
+    /// Orientation modes and the prolate side, where the runs have them.
     pub modes: Vec<ModeRow>,
     /// Costs.
     pub cost: [CostRow; 2],
@@ -82,7 +82,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Whether the evidences agree within three combined errors and every marginal mean within 3.5 (there are many).
+    /// Whether the evidences agree within three combined standard errors and every marginal mean within 3.5 (there are many).
     #[must_use]
     pub fn agree(&self) -> bool {
         self.ln_z_sigma.abs() <= SIGMA_LIMIT
@@ -91,32 +91,34 @@ impl Comparison {
                 .is_none_or(|m| m.sigma.abs() <= SIGMA_LIMIT + 0.5)
     }
 
-    fn worst_marginal(&self) -> Option<&MarginalRow> {
+    /// The marginal whose means differ most in combined standard errors.
+    #[must_use]
+    pub fn worst_marginal(&self) -> Option<&MarginalRow> {
         self.marginals
             .iter()
             .max_by(|a, b| a.sigma.abs().total_cmp(&b.sigma.abs()))
     }
 
-    /// The comparison in words.
+    /// The result in one sentence.
     #[must_use]
     pub fn verdict(&self) -> String {
-        let mut words = if self.agree() {
+        let mut text = if self.agree() {
             "they agree".to_owned()
         } else {
             "they DISAGREE".to_owned()
         };
         if let Some(worst) = self.worst_marginal() {
-            words.push_str(&format!(
-                " (ln Z by {:+.2} sigma, the worst marginal is {} by {:+.2})",
+            text.push_str(&format!(
+                " (ln Z by {:+.2} combined standard errors, the worst marginal is {} by {:+.2})",
                 self.ln_z_sigma, worst.name, worst.sigma
             ));
         }
         for (name, converged) in self.names.iter().zip(self.converged) {
             if !converged {
-                words.push_str(&format!("; {name} has not converged: see its checks"));
+                text.push_str(&format!("; {name} has not converged: see its checks"));
             }
         }
-        words
+        text
     }
 }
 
@@ -151,11 +153,11 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
         (Some(ma), Some(mb)) => ma
             .iter()
             .zip(&mb)
-            .map(|(x, y)| mode_row(mode_name(x.mode), x.share, y.share))
+            .map(|(x, y)| mode_row(mode_name(x.mode), x.probability, y.probability))
             .collect(),
         _ => Vec::new(),
     };
-    if let (Some(x), Some(y)) = (prolate_share(a), prolate_share(b)) {
+    if let (Some(x), Some(y)) = (prolate_probability(a), prolate_probability(b)) {
         modes.push(mode_row("prolate".to_owned(), x, y));
     }
     let cost = [a, b].map(|r| CostRow {
@@ -176,19 +178,19 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
     })
 }
 
-fn mode_row(name: String, a: Share, b: Share) -> ModeRow {
-    let error = a.error.hypot(b.error).max(LEAST_MODE_ERROR);
-    let parts = [a, b].map(|share| share.error.powi(4) / share.freedom);
-    let freedom = error.powi(4) / parts.iter().sum::<f64>();
+fn mode_row(name: String, a: Probability, b: Probability) -> ModeRow {
+    let error = a.error.hypot(b.error).max(MIN_MODE_ERROR);
+    let parts = [a, b].map(|p| p.error.powi(4) / p.degrees_of_freedom);
+    let degrees_of_freedom = error.powi(4) / parts.iter().sum::<f64>();
     ModeRow {
         name,
         weight: [a.weight, b.weight],
         error: [a.error, b.error],
-        sigma: normal_deviate((a.weight - b.weight) / error, freedom),
+        sigma: normal_deviate((a.weight - b.weight) / error, degrees_of_freedom),
     }
 }
 
-/// Effective draws of q: of its chains, or of the weights where draws are independent.
+/// ESS of q: that of its chains, or of the weights where draws are independent.
 fn q_ess(run: &Run) -> Option<f64> {
     let q = column(run, "q").ok()?.values;
     if run.method != Method::PtHmc {
@@ -203,11 +205,11 @@ fn q_ess(run: &Run) -> Option<f64> {
 }
 
 fn mode_name(mode: Mode) -> String {
-    let sign = |positive: bool| if positive { '+' } else { '-' };
+    let symbol = |positive: bool| if positive { '+' } else { '-' };
     format!(
         "dir_x{} dir_y{} {}",
-        sign(mode.dir_x_positive),
-        sign(mode.dir_y_positive),
+        symbol(mode.dir_x_positive),
+        symbol(mode.dir_y_positive),
         if mode.prolate { "prolate" } else { "oblate" }
     )
 }
@@ -232,16 +234,16 @@ fn marginal(a: &Column, b: &Column, weights: &[Vec<f64>; 2], ess: [f64; 2]) -> M
     let width =
         |values: &[f64], w: &[f64]| 0.5 * (quantile(values, w, 0.84) - quantile(values, w, 0.16));
     let half = 0.5 * (width(&a.values, &weights[0]) + width(&b.values, &weights[1]));
-    let apart = wasserstein(
+    let wasserstein = wasserstein(
         (&a.values, &weights[0], ess[0]),
         (&b.values, &weights[1], ess[1]),
     );
     MarginalRow {
         name: a.name.clone(),
         sigma: (ma - mb) / (va / ess[0] + vb / ess[1]).sqrt(),
-        of_width: (median[0] - median[1]) / half,
-        distance: apart.distance / half,
-        distance_by_chance: apart.by_chance / half,
+        shift: (median[0] - median[1]) / half,
+        wasserstein: wasserstein.distance / half,
+        wasserstein_expected: wasserstein.expected / half,
         median,
     }
 }

@@ -1,6 +1,6 @@
 //! A summary as text: verdict, evidence, a table of parameters, and cost.
 
-use super::Summary;
+use super::summary::Summary;
 use std::fmt;
 
 impl fmt::Display for Summary {

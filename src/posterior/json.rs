@@ -166,3 +166,42 @@ pub mod ordered {
         deserializer.deserialize_map(Pairs(PhantomData))
     }
 }
+
+/// For `#[serde(with)]` on a list of convergence checks, whose values may be NaN or infinite.
+pub mod checks {
+    use super::*;
+    use oblate_samplers::output::Check;
+
+    /// The fields of a [`Check`] as they are written.
+    #[derive(Serialize, Deserialize)]
+    #[serde(remote = "Check")]
+    struct CheckFields {
+        name: String,
+        #[serde(with = "super::number")]
+        value: f64,
+        #[serde(with = "super::number")]
+        limit: f64,
+        pass: bool,
+        message: String,
+    }
+
+    #[derive(Serialize, Deserialize)]
+    struct Row(#[serde(with = "CheckFields")] Check);
+
+    /// Writes the checks.
+    ///
+    /// # Errors
+    /// Those of the serializer.
+    pub fn serialize<S: Serializer>(checks: &[Check], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(checks.iter().cloned().map(Row))
+    }
+
+    /// Reads the checks.
+    ///
+    /// # Errors
+    /// Those of the deserializer.
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Check>, D::Error> {
+        let rows = Vec::<Row>::deserialize(deserializer)?;
+        Ok(rows.into_iter().map(|row| row.0).collect())
+    }
+}

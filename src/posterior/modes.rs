@@ -1,6 +1,6 @@
-//! Weights of the orientation modes: the eight cells of (sign of `dir_x`, sign of `dir_y`, q below or above 1).
+//! Weights of the orientation modes: the eight combinations of (sign of `dir_x`, sign of `dir_y`, q below or above 1).
 
-use super::column;
+use super::columns::column;
 use oblate_samplers::Run;
 use oblate_samplers::diagnostics::effective_number;
 use oblate_samplers::rng::{Domain, below, stream};
@@ -12,7 +12,7 @@ const BOOTSTRAP_TASK: u64 = 0x6d6f_6465;
 /// Resamples behind each error.
 const BOOTSTRAPS: u64 = 200;
 
-/// One cell.
+/// One orientation mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mode {
     /// Whether `dir_x >= 0`.
@@ -23,31 +23,31 @@ pub struct Mode {
     pub prolate: bool,
 }
 
-/// The weight of a cell.
+/// The weight of a mode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModeWeight {
-    /// Which cell.
+    /// Which mode.
     #[serde(flatten)]
     pub mode: Mode,
     /// Its posterior probability.
     #[serde(flatten)]
-    pub share: Share,
+    pub probability: Probability,
 }
 
-/// The probability of one of several exclusive things, and its Monte-Carlo standard error: by bootstrap over populations or lineages, or
-/// over the draws where they are independent.
+/// The posterior probability of one of several exclusive cases, and its Monte-Carlo standard error: by bootstrap over clusters of
+/// dependent draws, or over the draws where they are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Share {
+pub struct Probability {
     /// Posterior probability.
     pub weight: f64,
-    /// Its error. A run that never saw the thing cannot know about it: 0 is then no bound.
+    /// Its error. A run without draws of this case has an error of 0, which is then no bound.
     pub error: f64,
-    /// Degrees of freedom of the error: populations, lineages or draws, in effect, less one. Files do without: draws tell it.
+    /// Degrees of freedom of the error: the effective number of clusters, or of draws, minus one. Not stored, because it follows from the draws.
     #[serde(skip)]
-    pub freedom: f64,
+    pub degrees_of_freedom: f64,
 }
 
-/// The eight cells in a fixed order, or `None` if the run lacks `dir_x`, `dir_y` or `q`.
+/// The eight modes in a fixed order, or `None` if the run lacks `dir_x`, `dir_y` or `q`.
 #[must_use]
 pub fn mode_weights(run: &Run) -> Option<Vec<ModeWeight>> {
     let (x, y, q) = (
@@ -55,21 +55,21 @@ pub fn mode_weights(run: &Run) -> Option<Vec<ModeWeight>> {
         column(run, "dir_y").ok()?.values,
         column(run, "q").ok()?.values,
     );
-    let cells: Vec<usize> = (0..q.len())
+    let modes: Vec<usize> = (0..q.len())
         .map(|i| {
             usize::from(x[i] >= 0.0) + 2 * usize::from(y[i] >= 0.0) + 4 * usize::from(q[i] > 1.0)
         })
         .collect();
-    let weights = shares::<8>(run, &cells).into_iter().enumerate();
+    let weights = probabilities::<8>(run, &modes).into_iter().enumerate();
     Some(
         weights
-            .map(|(cell, share)| ModeWeight {
+            .map(|(index, probability)| ModeWeight {
                 mode: Mode {
-                    dir_x_positive: cell & 1 != 0,
-                    dir_y_positive: cell & 2 != 0,
-                    prolate: cell & 4 != 0,
+                    dir_x_positive: index & 1 != 0,
+                    dir_y_positive: index & 2 != 0,
+                    prolate: index & 4 != 0,
                 },
-                share,
+                probability,
             })
             .collect(),
     )
@@ -77,19 +77,19 @@ pub fn mode_weights(run: &Run) -> Option<Vec<ModeWeight>> {
 
 /// The probability that q > 1, or `None` if the run lacks `q`.
 #[must_use]
-pub fn prolate_share(run: &Run) -> Option<Share> {
+pub fn prolate_probability(run: &Run) -> Option<Probability> {
     let q = column(run, "q").ok()?.values;
     let sides: Vec<usize> = q.iter().map(|q| usize::from(*q > 1.0)).collect();
-    Some(shares::<2>(run, &sides)[1])
+    Some(probabilities::<2>(run, &sides)[1])
 }
 
-/// The shares of labels below `N`, one label per draw.
-fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
+/// The probabilities of labels below `N`, one label per draw.
+fn probabilities<const N: usize>(run: &Run, labels: &[usize]) -> [Probability; N] {
     let weights = run.draws.weights();
-    let groups = run.draws.clusters();
-    // Groups of dependent draws are drawn whole; where there are none, rows.
-    let groups: Vec<[f64; N]> = if groups.len() > 1 {
-        let sums = groups.into_iter();
+    let clusters = run.draws.clusters();
+    // Clusters of dependent draws are resampled as a whole; independent draws one by one.
+    let clusters: Vec<[f64; N]> = if clusters.len() > 1 {
+        let sums = clusters.into_iter();
         sums.map(|own| sums_of(labels, &weights, own.into_iter()))
             .collect()
     } else {
@@ -97,30 +97,30 @@ fn shares<const N: usize>(run: &Run, labels: &[usize]) -> [Share; N] {
             .map(|row| sums_of(labels, &weights, std::iter::once(row)))
             .collect()
     };
-    let count = groups.len();
-    let freedom = effective_number(groups.iter().map(|own| own.iter().sum())) - 1.0;
+    let count = clusters.len();
+    let degrees_of_freedom = effective_number(clusters.iter().map(|own| own.iter().sum())) - 1.0;
     let samples: Vec<[f64; N]> = (0..BOOTSTRAPS)
         .map(|b| {
             let mut rng = stream(run.seed, Domain::Post, BOOTSTRAP_TASK, b);
             let mut sums = [0.0; N];
             for _ in 0..count {
-                let drawn = groups[below(&mut rng, count)];
+                let drawn = clusters[below(&mut rng, count)];
                 sums.iter_mut().zip(drawn).for_each(|(s, d)| *s += d);
             }
             normalised(sums)
         })
         .collect();
     let whole: [f64; N] = normalised(sums_of(labels, &weights, 0..labels.len()));
-    // Few groups scatter a little less about their own mean than about the truth.
+    // The standard deviation of few clusters about their own mean is smaller than about the true value.
     let few = count as f64 / (count as f64 - 1.0).max(1.0);
     std::array::from_fn(|label| {
         let mean = samples.iter().map(|s| s[label]).sum::<f64>() / BOOTSTRAPS as f64;
         let squares = samples.iter().map(|s| (s[label] - mean).powi(2));
         let variance = few * squares.sum::<f64>() / (BOOTSTRAPS as f64 - 1.0);
-        Share {
+        Probability {
             weight: whole[label],
             error: variance.sqrt(),
-            freedom,
+            degrees_of_freedom,
         }
     })
 }

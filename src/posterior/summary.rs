@@ -1,11 +1,12 @@
 //! `summary.json`: every single number of a run, with the keys that scripts rely on.
 
+use super::columns::{Column, columns};
+use super::json;
 use super::modes::{ModeWeight, mode_weights};
-use super::{Column, columns, json};
 use crate::params::QPrior;
 use oblate_samplers::Run;
 use oblate_samplers::diagnostics::weighted_quantile;
-use oblate_samplers::output::{Check, Method, Status};
+use oblate_samplers::output::{Check, Cost, Method, Status};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -59,64 +60,6 @@ impl Interval {
             unit: unit.to_owned(),
         }
     }
-}
-
-/// One check as it is written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CheckRow {
-    /// Short name.
-    pub name: String,
-    /// What was measured.
-    #[serde(with = "json::number")]
-    pub value: f64,
-    /// Its limit.
-    #[serde(with = "json::number")]
-    pub limit: f64,
-    /// Whether it passed.
-    pub pass: bool,
-    /// What it means, and what to do if it failed.
-    pub message: String,
-}
-
-impl CheckRow {
-    /// The sampler's own form.
-    #[must_use]
-    pub fn check(&self) -> Check {
-        Check {
-            name: self.name.clone(),
-            value: self.value,
-            limit: self.limit,
-            pass: self.pass,
-            message: self.message.clone(),
-        }
-    }
-}
-
-impl From<&Check> for CheckRow {
-    fn from(check: &Check) -> Self {
-        Self {
-            name: check.name.clone(),
-            value: check.value,
-            limit: check.limit,
-            pass: check.pass,
-            message: check.message.clone(),
-        }
-    }
-}
-
-/// What a run cost.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Counts {
-    /// Likelihood values without a gradient.
-    pub calls: u64,
-    /// Likelihood values with a gradient.
-    pub gradients: u64,
-    /// CPU time of the process while it ran.
-    pub cpu_seconds: f64,
-    /// Wall time.
-    pub wall_seconds: f64,
-    /// Points without a likelihood, by cause.
-    pub rejected: BTreeMap<String, u64>,
 }
 
 /// What a summary says beyond the sampler's result.
@@ -187,9 +130,10 @@ pub struct Summary {
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub modes: Option<Vec<ModeWeight>>,
     /// What it cost.
-    pub cost: Counts,
+    pub cost: Cost,
     /// Every check.
-    pub checks: Vec<CheckRow>,
+    #[serde(with = "json::checks")]
+    pub checks: Vec<Check>,
     /// The sampler's warnings.
     pub warnings: Vec<String>,
     /// The model's warnings.
@@ -250,14 +194,8 @@ impl Summary {
             derived,
             q_prior: context.q_prior,
             modes: mode_weights(run),
-            cost: Counts {
-                calls: run.cost.calls,
-                gradients: run.cost.gradients,
-                cpu_seconds: run.cost.cpu_seconds,
-                wall_seconds: run.cost.wall_seconds,
-                rejected: run.cost.rejected.clone(),
-            },
-            checks: run.checks.iter().map(CheckRow::from).collect(),
+            cost: run.cost.clone(),
+            checks: run.checks.clone(),
             warnings: run.warnings.clone(),
             model_warnings: context.warnings.clone(),
             diagnostics: context.diagnostics.clone(),
@@ -284,7 +222,7 @@ impl Summary {
             Status::Interrupted => "the run was interrupted; resume it",
             Status::BudgetSpent => "the time limit was reached; resume it with a larger one",
         };
-        let failed: Vec<&CheckRow> = self.checks.iter().filter(|g| !g.pass).collect();
+        let failed: Vec<&Check> = self.checks.iter().filter(|g| !g.pass).collect();
         let mut words = format!("NOT CONVERGED: {ended}");
         if !failed.is_empty() {
             words.push_str(&format!(

@@ -5,18 +5,16 @@
 
 mod axes;
 mod canvas;
-mod compare;
 mod corner;
 mod density;
 mod fit;
 mod health;
 mod label;
 mod page;
-mod shape;
+mod q_posterior;
 
-pub use compare::{CompareRow, compare_rows};
 pub use corner::{CornerColumn, corner};
 pub use fit::{FitPicture, ModelTrack};
 pub use health::health;
 pub use page::{PageRun, Section, page};
-pub use shape::{QCurve, q_posterior};
+pub use q_posterior::{QCurve, q_posterior};

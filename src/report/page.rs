@@ -1,8 +1,7 @@
 //! The page: one HTML file with everything in it, verdict first, that prints as it looks.
 
 use super::canvas::escape;
-use super::compare::compare_rows;
-use crate::posterior::{Interval, Summary};
+use crate::posterior::{Comparison, Interval, Summary};
 use std::fmt::Write;
 
 /// One run on the page.
@@ -12,6 +11,8 @@ pub struct PageRun<'a> {
     pub name: &'a str,
     /// Its summary.
     pub summary: &'a Summary,
+    /// Comparison of the first run with this one; `None` for the first, and where the parameters differ.
+    pub comparison: Option<&'a Comparison>,
     /// Its `config.toml`.
     pub config: &'a str,
     /// Its figures: caption and SVG.
@@ -140,39 +141,38 @@ fn number(x: f64) -> String {
 }
 
 fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
-    let pairs: Vec<(String, &Summary)> = runs
-        .iter()
-        .map(|r| (r.name.to_owned(), r.summary))
-        .collect();
     put!(
         out,
-        "<h2>Do the runs agree?</h2><p>Each run against the first: differences of ln Z in combined errors, of \
-         medians in half-widths of the first run's 68 % interval.</p>"
+        "<h2>Do the runs agree?</h2><p>The first run minus each other run: differences of ln Z and of means in combined standard \
+         errors, shift of the median of q in half-widths of the 68 % interval.</p>"
     );
     put!(
         out,
         "<table><thead><tr><th>run</th><th>converged</th><th>ln Z</th><th>\u{394} ln Z / \u{3c3}</th><th>q</th>\
-         <th>shift of q</th><th>largest shift</th><th>ESS</th><th>calls</th><th>gradients</th><th>CPU [s]</th></tr></thead><tbody>"
+         <th>shift of q</th><th>largest difference</th><th>ESS</th><th>calls</th><th>gradients</th><th>CPU [s]</th></tr></thead><tbody>"
     );
     let dash = || "\u{2013}".to_owned();
-    for row in compare_rows(&pairs) {
+    for run in runs {
+        let (s, c) = (run.summary, run.comparison);
+        let q = c.and_then(|c| c.marginals.iter().find(|m| m.name == "q"));
+        let worst = c.and_then(Comparison::worst_marginal);
         put!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{:.2} \u{b1} {:.2}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>\
              <td>{:.0}</td><td>{}</td><td>{}</td><td>{:.1}</td></tr>",
-            escape(&row.name),
-            if row.converged { "yes" } else { "NO" },
-            row.ln_z,
-            row.ln_z_error,
-            row.ln_z_sigma.map_or_else(dash, |x| format!("{x:+.1}")),
-            row.q.map_or_else(dash, |x| format!("{x:.3}")),
-            row.q_shift.map_or_else(dash, |x| format!("{x:+.2}")),
-            row.worst
-                .map_or_else(dash, |(name, x)| format!("{} {x:+.2}", escape(&name))),
-            row.ess,
-            row.calls,
-            row.gradients,
-            row.cpu_seconds
+            escape(run.name),
+            if s.converged { "yes" } else { "NO" },
+            s.ln_z.value,
+            s.ln_z.error,
+            c.map_or_else(dash, |c| format!("{:+.1}", c.ln_z_sigma)),
+            s.q.as_ref()
+                .map_or_else(dash, |q| format!("{:.3}", q.median)),
+            q.map_or_else(dash, |q| format!("{:+.2}", q.shift)),
+            worst.map_or_else(dash, |m| format!("{} {:+.2}", escape(&m.name), m.sigma)),
+            s.ess,
+            s.cost.calls,
+            s.cost.gradients,
+            s.cost.cpu_seconds
         );
     }
     put!(out, "</tbody></table>");
@@ -275,8 +275,8 @@ fn modes(out: &mut String, s: &Summary) {
             sign(m.mode.dir_x_positive),
             sign(m.mode.dir_y_positive),
             if m.mode.prolate { "prolate" } else { "oblate" },
-            m.share.weight,
-            m.share.error
+            m.probability.weight,
+            m.probability.error
         );
     }
     put!(out, "</tbody></table>");

@@ -5,7 +5,7 @@ use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, StreamTarget};
 use crate::params::{NAMES, QPrior};
-use crate::posterior::{Column, column, columns};
+use crate::posterior::{Column, Comparison, column, columns, compare};
 use crate::report::{
     CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, health, page,
     q_posterior,
@@ -54,13 +54,26 @@ pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()>
                 .collect()
         })
         .collect();
+    let comparisons: Vec<Option<Comparison>> = drawn
+        .iter()
+        .zip(&names)
+        .enumerate()
+        .map(|(i, (d, name))| {
+            let first = &drawn[0].stored.run;
+            let same = i > 0 && first.names == d.stored.run.names;
+            same.then(|| compare(&names[0], first, name, &d.stored.run))
+                .transpose()
+        })
+        .collect::<Result<_>>()?;
     let runs: Vec<PageRun<'_>> = drawn
         .iter()
         .zip(&names)
         .zip(&captioned)
-        .map(|((d, name), figures)| PageRun {
+        .zip(&comparisons)
+        .map(|(((d, name), figures), comparison)| PageRun {
             name,
             summary: &d.stored.summary,
+            comparison: comparison.as_ref(),
             config: &d.stored.config,
             figures,
         })

@@ -1,5 +1,6 @@
 //! The import order of `src`: a module may use what stands to its left, never what stands to its right.
 
+use crate::files::circles;
 use crate::modules::wrong_arrows;
 use std::path::Path;
 
@@ -32,4 +33,11 @@ fn every_module_imports_only_modules_to_its_left() {
     let (wrong, seen) = wrong_arrows(src, &ORDER);
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert!(seen > 40, "only {seen} arrows were seen");
+}
+
+#[test]
+fn no_two_files_import_each_other() {
+    let src = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/src"));
+    let found = circles(src);
+    assert!(found.is_empty(), "{found:#?}");
 }

@@ -97,7 +97,7 @@ fn a_failed_gate_keeps_its_infinite_value_and_leads_the_verdict() {
 fn mode_weights_add_up_and_match_the_cells_probabilities() {
     for run in [runs::nested(20_000, 7), runs::tempered(20_000, 7)] {
         let weights = modes::mode_weights(&run).unwrap();
-        let total: f64 = weights.iter().map(|w| w.share.weight).sum();
+        let total: f64 = weights.iter().map(|w| w.probability.weight).sum();
         assert!((total - 1.0).abs() < 1e-9);
         for cell in &weights {
             let side = |positive: bool, z: f64| {
@@ -110,12 +110,15 @@ fn mode_weights_add_up_and_match_the_cells_probabilities() {
             // The error comes from four chains at worst: t with 3 degrees of freedom passes 12 once in 1,600, and a
             // binomial floor keeps chance agreement between chains from tightening it. Independent draws: ESS > 15,000.
             let floor = (truth * (1.0 - truth) / 15_000.0).sqrt();
-            let limit = 4.0 * floor.max(cell.share.error);
+            let limit = 4.0 * floor.max(cell.probability.error);
             assert!(
-                (cell.share.weight - truth).abs() < limit,
+                (cell.probability.weight - truth).abs() < limit,
                 "{cell:?} {truth}"
             );
-            assert!(cell.share.error < 12.0 * floor + 1e-12, "{cell:?} {floor}");
+            assert!(
+                cell.probability.error < 12.0 * floor + 1e-12,
+                "{cell:?} {floor}"
+            );
         }
     }
 }
@@ -126,8 +129,8 @@ fn a_comparison_holds_distances_against_chance_and_sums_the_prolate_side() {
     let c = compare("a", &a, "b", &b).unwrap();
     for row in &c.marginals {
         // A distance is nearly Gaussian in few numbers: five times its mean is far outside of chance.
-        assert!(row.distance < 5.0 * row.distance_by_chance, "{row:?}");
-        assert!(row.distance_by_chance < 0.1, "{row:?}");
+        assert!(row.wasserstein < 5.0 * row.wasserstein_expected, "{row:?}");
+        assert!(row.wasserstein_expected < 0.1, "{row:?}");
     }
     for row in &c.modes {
         // Of the tempered run's four chains, so with a few degrees of freedom.
@@ -156,8 +159,8 @@ fn a_comparison_holds_distances_against_chance_and_sums_the_prolate_side() {
     }
     let c = compare("a", &a, "moved", &moved).unwrap();
     let row = &c.marginals[0];
-    assert!((row.distance - row.of_width.abs()).abs() < 1e-6, "{row:?}");
-    assert!(row.distance > 5.0 * row.distance_by_chance, "{row:?}");
+    assert!((row.wasserstein - row.shift.abs()).abs() < 1e-6, "{row:?}");
+    assert!(row.wasserstein > 5.0 * row.wasserstein_expected, "{row:?}");
 }
 
 /// NaN is equal to itself here: the estimate that a run could not make must come back as one.

@@ -3,10 +3,10 @@
 use crate::runs;
 use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
-use oblate::posterior::{Column, Summary, SummaryContext, columns};
+use oblate::posterior::{Column, Summary, SummaryContext, columns, compare};
 use oblate::report::{
-    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, compare_rows, corner, health,
-    page, q_posterior,
+    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, health, page,
+    q_posterior,
 };
 use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -300,16 +300,32 @@ fn health_shows_every_kind_of_run() {
 }
 
 #[test]
-fn comparison_measures_shifts_against_the_first_run() {
+fn the_page_shows_the_comparison_with_the_first_run() {
     let mut other = runs::nested(2000, 9);
     other.evidence.ln_z += 1.0;
-    let (a, b) = (runs::nested(2000, 9), other);
+    let first = runs::nested(2000, 9);
+    let comparison = compare("a", &first, "b", &other).unwrap();
+    assert!((comparison.ln_z_sigma + 1.0 / 0.125_f64.hypot(0.125)).abs() < 1e-12);
     let of = |run: &Run| Summary::new(run, &SummaryContext::default());
-    let (a, b) = (of(&a), of(&b));
-    let rows = compare_rows(&[("a".to_owned(), &a), ("b".to_owned(), &b)]);
-    assert_eq!(rows[0].ln_z_sigma, None);
-    assert!((rows[1].ln_z_sigma.unwrap() - 1.0 / 0.125_f64.hypot(0.125)).abs() < 1e-12);
-    assert!(rows[1].q_shift.unwrap().abs() < 1e-12);
+    let (a, b) = (of(&first), of(&other));
+    let shown = |name, summary, comparison| PageRun {
+        name,
+        summary,
+        comparison,
+        config: "",
+        figures: &[],
+    };
+    let html = page(
+        "two runs",
+        &[shown("a", &a, None), shown("b", &b, Some(&comparison))],
+        &[],
+    );
+    let rows: Vec<&str> = html.split("<tr><td>").collect();
+    let row = rows.iter().find(|row| row.starts_with("b</td>")).unwrap();
+    assert!(
+        row.contains("<td>-5.7</td>") && row.contains("<td>+0.00</td>"),
+        "{row}"
+    );
 }
 
 #[test]
@@ -337,12 +353,14 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
         PageRun {
             name: "nested",
             summary: &a,
+            comparison: None,
             config: "seed = 5\n",
             figures: &fa,
         },
         PageRun {
             name: "pt-hmc",
             summary: &b,
+            comparison: None,
             config: "seed = 6\n",
             figures: &fb,
         },

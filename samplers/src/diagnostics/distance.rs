@@ -8,12 +8,12 @@ pub struct Distance {
     /// First Wasserstein distance: the area between the two cumulative distributions.
     pub distance: f64,
     /// Its mean for independent draws of one distribution, as many as the effective sizes say.
-    pub by_chance: f64,
+    pub expected: f64,
 }
 
 /// The distance of two sets of draws, each given by its values, their weights (any sum) and its effective size.
 ///
-/// `by_chance` comes from the pooled distribution F: the difference of two empirical ones is Gaussian with variance
+/// `expected` comes from the pooled distribution F: the difference of two empirical ones is Gaussian with variance
 /// `F (1 - F) (1 / n_a + 1 / n_b)`, and a Gaussian's mean size is `sqrt(2 / pi)` of its deviation.
 #[must_use]
 pub fn wasserstein(a: (&[f64], &[f64], f64), b: (&[f64], &[f64], f64)) -> Distance {
@@ -32,7 +32,7 @@ pub fn wasserstein(a: (&[f64], &[f64], f64), b: (&[f64], &[f64], f64)) -> Distan
         let gap = pair[1].0 - pair[0].0;
         let pooled = (a.2 * below_a + b.2 * below_b) / (a.2 + b.2);
         apart.distance += gap * (below_a - below_b).abs();
-        apart.by_chance += gap * chance * (pooled * (1.0 - pooled)).max(0.0).sqrt();
+        apart.expected += gap * chance * (pooled * (1.0 - pooled)).max(0.0).sqrt();
     }
     apart
 }
@@ -70,7 +70,7 @@ mod tests {
             .map(|pair| {
                 let (a, b) = (draws(0, pair, n), draws(1, pair, m));
                 let apart = wasserstein((&a, &vec![1.0; n], 100.0), (&b, &vec![1.0; m], 400.0));
-                apart.distance / apart.by_chance
+                apart.distance / apart.expected
             })
             .collect();
         let count = ratios.len() as f64;

@@ -1,0 +1,46 @@
+//! A run put together again from its summary and its stored arrays.
+
+use super::summary::Summary;
+use super::zarr;
+use crate::error::{Error, Result};
+use oblate_samplers::Run;
+use oblate_samplers::output::{Ess, Evidence};
+
+/// The run that was split into a summary and stored arrays: equal to the original in every bit.
+///
+/// # Errors
+/// [`Error::MixedFolder`] if the two were not written together.
+pub fn run_from_parts(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
+    let names: Vec<String> = summary.parameters.iter().map(|p| p.0.clone()).collect();
+    if names != stored.names || summary.seed != stored.seed {
+        return Err(Error::MixedFolder);
+    }
+    Ok(Run {
+        method: summary.method,
+        status: summary.status,
+        seed: summary.seed,
+        stream_version: summary.stream_version,
+        names,
+        units: stored.units,
+        derived_names: stored.derived_names,
+        draws: stored.draws,
+        evidence: Evidence {
+            ln_z: summary.ln_z.value,
+            error: summary.ln_z.error,
+            error_parts: summary.ln_z_error_parts.clone(),
+            estimates: summary.ln_z_estimates.clone(),
+            information: summary.information,
+        },
+        ess: Ess {
+            kish: summary.ess_kish,
+            bulk: summary.ess_bulk.clone(),
+            tail: summary.ess_tail.clone(),
+            r_hat: summary.r_hat.clone(),
+            quoted: summary.ess,
+        },
+        cost: summary.cost.clone(),
+        history: stored.history,
+        checks: summary.checks.clone(),
+        warnings: summary.warnings.clone(),
+    })
+}
