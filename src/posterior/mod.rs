@@ -1,8 +1,8 @@
 //! Weighted draws with names, their summary, and the files that keep both.
 //!
-//! A finished [`Run`] of either sampler is split over two files of a run folder: `posterior.zarr` ([`zarr`]) holds every
-//! array to the bit, `summary.json` ([`Summary`]) every single number, so that [`run_from_parts`] puts the same `Run`
-//! together again.
+//! A finished [`Run`](oblate_samplers::Run) of either sampler is stored in two files of a run folder: `posterior.zarr`
+//! ([`zarr`]) holds every array to the bit, `summary.json` ([`Summary`]) every single number. [`run_from_parts`] puts the
+//! same run together again.
 
 mod columns;
 mod compare;
