@@ -225,13 +225,6 @@ impl StreamPrior {
         StreamParams::from_array(all)
     }
 
-    /// The free ones among thirteen parameters: the inverse of [`fill`](Self::fill). A gradient with respect to the
-    /// thirteen becomes one with respect to the free ones in the same way.
-    pub fn free_of<S: Copy>(&self, params: &StreamParams<S>) -> Vec<S> {
-        let all = params.to_array();
-        self.free.iter().map(|&i| all[i]).collect()
-    }
-
     /// The range of q.
     #[must_use]
     pub fn q_range(&self) -> QRange {

@@ -5,9 +5,6 @@ use oblate_samplers::Marginal;
 
 /// A family of densities of q with `N` hyperparameters, normalised on its support.
 pub trait Family<const N: usize>: Send + Sync {
-    /// A short name for files and reports.
-    fn name(&self) -> &'static str;
-
     /// The interval on which every member of the family is normalised, for all hyperparameters.
     fn support(&self) -> (f64, f64);
 

@@ -102,12 +102,6 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
         })
     }
 
-    /// The family.
-    #[must_use]
-    pub fn family(&self) -> &F {
-        &self.family
-    }
-
     /// Number of streams.
     #[must_use]
     pub fn streams(&self) -> usize {

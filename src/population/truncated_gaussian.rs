@@ -97,10 +97,6 @@ impl TruncatedGaussian {
 }
 
 impl Family<2> for TruncatedGaussian {
-    fn name(&self) -> &'static str {
-        "truncated-gaussian"
-    }
-
     fn support(&self) -> (f64, f64) {
         (self.settings.q_min, self.settings.q_max)
     }

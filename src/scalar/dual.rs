@@ -244,12 +244,6 @@ impl<I: Isa, const K: usize> Real for LaneDual<I, K> {
     }
 
     #[inline(always)]
-    fn tanh(self) -> Self {
-        let t = self.re.tanh();
-        self.chain(t, 1.0 - t * t)
-    }
-
-    #[inline(always)]
     fn with_derivative(self, value: f64, derivative: f64) -> Self {
         self.chain(value, derivative)
     }

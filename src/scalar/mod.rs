@@ -111,8 +111,6 @@ pub trait Real: Scalar {
     fn ln(self) -> Self;
     /// Cube root.
     fn cbrt(self) -> Self;
-    /// Hyperbolic tangent.
-    fn tanh(self) -> Self;
     /// The number `value` with `derivative` times the derivatives of `self` (the chain rule). For functions that dual
     /// numbers do not provide, such as the error function.
     fn with_derivative(self, value: f64, derivative: f64) -> Self;
@@ -180,10 +178,6 @@ where
 
     fn cbrt(self) -> Self {
         DualNum::cbrt(&self)
-    }
-
-    fn tanh(self) -> Self {
-        DualNum::tanh(&self)
     }
 
     fn with_derivative(self, value: f64, derivative: f64) -> Self {

@@ -78,7 +78,6 @@ fn everything<S: Real>(a: S, b: S) -> Vec<S> {
         a.exp(),
         a.ln(),
         a.cbrt(),
-        a.tanh(),
         a.round_ties_even(),
         angle(a, b),
         a.with_derivative(2.0, -3.0),
