@@ -11,10 +11,12 @@ mod fit;
 mod health;
 mod label;
 mod page;
+mod population_density;
 mod q_posterior;
 
 pub use corner::{CornerColumn, corner};
 pub use fit::{FitPicture, ModelTrack};
 pub use health::health;
 pub use page::{PageRun, Section, page};
+pub use population_density::population_density;
 pub use q_posterior::{QCurve, q_posterior};

@@ -3,10 +3,11 @@
 use crate::runs;
 use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
+use oblate::population::PopulationDensity;
 use oblate::posterior::{Column, Summary, SummaryContext, columns, compare};
 use oblate::report::{
     CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, health, page,
-    q_posterior,
+    population_density, q_posterior,
 };
 use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -285,6 +286,44 @@ fn q_figure_overlays_runs_with_truth_and_prior() {
         assert!(svg.contains(word), "{word}");
     }
     sound("q_bare", q_posterior(&curves[..1], None, None));
+}
+
+#[test]
+fn the_density_of_a_population_is_drawn_with_its_bands() {
+    let q: Vec<f64> = (0..=100).map(|i| 0.5 + 0.01 * f64::from(i)).collect();
+    let bell = |scale: f64| -> Vec<f64> {
+        q.iter()
+            .map(|q| scale * (-50.0 * (q - 0.8) * (q - 0.8)).exp())
+            .collect()
+    };
+    let svg = sound(
+        "population_density",
+        population_density(&PopulationDensity {
+            mean: bell(4.0),
+            median: bell(3.9),
+            lo68: bell(3.0),
+            hi68: bell(5.0),
+            lo95: bell(2.0),
+            hi95: bell(6.0),
+            q: q.clone(),
+        }),
+    );
+    // Two bands; two curves and their keys, the line at q = 1.
+    assert_eq!(svg.matches("fill-rule").count(), 2);
+    assert!(
+        svg.matches("stroke-dasharray=\"4 2\"").count() == 2,
+        "median and its key"
+    );
+    let flat = PopulationDensity {
+        mean: vec![0.0; 101],
+        median: vec![0.0; 101],
+        lo68: vec![0.0; 101],
+        hi68: vec![0.0; 101],
+        lo95: vec![0.0; 101],
+        hi95: vec![0.0; 101],
+        q,
+    };
+    sound("population_density_of_zeros", population_density(&flat));
 }
 
 #[test]
