@@ -1,8 +1,8 @@
 //! What does the gradient of ln L cost, in units of its value?
 //!
 //! One track with 100 steps per particle and a dense orbit of 512 steps. `value` runs in lanes; `adjoint13` adds all 13
-//! derivatives in reverse, `smooth13` those that a sampler follows; `dual13` is the reference, every number a dual of 13 parts, one particle after the other. All of
-//! them do the same physics on the same inputs; the throughput counts particle-steps.
+//! derivatives in reverse, `truncated13` the truncated gradient of the samplers; `dual13` is the reference, every number a dual
+//! of 13 parts, one particle after the other. All of
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};

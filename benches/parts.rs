@@ -2,8 +2,8 @@
 //!
 //! `cargo bench --bench parts` prints a table: for each profile, on one thread, the time of the progenitor's orbit, of the releases
 //! along it, of the particles in lanes, and of the rest (bins and likelihood), at a draw of the posterior of a gala track. The parts
-//! take turns, each is the median of 101. Releases are what the cold stage takes beyond the orbit, bins and ln L what the whole
-//! takes beyond both stages.
+//! take turns, each is the median of 101. Releases are what the progenitor solution takes beyond the orbit, bins and ln L what
+//! the whole takes beyond the progenitor solution and the particles.
 
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget};

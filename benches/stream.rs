@@ -1,8 +1,8 @@
-//! How long does one stream take, by instruction set and number of particles, and how much of it is its cold stage?
+//! How long does one stream take, by instruction set and number of particles, and how much of it is the progenitor solution?
 //!
-//! `setup` is the progenitor's orbit and the releases; `carry` the particles in lanes, once for each instruction set that
-//! this CPU has; `particles` the same one by one, the reference. All do the same work on the same inputs; the throughput
-//! counts particle-steps.
+//! `progenitor_solution` is the progenitor's orbit and the release frames; `integrate` the particles in lanes, once for each
+//! instruction set that this CPU has; `one_by_one` the same particle by particle, the reference. All do the same work on the same
+//! inputs; the throughput counts particle-steps.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::orbit::State;
@@ -68,7 +68,7 @@ fn particles(c: &mut Criterion) {
                 });
             });
         }
-        // One by one the most take seconds, and tell nothing new.
+        // One by one, large numbers take seconds and give no new information.
         if n <= 10_000 {
             group.bench_function(format!("particles/f64/n{n}_s100"), |b| {
                 b.iter(|| model.integrate_one_by_one(black_box(&solution)));

@@ -96,7 +96,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// The operating system's word.
+        /// The operating system's error.
         source: std::io::Error,
         /// What to do.
         remedy: &'static str,
@@ -270,7 +270,7 @@ fn place(path: &std::path::Path, line: Option<usize>) -> String {
 pub enum Rejection {
     /// A parameter is NaN, infinite or outside the model's domain (a negative mass).
     BadParameter,
-    /// The progenitor's orbit left the finite numbers.
+    /// The progenitor's orbit is infinite or NaN.
     BadOrbit,
     /// The progenitor's orbit turns faster somewhere than its particles' steps can follow
     /// ([`ModelSettings::min_steps_per_orbit`](crate::stream::ModelSettings::min_steps_per_orbit)); more `model.steps` resolve it.

@@ -36,13 +36,13 @@ const FIRST_STEP: f64 = 0.1;
 /// Mean acceptance that steps are steered to.
 const ACCEPTANCE: f64 = 0.8;
 
-/// Moves from one lesson of the step to the next: the acceptance of a single one is near 0 or 1, whatever the step.
+/// Transitions between two updates of the step: the acceptance of a single one is near 0 or 1, whatever the step.
 const MOVES_PER_LESSON: usize = 5;
 
 /// Longest score that a metric is estimated from, in units of sqrt(d): one chaotic point would outweigh all others.
 const LONGEST_SCORE: f64 = 1_000.0;
 
-/// Moves while a chain falls from the prior: short ones, whose energies may vary with the fall.
+/// Transitions while a chain descends from the prior: short ones, with energies that may vary with the descent.
 const FALLING: Plan = Plan {
     step: FIRST_STEP,
     length: FRAC_PI_2,
@@ -59,12 +59,12 @@ const SETTLED: Plan = Plan {
     ..FALLING
 };
 
-/// The course of a chain.
+/// The schedule of a chain.
 struct Schedule {
-    /// Moves of each window; the metric is refined between windows, so that in the last one the step learns in the metric that it
-    /// will be used in.
+    /// Transitions of each window; the metric is updated between windows, so that in the last one the step is adapted to the
+    /// metric that it will be used with.
     warm_up: &'static [(Plan, usize)],
-    /// Moves in which nothing is learnt.
+    /// Transitions without adaptation.
     frozen: usize,
 }
 
@@ -127,7 +127,8 @@ impl<'a> Chain<'a> {
         self.record(schedule.frozen)
     }
 
-    /// Takes the metric that the moments of a window ask for, if they do, and a step that is no longer than it was in any direction.
+    /// Updates the metric from the moments of a window, if they allow it, and the step so that it is no longer than before in any
+    /// direction.
     fn refine(&mut self, moments: &Moments) {
         if let Some(metric) = self.metric.refined(moments) {
             self.step /= self.metric.ln_stretch(&metric).exp();
@@ -135,7 +136,7 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// A window of warm-up, in which the step learns; its moments are for the metric.
+    /// A window of warm-up, in which the step is adapted; its moments are for the metric.
     fn learn(&mut self, plan: &Plan, moves: usize) -> Moments {
         let mut step = StepSize::new(self.step);
         let mut moments = Moments::new(DIM);
@@ -151,7 +152,8 @@ impl<'a> Chain<'a> {
                 let moved = explorer
                     .transition(&mut self.at, &plan, &mut self.rng)
                     .expect("a target that never fails");
-                // No step is short enough for a cliff; but what a falling chain meets may be the overflow of a step far too long.
+                // No step is short enough for a discontinuity; but during the descent a rejected point may be the overflow of a
+                // step far too long.
                 if plan.slack > 0.0 || moved.end != End::Rejected {
                     met.push(moved.acceptance);
                 }
@@ -171,7 +173,7 @@ impl<'a> Chain<'a> {
         moments
     }
 
-    /// The frozen moves.
+    /// The transitions with fixed step and metric.
     fn record(mut self, moves: usize) -> Record {
         let plan = Plan {
             step: self.step,

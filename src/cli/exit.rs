@@ -7,7 +7,7 @@ use crate::error::Error;
 pub enum Exit {
     /// 0: done.
     Done,
-    /// 1: it failed, or a run has not converged.
+    /// 1: it failed, a run has not converged, or compared runs disagree.
     Failed,
     /// 2: wrong usage or input.
     Usage,

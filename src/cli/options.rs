@@ -49,7 +49,7 @@ impl Common {
 /// Flags of every run.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct LimitFlags {
-    /// Seconds between checkpoints: the most work that is lost if the process is killed
+    /// Seconds between checkpoints: the maximum of work that is lost if the process is killed
     #[arg(long, default_value_t = 30, value_name = "SECONDS")]
     pub checkpoint_every: u64,
     /// Minutes after which a run ends, unconverged, with its result so far; the same command, with --resume for a single run,

@@ -9,8 +9,10 @@ use std::path::PathBuf;
 
 /// Flags of `oblate report`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:\n  oblate report runs/* --out report.html\n\n\
-Each figure is also written as SVG into its run folder.")]
+#[command(
+    after_help = "Example:\n  oblate report runs/track_nested runs/track_pt --out report.html\n\n\
+Each figure is also written as SVG into its run folder."
+)]
 pub struct Args {
     /// Finished runs
     #[arg(required = true)]

@@ -1,4 +1,4 @@
-//! What makes columns a track, in one place for files and for tracks made in memory.
+//! The checks that columns must pass to be a track, shared by files and tracks made in memory.
 
 use super::observed::{MIN_BINS, ObservedTrack, default_errors};
 use crate::error::{Error, Result, TrackFault};

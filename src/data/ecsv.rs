@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-/// What a header says.
+/// The contents of a header.
 #[derive(Default)]
 pub struct Header {
     /// Unit of each column that has one.

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MockSettings {
-    /// The stream. Its table of releases has a seed of its own, so that a fit never meets its own noise.
+    /// The stream. Its table of releases has a seed of its own, so that mocks and fits do not have the same release noise.
     pub model: ModelSettings,
     /// Bin width in degrees.
     pub bin_width_deg: f64,
@@ -24,9 +24,9 @@ pub struct MockSettings {
     pub noise: f64,
     /// A bin is kept with at least this fraction of the particles (100 of 10,000).
     pub min_fraction: f64,
-    /// Least angle that the kept bins cover, degrees.
+    /// Minimum angle that the kept bins cover, degrees.
     pub min_angle_deg: f64,
-    /// Least length of the projected track, kpc.
+    /// Minimum length of the projected track, kpc.
     pub min_length_kpc: f64,
     /// Range that all radii must lie in, kpc.
     pub radii_kpc: (f64, f64),
@@ -68,10 +68,10 @@ impl Default for MockSettings {
     }
 }
 
-/// Seed of the mocks' table of releases: any number that no fit uses by default.
+/// Seed of the mocks' table of releases; no default of a fit has it.
 const MOCK_TABLE_SEED: u64 = 0x6d6f_636b;
 
-/// Draws of the prior after which the search for one more mock is given up.
+/// Maximum number of prior draws per mock.
 const MOST_TRIES: u64 = 20_000;
 
 /// Draws looked at together.
@@ -107,7 +107,7 @@ impl Mocks {
     }
 }
 
-/// Why a draw makes no mock.
+/// The criterion that a draw fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cut {
     NoStream,

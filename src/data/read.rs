@@ -104,7 +104,7 @@ fn track(path: &Path) -> Result<ObservedTrack> {
     }
 }
 
-/// The smallest positive step, or 0 where there is none (the checks say which row is to blame).
+/// The smallest positive step, or 0 where there is none (the checks then name the row).
 fn smallest_step(phi_deg: &[f64]) -> f64 {
     let least = phi_deg
         .windows(2)

@@ -107,7 +107,7 @@ pub fn summarize(
 /// Fits a track: draws of the posterior of the model's parameters.
 ///
 /// Nothing is written; `oblate::run::fit` writes the same result into a folder, with checkpoints. By default all thirteen parameters are
-/// free, and a fit takes some ten minutes of a core.
+/// free; docs/validation.md, section 3, has the times of such fits.
 ///
 /// ```no_run
 /// use oblate::{FitSettings, data::ObservedTrack};

@@ -1,5 +1,5 @@
-//! A prior predictive check before the fit: can the prior produce the track at all? A smooth likelihood is finite everywhere, so the
-//! sampler itself would not tell.
+//! A prior predictive check before the fit: whether the prior can produce the track at all. A smooth likelihood is finite
+//! everywhere, so the sampler itself would not detect it.
 
 use super::target::StreamTarget;
 use crate::error::{Error, Result};

@@ -13,7 +13,7 @@ use std::result::Result as StdResult;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampler {
-    /// Nested sampling: the reference.
+    /// Nested sampling, the default.
     #[default]
     Nested,
     /// Parallel tempering with Hamiltonian Monte Carlo.

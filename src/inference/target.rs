@@ -10,7 +10,7 @@ use crate::stream::Model;
 use oblate_samplers::{Outcome, Prior, Symmetry, Target};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Cost of a value with gradient in units of a value, measured at 1,000 to 10,000 particles (`cargo bench`).
+/// Cost of a value with gradient in units of a value; docs/validation.md, section 6, has the measured range.
 const GRADIENT_COST: f64 = 3.5;
 
 /// The posterior of one stream.
@@ -133,7 +133,7 @@ impl Target for StreamTarget {
         evaluated.into_iter().map(|e| self.outcome(e)).collect()
     }
 
-    /// ln L, and the smooth gradient: see [`StreamLikelihood::truncated_gradient`].
+    /// ln L and the truncated gradient: see [`StreamLikelihood::truncated_gradient`].
     fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
         let all = self.params(theta).to_array();
         let evaluated = self.likelihood.truncated_gradient(&all);

@@ -1,5 +1,5 @@
-//! The likelihood as a function of the 13 parameters: its value in SIMD lanes, its gradient in lanes and dual numbers, and both on any
-//! number type as a reference.
+//! The likelihood as a function of the 13 parameters: its value in SIMD lanes, its gradient by reverse mode in lanes and by dual
+//! numbers, and its value on any number type as a reference.
 
 use super::TrackLikelihood;
 use crate::error::{Rejection, Tally};

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub enum Coverage {
     /// The paper: the likelihood is zero, with a hard threshold on the number of particles.
     Reject,
-    /// Finite and smooth everywhere: below the threshold a bin fades into a residual of `z_miss` sigma, which it is
-    /// when empty, and the uncovered fraction of the data's length costs `-lambda (1 - overlap)^2`.
+    /// Finite and smooth everywhere: between threshold and zero weight, a bin's likelihood is interpolated to that of a residual
+    /// of `z_miss` sigma, and the uncovered fraction of the bins costs `-lambda (1 - overlap)^2`.
     Penalty {
         /// Residual of a missing bin, in sigma.
         z_miss: f64,
@@ -39,8 +39,8 @@ pub struct LikelihoodSettings {
     pub edges: BinEdges,
     /// Missing bins.
     pub coverage: Coverage,
-    /// Add the model's own Monte-Carlo variance of each bin's mean to the data's. The draws of a fit are frozen: what they are
-    /// off by is off everywhere, and with a few thousand particles it is as large as the data's errors.
+    /// Whether the model's own Monte-Carlo variance of each bin's mean is added to the data's. The releases of a fit are fixed,
+    /// so their error is the same at every point, and with a few thousand particles it is as large as the data's errors.
     pub model_noise: bool,
     /// The threshold on a bin's weight, as a fraction of all particles: half of a mock's 1 %.
     pub min_fraction: f64,
@@ -57,7 +57,7 @@ impl Default for LikelihoodSettings {
     }
 }
 
-/// What rounding may add to the sum of the best that each bin can be.
+/// Margin of the upper bound for rounding.
 const BOUND_SLACK: f64 = 1e-6;
 
 /// Data of one bin.
@@ -83,7 +83,7 @@ pub struct TrackLikelihood {
     threshold: f64,
 }
 
-/// One bin's part: its log-likelihood, already faded, and how far it is covered.
+/// One bin's contribution: its log-likelihood, times its cover, and the cover.
 struct Part<S> {
     ln_likelihood: S,
     covered: S,
@@ -111,14 +111,14 @@ impl TrackLikelihood {
             && !(half_width_deg > 0.0 && half_width_deg <= 0.5 * width_deg)
         {
             return fail(
-                "edges.half_width_deg",
+                "likelihood.edges.soft.half_width_deg",
                 half_width_deg.to_string(),
                 "give more than 0 and at most half a bin, or use hard edges",
             );
         }
         if !(settings.min_fraction >= 0.0 && settings.min_fraction < 1.0) {
             return fail(
-                "min_fraction",
+                "likelihood.min_fraction",
                 settings.min_fraction.to_string(),
                 "give a fraction in [0, 1)",
             );
@@ -127,7 +127,7 @@ impl TrackLikelihood {
             && !(z_miss > 0.0 && lambda >= 0.0 && (z_miss + lambda).is_finite())
         {
             return fail(
-                "coverage.penalty",
+                "likelihood.coverage.penalty",
                 format!("z_miss {z_miss}, lambda {lambda}"),
                 "give z_miss above 0 and lambda at or above 0",
             );
@@ -185,7 +185,7 @@ impl TrackLikelihood {
         self.data.iter().flatten()
     }
 
-    /// What ln L is nowhere above: a track through all points, without noise of its own.
+    /// An upper bound of ln L: a track through all points, without noise of its own.
     #[must_use]
     pub fn ln_likelihood_bound(&self) -> f64 {
         let most = self
@@ -217,7 +217,7 @@ impl TrackLikelihood {
         }
     }
 
-    /// ln L, and its derivatives with respect to the sums, written into `by`.
+    /// ln L, and its derivatives with respect to the sums, written into `sums_bar`.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).

@@ -26,7 +26,7 @@ fn rate_at<S: Real>(node: &Node<S>) -> S {
 }
 
 impl<S: Real> AdaptiveGrid<S> {
-    /// The grid of an orbit, in the memory of another one if there is one.
+    /// The grid of an orbit, in the buffers of another one if there is one.
     #[must_use]
     pub fn of(orbit: &DenseOrbit<S>, spare: Option<Self>) -> Self {
         let spare = spare.map_or_else(Default::default, |s| (s.rate, s.phase, s.inverse));

@@ -9,7 +9,7 @@ use crate::potential::Potential;
 use crate::scalar::{Real, Scalar, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Square of a radius, kpc^2, below which a rate of turning rises no more: a progenitor through the very centre has one.
+/// Lower limit of the squared radius, kpc^2, in the orbital frequency, which stays finite for a progenitor at the very centre.
 pub(super) const CORE2: f64 = 1e-4;
 
 /// How the progenitor is integrated back in time.
@@ -121,12 +121,12 @@ impl HermiteWeights {
     }
 }
 
-/// A time on an orbit: in the interval after `node`, at the fraction `share` in [0, 1] of it.
+/// A time on an orbit: in the interval after `node`, at this fraction in [0, 1] of it.
 #[derive(Clone, Copy, Debug)]
 pub struct OrbitTime<S> {
     /// The earlier node.
     pub node: usize,
-    /// How far towards the later one.
+    /// Fraction of the interval, from the earlier node to the later one.
     pub share: S,
 }
 
@@ -220,7 +220,7 @@ impl<S: Real> DenseOrbit<S> {
         Self::integrate_reusing(host, today, age_gyr, steps, method, None)
     }
 
-    /// As [`integrate`](Self::integrate), in the memory of another orbit.
+    /// As [`integrate`](Self::integrate), in the buffers of another orbit.
     #[inline(always)]
     pub fn integrate_reusing(
         host: &impl Potential<S>,

@@ -30,12 +30,13 @@ impl<S: Scalar> StepCotangent<S> {
     }
 }
 
-/// From the derivative `position_bar` of some scalar with respect to a particle's final position to its derivative with respect to the
-/// start, which is returned. The derivatives with respect to the host, the progenitor and the schedule are added to theirs.
+/// The vector-Jacobian product of [`advance`](super::advance()): from `position_bar`, the derivative of a result with respect to
+/// a particle's final position (per kpc), returns its derivative with respect to the particle's initial state. The derivatives
+/// with respect to host, progenitor and schedule are added to `host_bar`, `progenitor_bar` and `schedule_bar`.
 ///
-/// The path is not stored but integrated backwards from `end`, the final state of [`advance`](super::advance()): each drift and kick is
-/// undone, so it is the same path except for rounding. The derivative with respect to a state is set
-/// to zero where the square of its position part exceeds `limit2`; with a limit of infinity it is exact.
+/// The trajectory is not stored but integrated backwards from `end`, the final state of [`advance`](super::advance()): each drift
+/// and kick is undone, so it is the same trajectory except for rounding. The derivative with respect to a state is set to zero
+/// where the squared length of its position part exceeds `limit2`; with an infinite limit it is exact.
 #[inline(always)]
 #[allow(
     clippy::too_many_arguments,
@@ -83,7 +84,8 @@ pub fn reverse<S: Scalar, H: Halo>(
     by
 }
 
-/// Zero where the position part of `by` is longer than sqrt(`limit2`), `by` elsewhere: a NaN stays, for the caller to find.
+/// Zero where the position part of `state_bar` is longer than sqrt(`limit2`), `state_bar` elsewhere; a NaN is kept, so that the
+/// caller can detect it.
 #[inline(always)]
 fn within<S: Scalar>(by: State<S>, limit2: S) -> State<S> {
     let beyond = limit2.lt(by.x.norm2());

@@ -1,4 +1,4 @@
-//! Winding counts: how often the projection of a path goes round the centre of the sky plane.
+//! Winding counts: how often the projection of a trajectory goes round the centre of the sky plane.
 
 use crate::scalar::{Scalar, Vec3};
 

@@ -1,4 +1,4 @@
-//! What the posterior of the hyperparameters says about the density of q, for tables and figures.
+//! The population density of q, from draws of the hyperparameters, for tables and figures.
 
 use super::family::Family;
 use crate::error::{Error, Result};

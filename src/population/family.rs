@@ -1,17 +1,17 @@
-//! What a family of populations has to say.
+//! The interface of a family of densities of q.
 
 use crate::scalar::Real;
 use oblate_samplers::Marginal;
 
 /// A family of densities of q with `N` hyperparameters, normalised on its support.
 pub trait Family<const N: usize>: Send + Sync {
-    /// The interval on which every member of the family is normalised, for all hyperparameters.
+    /// The interval on which every density of the family is normalised, for all hyperparameters.
     fn support(&self) -> (f64, f64);
 
     /// Names and prior distributions of the hyperparameters.
     fn hyperparameters(&self) -> [(&'static str, Marginal); N];
 
-    /// The log density of one member, as a function of q inside the [support](Self::support).
+    /// The log density for given hyperparameters, as a function of q inside the [support](Self::support).
     ///
     /// Called once per evaluation; whatever does not depend on q belongs before the returned function. The
     /// hyperparameters carry derivatives, q does not. A member without a density (a negative width) returns NaN.

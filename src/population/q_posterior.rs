@@ -1,4 +1,4 @@
-//! What one fitted stream brings to a population: weighted draws of q, and the prior under which they were drawn.
+//! The posterior of q of one stream, as weighted draws, with the prior of the fit.
 
 use crate::error::{Error, PosteriorFault, Result};
 use crate::params::QPrior;

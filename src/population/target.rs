@@ -1,4 +1,4 @@
-//! The posterior of the hyperparameters, as a sampler is given it.
+//! The posterior of the hyperparameters, as a target of the samplers.
 
 use super::family::Family;
 use super::q_posterior::QPosterior;
@@ -18,7 +18,7 @@ const GRADIENT_COST: f64 = 2.0;
 /// No draw of some stream has any weight under the population.
 const NO_OVERLAP: Cause = "no overlap with a stream";
 
-/// How the streams enter.
+/// Settings of the reweighting of streams.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PopulationSettings {
@@ -62,7 +62,7 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
     pub fn new(family: F, streams: &[QPosterior], settings: PopulationSettings) -> Result<Self> {
         if settings.max_draws == 0 {
             return Err(Error::Setting {
-                key: "population.max_draws".to_owned(),
+                key: "reweighting.max_draws".to_owned(),
                 value: "0".to_owned(),
                 remedy: "give a positive number; 5000 is the default".to_owned(),
             });

@@ -57,7 +57,7 @@ impl TruncatedGaussian {
     pub fn new(settings: TruncatedGaussianSettings) -> Result<Self> {
         let refuse = |key: &str, value: String, remedy: &str| {
             Err(Error::Setting {
-                key: format!("population.{key}"),
+                key: format!("family.{key}"),
                 value,
                 remedy: remedy.to_owned(),
             })

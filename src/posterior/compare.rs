@@ -1,4 +1,4 @@
-//! Do two runs of one target agree? Evidence, marginals, mode weights, cost, side by side.
+//! Comparison of two runs of one target: evidence, marginals, mode weights, cost.
 
 use super::columns::{Column, column, columns};
 use super::modes::{Mode, Probability, mode_weights, prolate_probability};

@@ -1,4 +1,4 @@
-//! Numbers in JSON, which knows neither NaN nor infinities: these are written as the strings `"nan"`, `"inf"` and
+//! Numbers in JSON, which has neither NaN nor infinities: these are written as the strings `"nan"`, `"inf"` and
 //! `"-inf"`, so that a failed check keeps its value. Finite numbers are exact to the bit.
 
 use serde::de::Error as _;

@@ -62,7 +62,7 @@ impl Interval {
     }
 }
 
-/// What a summary says beyond the sampler's result.
+/// Additions to the sampler's result in a summary.
 #[derive(Clone, Debug, Default)]
 pub struct SummaryContext {
     /// The command line that made the run.
@@ -82,7 +82,7 @@ pub struct SummaryContext {
 pub struct Summary {
     /// [`SUMMARY_FORMAT`].
     pub format: u32,
-    /// Whether the run ended by its own rule and every check passed. First, because it comes first.
+    /// Whether the run ended by its stopping rule and every check passed. It is the first key of interest, so it stands first.
     pub converged: bool,
     /// Why it ended.
     pub status: Status,
@@ -90,7 +90,7 @@ pub struct Summary {
     pub method: Method,
     /// Log evidence.
     pub ln_z: ValueError,
-    /// Errors of ln Z by the way they were estimated.
+    /// Errors of ln Z by estimator; docs/files.md, section 6, lists the names.
     #[serde(with = "json::map")]
     pub ln_z_error_parts: BTreeMap<String, f64>,
     /// Other estimates of ln Z.
@@ -207,7 +207,7 @@ impl Summary {
         }
     }
 
-    /// The verdict in words: why the run has not converged, or that it has.
+    /// The verdict: why the run has not converged, or that it has.
     #[must_use]
     pub fn verdict(&self) -> String {
         if self.converged {
@@ -223,9 +223,9 @@ impl Summary {
             Status::BudgetSpent => "the time limit was reached; resume it with a larger one",
         };
         let failed: Vec<&Check> = self.checks.iter().filter(|g| !g.pass).collect();
-        let mut words = format!("NOT CONVERGED: {ended}");
+        let mut text = format!("NOT CONVERGED: {ended}");
         if !failed.is_empty() {
-            words.push_str(&format!(
+            text.push_str(&format!(
                 "; {} of {} checks failed ({})",
                 failed.len(),
                 self.checks.len(),
@@ -236,7 +236,7 @@ impl Summary {
                     .join(", ")
             ));
         }
-        words.push('.');
-        words
+        text.push('.');
+        text
     }
 }

@@ -1,4 +1,4 @@
-//! `posterior.zarr`: every array of a run, as Zarr v3 that `arviz.from_zarr` and xarray open. Chunks are not
+//! `posterior.zarr`: every array of a run, as Zarr v3 that xarray opens (docs/files.md, sections 6 and 8). Chunks are not
 //! compressed: a fit is a few megabytes, and so no C library is needed.
 //!
 //! | group | variables | dimensions |
@@ -7,12 +7,12 @@
 //! | `sample_stats` | `ln_likelihood` | chain, draw |
 //! | `observed_data` | `phi`, `r`, `r_err` (and `n`) of the track | bin |
 //! | `prior` | each parameter and derived quantity by name | chain, draw |
-//! | `weighted` | `theta`, `derived`, `ln_weight`, `ln_likelihood`, `chain`: the sampler's own draws, to the bit | row, ... |
-//! | `path` | how the run went from prior to posterior | step, or temperature |
+//! | `weighted` | `theta`, `derived`, `ln_weight`, `ln_likelihood`, `chain`, `cluster`: the sampler's own draws, to the bit | row, ... |
+//! | `history` | how the run went from the prior to the posterior | step, insertion, temperature or chain set |
 //!
-//! Equal-length chains of equal weight fill `posterior` as they are; weighted draws are resampled there to equal
-//! weight, systematically, to as many rows as their effective size. `weighted` is what weights and evidence go with.
-//! Names and units are attributes, of the variables and of the root.
+//! Equal-length chains of equal weight are written to `posterior` as they are; weighted draws are resampled there to equal
+//! weight, systematically, to as many rows as their ESS (Kish). Evidence and weights belong to `weighted`. Names and units are
+//! attributes of the variables and of the root.
 
 mod layout;
 mod store;
@@ -120,7 +120,7 @@ pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
     layout::write_weighted(&store, &run.draws)?;
     layout::write_history(&store, &run.history)?;
     store::sync(&inside).map_err(io)?;
-    // A folder cannot be renamed onto one with content: the old one steps aside first, and goes with `fresh`.
+    // A folder cannot be renamed onto one with content: the old one is moved into the temporary folder, which is deleted.
     if path.exists() {
         std::fs::rename(path, fresh.path().join("old")).map_err(io)?;
     }

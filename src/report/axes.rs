@@ -123,7 +123,7 @@ impl Axes {
         for v in &values {
             let (x, _) = self.at(*v, self.y.0);
             canvas.line(&[(x, top + h), (x, top + h - 3.0)], INK, 0.6, "");
-            // Panels that stand close leave no room for words at their corners.
+            // Where panels adjoin, labels at their corners are left out.
             let inside = (x - left).min(left + w - x) > 0.08 * w || w > 100.0;
             if !label.is_empty() && inside {
                 let text = tick_text(*v, &values);
@@ -162,7 +162,7 @@ impl Axes {
         canvas.frame(left, top, w, h);
     }
 
-    /// A word in the panel's upper left corner.
+    /// A text in the panel's upper left corner.
     pub fn caption(&self, canvas: &mut Canvas, words: &str, size: f64) {
         let (left, top, ..) = self.rect;
         canvas.text(

@@ -1,4 +1,4 @@
-//! A sheet of SVG: lines, areas and text at sub-pixel places, in one house style.
+//! A sheet of SVG: lines, areas and text at sub-pixel positions, in one style.
 //!
 //! Text stays text in a generic sans-serif, so that no font has to be found; lengths are in points, a printed column
 //! being 250 and a page 510 wide. Colours are Okabe and Ito's (2008), which colour-blind readers tell apart.
@@ -25,7 +25,7 @@ pub enum Anchor {
     End,
 }
 
-/// A drawing that grows.
+/// An SVG drawing under construction.
 #[derive(Clone, Debug)]
 pub struct Canvas {
     width: f64,
@@ -33,7 +33,7 @@ pub struct Canvas {
     body: String,
 }
 
-/// A number for SVG: two decimals, and never NaN: what is not finite has no place on paper.
+/// A number for SVG with two decimals; 0 in place of a number that is not finite.
 fn place(x: f64) -> f64 {
     if x.is_finite() {
         (x.clamp(-1e6, 1e6) * 100.0).round() / 100.0
@@ -68,7 +68,7 @@ impl Canvas {
         self.body.push('\n');
     }
 
-    /// A path through points; points that are not finite lift the pen.
+    /// A line through points; it is interrupted at points that are not finite.
     pub fn line(&mut self, points: &[(f64, f64)], colour: &str, width: f64, dash: &str) {
         let d = path(points, false);
         if d.is_empty() {
@@ -94,7 +94,7 @@ impl Canvas {
         }
     }
 
-    /// A dot; `class` says what it stands for, so that a drawing can be counted.
+    /// A dot; `class` names what it represents, so that tests can count them.
     pub fn dot(&mut self, at: (f64, f64), radius: f64, colour: &str, opacity: f64, class: &str) {
         if at.0.is_finite() && at.1.is_finite() {
             self.put(format_args!(
@@ -148,7 +148,7 @@ impl Canvas {
         ));
     }
 
-    /// The finished document; `title` is read out to those who cannot see it.
+    /// The finished document; `title` is its text alternative.
     #[must_use]
     pub fn finish(self, title: &str) -> String {
         let (w, h) = (place(self.width), place(self.height));

@@ -22,10 +22,10 @@ fn range(column: &CornerColumn, weights: &[f64]) -> (f64, f64) {
     super::axes::range_of([at(0.003), at(0.997)].into_iter().chain(column.truth), 0.06)
 }
 
-/// A corner plot of columns that share their weights, `columns x columns` panels at the size of a page.
+/// A corner plot of columns with common weights: `columns x columns` panels that fill a page.
 ///
-/// Filled regions hold 68 and 95 % of the weight; orange lines are the truth; each marginal carries its median and
-/// central 68 % as words.
+/// Filled regions contain 68 and 95 % of the weight; orange lines are the truth; each marginal has its median and central 68 % as
+/// text.
 #[must_use]
 pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String {
     let n = columns.len().max(1);
@@ -122,7 +122,7 @@ fn marginal(
     axes
 }
 
-/// `median +up -down` with the digits that the smaller side deserves, two of them.
+/// `median +up -down` with two digits of the smaller side.
 fn credible(median: f64, lo: f64, hi: f64) -> String {
     let (down, up) = (median - lo, hi - median);
     let least = down.min(up);

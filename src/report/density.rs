@@ -41,8 +41,8 @@ pub struct Density2 {
 pub type Rings = Vec<Vec<(f64, f64)>>;
 
 impl Density2 {
-    /// The density of weighted points, smoothed by a Gaussian of one grid cell and a bit (it widens contours by a few
-    /// per cent and takes the grain of the draws away).
+    /// The density of weighted points, smoothed by a Gaussian of 1.2 grid cells, which widens contours by a few per cent and
+    /// suppresses the noise of the draws.
     #[must_use]
     pub fn new(x: &[f64], y: &[f64], weights: &[f64], ranges: [(f64, f64); 2], n: usize) -> Self {
         let mut grid = vec![0.0; n * n];

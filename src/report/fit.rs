@@ -5,7 +5,7 @@ use super::canvas::{Anchor, COLOURS, Canvas, INK};
 use crate::data::ObservedTrack;
 use oblate_samplers::diagnostics::weighted_quantile;
 
-/// Width and height of the key with the track's name above it, in points.
+/// Width and height of the legend with the track's name above it, in points.
 const KEY: (f64, f64) = (94.0, 48.0);
 
 /// One model's track: a radius per bin that it covers.
@@ -57,7 +57,7 @@ impl Band {
                 .iter()
                 .filter_map(|d| radius_at(d, centre, picture.track.bin_width_deg))
                 .collect();
-            // A bin that most draws do not reach has no band worth the name.
+            // A bin that most draws do not cover has no band.
             if 2 * radii.len() < picture.draws.len() {
                 continue;
             }
@@ -131,7 +131,8 @@ impl FitPicture<'_> {
         self.key(canvas, axes, !band.phi_deg.is_empty());
     }
 
-    /// Where the key covers the fewest data: a corner of the panel, or the middle of its upper or lower edge.
+    /// The position of the legend where it covers the fewest data: a corner of the panel, or the middle of its upper or lower
+    /// edge.
     fn key_at(&self, axes: &Axes) -> (f64, f64) {
         let (left, top, w, h) = axes.rect;
         let mut drawn = axes.all(&self.track.phi_deg, &self.track.r_kpc);
@@ -150,7 +151,7 @@ impl FitPicture<'_> {
             .unwrap_or((left, top))
     }
 
-    /// The track's name and what is what.
+    /// The track's name and the legend.
     fn key(&self, canvas: &mut Canvas, axes: &Axes, band: bool) {
         let (left, top) = self.key_at(axes);
         let word = |canvas: &mut Canvas, at: (f64, f64), words: &str, size: f64| {
@@ -213,7 +214,7 @@ impl FitPicture<'_> {
                     canvas.line(&bar, INK, 0.7, "");
                     canvas.dot(axes.at(phi, z), 1.9, INK, 1.0, "residual");
                 } else {
-                    // The best fit does not cover this bin: say so on the zero line.
+                    // The best fit does not cover this bin: a cross on the zero line.
                     let at = axes.at(phi, 0.0);
                     canvas.text((at.0, at.1 + 3.0), "\u{d7}", 10.0, Anchor::Middle, 0.0);
                 }
@@ -236,7 +237,7 @@ impl FitPicture<'_> {
             .zip(&self.track.r_kpc)
             .map(|(p, r)| turn(*p, *r))
             .collect();
-        // The frame holds the data and the bulk of the particles: a few thrown far out must not shrink it.
+        // The axes span the data and the bulk of the particles: few distant ones must not shrink it.
         let mut reach: Vec<f64> = self.particles.iter().map(|p| p.0.hypot(p.1)).collect();
         reach.sort_by(f64::total_cmp);
         let bulk = reach.get(reach.len() * 98 / 100).copied().unwrap_or(0.0);

@@ -1,4 +1,4 @@
-//! How a sampler did: from prior to posterior, for either kind of run.
+//! Diagnostic figures of the samplers.
 
 use super::axes::{Axes, range_of};
 use super::canvas::{Anchor, COLOURS, Canvas, INK};
@@ -8,14 +8,14 @@ use oblate_samplers::output::History;
 /// Cells of the histogram of insertion ranks.
 const RANK_CELLS: usize = 20;
 
-/// Most points of a drawn line: a file of a run of a million steps must still open.
+/// Maximum number of points of a line, which bounds the size of the file.
 const MOST_POINTS: usize = 1500;
 
-/// Draws the health of a run.
+/// Draws the diagnostics of a run.
 ///
 /// Nested: ln L against ln X with the posterior weight per unit of ln X, and the histogram of insertion ranks with the 95 %
 /// band of uniform ranks. Tempered: swap rejection and barrier, acceptance and step size against temperature, and the
-/// trace of the coldest chains with their round trips. Refined: ln Z and the ancestors left on the way.
+/// trace of ln L at beta = 1 with the round trips. Bridge: ln Z and the effective number of ancestors by exponent.
 #[must_use]
 pub fn health(run: &Run) -> String {
     match &run.history {
@@ -39,7 +39,7 @@ pub fn health(run: &Run) -> String {
             ladder(&mut canvas, beta, swap_rejection, barrier);
             moves(&mut canvas, beta, acceptance, step_size);
             traces(&mut canvas, trace, round_trips);
-            canvas.finish("Health of a tempered run")
+            canvas.finish("Diagnostics of a tempered run")
         }
         History::Bridge {
             share,
@@ -54,16 +54,16 @@ pub fn health(run: &Run) -> String {
                 left,
                 share,
                 ln_ratio,
-                "ln Z over the coarse run's",
+                "ln Z minus that of the coarse run",
             );
             way(
                 &mut canvas,
                 right,
                 share,
                 ancestors,
-                "draws left as ancestors",
+                "effective number of ancestors",
             );
-            canvas.finish("Health of a refinement")
+            canvas.finish("Diagnostics of a bridge")
         }
     }
 }
@@ -81,7 +81,7 @@ fn way(canvas: &mut Canvas, rect: (f64, f64, f64, f64), share: &[f64], values: &
         canvas.dot(at, 2.0, COLOURS[0], 1.0, "step");
     }
     axes.frame(canvas);
-    axes.draw_x(canvas, "share of the fine likelihood", 5, 8.0);
+    axes.draw_x(canvas, "exponent s of the fine likelihood", 5, 8.0);
     axes.draw_y(canvas, what, 5, 8.0, 42.0);
 }
 
@@ -111,7 +111,7 @@ fn nested(ln_x: &[f64], ln_likelihood: &[f64], insertion_rank: &[f64]) -> String
         .fold(f64::NEG_INFINITY, f64::max);
     let mut sorted: Vec<f64> = y.iter().copied().filter(|v| v.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
-    // The first points of the prior can be anywhere below: from the 5th per cent up is what tells something.
+    // The first points of the prior can be anywhere below: the axis begins at the 5 % quantile.
     let floor = sorted.get(sorted.len() / 20).copied().unwrap_or(0.0);
     let axes = Axes {
         rect: (56.0, 12.0, 216.0, 160.0),
@@ -136,7 +136,7 @@ fn nested(ln_x: &[f64], ln_likelihood: &[f64], insertion_rank: &[f64]) -> String
     axes.draw_y(&mut canvas, "ln L", 6, 8.0, 42.0);
     axes.caption(&mut canvas, "shaded: posterior mass per ln X", 7.0);
     ranks(&mut canvas, insertion_rank);
-    canvas.finish("Health of a nested run")
+    canvas.finish("Diagnostics of a nested run")
 }
 
 fn ranks(canvas: &mut Canvas, insertion_rank: &[f64]) {
@@ -175,7 +175,7 @@ fn ranks(canvas: &mut Canvas, insertion_rank: &[f64]) {
     axes.caption(canvas, "grey: 95 % of each cell if ranks are uniform", 7.0);
 }
 
-/// Temperatures by number: a ladder's betas crowd towards 0, its numbers do not.
+/// Axes over the number of a temperature, because most inverse temperatures are close to 0.
 fn number_axes(rect: (f64, f64, f64, f64), count: usize, y: (f64, f64)) -> Axes {
     Axes {
         rect,
@@ -251,7 +251,7 @@ fn moves(canvas: &mut Canvas, beta: &[f64], acceptance: &[f64], step_size: &[f64
         8,
         8.0,
     );
-    axes.draw_y(canvas, "local moves", 5, 8.0, 30.0);
+    axes.draw_y(canvas, "HMC transitions", 5, 8.0, 30.0);
     axes.caption(canvas, "solid: acceptance; dashed: step size", 7.0);
 }
 
@@ -273,8 +273,8 @@ fn traces(canvas: &mut Canvas, trace: &[Vec<f64>], round_trips: &[u64]) {
     });
     axes.frame(canvas);
     axes.draw_x(canvas, "scan", 8, 8.0);
-    axes.draw_y(canvas, "ln L of the coldest chain", 5, 8.0, 42.0);
+    axes.draw_y(canvas, "ln L at beta = 1", 5, 8.0, 42.0);
     let trips: Vec<String> = round_trips.iter().map(u64::to_string).collect();
-    let words = format!("round trips per ladder: {}", trips.join(", "));
+    let words = format!("round trips per chain set: {}", trips.join(", "));
     canvas.text((540.0, 183.0), &words, 7.0, Anchor::End, 0.0);
 }

@@ -1,6 +1,6 @@
-//! How columns are called on axes.
+//! Symbols of the columns in figures.
 
-/// (name in files, sign in figures): units come from the run.
+/// (name in files, symbol in figures); units come from the run.
 const SIGNS: [(&str, &str); 18] = [
     ("log10_m_halo", "log M halo"),
     ("r_s_halo_kpc", "r\u{209b} halo"),
@@ -22,12 +22,12 @@ const SIGNS: [(&str, &str); 18] = [
     ("sigma_pop", "\u{3c3} of q"),
 ];
 
-/// A column's sign in figures; its own name where there is none.
+/// A column's symbol in figures; its own name where there is none.
 fn sign(name: &str) -> &str {
     SIGNS.iter().find(|s| s.0 == name).map_or(name, |s| s.1)
 }
 
-/// A column on an axis: sign and, where there is one, unit, which takes a line of its own where there is little room.
+/// A column on an axis: symbol and, where there is one, unit, on a line of its own where there is little room.
 #[must_use]
 pub fn axis(name: &str, unit: &str, narrow: bool) -> String {
     if unit.is_empty() {

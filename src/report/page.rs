@@ -1,4 +1,4 @@
-//! The page: one HTML file with everything in it, verdict first, that prints as it looks.
+//! The report: one self-contained HTML file, verdict first, that prints as it is displayed.
 
 use super::canvas::escape;
 use crate::posterior::{Comparison, Interval, Summary};
@@ -38,7 +38,7 @@ svg{max-width:100%;height:auto}pre{background:#f3f3f3;padding:.6rem;overflow-x:a
 white-space:pre-wrap}@media print{body{margin:0;max-width:none;font-size:10pt}h2{break-after:avoid}\
 details{display:block}}";
 
-/// Writing to a string cannot fail; this keeps the page's code free of saying so.
+/// Appends to the page; writing to a string cannot fail.
 macro_rules! put {
     ($out:expr, $($arg:tt)*) => {
         let _ = writeln!($out, $($arg)*);
@@ -126,7 +126,7 @@ fn verdict(out: &mut String, run: &PageRun<'_>) {
     put!(out, "</div>");
 }
 
-/// A number with as many digits as its size deserves.
+/// A number with about four significant digits.
 fn number(x: f64) -> String {
     let size = x.abs();
     if !x.is_finite() {
@@ -225,7 +225,7 @@ fn evidence(out: &mut String, s: &Summary) {
             .iter()
             .map(|(cause, n)| format!("{cause} {n}"))
             .collect();
-        row(out, "points without a likelihood", causes.join(", "));
+        row(out, "rejected points", causes.join(", "));
     }
     for (name, x) in &s.diagnostics {
         row(out, &escape(name), number(*x));

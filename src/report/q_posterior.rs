@@ -21,7 +21,7 @@ pub struct QCurve {
 #[must_use]
 pub fn q_posterior(curves: &[QCurve], prior: Option<QPrior>, truth: Option<f64>) -> String {
     const CELLS: usize = 80;
-    // Vermillion belongs to the truth.
+    // Vermillion is reserved for the truth.
     const INKS: [usize; 5] = [0, 2, 3, 4, 5];
     let x = match prior {
         Some(QPrior::Uniform { lo, hi }) => (lo, hi),
@@ -78,7 +78,7 @@ pub fn q_posterior(curves: &[QCurve], prior: Option<QPrior>, truth: Option<f64>)
         canvas.line(&[(px(i.lo95), y), (px(i.hi95), y)], colour, 1.0, "");
         canvas.line(&[(px(i.lo68), y), (px(i.hi68), y)], colour, 3.2, "");
         canvas.dot((px(i.median), y), 3.0, colour, 1.0, "median");
-        // The words stand where the bar is not.
+        // The text stands beside the bar.
         let words = format!(
             "{}  {:.3} [{:.3}, {:.3}]",
             curve.name, i.median, i.lo68, i.hi68

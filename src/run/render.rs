@@ -165,13 +165,13 @@ fn draw(path: &Path) -> Result<Drawn> {
         svg,
     ));
     figures.push((
-        "health",
+        "diagnostics",
         "Diagnostics of the sampler".to_owned(),
         health(&stored.run),
     ));
     if let Ok(coarse) = RunFolder::open(&folder.coarse()) {
         figures.push((
-            "coarse-health",
+            "coarse-diagnostics",
             "Diagnostics of the sampler in the coarse fit that came first".to_owned(),
             health(&coarse.read()?.run),
         ));

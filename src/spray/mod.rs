@@ -1,4 +1,4 @@
-//! Where and how stars leave their progenitor: the tidal radius, the published recipes, and the table of draws.
+//! Where and how stars leave their progenitor: the tidal radius, the published recipes, and the table of releases.
 //!
 //! A recipe is two things: a pair of scales (a length and a velocity) that depend on the parameters, and six pure
 //! numbers per particle, its [`ReleaseOffset`], that depend on random numbers alone. A release is then linear in the offset, so the

@@ -70,8 +70,8 @@ impl Recipe {
         }
     }
 
-    /// The release offset made of standard normals `xi` (the first [`normals`](Self::normals) are used). `None`: the draw has no
-    /// meaning (Chen's radius at or below zero, probability 2.4e-6) and must be repeated.
+    /// The release offset made of standard normals `xi` (the first [`normals`](Self::normals) are used). `None` if the recipe has
+    /// no offset for them (a radius of Chen et al. at or below zero, probability 2.4e-6): then other normals must be drawn.
     #[must_use]
     pub fn kick(self, xi: &[f64; 5], tail: Tail) -> Option<ReleaseOffset> {
         let sign = tail.sign();

@@ -1,5 +1,5 @@
-//! The table of releases: release time, tail and release offset of each particle. Made once from a seed; from here to the
-//! likelihood nobody holds a generator.
+//! The table of releases: release time, tail and release offset of each particle. Made once from a seed; all later steps up to
+//! the likelihood use no random numbers.
 
 use super::{Recipe, ReleaseOffset, Tail};
 use crate::error::{Error, Result};
@@ -7,17 +7,17 @@ use oblate_samplers::normal::quantile;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 use serde::{Deserialize, Serialize};
 
-/// How the draws are spread.
+/// How the random numbers of the releases are spread (docs/physics.md, section 4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SamplingScheme {
     /// Independent normals; release times -T + k T / `release_times` (the paper).
     Random,
-    /// One Owen-scrambled Sobol set per tail over release time and normals, sorted by time: the track noise of 2.5 times
-    /// as many random particles. Release times are the middles of equal intervals.
+    /// One Owen-scrambled Sobol set per tail over release time and normals, sorted by time. Release times are the middles of
+    /// equal intervals.
     Sobol,
-    /// The Sobol set. Each particle has a neighbour with nearly the same release offset at the next release time, and on the sky it is
-    /// smeared along the segment to that neighbour. The track noise of 1.4 times as many Sobol particles, and a likelihood as smooth as that of four times as many.
+    /// The Sobol set. Each particle has a neighbour with nearly the same release offset at the next release time, and on the sky
+    /// it is smeared along the segment to that neighbour. benches/RESULTS.md, `noise` and `roughness`, compares the schemes.
     #[default]
     SobolSegments,
 }
@@ -31,7 +31,7 @@ pub struct TableSettings {
     /// Release times; 0 chooses 100 for `random`, else as many as leave each 32 particles (from 2,048 on), else 16, else 8:
     /// whichever divides them.
     pub release_times: usize,
-    /// Spread of the draws.
+    /// Sampling scheme.
     pub sampling_scheme: SamplingScheme,
     /// Release recipe.
     pub recipe: Recipe,
@@ -84,7 +84,7 @@ impl ReleaseTable {
     pub fn new(settings: &TableSettings) -> Result<Self> {
         let n = settings.particles;
         let fail = |remedy: &str| Error::Setting {
-            key: "particles".to_owned(),
+            key: "model.releases.particles".to_owned(),
             value: n.to_string(),
             remedy: remedy.to_owned(),
         };
@@ -104,7 +104,7 @@ impl ReleaseTable {
         }
         if settings.sampling_scheme != SamplingScheme::Random && n / 2 > SOBOL_LIMIT {
             return Err(fail(
-                "this design has at most 131072 particles; use design = \"random\" for more",
+                "this sampling scheme has at most 131072 particles; set `model.releases.sampling_scheme = \"random\"` for more",
             ));
         }
         let per_tail = n / (2 * release_times);
@@ -156,8 +156,8 @@ impl ReleaseTable {
     }
 }
 
-/// Release times of `n` particles of the Sobol design, if nobody says. More than these do not lower the noise of a track, and
-/// 16 particles of one time fill the lanes.
+/// Default number of release times of `n` particles of a Sobol scheme. More do not lower the noise of a track, and 16 particles
+/// of one time fill the lanes.
 fn sobol_release_times(n: usize) -> usize {
     let per_release_time = [32, 16, 8]
         .into_iter()
@@ -168,7 +168,7 @@ fn sobol_release_times(n: usize) -> usize {
 /// Longest Sobol sequence of the generator in use.
 const SOBOL_LIMIT: usize = 1 << 16;
 
-/// Independent draws; a draw without meaning is repeated from the same stream.
+/// Independent release offsets; where a recipe has no offset, the next normals of the same random stream are used.
 fn random_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<ReleaseOffset> {
     let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 0);
     let mut kicks = Vec::with_capacity(count);
@@ -185,7 +185,7 @@ fn random_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<Rel
 /// A scrambled Sobol set, sorted by its first coordinate, the release time: its index must not choose the time, nor the
 /// tail, because its low bits are the first coordinates of the points.
 fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<ReleaseOffset> {
-    // Scrambles are 32-bit seeds; the two tails and the redraws get sets of their own.
+    // Scrambles are 32-bit seeds; the two tails and the repetitions have sets of their own.
     let scramble = |round: u64| {
         let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 1 + round);
         #[allow(
@@ -227,8 +227,8 @@ fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<Rele
 /// Number of release offsets of one release time that are compared with each other to find neighbours: the cost grows with its square.
 const LINKED_TOGETHER: usize = 64;
 
-/// Reorders the release offsets of each release time, `per_release_time` of them, so that each follows one that is nearly equal: of
-/// [`LINKED_TOGETHER`] no two could change places and be nearer to those before, by the sum of squares.
+/// Reorders the release offsets of each release time, `per_release_time` of them, so that each follows one that is nearly equal:
+/// within [`COMPARED_TOGETHER`] of them no exchange of two lowers the sum of squared differences to those before.
 fn linked(mut kicks: Vec<ReleaseOffset>, per_release_time: usize) -> Vec<ReleaseOffset> {
     for first in (per_release_time..kicks.len()).step_by(per_release_time) {
         let (before, rest) = kicks.split_at_mut(first);
@@ -244,7 +244,7 @@ fn linked(mut kicks: Vec<ReleaseOffset>, per_release_time: usize) -> Vec<Release
             for (i, j) in (0..per_release_time).flat_map(earlier) {
                 let gain =
                     apart(i, &now[i]) + apart(j, &now[j]) - apart(i, &now[j]) - apart(j, &now[i]);
-                // Rounding must not swap two of them for ever.
+                // A tolerance, so that rounding does not exchange two of them forever.
                 if gain > 1e-9 {
                     now.swap(i, j);
                     moved = true;

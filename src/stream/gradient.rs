@@ -17,14 +17,14 @@ use crate::potential::Halo;
 use crate::scalar::Level;
 use rayon::prelude::*;
 
-/// Which parts of the particles' paths a derivative counts.
+/// How far back along a particle's trajectory a derivative is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Adjoint {
-    /// All: the exact derivative of the discrete model.
+    /// To the release: the exact derivative of the discrete model.
     Exact,
-    /// A path counts back to the time at which a change of the particle's position changes its final position by more than
-    /// [`MAX_STRETCH`] times as much. A particle that passes a centre several times in steps too long for it is chaotic: its effect on
-    /// the mean of a bin is small, but its derivative can exceed the sum of all others by ten orders of magnitude, and does not predict
+    /// Back to the time before which a change of the particle's position changes its final position by more than [`MAX_STRETCH`]
+    /// times as much. A particle that passes a centre several times in steps too long for it is chaotic: its effect on the mean
+    /// of a bin is small, but its derivative can exceed the sum of all others by ten orders of magnitude, and does not predict
     /// the effect of any finite step. Without it, the derivatives are a field that a sampler can follow.
     Truncated,
 }

@@ -1,6 +1,7 @@
 //! Reverse mode of the integration: the discrete adjoint of the leapfrog, in SIMD lanes.
 //!
-//! Paths are not stored but integrated backwards from today, so memory grows with particles plus steps, not with their product.
+//! Trajectories are not stored but integrated backwards from today, so memory grows with particles plus steps, not with their
+//! product.
 
 use super::cotangents::{Cotangents, sums_of_vector};
 use super::lane_groups::{Interleaved, Pair, StepSchedules, UNROLL};

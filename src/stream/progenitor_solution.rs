@@ -78,7 +78,7 @@ pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
     pub age_gyr: S,
     /// The progenitor's orbit.
     pub orbit: DenseOrbit<S>,
-    /// The phase in which steps are even, if they are not even in time.
+    /// The adaptive grid, if steps are not equal in time.
     pub grid: Option<AdaptiveGrid<S>>,
     /// One release frame per release time.
     pub release_frames: Vec<ReleaseFrame<S>>,
@@ -86,7 +86,7 @@ pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
     pub tally: Tally,
 }
 
-/// The memory of a [`ProgenitorSolution`], for the next one.
+/// The buffers of a [`ProgenitorSolution`], for the next one.
 #[derive(Clone, Debug)]
 pub struct SolutionMemory<S> {
     orbit: DenseOrbit<S>,
@@ -95,7 +95,7 @@ pub struct SolutionMemory<S> {
 }
 
 impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
-    /// Gives up the solution and keeps its memory.
+    /// Gives up the solution and keeps its buffers.
     #[must_use]
     pub fn into_memory(self) -> SolutionMemory<S> {
         SolutionMemory {

@@ -3,8 +3,8 @@
 /// Threads that one stream may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Threads {
-    /// The caller's: where many streams are made side by side.
+    /// The caller's thread: for many streams at once.
     One,
-    /// All of the present rayon pool: for one stream that somebody waits for.
+    /// All of the present rayon pool: for a single stream.
     All,
 }

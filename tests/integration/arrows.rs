@@ -1,10 +1,10 @@
-//! The import order of `src`: a module may use what stands to its left, never what stands to its right.
+//! The import order of `src`: a module may use those before it in the list, never those after it.
 
 use crate::files::circles;
 use crate::modules::wrong_arrows;
 use std::path::Path;
 
-/// From the ground floor through the forward model and the inference to the front desk.
+/// The modules in their order, from the lowest layer up.
 const ORDER: [&str; 19] = [
     "error",
     "units",

@@ -1,4 +1,4 @@
-//! The command itself: machine forms, exit codes, and one clear error for each bad input.
+//! The command itself: machine-readable output, exit codes, and one clear error for each bad input.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -158,7 +158,7 @@ fn bad_settings_and_parameters_name_file_line_and_remedy() {
     let out = folder.path().join("run").display().to_string();
     let unknown = write(folder.path(), "unknown.toml", "seed = 1\nsneed = 2\n");
     let fit = |config: &str| oblate(&["fit", &track, "--config", config, "--out", &out], "");
-    // A setting that no sampler can work with is refused before there is a folder in the way of the next try.
+    // A setting that no sampler can work with is refused before a folder is made.
     let few = write(folder.path(), "few.toml", "[sampling.nested]\nn_live = 3\n");
     refused(&fit(&few), &["n_live", "3"]);
     assert!(!folder.path().join("run").exists());
@@ -460,7 +460,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
     assert!(output.status.success(), "{output:?}");
     let page = std::fs::read_to_string(page).expect("a page");
     assert!(page.contains("Health of a refinement") && page.contains("Health of a nested run"));
-    assert!(Path::new(&one).join("coarse-health.svg").exists());
+    assert!(Path::new(&one).join("coarse-diagnostics.svg").exists());
     // What the second stage would refuse is refused before the first.
     let settings = write(folder.path(), "few.toml", "sampling.bridge.members = 10");
     let five = path("five");
@@ -474,7 +474,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
         &oblate(&["merge", &one, &three, "--out", &path("merged")], ""),
         &["the result of a bridge", "coarse", "oblate bridge"],
     );
-    // Without time it says where it stands, and goes on.
+    // With its time spent, the command says which stage it reached, and continues.
     let four = path("four");
     let mut arguments = vec![
         "fit",
@@ -573,7 +573,7 @@ fn a_tempered_fit_that_ended_too_soon_goes_on_with_more_extensions() {
         assert_ne!(short["ln_z"], expected["ln_z"]);
         let again = fit(&name("in two"), coarse, "1", &["--resume"]);
         assert_eq!(again["ln_z"], short["ln_z"]);
-        // Killed on the way, it is what it was, and goes on again.
+        // Killed during the extension, it is resumed with the same settings, and with more extensions continues.
         let out = folder.path().join(name("in two")).display().to_string();
         let going = [
             "fit",
@@ -660,7 +660,7 @@ fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
         }
         assert!(kills >= 3, "{what}: {kills} kills");
         if what == "nested" && !out.join("summary.json").exists() {
-            // No time at all: a result all the same, which says what it is and may go on.
+            // No time at all: still a result, which says that it is unfinished and can be resumed.
             let spent = of(&args(&name, &["--resume", "--max-minutes", "0"]));
             assert_eq!(spent["converged"], false);
             // The last kill may have come between the run's end and its summary.

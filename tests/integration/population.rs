@@ -58,9 +58,8 @@ fn synthetic(count: u32) -> Vec<QPosterior> {
         .collect()
 }
 
-/// `sum_n ln [ integral L_n(q) pi(q | alpha) dq / integral L_n(q) pi(q) dq ]` in closed form: the product of two
-/// normals is a normal, and all integrals are over [0.5, 1.5]. Written with differences of the error function, apart
-/// from the library.
+/// `sum_n ln [ integral L_n(q) pi(q | alpha) dq / integral L_n(q) pi(q) dq ]` in closed form: the product of two normals is a
+/// normal, and all integrals are over [0.5, 1.5]. Written with differences of the error function, independently of the library.
 fn exact_ln_product(mu: f64, sigma: f64) -> f64 {
     let mass = |m: f64, s: f64| {
         let z = |x: f64| (x - m) / (s * std::f64::consts::SQRT_2);
@@ -432,7 +431,7 @@ fn both_samplers_recover_the_hyperposterior_of_quadrature() {
                 mean[k]
             );
         }
-        // The chance that this many independent draws lie outside their hyperprior is none.
+        // The probability that this many independent draws lie outside their hyperprior is negligible.
         assert!(run.draws.column(1).iter().all(|s| *s > 0.0 && *s < 1.0));
     };
     check(&nested);

@@ -1,4 +1,4 @@
-//! Figures and the page: what they must show, counted in their text. `OBLATE_FIGURES=folder` keeps what is drawn here.
+//! Figures and the page: what they must contain, counted in their text. `OBLATE_FIGURES=folder` keeps the figures drawn here.
 
 use crate::runs;
 use oblate::data::ObservedTrack;
@@ -203,7 +203,7 @@ fn corner_of_a_population_has_three_panels() {
     assert_eq!(svg.matches("class=\"truth\"").count(), 1);
 }
 
-/// A column that never moves has no spread to draw: the figure must still be one.
+/// A constant column has no density to draw: the figure must still be valid.
 #[test]
 fn corner_of_a_constant_column_is_drawn() {
     let mut all = corner_columns(&runs::nested(300, 2), 2);

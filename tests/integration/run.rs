@@ -1,4 +1,4 @@
-//! The run folder: whole or absent, and never overwritten unasked.
+//! The run folder: complete or absent, and never overwritten unless asked.
 
 use crate::runs;
 use oblate::Error;

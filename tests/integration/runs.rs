@@ -1,4 +1,4 @@
-//! Runs with known answers: keyed draws of a product of normals, dressed as results of either sampler.
+//! Runs with known answers: draws of a product of normals, in the form of results of each sampler.
 
 use oblate_samplers::normal;
 use oblate_samplers::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Run, Status};
@@ -129,7 +129,7 @@ pub fn nested(rows: usize, seed: u64) -> Run {
     run(Method::Nested, draws, history, seed)
 }
 
-/// A tempered run's shape: four chains of equal weight, a ladder of eight temperatures.
+/// A tempered run: four chains of equal weight, eight temperatures.
 pub fn tempered(rows: usize, seed: u64) -> Run {
     let draws = draws(rows, 4, seed);
     let count = 8;
@@ -164,7 +164,7 @@ pub fn tempered(rows: usize, seed: u64) -> Run {
     run(Method::PtHmc, draws, history, seed)
 }
 
-/// A refined run's shape: equal weights, three steps.
+/// A bridged run: equal weights, three steps.
 pub fn refined(rows: usize, seed: u64) -> Run {
     let history = History::Bridge {
         share: vec![0.3, 0.7, 1.0],

@@ -30,7 +30,7 @@ fn progenitor(case: &Value) -> State<f64> {
     }
 }
 
-/// Offset from the progenitor that a kick makes, position then velocity.
+/// Offset from the progenitor for a release offset, position then velocity.
 fn offset(kick: &ReleaseOffset, tidal: &Tidal<f64>, scales: (f64, f64)) -> [f64; 6] {
     let combine = |c: [f64; 3], scale: f64| {
         tidal
@@ -270,8 +270,8 @@ fn linked_particles_are_the_sobol_set_beside_kicks_like_theirs() {
                 .collect()
         };
         assert_eq!(release_times(&sobol), release_times(&linked));
-        // Partners are of one arm, and nearer than in the order of the Sobol set: of 16 normal points in four dimensions the nearest
-        // ones are half as far as any two, squared.
+        // Neighbours are of one tail, and nearer than in the order of the Sobol set: of 16 normal points in four dimensions the
+        // nearest
         let mean_square = |table: &ReleaseTable| {
             let (ours, n) = (&table.releases, table.per_release_time);
             let squares = ours.iter().zip(&ours[n..]).map(|(a, b)| {
@@ -293,7 +293,7 @@ fn linked_particles_are_the_sobol_set_beside_kicks_like_theirs() {
 
 #[test]
 fn many_particles_of_one_release_time_are_linked_in_no_time() {
-    // All pairs of 32,768 are half a billion, and would be compared until nothing moves.
+    // All pairs of 32,768 are half a billion; comparing them all would take too long.
     let table = ReleaseTable::new(&TableSettings {
         particles: 131_072,
         release_times: 2,

@@ -19,7 +19,7 @@ fn particles(name: &str, settings: &ModelSettings) -> Particles {
     out
 }
 
-/// gala's release times (2000 epochs), independent random numbers, and steps so fine that only noise is left.
+/// gala's release times (2,000), independent random numbers, and steps so fine that only noise is left.
 fn converged(name: &str) -> Particles {
     let releases = TableSettings {
         particles: 80_000,
@@ -102,7 +102,7 @@ fn soft_bins_become_hard_ones_as_their_edges_narrow() {
     assert!(difference(0.1) < 0.02 && difference(0.1) > 0.0);
 }
 
-/// The default, linked particles, and the same for themselves.
+/// The default, particles smeared along segments, and the same as points.
 fn sampling_schemes() -> [ModelSettings; 2] {
     let alone = TableSettings {
         sampling_scheme: SamplingScheme::Sobol,
@@ -137,8 +137,8 @@ fn the_shares_of_all_particles_add_up_to_their_number() {
 
 #[test]
 fn a_linked_particle_is_spread_along_the_way_to_its_partner() {
-    // From (5 degrees, 10 kpc) it is the root of two reaches across, and one reach outwards: half of the way is kept, and
-    // the same on the other side. Its partner is too far to reach the bins below 10 degrees.
+    // From (5 degrees, 10 kpc) the neighbour is the root of two half-lengths away in angle, and one half-length in radius: half
+    // of the distance is kept, and the same on the other side. The neighbour is too far to reach the bins below 10 degrees.
     let across: f64 = 15.0 * 2.0_f64.sqrt();
     let at = |degrees: f64, r: f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -159,13 +159,13 @@ fn a_linked_particle_is_spread_along_the_way_to_its_partner() {
         assert!((there.n - n).abs() < 1e-12, "{there:?}");
         assert!((there.r_kpc - r).abs() < 1e-12, "{there:?}");
     }
-    // The last one's partner is the one before it: it is spread as well.
+    // The neighbour of the last particle is the one before it: it is smeared as well.
     let last = track.bins.iter().find(|b| b.bin == 3).expect("a bin");
     assert!(last.r_kpc > 13.0 && last.n < 0.5, "{last:?}");
 }
 
 proptest! {
-    /// However far their partners are, particles stay within two bins and a third of their radius.
+    /// However far their neighbours are, particles stay within two bins and a third of their radius.
     #[test]
     fn links_do_not_reach_far(places in prop::array::uniform2((1.0..200.0_f64, -3.1..3.1_f64)), turns in -3..4_i32) {
         let two = Particles {
@@ -237,7 +237,7 @@ fn every_level_bins_as_the_reference_does() {
 }
 
 proptest! {
-    /// Reverse mode of particles and the ways that they are spread over against duals.
+    /// Reverse mode of particles smeared along segments, against dual numbers.
     #[test]
     fn pulling_back_sums_of_linked_particles_matches_duals(places in prop::array::uniform4((1.0..80.0_f64, -3.0..3.0_f64)), neighbour_offset in 0..3_usize) {
         let n = places.len();

@@ -1,4 +1,4 @@
-//! Which array holds what.
+//! The arrays of a posterior file: which array holds what.
 
 use super::store::{Store, text};
 use crate::data::ObservedTrack;
@@ -150,7 +150,7 @@ pub fn write_weighted(store: &Store, draws: &Draws) -> Result<()> {
     store.array("/weighted/cluster", &[row], &draws.cluster, none())
 }
 
-/// `weighted`, back.
+/// Reads `weighted`.
 pub fn read_weighted(store: &Store, dim: usize, derived_dim: usize) -> Result<Draws> {
     Ok(Draws {
         dim,
@@ -164,7 +164,7 @@ pub fn read_weighted(store: &Store, dim: usize, derived_dim: usize) -> Result<Dr
     })
 }
 
-/// `path`.
+/// Writes `history`.
 pub fn write_history(store: &Store, history: &History) -> Result<()> {
     store.group("/history", &Map::new())?;
     let floats = |name: &str, dim: &str, values: &[f64]| {
@@ -205,7 +205,7 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
                 "temperature",
                 variance_ln_likelihood,
             )?;
-            floats("swap_rejection", "gap", swap_rejection)?;
+            floats("swap_rejection", "pair", swap_rejection)?;
             floats("acceptance", "temperature", acceptance)?;
             floats("step_size", "temperature", step_size)?;
             floats("mean_leapfrogs", "temperature", mean_leapfrogs)?;
@@ -216,13 +216,17 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
                 divergences,
                 Map::new(),
             )?;
-            floats("barrier", "temperature", barrier)?;
-            let ladders = [("ladder", round_trips.len())];
-            store.array("/history/round_trips", &ladders, round_trips, Map::new())?;
-            // Ladders may differ in length: one flat array, and how long each is.
+            floats("communication_barrier", "temperature", barrier)?;
+            let chain_sets = [("chain_set", round_trips.len())];
+            store.array("/history/round_trips", &chain_sets, round_trips, Map::new())?;
+            // Chain sets may differ in length: one flat array, and the length of each.
             let lengths: Vec<u64> = trace.iter().map(|t| t.len() as u64).collect();
-            let dims = [("traced_ladder", lengths.len())];
-            store.array("/history/trace_length", &dims, &lengths, Map::new())?;
+            store.array(
+                "/history/trace_length",
+                &[("chain_set", lengths.len())],
+                &lengths,
+                Map::new(),
+            )?;
             floats("trace", "scan", &trace.concat())
         }
         History::Bridge {
@@ -231,15 +235,15 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
             ancestors,
             echo,
         } => {
-            floats("share", "step", share)?;
+            floats("exponent", "step", share)?;
             floats("ln_ratio", "step", ln_ratio)?;
             floats("ancestors", "step", ancestors)?;
-            floats("echo", "step", echo)
+            floats("correlation", "step", echo)
         }
     }
 }
 
-/// `path`, back.
+/// Reads `history`.
 pub fn read_history(store: &Store, method: Method) -> Result<History> {
     let floats = |name: &str| store.read::<f64>(&format!("/history/{name}"));
     Ok(match method {
@@ -271,16 +275,16 @@ pub fn read_history(store: &Store, method: Method) -> Result<History> {
                 step_size: floats("step_size")?,
                 mean_leapfrogs: floats("mean_leapfrogs")?,
                 divergences: store.read("/history/divergences")?,
-                barrier: floats("barrier")?,
+                barrier: floats("communication_barrier")?,
                 round_trips: store.read("/history/round_trips")?,
                 trace,
             }
         }
         Method::Bridge => History::Bridge {
-            share: floats("share")?,
+            share: floats("exponent")?,
             ln_ratio: floats("ln_ratio")?,
             ancestors: floats("ancestors")?,
-            echo: floats("echo")?,
+            echo: floats("correlation")?,
         },
     })
 }

@@ -78,7 +78,7 @@ pub trait Isa: Copy + Debug + Send + Sync + 'static {
 
 /// Mantissa bits of a double.
 const MANTISSA: u64 = (1 << 52) - 1;
-/// Added to a double's bits, the distance from sqrt(1/2) to 1 carries into the exponent exactly above sqrt(2).
+/// Added to a double's bits, the distance from sqrt(1/2) to 1 increments the exponent exactly for numbers above sqrt(2).
 const SHIFT: u64 = 0x3ff0_0000_0000_0000 - 0x3fe6_a09e_667f_3bcd;
 /// The bits of 2^52: an integer below 2^52 in the mantissa makes the double 2^52 + integer.
 const TWO_52_BITS: u64 = 0x4330_0000_0000_0000;

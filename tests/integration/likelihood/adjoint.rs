@@ -171,7 +171,7 @@ fn the_smooth_gradient_forgets_chaotic_pasts_and_nothing_else() {
         assert_eq!(a, b, "the value is the same: {n}");
         let (exact, smooth) = (largest(&in_z(&z, &exact)), largest(&in_z(&z, &smooth)));
         same += usize::from((exact - smooth).abs() <= 1e-12 * exact);
-        // What is left where it is still large is the progenitor's own orbit through the centre.
+        // The remaining differences come from the progenitor's own orbit through the centre.
         tamed += usize::from(smooth < 1e-1 * exact);
     }
     println!("{same} the same, {tamed} tamed by ten or more");

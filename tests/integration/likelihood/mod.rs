@@ -182,8 +182,8 @@ fn mirrored_streams_have_the_same_track() {
     for i in [4, 8, 11] {
         mirrored[i] = -mirrored[i];
     }
-    // Out-of-plane kicks follow the angular momentum, a pseudovector: flip them by reversing nothing but z, which the
-    // release does by itself because Fardal's kicks along the pole change sign with it only in distribution.
+    // Out-of-plane offsets follow the angular momentum, a pseudovector: they are mirrored by reversing nothing but z, because the
+    // distribution of Fardal's offsets along the pole is symmetric.
     let (a, b) = (track(&theta), track(&mirrored));
     let mean = |t: &Particles| {
         t.x.iter().zip(&t.y).map(|(x, y)| x.hypot(*y)).sum::<f64>() / t.len() as f64

@@ -1,4 +1,4 @@
-//! The known moves: they leave the prior alone, and are offered only where they do.
+//! The symmetry moves: they leave the prior invariant, and are offered only under priors for which that holds.
 
 use super::{DRAWS, default_prior, rng};
 use crate::ks;
