@@ -29,18 +29,6 @@ struct Draw {
     theta: [f64; DIM],
 }
 
-/// The draws in benches/draws.csv.
-fn draws(folder: &Path) -> Vec<Draw> {
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .from_path(folder.join("benches/draws.csv"))
-        .expect("the draws");
-    let rows = reader.deserialize::<(String, [f64; DIM])>();
-    rows.map(|row| row.expect("a name and 13 numbers"))
-        .map(|(track, theta)| Draw { track, theta })
-        .collect()
-}
-
 /// Rms of ln L about its best cubic on line number `line` through a draw; `None` if a point is rejected.
 fn roughness(
     likelihood: &StreamLikelihood,

@@ -231,13 +231,8 @@ fn best_of_prior(target: &StreamTarget, number: usize) -> Point {
 
 /// A start for each chain among the draws of a track's posterior that are in benches/draws.csv, spread over them.
 fn posterior_draws(folder: &Path, target: &StreamTarget, track: &str) -> Vec<Point> {
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .from_path(folder.join("benches/draws.csv"))
-        .expect("the draws");
-    let own: Vec<[f64; DIM]> = reader
-        .deserialize::<(String, [f64; DIM])>()
-        .map(|row| row.expect("a name and 13 numbers"))
+    let own: Vec<[f64; DIM]> = draws::draws()
+        .into_iter()
         .filter(|(name, _)| name == track)
         .map(|(_, theta)| theta)
         .collect();

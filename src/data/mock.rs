@@ -82,9 +82,9 @@ const BATCH: u64 = 64;
 pub struct Mock {
     /// The noisy track, its truth in the header.
     pub track: ObservedTrack,
-    /// The parameters.
+    /// The true parameters.
     pub params: StreamParams<f64>,
-    /// The flattening.
+    /// The axis ratio of its halo.
     pub q: f64,
     /// Length of the noiseless projected track, kpc.
     pub length_kpc: f64,

@@ -42,7 +42,7 @@ impl FitPlan {
     ///
     /// # Errors
     /// [`Error::Setting`](crate::Error::Setting) or [`Error::Sampler`](crate::Error::Sampler) for a setting out of its range;
-    /// those of [`check_prior_predictive`].
+    /// [`Error::UnreachableTrack`](crate::Error::UnreachableTrack) if no draw of the prior comes near the track.
     pub fn new(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         let target = StreamTarget::from_track(track, settings)?;
         settings.sampling.check(target.dim())?;

@@ -76,7 +76,8 @@ impl StreamTarget {
         &self.prior
     }
 
-    /// All thirteen parameters from the free ones.
+    /// All thirteen parameters from the free ones: `theta` has these in their units, in the order of
+    /// [`PARAMETERS`](crate::params::PARAMETERS) without the fixed ones.
     #[must_use]
     pub fn params(&self, theta: &[f64]) -> StreamParams<f64> {
         self.prior.fill(theta)

@@ -106,10 +106,12 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         System::with_halo(params, self.q_range)
     }
 
-    /// ln L, in lanes, on the caller's thread.
+    /// ln L, in lanes, on the caller's thread. `theta` are the thirteen parameters in the order and units of
+    /// [`PARAMETERS`](crate::params::PARAMETERS).
     ///
     /// # Errors
-    /// A [`Rejection`] where there is no stream or, under `coverage = "reject"`, no covering track.
+    /// [`Rejection::BadParameter`], [`Rejection::BadOrbit`], [`Rejection::UnresolvedOrbit`] or [`Rejection::BadParticle`] where there
+    /// is no stream; [`Rejection::Uncovered`] under `coverage = "reject"`; [`Rejection::BadLikelihood`] if ln L is not finite.
     pub fn ln_likelihood(&self, theta: &[f64; DIM]) -> Result<Evaluation, Rejection> {
         with_buffers(|b| self.value(theta, Threads::One, b))
     }
@@ -131,8 +133,9 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
             .collect()
     }
 
-    /// ln L and its gradient with respect to the 13 physical parameters: the exact derivative of the discrete model, by dual numbers
-    /// for the orbit and in reverse mode for the particles. On the caller's thread.
+    /// ln L and its gradient with respect to the 13 physical parameters, per unit of each and in their order: the exact derivative of
+    /// the discrete model, by dual numbers for the orbit and in reverse mode for the particles (docs/physics.md, section 8). On the
+    /// caller's thread.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood); [`Rejection::BadLikelihood`] too if the gradient is not finite.
@@ -244,7 +247,8 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     /// particles.
     ///
     /// # Errors
-    /// A [`Rejection`] where there is no stream.
+    /// [`Rejection::BadParameter`], [`Rejection::BadOrbit`], [`Rejection::UnresolvedOrbit`] or [`Rejection::BadParticle`] where there
+    /// is no stream.
     pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Particles), Rejection> {
         let solution = self.model.progenitor_solution(&self.system(params))?;
         let mut particles = Particles::default();

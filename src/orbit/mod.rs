@@ -1,4 +1,4 @@
-//! The orbit of the progenitor and the leapfrog integration of particles, with its adjoint.
+//! The orbit of the progenitor and the leapfrog integration of particles, with its adjoint (docs/physics.md, sections 3, 5 and 8).
 
 mod adaptive_grid;
 mod dense_orbit;
@@ -19,8 +19,8 @@ use crate::scalar::Vec3;
 /// Position in kpc and velocity in kpc/Gyr.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<S> {
-    /// Position.
+    /// Position, kpc.
     pub x: Vec3<S>,
-    /// Velocity.
+    /// Velocity, kpc/Gyr.
     pub v: Vec3<S>,
 }

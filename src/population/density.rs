@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 const DRAWS: usize = 2_000;
 
 /// The population density of q on a grid: its posterior mean, which is the predictive density of a new halo's q, and
-/// the median with pointwise bands over the hyperparameters.
+/// the median with pointwise bands over the hyperparameters. All arrays have the length of the grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PopulationDensity {
     /// The grid, from one end of the family's support to the other.

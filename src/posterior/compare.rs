@@ -21,7 +21,7 @@ const MIN_MODE_ERROR: f64 = 0.01;
 pub struct MarginalRow {
     /// Its name.
     pub name: String,
-    /// Medians.
+    /// Medians in the two runs, in the parameter's unit.
     pub median: [f64; 2],
     /// Difference of the means in combined standard errors.
     pub sigma: f64,
@@ -38,9 +38,9 @@ pub struct MarginalRow {
 pub struct ModeRow {
     /// Such as `dir_x+ dir_y- oblate`; `prolate`.
     pub name: String,
-    /// Weights.
+    /// Weights in the two runs, fractions of 1.
     pub weight: [f64; 2],
-    /// Their errors.
+    /// Their standard errors.
     pub error: [f64; 2],
     /// Difference over the combined error, as the normal deviate that is as rare: either error may be a standard deviation
     /// of few clusters (Welch's degrees of freedom).

@@ -18,7 +18,7 @@ pub struct System<S: Scalar, H: Halo = Nfw> {
     pub progenitor: Plummer<S>,
     /// The progenitor today, kpc and kpc/Gyr.
     pub today: State<S>,
-    /// Time since the first release.
+    /// Time since the first release, Gyr.
     pub age_gyr: S,
 }
 

@@ -25,7 +25,7 @@ pub struct TrackBin {
     pub r_kpc: f64,
     /// Standard error of the mean for independent particles, kpc.
     pub r_err_kpc: f64,
-    /// Total weight.
+    /// Sum of the weights: the number of particles, those shared by two bins counted in parts.
     pub n: f64,
 }
 

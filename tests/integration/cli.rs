@@ -459,7 +459,9 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
     let output = oblate(&["report", &one, "--out", &page], "");
     assert!(output.status.success(), "{output:?}");
     let page = std::fs::read_to_string(page).expect("a page");
-    assert!(page.contains("Health of a refinement") && page.contains("Health of a nested run"));
+    assert!(
+        page.contains("Diagnostics of a bridge") && page.contains("Diagnostics of a nested run")
+    );
     assert!(Path::new(&one).join("coarse-diagnostics.svg").exists());
     // What the second stage would refuse is refused before the first.
     let settings = write(folder.path(), "few.toml", "sampling.bridge.members = 10");

@@ -8,6 +8,8 @@ mod arrows;
 mod cli;
 mod config;
 mod data;
+#[cfg(target_os = "linux")]
+mod faults;
 mod gala;
 mod golden;
 mod inference;

@@ -314,7 +314,7 @@ fn what_cannot_be_combined_is_refused_with_its_name_and_a_remedy() {
     let error = PopulationTarget::new(family(), &[stream()], PopulationSettings { max_draws: 0 })
         .map(|_| ())
         .unwrap_err();
-    assert!(matches!(error, Error::Setting { ref key, .. } if key == "population.max_draws"));
+    assert!(matches!(error, Error::Setting { ref key, .. } if key == "reweighting.max_draws"));
 }
 
 #[test]

@@ -5,30 +5,17 @@
 //! take turns, each is the median of 101. Releases are what the progenitor solution takes beyond the orbit, bins and ln L what
 //! the whole takes beyond the progenitor solution and the particles.
 
+mod draws;
+
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget};
 use oblate::orbit::DenseOrbit;
-use oblate::params::DIM;
 use oblate::stream::{Particles, StepSchedules, System};
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
 
 const TURNS: usize = 101;
-
-/// A draw of the posterior of s0.
-fn theta(folder: &Path) -> [f64; DIM] {
-    let mut reader = csv::ReaderBuilder::new()
-        .comment(Some(b'#'))
-        .from_path(folder.join("benches/draws.csv"))
-        .expect("the draws");
-    let mut rows = reader.deserialize::<(String, [f64; DIM])>();
-    rows.find_map(|row| {
-        let (track, theta) = row.expect("a name and 13 numbers");
-        (track == "s0_oblate_tilted").then_some(theta)
-    })
-    .expect("a draw of s0")
-}
 
 fn milliseconds(work: impl FnOnce()) -> f64 {
     let start = Instant::now();
@@ -43,7 +30,10 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 fn main() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let theta = theta(folder);
+    let (_, theta) = draws::draws()
+        .into_iter()
+        .find(|(track, _)| track == "s0_oblate_tilted")
+        .expect("a draw of s0");
     let file = folder.join("examples/tracks/s0_oblate_tilted.ecsv");
     let track = ObservedTrack::read(&file).expect("a gala track");
     println!(
@@ -61,8 +51,8 @@ fn main() {
             likelihood.model(),
             likelihood.system(&target.params(&theta)),
         );
-        let (mut schedules, mut stars) = (StepSchedules::default(), Particles::default());
-        let [mut orbit, mut cold, mut hot, mut whole] = [const { Vec::new() }; 4];
+        let (mut schedules, mut particles) = (StepSchedules::default(), Particles::default());
+        let [mut orbit, mut solution_ms, mut particles_ms, mut whole] = [const { Vec::new() }; 4];
         for _ in 0..TURNS {
             orbit.push(milliseconds(|| {
                 let System {
@@ -75,24 +65,25 @@ fn main() {
                 black_box(DenseOrbit::integrate(host, *today, *age_gyr, steps, method));
             }));
             let mut solution = None;
-            cold.push(milliseconds(|| {
+            solution_ms.push(milliseconds(|| {
                 solution = model.progenitor_solution(black_box(&system)).ok()
             }));
             let solution = solution.expect("an orbit");
-            hot.push(milliseconds(|| {
-                let carried = model.integrate(black_box(&solution), &mut schedules, &mut stars);
-                black_box(carried).expect("particles");
+            particles_ms.push(milliseconds(|| {
+                let tally = model.integrate(black_box(&solution), &mut schedules, &mut particles);
+                black_box(tally).expect("particles");
             }));
             whole.push(milliseconds(|| {
                 black_box(likelihood.ln_likelihood(black_box(&theta))).ok();
             }));
         }
-        let [orbit, cold, hot, whole] = [orbit, cold, hot, whole].map(median);
+        let [orbit, solution_ms, particles_ms, whole] =
+            [orbit, solution_ms, particles_ms, whole].map(median);
         println!(
-            "| {name} | {orbit:.3} | {hot:.3} | {:.3} | {:.3} | {whole:.3} | {:.1} % |",
-            cold - orbit,
-            whole - cold - hot,
-            100.0 * (1.0 - (orbit + hot) / whole)
+            "| {name} | {orbit:.3} | {particles_ms:.3} | {:.3} | {:.3} | {whole:.3} | {:.1} % |",
+            solution_ms - orbit,
+            whole - solution_ms - particles_ms,
+            100.0 * (1.0 - (orbit + particles_ms) / whole)
         );
     }
 }
