@@ -30,10 +30,10 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 fn main() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let (_, theta) = draws::draws()
+    let draw = draws::draws()
         .into_iter()
-        .find(|(track, _)| track == "s0_oblate_tilted")
-        .expect("a draw of s0");
+        .find(|draw| draw.track == "s0_oblate_tilted");
+    let theta = draw.expect("a draw of s0").theta;
     let file = folder.join("examples/tracks/s0_oblate_tilted.ecsv");
     let track = ObservedTrack::read(&file).expect("a gala track");
     println!(

@@ -6,6 +6,9 @@
 //! measured. `off` is ln L at the draws minus that of `fast`: the median, and half of the central 68 per cent range. Not a timing.
 //! The recorded table is in benches/RESULTS.md.
 
+mod draws;
+
+use draws::{Draw, draws};
 use nalgebra::{DMatrix, DVector};
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget};
@@ -22,12 +25,6 @@ use std::path::Path;
 const LINES: u64 = 6;
 const POINTS: usize = 41;
 const REACH: f64 = 0.05;
-
-/// A draw of the posterior of a track.
-struct Draw {
-    track: String,
-    theta: [f64; DIM],
-}
 
 /// Rms of ln L about its best cubic on line number `line` through a draw; `None` if a point is rejected.
 fn roughness(
@@ -63,7 +60,7 @@ fn roughness(
 fn main() {
     let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let draws = draws(folder);
+    let draws = draws();
     let tracks: BTreeMap<&str, ObservedTrack> = draws
         .iter()
         .map(|draw| {

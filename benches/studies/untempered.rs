@@ -10,6 +10,9 @@
 //! prolate): how many each chain visited, and all together. Gradients and seconds include the warm-up, everything else is of the last 200
 //! transitions.
 
+mod draws;
+
+use draws::draws;
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, StreamTarget};
 use oblate::params::DIM;
@@ -230,11 +233,11 @@ fn best_of_prior(target: &StreamTarget, number: usize) -> Point {
 }
 
 /// A start for each chain among the draws of a track's posterior that are in benches/draws.csv, spread over them.
-fn posterior_draws(folder: &Path, target: &StreamTarget, track: &str) -> Vec<Point> {
-    let own: Vec<[f64; DIM]> = draws::draws()
+fn posterior_draws(target: &StreamTarget, track: &str) -> Vec<Point> {
+    let own: Vec<[f64; DIM]> = draws()
         .into_iter()
-        .filter(|(name, _)| name == track)
-        .map(|(_, theta)| theta)
+        .filter(|draw| draw.track == track)
+        .map(|draw| draw.theta)
         .collect();
     own.iter()
         .step_by(own.len() / CHAINS)
@@ -311,7 +314,7 @@ fn main() {
             let track = ObservedTrack::read(&folder.join(format!("examples/tracks/{name}.ecsv")))
                 .expect("a gala track");
             let target = StreamTarget::from_track(&track, &config).expect("a gala track is data");
-            let draws = posterior_draws(folder, &target, name);
+            let draws = posterior_draws(&target, name);
             let chains: Vec<Record> = (0..CHAINS)
                 .into_par_iter()
                 .map(|number| {

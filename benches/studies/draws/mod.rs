@@ -1,10 +1,18 @@
-//! Draws of posteriors of the gala tracks, from benches/draws.csv.
+//! Draws of the posteriors of the gala tracks, from benches/draws.csv.
 
 use oblate::params::DIM;
 use std::path::Path;
 
-/// The name of each draw's track, and its thirteen parameters.
-pub fn draws() -> Vec<(String, [f64; DIM])> {
+/// A draw of the posterior of a track.
+pub struct Draw {
+    /// The track's name.
+    pub track: String,
+    /// The thirteen parameters.
+    pub theta: [f64; DIM],
+}
+
+/// All draws, track by track.
+pub fn draws() -> Vec<Draw> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/draws.csv");
     csv::ReaderBuilder::new()
         .comment(Some(b'#'))
@@ -12,5 +20,6 @@ pub fn draws() -> Vec<(String, [f64; DIM])> {
         .expect("the draws")
         .deserialize()
         .map(|row| row.expect("a name and 13 numbers"))
+        .map(|(track, theta)| Draw { track, theta })
         .collect()
 }
