@@ -521,21 +521,21 @@ fn impossible_hyperpriors_are_refused_with_their_key() {
                 q_min: 1.5,
                 ..default
             },
-            "population.q_min",
+            "family.q_min",
         ),
         (
             TruncatedGaussianSettings {
                 mu_pop: uniform(1.0, 0.0),
                 ..default
             },
-            "population.mu_pop",
+            "family.mu_pop",
         ),
         (
             TruncatedGaussianSettings {
                 sigma_pop: uniform(-1.0, 1.0),
                 ..default
             },
-            "population.sigma_pop",
+            "family.sigma_pop",
         ),
     ] {
         let error = TruncatedGaussian::new(settings).unwrap_err();
