@@ -16,7 +16,8 @@ use oblate::params::DIM;
 use oblate_samplers::Target;
 use oblate_samplers::diagnostics::{r_hat, weighted_quantile};
 use oblate_samplers::hmc::{
-    End, Evaluator, Explorer, Metric, MetricKind, Moments, Plan, Point, StepSize, Tally, shorten,
+    End, Evaluator, LocalSampler, Metric, MetricKind, Moments, Plan, Point, StepSize, Tally,
+    shorten,
 };
 use oblate_samplers::rng::{Domain, Stream, stream};
 use rayon::prelude::*;
@@ -139,7 +140,7 @@ impl<'a> Chain<'a> {
     fn learn(&mut self, plan: &Plan, moves: usize) -> Moments {
         let mut step = StepSize::new(self.step);
         let mut moments = Moments::new(DIM);
-        let mut explorer = Explorer::new(self.target, 1.0, &self.metric);
+        let mut local_sampler = LocalSampler::new(self.target, 1.0, &self.metric);
         let lessons = moves / MOVES_PER_LESSON;
         for lesson in 0..lessons {
             let plan = Plan {
@@ -148,7 +149,7 @@ impl<'a> Chain<'a> {
             };
             let mut met = Vec::new();
             for _ in 0..MOVES_PER_LESSON {
-                let moved = explorer
+                let moved = local_sampler
                     .transition(&mut self.at, &plan, &mut self.rng)
                     .expect("a target that never fails");
                 // No step is short enough for a cliff; but what a falling chain meets may be the overflow of a step far too long.
@@ -166,7 +167,7 @@ impl<'a> Chain<'a> {
                 step.learn(mean(&met), ACCEPTANCE, lesson, lessons);
             }
         }
-        self.tally.add(&explorer.evaluator);
+        self.tally.add(&local_sampler.evaluator);
         self.step = step.ln_found().exp();
         moments
     }
@@ -178,10 +179,10 @@ impl<'a> Chain<'a> {
             ..SETTLED
         };
         let mut record = Record::default();
-        let mut explorer = Explorer::new(self.target, 1.0, &self.metric);
+        let mut local_sampler = LocalSampler::new(self.target, 1.0, &self.metric);
         let mut theta = [0.0; DIM];
         for _ in 0..moves {
-            let moved = explorer
+            let moved = local_sampler
                 .transition(&mut self.at, &plan, &mut self.rng)
                 .expect("a target that never fails");
             record.acceptance += moved.acceptance / moves as f64;
@@ -197,7 +198,7 @@ impl<'a> Chain<'a> {
                 column.push(*z);
             }
         }
-        self.tally.add(&explorer.evaluator);
+        self.tally.add(&local_sampler.evaluator);
         record.gradients = self.tally.gradients;
         record
     }

@@ -1,12 +1,12 @@
 //! From a run on a coarse likelihood to the posterior of a fine one that costs more: draws of the run are carried along
-//! `L_coarse^(1 - s) L_fine^s` from `s = 0` to 1, as a population that is cooled ([`cooling`](crate::cooling)).
+//! `L_coarse^(1 - s) L_fine^s` from `s = 0` to 1, as a set of SMC particles that is cooled ([`smc_weights`](crate::smc_weights)).
 //!
 //! Where a likelihood can be had cheaper and a little wrong, the long way from the prior to the posterior is walked on the
 //! cheap one, by any sampler, and the fine one is called only for what is left. ln Z is the run's and the logarithm of the mean
 //! weights of the way: consistent however far the two likelihoods are apart, and soon done if that is a few nats. What the coarse
 //! run does not know, it cannot find: a mode that it missed, or points without a coarse likelihood.
 //!
-//! After each step every member moves by slices. The members of even lineages of the run are led by those of odd ones and the
+//! After each step every SMC particle moves by slices. The SMC particles of even lineages of the run are led by those of odd ones and the
 //! other way round, as relatives would not lead each other by the right law.
 
 mod between;
@@ -15,15 +15,15 @@ mod settings;
 
 pub use settings::Settings;
 
+use crate::checkpointer::{Checkpointer, Time};
 use crate::control::{Control, Event};
-use crate::cooling::Cooling;
 use crate::diagnostics::effective_kinds;
+use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, MetricKind, Point, Tally, involve, slide};
-use crate::keeper::{Keeper, Time};
-use crate::neighbours::Neighbours;
+use crate::hmc::{Evaluator, Metric, MetricKind, Point, Tally, slice_updates, try_involutions};
 use crate::output::Run;
 use crate::rng::{Domain, stream, unit_open};
+use crate::smc_weights::SmcWeights;
 use crate::target::{Symmetry, Target};
 use between::{Between, Both};
 use rayon::prelude::*;
@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 
 const WHAT: &str = "the run to refine";
 
-/// Index, within a level, of the stream that takes members anew.
+/// Index, within a level, of the stream that takes SMC particles anew.
 const RESAMPLING: u64 = u64::MAX;
 
 /// Carries draws of `parent`, a run on `coarse`, to the posterior of `target`, which has the same parameters.
@@ -43,7 +43,7 @@ const RESAMPLING: u64 = u64::MAX;
 /// # Errors
 /// [`Error::Setting`] for settings out of range; [`Error::Mismatch`] if `parent` is not a run on `coarse`, or `target` has other
 /// parameters, or a likelihood at none of its draws; [`Error::Interrupted`] after a checkpoint; [`Error::Fatal`] and
-/// [`Error::Infinite`] from the targets, after a checkpoint of the last whole sweep; [`Error::Checkpoint`] and [`Error::Io`] from
+/// [`Error::Infinite`] from the targets, after a checkpoint of the last whole MCMC step; [`Error::Checkpoint`] and [`Error::Io`] from
 /// the file.
 pub fn run(
     target: &dyn Target,
@@ -63,8 +63,9 @@ pub fn run(
         });
     }
     let origin = (parent.seed, parent.evidence.ln_z, parent.draws.len());
-    let mut keeper = Keeper::new(&[target, coarse], &(settings, seed, origin), control)?;
-    let mut way = Way {
+    let mut checkpointer =
+        Checkpointer::new(&[target, coarse], &(settings, seed, origin), control)?;
+    let mut bridge = Bridge {
         target,
         coarse,
         settings,
@@ -72,43 +73,43 @@ pub fn run(
         state: State::default(),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
-    match keeper.load(control, |state: &State| state.time)? {
-        Some((state, _)) => way.state = state,
-        None => way.begin(parent)?,
+    match checkpointer.load(control, |state: &State| state.time)? {
+        Some((state, _)) => bridge.state = state,
+        None => bridge.begin(parent)?,
     }
-    while !way.arrived() {
-        if stop || control.interrupted() || control.spent(way.state.tally.calls) {
-            keeper.save(&way.state, control)?;
+    while !bridge.arrived() {
+        if stop || control.interrupted() || control.spent(bridge.state.tally.calls) {
+            checkpointer.save(&bridge.state, control)?;
             control.tell(&Event::Checkpointed);
             return Err(Error::Interrupted);
         }
-        let moved = way.advance();
-        way.state.time = keeper.time();
+        let moved = bridge.advance();
+        bridge.state.time = checkpointer.time();
         if let Err(error) = moved {
-            return Err(keeper.save_after(error, &way.state, control));
+            return Err(checkpointer.save_after(error, &bridge.state, control));
         }
         stop = control.tell(&Event::Bridge {
-            share: way.state.share,
-            ln_z: parent.evidence.ln_z + way.state.ln_ratio,
-            calls: way.state.tally.calls,
+            fraction: bridge.state.fraction,
+            ln_z: parent.evidence.ln_z + bridge.state.ln_ratio,
+            calls: bridge.state.tally.calls,
         });
         if control.checkpoint_due() {
-            keeper.save(&way.state, control)?;
+            checkpointer.save(&bridge.state, control)?;
             stop |= control.tell(&Event::Checkpointed);
         }
     }
-    let run = outcome::assemble(&way, parent)?;
+    let run = outcome::assemble(&bridge, parent)?;
     control.tell(&Event::Finished);
     Ok(run)
 }
 
 /// A draw of the parent run on its way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Member {
+struct Particle {
     z: Vec<f64>,
     both: Both,
     /// Row of the parent's draws that it comes from.
-    ancestor: usize,
+    eve: usize,
     /// Group of dependent draws that the ancestor is of.
     lineage: u32,
 }
@@ -116,52 +117,52 @@ struct Member {
 /// One step of the way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Level {
-    share: f64,
+    fraction: f64,
     /// ln Z here over that of the coarse run.
     ln_ratio: f64,
     /// Ancestors left, in effect.
     ancestors: f64,
     /// Correlation of `ln L_fine - ln L_coarse` before and after the slices.
-    echo: f64,
+    correlation: f64,
 }
 
-/// The population and how far it has come: what a checkpoint holds.
+/// The set of SMC particles and how far it has come: what a checkpoint holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct State {
-    share: f64,
+    fraction: f64,
     ln_ratio: f64,
-    members: Vec<Member>,
-    /// Sweeps done at this share; none are due at the parent's own.
-    sweeps: usize,
-    /// ln L of the fine likelihood over the coarse one of every member before these sweeps.
+    particles: Vec<Particle>,
+    /// MCMC steps done at this share; none are due at the parent's own.
+    mcmc_steps: usize,
+    /// ln L of the fine likelihood over the coarse one of every SMC particle before these MCMC steps.
     gaps_before: Vec<f64>,
-    /// What members of even and of odd lineages move by.
+    /// What SMC particles of even and of odd lineages move by.
     metrics: Vec<Metric>,
-    pools: Vec<Neighbours>,
+    pools: Vec<DifferencePool>,
     levels: Vec<Level>,
     tally: Tally,
     time: Time,
 }
 
 impl State {
-    /// ln L of the fine likelihood over the coarse one of every member.
+    /// ln L of the fine likelihood over the coarse one of every SMC particle.
     fn gaps(&self) -> Vec<f64> {
-        self.members.iter().map(|m| m.both.gap()).collect()
+        self.particles.iter().map(|m| m.both.gap()).collect()
     }
 
-    /// Coordinates of the members of even (0) or odd (1) lineages; of all, where there are none.
+    /// Coordinates of the SMC particles of even (0) or odd (1) lineages; of all, where there are none.
     fn rows(&self, parity: u32) -> Vec<f64> {
-        let of = |own: &dyn Fn(&Member) -> bool| -> Vec<f64> {
-            let members = self.members.iter().filter(|m| own(m));
-            members.flat_map(|m| m.z.iter().copied()).collect()
+        let of = |own: &dyn Fn(&Particle) -> bool| -> Vec<f64> {
+            let particles = self.particles.iter().filter(|m| own(m));
+            particles.flat_map(|m| m.z.iter().copied()).collect()
         };
         let half = of(&|m| m.lineage % 2 == parity);
         if half.is_empty() { of(&|_| true) } else { half }
     }
 }
 
-/// A population between its two likelihoods.
-struct Way<'a> {
+/// A set of SMC particles between its two likelihoods.
+struct Bridge<'a> {
     target: &'a dyn Target,
     coarse: &'a dyn Target,
     settings: &'a Settings,
@@ -169,10 +170,10 @@ struct Way<'a> {
     state: State,
 }
 
-impl Way<'_> {
-    /// Whether the last sweep at the fine likelihood is done.
+impl Bridge<'_> {
+    /// Whether the last MCMC step at the fine likelihood is done.
     fn arrived(&self) -> bool {
-        self.state.share >= 1.0 && self.state.sweeps == self.settings.sweeps
+        self.state.fraction >= 1.0 && self.state.mcmc_steps == self.settings.mcmc_steps
     }
 
     /// Takes draws of the parent, equally weighted, and asks for their fine likelihood.
@@ -180,20 +181,20 @@ impl Way<'_> {
         let draws = &parent.draws;
         let grouped = draws.cluster.iter().any(|g| *g != draws.cluster[0]);
         let offset = unit_open(&mut stream(self.seed, Domain::Bridge, 0, RESAMPLING));
-        let mut members = Vec::new();
-        for row in draws.resample(self.settings.members, offset) {
+        let mut particles = Vec::new();
+        for row in draws.resample(self.settings.smc_particles, offset) {
             let mut z = vec![0.0; draws.dim];
             let prior = self.target.prior();
             prior.z_from_theta(draws.theta_row(row), &mut z);
             // Rounding can put a draw on the wall of a bounded prior, where it has no coordinates.
             if z.iter().all(|z| z.is_finite()) {
-                members.push(Member {
+                particles.push(Particle {
                     z,
                     both: Both {
                         coarse: draws.ln_likelihood[row],
                         fine: f64::NEG_INFINITY,
                     },
-                    ancestor: row,
+                    eve: row,
                     lineage: if grouped {
                         draws.cluster[row]
                     } else {
@@ -203,7 +204,7 @@ impl Way<'_> {
             }
         }
         let mut evaluator = Evaluator::new(self.target);
-        let places: Vec<&[f64]> = members.iter().map(|m| m.z.as_slice()).collect();
+        let places: Vec<&[f64]> = particles.iter().map(|m| m.z.as_slice()).collect();
         let fine = evaluator.values(&places)?;
         if fine.iter().all(|l| *l == f64::NEG_INFINITY) {
             return Err(Error::Mismatch {
@@ -213,30 +214,30 @@ impl Way<'_> {
                         .to_owned(),
             });
         }
-        for (member, fine) in members.iter_mut().zip(fine) {
-            member.both.fine = fine;
+        for (particle, fine) in particles.iter_mut().zip(fine) {
+            particle.both.fine = fine;
         }
         self.state.tally.add(&evaluator);
-        self.state.members = members;
-        self.state.sweeps = self.settings.sweeps;
+        self.state.particles = particles;
+        self.state.mcmc_steps = self.settings.mcmc_steps;
         Ok(())
     }
 
-    /// One sweep, with a step towards the fine likelihood before it where it is due. On an error no member has moved, and the
-    /// same sweep can be tried again.
+    /// One MCMC step, with a step towards the fine likelihood before it where it is due. On an error no SMC particle has moved, and the
+    /// same MCMC step can be tried again.
     fn advance(&mut self) -> Result<()> {
-        if self.state.sweeps == self.settings.sweeps {
+        if self.state.mcmc_steps == self.settings.mcmc_steps {
             self.step();
         }
-        self.sweep()?;
+        self.mcmc_step()?;
         let state = &mut self.state;
-        state.sweeps += 1;
-        if state.sweeps == self.settings.sweeps {
+        state.mcmc_steps += 1;
+        if state.mcmc_steps == self.settings.mcmc_steps {
             let level = Level {
-                share: state.share,
+                fraction: state.fraction,
                 ln_ratio: state.ln_ratio,
-                ancestors: effective_kinds(state.members.iter().map(|m| m.ancestor)),
-                echo: correlation(&state.gaps_before, &state.gaps()),
+                ancestors: effective_kinds(state.particles.iter().map(|m| m.eve)),
+                correlation: correlation(&state.gaps_before, &state.gaps()),
             };
             state.levels.push(level);
         }
@@ -248,24 +249,24 @@ impl Way<'_> {
         self.state.levels.len() as u64 + 1
     }
 
-    /// Weights, and members taken anew by them.
+    /// Weights, and SMC particles taken anew by them.
     fn step(&mut self) {
         let level = self.level();
         let state = &mut self.state;
-        let cooling = Cooling::new(state.gaps());
-        let left = 1.0 - state.share;
-        let step = cooling.longest_step(left);
+        let smc_weights = SmcWeights::new(state.gaps());
+        let left = 1.0 - state.fraction;
+        let step = smc_weights.longest_step(left);
         // A step of almost all that is left takes it all: what remains weighs nothing.
-        state.share = if step >= left * (1.0 - 1e-9) {
+        state.fraction = if step >= left * (1.0 - 1e-9) {
             1.0
         } else {
-            state.share + step
+            state.fraction + step
         };
-        state.ln_ratio += cooling.ln_mean_weight(step);
+        state.ln_ratio += smc_weights.ln_mean_weight(step);
         let uniform = unit_open(&mut stream(self.seed, Domain::Bridge, level, RESAMPLING));
-        let drawn = cooling.resample(step, uniform).into_iter();
-        state.members = drawn.map(|i| state.members[i].clone()).collect();
-        state.sweeps = 0;
+        let drawn = smc_weights.resample(step, uniform).into_iter();
+        state.particles = drawn.map(|i| state.particles[i].clone()).collect();
+        state.mcmc_steps = 0;
         state.gaps_before = state.gaps();
         let dim = self.target.dim();
         let orbit = Symmetry::first_orbit(self.target.symmetries());
@@ -276,39 +277,40 @@ impl Way<'_> {
             .collect();
         state.pools = others
             .iter()
-            .map(|rows| Neighbours::new(rows, dim, orbit))
+            .map(|rows| DifferencePool::new(rows, dim, orbit))
             .collect();
     }
 
-    /// Moves every member by a slice of the present law, and by the target's involutions in the first sweep at it.
-    fn sweep(&mut self) -> Result<()> {
+    /// Moves every SMC particle by a slice of the present law, and by the target's involutions in the first MCMC step at it.
+    fn mcmc_step(&mut self) -> Result<()> {
         let state = &self.state;
-        let share = state.share;
-        let (level, sweep) = (self.level(), state.sweeps as u64);
-        let moved: Vec<Result<(Member, Tally)>> = (0..state.members.len())
+        let fraction = state.fraction;
+        let (level, mcmc_step) = (self.level(), state.mcmc_steps as u64);
+        let moved: Vec<Result<(Particle, Tally)>> = (0..state.particles.len())
             .into_par_iter()
             .map(|i| {
-                let mut member = state.members[i].clone();
-                let task = level << 32 | sweep;
+                let mut particle = state.particles[i].clone();
+                let task = level << 32 | mcmc_step;
                 let mut rng = stream(self.seed, Domain::Bridge, task, i as u64);
-                let half = (member.lineage % 2) as usize;
+                let half = (particle.lineage % 2) as usize;
                 let mut point = Point::new(self.target.dim());
-                point.z.clone_from(&member.z);
-                let between = Between::new(self.coarse, self.target, share);
+                point.z.clone_from(&particle.z);
+                let between = Between::new(self.coarse, self.target, fraction);
                 let (metric, pool) = (&state.metrics[half], &state.pools[half]);
-                let tally = between.explore(&mut point, &mut member.both, |evaluator, point| {
-                    if sweep == 0 {
-                        involve(evaluator, 1.0, point, &mut rng)?;
-                    }
-                    slide(evaluator, 1.0, metric, pool, 1, point, &mut rng, |_| ())
-                })?;
-                member.z = point.z;
-                Ok((member, tally))
+                let tally =
+                    between.explore(&mut point, &mut particle.both, |evaluator, point| {
+                        if mcmc_step == 0 {
+                            try_involutions(evaluator, 1.0, point, &mut rng)?;
+                        }
+                        slice_updates(evaluator, 1.0, metric, pool, 1, point, &mut rng, |_| ())
+                    })?;
+                particle.z = point.z;
+                Ok((particle, tally))
             })
             .collect();
-        let moved: Vec<(Member, Tally)> = moved.into_iter().collect::<Result<_>>()?;
-        let (members, tallies): (Vec<Member>, Vec<Tally>) = moved.into_iter().unzip();
-        self.state.members = members;
+        let moved: Vec<(Particle, Tally)> = moved.into_iter().collect::<Result<_>>()?;
+        let (particles, tallies): (Vec<Particle>, Vec<Tally>) = moved.into_iter().unzip();
+        self.state.particles = particles;
         tallies
             .iter()
             .for_each(|tally| self.state.tally.merge(tally));

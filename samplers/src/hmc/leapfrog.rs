@@ -24,7 +24,7 @@ pub struct Plan {
     pub max_leapfrogs: usize,
     /// Energies along a path may differ by this much before it is given up as divergent.
     pub max_energy_range: f64,
-    /// 0 for the exact Metropolis test. Above, a rise in energy is weighed against this share of the depth that the
+    /// 0 for the exact Metropolis test. Above, a rise in energy is weighed against this fraction of the depth that the
     /// path fell: while a chain still falls from the prior by thousands of units its energy errors are large though
     /// small for the fall, and the exact test would shorten steps until nothing moves. Not invariant.
     pub slack: f64,
@@ -72,8 +72,8 @@ impl Moved {
     };
 }
 
-/// Makes Hamiltonian moves at one temperature; its space is allocated once, nothing is per step.
-pub struct Explorer<'t, 'm> {
+/// Makes HMC transitions at one temperature; its space is allocated once, nothing is per step.
+pub struct LocalSampler<'t, 'm> {
     /// Evaluates and counts.
     pub evaluator: Evaluator<'t>,
     /// Whitened momentum: set before a trajectory, left at its end.
@@ -99,14 +99,14 @@ pub(super) enum Step {
     Lost,
 }
 
-impl<'t, 'm> Explorer<'t, 'm> {
-    /// An explorer of `N(z; 0, I) L(z)^beta` inside the target's walls.
+impl<'t, 'm> LocalSampler<'t, 'm> {
+    /// A local sampler of `N(z; 0, I) L(z)^beta` inside the target's walls.
     #[must_use]
     pub fn new(target: &'t dyn Target, beta: f64, metric: &'m Metric) -> Self {
         Self::of(Evaluator::new(target), beta, metric)
     }
 
-    /// An explorer of the density at `beta` on the path of an evaluator.
+    /// A local sampler of the density at `beta` on the path of an evaluator.
     #[must_use]
     pub fn of(evaluator: Evaluator<'t>, beta: f64, metric: &'m Metric) -> Self {
         let target = evaluator.target();
@@ -270,8 +270,8 @@ impl<'t, 'm> Explorer<'t, 'm> {
         {
             *f = self.beta * g - z;
         }
-        for (f, tilt) in self.force.iter_mut().zip(&self.end.tilt_gradient) {
-            *f += (1.0 - self.beta) * tilt;
+        for (f, ln_over_prior) in self.force.iter_mut().zip(&self.end.ln_over_prior_gradient) {
+            *f += (1.0 - self.beta) * ln_over_prior;
         }
         self.metric
             .whiten_force(&self.force, &mut self.whitened_force);

@@ -1,9 +1,9 @@
-//! The metric of one rung: an estimate `V = L L'` of the covariance at its temperature.
+//! The metric of one temperature: an estimate `V = L L'` of the covariance at its temperature.
 //!
 //! Estimated as the geodesic mean of two guesses, the covariance of positions and the inverse covariance of scores
 //! (the minimiser of the Fisher divergence: Seyboldt, Carlson & Carpenter 2024, the rule of nutpie). On a Gaussian it
 //! is exact for any draws, mixed or not, once there are more than dimensions: `Cov(score) = P Cov(z) P`, and the mean
-//! of `C` and `(P C P)^-1` is `P^-1`. That is what lets a rung find its scales while it still falls from the prior.
+//! of `C` and `(P C P)^-1` is `P^-1`. That is what lets a temperature find its scales while it still falls from the prior.
 
 use super::Moments;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -181,8 +181,8 @@ impl Metric {
         let keep = match self.kind() {
             MetricKind::Diagonal => 0.0,
             MetricKind::Dense => {
-                let share = covariance.nrows() as f64 / weight.max(1.0);
-                1.0 / (1.0 + share * share)
+                let fraction = covariance.nrows() as f64 / weight.max(1.0);
+                1.0 / (1.0 + fraction * fraction)
             }
         };
         let diagonal = DMatrix::from_diagonal(&covariance.diagonal());

@@ -6,7 +6,6 @@
 //! metric (an estimate of the posterior's covariance): kinetic energy is `|r|^2 / 2`, the velocity is `L r` and the
 //! whitened force `L' (beta grad l - z)`.
 
-mod jump;
 mod leapfrog;
 mod metric;
 mod moments;
@@ -15,14 +14,15 @@ mod point;
 mod reference;
 mod slice;
 mod step_size;
+mod symmetry;
 mod walls;
 
-pub use jump::{jump, refresh};
-pub use leapfrog::{End, Explorer, Moved, Plan, shorten};
+pub use leapfrog::{End, LocalSampler, Moved, Plan, shorten};
 pub use metric::{Metric, MetricKind, geodesic};
 pub use moments::Moments;
 pub use point::{Evaluator, Point, Tally};
 pub use reference::Reference;
-pub use slice::{explore_by_slices, involve, slice, slide};
+pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};
 pub use step_size::{MAX_STEP, StepSize};
+pub use symmetry::{propose_involution, refresh};
 pub use walls::inside;

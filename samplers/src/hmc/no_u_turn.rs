@@ -6,7 +6,7 @@
 
 use super::leapfrog::Step;
 use super::walls::dot;
-use super::{End, Explorer, Moved, Plan, Point};
+use super::{End, LocalSampler, Moved, Plan, Point};
 use crate::diagnostics::ln_sum_exp;
 use crate::error::Result;
 use crate::rng::{Stream, standard_normal, unit_open};
@@ -40,7 +40,7 @@ enum Built {
 
 /// One trajectory in the making.
 struct Journey<'e, 't, 'm, 'r> {
-    explorer: &'e mut Explorer<'t, 'm>,
+    local_sampler: &'e mut LocalSampler<'t, 'm>,
     rng: &'r mut Stream,
     step: f64,
     start: f64,
@@ -51,7 +51,7 @@ struct Journey<'e, 't, 'm, 'r> {
     rise: [f64; 2],
 }
 
-impl Explorer<'_, '_> {
+impl LocalSampler<'_, '_> {
     /// One move whose length is found on the way; at most `plan.max_leapfrogs` steps, `plan.length` and `plan.slack` are not
     /// used. Its acceptance is the mean over all states of what a Metropolis test would say to each.
     ///
@@ -72,7 +72,7 @@ impl Explorer<'_, '_> {
             momentum: self.momentum.clone(),
         };
         let mut journey = Journey {
-            explorer: self,
+            local_sampler: self,
             rng,
             step,
             start,
@@ -165,17 +165,17 @@ impl Journey<'_, '_, '_, '_> {
         // Back is forwards with the momentum turned round, at mirrors too.
         let sense = if forwards { 1.0 } else { -1.0 };
         let turned = |momentum: &mut [f64]| momentum.iter_mut().for_each(|r| *r *= sense);
-        self.explorer.momentum.copy_from_slice(&from.momentum);
-        turned(&mut self.explorer.momentum);
-        self.explorer.stand_at(&from.point);
+        self.local_sampler.momentum.copy_from_slice(&from.momentum);
+        turned(&mut self.local_sampler.momentum);
+        self.local_sampler.stand_at(&from.point);
         self.made += 1;
-        match self.explorer.step(self.step)? {
+        match self.local_sampler.step(self.step)? {
             Step::Made => {}
             Step::Rejected => return Ok(Built::Ended(End::Rejected)),
             Step::Lost => return Ok(Built::Ended(End::Diverged)),
         }
-        turned(&mut self.explorer.momentum);
-        let rise = self.explorer.energy() - self.start;
+        turned(&mut self.local_sampler.momentum);
+        let rise = self.local_sampler.energy() - self.start;
         if !rise.is_finite() {
             return Ok(Built::Ended(End::Diverged));
         }
@@ -186,8 +186,8 @@ impl Journey<'_, '_, '_, '_> {
             return Ok(Built::Ended(End::Diverged));
         }
         let place = Place {
-            point: self.explorer.end.clone(),
-            momentum: self.explorer.momentum.clone(),
+            point: self.local_sampler.end.clone(),
+            momentum: self.local_sampler.momentum.clone(),
         };
         Ok(Built::Whole(Box::new(Stretch {
             sum: place.momentum.clone(),

@@ -2,16 +2,16 @@
 
 mod adapt;
 
-use super::anneal::{Annealing, Level};
 use super::evidence::{Estimate, Traces, estimate};
-use super::ladder::first_schedule;
 use super::record::{Local, Record};
+use super::schedule::first_schedule;
+use super::smc::{Level, SmcSamplers};
 use super::{Settings, swap};
+use crate::checkpointer::Time;
 use crate::control::Event;
+use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{self, Evaluator, Explorer, Metric, Plan, Point, Reference, StepSize, Tally};
-use crate::keeper::Time;
-use crate::neighbours::Neighbours;
+use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Reference, StepSize, Tally};
 use crate::rng::{Domain, Stream, stream, unit_open};
 use crate::target::Target;
 use rayon::prelude::*;
@@ -27,7 +27,7 @@ const EARLY_SCANS: usize = 32;
 /// Most leapfrog steps of a move in an early round.
 const EARLY_LEAPFROGS: usize = 32;
 
-/// Share of a fall that an energy error may be in an early round.
+/// Fraction of a fall that an energy error may be in an early round.
 const EARLY_SLACK: f64 = 0.05;
 
 /// Energy range of a path that marks it as divergent in all other rounds.
@@ -35,25 +35,25 @@ const MAX_ENERGY_RANGE: f64 = 1000.0;
 
 /// One temperature.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Rung {
+pub(super) struct Temperature {
     pub(super) beta: f64,
     metric: Metric,
     pub(super) step: StepSize,
-    /// Where the round before stood at this temperature: its odd families for the even ones, and the other way round.
-    pools: [Neighbours; 2],
+    /// Where the round before stood at this temperature: its odd clusters for the even ones, and the other way round.
+    pools: [DifferencePool; 2],
 }
 
-/// One place of one ladder: states stay, machines travel.
+/// One place of one chain set: states stay, replicas travel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Slot {
+struct Chain {
     point: Point,
-    machine: usize,
+    replica: usize,
 }
 
 /// What a finished round came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Finished {
-    pub(super) barrier: f64,
+    pub(super) communication_barrier: f64,
     pub(super) ln_z: f64,
 }
 
@@ -62,8 +62,8 @@ pub(super) struct Finished {
 pub(super) struct State {
     settings: Settings,
     pub(super) seed: u64,
-    /// The populations that the ladders start from, until they are cold.
-    annealing: Option<Annealing>,
+    /// The SMC samplers that the chain sets start from, until they are cold.
+    smc_samplers: Option<SmcSamplers>,
     /// Present round, and its scans done.
     pub(super) round: usize,
     pub(super) scan: usize,
@@ -71,20 +71,20 @@ pub(super) struct State {
     extensions: usize,
     /// Scans done in all rounds: the index of the random streams.
     clock: u64,
-    /// Where the ladders begin.
+    /// Where the chain sets begin.
     pub(super) reference: Reference,
     /// The halves of the draws that it was fitted to.
     training: [Vec<f64>; 2],
-    pub(super) rungs: Vec<Rung>,
-    /// Ladder-major.
-    slots: Vec<Slot>,
+    pub(super) temperatures: Vec<Temperature>,
+    /// Chain-set-major.
+    chains: Vec<Chain>,
     pub(super) record: Record,
     pub(super) history: Vec<Finished>,
     pub(super) tally: Tally,
     pub(super) time: Time,
 }
 
-/// What exploring one slot gave.
+/// What exploring one chain gave.
 struct Explored {
     point: Point,
     local: Local,
@@ -94,13 +94,13 @@ struct Explored {
 }
 
 impl State {
-    /// Draws every slot from the prior, again and again until it has a likelihood where it needs one.
+    /// Draws every chain from the prior, again and again until it has a likelihood where it needs one.
     pub(super) fn start(target: &dyn Target, settings: &Settings, seed: u64) -> Result<Self> {
         let dim = target.dim();
         let schedule = first_schedule(settings.temperatures);
-        let rungs: Vec<Rung> = schedule
+        let temperatures: Vec<Temperature> = schedule
             .iter()
-            .map(|&beta| Rung {
+            .map(|&beta| Temperature {
                 beta,
                 metric: Metric::identity(settings.metric, dim),
                 step: StepSize::new(0.5),
@@ -110,7 +110,7 @@ impl State {
         let mut state = Self {
             settings: settings.clone(),
             seed,
-            annealing: None,
+            smc_samplers: None,
             round: 0,
             scan: 0,
             extensions: 0,
@@ -119,52 +119,53 @@ impl State {
             training: Default::default(),
             record: Record::new(
                 dim,
-                settings.ladders,
-                settings.families(),
+                settings.chain_sets,
+                settings.clusters(),
                 &schedule,
                 settings.scans(0),
             ),
-            slots: Vec::new(),
-            rungs,
+            chains: Vec::new(),
+            temperatures,
             history: Vec::new(),
             tally: Tally::default(),
             time: Time::default(),
         };
-        if settings.annealing > 0 {
-            let families = settings.families();
-            let populations = state.first_points(target, families, settings.members())?;
-            state.annealing = Some(Annealing::new(populations, settings.metric));
+        if settings.smc_particles > 0 {
+            let clusters = settings.clusters();
+            let smc_samplers =
+                state.first_points(target, clusters, settings.particles_per_sampler())?;
+            state.smc_samplers = Some(SmcSamplers::new(smc_samplers, settings.metric));
             return Ok(state);
         }
-        let rungs = state.rungs.len();
-        for ladder in state.first_points(target, settings.ladders, rungs)? {
-            state.slots.extend(
-                ladder
+        let temperatures = state.temperatures.len();
+        for chain_set in state.first_points(target, settings.chain_sets, temperatures)? {
+            state.chains.extend(
+                chain_set
                     .into_iter()
                     .enumerate()
-                    .map(|(machine, point)| Slot { point, machine }),
+                    .map(|(replica, point)| Chain { point, replica }),
             );
         }
         Ok(state)
     }
 
-    /// As many draws of the prior for each ladder, or for each population; all have a likelihood but the first of a
-    /// ladder, which becomes the one at beta = 0.
+    /// As many draws of the prior for each chain set, or for each SMC sampler; all have a likelihood but the first of a
+    /// chain set, which becomes the one at beta = 0.
     fn first_points(
         &mut self,
         target: &dyn Target,
-        ladders: usize,
-        per_ladder: usize,
+        chain_sets: usize,
+        per_chain_set: usize,
     ) -> Result<Vec<Vec<Point>>> {
         let mut evaluator = Evaluator::new(target);
-        let mut points = vec![Point::new(target.dim()); ladders * per_ladder];
+        let mut points = vec![Point::new(target.dim()); chain_sets * per_chain_set];
         let mut streams: Vec<Stream> = (0..points.len())
             .map(|i| {
-                let task = ((i / per_ladder) << 20) + i % per_ladder;
+                let task = ((i / per_chain_set) << 20) + i % per_chain_set;
                 stream(self.seed, Domain::PtExplore, task as u64, 0)
             })
             .collect();
-        let prior = |i: usize| i.is_multiple_of(per_ladder) && self.settings.annealing == 0;
+        let prior = |i: usize| i.is_multiple_of(per_chain_set) && self.settings.smc_particles == 0;
         let mut wanting: Vec<usize> = (0..points.len()).collect();
         let (mut tries, mut found) = (0, 0);
         while !wanting.is_empty() {
@@ -187,13 +188,16 @@ impl State {
             }
         }
         self.tally.add(&evaluator);
-        Ok(points.chunks(per_ladder).map(<[Point]>::to_vec).collect())
+        Ok(points
+            .chunks(per_chain_set)
+            .map(<[Point]>::to_vec)
+            .collect())
     }
 
-    /// The stream of slot or gap number `index` (ladder-major over rungs) at a scan.
+    /// The stream of chain or gap number `index` (chain-set-major over temperatures) at a scan.
     fn stream(&self, domain: Domain, index: usize, scan: u64) -> Stream {
-        let rungs = self.rungs.len();
-        let task = ((index / rungs) << 20) + index % rungs;
+        let temperatures = self.temperatures.len();
+        let task = ((index / temperatures) << 20) + index % temperatures;
         stream(self.seed, domain, task as u64, scan)
     }
 
@@ -227,8 +231,8 @@ impl State {
     }
 
     /// Whether the first scan is still to come.
-    pub(super) fn annealing(&self) -> bool {
-        self.annealing.is_some()
+    pub(super) fn smc_samplers(&self) -> bool {
+        self.smc_samplers.is_some()
     }
 
     /// Whether the present round has anything to show.
@@ -240,17 +244,17 @@ impl State {
         self.round + 1 == self.settings.rounds
     }
 
-    /// Groups of ladders that are independent of each other.
-    pub(super) fn families(&self) -> usize {
-        self.settings.families()
+    /// Groups of chain sets that are independent of each other.
+    pub(super) fn clusters(&self) -> usize {
+        self.settings.clusters()
     }
 
-    /// Whether slices explore beside Hamiltonian moves.
+    /// Whether slices explore beside HMC transitions.
     pub(super) fn slices(&self) -> bool {
-        self.settings.slices > 0
+        self.settings.slice_updates > 0
     }
 
-    /// Whether the ladders of this round were to begin at a mixture.
+    /// Whether the chain sets of this round were to begin at a mixture.
     pub(super) fn mixture_due(&self) -> bool {
         self.settings.mixes(self.round)
     }
@@ -270,20 +274,24 @@ impl State {
     }
 
     pub(super) fn beta(&self) -> Vec<f64> {
-        self.rungs.iter().map(|rung| rung.beta).collect()
+        self.temperatures
+            .iter()
+            .map(|temperature| temperature.beta)
+            .collect()
     }
 
     pub(super) fn evidence(&self) -> Estimate {
-        let legs = self.record.telling();
-        let legs: Vec<(&[f64], &Traces)> =
-            legs.map(|leg| (leg.beta.as_slice(), &leg.traces)).collect();
-        estimate(&legs, self.settings.families())
+        let extensions = self.record.telling();
+        let extensions: Vec<(&[f64], &Traces)> = extensions
+            .map(|extension| (extension.beta.as_slice(), &extension.traces))
+            .collect();
+        estimate(&extensions, self.settings.clusters())
     }
 
-    /// What an observer is told after a scan; evidence and barrier are NaN before a round has finished.
+    /// What an observer is told after a scan; evidence and communication barrier are NaN before a round has finished.
     pub(super) fn progress(&self) -> Event {
-        if let Some(annealing) = &self.annealing {
-            let (beta, ln_z) = annealing.progress();
+        if let Some(smc_samplers) = &self.smc_samplers {
+            let (beta, ln_z) = smc_samplers.progress();
             let calls = self.tally.calls;
             return Event::Smc { beta, ln_z, calls };
         }
@@ -292,7 +300,7 @@ impl State {
             round: self.round,
             scan: self.scan.saturating_sub(1),
             scans: self.scans(),
-            barrier: last.map_or(f64::NAN, |r| r.barrier),
+            communication_barrier: last.map_or(f64::NAN, |r| r.communication_barrier),
             round_trips: self.record.round_trips(),
             ln_z: last.map_or(f64::NAN, |r| r.ln_z),
             gradients: self.tally.gradients,
@@ -302,48 +310,50 @@ impl State {
     /// One scan, and the adaptation before it if a round has just ended. On an error the state is that before the
     /// scan.
     pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
-        if let Some(annealing) = &mut self.annealing {
-            let sweeps = self.settings.sweeps(target.dim());
-            let tally = annealing.advance(target, self.settings.metric, sweeps, self.seed)?;
+        if let Some(smc_samplers) = &mut self.smc_samplers {
+            let mcmc_steps = self.settings.mcmc_steps(target.dim());
+            let tally =
+                smc_samplers.advance(target, self.settings.metric, mcmc_steps, self.seed)?;
             self.tally.merge(&tally);
-            if annealing.done() {
-                let levels: Vec<Vec<Level>> = annealing.levels().map(<[Level]>::to_vec).collect();
+            if smc_samplers.done() {
+                let levels: Vec<Vec<Level>> =
+                    smc_samplers.levels().map(<[Level]>::to_vec).collect();
                 self.begin(&levels, target);
-                self.annealing = None;
+                self.smc_samplers = None;
             }
             return Ok(());
         }
         if self.scan == self.scans() {
             self.adapt(target);
         }
-        let explored: Vec<Result<Explored>> = (0..self.slots.len())
+        let explored: Vec<Result<Explored>> = (0..self.chains.len())
             .into_par_iter()
-            .map(|slot| self.explore(target, slot))
+            .map(|chain| self.explore(target, chain))
             .collect();
         let explored: Vec<Explored> = explored.into_iter().collect::<Result<_>>()?;
 
-        let rungs = self.rungs.len();
-        let mut locals = vec![Local::default(); rungs];
+        let temperatures = self.temperatures.len();
+        let mut locals = vec![Local::default(); temperatures];
         for (index, explored) in explored.into_iter().enumerate() {
-            self.slots[index].point = explored.point;
-            locals[index % rungs].add(&explored.local);
-            self.record.trails[index / rungs].extend(explored.trail);
+            self.chains[index].point = explored.point;
+            locals[index % temperatures].add(&explored.local);
+            self.record.trails[index / temperatures].extend(explored.trail);
             self.tally.merge(&explored.tally);
         }
         self.clock += 1;
         let beta = self.beta();
-        for ladder in 0..self.settings.ladders {
-            let points = self.slots[ladder * rungs..(ladder + 1) * rungs]
+        for chain_set in 0..self.settings.chain_sets {
+            let points = self.chains[chain_set * temperatures..(chain_set + 1) * temperatures]
                 .iter()
-                .map(|slot| &slot.point);
-            self.record.leg_mut().note(ladder, points);
-            self.swap(ladder, &beta);
+                .map(|chain| &chain.point);
+            self.record.extension_mut().note(chain_set, points);
+            self.swap(chain_set, &beta);
         }
         let (frozen, early) = (self.is_last_round(), self.is_early_round());
         let scans = self.scans();
-        for (rung, local) in locals.iter().enumerate() {
-            self.record.leg_mut().locals[rung].add(local);
-            if frozen || rung == 0 {
+        for (temperature, local) in locals.iter().enumerate() {
+            self.record.extension_mut().locals[temperature].add(local);
+            if frozen || temperature == 0 {
                 continue;
             }
             // Later on a rejected point is taken for a cliff, which no step is short enough for; an early one may
@@ -354,7 +364,7 @@ impl State {
                 local.moves - local.rejected
             };
             if met > 0 {
-                self.rungs[rung].step.learn(
+                self.temperatures[temperature].step.learn(
                     local.acceptance / met as f64,
                     self.settings.target_acceptance,
                     self.scan,
@@ -366,40 +376,49 @@ impl State {
         Ok(())
     }
 
-    /// Explores one slot: a fresh draw at beta = 0; symmetries, then slices, then Hamiltonian moves elsewhere.
-    fn explore(&self, target: &dyn Target, slot: usize) -> Result<Explored> {
-        let rung = &self.rungs[slot % self.rungs.len()];
-        let mut rng = self.stream(Domain::PtExplore, slot, self.clock + 1);
+    /// Explores one chain: a fresh draw at beta = 0; symmetries, then slices, then HMC transitions elsewhere.
+    fn explore(&self, target: &dyn Target, chain: usize) -> Result<Explored> {
+        let temperature = &self.temperatures[chain % self.temperatures.len()];
+        let mut rng = self.stream(Domain::PtExplore, chain, self.clock + 1);
         let evaluator = Evaluator::from_reference(target, &self.reference);
-        let mut explorer = Explorer::of(evaluator, rung.beta, &rung.metric);
-        let mut point = self.slots[slot].point.clone();
+        let mut local_sampler = LocalSampler::of(evaluator, temperature.beta, &temperature.metric);
+        let mut point = self.chains[chain].point.clone();
         let mut local = Local::default();
         let mut trail = Vec::new();
-        let cold = (slot + 1).is_multiple_of(self.rungs.len());
+        let cold = (chain + 1).is_multiple_of(self.temperatures.len());
         let trailed = cold && self.mixture_next() && !self.is_last_round();
         let mut visit = |at: &Point| {
             if trailed {
                 trail.extend_from_slice(&at.z);
             }
         };
-        if slot.is_multiple_of(self.rungs.len()) {
-            explorer.evaluator.draw_reference(&mut point.z, &mut rng)?;
-            point.ln_likelihood = explorer.evaluator.value(&point.z)?;
-            point.tilt = self.reference.tilt(&point.z);
+        if chain.is_multiple_of(self.temperatures.len()) {
+            local_sampler
+                .evaluator
+                .draw_reference(&mut point.z, &mut rng)?;
+            point.ln_likelihood = local_sampler.evaluator.value(&point.z)?;
+            point.ln_over_prior = self.reference.ln_over_prior(&point.z);
             point.has_gradient = false;
         } else {
-            let family = slot / self.rungs.len() % self.settings.families();
-            let (metric, pool) = (&rung.metric, &rung.pools[family % 2]);
-            let (evaluator, slices) = (&mut explorer.evaluator, self.settings.slices);
-            hmc::explore_by_slices(
-                evaluator, rung.beta, metric, pool, slices, &mut point, &mut rng, &mut visit,
+            let cluster = chain / self.temperatures.len() % self.settings.clusters();
+            let (metric, pool) = (&temperature.metric, &temperature.pools[cluster % 2]);
+            let (evaluator, slices) = (&mut local_sampler.evaluator, self.settings.slice_updates);
+            hmc::involutions_and_slice_updates(
+                evaluator,
+                temperature.beta,
+                metric,
+                pool,
+                slices,
+                &mut point,
+                &mut rng,
+                &mut visit,
             )?;
-            let plan = self.plan(rung);
-            for _ in 0..self.settings.moves {
+            let plan = self.plan(temperature);
+            for _ in 0..self.settings.hmc_transitions {
                 let moved = if self.settings.no_u_turn && !self.is_early_round() {
-                    explorer.no_u_turn(&mut point, &plan, &mut rng)?
+                    local_sampler.no_u_turn(&mut point, &plan, &mut rng)?
                 } else {
-                    explorer.transition(&mut point, &plan, &mut rng)?
+                    local_sampler.transition(&mut point, &plan, &mut rng)?
                 };
                 local.note(&moved);
                 visit(&point);
@@ -408,16 +427,16 @@ impl State {
         Ok(Explored {
             point,
             local,
-            tally: Tally::of(&explorer.evaluator),
+            tally: Tally::of(&local_sampler.evaluator),
             trail,
         })
     }
 
-    fn plan(&self, rung: &Rung) -> Plan {
+    fn plan(&self, temperature: &Temperature) -> Plan {
         let early = self.is_early_round();
         let most = self.settings.max_leapfrogs;
         Plan {
-            step: rung.step.step(),
+            step: temperature.step.step(),
             length: self.settings.trajectory,
             max_leapfrogs: if early {
                 most.min(EARLY_LEAPFROGS)
@@ -434,20 +453,20 @@ impl State {
     }
 
     /// Even gaps in even scans, odd gaps in odd ones.
-    fn swap(&mut self, ladder: usize, beta: &[f64]) {
-        let rungs = beta.len();
-        for gap in (self.scan % 2..rungs - 1).step_by(2) {
-            let hot = ladder * rungs + gap;
-            let l = |slot: usize| self.slots[slot].point.ln_ratio();
+    fn swap(&mut self, chain_set: usize, beta: &[f64]) {
+        let temperatures = beta.len();
+        for gap in (self.scan % 2..temperatures - 1).step_by(2) {
+            let hot = chain_set * temperatures + gap;
+            let l = |chain: usize| self.chains[chain].point.ln_ratio();
             let accept = swap::acceptance(beta[gap + 1] - beta[gap], l(hot), l(hot + 1));
             let mut rng = self.stream(Domain::PtSwap, hot, self.clock);
             if unit_open(&mut rng) < accept {
-                self.slots.swap(hot, hot + 1);
+                self.chains.swap(hot, hot + 1);
             }
         }
-        self.record.leg_mut().journeys[ladder].note(
-            self.slots[ladder * rungs].machine,
-            self.slots[(ladder + 1) * rungs - 1].machine,
+        self.record.extension_mut().index_processes[chain_set].note(
+            self.chains[chain_set * temperatures].replica,
+            self.chains[(chain_set + 1) * temperatures - 1].replica,
         );
     }
 
@@ -458,8 +477,8 @@ impl State {
     }
 
     fn new_record(&self, dim: usize, round: usize) -> Record {
-        let (ladders, families) = (self.settings.ladders, self.settings.families());
+        let (chain_sets, clusters) = (self.settings.chain_sets, self.settings.clusters());
         let scans = self.settings.scans(round);
-        Record::new(dim, ladders, families, &self.beta(), scans)
+        Record::new(dim, chain_sets, clusters, &self.beta(), scans)
     }
 }

@@ -194,7 +194,7 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
             step_size,
             mean_leapfrogs,
             divergences,
-            barrier,
+            communication_barrier,
             round_trips,
             trace,
         } => {
@@ -216,25 +216,29 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
                 divergences,
                 Map::new(),
             )?;
-            floats("barrier", "temperature", barrier)?;
-            let ladders = [("ladder", round_trips.len())];
-            store.array("/history/round_trips", &ladders, round_trips, Map::new())?;
-            // Ladders may differ in length: one flat array, and how long each is.
+            floats(
+                "communication_barrier",
+                "temperature",
+                communication_barrier,
+            )?;
+            let chain_sets = [("chain_set", round_trips.len())];
+            store.array("/history/round_trips", &chain_sets, round_trips, Map::new())?;
+            // Chain sets may differ in length: one flat array, and how long each is.
             let lengths: Vec<u64> = trace.iter().map(|t| t.len() as u64).collect();
             let dims = [("traced_ladder", lengths.len())];
             store.array("/history/trace_length", &dims, &lengths, Map::new())?;
             floats("trace", "scan", &trace.concat())
         }
         History::Bridge {
-            share,
+            fraction,
             ln_ratio,
             ancestors,
-            echo,
+            correlation,
         } => {
-            floats("share", "step", share)?;
+            floats("fraction", "step", fraction)?;
             floats("ln_ratio", "step", ln_ratio)?;
             floats("ancestors", "step", ancestors)?;
-            floats("echo", "step", echo)
+            floats("correlation", "step", correlation)
         }
     }
 }
@@ -271,16 +275,16 @@ pub fn read_history(store: &Store, method: Method) -> Result<History> {
                 step_size: floats("step_size")?,
                 mean_leapfrogs: floats("mean_leapfrogs")?,
                 divergences: store.read("/history/divergences")?,
-                barrier: floats("barrier")?,
+                communication_barrier: floats("communication_barrier")?,
                 round_trips: store.read("/history/round_trips")?,
                 trace,
             }
         }
         Method::Bridge => History::Bridge {
-            share: floats("share")?,
+            fraction: floats("fraction")?,
             ln_ratio: floats("ln_ratio")?,
             ancestors: floats("ancestors")?,
-            echo: floats("echo")?,
+            correlation: floats("correlation")?,
         },
     })
 }

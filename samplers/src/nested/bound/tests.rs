@@ -41,7 +41,7 @@ fn two_blobs_make_two_ellipsoids_that_hold_all_points() {
 fn chains_use_the_metric_of_the_other_half() {
     // Even lineages in the left blob, odd ones in the right.
     let mut points = blobs(&[[0.3, 0.3], [0.7, 0.6]], 0.02, 50);
-    points.kin = (0..100).map(|i| u32::from(i >= 50).into()).collect();
+    points.genealogy = (0..100).map(|i| u32::from(i >= 50).into()).collect();
     let bounds = Bound::for_steps(&points, BoundKind::Single);
     for (i, bound) in [(99, &bounds[0]), (0, &bounds[1])] {
         assert!(nearest(bound, points.row(i)) <= 1.0);

@@ -94,7 +94,7 @@ fn stays_uniform(
         stride: scale,
         steps,
     };
-    let ends: Vec<Newborn> = (0..count)
+    let ends: Vec<NewPoint> = (0..count)
         .into_par_iter()
         .map(|i| {
             let rng = stream(12, Domain::Test, 2, i as u64);
@@ -144,7 +144,7 @@ const STEPPERS: [(Kernel, f64, usize); 4] = [
     (Kernel::RandomSlice, 0.7, 3),
     (Kernel::Differential, 0.7, 3),
     (Kernel::RandomWalk, 0.6, 8),
-    (Kernel::Reflective, 0.2, 6),
+    (Kernel::Galilean, 0.2, 6),
 ];
 
 #[test]
@@ -209,7 +209,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
         Kernel::RandomSlice,
         Kernel::Differential,
         Kernel::RandomWalk,
-        Kernel::Reflective,
+        Kernel::Galilean,
     ] {
         let setting = Setting {
             target: &target,
@@ -235,7 +235,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
                         match kernel {
                             Kernel::RandomWalk => walk::step(&mut chain, &mut rng).unwrap(),
                             Kernel::Differential => difference::step(&mut chain, &mut rng).unwrap(),
-                            Kernel::Reflective => flight::step(&mut chain, &mut rng).unwrap(),
+                            Kernel::Galilean => galilean::step(&mut chain, &mut rng).unwrap(),
                             _ => slice::step(&mut chain, &mut rng).unwrap(),
                         }
                     }
@@ -324,7 +324,7 @@ fn a_jump_without_its_jacobian_would_be_caught() {
 }
 
 #[test]
-fn flights_between_the_cube_a_mirror_and_rejected_points_stay_uniform() {
+fn galilean_trajectories_between_the_cube_a_mirror_and_rejected_points_stay_uniform() {
     // Above the contour: over 0.3, where the mirror is. Beyond 0.8 all is rejected; the other two sides are those of the cube.
     let target = Square {
         gradient: |_, gradient| gradient.copy_from_slice(&[0.0, 1.0]),
@@ -335,22 +335,22 @@ fn flights_between_the_cube_a_mirror_and_rejected_points_stay_uniform() {
     let laws: [Law<'_>; 2] = [("first", &first), ("second", &second)];
     for scale in [0.1, 0.5] {
         for bound in [overlapping(), Bound::cube(2)] {
-            let how = (Kernel::Reflective, scale, 5);
+            let how = (Kernel::Galilean, scale, 5);
             stays_uniform(&format!("{how:?}"), &target, 0.0, &[bound], how, &laws);
         }
     }
 }
 
-/// A setting for flights in the ring from `kept`.
+/// A setting for Galilean trajectories in the ring from `kept`.
 fn in_the_ring<'a>(
     target: &'a Square,
     bounds: &'a [Bound],
-    halves: &'a [Neighbours; 2],
+    halves: &'a [DifferencePool; 2],
 ) -> Setting<'a> {
     Setting {
         target,
         contour: 0.0,
-        kernel: Kernel::Reflective,
+        kernel: Kernel::Galilean,
         bounds,
         halves,
         scale: 0.2,
@@ -360,7 +360,7 @@ fn in_the_ring<'a>(
 }
 
 #[test]
-fn a_move_of_a_flight_then_a_flip_is_its_own_inverse() {
+fn a_move_of_a_galilean_then_a_flip_is_its_own_inverse() {
     let target = ring_target();
     let kept = uniform_above(&target, 0.0, 7, 10_000);
     let bounds = [overlapping()];
@@ -373,7 +373,7 @@ fn a_move_of_a_flight_then_a_flip_is_its_own_inverse() {
         draw_direction(&mut rng, &mut chain.ball);
         let velocity = chain.ball.clone();
         for turn in 0..2 {
-            let moved = flight::advance(&mut chain, 0.15).unwrap();
+            let moved = galilean::advance(&mut chain, 0.15).unwrap();
             // A flip undoes the turn of a chain that cannot move.
             if moved {
                 chain.ball.iter_mut().for_each(|w| *w = -*w);
@@ -393,9 +393,9 @@ fn a_move_of_a_flight_then_a_flip_is_its_own_inverse() {
     assert!(seen.iter().all(|n| *n > 500), "{seen:?}");
 }
 
-/// Kolmogorov-Smirnov probability of the radii where flights of two moves end that began uniform in the ring; a chain that can
+/// Kolmogorov-Smirnov probability of the radii where Galilean trajectories of two moves end that began uniform in the ring; a chain that can
 /// neither go on nor be reflected turns round, or waits.
-fn radii_after_flights(turns: bool) -> f64 {
+fn radii_after_galilean_trajectories(turns: bool) -> f64 {
     let target = ring_target();
     let count = 40_000;
     let kept = uniform_above(&target, 0.0, 8, count);
@@ -410,7 +410,7 @@ fn radii_after_flights(turns: bool) -> f64 {
             for _ in 0..6 {
                 draw_direction(&mut rng, &mut chain.ball);
                 for _ in 0..2 {
-                    let moved = flight::advance(&mut chain, setting.scale).unwrap();
+                    let moved = galilean::advance(&mut chain, setting.scale).unwrap();
                     if turns && !moved {
                         chain.ball.iter_mut().for_each(|w| *w = -*w);
                     }
@@ -423,7 +423,10 @@ fn radii_after_flights(turns: bool) -> f64 {
 }
 
 #[test]
-fn a_flight_that_waits_where_it_should_turn_round_would_be_caught() {
-    let (right, wrong) = (radii_after_flights(true), radii_after_flights(false));
+fn a_galilean_that_waits_where_it_should_turn_round_would_be_caught() {
+    let (right, wrong) = (
+        radii_after_galilean_trajectories(true),
+        radii_after_galilean_trajectories(false),
+    );
     assert!(right > 0.001 && wrong < 1e-6, "{right} {wrong}");
 }

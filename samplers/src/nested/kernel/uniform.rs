@@ -1,6 +1,6 @@
 //! Independent draws: from the prior, or from the bound.
 
-use super::chain::{Motion, Newborn, Setting};
+use super::chain::{Motion, NewPoint, Setting};
 use crate::error::{Error, Result};
 use crate::nested::bound::Bound;
 use crate::nested::likelihood::Likelihood;
@@ -15,7 +15,7 @@ pub(super) fn draw(
     setting: &Setting<'_>,
     bound: Option<&Bound>,
     rng: &mut Stream,
-) -> Result<Newborn> {
+) -> Result<NewPoint> {
     let dim = setting.target.dim();
     let mut likelihood = Likelihood::new(setting.target);
     let mut ball = vec![0.0; dim];
@@ -34,7 +34,7 @@ pub(super) fn draw(
         }
         let ln_l = likelihood.at(&u)?;
         if ln_l > setting.contour {
-            return Ok(Newborn {
+            return Ok(NewPoint {
                 u,
                 ln_l,
                 tally: likelihood.tally,

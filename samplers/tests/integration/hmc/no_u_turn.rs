@@ -2,7 +2,7 @@
 
 use super::{assert_invariant, binomial_pair, moved, tilted};
 use crate::targets::smooth;
-use oblate_samplers::hmc::{Explorer, Metric, MetricKind, Plan, Point};
+use oblate_samplers::hmc::{LocalSampler, Metric, MetricKind, Plan, Point};
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream};
 
 /// Steps of long strides, many of which lose much energy on the way.
@@ -22,8 +22,8 @@ fn trajectories_without_u_turns_leave_the_posterior_invariant() {
         assert_invariant("binomial", |index| {
             let mut rng = stream(27, Domain::Test, 0, index);
             let (point, target) = binomial_pair(&mut rng);
-            let explorer = Explorer::new(target, 1.0, &metric);
-            moved(explorer, point, &mut rng, |e, at, rng| {
+            let local_sampler = LocalSampler::new(target, 1.0, &metric);
+            moved(local_sampler, point, &mut rng, |e, at, rng| {
                 e.no_u_turn(at, &plan, rng).unwrap()
             })
         });
@@ -45,8 +45,8 @@ fn a_trajectory_ends_where_it_turns_back_and_where_it_must() {
         .z
         .iter_mut()
         .for_each(|z| *z = sd * standard_normal(&mut rng));
-    let mut explorer = Explorer::new(&target, 1.0, &metric);
-    point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
+    let mut local_sampler = LocalSampler::new(&target, 1.0, &metric);
+    point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
     let mut leapfrogs = |most, rng: &mut Stream| {
         let plan = Plan {
             step: 0.1,
@@ -56,7 +56,7 @@ fn a_trajectory_ends_where_it_turns_back_and_where_it_must() {
             slack: 0.0,
         };
         let moved: Vec<_> = (0..200)
-            .map(|_| explorer.no_u_turn(&mut point, &plan, rng).unwrap())
+            .map(|_| local_sampler.no_u_turn(&mut point, &plan, rng).unwrap())
             .collect();
         assert!(moved.iter().all(|m| m.leapfrogs <= most));
         let capped = moved.iter().filter(|m| m.capped).count();

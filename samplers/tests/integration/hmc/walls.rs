@@ -1,8 +1,8 @@
 //! Moves between walls of the prior.
 
 use super::{DRAWS, STEPS, farthest_moment, plane, tilted, way_back};
-use oblate_samplers::hmc::{Explorer, Plan, Point, inside, slice};
-use oblate_samplers::neighbours::Neighbours;
+use oblate_samplers::difference_pool::DifferencePool;
+use oblate_samplers::hmc::{LocalSampler, Plan, Point, inside, slice};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 use oblate_samplers::target::HalfSpace;
 use oblate_samplers::{Outcome, Prior, Target};
@@ -84,23 +84,27 @@ fn moves_between_walls_keep_the_truncated_prior() {
         .into_par_iter()
         .map(|index| {
             let mut rng = stream(22, Domain::Test, 0, index);
-            let mut explorer = Explorer::new(&target, 1.0, &metric);
+            let mut local_sampler = LocalSampler::new(&target, 1.0, &metric);
             let mut point = Point::new(2);
-            explorer
+            local_sampler
                 .evaluator
                 .draw_reference(&mut point.z, &mut rng)
                 .unwrap();
             point.ln_likelihood = 0.0;
             let before = [point.z[0], point.z[1]];
             for _ in 0..STEPS {
-                explorer.transition(&mut point, &plan, &mut rng).unwrap();
-                explorer.no_u_turn(&mut point, &plan, &mut rng).unwrap();
-                let evaluator = &mut explorer.evaluator;
+                local_sampler
+                    .transition(&mut point, &plan, &mut rng)
+                    .unwrap();
+                local_sampler
+                    .no_u_turn(&mut point, &plan, &mut rng)
+                    .unwrap();
+                let evaluator = &mut local_sampler.evaluator;
                 slice(
                     evaluator,
                     1.0,
                     &metric,
-                    &Neighbours::default(),
+                    &DifferencePool::default(),
                     &mut point,
                     &mut rng,
                 )

@@ -58,7 +58,7 @@ fn evidence_of_shells() {
 #[test]
 fn evidence_by_slices() {
     let by_slices = Settings {
-        slices: 12,
+        slice_updates: 12,
         max_leapfrogs: 2,
         ..rounds(8)
     };
@@ -70,15 +70,15 @@ fn evidence_by_slices() {
 /// Three rounds fewer than from prior draws.
 #[test]
 fn evidence_after_annealing() {
-    let annealed = Settings {
-        annealing: 64,
-        slices: 12,
+    let from_smc = Settings {
+        smc_particles: 64,
+        slice_updates: 12,
         max_leapfrogs: 2,
         first_scans: 16,
         ..rounds(5)
     };
     for target in [smooth::stiff13(), smooth::twins13(0.9), smooth::shells(5)] {
-        evidence_is_right_with(&target, &annealed);
+        evidence_is_right_with(&target, &from_smc);
     }
 }
 
@@ -101,7 +101,7 @@ fn evidence_from_a_mixture() {
         ..rounds(7)
     };
     let by_slices = Settings {
-        slices: 12,
+        slice_updates: 12,
         max_leapfrogs: 2,
         ..shorter.clone()
     };
@@ -114,12 +114,12 @@ fn evidence_from_a_mixture() {
     }
 }
 
-/// All rounds begin at a mixture, the first at one of what populations have found.
+/// All rounds begin at a mixture, the first at one of what SMC samplers have found.
 #[test]
-fn evidence_from_a_mixture_of_populations() {
+fn evidence_from_a_mixture_of_smc_samplers() {
     let settings = Settings {
-        annealing: 96,
-        slices: 4,
+        smc_particles: 96,
+        slice_updates: 4,
         max_leapfrogs: 1,
         first_scans: 128,
         mixture_rounds: 3,
@@ -146,25 +146,25 @@ fn evidence_of_a_round_that_goes_on() {
         assert!((2..=16).contains(&times), "{} {times}", target.name);
         assert_eq!(run.draws.len(), times * short.draws.len());
         // The first scans are the same ones.
-        let per_ladder = short.draws.len() / 4;
-        for ladder in 0..4 {
+        let per_chain_set = short.draws.len() / 4;
+        for chain_set in 0..4 {
             for j in 0..run.names.len() {
                 let (ours, whole) = (short.draws.column(j), run.draws.column(j));
                 assert_eq!(
-                    ours[ladder * per_ladder..(ladder + 1) * per_ladder],
-                    whole[ladder * times * per_ladder..][..per_ladder]
+                    ours[chain_set * per_chain_set..(chain_set + 1) * per_chain_set],
+                    whole[chain_set * times * per_chain_set..][..per_chain_set]
                 );
             }
         }
     }
 }
 
-/// From a mixture it goes on in legs, each with a path of its own.
+/// From a mixture it goes on in extensions, each with a path of its own.
 #[test]
-fn evidence_of_legs() {
+fn evidence_of_extensions() {
     let settings = |extensions| Settings {
-        annealing: 96,
-        slices: 4,
+        smc_particles: 96,
+        slice_updates: 4,
         max_leapfrogs: 1,
         first_scans: 32,
         mixture_rounds: 3,
@@ -176,10 +176,13 @@ fn evidence_of_legs() {
         let short = run(&target, &settings(0), 1);
         let whole = run(&target, &settings(15), 1);
         assert_eq!(failed(&whole), [""; 0], "{}", target.name);
-        // It is too short, and what counts later are whole legs.
+        // It is too short, and what counts later are whole extensions.
         assert!(!short.converged(), "{}", target.name);
-        let (leg, all) = (short.draws.len(), whole.draws.len());
-        assert!((1..=8).contains(&(all / leg)) && all % leg == 0, "{all}");
+        let (extension, all) = (short.draws.len(), whole.draws.len());
+        assert!(
+            (1..=8).contains(&(all / extension)) && all % extension == 0,
+            "{all}"
+        );
     }
 }
 
@@ -218,7 +221,7 @@ fn a_cliff_in_the_likelihood_is_counted_by_every_estimate() {
         let pull = (run.evidence.ln_z - target.ln_z) / run.evidence.error;
         assert!(pull.abs() < 4.0, "{}: {pull}", target.name);
         assert!(run.cost.rejected["outside the flat top"] > 0);
-        assert!(!super::check(&run, "moves lost to rejected points").pass);
+        assert!(!super::check(&run, "HMC transitions lost to rejected points").pass);
     }
 }
 

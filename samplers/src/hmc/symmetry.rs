@@ -12,7 +12,7 @@ use crate::target::{Involution, Orbit};
 ///
 /// # Errors
 /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
-pub fn jump(
+pub fn propose_involution(
     evaluator: &mut Evaluator<'_>,
     involution: &dyn Involution,
     beta: f64,
@@ -31,13 +31,14 @@ pub fn jump(
     if ln_likelihood == f64::NEG_INFINITY {
         return Ok(false);
     }
-    let tilt = evaluator.reference().tilt(&image);
-    let ln_ratio = ln_density(beta, &image, ln_likelihood, tilt) - at.ln_density(beta) + ln_det;
+    let ln_over_prior = evaluator.reference().ln_over_prior(&image);
+    let ln_ratio =
+        ln_density(beta, &image, ln_likelihood, ln_over_prior) - at.ln_density(beta) + ln_det;
     let accepted = uniform.ln() < ln_ratio;
     if accepted {
         at.z = image;
         at.ln_likelihood = ln_likelihood;
-        at.tilt = tilt;
+        at.ln_over_prior = ln_over_prior;
         at.has_gradient = false;
     }
     Ok(accepted)
@@ -46,7 +47,7 @@ pub fn jump(
 /// Redraws the position of `at` along an orbit. The likelihood is unchanged and not called; the gradient at the new
 /// point is unknown and is computed, and counted, by the next move that needs it. A draw outside the target's walls
 /// leaves the point where it was, which is the Metropolis rule for such a draw. So may one to where the reference has less
-/// than the prior: the orbit is redrawn by the prior, and a path from elsewhere weighs the draw by its tilt.
+/// than the prior: the orbit is redrawn by the prior, and a path from elsewhere weighs the draw by its log ratio to the prior.
 pub fn refresh(
     evaluator: &Evaluator<'_>,
     orbit: &dyn Orbit,
@@ -60,10 +61,12 @@ pub fn refresh(
         return;
     }
     let reference = evaluator.reference();
-    let tilt = reference.tilt(&image);
-    if reference.is_prior() || unit_open(rng).ln() < (1.0 - beta) * (tilt - at.tilt) {
+    let ln_over_prior = reference.ln_over_prior(&image);
+    if reference.is_prior()
+        || unit_open(rng).ln() < (1.0 - beta) * (ln_over_prior - at.ln_over_prior)
+    {
         at.z = image;
-        at.tilt = tilt;
+        at.ln_over_prior = ln_over_prior;
         at.has_gradient = false;
     }
 }
