@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::hmc::{Evaluator, Point, Tally};
-use crate::target::{HalfSpace, Outcome, Prior, Symmetry, Target};
+use crate::target::{Outcome, Prior, Symmetry, Target};
 use std::sync::{Mutex, PoisonError};
 
 /// ln L of both at one place.
@@ -110,9 +110,6 @@ impl Target for Between<'_> {
             fine: self.fine.ln_likelihood_bound()?,
         };
         Some(both.at(self.fraction))
-    }
-    fn walls(&self) -> &[HalfSpace] {
-        self.fine.walls()
     }
     fn symmetries(&self) -> &[Symmetry] {
         self.fine.symmetries()

@@ -186,7 +186,7 @@ impl Bridge<'_> {
             let mut z = vec![0.0; draws.dim];
             let prior = self.target.prior();
             prior.z_from_theta(draws.theta_row(row), &mut z);
-            // Rounding can put a draw on the wall of a bounded prior, where it has no coordinates.
+            // Rounding can put a draw on the edge of a bounded prior, where it has no coordinates.
             if z.iter().all(|z| z.is_finite()) {
                 particles.push(Particle {
                     z,

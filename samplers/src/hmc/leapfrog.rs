@@ -1,6 +1,5 @@
 //! One Hamiltonian trajectory and its Metropolis test.
 
-use super::walls::{Mirror, dot, drift};
 use super::{Evaluator, Metric, Point};
 use crate::error::Result;
 use crate::rng::{Stream, standard_normal, unit_open};
@@ -82,7 +81,6 @@ pub struct LocalSampler<'t, 'm> {
     pub end: Point,
     beta: f64,
     metric: &'m Metric,
-    mirrors: Vec<Mirror<'t>>,
     force: Vec<f64>,
     whitened_force: Vec<f64>,
     velocity: Vec<f64>,
@@ -100,7 +98,7 @@ pub(super) enum Step {
 }
 
 impl<'t, 'm> LocalSampler<'t, 'm> {
-    /// A local sampler of `N(z; 0, I) L(z)^beta` inside the target's walls.
+    /// A local sampler of `N(z; 0, I) L(z)^beta`.
     #[must_use]
     pub fn new(target: &'t dyn Target, beta: f64, metric: &'m Metric) -> Self {
         Self::of(Evaluator::new(target), beta, metric)
@@ -109,19 +107,13 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
     /// A local sampler of the density at `beta` on the path of an evaluator.
     #[must_use]
     pub fn of(evaluator: Evaluator<'t>, beta: f64, metric: &'m Metric) -> Self {
-        let target = evaluator.target();
-        let dim = target.dim();
+        let dim = evaluator.target().dim();
         Self {
             evaluator,
             momentum: vec![0.0; dim],
             end: Point::new(dim),
             beta,
             metric,
-            mirrors: target
-                .walls()
-                .iter()
-                .map(|wall| Mirror::new(wall, metric))
-                .collect(),
             force: vec![0.0; dim],
             whitened_force: vec![0.0; dim],
             velocity: vec![0.0; dim],
@@ -180,14 +172,10 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
     pub(super) fn step(&mut self, step: f64) -> Result<Step> {
         self.kick(0.5 * step);
         self.metric.velocity(&self.momentum, &mut self.velocity);
-        let through = drift(
-            &mut self.end.z,
-            &mut self.momentum,
-            &mut self.velocity,
-            step,
-            &self.mirrors,
-        );
-        if !through || self.end.z.iter().any(|z| !z.is_finite()) {
+        for (z, v) in self.end.z.iter_mut().zip(&self.velocity) {
+            *z += step * v;
+        }
+        if self.end.z.iter().any(|z| !z.is_finite()) {
             return Ok(Step::Lost);
         }
         self.evaluator.fill(&mut self.end)?;
@@ -283,6 +271,10 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
             *r += time * f;
         }
     }
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// Scales a vector of d numbers down to a length of at most `longest` sqrt(d).

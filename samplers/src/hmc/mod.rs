@@ -15,7 +15,6 @@ mod reference;
 mod slice;
 mod step_size;
 mod symmetry;
-mod walls;
 
 pub use leapfrog::{End, LocalSampler, Moved, Plan, shorten};
 pub use metric::{Metric, MetricKind, geodesic};
@@ -25,4 +24,3 @@ pub use reference::Reference;
 pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};
 pub use step_size::{MAX_STEP, StepSize};
 pub use symmetry::{propose_involution, refresh};
-pub use walls::inside;

@@ -4,8 +4,7 @@
 //! A doubling that turns back within, or that meets a point without a likelihood, is given up, and the states before it stay:
 //! whichever of its states a trajectory had begun at, it would have been given up too.
 
-use super::leapfrog::Step;
-use super::walls::dot;
+use super::leapfrog::{Step, dot};
 use super::{End, LocalSampler, Moved, Plan, Point};
 use crate::diagnostics::ln_sum_exp;
 use crate::error::Result;

@@ -1,7 +1,7 @@
 //! Where a chain stands, and the target seen from standard-normal coordinates, with every call counted.
 
 use super::reference::{PRIOR, Reference};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::rng::Stream;
 use crate::target::{Cause, Outcome, Target};
 use serde::{Deserialize, Serialize};
@@ -160,7 +160,7 @@ impl<'a> Evaluator<'a> {
     /// ln L at `z`; minus infinity if rejected.
     ///
     /// # Errors
-    /// [`Error::Fatal`] or [`Error::Infinite`] from the target.
+    /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn value(&mut self, z: &[f64]) -> Result<f64> {
         self.target.prior().theta_from_z(z, &mut self.theta);
         self.calls += 1;
@@ -193,7 +193,7 @@ impl<'a> Evaluator<'a> {
     /// finite.
     ///
     /// # Errors
-    /// [`Error::Fatal`] or [`Error::Infinite`] from the target.
+    /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn fill(&mut self, point: &mut Point) -> Result<()> {
         let prior = self.target.prior();
         prior.theta_from_z(&point.z, &mut self.theta);
@@ -218,22 +218,9 @@ impl<'a> Evaluator<'a> {
         Ok(())
     }
 
-    /// Draws `z` from the reference inside the target's walls; no likelihood call.
-    ///
-    /// # Errors
-    /// [`Error::NoStart`] if the walls leave next to nothing of the reference.
-    pub fn draw_reference(&self, z: &mut [f64], rng: &mut Stream) -> Result<()> {
-        const TRIES: usize = 1_000_000;
-        for _ in 0..TRIES {
-            self.reference.draw(z, rng);
-            if super::inside(self.target.walls(), z) {
-                return Ok(());
-            }
-        }
-        Err(Error::NoStart {
-            tries: TRIES,
-            cause: "outside the walls of the prior".to_owned(),
-        })
+    /// Draws `z` from the reference; no likelihood call.
+    pub fn draw_reference(&self, z: &mut [f64], rng: &mut Stream) {
+        self.reference.draw(z, rng);
     }
 
     /// Counts a rejection.

@@ -4,7 +4,7 @@
 //! enough for a Hamiltonian path, but a slice finds the width that is left by itself, and costs values alone.
 
 use super::point::ln_density;
-use super::{Evaluator, Metric, Point, inside, propose_involution, refresh};
+use super::{Evaluator, Metric, Point, propose_involution, refresh};
 use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
 use crate::rng::{Stream, standard_normal, unit_open};
@@ -74,9 +74,9 @@ pub fn slice(
         for ((o, z), v) in trial.iter_mut().zip(&at.z).zip(&along) {
             *o = z + t * v;
         }
-        // The pair's cell, the prior's walls and what is known beside ln L can refuse a draw: no call then.
+        // The pair's cell and what is known beside ln L can refuse a draw: no call then.
         let held = pair.is_none_or(|pair| pool.holds(&pair, &trial, orbit));
-        if held && inside(evaluator.target().walls(), &trial) {
+        if held {
             let ln_over_prior = evaluator.reference().ln_over_prior(&trial);
             if bound.is_none_or(|most| ln_density(beta, &trial, most, ln_over_prior) > level) {
                 let l = evaluator.value(&trial)?;

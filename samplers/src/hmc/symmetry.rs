@@ -1,7 +1,7 @@
 //! Jumps that the target's author knows: involutions with a Metropolis test, orbits with an exact redraw.
 
 use super::point::ln_density;
-use super::{Evaluator, Point, inside};
+use super::{Evaluator, Point};
 use crate::error::Result;
 use crate::rng::{Stream, unit_open};
 use crate::target::{Involution, Orbit};
@@ -24,7 +24,7 @@ pub fn propose_involution(
     let Some(ln_det) = involution.apply(&mut image) else {
         return Ok(false);
     };
-    if image.iter().any(|z| !z.is_finite()) || !inside(evaluator.target().walls(), &image) {
+    if image.iter().any(|z| !z.is_finite()) {
         return Ok(false);
     }
     let ln_likelihood = evaluator.value(&image)?;
@@ -45,9 +45,8 @@ pub fn propose_involution(
 }
 
 /// Redraws the position of `at` along an orbit. The likelihood is unchanged and not called; the gradient at the new
-/// point is unknown and is computed, and counted, by the next move that needs it. A draw outside the target's walls
-/// leaves the point where it was, which is the Metropolis rule for such a draw. So may one to where the reference has less
-/// than the prior: the orbit is redrawn by the prior, and a path from elsewhere weighs the draw by its log ratio to the prior.
+/// point is unknown and is computed, and counted, by the next move that needs it.
+/// On a path from a mixture a draw to where the reference has less than the prior may be refused: the orbit is redrawn by the prior, and a path from elsewhere weighs the draw by its log ratio to the prior.
 pub fn refresh(
     evaluator: &Evaluator<'_>,
     orbit: &dyn Orbit,
@@ -57,7 +56,7 @@ pub fn refresh(
 ) {
     let mut image = at.z.clone();
     orbit.refresh(&mut image, rng);
-    if image.iter().any(|z| !z.is_finite()) || !inside(evaluator.target().walls(), &image) {
+    if image.iter().any(|z| !z.is_finite()) {
         return;
     }
     let reference = evaluator.reference();

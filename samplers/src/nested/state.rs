@@ -3,7 +3,7 @@
 use super::bound::Bound;
 use super::dynamic::{LikelihoodRange, RunSummary};
 use super::kernel::{self, NewPoint, Setting};
-use super::likelihood::{Likelihood, Tally};
+use super::likelihood::{Likelihood, Tally, draw_prior};
 use super::live::{self, Genealogy, Points, REJECTED, Replacement, narrow};
 use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
@@ -388,7 +388,7 @@ impl State {
         let mut likelihood = Likelihood::new(context.target);
         let mut places = vec![vec![0.0; context.target.dim()]; context.settings.n_live];
         for (j, u) in (self.next_point..).zip(&mut places) {
-            likelihood.draw_prior(&mut stream(context.seed, Domain::NestedPoint, 0, j), u)?;
+            draw_prior(&mut stream(context.seed, Domain::NestedPoint, 0, j), u);
         }
         let mut points = Points::new(context.target.dim());
         for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {

@@ -85,13 +85,6 @@ pub fn run(
             remedy: "use the nested sampler instead",
         });
     }
-    if settings.mixture_rounds > 0 && !target.walls().is_empty() {
-        return Err(Error::Setting {
-            name: "mixture_rounds",
-            value: settings.mixture_rounds.to_string(),
-            remedy: "give 0: the prior of this target has walls, and a mixture's mass within them is not known",
-        });
-    }
     // How often the last round may go on decides where a run ends, not what it draws.
     let drawing = Settings {
         extensions: 0,

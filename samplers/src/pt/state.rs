@@ -170,7 +170,7 @@ impl State {
         let (mut tries, mut found) = (0, 0);
         while !wanting.is_empty() {
             for &i in &wanting {
-                evaluator.draw_reference(&mut points[i].z, &mut streams[i])?;
+                evaluator.draw_reference(&mut points[i].z, &mut streams[i]);
             }
             let places: Vec<&[f64]> = wanting.iter().map(|&i| points[i].z.as_slice()).collect();
             let values = evaluator.values(&places)?;
@@ -395,7 +395,7 @@ impl State {
         if chain.is_multiple_of(self.temperatures.len()) {
             local_sampler
                 .evaluator
-                .draw_reference(&mut point.z, &mut rng)?;
+                .draw_reference(&mut point.z, &mut rng);
             point.ln_likelihood = local_sampler.evaluator.value(&point.z)?;
             point.ln_over_prior = self.reference.ln_over_prior(&point.z);
             point.has_gradient = false;

@@ -56,7 +56,7 @@ fn by_pt(target: &dyn Target, smc_particles: usize) -> Run {
 /// Checks that a run is the same on both, and that at least so many points came in batches.
 fn same_in_batches(name: &str, least: usize, sample: impl Fn(&dyn Target) -> Run) {
     let target = Backwards {
-        inner: smooth::wall2_as_reject(),
+        inner: smooth::half_plane(),
         points: AtomicUsize::new(0),
     };
     let batched = sample(&target).bits();

@@ -130,14 +130,14 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Puts `x + t direction` into `trial`; whether it is in the cube, inside the walls and inside the partition.
+    /// Puts `x + t direction` into `trial`; whether it is in the cube and in the partition.
     pub(super) fn aim(&mut self, t: f64, partition: Partition) -> bool {
         let mut in_cube = true;
         for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
             *o = x + t * v;
             in_cube &= *o > 0.0 && *o < 1.0;
         }
-        in_cube && self.inside(partition) && self.likelihood.inside_walls(&self.trial)
+        in_cube && self.inside(partition)
     }
 
     /// Puts `x + t direction` into `trial`; its log-likelihood if the chain may go there and it is above the contour.
@@ -174,19 +174,17 @@ impl<'a> Chain<'a> {
 
     /// Draws the position along every declared orbit afresh. The likelihood is the same there but for rounding, which a
     /// chaotic target amplifies: a point must carry the value of its own digits, or chains that start from it may find
-    /// nothing above the contour. So it costs one call. A draw beyond a wall, or one that rounding takes below the
-    /// contour, is refused.
+    /// nothing above the contour. So it costs one call. A draw that rounding takes below the contour is
+    /// refused.
     pub(super) fn refresh_orbits(&mut self, rng: &mut Stream) -> Result<()> {
         for symmetry in self.setting.target.symmetries() {
             if let Symmetry::Orbit(orbit) = symmetry {
                 let mut z = self.normals();
                 orbit.refresh(&mut z, rng);
                 cube_from_normal(&z, &mut self.trial);
-                if self.likelihood.inside_walls(&self.trial) {
-                    let ln_l = self.likelihood.at(&self.trial)?;
-                    if ln_l > self.setting.contour {
-                        self.accept(ln_l);
-                    }
+                let ln_l = self.likelihood.at(&self.trial)?;
+                if ln_l > self.setting.contour {
+                    self.accept(ln_l);
                 }
             }
         }
@@ -199,7 +197,7 @@ pub(super) fn normals(u: &[f64]) -> Vec<f64> {
     u.iter().map(|u| normal::quantile(*u)).collect()
 }
 
-/// `u = Phi(z)`, kept inside the open cube where doubles would round it to a wall.
+/// `u = Phi(z)`, kept inside the open cube where doubles would round it to its edge.
 pub(super) fn cube_from_normal(z: &[f64], u: &mut [f64]) {
     for (u, z) in u.iter_mut().zip(z) {
         *u = normal::cdf(*z).clamp(f64::MIN_POSITIVE, 1.0 - 0.5 * f64::EPSILON);

@@ -6,7 +6,7 @@
 //! The metric is that of the other half, as for all chains ([`difference`](super::difference)). A Galilean trajectory begins with a velocity w
 //! of length 1, all directions alike, in the coordinates where the ellipsoid of the metric region is a ball, and a time s of one
 //! move, both drawn without a look at where the chain is; the number of moves is fixed. Inside is what is in that metric region,
-//! in the cube, within the walls and above the contour. A move takes (x, w), x inside, to the first of these whose place is inside:
+//! in the cube and above the contour. A move takes (x, w), x inside, to the first of these whose place is inside:
 //!
 //! 1. straight on: (y, w) with y = x + s w;
 //! 2. reflected: (y + s w', w'), where w' is w mirrored at the gradient of ln L at y;
@@ -20,7 +20,7 @@
 //!
 //! It matters that the mirror stands at y, outside, and not at x or where the line crosses the contour: on the way back it is not
 //! found there again. And that what cannot be reflected turns round: were it to wait with its velocity kept, two states would
-//! lead to one, and places near the edge would have too much. Beyond an edge of the cube, a wall or the metric region, and at
+//! lead to one, and places near the edge would have too much. Beyond an edge of the cube or of the metric region, and at
 //! rejected points, there is no mirror, and the chain turns round at once.
 
 use super::chain::{Chain, Partition};

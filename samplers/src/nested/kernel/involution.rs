@@ -33,9 +33,6 @@ fn try_one(chain: &mut Chain<'_>, involution: &dyn Involution, rng: &mut Stream)
         return Ok(());
     }
     cube_from_normal(&image, &mut chain.trial);
-    if !chain.likelihood.inside_walls(&chain.trial) {
-        return Ok(());
-    }
     let ln_l = chain.likelihood.at(&chain.trial)?;
     if ln_l > chain.setting.contour {
         chain.accept(ln_l);

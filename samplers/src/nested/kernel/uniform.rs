@@ -3,7 +3,7 @@
 use super::chain::{Motion, NewPoint, Setting};
 use crate::error::{Error, Result};
 use crate::nested::bound::Bound;
-use crate::nested::likelihood::Likelihood;
+use crate::nested::likelihood::{Likelihood, draw_prior};
 use crate::rng::Stream;
 
 /// Likelihood calls, and draws, for one point before the bound is given up.
@@ -22,11 +22,10 @@ pub(super) fn draw(
     let mut u = vec![0.0; dim];
     for _ in 0..MAX_DRAWS {
         match bound {
-            None => likelihood.draw_prior(rng, &mut u)?,
+            None => draw_prior(rng, &mut u),
             Some(bound) => {
-                let ours = bound.draw(rng, &mut ball, &mut u)
-                    && u.iter().all(|u| *u > 0.0 && *u < 1.0)
-                    && likelihood.inside_walls(&u);
+                let ours =
+                    bound.draw(rng, &mut ball, &mut u) && u.iter().all(|u| *u > 0.0 && *u < 1.0);
                 if !ours {
                     continue;
                 }

@@ -7,7 +7,6 @@
 
 mod no_u_turn;
 mod reference;
-mod walls;
 
 use crate::targets::smooth;
 use oblate_samplers::difference_pool::DifferencePool;

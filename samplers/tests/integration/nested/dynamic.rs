@@ -47,11 +47,11 @@ fn evidences_are_right_with_live_points_added_for_the_posterior() {
         &dynamic(200, Kernel::Differential, 3_000.0),
     );
     // Rejected draws of the prior are part of every batch that begins with it.
-    let walled = smooth::wall2_as_reject();
+    let cut = smooth::half_plane();
     agrees(
-        "wall",
-        &walled,
-        walled.ln_z,
+        "half plane",
+        &cut,
+        cut.ln_z,
         &dynamic(100, Kernel::Uniform, 1_000.0),
     );
 }

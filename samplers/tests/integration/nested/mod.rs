@@ -186,9 +186,8 @@ fn galilean_trajectories_find_the_same_evidences() {
 }
 
 #[test]
-fn walls_of_the_prior_are_kept() {
-    smooth(&smooth::wall2(), 500, Kernel::Uniform);
-    smooth(&smooth::wall2_as_reject(), 500, Kernel::Uniform);
+fn a_half_plane_of_rejected_points_costs_no_evidence() {
+    smooth(&smooth::half_plane(), 500, Kernel::Uniform);
 }
 
 /// Six runs with `steps` walk steps: the normal deviate of all their insertion ranks, and their failing checks.
