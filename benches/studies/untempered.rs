@@ -16,8 +16,7 @@ use oblate::params::DIM;
 use oblate_samplers::Target;
 use oblate_samplers::diagnostics::{r_hat, weighted_quantile};
 use oblate_samplers::hmc::{
-    End, Evaluator, LocalSampler, Metric, MetricKind, Moments, Plan, Point, StepSize, Tally,
-    shorten,
+    End, Evaluator, LocalSampler, Metric, Moments, Plan, Point, StepSize, Tally, shorten,
 };
 use oblate_samplers::rng::{Domain, Stream, stream};
 use rayon::prelude::*;
@@ -113,7 +112,7 @@ impl<'a> Chain<'a> {
             target,
             rng: stream(SEED, Domain::PtExplore, number as u64, 0),
             at,
-            metric: Metric::identity(MetricKind::Dense, DIM),
+            metric: Metric::identity(DIM),
             step: FIRST_STEP,
             tally: Tally::default(),
         }

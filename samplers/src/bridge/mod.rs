@@ -20,7 +20,7 @@ use crate::control::{Control, Event};
 use crate::diagnostics::effective_kinds;
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, MetricKind, Point, Tally, slice_updates, try_involutions};
+use crate::hmc::{Evaluator, Metric, Point, Tally, slice_updates, try_involutions};
 use crate::output::Run;
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::SmcWeights;
@@ -273,7 +273,7 @@ impl Bridge<'_> {
         let others = [1, 0].map(|parity| state.rows(parity));
         state.metrics = others
             .iter()
-            .map(|rows| Metric::of_rows(MetricKind::Dense, rows, dim))
+            .map(|rows| Metric::of_rows(rows, dim))
             .collect();
         state.pools = others
             .iter()

@@ -62,7 +62,7 @@ pub struct Moved {
 
 impl Moved {
     /// A point whose gradient cannot be had stays where it is.
-    pub(super) const NOWHERE: Self = Self {
+    const NOWHERE: Self = Self {
         acceptance: 0.0,
         accepted: false,
         leapfrogs: 0,
@@ -88,7 +88,7 @@ pub struct LocalSampler<'t, 'm> {
 
 /// What one leapfrog step came to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Step {
+enum Step {
     /// A point with a likelihood and a gradient.
     Made,
     /// One without.
@@ -162,14 +162,14 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
     }
 
     /// Stands at a point that has a gradient.
-    pub(super) fn stand_at(&mut self, point: &Point) {
+    fn stand_at(&mut self, point: &Point) {
         self.end.copy_from(point);
         self.update_force();
     }
 
     /// One leapfrog step on; [`end`](Self::end) and [`momentum`](Self::momentum) are of no
     /// meaning unless it was made.
-    pub(super) fn step(&mut self, step: f64) -> Result<Step> {
+    fn step(&mut self, step: f64) -> Result<Step> {
         self.kick(0.5 * step);
         self.metric.velocity(&self.momentum, &mut self.velocity);
         for (z, v) in self.end.z.iter_mut().zip(&self.velocity) {
@@ -188,7 +188,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
     }
 
     /// Fills the gradient of a point that wants one; false where it cannot be had, and the point is as it was.
-    pub(super) fn has_gradient(&mut self, at: &mut Point) -> Result<bool> {
+    fn has_gradient(&mut self, at: &mut Point) -> Result<bool> {
         if !at.has_gradient {
             let before = at.ln_likelihood;
             self.evaluator.fill(at)?;
@@ -245,7 +245,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
     }
 
     /// The potential and `|r|^2 / 2`.
-    pub(super) fn energy(&self) -> f64 {
+    fn energy(&self) -> f64 {
         self.potential() + 0.5 * dot(&self.momentum, &self.momentum)
     }
 
@@ -273,7 +273,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
     }
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 

@@ -9,7 +9,6 @@
 mod leapfrog;
 mod metric;
 mod moments;
-mod no_u_turn;
 mod point;
 mod reference;
 mod slice;
@@ -17,7 +16,7 @@ mod step_size;
 mod symmetry;
 
 pub use leapfrog::{End, LocalSampler, Moved, Plan, shorten};
-pub use metric::{Metric, MetricKind, geodesic};
+pub use metric::Metric;
 pub use moments::Moments;
 pub use point::{Evaluator, Point, Tally};
 pub use reference::Reference;

@@ -50,4 +50,4 @@ mod tuning;
 
 pub use merge::merge;
 pub use run::run;
-pub use settings::{BoundKind, Kernel, Settings};
+pub use settings::{Kernel, Settings};

@@ -48,19 +48,6 @@ impl Kernel {
     }
 }
 
-/// What encloses the live points.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum BoundKind {
-    /// As many ellipsoids as the points ask for.
-    #[default]
-    MultiEllipsoid,
-    /// One ellipsoid.
-    Single,
-    /// The whole cube: directions are those of the parameters, independent draws those of the prior.
-    Cube,
-}
-
 /// Settings of a nested run: static, or dynamic if it has a target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -84,8 +71,6 @@ pub struct Settings {
     /// Slices, Galilean trajectories or walk steps per new point. None: [`Kernel::default_steps`], raised during a run if new
     /// points resemble their seeds. Where modes are many and narrow, few steps and many live points find more of them for the same calls.
     pub steps: Option<usize>,
-    /// What encloses the live points.
-    pub bound: BoundKind,
     /// Simulations of the unknown prior volumes, for the error of ln Z.
     pub simulations: usize,
     /// Bootstraps over recent lineages of points, for the error of ln Z.
@@ -103,7 +88,6 @@ impl Default for Settings {
             replaced_fraction: 0.1,
             kernel: Kernel::Auto,
             steps: None,
-            bound: BoundKind::MultiEllipsoid,
             simulations: 400,
             bootstraps: 200,
         }

@@ -419,16 +419,10 @@ impl State {
     }
 
     fn fit(&self, context: &Context<'_>, kept: &Points) -> Option<Vec<Bound>> {
-        let kind = context.settings.bound;
         if context.kernel() == Kernel::Uniform {
-            Some(vec![Bound::for_draws(
-                kept,
-                kind,
-                context.seed,
-                self.iteration,
-            )?])
+            Some(vec![Bound::for_draws(kept, context.seed, self.iteration)?])
         } else {
-            Some(Bound::for_steps(kept, kind))
+            Some(Bound::for_steps(kept))
         }
     }
 

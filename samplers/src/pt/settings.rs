@@ -1,7 +1,6 @@
 //! Settings of a tempered run.
 
 use crate::error::{Error, Result};
-use crate::hmc::MetricKind;
 use serde::{Deserialize, Serialize};
 
 /// Most SMC particles of an SMC sampler: each has a random stream of its own.
@@ -37,15 +36,10 @@ pub struct Settings {
     pub max_temperatures: usize,
     /// Mean acceptance of local moves that step sizes are steered to.
     pub target_acceptance: f64,
-    /// Shape of the metric.
-    pub metric: MetricKind,
     /// Most leapfrog steps of one move.
     pub max_leapfrogs: usize,
     /// Mean length of a trajectory in metric units.
     pub trajectory: f64,
-    /// Whether trajectories of all rounds but the early ones find their own length, by doubling until they turn back, up to
-    /// `max_leapfrogs`. `trajectory` then counts for the early ones only.
-    pub no_u_turn: bool,
     /// HMC transitions per scan and temperature.
     pub hmc_transitions: usize,
     /// SMC particles per chain set of SMC samplers that are cooled from the prior to find the first states, temperatures and metrics;
@@ -77,10 +71,8 @@ impl Default for Settings {
             min_temperatures: 8,
             max_temperatures: 64,
             target_acceptance: 0.8,
-            metric: MetricKind::Dense,
             max_leapfrogs: 256,
             trajectory: std::f64::consts::FRAC_PI_2,
-            no_u_turn: false,
             hmc_transitions: 1,
             smc_particles: 0,
             smc_samplers: 4,

@@ -13,7 +13,7 @@ use super::schedule::{communication_barrier, locate, respaced};
 use super::swap;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
-use crate::hmc::{Evaluator, Metric, MetricKind, Point, Tally, involutions_and_slice_updates};
+use crate::hmc::{Evaluator, Metric, Point, Tally, involutions_and_slice_updates};
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::SmcWeights;
 use crate::target::{Symmetry, Target};
@@ -153,8 +153,8 @@ pub(super) struct SmcSamplers {
 
 impl SmcSamplers {
     /// From draws of the prior, SMC sampler by SMC sampler.
-    pub(super) fn new(points: Vec<Vec<Point>>, kind: MetricKind) -> Self {
-        let metric = Metric::identity(kind, points[0][0].z.len());
+    pub(super) fn new(points: Vec<Vec<Point>>) -> Self {
+        let metric = Metric::identity(points[0][0].z.len());
         let smc_sampler = |points: Vec<Point>| SmcSampler {
             ln_z: 0.0,
             levels: vec![Level::of(0.0, &points)],
@@ -188,7 +188,7 @@ impl SmcSamplers {
     }
 
     /// Lowers the temperature as far as every SMC sampler's weights allow, and resamples.
-    fn cool(&mut self, target: &dyn Target, kind: MetricKind, seed: u64) {
+    fn cool(&mut self, target: &dyn Target, seed: u64) {
         let most = 1.0 - self.beta;
         let steps = self
             .smc_samplers
@@ -213,7 +213,7 @@ impl SmcSamplers {
             z.collect::<Vec<_>>().concat()
         });
         let others = of_others(rows);
-        self.metrics = [0, 1].map(|half| Metric::of_rows(kind, &others[half], dim));
+        self.metrics = [0, 1].map(|half| Metric::of_rows(&others[half], dim));
         self.pools = [0, 1].map(|half| DifferencePool::new(&others[half], dim, orbit));
         self.mcmc_steps = 0;
     }
@@ -223,12 +223,11 @@ impl SmcSamplers {
     pub(super) fn advance(
         &mut self,
         target: &dyn Target,
-        kind: MetricKind,
         mcmc_steps: usize,
         seed: u64,
     ) -> Result<Tally> {
         if self.beta <= 0.0 || self.mcmc_steps == mcmc_steps {
-            self.cool(target, kind, seed);
+            self.cool(target, seed);
         }
         let tasks: Vec<(usize, usize)> = self
             .smc_samplers

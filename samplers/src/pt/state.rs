@@ -102,7 +102,7 @@ impl State {
             .iter()
             .map(|&beta| Temperature {
                 beta,
-                metric: Metric::identity(settings.metric, dim),
+                metric: Metric::identity(dim),
                 step: StepSize::new(0.5),
                 pools: Default::default(),
             })
@@ -134,7 +134,7 @@ impl State {
             let clusters = settings.clusters();
             let smc_samplers =
                 state.first_points(target, clusters, settings.particles_per_sampler())?;
-            state.smc_samplers = Some(SmcSamplers::new(smc_samplers, settings.metric));
+            state.smc_samplers = Some(SmcSamplers::new(smc_samplers));
             return Ok(state);
         }
         let temperatures = state.temperatures.len();
@@ -312,8 +312,7 @@ impl State {
     pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
         if let Some(smc_samplers) = &mut self.smc_samplers {
             let mcmc_steps = self.settings.mcmc_steps(target.dim());
-            let tally =
-                smc_samplers.advance(target, self.settings.metric, mcmc_steps, self.seed)?;
+            let tally = smc_samplers.advance(target, mcmc_steps, self.seed)?;
             self.tally.merge(&tally);
             if smc_samplers.done() {
                 let levels: Vec<Vec<Level>> =
@@ -415,11 +414,7 @@ impl State {
             )?;
             let plan = self.plan(temperature);
             for _ in 0..self.settings.hmc_transitions {
-                let moved = if self.settings.no_u_turn && !self.is_early_round() {
-                    local_sampler.no_u_turn(&mut point, &plan, &mut rng)?
-                } else {
-                    local_sampler.transition(&mut point, &plan, &mut rng)?
-                };
+                let moved = local_sampler.transition(&mut point, &plan, &mut rng)?;
                 local.note(&moved);
                 visit(&point);
             }

@@ -2,7 +2,6 @@ use super::*;
 use crate::nested::bound::draw_direction;
 use crate::nested::bound::tests::overlapping;
 use crate::nested::rank::ks_probability;
-use crate::nested::settings::BoundKind;
 use crate::normal;
 use crate::rng::{Domain, below, standard_normal, stream, unit_open};
 use crate::target::{Involution, Marginal, Orbit, Outcome, Prior};
@@ -145,10 +144,7 @@ const STEPPERS: [(Kernel, f64, usize); 4] = [
 #[test]
 fn chains_that_start_uniform_above_a_contour_stay_uniform() {
     let target = ring_target();
-    let fitted = Bound::for_steps(
-        &uniform_above(&target, 0.0, 3, 400),
-        BoundKind::MultiEllipsoid,
-    );
+    let fitted = Bound::for_steps(&uniform_above(&target, 0.0, 3, 400));
     for how in STEPPERS {
         for bounds in [&fitted, &vec![overlapping()], &vec![Bound::cube(2)]] {
             let laws: [Law<'_>; 2] = [("radius", &ring_radius), ("angle", &ring_angle)];
@@ -161,7 +157,7 @@ fn chains_that_start_uniform_above_a_contour_stay_uniform() {
 fn independent_draws_from_a_bound_are_uniform_above_the_contour() {
     let target = Square::new(2, ring);
     let points = uniform_above(&target, 0.0, 4, 400);
-    let bound = Bound::for_draws(&points, BoundKind::MultiEllipsoid, 1, 0).unwrap();
+    let bound = Bound::for_draws(&points, 1, 0).unwrap();
     stays_uniform(
         "uniform",
         &target,

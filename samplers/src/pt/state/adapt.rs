@@ -61,7 +61,7 @@ impl State {
             }
             temperatures.push(Temperature {
                 beta,
-                metric: Metric::of_rows(self.settings.metric, &rows.concat(), dim),
+                metric: Metric::of_rows(&rows.concat(), dim),
                 step: StepSize::new(FIRST_STEP),
                 pools: of_others(rows.iter()).map(|r| DifferencePool::new(&r, dim, orbit)),
             });

@@ -82,17 +82,6 @@ fn evidence_after_annealing() {
     }
 }
 
-#[test]
-fn evidence_without_u_turns() {
-    let settings = Settings {
-        no_u_turn: true,
-        ..rounds(8)
-    };
-    for target in [smooth::mvn13(), smooth::twins13(0.9), smooth::shells(5)] {
-        evidence_is_right_with(&target, &settings);
-    }
-}
-
 /// The last two rounds begin at a mixture of what the rounds before have drawn.
 #[test]
 fn evidence_from_a_mixture() {

@@ -5,7 +5,7 @@ use crate::hmc::{Datum, Difference, datum_of_sum};
 use crate::targets::smooth::{self, Flip, Smooth};
 use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::{error_of_mean, mean_ess, mode_agreement, r_hat, two_means};
-use oblate_samplers::hmc::{LocalSampler, Metric, MetricKind, Plan, Point};
+use oblate_samplers::hmc::{LocalSampler, Metric, Plan, Point};
 use oblate_samplers::pt::Settings;
 use oblate_samplers::rng::{Domain, stream};
 use oblate_samplers::{Control, Outcome, Prior, Run, Symmetry, Target, pt};
@@ -66,7 +66,7 @@ fn likelihoods_that_cannot_matter_are_not_asked_for_and_change_nothing() {
 fn untempered_chains_in_two_modes_fail_r_hat_and_the_agreement_of_modes() {
     let target = smooth::twins13(0.5);
     let covariance = nalgebra::DMatrix::identity(13, 13) * 0.01;
-    let metric = Metric::from_covariance(MetricKind::Dense, &covariance).unwrap();
+    let metric = Metric::from_covariance(&covariance).unwrap();
     let plan = Plan {
         step: 0.6,
         length: 1.5,
