@@ -1,6 +1,6 @@
 //! From the end of the way to a result, and whether to believe it.
 
-use super::{Bridge, Level};
+use super::state::{Bridge, Level};
 use crate::diagnostics::{effective_kinds, size_of_mean, sums_by_group};
 use crate::error::Result;
 use crate::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Origin, Run, Status};

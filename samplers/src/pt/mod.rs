@@ -39,10 +39,12 @@
 //! # Ok::<(), oblate_samplers::Error>(())
 //! ```
 
+mod adapt;
 mod checks;
 mod evidence;
 mod outcome;
 mod record;
+mod scan;
 mod schedule;
 mod settings;
 mod smc;

@@ -1,9 +1,9 @@
 //! What a round learns from the one before, or the first from SMC samplers: temperatures, metrics, steps, pools, and where its
 //! chain sets begin.
 
-use super::super::schedule::{communication_barrier, first_schedule, locate, respaced};
-use super::super::smc::{CommunicationBarrier, Level, of_others};
-use super::{Chain, EARLY_SCANS, Finished, State, Temperature};
+use super::schedule::{communication_barrier, first_schedule, locate, respaced};
+use super::smc::{CommunicationBarrier, Level, of_others};
+use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
 use crate::difference_pool::DifferencePool;
 use crate::hmc::{Metric, Reference, StepSize};
 use crate::rng::{Domain, below, stream};
