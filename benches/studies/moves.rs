@@ -72,8 +72,8 @@ fn main() {
                 run.evidence.ln_z,
                 run.evidence.error,
                 run.cost.calls,
-                check(&run, "seed-echo"),
-                check(&run, "relative-jump"),
+                check(&run, "seed-rank-correlation"),
+                check(&run, "relative-jump-distance"),
                 check(&run, "lineages-left"),
                 run.ess.quoted,
             );

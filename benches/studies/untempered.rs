@@ -19,7 +19,7 @@ use oblate::params::DIM;
 use oblate_samplers::Target;
 use oblate_samplers::diagnostics::{r_hat, weighted_quantile};
 use oblate_samplers::hmc::{
-    End, Evaluator, Explorer, Metric, MetricKind, Moments, Plan, Point, StepSize, Tally, shorten,
+    End, Evaluator, LocalSampler, Metric, Moments, Plan, Point, StepSize, Tally, shorten,
 };
 use oblate_samplers::rng::{Domain, Stream, stream};
 use rayon::prelude::*;
@@ -115,7 +115,7 @@ impl<'a> Chain<'a> {
             target,
             rng: stream(SEED, Domain::PtExplore, number as u64, 0),
             at,
-            metric: Metric::identity(MetricKind::Dense, DIM),
+            metric: Metric::identity(DIM),
             step: FIRST_STEP,
             tally: Tally::default(),
         }
@@ -143,7 +143,7 @@ impl<'a> Chain<'a> {
     fn learn(&mut self, plan: &Plan, moves: usize) -> Moments {
         let mut step = StepSize::new(self.step);
         let mut moments = Moments::new(DIM);
-        let mut explorer = Explorer::new(self.target, 1.0, &self.metric);
+        let mut local_sampler = LocalSampler::new(self.target, 1.0, &self.metric);
         let lessons = moves / MOVES_PER_LESSON;
         for lesson in 0..lessons {
             let plan = Plan {
@@ -152,7 +152,7 @@ impl<'a> Chain<'a> {
             };
             let mut met = Vec::new();
             for _ in 0..MOVES_PER_LESSON {
-                let moved = explorer
+                let moved = local_sampler
                     .transition(&mut self.at, &plan, &mut self.rng)
                     .expect("a target that never fails");
                 // No step is short enough for a discontinuity; but during the descent a rejected point may be the overflow of a
@@ -171,7 +171,7 @@ impl<'a> Chain<'a> {
                 step.learn(mean(&met), ACCEPTANCE, lesson, lessons);
             }
         }
-        self.tally.add(&explorer.evaluator);
+        self.tally.add(&local_sampler.evaluator);
         self.step = step.ln_found().exp();
         moments
     }
@@ -183,10 +183,10 @@ impl<'a> Chain<'a> {
             ..SETTLED
         };
         let mut record = Record::default();
-        let mut explorer = Explorer::new(self.target, 1.0, &self.metric);
+        let mut local_sampler = LocalSampler::new(self.target, 1.0, &self.metric);
         let mut theta = [0.0; DIM];
         for _ in 0..moves {
-            let moved = explorer
+            let moved = local_sampler
                 .transition(&mut self.at, &plan, &mut self.rng)
                 .expect("a target that never fails");
             record.acceptance += moved.acceptance / moves as f64;
@@ -202,7 +202,7 @@ impl<'a> Chain<'a> {
                 column.push(*z);
             }
         }
-        self.tally.add(&explorer.evaluator);
+        self.tally.add(&local_sampler.evaluator);
         record.gradients = self.tally.gradients;
         record
     }
@@ -220,8 +220,7 @@ fn best_of_prior(target: &StreamTarget, number: usize) -> Point {
     let mut found = 0;
     while found < START_DRAWS {
         let mut point = Point::new(DIM);
-        let drawn = evaluator.draw_reference(&mut point.z, &mut rng);
-        drawn.expect("a prior without walls");
+        evaluator.draw_reference(&mut point.z, &mut rng);
         let value = evaluator.value(&point.z);
         point.ln_likelihood = value.expect("a target that never fails");
         found += usize::from(point.ln_likelihood.is_finite());

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const MAGIC: &[u8; 8] = b"oblateck";
 
 /// Version of the file's layout. A change is a changelogged event, and older files are refused by name.
-pub const FORMAT_VERSION: u32 = 10;
+pub const FORMAT_VERSION: u32 = 11;
 
 /// Header: magic, format version, config hash, fingerprint, checksum, payload length.
 const HEADER: usize = 8 + 4 + 8 + 8 + 8 + 8;

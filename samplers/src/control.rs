@@ -17,9 +17,9 @@ pub enum Event {
         /// Number of parameters.
         dim: usize,
     },
-    /// One batch of a nested run.
+    /// One iteration of a nested run.
     Nested {
-        /// Batches so far.
+        /// Iterations so far.
         iteration: u64,
         /// Estimated log prior volume left.
         ln_x: f64,
@@ -47,9 +47,9 @@ pub enum Event {
         /// Likelihood calls so far.
         calls: u64,
     },
-    /// One sweep of the populations that a tempered run starts from.
+    /// One MCMC step of the SMC samplers that a tempered run starts from.
     Smc {
-        /// Inverse temperature of the least cooled population.
+        /// Inverse temperature of the least cooled SMC sampler.
         beta: f64,
         /// Mean of their estimates of ln L's mean over the part of the prior cooled through: ln Z at beta = 1.
         ln_z: f64,
@@ -65,8 +65,8 @@ pub enum Event {
         /// Scans of this round.
         scans: usize,
         /// Communication barrier of the last finished round; NaN in the first.
-        barrier: f64,
-        /// Round trips in this round, all ladders.
+        communication_barrier: f64,
+        /// Round trips in this round, all chain sets.
         round_trips: u64,
         /// Evidence of the last finished round; NaN in the first.
         ln_z: f64,
@@ -75,8 +75,8 @@ pub enum Event {
     },
     /// One step of an SMC bridge.
     Bridge {
-        /// Share of the fine likelihood in ln L.
-        share: f64,
+        /// Fraction of the fine likelihood in ln L.
+        fraction: f64,
         /// Evidence there.
         ln_z: f64,
         /// Likelihood calls so far.

@@ -1,4 +1,4 @@
-//! Nested sampling and non-reversible parallel tempering with Hamiltonian moves, on one [`Target`] and with one
+//! Nested sampling and non-reversible parallel tempering with HMC transitions, on one [`Target`] and with one
 //! result type, [`Run`].
 //!
 //! A problem is a log-likelihood over a product prior ([`Prior`]). Both samplers see the prior only through unit
@@ -39,7 +39,7 @@
 //! ```
 //!
 //! Modules, each of which may only import the ones before it: [`error`], [`normal`], [`rng`], [`target`],
-//! [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`neighbours`], [`cooling`], mixtures, then the samplers: [`hmc`], [`nested`] and
+//! [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`difference_pool`], [`smc_weights`], mixtures, then the samplers: [`hmc`], [`nested`] and
 //! [`pt`], and [`bridge`], the SMC bridge from a finished run to a finer likelihood.
 #![cfg_attr(
     test,
@@ -60,19 +60,19 @@
 
 pub mod bridge;
 pub mod checkpoint;
+mod checkpointer;
 pub mod control;
-pub mod cooling;
 pub mod diagnostics;
+pub mod difference_pool;
 pub mod error;
 pub mod hmc;
-mod keeper;
 mod mixture;
-pub mod neighbours;
 pub mod nested;
 pub mod normal;
 pub mod output;
 pub mod pt;
 pub mod rng;
+pub mod smc_weights;
 pub mod target;
 
 pub use control::{Budget, Control, Event, Observer};

@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// Degrees of freedom of every component: tails heavy enough for importance weights, a centre still close to a Gaussian's.
-const FREEDOM: u32 = 5;
+/// Degrees of degrees of freedom of every component: tails heavy enough for importance weights, a centre still close to a Gaussian's.
+const DEGREES_OF_FREEDOM: u32 = 5;
 
 /// Rows of each half, per dimension, below which no mixture is fitted.
-const LEAST_ROWS_PER_DIM: usize = 10;
+const MIN_ROWS_PER_DIM: usize = 10;
 
 /// Rounds of expectation and maximisation.
 const MAX_ROUNDS: usize = 100;
@@ -50,7 +50,7 @@ impl Rows {
 /// One Student distribution and its weight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Component {
-    share: f64,
+    weight: f64,
     mean: DVector<f64>,
     /// `L` of the scale matrix `L L'`.
     lower: DMatrix<f64>,
@@ -62,25 +62,25 @@ struct Component {
 
 impl Component {
     /// None unless the scale matrix is positive definite.
-    fn new(share: f64, mean: DVector<f64>, scale: DMatrix<f64>) -> Option<Self> {
+    fn new(weight: f64, mean: DVector<f64>, scale: DMatrix<f64>) -> Option<Self> {
         let lower = Cholesky::new(scale)?.unpack();
-        Self::of_lower(share, mean, lower)
+        Self::of_lower(weight, mean, lower)
     }
 
-    fn of_lower(share: f64, mean: DVector<f64>, lower: DMatrix<f64>) -> Option<Self> {
+    fn of_lower(weight: f64, mean: DVector<f64>, lower: DMatrix<f64>) -> Option<Self> {
         let dim = mean.len() as f64;
-        let freedom = f64::from(FREEDOM);
+        let degrees_of_freedom = f64::from(DEGREES_OF_FREEDOM);
         let inverse = lower.solve_lower_triangular(&DMatrix::identity(mean.len(), mean.len()))?;
         let inverse = (0..mean.len())
             .flat_map(|i| (0..=i).map(move |j| (i, j)))
             .map(|place| inverse[place])
             .collect();
-        let ln_peak = libm::lgamma(0.5 * (freedom + dim))
-            - libm::lgamma(0.5 * freedom)
-            - 0.5 * dim * (freedom * PI).ln()
+        let ln_peak = libm::lgamma(0.5 * (degrees_of_freedom + dim))
+            - libm::lgamma(0.5 * degrees_of_freedom)
+            - 0.5 * dim * (degrees_of_freedom * PI).ln()
             - lower.diagonal().iter().map(|l| l.ln()).sum::<f64>();
         Some(Self {
-            share,
+            weight,
             mean,
             lower,
             inverse,
@@ -115,9 +115,9 @@ impl Component {
 
     /// Log density at this squared distance, its share included.
     fn ln_density(&self, distance2: f64) -> f64 {
-        let freedom = f64::from(FREEDOM);
-        let power = 0.5 * (freedom + self.mean.len() as f64);
-        self.share.ln() + self.ln_peak - power * (distance2 / freedom).ln_1p()
+        let degrees_of_freedom = f64::from(DEGREES_OF_FREEDOM);
+        let power = 0.5 * (degrees_of_freedom + self.mean.len() as f64);
+        self.weight.ln() + self.ln_peak - power * (distance2 / degrees_of_freedom).ln_1p()
     }
 }
 
@@ -168,7 +168,7 @@ impl Mixture {
         rng: impl Fn(usize) -> Stream,
     ) -> Option<Self> {
         let (dim, few) = (first.dim, first.len().min(second.len()));
-        if few < LEAST_ROWS_PER_DIM * dim {
+        if few < MIN_ROWS_PER_DIM * dim {
             return None;
         }
         let mut best: Option<(f64, usize)> = None;
@@ -187,13 +187,13 @@ impl Mixture {
         Self::fit(&first.with(second), count, &mut rng(count))
     }
 
-    /// Equal components about these centres, each as wide as its share of the unit ball.
+    /// Equal components about these centres, each as wide as its fraction of the unit ball.
     fn around(centres: &[Vec<f64>], dim: usize) -> Option<Self> {
-        let share = 1.0 / centres.len() as f64;
-        let width = share.powf(2.0 / dim as f64);
+        let weight = 1.0 / centres.len() as f64;
+        let width = weight.powf(2.0 / dim as f64);
         let components = centres.iter().map(|centre| {
             let scale = DMatrix::identity(dim, dim) * width;
-            Component::new(share, DVector::from_column_slice(centre), scale)
+            Component::new(weight, DVector::from_column_slice(centre), scale)
         });
         Some(Self {
             components: components.collect::<Option<_>>()?,
@@ -203,8 +203,8 @@ impl Mixture {
     /// How much every row belongs to every component, with the weight that Student's tails give it there; and the mean log
     /// density.
     fn expect(&self, rows: &Rows) -> (Vec<Vec<(f64, f64)>>, f64) {
-        let freedom = f64::from(FREEDOM);
-        let heavy = freedom + rows.dim as f64;
+        let degrees_of_freedom = f64::from(DEGREES_OF_FREEDOM);
+        let heavy = degrees_of_freedom + rows.dim as f64;
         let mut belongs: Vec<Vec<(f64, f64)>> = self
             .components
             .par_iter()
@@ -213,7 +213,7 @@ impl Mixture {
                     let distance2 = component.distance2(x);
                     (
                         component.ln_density(distance2),
-                        heavy / (freedom + distance2),
+                        heavy / (degrees_of_freedom + distance2),
                     )
                 };
                 rows.iter().map(place).collect()
@@ -272,7 +272,7 @@ impl Mixture {
     fn moved(&self, to: impl Fn(&Component) -> (DVector<f64>, DMatrix<f64>)) -> Option<Self> {
         let components = self.components.iter().map(|c| {
             let (mean, lower) = to(c);
-            Component::of_lower(c.share, mean, lower)
+            Component::of_lower(c.weight, mean, lower)
         });
         Some(Self {
             components: components.collect::<Option<_>>()?,
@@ -297,7 +297,7 @@ impl Mixture {
 
     /// Log density, with its gradient written into `gradient`.
     pub fn ln_density_and_gradient(&self, x: &[f64], gradient: &mut [f64]) -> f64 {
-        let freedom = f64::from(FREEDOM);
+        let degrees_of_freedom = f64::from(DEGREES_OF_FREEDOM);
         let here = self.ln_densities(x);
         let sum = ln_sum_exp(&here);
         gradient.fill(0.0);
@@ -306,7 +306,8 @@ impl Mixture {
             // What is less than rounding of the whole is not felt.
             if belongs > f64::EPSILON {
                 let distance2 = component.distance2(x);
-                let pull = belongs * (freedom + x.len() as f64) / (freedom + distance2);
+                let pull = belongs * (degrees_of_freedom + x.len() as f64)
+                    / (degrees_of_freedom + distance2);
                 component.whiten(x, |row, y| {
                     for (g, l) in gradient.iter_mut().zip(row) {
                         *g -= pull * l * y;
@@ -326,7 +327,7 @@ impl Mixture {
     pub fn draw(&self, rng: &mut Stream) -> Vec<f64> {
         let mut place = unit_open(rng);
         let chosen = self.components.iter().find(|c| {
-            place -= c.share;
+            place -= c.weight;
             place < 0.0
         });
         // Rounding can leave the shares' sum just below 1.
@@ -334,8 +335,10 @@ impl Mixture {
             return Vec::new();
         };
         let normals = DVector::from_fn(chosen.mean.len(), |_, _| standard_normal(rng));
-        let chi2: f64 = (0..FREEDOM).map(|_| standard_normal(rng).powi(2)).sum();
-        let stretch = (f64::from(FREEDOM) / chi2).sqrt();
+        let chi2: f64 = (0..DEGREES_OF_FREEDOM)
+            .map(|_| standard_normal(rng).powi(2))
+            .sum();
+        let stretch = (f64::from(DEGREES_OF_FREEDOM) / chi2).sqrt();
         (&chosen.mean + &chosen.lower * normals * stretch)
             .iter()
             .copied()
@@ -441,12 +444,12 @@ mod tests {
     }
 
     #[test]
-    fn two_clumps_are_two_components_with_their_shares() {
+    fn two_clumps_are_two_components_with_their_weights() {
         let rows = twins(2000);
         let two = Mixture::fit(&rows, 2, &mut stream(1, Domain::Test, 3, 0)).unwrap();
-        let mut shares: Vec<f64> = two.components.iter().map(|c| c.share).collect();
-        shares.sort_by(f64::total_cmp);
-        assert!((shares[0] - 0.25).abs() < 1e-3, "{shares:?}");
+        let mut weights: Vec<f64> = two.components.iter().map(|c| c.weight).collect();
+        weights.sort_by(f64::total_cmp);
+        assert!((weights[0] - 0.25).abs() < 1e-3, "{weights:?}");
         for c in &two.components {
             assert!((c.mean[0].abs() - 1.0).abs() < 0.02, "{}", c.mean);
             assert!((c.mean[1] - 5.0).abs() < 0.02, "{}", c.mean);

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 pub enum Method {
     /// Nested sampling.
     Nested,
-    /// Non-reversible parallel tempering with Hamiltonian moves.
+    /// Non-reversible parallel tempering with HMC transitions.
     PtHmc,
     /// A run on a coarse likelihood, carried to a fine one.
     Bridge,
@@ -44,7 +44,7 @@ pub struct Draws {
     pub ln_likelihood: Vec<f64>,
     /// Log weight of each row; their exponentials add up to 1.
     pub ln_weight: Vec<f64>,
-    /// Which Markov chain each row is of, in its order: its ladder. All 0 where there are none.
+    /// Which Markov chain each row is of, in its order: its chain set. All 0 where there are none.
     pub chain: Vec<u32>,
     /// Cluster of dependent draws that each row belongs to: the chain sets that start from one SMC sampler, the lineage in a nested run.
     /// Clusters are independent of each other, so the error of any estimate follows from their scatter; all 0 where every draw is
@@ -296,25 +296,25 @@ pub enum History {
         step_size: Vec<f64>,
         /// Mean number of leapfrog steps of a local move.
         mean_leapfrogs: Vec<f64>,
-        /// Local moves given up as divergent, all ladders.
+        /// Local moves given up as divergent, all chain sets.
         divergences: Vec<u64>,
         /// Communication barrier from beta = 0 to each temperature.
-        barrier: Vec<f64>,
-        /// Round trips per ladder, of the scans that count.
+        communication_barrier: Vec<f64>,
+        /// Round trips per chain set, of the scans that count.
         round_trips: Vec<u64>,
-        /// Log-likelihood of the coldest chain, every scan that counts, ladder by ladder.
+        /// Log-likelihood of the coldest chain, every scan that counts, chain set by chain set.
         trace: Vec<Vec<f64>>,
     },
     /// One entry per step from the coarse likelihood to the fine one.
     Bridge {
         /// The fine one's share in ln L.
-        share: Vec<f64>,
+        fraction: Vec<f64>,
         /// ln Z over that of the coarse run.
         ln_ratio: Vec<f64>,
         /// Draws of the coarse run that are left as ancestors, in effect.
         ancestors: Vec<f64>,
         /// Correlation of the difference in ln L before and after the step's slices.
-        echo: Vec<f64>,
+        correlation: Vec<f64>,
     },
 }
 

@@ -14,18 +14,18 @@ pub const STREAM_VERSION: u32 = 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Domain {
-    /// One new point of a nested run; task = strand, index = number of the point.
+    /// One new point of a nested run; task = batch, index = number of the point.
     NestedPoint = 1,
     /// The choice of start points of one nested iteration.
     NestedSeeds = 2,
     /// Fits of the bounding ellipsoids.
     NestedBound = 3,
-    /// One explorer of a tempered run; task = ladder * 2^20 + slot, index = scan.
+    /// One local sampler of a tempered run; task = chain set * 2^20 + slot, index = scan.
     PtExplore = 16,
-    /// One swap of a tempered run; task = ladder * 2^20 + gap, index = scan.
+    /// One swap of a tempered run; task = chain set * 2^20 + gap, index = scan.
     PtSwap = 17,
-    /// One member of an annealed population; task = ladder * 2^20 + member, index = sweep.
-    PtAnneal = 18,
+    /// One SMC particle of an annealed SMC sampler; task = chain set * 2^20 + SMC particle, index = MCMC step.
+    PtSmc = 18,
     /// The mixture that a tempered run begins its path at; task = scan, index = components.
     PtReference = 19,
     /// SMC bridge to a finer model; task = level, index = particle.

@@ -23,10 +23,10 @@ pub struct Args {
     config: Option<PathBuf>,
     /// Number of SMC particles, which are the draws of the result
     #[arg(long)]
-    members: Option<usize>,
+    smc_particles: Option<usize>,
     /// Number of slice updates of each SMC particle after each step of the bridge
     #[arg(long)]
-    sweeps: Option<usize>,
+    mcmc_steps: Option<usize>,
     /// Master seed; the fit's own by default
     #[arg(long)]
     seed: Option<u64>,
@@ -47,8 +47,8 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
         }
         args.model.apply_to_fit(settings);
         let bridge = &mut settings.sampling.bridge;
-        bridge.members = args.members.unwrap_or(bridge.members);
-        bridge.sweeps = args.sweeps.unwrap_or(bridge.sweeps);
+        bridge.smc_particles = args.smc_particles.unwrap_or(bridge.smc_particles);
+        bridge.mcmc_steps = args.mcmc_steps.unwrap_or(bridge.mcmc_steps);
         settings.seed = args.seed.unwrap_or(settings.seed);
     };
     args.folder

@@ -105,17 +105,17 @@ impl Observer for Progress {
             Event::Smc { beta, ln_z, calls } => {
                 self.show(&format!("SMC, beta {beta:.2e}, ln Z {ln_z:.2}, {calls} calls"), false);
             }
-            Event::Tempered { round, scan, scans, barrier, round_trips, ln_z, gradients } => self.show(
+            Event::Tempered { round, scan, scans, communication_barrier, round_trips, ln_z, gradients } => self.show(
                 &format!(
-                    "round {round}, scan {} of {scans}, communication barrier {barrier:.1}, {round_trips} round trips, ln Z \
+                    "round {round}, scan {} of {scans}, communication barrier {communication_barrier:.1}, {round_trips} round trips, ln Z \
                      {ln_z:.2}, {gradients} gradients",
                     scan + 1
                 ),
                 false,
             ),
-            Event::Bridge { share, ln_z, calls } => {
+            Event::Bridge { fraction, ln_z, calls } => {
                 self.show(
-                    &format!("bridge {:.0} %, ln Z {ln_z:.2}, {calls} calls", 100.0 * share),
+                    &format!("bridge {:.0} %, ln Z {ln_z:.2}, {calls} calls", 100.0 * fraction),
                     false,
                 );
             }

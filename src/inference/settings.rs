@@ -73,8 +73,8 @@ impl SamplerSettings {
         let mut sampling = Self::default();
         sampling.nested.n_live = 1_000;
         sampling.nested.steps = Some(16);
-        sampling.pt_hmc.annealing = 400;
-        sampling.pt_hmc.slices = 4;
+        sampling.pt_hmc.smc_particles = 400;
+        sampling.pt_hmc.slice_updates = 4;
         sampling.pt_hmc.max_leapfrogs = 1;
         sampling.pt_hmc.target_acceptance = 0.6;
         sampling.pt_hmc.first_scans = 256;

@@ -14,7 +14,7 @@ const MOST_POINTS: usize = 1500;
 /// Draws the diagnostics of a run.
 ///
 /// Nested: ln L against ln X with the posterior weight per unit of ln X, and the histogram of insertion ranks with the 95 %
-/// band of uniform ranks. Tempered: swap rejection and barrier, acceptance and step size against temperature, and the
+/// band of uniform ranks. Tempered: swap rejection and communication barrier, acceptance and step size against temperature, and the
 /// trace of ln L at beta = 1 with the round trips. Bridge: ln Z and the effective number of ancestors by exponent.
 #[must_use]
 pub fn health(run: &Run) -> String {
@@ -30,19 +30,19 @@ pub fn health(run: &Run) -> String {
             swap_rejection,
             acceptance,
             step_size,
-            barrier,
+            communication_barrier,
             round_trips,
             trace,
             ..
         } => {
             let mut canvas = Canvas::new(560.0, 330.0);
-            ladder(&mut canvas, beta, swap_rejection, barrier);
+            chain_set(&mut canvas, beta, swap_rejection, communication_barrier);
             moves(&mut canvas, beta, acceptance, step_size);
             traces(&mut canvas, trace, round_trips);
             canvas.finish("Diagnostics of a tempered run")
         }
         History::Bridge {
-            share,
+            fraction,
             ln_ratio,
             ancestors,
             ..
@@ -52,14 +52,14 @@ pub fn health(run: &Run) -> String {
             way(
                 &mut canvas,
                 left,
-                share,
+                fraction,
                 ln_ratio,
                 "ln Z minus that of the coarse run",
             );
             way(
                 &mut canvas,
                 right,
-                share,
+                fraction,
                 ancestors,
                 "effective number of ancestors",
             );
@@ -69,13 +69,19 @@ pub fn health(run: &Run) -> String {
 }
 
 /// One number after every step from the coarse likelihood to the fine one.
-fn way(canvas: &mut Canvas, rect: (f64, f64, f64, f64), share: &[f64], values: &[f64], what: &str) {
+fn way(
+    canvas: &mut Canvas,
+    rect: (f64, f64, f64, f64),
+    fraction: &[f64],
+    values: &[f64],
+    what: &str,
+) {
     let axes = Axes {
         rect,
         x: range_of([0.0, 1.0], 0.04),
         y: range_of(values.iter().copied().chain([0.0]), 0.1),
     };
-    let points = axes.all(share, values);
+    let points = axes.all(fraction, values);
     canvas.line(&points, COLOURS[0], 1.1, "");
     for at in points {
         canvas.dot(at, 2.0, COLOURS[0], 1.0, "step");
@@ -119,11 +125,11 @@ fn nested(ln_x: &[f64], ln_likelihood: &[f64], insertion_rank: &[f64]) -> String
         y: range_of(sorted.last().copied().into_iter().chain([floor]), 0.08),
     };
     canvas.clipped(axes.rect, |canvas| {
-        let share: Vec<f64> = mass
+        let fraction: Vec<f64> = mass
             .iter()
             .map(|m| axes.y.0 + 0.6 * (axes.y.1 - axes.y.0) * (m - peak).exp())
             .collect();
-        let mut ring = axes.all(&x, &share);
+        let mut ring = axes.all(&x, &fraction);
         if let (Some(first), Some(last)) = (x.first(), x.last()) {
             ring.push(axes.at(*last, axes.y.0));
             ring.push(axes.at(*first, axes.y.0));
@@ -188,8 +194,13 @@ fn numbered(values: &[f64], offset: f64) -> Vec<f64> {
     (0..values.len()).map(|k| k as f64 + offset).collect()
 }
 
-fn ladder(canvas: &mut Canvas, beta: &[f64], swap_rejection: &[f64], barrier: &[f64]) {
-    let top = barrier
+fn chain_set(
+    canvas: &mut Canvas,
+    beta: &[f64],
+    swap_rejection: &[f64],
+    communication_barrier: &[f64],
+) {
+    let top = communication_barrier
         .iter()
         .copied()
         .filter(|b| b.is_finite())
@@ -201,9 +212,9 @@ fn ladder(canvas: &mut Canvas, beta: &[f64], swap_rejection: &[f64], barrier: &[
         canvas.dot(at, 2.0, COLOURS[0], 1.0, "gap");
     }
     if top > 0.0 {
-        let share: Vec<f64> = barrier.iter().map(|b| b / top).collect();
+        let fraction: Vec<f64> = communication_barrier.iter().map(|b| b / top).collect();
         canvas.line(
-            &axes.all(&numbered(barrier, 0.0), &share),
+            &axes.all(&numbered(communication_barrier, 0.0), &fraction),
             COLOURS[1],
             1.0,
             "4 2",
@@ -217,7 +228,7 @@ fn ladder(canvas: &mut Canvas, beta: &[f64], swap_rejection: &[f64], barrier: &[
         8.0,
     );
     axes.draw_y(canvas, "swap rejection", 5, 8.0, 30.0);
-    let words = format!("dots: rejection; dashed: barrier / {top:.2}");
+    let words = format!("dots: rejection; dashed: communication barrier / {top:.2}");
     axes.caption(canvas, &words, 7.0);
 }
 
@@ -263,12 +274,12 @@ fn traces(canvas: &mut Canvas, trace: &[Vec<f64>], round_trips: &[u64]) {
         y: range_of(trace.iter().flatten().copied(), 0.12),
     };
     canvas.clipped(axes.rect, |canvas| {
-        for (ladder, values) in trace.iter().enumerate() {
+        for (chain_set, values) in trace.iter().enumerate() {
             let points: Vec<(f64, f64)> = thin(values.len())
                 .into_iter()
                 .map(|i| axes.at(i as f64, values[i]))
                 .collect();
-            canvas.line(&points, COLOURS[ladder % COLOURS.len()], 0.5, "");
+            canvas.line(&points, COLOURS[chain_set % COLOURS.len()], 0.5, "");
         }
     });
     axes.frame(canvas);

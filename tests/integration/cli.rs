@@ -246,8 +246,8 @@ const SMALL: &str = r#"
 model = { steps = 30, orbit_steps = 64, releases = { particles = 128 } }
 prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
 sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6 }
-sampling.pt_hmc = { ladders = 2, first_scans = 4, annealing = 24, slices = 3, extensions = 1 }
-sampling.bridge = { members = 60, sweeps = 4 }
+sampling.pt_hmc = { chain_sets = 2, first_scans = 4, smc_particles = 24, slice_updates = 3, extensions = 1 }
+sampling.bridge = { smc_particles = 60, mcmc_steps = 4 }
 "#;
 
 #[test]
@@ -359,14 +359,14 @@ fn a_fit_is_bridged_to_another_model_of_its_stream() {
     };
     refused(&bridge(&[]), &["that of the fit itself", "--particles"]);
     refused(
-        &bridge(&["--particles", "200", "--members", "10"]),
+        &bridge(&["--particles", "200", "--smc-particles", "10"]),
         &["members", "ten per parameter"],
     );
     assert!(!Path::new(&out).exists(), "nothing is left behind");
     let output = bridge(&[
         "--particles",
         "200",
-        "--members",
+        "--smc-particles",
         "200",
         "--allow-unconverged",
     ]);
@@ -381,7 +381,7 @@ fn a_fit_is_bridged_to_another_model_of_its_stream() {
     let left = std::fs::read_to_string(Path::new(&out).join("config.toml")).expect("settings");
     assert!(left.contains("particles = 200"), "{left}");
     refused(
-        &bridge(&["--particles", "200", "--members", "200"]),
+        &bridge(&["--particles", "200", "--smc-particles", "200"]),
         &["exists already", "--resume", "--force"],
     );
     let page = path("page.html");
@@ -464,7 +464,11 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
     );
     assert!(Path::new(&one).join("coarse-diagnostics.svg").exists());
     // What the second stage would refuse is refused before the first.
-    let settings = write(folder.path(), "few.toml", "sampling.bridge.members = 10");
+    let settings = write(
+        folder.path(),
+        "few.toml",
+        "sampling.bridge.smc_particles = 10",
+    );
     let five = path("five");
     let early = oblate(
         &["fit", &track, "--config", &settings, "--out", &five, "-q"],

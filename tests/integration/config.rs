@@ -12,7 +12,10 @@ fn expert_tables_come_last_and_the_text_means_the_same() {
             .collect()
     };
     let mut sampler = numbers(&[("live", 500.0)]);
-    sampler.insert("expert".to_owned(), numbers(&[("batch", 0.1)]).into());
+    sampler.insert(
+        "expert".to_owned(),
+        numbers(&[("replaced_fraction", 0.1)]).into(),
+    );
     let settings = BTreeMap::from([
         ("nested".to_owned(), sampler),
         ("prior".to_owned(), numbers(&[("q_min", 0.5)])),

@@ -138,8 +138,8 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
     settings.sampling.nested.n_live = 40;
     settings.sampling.nested.kernel = nested::Kernel::RandomSlice;
     settings.sampling.nested.steps = Some(6);
-    settings.sampling.bridge.members = 60;
-    settings.sampling.bridge.sweeps = 4;
+    settings.sampling.bridge.smc_particles = 60;
+    settings.sampling.bridge.mcmc_steps = 4;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
     let track = ObservedTrack::read(&path).unwrap();
     let folder = tempfile::tempdir().unwrap();

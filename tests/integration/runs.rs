@@ -137,9 +137,9 @@ pub fn tempered(rows: usize, seed: u64) -> Run {
         .map(|k| (k as f64 / (count - 1) as f64).powi(4))
         .collect();
     let rejection: Vec<f64> = (1..count).map(|k| 0.3 + 0.05 * (k as f64).sin()).collect();
-    let mut barrier = vec![0.0];
+    let mut communication_barrier = vec![0.0];
     for r in &rejection {
-        barrier.push(barrier[barrier.len() - 1] + r);
+        communication_barrier.push(communication_barrier[communication_barrier.len() - 1] + r);
     }
     let trace = (0..4)
         .map(|c| {
@@ -156,7 +156,7 @@ pub fn tempered(rows: usize, seed: u64) -> Run {
         step_size: beta.iter().map(|b| 0.8 - 0.5 * b).collect(),
         mean_leapfrogs: beta.iter().map(|b| 8.0 + 8.0 * b).collect(),
         divergences: vec![0; count],
-        barrier,
+        communication_barrier,
         round_trips: vec![31, 28, 35, 30],
         trace,
         beta,
@@ -167,10 +167,10 @@ pub fn tempered(rows: usize, seed: u64) -> Run {
 /// A bridged run: equal weights, three steps.
 pub fn refined(rows: usize, seed: u64) -> Run {
     let history = History::Bridge {
-        share: vec![0.3, 0.7, 1.0],
+        fraction: vec![0.3, 0.7, 1.0],
         ln_ratio: vec![1.0, 1.8, 2.1],
         ancestors: vec![600.0, 450.0, 400.0],
-        echo: vec![0.3, 0.25, 0.2],
+        correlation: vec![0.3, 0.25, 0.2],
     };
     run(Method::Bridge, draws(rows, 1, seed), history, seed)
 }

@@ -1,8 +1,8 @@
-//! A likelihood on the way from a coarse one to a fine one, `L_coarse^(1 - share) L_fine^share`, as a target to move on.
+//! A likelihood on the way from a coarse one to a fine one, `L_coarse^(1 - fraction) L_fine^fraction`, as a target to move on.
 
 use crate::error::Result;
 use crate::hmc::{Evaluator, Point, Tally};
-use crate::target::{HalfSpace, Outcome, Prior, Symmetry, Target};
+use crate::target::{Outcome, Prior, Symmetry, Target};
 use std::sync::{Mutex, PoisonError};
 
 /// ln L of both at one place.
@@ -19,8 +19,8 @@ impl Both {
     }
 
     /// ln L on the way.
-    pub fn at(self, share: f64) -> f64 {
-        (1.0 - share) * self.coarse + share * self.fine
+    pub fn at(self, fraction: f64) -> f64 {
+        (1.0 - fraction) * self.coarse + fraction * self.fine
     }
 }
 
@@ -28,14 +28,14 @@ impl Both {
 pub struct Between<'a> {
     coarse: &'a dyn Target,
     fine: &'a dyn Target,
-    share: f64,
+    fraction: f64,
     /// The last values: a slice ends at the last point that it asks for.
     last: Mutex<Both>,
 }
 
 impl<'a> Between<'a> {
-    /// Of a share of the fine likelihood in ln L.
-    pub fn new(coarse: &'a dyn Target, fine: &'a dyn Target, share: f64) -> Self {
+    /// Of a fraction of the fine likelihood in ln L.
+    pub fn new(coarse: &'a dyn Target, fine: &'a dyn Target, fraction: f64) -> Self {
         let nowhere = Both {
             coarse: f64::NEG_INFINITY,
             fine: f64::NEG_INFINITY,
@@ -43,7 +43,7 @@ impl<'a> Between<'a> {
         Self {
             coarse,
             fine,
-            share,
+            fraction,
             last: Mutex::new(nowhere),
         }
     }
@@ -58,7 +58,7 @@ impl<'a> Between<'a> {
         both: &mut Both,
         explore: impl FnOnce(&mut Evaluator<'_>, &mut Point) -> Result<()>,
     ) -> Result<Tally> {
-        point.ln_likelihood = both.at(self.share);
+        point.ln_likelihood = both.at(self.fraction);
         self.keep(*both);
         let mut evaluator = Evaluator::new(self);
         explore(&mut evaluator, point)?;
@@ -66,7 +66,7 @@ impl<'a> Between<'a> {
         // Each value between the two is one of either.
         tally.calls *= 2;
         let last = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        *both = if last.at(self.share).to_bits() == point.ln_likelihood.to_bits() {
+        *both = if last.at(self.fraction).to_bits() == point.ln_likelihood.to_bits() {
             last
         } else {
             let mut own = [Evaluator::new(self.coarse), Evaluator::new(self.fine)];
@@ -99,7 +99,7 @@ impl Target for Between<'_> {
             Outcome::Value(fine) => {
                 let both = Both { coarse, fine };
                 self.keep(both);
-                Outcome::from_ln_likelihood(both.at(self.share))
+                Outcome::from_ln_likelihood(both.at(self.fraction))
             }
             other => other,
         }
@@ -109,10 +109,7 @@ impl Target for Between<'_> {
             coarse: self.coarse.ln_likelihood_bound()?,
             fine: self.fine.ln_likelihood_bound()?,
         };
-        Some(both.at(self.share))
-    }
-    fn walls(&self) -> &[HalfSpace] {
-        self.fine.walls()
+        Some(both.at(self.fraction))
     }
     fn symmetries(&self) -> &[Symmetry] {
         self.fine.symmetries()

@@ -1,46 +1,46 @@
-//! What a user may set of a refinement.
+//! What a user may set of a bridge.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Most members: each has random streams of its own.
-const MOST_MEMBERS: usize = 1 << 20;
+/// Most SMC particles: each has random streams of its own.
+const MAX_PARTICLES: usize = 1 << 20;
 
 /// Settings of [`bridge::run`](super::run).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// Draws of the coarse run that are carried over, and draws of the result.
-    pub members: usize,
-    /// Slices of each member after each step.
-    pub sweeps: usize,
+    pub smc_particles: usize,
+    /// Slices of each SMC particle after each step.
+    pub mcmc_steps: usize,
 }
 
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            members: 2_000,
-            sweeps: 12,
+            smc_particles: 2_000,
+            mcmc_steps: 12,
         }
     }
 }
 
 impl Settings {
-    /// Whether a refinement can work with these numbers on a target of `dim` parameters.
+    /// Whether a bridge can work with these numbers on a target of `dim` parameters.
     ///
     /// # Errors
     /// [`Error::Setting`] names the first one that is out of its range.
     pub fn check(&self, dim: usize) -> Result<()> {
-        if !(10 * dim..=MOST_MEMBERS).contains(&self.members) {
+        if !(10 * dim..=MAX_PARTICLES).contains(&self.smc_particles) {
             return Err(Error::Setting {
-                name: "members",
-                value: self.members.to_string(),
+                name: "smc_particles",
+                value: self.smc_particles.to_string(),
                 remedy: "give at least ten per parameter, 2,000 is usual, and at most 2^20",
             });
         }
-        if self.sweeps == 0 {
+        if self.mcmc_steps == 0 {
             return Err(Error::Setting {
-                name: "sweeps",
+                name: "mcmc_steps",
                 value: "0".to_owned(),
                 remedy: "give at least 1, about as many as parameters is usual",
             });

@@ -60,32 +60,32 @@ pub fn sums_by_group(groups: &[u32], numbers: impl Iterator<Item = f64>) -> Vec<
 #[must_use]
 pub fn size_of_mean(values: &[f64], weights: &[f64], groups: &[u32]) -> f64 {
     let shares = sums_by_group(groups, weights.iter().copied());
-    let freedom = 1.0 - 1.0 / effective_number(shares);
+    let degrees_of_freedom = 1.0 - 1.0 / effective_number(shares);
     // One alone has no scatter but that of rounding.
-    if freedom < 1e-9 {
+    if degrees_of_freedom < 1e-9 {
         return 0.0;
     }
     let (mean, variance) = weighted_moments(values, weights);
     let deviations = values.iter().zip(weights).map(|(x, w)| w * (x - mean));
     let sums = sums_by_group(groups, deviations);
     let scatter: f64 = sums.iter().map(|s| s * s).sum();
-    variance * freedom / scatter
+    variance * degrees_of_freedom / scatter
 }
 
 /// Probability that the scatter of `count` values about their common mean, in chi-square, is at least this by chance.
 #[must_use]
-pub fn chance_of_scatter(chi2: f64, count: usize) -> f64 {
-    let freedom = (count as f64 - 1.0).max(1.0);
-    ChiSquared::new(freedom).map_or(0.0, |law| law.sf(chi2))
+pub fn chi2_p_value(chi2: f64, count: usize) -> f64 {
+    let degrees_of_freedom = (count as f64 - 1.0).max(1.0);
+    ChiSquared::new(degrees_of_freedom).map_or(0.0, |law| law.sf(chi2))
 }
 
 /// The standard-normal deviate that is as rare as `t`, a difference over an error that itself comes from few numbers, with so many
 /// degrees of freedom (Student); as it is where they are no number.
 #[must_use]
-pub fn normal_deviate(t: f64, freedom: f64) -> f64 {
+pub fn normal_deviate(t: f64, degrees_of_freedom: f64) -> f64 {
     // Never rarer than `t` of the normal law itself, whose tail ends where doubles do.
     let rare = |law: StudentsT| normal::quantile(law.cdf(-t.abs())).abs().min(t.abs());
-    StudentsT::new(0.0, 1.0, freedom).map_or(t, |law| rare(law).copysign(t))
+    StudentsT::new(0.0, 1.0, degrees_of_freedom).map_or(t, |law| rare(law).copysign(t))
 }
 
 /// Kish's effective number: how many equal weights are as unlike each other as these, `(sum w)^2 / sum w^2`; 0 if all are 0.
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn errors_of_few_numbers_make_differences_less_rare() {
         // What Student's t passes once in twenty, and once in a hundred at 4.604 with 4 degrees of freedom.
-        for (t, freedom, z) in [
+        for (t, degrees_of_freedom, z) in [
             (4.302_653, 2.0, 1.959_964),
             (-2.776_445, 4.0, -1.959_964),
             (4.604_095, 4.0, 2.575_829),
@@ -149,8 +149,11 @@ mod tests {
             (3.0, f64::NAN, 3.0),
             (0.0, 5.0, 0.0),
         ] {
-            let ours = normal_deviate(t, freedom);
-            assert!((ours - z).abs() < 1e-5, "{t} {freedom}: {ours} {z}");
+            let ours = normal_deviate(t, degrees_of_freedom);
+            assert!(
+                (ours - z).abs() < 1e-5,
+                "{t} {degrees_of_freedom}: {ours} {z}"
+            );
         }
         assert!(normal_deviate(1e3, 3.0) > 5.0 && normal_deviate(1e3, 1e4).is_finite());
     }

@@ -1,6 +1,6 @@
 //! Whether several chains give the modes of a posterior the same weights.
 
-use super::{bulk_ess, chance_of_scatter, mean_ess};
+use super::{bulk_ess, chi2_p_value, mean_ess};
 use nalgebra::DMatrix;
 
 /// Rounds of 2-means: it settles in a few.
@@ -92,7 +92,7 @@ pub fn mode_agreement(labels: &[&[bool]], traces: &[&[f64]]) -> f64 {
         .zip(&sizes)
         .map(|(w, n)| (w - common).powi(2) * n / (common * (1.0 - common)))
         .sum();
-    chance_of_scatter(chi2, weights.len())
+    chi2_p_value(chi2, weights.len())
 }
 
 fn scaled(draws: &[f64], dim: usize) -> Vec<f64> {

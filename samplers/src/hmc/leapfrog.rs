@@ -1,6 +1,5 @@
 //! One Hamiltonian trajectory and its Metropolis test.
 
-use super::walls::{Mirror, dot, drift};
 use super::{Evaluator, Metric, Point};
 use crate::error::Result;
 use crate::rng::{Stream, standard_normal, unit_open};
@@ -24,7 +23,7 @@ pub struct Plan {
     pub max_leapfrogs: usize,
     /// Energies along a path may differ by this much before it is given up as divergent.
     pub max_energy_range: f64,
-    /// 0 for the exact Metropolis test. Above, a rise in energy is weighed against this share of the depth that the
+    /// 0 for the exact Metropolis test. Above, a rise in energy is weighed against this fraction of the depth that the
     /// path fell: while a chain still falls from the prior by thousands of units its energy errors are large though
     /// small for the fall, and the exact test would shorten steps until nothing moves. Not invariant.
     pub slack: f64,
@@ -63,7 +62,7 @@ pub struct Moved {
 
 impl Moved {
     /// A point whose gradient cannot be had stays where it is.
-    pub(super) const NOWHERE: Self = Self {
+    const NOWHERE: Self = Self {
         acceptance: 0.0,
         accepted: false,
         leapfrogs: 0,
@@ -72,8 +71,8 @@ impl Moved {
     };
 }
 
-/// Makes Hamiltonian moves at one temperature; its space is allocated once, nothing is per step.
-pub struct Explorer<'t, 'm> {
+/// Makes HMC transitions at one temperature; its space is allocated once, nothing is per step.
+pub struct LocalSampler<'t, 'm> {
     /// Evaluates and counts.
     pub evaluator: Evaluator<'t>,
     /// Whitened momentum: set before a trajectory, left at its end.
@@ -82,7 +81,6 @@ pub struct Explorer<'t, 'm> {
     pub end: Point,
     beta: f64,
     metric: &'m Metric,
-    mirrors: Vec<Mirror<'t>>,
     force: Vec<f64>,
     whitened_force: Vec<f64>,
     velocity: Vec<f64>,
@@ -90,7 +88,7 @@ pub struct Explorer<'t, 'm> {
 
 /// What one leapfrog step came to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Step {
+enum Step {
     /// A point with a likelihood and a gradient.
     Made,
     /// One without.
@@ -99,29 +97,23 @@ pub(super) enum Step {
     Lost,
 }
 
-impl<'t, 'm> Explorer<'t, 'm> {
-    /// An explorer of `N(z; 0, I) L(z)^beta` inside the target's walls.
+impl<'t, 'm> LocalSampler<'t, 'm> {
+    /// A local sampler of `N(z; 0, I) L(z)^beta`.
     #[must_use]
     pub fn new(target: &'t dyn Target, beta: f64, metric: &'m Metric) -> Self {
         Self::of(Evaluator::new(target), beta, metric)
     }
 
-    /// An explorer of the density at `beta` on the path of an evaluator.
+    /// A local sampler of the density at `beta` on the path of an evaluator.
     #[must_use]
     pub fn of(evaluator: Evaluator<'t>, beta: f64, metric: &'m Metric) -> Self {
-        let target = evaluator.target();
-        let dim = target.dim();
+        let dim = evaluator.target().dim();
         Self {
             evaluator,
             momentum: vec![0.0; dim],
             end: Point::new(dim),
             beta,
             metric,
-            mirrors: target
-                .walls()
-                .iter()
-                .map(|wall| Mirror::new(wall, metric))
-                .collect(),
             force: vec![0.0; dim],
             whitened_force: vec![0.0; dim],
             velocity: vec![0.0; dim],
@@ -170,24 +162,20 @@ impl<'t, 'm> Explorer<'t, 'm> {
     }
 
     /// Stands at a point that has a gradient.
-    pub(super) fn stand_at(&mut self, point: &Point) {
+    fn stand_at(&mut self, point: &Point) {
         self.end.copy_from(point);
         self.update_force();
     }
 
     /// One leapfrog step on; [`end`](Self::end) and [`momentum`](Self::momentum) are of no
     /// meaning unless it was made.
-    pub(super) fn step(&mut self, step: f64) -> Result<Step> {
+    fn step(&mut self, step: f64) -> Result<Step> {
         self.kick(0.5 * step);
         self.metric.velocity(&self.momentum, &mut self.velocity);
-        let through = drift(
-            &mut self.end.z,
-            &mut self.momentum,
-            &mut self.velocity,
-            step,
-            &self.mirrors,
-        );
-        if !through || self.end.z.iter().any(|z| !z.is_finite()) {
+        for (z, v) in self.end.z.iter_mut().zip(&self.velocity) {
+            *z += step * v;
+        }
+        if self.end.z.iter().any(|z| !z.is_finite()) {
             return Ok(Step::Lost);
         }
         self.evaluator.fill(&mut self.end)?;
@@ -200,7 +188,7 @@ impl<'t, 'm> Explorer<'t, 'm> {
     }
 
     /// Fills the gradient of a point that wants one; false where it cannot be had, and the point is as it was.
-    pub(super) fn has_gradient(&mut self, at: &mut Point) -> Result<bool> {
+    fn has_gradient(&mut self, at: &mut Point) -> Result<bool> {
         if !at.has_gradient {
             let before = at.ln_likelihood;
             self.evaluator.fill(at)?;
@@ -257,7 +245,7 @@ impl<'t, 'm> Explorer<'t, 'm> {
     }
 
     /// The potential and `|r|^2 / 2`.
-    pub(super) fn energy(&self) -> f64 {
+    fn energy(&self) -> f64 {
         self.potential() + 0.5 * dot(&self.momentum, &self.momentum)
     }
 
@@ -270,8 +258,8 @@ impl<'t, 'm> Explorer<'t, 'm> {
         {
             *f = self.beta * g - z;
         }
-        for (f, tilt) in self.force.iter_mut().zip(&self.end.tilt_gradient) {
-            *f += (1.0 - self.beta) * tilt;
+        for (f, ln_over_prior) in self.force.iter_mut().zip(&self.end.ln_over_prior_gradient) {
+            *f += (1.0 - self.beta) * ln_over_prior;
         }
         self.metric
             .whiten_force(&self.force, &mut self.whitened_force);
@@ -283,6 +271,10 @@ impl<'t, 'm> Explorer<'t, 'm> {
             *r += time * f;
         }
     }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// Scales a vector of d numbers down to a length of at most `longest` sqrt(d).

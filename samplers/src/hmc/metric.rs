@@ -1,60 +1,34 @@
-//! The metric of one rung: an estimate `V = L L'` of the covariance at its temperature.
+//! The metric of one temperature: an estimate `V = L L'` of the covariance at its temperature.
 //!
 //! Estimated as the geodesic mean of two guesses, the covariance of positions and the inverse covariance of scores
 //! (the minimiser of the Fisher divergence: Seyboldt, Carlson & Carpenter 2024, the rule of nutpie). On a Gaussian it
 //! is exact for any draws, mixed or not, once there are more than dimensions: `Cov(score) = P Cov(z) P`, and the mean
-//! of `C` and `(P C P)^-1` is `P^-1`. That is what lets a rung find its scales while it still falls from the prior.
+//! of `C` and `(P C P)^-1` is `P^-1`. That is what lets a temperature find its scales while it still falls from the prior.
 
 use super::Moments;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
 
-/// Which shape a metric has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MetricKind {
-    /// One scale per coordinate.
-    Diagonal,
-    /// Scales and correlations: worth it as soon as the posterior has narrow directions that are not coordinate axes.
-    #[default]
-    Dense,
-}
-
-/// `V = L L'`; see the module's words.
+/// `V = L L'`, as the lower triangle of `L`, row by row; see the module.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Metric {
-    /// Square roots of the diagonal.
-    Diagonal(Vec<f64>),
-    /// Lower triangle of `L`, row by row.
-    Dense(Vec<f64>),
-}
+pub struct Metric(Vec<f64>);
 
 impl Metric {
     /// The prior's metric, `V = I`.
     #[must_use]
-    pub fn identity(kind: MetricKind, dim: usize) -> Self {
-        match kind {
-            MetricKind::Diagonal => Self::Diagonal(vec![1.0; dim]),
-            MetricKind::Dense => Self::Dense(packed(&DMatrix::identity(dim, dim))),
-        }
+    pub fn identity(dim: usize) -> Self {
+        Self(packed(&DMatrix::identity(dim, dim)))
     }
 
     /// The metric with this covariance; `None` unless it is positive definite and finite.
     #[must_use]
-    pub fn from_covariance(kind: MetricKind, covariance: &DMatrix<f64>) -> Option<Self> {
-        match kind {
-            MetricKind::Diagonal => {
-                let scales: Vec<f64> = covariance.diagonal().iter().map(|v| v.sqrt()).collect();
-                let usable = scales.iter().all(|s| s.is_finite() && *s > 0.0);
-                usable.then_some(Self::Diagonal(scales))
-            }
-            MetricKind::Dense => cholesky(covariance).map(|c| Self::Dense(packed(&c.l()))),
-        }
+    pub fn from_covariance(covariance: &DMatrix<f64>) -> Option<Self> {
+        cholesky(covariance).map(|c| Self(packed(&c.l())))
     }
 
     /// The covariance of rows of coordinates, one after the other, as a metric; the prior's if they do not span the space.
     #[must_use]
-    pub fn of_rows(kind: MetricKind, rows: &[f64], dim: usize) -> Self {
+    pub fn of_rows(rows: &[f64], dim: usize) -> Self {
         let rows: Vec<DVector<f64>> = rows
             .chunks_exact(dim)
             .map(DVector::from_column_slice)
@@ -66,51 +40,28 @@ impl Metric {
             let away = row - &mean;
             covariance += &away * away.transpose() / n;
         }
-        Self::from_covariance(kind, &covariance).unwrap_or_else(|| Self::identity(kind, dim))
-    }
-
-    /// Its shape.
-    #[must_use]
-    pub fn kind(&self) -> MetricKind {
-        match self {
-            Self::Diagonal(_) => MetricKind::Diagonal,
-            Self::Dense(_) => MetricKind::Dense,
-        }
+        Self::from_covariance(&covariance).unwrap_or_else(|| Self::identity(dim))
     }
 
     /// `out = L r`.
     pub fn velocity(&self, momentum: &[f64], out: &mut [f64]) {
-        match self {
-            Self::Diagonal(scales) => {
-                for ((o, s), r) in out.iter_mut().zip(scales).zip(momentum) {
-                    *o = s * r;
-                }
-            }
-            Self::Dense(lower) => {
-                let mut rest = lower.as_slice();
-                for (i, o) in out.iter_mut().enumerate() {
-                    let (row, tail) = rest.split_at(i + 1);
-                    rest = tail;
-                    *o = row.iter().zip(momentum).map(|(l, r)| l * r).sum();
-                }
-            }
+        let mut rest = self.0.as_slice();
+        for (i, o) in out.iter_mut().enumerate() {
+            let (row, tail) = rest.split_at(i + 1);
+            rest = tail;
+            *o = row.iter().zip(momentum).map(|(l, r)| l * r).sum();
         }
     }
 
     /// `out = L' f`.
     pub fn whiten_force(&self, force: &[f64], out: &mut [f64]) {
-        match self {
-            Self::Diagonal(_) => self.velocity(force, out),
-            Self::Dense(lower) => {
-                out.fill(0.0);
-                let mut rest = lower.as_slice();
-                for (i, f) in force.iter().enumerate() {
-                    let (row, tail) = rest.split_at(i + 1);
-                    rest = tail;
-                    for (o, l) in out.iter_mut().zip(row) {
-                        *o += l * f;
-                    }
-                }
+        out.fill(0.0);
+        let mut rest = self.0.as_slice();
+        for (i, f) in force.iter().enumerate() {
+            let (row, tail) = rest.split_at(i + 1);
+            rest = tail;
+            for (o, l) in out.iter_mut().zip(row) {
+                *o += l * f;
             }
         }
     }
@@ -118,19 +69,15 @@ impl Metric {
     /// `L` as a matrix.
     #[must_use]
     pub fn lower(&self) -> DMatrix<f64> {
-        match self {
-            Self::Diagonal(scales) => DMatrix::from_diagonal(&scales.clone().into()),
-            Self::Dense(lower) => {
-                let dim = (0..).take_while(|n| n * (n + 1) / 2 < lower.len()).count();
-                let mut l = DMatrix::zeros(dim, dim);
-                for i in 0..dim {
-                    for j in 0..=i {
-                        l[(i, j)] = lower[i * (i + 1) / 2 + j];
-                    }
-                }
-                l
+        let lower = &self.0;
+        let dim = (0..).take_while(|n| n * (n + 1) / 2 < lower.len()).count();
+        let mut l = DMatrix::zeros(dim, dim);
+        for i in 0..dim {
+            for j in 0..=i {
+                l[(i, j)] = lower[i * (i + 1) / 2 + j];
             }
         }
+        l
     }
 
     /// `V = L L'`.
@@ -147,23 +94,23 @@ impl Metric {
     #[must_use]
     pub fn refined(&self, moments: &Moments) -> Option<Self> {
         let l = self.lower();
-        let position = self.shrunk(
+        let position = Self::shrunk(
             &whitened(&l, &moments.position_covariance())?,
             moments.weight,
         );
-        let score = self.shrunk(
+        let score = Self::shrunk(
             &(l.transpose() * moments.score_covariance() * &l),
             moments.weight,
         );
         let mean = geodesic(&position, &cholesky(&score)?.inverse(), 0.5)?;
-        Self::from_covariance(self.kind(), &symmetric(&(&l * mean * l.transpose())))
+        Self::from_covariance(&symmetric(&(&l * mean * l.transpose())))
     }
 
     /// The metric at the fraction `t` of the way to `other`, along the geodesic; this one if either is unusable.
     #[must_use]
     pub fn between(&self, other: &Self, t: f64) -> Self {
         geodesic(&self.covariance(), &other.covariance(), t)
-            .and_then(|v| Self::from_covariance(self.kind(), &v))
+            .and_then(|v| Self::from_covariance(&v))
             .unwrap_or_else(|| self.clone())
     }
 
@@ -177,14 +124,9 @@ impl Metric {
         })
     }
 
-    fn shrunk(&self, covariance: &DMatrix<f64>, weight: f64) -> DMatrix<f64> {
-        let keep = match self.kind() {
-            MetricKind::Diagonal => 0.0,
-            MetricKind::Dense => {
-                let share = covariance.nrows() as f64 / weight.max(1.0);
-                1.0 / (1.0 + share * share)
-            }
-        };
+    fn shrunk(covariance: &DMatrix<f64>, weight: f64) -> DMatrix<f64> {
+        let per_draw = covariance.nrows() as f64 / weight.max(1.0);
+        let keep = 1.0 / (1.0 + per_draw * per_draw);
         let diagonal = DMatrix::from_diagonal(&covariance.diagonal());
         covariance * keep + diagonal * (1.0 - keep)
     }
@@ -192,8 +134,7 @@ impl Metric {
 
 /// The point at `t` of the geodesic from `a` to `b` among positive matrices, `A^1/2 (A^-1/2 B A^-1/2)^t A^1/2`; for
 /// t = 1/2 their geometric mean. `None` unless both are positive definite and finite.
-#[must_use]
-pub fn geodesic(a: &DMatrix<f64>, b: &DMatrix<f64>, t: f64) -> Option<DMatrix<f64>> {
+fn geodesic(a: &DMatrix<f64>, b: &DMatrix<f64>, t: f64) -> Option<DMatrix<f64>> {
     let l = cholesky(a)?.l();
     let ratio = whitened(&l, b)?.symmetric_eigen();
     if !ratio.eigenvalues.iter().all(|e| e.is_finite() && *e > 0.0) {
@@ -251,7 +192,7 @@ mod tests {
     #[test]
     fn scores_find_the_scales_of_a_gaussian_from_draws_that_are_far_off() {
         let p = precision();
-        let mut metric = Metric::identity(MetricKind::Dense, 5);
+        let mut metric = Metric::identity(5);
         let mut rng = stream(2, Domain::Test, 0, 0);
         for _ in 0..9 {
             let mut moments = Moments::new(5);
@@ -272,8 +213,8 @@ mod tests {
     #[test]
     fn velocity_and_force_use_the_factor_and_its_transpose() {
         let covariance = precision();
-        for kind in [MetricKind::Dense, MetricKind::Diagonal] {
-            let metric = Metric::from_covariance(kind, &covariance).unwrap();
+        {
+            let metric = Metric::from_covariance(&covariance).unwrap();
             let l = metric.lower();
             let x = [0.3, -1.0, 2.0, 0.7, -0.2];
             let (mut v, mut f) = ([0.0; 5], [0.0; 5]);
@@ -288,10 +229,15 @@ mod tests {
         }
     }
 
+    fn diagonal(sd: [f64; 2]) -> Metric {
+        let variances = sd.map(|s| s * s).to_vec();
+        Metric::from_covariance(&DMatrix::from_diagonal(&variances.into())).unwrap()
+    }
+
     #[test]
     fn the_stretch_is_the_largest_ratio_of_lengths() {
-        let narrow = Metric::Diagonal(vec![0.1, 2.0]);
-        let wide = Metric::Diagonal(vec![0.5, 1.0]);
+        let narrow = diagonal([0.1, 2.0]);
+        let wide = diagonal([0.5, 1.0]);
         assert!((narrow.ln_stretch(&wide) - 5_f64.ln()).abs() < 1e-12);
         assert!((wide.ln_stretch(&narrow) - 2_f64.ln()).abs() < 1e-12);
         let half = narrow.between(&wide, 0.5).covariance();
@@ -304,20 +250,16 @@ mod tests {
         for _ in 0..10 {
             moments.push(&[0.3, 0.1], &[1.0, 2.0]);
         }
-        assert!(
-            Metric::identity(MetricKind::Dense, 2)
-                .refined(&moments)
-                .is_none()
-        );
+        assert!(Metric::identity(2).refined(&moments).is_none());
     }
 
     #[test]
     fn the_metric_of_rows_is_their_covariance() {
         let rows = [1.0, 0.0, -1.0, 0.0, 0.0, 2.0, 0.0, -2.0];
-        let metric = Metric::of_rows(MetricKind::Dense, &rows, 2).covariance();
+        let metric = Metric::of_rows(&rows, 2).covariance();
         assert!((metric[(0, 0)] - 0.5).abs() < 1e-12 && (metric[(1, 1)] - 2.0).abs() < 1e-12);
         // Rows on a line span nothing.
-        let line = Metric::of_rows(MetricKind::Dense, &[1.0, 1.0, -1.0, -1.0], 2);
-        assert_eq!(line, Metric::identity(MetricKind::Dense, 2));
+        let line = Metric::of_rows(&[1.0, 1.0, -1.0, -1.0], 2);
+        assert_eq!(line, Metric::identity(2));
     }
 }

@@ -6,23 +6,20 @@
 //! metric (an estimate of the posterior's covariance): kinetic energy is `|r|^2 / 2`, the velocity is `L r` and the
 //! whitened force `L' (beta grad l - z)`.
 
-mod jump;
 mod leapfrog;
 mod metric;
 mod moments;
-mod no_u_turn;
 mod point;
 mod reference;
 mod slice;
 mod step_size;
-mod walls;
+mod symmetry;
 
-pub use jump::{jump, refresh};
-pub use leapfrog::{End, Explorer, Moved, Plan, shorten};
-pub use metric::{Metric, MetricKind, geodesic};
+pub use leapfrog::{End, LocalSampler, Moved, Plan, shorten};
+pub use metric::Metric;
 pub use moments::Moments;
 pub use point::{Evaluator, Point, Tally};
 pub use reference::Reference;
-pub use slice::{explore_by_slices, involve, slice, slide};
+pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};
 pub use step_size::{MAX_STEP, StepSize};
-pub use walls::inside;
+pub use symmetry::{propose_involution, refresh};

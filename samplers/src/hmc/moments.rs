@@ -36,14 +36,14 @@ impl Scatter {
             *m += *d / count;
         }
         // sum (x - old mean)(x - new mean)' = (1 - 1/n) d d'
-        let share = 1.0 - 1.0 / count;
+        let fraction = 1.0 - 1.0 / count;
         for (row, di) in self
             .sum
             .chunks_exact_mut(self.deviation.len())
             .zip(&self.deviation)
         {
             for (s, dj) in row.iter_mut().zip(&self.deviation) {
-                *s += share * di * dj;
+                *s += fraction * di * dj;
             }
         }
     }
@@ -54,9 +54,9 @@ impl Scatter {
         }
     }
 
-    fn covariance(&self, freedom: f64) -> DMatrix<f64> {
+    fn covariance(&self, degrees_of_freedom: f64) -> DMatrix<f64> {
         let dim = self.mean.len();
-        DMatrix::from_row_slice(dim, dim, &self.sum) / freedom
+        DMatrix::from_row_slice(dim, dim, &self.sum) / degrees_of_freedom
     }
 }
 
@@ -78,7 +78,7 @@ impl Moments {
         self.score.push(score, self.weight);
     }
 
-    /// Adds the scatter of another rung about its own mean, at this weight: means of neighbouring rungs may differ,
+    /// Adds the scatter of another temperature about its own mean, at this weight: means of neighbouring temperatures may differ,
     /// their shapes hardly do.
     pub fn pool(&mut self, other: &Self, weight: f64) {
         self.position.pool(&other.position, weight);

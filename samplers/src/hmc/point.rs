@@ -1,7 +1,7 @@
 //! Where a chain stands, and the target seen from standard-normal coordinates, with every call counted.
 
 use super::reference::{PRIOR, Reference};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::rng::Stream;
 use crate::target::{Cause, Outcome, Target};
 use serde::{Deserialize, Serialize};
@@ -18,10 +18,10 @@ pub struct Point {
     pub gradient: Vec<f64>,
     /// Whether the gradients belong to `z`: moves that need none do not pay for them.
     pub has_gradient: bool,
-    /// [`Reference::tilt`] there.
-    pub tilt: f64,
+    /// [`Reference::ln_over_prior`] there.
+    pub ln_over_prior: f64,
     /// Its gradient; empty on a path from the prior, and of no meaning unless [`has_gradient`](Self::has_gradient).
-    pub tilt_gradient: Vec<f64>,
+    pub ln_over_prior_gradient: Vec<f64>,
 }
 
 impl Point {
@@ -33,21 +33,21 @@ impl Point {
             ln_likelihood: f64::NEG_INFINITY,
             gradient: vec![0.0; dim],
             has_gradient: false,
-            tilt: 0.0,
-            tilt_gradient: Vec::new(),
+            ln_over_prior: 0.0,
+            ln_over_prior_gradient: Vec::new(),
         }
     }
 
     /// Log density at an inverse temperature, up to a constant of the temperature.
     #[must_use]
     pub fn ln_density(&self, beta: f64) -> f64 {
-        ln_density(beta, &self.z, self.ln_likelihood, self.tilt)
+        ln_density(beta, &self.z, self.ln_likelihood, self.ln_over_prior)
     }
 
     /// ln of prior times likelihood over the reference: what swaps and evidences weigh.
     #[must_use]
     pub fn ln_ratio(&self) -> f64 {
-        self.ln_likelihood - self.tilt
+        self.ln_likelihood - self.ln_over_prior
     }
 
     /// Takes over another point of the same dimension without allocating.
@@ -56,14 +56,15 @@ impl Point {
         self.ln_likelihood = other.ln_likelihood;
         self.gradient.copy_from_slice(&other.gradient);
         self.has_gradient = other.has_gradient;
-        self.tilt = other.tilt;
-        self.tilt_gradient.clone_from(&other.tilt_gradient);
+        self.ln_over_prior = other.ln_over_prior;
+        self.ln_over_prior_gradient
+            .clone_from(&other.ln_over_prior_gradient);
     }
 }
 
-/// Log density at an inverse temperature, up to a constant of the temperature, where ln L and tilt are known.
-pub(super) fn ln_density(beta: f64, z: &[f64], ln_likelihood: f64, tilt: f64) -> f64 {
-    beta * ln_likelihood + (1.0 - beta) * tilt - 0.5 * z.iter().map(|z| z * z).sum::<f64>()
+/// Log density at an inverse temperature, up to a constant of the temperature, where ln L and log ratio to the prior are known.
+pub(super) fn ln_density(beta: f64, z: &[f64], ln_likelihood: f64, ln_over_prior: f64) -> f64 {
+    beta * ln_likelihood + (1.0 - beta) * ln_over_prior - 0.5 * z.iter().map(|z| z * z).sum::<f64>()
 }
 
 /// Likelihood calls and rejections.
@@ -159,7 +160,7 @@ impl<'a> Evaluator<'a> {
     /// ln L at `z`; minus infinity if rejected.
     ///
     /// # Errors
-    /// [`Error::Fatal`] or [`Error::Infinite`] from the target.
+    /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn value(&mut self, z: &[f64]) -> Result<f64> {
         self.target.prior().theta_from_z(z, &mut self.theta);
         self.calls += 1;
@@ -188,11 +189,11 @@ impl<'a> Evaluator<'a> {
             .collect()
     }
 
-    /// Fills ln L, tilt and gradients of `point` at its `z`; ln L is minus infinity if rejected, also where a slope is not
+    /// Fills ln L, log ratio to the prior and gradients of `point` at its `z`; ln L is minus infinity if rejected, also where a slope is not
     /// finite.
     ///
     /// # Errors
-    /// [`Error::Fatal`] or [`Error::Infinite`] from the target.
+    /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn fill(&mut self, point: &mut Point) -> Result<()> {
         let prior = self.target.prior();
         prior.theta_from_z(&point.z, &mut self.theta);
@@ -202,9 +203,9 @@ impl<'a> Evaluator<'a> {
             .ln_likelihood_and_gradient(&self.theta, &mut point.gradient);
         self.note(&outcome);
         point.ln_likelihood = outcome.ln_likelihood(&self.theta)?;
-        point.tilt = self
+        point.ln_over_prior = self
             .reference
-            .tilt_and_gradient(&point.z, &mut point.tilt_gradient);
+            .ln_over_prior_and_gradient(&point.z, &mut point.ln_over_prior_gradient);
         point.has_gradient = point.ln_likelihood > f64::NEG_INFINITY;
         if point.has_gradient {
             prior.gradient_to_z(&point.z, &mut point.gradient);
@@ -217,22 +218,9 @@ impl<'a> Evaluator<'a> {
         Ok(())
     }
 
-    /// Draws `z` from the reference inside the target's walls; no likelihood call.
-    ///
-    /// # Errors
-    /// [`Error::NoStart`] if the walls leave next to nothing of the reference.
-    pub fn draw_reference(&self, z: &mut [f64], rng: &mut Stream) -> Result<()> {
-        const TRIES: usize = 1_000_000;
-        for _ in 0..TRIES {
-            self.reference.draw(z, rng);
-            if super::inside(self.target.walls(), z) {
-                return Ok(());
-            }
-        }
-        Err(Error::NoStart {
-            tries: TRIES,
-            cause: "outside the walls of the prior".to_owned(),
-        })
+    /// Draws `z` from the reference; no likelihood call.
+    pub fn draw_reference(&self, z: &mut [f64], rng: &mut Stream) {
+        self.reference.draw(z, rng);
     }
 
     /// Counts a rejection.

@@ -2,7 +2,7 @@
 //! well (a variational reference; Surjanovic, Syed, Bouchard-Cote & Campbell 2022).
 //!
 //! At inverse temperature beta the density is `reference^(1 - beta) (prior L)^beta`. The reference's density over the prior's
-//! is its **tilt**: with it `prior exp{beta ln L + (1 - beta) tilt}`, and a path from the prior has no tilt. The integral over
+//! is its **log ratio to the prior**: with it `prior exp{beta ln L + (1 - beta) ln_over_prior}`, and a path from the prior has no log ratio to the prior. The integral over
 //! the whole path is the evidence, whatever the reference.
 
 use crate::diagnostics::ln_sum_exp;
@@ -11,16 +11,16 @@ use crate::normal;
 use crate::rng::{Stream, standard_normal, unit_open};
 use serde::{Deserialize, Serialize};
 
-/// Share of the prior in a reference: no point has a likelihood over it that is more than this many times smaller than over
+/// Fraction of the prior in a reference: no point has a likelihood over it that is more than this many times smaller than over
 /// the prior, and no mode is out of its reach.
-const PRIOR_SHARE: f64 = 0.05;
+const PRIOR_WEIGHT: f64 = 0.05;
 
-/// How many times as wide as the mixture that fits best a reference is. Where it has too little a ladder stays for long: the posterior of five
+/// How many times as wide as the mixture that fits best a reference is. Where it has too little a chain set stays for long: the posterior of five
 /// parameters of a stream had 386 effective draws for as many calls as 146 without.
 const WIDER: f64 = 1.3;
 
 /// Most components of a mixture.
-const MOST_COMPONENTS: usize = 64;
+const MAX_COMPONENTS: usize = 64;
 
 /// See the module's words.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -39,7 +39,7 @@ impl Reference {
         rng: impl Fn(usize) -> Stream,
     ) -> Option<Self> {
         let [first, second] = halves.clone().map(|values| Rows { dim, values });
-        let mixture = Mixture::choose([&first, &second], MOST_COMPONENTS, rng)?;
+        let mixture = Mixture::choose([&first, &second], MAX_COMPONENTS, rng)?;
         Some(Self(Some(mixture.widened(WIDER)?)))
     }
 
@@ -57,31 +57,33 @@ impl Reference {
 
     /// Logarithm of its density over the prior's; 0 for the prior.
     #[must_use]
-    pub fn tilt(&self, z: &[f64]) -> f64 {
+    pub fn ln_over_prior(&self, z: &[f64]) -> f64 {
         self.0
             .as_ref()
             .map_or(0.0, |mixture| blend(mixture.ln_density(z) - ln_prior(z)).0)
     }
 
-    /// The tilt, with its gradient written into `gradient`; that of the prior is empty.
-    pub fn tilt_and_gradient(&self, z: &[f64], gradient: &mut Vec<f64>) -> f64 {
+    /// The log ratio to the prior, with its gradient written into `gradient`; that of the prior is empty.
+    pub fn ln_over_prior_and_gradient(&self, z: &[f64], gradient: &mut Vec<f64>) -> f64 {
         gradient.clear();
         let Some(mixture) = &self.0 else {
             return 0.0;
         };
         gradient.resize(z.len(), 0.0);
         let over_prior = mixture.ln_density_and_gradient(z, gradient) - ln_prior(z);
-        let (tilt, share) = blend(over_prior);
+        let (ln_over_prior, fraction) = blend(over_prior);
         for (g, z) in gradient.iter_mut().zip(z) {
-            *g = share * (*g + z);
+            *g = fraction * (*g + z);
         }
-        tilt
+        ln_over_prior
     }
 
     /// A draw.
     pub fn draw(&self, z: &mut [f64], rng: &mut Stream) {
         match &self.0 {
-            Some(mixture) if unit_open(rng) >= PRIOR_SHARE => z.copy_from_slice(&mixture.draw(rng)),
+            Some(mixture) if unit_open(rng) >= PRIOR_WEIGHT => {
+                z.copy_from_slice(&mixture.draw(rng))
+            }
             _ => z.iter_mut().for_each(|z| *z = standard_normal(rng)),
         }
     }
@@ -90,9 +92,9 @@ impl Reference {
 /// From the mixture over the prior, in logarithms: mixture and prior in their shares over the prior, and the mixture's part of
 /// that.
 fn blend(over_prior: f64) -> (f64, f64) {
-    let mixture = over_prior + (-PRIOR_SHARE).ln_1p();
-    let tilt = ln_sum_exp(&[PRIOR_SHARE.ln(), mixture]);
-    (tilt, (mixture - tilt).exp())
+    let mixture = over_prior + (-PRIOR_WEIGHT).ln_1p();
+    let ln_over_prior = ln_sum_exp(&[PRIOR_WEIGHT.ln(), mixture]);
+    (ln_over_prior, (mixture - ln_over_prior).exp())
 }
 
 /// Log density of the prior.

@@ -4,9 +4,9 @@
 //! enough for a Hamiltonian path, but a slice finds the width that is left by itself, and costs values alone.
 
 use super::point::ln_density;
-use super::{Evaluator, Metric, Point, inside, jump, refresh};
+use super::{Evaluator, Metric, Point, propose_involution, refresh};
+use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
-use crate::neighbours::{Neighbours, Pair};
 use crate::rng::{Stream, standard_normal, unit_open};
 use crate::target::{Orbit, Symmetry};
 
@@ -17,13 +17,13 @@ const WIDTH: f64 = 2.0;
 /// Most calls of one slice; its interval has then shrunk to nothing, and the point stays.
 const MAX_CALLS: usize = 100;
 
-/// Share of directions that are differences of the pool's points, if it has two for each dimension.
+/// Fraction of directions that are differences of the pool's points, if it has two for each dimension.
 const DIFFERENCES: f64 = 0.75;
 
 /// A direction about as long as its slice: the difference of two of the pool's points near `at`, with the pair, or a random
 /// one in `metric`.
 fn direction(
-    pool: &Neighbours,
+    pool: &DifferencePool,
     metric: &Metric,
     orbit: Option<&dyn Orbit>,
     at: &[f64],
@@ -48,7 +48,7 @@ fn direction(
 
 /// Moves `at` to a draw from a slice of the density at `beta` on a line through it: a level under the present density,
 /// an interval about the point at a random offset, then draws from it, which shrinks to each draw that lies below the
-/// level. Along a pair of the pool's points it stays in the pair's cell ([`Neighbours`]); the pool does not change while a
+/// level. Along a pair of the pool's points it stays in the pair's cell ([`DifferencePool`]); the pool does not change while a
 /// chain uses it. The gradient at the new point is unknown.
 ///
 /// # Errors
@@ -57,7 +57,7 @@ pub fn slice(
     evaluator: &mut Evaluator<'_>,
     beta: f64,
     metric: &Metric,
-    pool: &Neighbours,
+    pool: &DifferencePool,
     at: &mut Point,
     rng: &mut Stream,
 ) -> Result<()> {
@@ -74,16 +74,16 @@ pub fn slice(
         for ((o, z), v) in trial.iter_mut().zip(&at.z).zip(&along) {
             *o = z + t * v;
         }
-        // The pair's cell, the prior's walls and what is known beside ln L can refuse a draw: no call then.
+        // The pair's cell and what is known beside ln L can refuse a draw: no call then.
         let held = pair.is_none_or(|pair| pool.holds(&pair, &trial, orbit));
-        if held && inside(evaluator.target().walls(), &trial) {
-            let tilt = evaluator.reference().tilt(&trial);
-            if bound.is_none_or(|most| ln_density(beta, &trial, most, tilt) > level) {
+        if held {
+            let ln_over_prior = evaluator.reference().ln_over_prior(&trial);
+            if bound.is_none_or(|most| ln_density(beta, &trial, most, ln_over_prior) > level) {
                 let l = evaluator.value(&trial)?;
-                if ln_density(beta, &trial, l, tilt) > level {
+                if ln_density(beta, &trial, l, ln_over_prior) > level {
                     at.z = trial;
                     at.ln_likelihood = l;
-                    at.tilt = tilt;
+                    at.ln_over_prior = ln_over_prior;
                     at.has_gradient = false;
                     return Ok(());
                 }
@@ -98,30 +98,30 @@ pub fn slice(
     Ok(())
 }
 
-/// [`involve`], then [`slide`].
+/// [`try_involutions`], then [`slice_updates`].
 ///
 /// # Errors
 /// As [`slice()`].
 #[allow(clippy::too_many_arguments, reason = "those of the two")]
-pub fn explore_by_slices(
+pub fn involutions_and_slice_updates(
     evaluator: &mut Evaluator<'_>,
     beta: f64,
     metric: &Metric,
-    pool: &Neighbours,
+    pool: &DifferencePool,
     slices: usize,
     at: &mut Point,
     rng: &mut Stream,
     visit: impl FnMut(&Point),
 ) -> Result<()> {
-    involve(evaluator, beta, at, rng)?;
-    slide(evaluator, beta, metric, pool, slices, at, rng, visit)
+    try_involutions(evaluator, beta, at, rng)?;
+    slice_updates(evaluator, beta, metric, pool, slices, at, rng, visit)
 }
 
 /// Tries each of the target's involutions with probability 1/2.
 ///
 /// # Errors
-/// As [`jump()`].
-pub fn involve(
+/// As [`propose_involution()`].
+pub fn try_involutions(
     evaluator: &mut Evaluator<'_>,
     beta: f64,
     at: &mut Point,
@@ -131,7 +131,7 @@ pub fn involve(
         if let Symmetry::Involution(map) = symmetry
             && unit_open(rng) < 0.5
         {
-            jump(evaluator, map.as_ref(), beta, at, rng)?;
+            propose_involution(evaluator, map.as_ref(), beta, at, rng)?;
         }
     }
     Ok(())
@@ -145,11 +145,11 @@ pub fn involve(
     clippy::too_many_arguments,
     reason = "what a slice needs, how many, and who looks on"
 )]
-pub fn slide(
+pub fn slice_updates(
     evaluator: &mut Evaluator<'_>,
     beta: f64,
     metric: &Metric,
-    pool: &Neighbours,
+    pool: &DifferencePool,
     slices: usize,
     at: &mut Point,
     rng: &mut Stream,

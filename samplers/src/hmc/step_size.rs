@@ -1,4 +1,4 @@
-//! The step size of one rung, steered toward an acceptance while a round adapts and frozen when it does not.
+//! The step size of one temperature, steered toward an acceptance while a round adapts and frozen when it does not.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,8 +1,8 @@
 //! What a nested run must pass to be believed.
 
-use super::reckoning::{Errors, Measured};
+use super::results::{Errors, Measured};
 use super::settings::Kernel;
-use super::state::{Job, State};
+use super::state::{Context, State};
 use super::tuning::{MAX_SEED_CORRELATION, mean};
 use crate::output::Check;
 use crate::rng::{Domain, stream};
@@ -10,20 +10,20 @@ use crate::rng::{Domain, stream};
 /// Task number of the stream that spreads ranks over their places.
 const SPREAD: u64 = 3;
 
-/// Largest error of ln Z by the scatter of clans in units of that of ideal draws. The error that is quoted is the larger of the two, and
+/// Largest error of ln Z by the scatter of recent lineages in units of that of ideal draws. The error that is quoted is the larger of the two, and
 /// holds: of 240 runs of four targets with 400 live points 101 had ratios from 1.5 to 2.3, and an rms of (ln Z - truth) / error of 0.8;
 /// nothing is known of larger ones. What runs that fail have, the campaign prints by check: with a limit of 1.5, 122 of its runs by
 /// slices with an rms of 0.75 (`cargo test -p oblate-samplers --release --test campaign -- --ignored nested`).
-const MOST_SCATTER: f64 = 2.5;
+const MAX_SCATTER: f64 = 2.5;
 
 /// Fewest lineages, in effect, that the posterior is of. Where 12 were left, means of 30 seeds scattered by 0.9 to 1.05 of their errors;
 /// where 5 to 7 were, by 1 to 1.2 on one mode and up to 2.6 on two
 /// (`cargo test -p oblate-samplers --release --test integration errors_of_means -- --ignored --nocapture`).
-const LEAST_LINEAGES: f64 = 4.0;
+const MIN_LINEAGES: f64 = 4.0;
 
 /// All checks that apply to a run with these targets and this kernel.
-pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Check> {
-    let settings = job.settings;
+pub(super) fn judge(context: &Context<'_>, state: &State, measured: &Measured) -> Vec<Check> {
+    let settings = context.settings;
     let mut checks = vec![
         Check::at_most(
             "remaining-evidence",
@@ -38,15 +38,15 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ch
             "normal deviate of the insertion ranks; if too large, new points are not drawn evenly: double `steps`, or use `differential`",
         ),
     ];
-    let mut rng = stream(job.seed, Domain::Post, SPREAD, 0);
+    let mut rng = stream(context.seed, Domain::Post, SPREAD, 0);
     let windows = state.ranks.ks_windows(20 * settings.n_live, &mut rng);
     checks.push(Check::at_least(
         "insertion-rank-windows",
         windows.iter().copied().fold(1.0, f64::min),
         0.01 / windows.len() as f64,
-        "smallest Kolmogorov-Smirnov probability of the insertion ranks over parts of the run; if too small, double `steps` or raise `n-live`",
+        "smallest Kolmogorov-Smirnov probability of the insertion ranks over parts of the run; if too small, double `steps` or raise `n_live`",
     ));
-    checks.extend(of_kin(measured));
+    checks.extend(of_genealogy(measured));
     if let Some(target) = settings.target_ess {
         checks.push(Check::at_least(
             "target-ess",
@@ -64,13 +64,13 @@ pub(super) fn judge(job: &Job<'_>, state: &State, measured: &Measured) -> Vec<Ch
         ));
     }
     if state.bounded_points > 0 {
-        checks.extend(of_kernel(job, state));
+        checks.extend(of_kernel(context, state));
     }
     checks
 }
 
-/// What the scatter of lineages and clans tells.
-pub(super) fn of_kin(measured: &Measured) -> [Check; 3] {
+/// What the scatter of lineages and recent lineages tells.
+pub(super) fn of_genealogy(measured: &Measured) -> [Check; 3] {
     let Errors {
         simulated,
         bootstrapped,
@@ -89,28 +89,28 @@ pub(super) fn of_kin(measured: &Measured) -> [Check; 3] {
         Check::at_least(
             "lineages-left",
             measured.lineages,
-            LEAST_LINEAGES,
-            "effective number of lineages among the posterior's draws; if fewer, effective sizes and errors of modes' weights are guesses: double `n-live`, or merge runs of several seeds",
+            MIN_LINEAGES,
+            "effective number of lineages among the posterior's draws; if fewer, effective sizes and errors of modes' weights are guesses: double `n_live`, or merge runs of several seeds",
         ),
         Check::at_most(
             "bootstrap-to-simulated",
             ratio,
-            MOST_SCATTER,
-            "error of ln Z by the scatter of clans over that of ideal draws; if too large, new points resemble their seeds: double `steps`",
+            MAX_SCATTER,
+            "error of ln Z by the scatter of recent lineages over that of ideal draws; if too large, new points resemble their seeds: double `steps`",
         ),
         Check::at_most(
             "lineage-halves",
             if apart > 0.0 { apart / error } else { 0.0 },
             3.0,
-            "difference of ln Z between two halves of the clans in units of its error; if too large, modes are found by chance: double `n-live`",
+            "difference of ln Z between two halves of the recent lineages in units of its error; if too large, modes are found by chance: double `n_live`",
         ),
     ]
 }
 
-fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Check> {
+fn of_kernel(context: &Context<'_>, state: &State) -> Vec<Check> {
     let points = state.bounded_points as f64;
     let mut checks = Vec::new();
-    match job.kernel() {
+    match context.kernel() {
         Kernel::Auto | Kernel::Uniform => checks.push(Check::at_least(
             "bound-efficiency",
             points / state.bounded_calls.max(1) as f64,
@@ -120,29 +120,29 @@ fn of_kernel(job: &Job<'_>, state: &State) -> Vec<Check> {
         Kernel::RandomWalk
         | Kernel::RandomSlice
         | Kernel::Differential
-        | Kernel::Reflective => {
-            if !state.tuning.jumps.is_empty() {
+        | Kernel::Galilean => {
+            if !state.tuning.jump_distances.is_empty() {
                 checks.push(Check::at_least(
-                    "relative-jump",
-                    mean(&state.tuning.jumps),
+                    "relative-jump-distance",
+                    mean(&state.tuning.jump_distances),
                     0.2,
                     "distance of new points from their seeds over that between live points; if too small, chains hardly leave their seeds: double `steps`",
                 ));
                 checks.push(Check::at_most(
-                    "seed-echo",
-                    mean(&state.tuning.echoes),
+                    "seed-rank-correlation",
+                    mean(&state.tuning.seed_correlations),
                     MAX_SEED_CORRELATION,
                     "correlation of a new point's likelihood rank with its seed's; if too large, live points are fewer than they seem and ln Z is too high: double `steps`",
                 ));
             }
         }
     }
-    if matches!(job.kernel(), Kernel::RandomWalk | Kernel::Reflective) {
+    if matches!(context.kernel(), Kernel::RandomWalk | Kernel::Galilean) {
         checks.push(Check::at_most(
             "no-move",
             state.tuning.stayed as f64 / points,
             0.01,
-            "share of chains that ended where they began; if too large, double `steps`",
+            "fraction of chains that ended where they began; if too large, double `steps`",
         ));
     }
     checks

@@ -1,24 +1,24 @@
 //! Where a dynamic run adds live points, and when it has enough (Higson et al. 2019).
 //!
-//! A strand is a run of its own above a contour: its points begin as draws of the prior above the floor, and when the lowest
-//! of them is above the ceiling they all die. Births and deaths of all strands together weigh as those of one run do.
+//! A batch is a run of its own above a contour: its points begin as draws of the prior above the floor, and when the lowest
+//! of them is above the ceiling they all die. Births and deaths of all batches together weigh as those of one run do.
 
 use super::evidence::{DeadPoints, Weighted};
 use super::live::Points;
-use super::reckoning::simulated;
+use super::results::simulated;
 use super::settings::Settings;
 use crate::diagnostics::kish_ess;
 use serde::{Deserialize, Serialize};
 
-/// Points of at least this share of the largest importance span a strand.
-const SPAN: f64 = 0.5;
+/// Points of at least this fraction of the largest importance span a batch.
+const RANGE: f64 = 0.5;
 
-/// Share of the posterior that no strand goes on for.
+/// Fraction of the posterior that no batch goes on for.
 const LEFT: f64 = 0.01;
 
-/// The log-likelihoods that a strand spans.
+/// The log-likelihoods that a batch spans.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Span {
+pub(super) struct LikelihoodRange {
     /// Its points are born above this one; minus infinity: draws of the prior.
     pub floor: f64,
     /// It ends when its lowest point is above this one.
@@ -27,10 +27,10 @@ pub(super) struct Span {
     pub ln_x: f64,
 }
 
-impl Span {
+impl LikelihoodRange {
     /// Where more points tell most. A point's importance for the posterior is its weight; for the evidence, that of all points
     /// from it on by the number alive, because they all lie in the volume that its own death leaves uncertain.
-    pub fn of(history: &DeadPoints, weighted: &Weighted, posterior_share: f64) -> Self {
+    pub fn of(history: &DeadPoints, weighted: &Weighted, posterior_fraction: f64) -> Self {
         let count = weighted.p.len();
         let mut rest = 0.0;
         let mut evidence: Vec<f64> = (0..count)
@@ -46,9 +46,9 @@ impl Span {
             .p
             .iter()
             .zip(evidence)
-            .map(|(p, e)| posterior_share * p + (1.0 - posterior_share) * e / sum)
+            .map(|(p, e)| posterior_fraction * p + (1.0 - posterior_fraction) * e / sum)
             .collect();
-        let enough = SPAN * importance.iter().copied().fold(0.0, f64::max);
+        let enough = RANGE * importance.iter().copied().fold(0.0, f64::max);
         let within = |i: &usize| importance[*i] >= enough;
         let first = (0..count).find(within).unwrap_or(0);
         let last = (0..count).rev().find(within).unwrap_or(0);
@@ -72,8 +72,8 @@ impl Span {
     }
 }
 
-/// What a run has come to, all strands together.
-pub(super) struct Survey {
+/// What a run has come to, all batches together.
+pub(super) struct RunSummary {
     pub points: Points,
     pub history: DeadPoints,
     pub weighted: Weighted,
@@ -83,12 +83,12 @@ pub(super) struct Survey {
     pub ess: f64,
 }
 
-impl Survey {
+impl RunSummary {
     pub fn of(points: Points, settings: &Settings, seed: u64) -> Self {
         let history = DeadPoints::of(&points);
         let weighted = history.weigh();
         let expected = history.expected_error(&weighted);
-        // Simulations of the whole history cost more than a strand's worth of cheap likelihoods.
+        // Simulations of the whole history cost more than a batch's worth of cheap likelihoods.
         let near = |target| expected <= target;
         Self {
             ln_z_error: if settings.target_ln_z_error.is_some_and(near) {
@@ -109,12 +109,12 @@ impl Survey {
     }
 
     /// What more points are to aim at: what the settings message, or the one target of two that is left.
-    pub fn posterior_share(&self, settings: &Settings) -> f64 {
+    pub fn posterior_fraction(&self, settings: &Settings) -> f64 {
         let both = settings.target_ess.is_some() && settings.target_ln_z_error.is_some();
         match self.wants(settings) {
             [true, false] if both => 1.0,
             [false, true] if both => 0.0,
-            _ => settings.posterior_share,
+            _ => settings.posterior_fraction,
         }
     }
 
@@ -132,35 +132,35 @@ impl Survey {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nested::live::Kin;
+    use crate::nested::live::Genealogy;
 
     const NEVER: f64 = f64::NEG_INFINITY;
 
     /// Ten points that die one after the other, none replaced; weights peak where `ln_l` does not grow as fast as the volume
     /// shrinks.
     fn history(ln_l: &[f64]) -> DeadPoints {
-        let lineages: Vec<Kin> = (0..).take(ln_l.len()).map(Kin::from).collect();
+        let lineages: Vec<Genealogy> = (0..).take(ln_l.len()).map(Genealogy::from).collect();
         DeadPoints::new(ln_l, &vec![NEVER; ln_l.len()], &lineages)
     }
 
     #[test]
-    fn a_strand_for_the_posterior_spans_its_weight_and_one_point_more() {
+    fn a_batch_for_the_posterior_spans_its_weight_and_one_point_more() {
         let ln_l: Vec<f64> = (0..10)
             .map(|i| [0.0, 9.0][usize::from(i > 3)] + 1e-3 * f64::from(i))
             .collect();
         let history = history(&ln_l);
-        let span = Span::of(&history, &history.weigh(), 1.0);
-        assert_eq!((span.floor, span.ceiling), (ln_l[3], ln_l[9]));
+        let range = LikelihoodRange::of(&history, &history.weigh(), 1.0);
+        assert_eq!((range.floor, range.ceiling), (ln_l[3], ln_l[9]));
         // Four of ten have died below it.
         let ln_x: f64 = (7..=10).map(|n| -1.0 / f64::from(n)).sum();
-        assert!((span.ln_x - ln_x).abs() < 1e-12, "{span:?}");
+        assert!((range.ln_x - ln_x).abs() < 1e-12, "{range:?}");
     }
 
     #[test]
-    fn strands_aim_at_the_target_that_is_left() {
+    fn batches_aim_at_the_target_that_is_left() {
         let mut points = Points::new(1);
-        points.push(&[0.5], 0.0, NEVER, Kin::default());
-        let mut survey = Survey::of(points, &Settings::default(), 1);
+        points.push(&[0.5], 0.0, NEVER, Genealogy::default());
+        let mut summary = RunSummary::of(points, &Settings::default(), 1);
         let settings = Settings {
             target_ess: Some(100.0),
             target_ln_z_error: Some(0.1),
@@ -170,19 +170,19 @@ mod tests {
             target_ln_z_error: None,
             ..settings.clone()
         };
-        for (ess, error, share) in [(90.0, 0.2, 0.8), (90.0, 0.1, 1.0), (100.0, 0.2, 0.0)] {
-            (survey.ess, survey.ln_z_error) = (ess, error);
-            assert!(!survey.meets(&settings));
-            assert!((survey.posterior_share(&settings) - share).abs() < 1e-12);
+        for (ess, error, fraction) in [(90.0, 0.2, 0.8), (90.0, 0.1, 1.0), (100.0, 0.2, 0.0)] {
+            (summary.ess, summary.ln_z_error) = (ess, error);
+            assert!(!summary.meets(&settings));
+            assert!((summary.posterior_fraction(&settings) - fraction).abs() < 1e-12);
         }
-        (survey.ess, survey.ln_z_error) = (90.0, 0.1);
-        assert!((survey.posterior_share(&alone) - 0.8).abs() < 1e-12);
-        survey.ess = 100.0;
-        assert!(survey.meets(&settings) && survey.meets(&alone));
+        (summary.ess, summary.ln_z_error) = (90.0, 0.1);
+        assert!((summary.posterior_fraction(&alone) - 0.8).abs() < 1e-12);
+        summary.ess = 100.0;
+        assert!(summary.meets(&settings) && summary.meets(&alone));
     }
 
     #[test]
-    fn a_strand_for_the_evidence_begins_with_the_prior() {
+    fn a_batch_for_the_evidence_begins_with_the_prior() {
         let ln_l: Vec<f64> = (0..10).map(f64::from).collect();
         let history = history(&ln_l);
         let mut weighted = history.weigh();
@@ -191,9 +191,9 @@ mod tests {
         weighted.p[..3].copy_from_slice(&[0.05, 0.05, 0.25]);
         let mut even = history.clone();
         even.live = vec![10; 10];
-        let span = Span::of(&even, &weighted, 0.0);
+        let range = LikelihoodRange::of(&even, &weighted, 0.0);
         // From the sixth on less than half of the weight is left.
-        assert_eq!((span.floor, span.ceiling), (NEVER, ln_l[5]));
-        assert!(span.ln_x.abs() < f64::MIN_POSITIVE);
+        assert_eq!((range.floor, range.ceiling), (NEVER, ln_l[5]));
+        assert!(range.ln_x.abs() < f64::MIN_POSITIVE);
     }
 }

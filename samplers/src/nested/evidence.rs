@@ -5,7 +5,7 @@
 //! which `ln t` has mean `-1/n` and variance `1/n^2`. With `E ln t` the estimate of ln Z is unbiased; with `ln E t`
 //! the one of Z is.
 
-use super::live::{Kin, Points};
+use super::live::{Genealogy, Points};
 use crate::diagnostics::{effective_number, ln_sum_exp, sums_by_group};
 use crate::rng::{Domain, stream, unit_open};
 use rayon::prelude::*;
@@ -23,8 +23,8 @@ pub(super) struct DeadPoints {
     pub birth: Vec<f64>,
     /// Lineages, for what chains never forget: modes.
     pub lineages: Groups,
-    /// Clans, for what they do forget: volumes.
-    pub clans: Groups,
+    /// Recent lineages, for what they do forget: volumes.
+    pub recent_lineages: Groups,
     /// Row numbers of the points as they were given.
     pub order: Vec<usize>,
     /// Rows in order of birth.
@@ -65,22 +65,23 @@ pub(super) struct Weighted {
 impl DeadPoints {
     /// Of the points of a run.
     pub fn of(points: &Points) -> Self {
-        Self::new(&points.ln_l, &points.birth, &points.kin)
+        Self::new(&points.ln_l, &points.birth, &points.genealogy)
     }
 
     /// Points in any order; equal log-likelihoods die in the order given.
-    pub fn new(ln_l: &[f64], birth: &[f64], kin: &[Kin]) -> Self {
+    pub fn new(ln_l: &[f64], birth: &[f64], genealogy: &[Genealogy]) -> Self {
         let mut order: Vec<usize> = (0..ln_l.len()).collect();
         order.sort_by(|&a, &b| ln_l[a].total_cmp(&ln_l[b]));
         let birth: Vec<f64> = order.iter().map(|&i| birth[i]).collect();
         let mut by_birth: Vec<usize> = (0..birth.len()).collect();
         by_birth.sort_by(|&a, &b| birth[a].total_cmp(&birth[b]));
-        let groups =
-            |of: fn(&Kin) -> u32| Groups::new(order.iter().map(|&i| of(&kin[i])).collect());
+        let groups = |of: fn(&Genealogy) -> u32| {
+            Groups::new(order.iter().map(|&i| of(&genealogy[i])).collect())
+        };
         let mut history = Self {
             ln_l: order.iter().map(|&i| ln_l[i]).collect(),
-            lineages: groups(|kin| kin.lineage),
-            clans: groups(|kin| kin.clan),
+            lineages: groups(|genealogy| genealogy.lineage),
+            recent_lineages: groups(|genealogy| genealogy.recent_lineage),
             birth,
             order,
             by_birth,
@@ -171,33 +172,33 @@ impl DeadPoints {
             .collect()
     }
 
-    /// ln Z in `count` Bayesian bootstraps (Rubin 1981) over clans: each has a weight drawn from the unit exponential. None is ever
-    /// left out, as when whole clans are drawn, so that no bootstrap lacks a peak that few of them have reached.
+    /// ln Z in `count` Bayesian bootstraps (Rubin 1981) over recent lineages: each has a weight drawn from the unit exponential. None is ever
+    /// left out, as when whole recent lineages are drawn, so that no bootstrap lacks a peak that few of them have reached.
     pub fn bootstrap(&self, seed: u64, count: usize) -> Vec<f64> {
         (0..count as u64)
             .into_par_iter()
             .map(|b| {
                 let mut rng = stream(seed, Domain::Post, BOOTSTRAP, b);
-                let weights: Vec<f64> = (0..self.clans.count)
+                let weights: Vec<f64> = (0..self.recent_lineages.count)
                     .map(|_| -unit_open(&mut rng).ln())
                     .collect();
-                self.weigh_groups(&self.clans, &weights).1.ln_z
+                self.weigh_groups(&self.recent_lineages, &weights).1.ln_z
             })
             .collect()
     }
 
-    /// How many lineages of equal shares of the posterior would be as unlike each other as these are.
+    /// How many lineages of equal fractions of the posterior would be as unlike each other as these are.
     pub fn effective_lineages(&self, weighted: &Weighted) -> f64 {
         effective_number(sums_by_group(&self.lineages.of, weighted.p.iter().copied()))
     }
 
-    /// ln Z from the clans of even and of odd number.
+    /// ln Z from the recent lineages of even and of odd number.
     pub fn halves(&self) -> [f64; 2] {
         [0, 1].map(|parity| {
-            let weights: Vec<f64> = (0..self.clans.count)
+            let weights: Vec<f64> = (0..self.recent_lineages.count)
                 .map(|k| if k % 2 == parity { 1.0 } else { 0.0 })
                 .collect();
-            self.weigh_groups(&self.clans, &weights).1.ln_z
+            self.weigh_groups(&self.recent_lineages, &weights).1.ln_z
         })
     }
 
@@ -242,11 +243,11 @@ pub(super) fn weigh(ln_l: &[f64], ln_t: &[f64]) -> Weighted {
     let mut p = Vec::with_capacity(count);
     for (ln_p, l) in ln_p.iter_mut().zip(ln_l) {
         *ln_p -= ln_z;
-        let share = ln_p.exp();
-        p.push(share);
+        let fraction = ln_p.exp();
+        p.push(fraction);
         // A rejected point has no weight, but a log-likelihood that must not be multiplied.
-        if share > 0.0 {
-            information += share * l;
+        if fraction > 0.0 {
+            information += fraction * l;
         }
     }
     Weighted {

@@ -3,49 +3,49 @@
 use super::checks;
 use super::evidence::DeadPoints;
 use super::live::Points;
-use super::reckoning::{Errors, Reckoning};
-use super::state::{Job, State};
+use super::results::{Errors, Results};
+use super::state::{Context, State};
 use crate::error::Result;
 use crate::output::{Cost, Method, Run, Status};
 use crate::rng::STREAM_VERSION;
 
 /// Builds the result. The live points count as dead in the order of their likelihoods.
 pub(super) fn finish(
-    job: &Job<'_>,
+    context: &Context<'_>,
     state: &State,
     status: Status,
     mut warnings: Vec<String>,
 ) -> Result<Run> {
     let points = state.points();
-    let theta = physical(job, &points);
-    let reckoning = Reckoning::of(
+    let theta = physical(context, &points);
+    let results = Results::of(
         DeadPoints::of(&points),
         &theta,
         points.dim(),
-        |history, weighted| Errors::of(history, weighted, job.settings, job.seed),
+        |history, weighted| Errors::of(history, weighted, context.settings, context.seed),
     );
-    let draws = reckoning.draws(job.target, &theta)?;
-    let ess = reckoning.ess(&draws);
-    let checks = checks::judge(job, state, &reckoning.measured(ess.kish));
-    if state.tuning.steps > job.first_steps() {
+    let draws = results.draws(context.target, &theta)?;
+    let ess = results.ess(&draws);
+    let checks = checks::judge(context, state, &results.measured(ess.kish));
+    if state.tuning.steps > context.first_steps() {
         warnings.push(format!(
             "steps per new point were raised from {} to {} because new points resembled their seeds; start the next run with `steps = {}`",
-            job.first_steps(),
+            context.first_steps(),
             state.tuning.steps,
             state.tuning.steps
         ));
     }
-    let prior = job.target.prior();
+    let prior = context.target.prior();
     Ok(Run {
         method: Method::Nested,
         status,
-        seed: job.seed,
+        seed: context.seed,
         stream_version: STREAM_VERSION,
         names: prior.names().to_vec(),
         units: prior.units().to_vec(),
-        derived_names: job.target.derived_names(),
+        derived_names: context.target.derived_names(),
         draws,
-        evidence: reckoning.evidence(),
+        evidence: results.evidence(),
         ess,
         cost: Cost {
             calls: state.calls,
@@ -54,18 +54,18 @@ pub(super) fn finish(
             wall_seconds: state.time.wall_seconds,
             rejected: state.rejected.clone(),
         },
-        history: reckoning.run_history(state.ranks.fractions()),
+        history: results.run_history(state.ranks.fractions()),
         checks,
         warnings,
     })
 }
 
 /// Physical parameters of all points, row-major.
-fn physical(job: &Job<'_>, points: &Points) -> Vec<f64> {
+fn physical(context: &Context<'_>, points: &Points) -> Vec<f64> {
     let dim = points.dim();
     let mut theta = vec![0.0; dim * points.len()];
     for (i, row) in theta.chunks_exact_mut(dim).enumerate() {
-        job.target.prior().theta_from_u(points.row(i), row);
+        context.target.prior().theta_from_u(points.row(i), row);
     }
     theta
 }

@@ -1,14 +1,10 @@
 //! The likelihood as a nested run sees it: on the cube, with every call and every rejection counted.
 
 use super::live::REJECTED;
-use crate::error::{Error, Result};
-use crate::normal;
+use crate::error::Result;
 use crate::rng::{Stream, unit_open};
 use crate::target::{Cause, Outcome, Target};
 use std::collections::BTreeMap;
-
-/// Draws of the prior in search of one inside its walls.
-const MAX_WALL_DRAWS: u64 = 10_000_000;
 
 /// Calls, gradients, and rejections by cause.
 #[derive(Clone, Debug, Default)]
@@ -63,35 +59,6 @@ impl<'a> Likelihood<'a> {
         }
     }
 
-    /// Whether a point of the cube is inside the walls of the prior; it costs no call.
-    pub fn inside_walls(&self, u: &[f64]) -> bool {
-        self.target.walls().iter().all(|wall| {
-            let height: f64 = wall
-                .normal
-                .iter()
-                .zip(u)
-                .filter(|(a, _)| a.abs() > 0.0)
-                .map(|(a, u)| a * normal::quantile(*u))
-                .sum();
-            height >= wall.offset
-        })
-    }
-
-    /// An independent draw of the prior inside its walls, into `u`.
-    pub fn draw_prior(&self, rng: &mut Stream, u: &mut [f64]) -> Result<()> {
-        for _ in 0..MAX_WALL_DRAWS {
-            u.iter_mut().for_each(|u| *u = unit_open(rng));
-            if self.inside_walls(u) {
-                return Ok(());
-            }
-        }
-        Err(Error::Stuck {
-            what: "no draw of the prior lies inside its walls",
-            tries: MAX_WALL_DRAWS,
-            remedy: "check the walls: together they must leave some of the prior",
-        })
-    }
-
     /// ln L at a point of the cube; [`REJECTED`] where there is none.
     pub fn at(&mut self, u: &[f64]) -> Result<f64> {
         self.target.prior().theta_from_u(u, &mut self.theta);
@@ -129,4 +96,9 @@ impl<'a> Likelihood<'a> {
         both.map(|(outcome, theta)| self.tally.settle(outcome, theta))
             .collect()
     }
+}
+
+/// An independent draw of the prior, into `u`.
+pub(super) fn draw_prior(rng: &mut Stream, u: &mut [f64]) {
+    u.iter_mut().for_each(|u| *u = unit_open(rng));
 }

@@ -9,9 +9,9 @@ pub(super) const REJECTED: f64 = f64::MIN;
 
 /// Number of lineages that this many live points found: even, so that each lies in one half.
 pub(super) fn lineages(n_live: usize) -> usize {
-    const MOST: usize = 20;
-    const LEAST_POINTS: usize = 5;
-    (n_live / LEAST_POINTS).clamp(2, MOST) & !1
+    const MAX: usize = 20;
+    const MIN_POINTS: usize = 5;
+    (n_live / MIN_POINTS).clamp(2, MAX) & !1
 }
 
 /// A count as it is stored.
@@ -19,23 +19,23 @@ pub(super) fn narrow(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }
 
-/// Whom a point is related to. A point drawn by a chain is of its seed's kin, whom it resembles while steps are few; one drawn
+/// Whom a point is related to. A point drawn by a chain is of its seed's genealogy, whom it resembles while steps are few; one drawn
 /// without a seed takes the place of the one that dies for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Kin {
+pub(super) struct Genealogy {
     /// Descent from the first points, for ever: a mode that lineages stay in is theirs. Even and odd ones are the two halves.
     pub lineage: u32,
-    /// Descent from lineages founded anew whenever few clans are left ([`Points::found`]): how far the volumes are known depends
+    /// Descent from lineages founded anew whenever few recent lineages are left ([`Points::found`]): how far the volumes are known depends
     /// on what chains have not forgotten yet. Of its lineage's half.
-    pub clan: u32,
+    pub recent_lineage: u32,
 }
 
-impl From<u32> for Kin {
-    /// Of this lineage, and the clan of the same number.
+impl From<u32> for Genealogy {
+    /// Of this lineage, and the recent lineage of the same number.
     fn from(lineage: u32) -> Self {
         Self {
             lineage,
-            clan: lineage,
+            recent_lineage: lineage,
         }
     }
 }
@@ -51,7 +51,7 @@ pub(super) struct Points {
     /// Log-likelihood of the contour above which each was drawn; minus infinity for the prior itself.
     pub birth: Vec<f64>,
     /// Whom each is related to.
-    pub kin: Vec<Kin>,
+    pub genealogy: Vec<Genealogy>,
 }
 
 impl Points {
@@ -74,23 +74,28 @@ impl Points {
         &self.u[i * self.dim..(i + 1) * self.dim]
     }
 
-    pub fn push(&mut self, u: &[f64], ln_l: f64, birth: f64, kin: impl Into<Kin>) {
+    pub fn push(&mut self, u: &[f64], ln_l: f64, birth: f64, genealogy: impl Into<Genealogy>) {
         self.u.extend_from_slice(u);
         self.ln_l.push(ln_l);
         self.birth.push(birth);
-        self.kin.push(kin.into());
+        self.genealogy.push(genealogy.into());
     }
 
     pub fn push_from(&mut self, other: &Self, i: usize) {
-        self.push(other.row(i), other.ln_l[i], other.birth[i], other.kin[i]);
+        self.push(
+            other.row(i),
+            other.ln_l[i],
+            other.birth[i],
+            other.genealogy[i],
+        );
     }
 
     /// Replaces row `i`.
-    pub fn replace(&mut self, i: usize, u: &[f64], ln_l: f64, birth: f64, kin: Kin) {
+    pub fn replace(&mut self, i: usize, u: &[f64], ln_l: f64, birth: f64, genealogy: Genealogy) {
         self.u[i * self.dim..(i + 1) * self.dim].copy_from_slice(u);
         self.ln_l[i] = ln_l;
         self.birth[i] = birth;
-        self.kin[i] = kin;
+        self.genealogy[i] = genealogy;
     }
 
     /// Keeps the rows named, in the order given.
@@ -102,16 +107,20 @@ impl Points {
         out
     }
 
-    /// How many clans of equal shares would be as unlike each other as these are.
-    pub fn effective_clans(&self) -> f64 {
-        effective_kinds(self.kin.iter().map(|kin| kin.clan))
+    /// How many recent lineages of equal shares would be as unlike each other as these are.
+    pub fn effective_recent_lineages(&self) -> f64 {
+        effective_kinds(
+            self.genealogy
+                .iter()
+                .map(|genealogy| genealogy.recent_lineage),
+        )
     }
 
-    /// Founds new clans, `count` of them from this number on, each in the half where it was.
+    /// Founds new recent lineages, `count` of them from this number on, each in the half where it was.
     pub fn found(&mut self, first: u32, count: u32) {
         for (half, rows) in (0..).zip(self.halves()) {
             for (turn, row) in (0..count / 2).cycle().zip(rows) {
-                self.kin[row].clan = first + 2 * turn + half;
+                self.genealogy[row].recent_lineage = first + 2 * turn + half;
             }
         }
     }
@@ -121,7 +130,7 @@ impl Points {
     pub fn halves(&self) -> [Vec<usize>; 2] {
         let of = |half: u32| -> Vec<usize> {
             (0..self.len())
-                .filter(|&i| self.kin[i].lineage % 2 == half)
+                .filter(|&i| self.genealogy[i].lineage % 2 == half)
                 .collect()
         };
         [of(0), of(1)]
@@ -135,7 +144,7 @@ impl Points {
 
 /// The points that die together, and the contour that their successors must exceed.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Batch {
+pub(super) struct Replacement {
     /// The largest log-likelihood among the dying.
     pub contour: f64,
     /// Rows that die, lowest first, ties in row order.
@@ -145,7 +154,7 @@ pub(super) struct Batch {
 }
 
 /// The `size` lowest points and all that tie with the highest of them: a plateau dies as a whole.
-pub(super) fn lowest(live: &Points, size: usize) -> Batch {
+pub(super) fn lowest(live: &Points, size: usize) -> Replacement {
     let mut order: Vec<usize> = (0..live.len()).collect();
     order.sort_by(|&a, &b| live.ln_l[a].total_cmp(&live.ln_l[b]));
     let contour = order
@@ -158,7 +167,7 @@ pub(super) fn lowest(live: &Points, size: usize) -> Batch {
     let kept = (0..live.len())
         .filter(|&i| live.ln_l[i] > contour)
         .collect();
-    Batch {
+    Replacement {
         contour,
         dying,
         kept,
@@ -175,25 +184,29 @@ mod tests {
         for (i, l) in (0..).zip([3.0, 1.0, 2.0, 2.0, 5.0, 2.0]) {
             live.push(&[0.5], l, f64::NEG_INFINITY, i);
         }
-        let batch = lowest(&live, 2);
-        assert_eq!(batch.dying, [1, 2, 3, 5]);
-        assert_eq!(batch.kept, [0, 4]);
-        assert!((batch.contour - 2.0).abs() < 1e-15);
+        let replacement = lowest(&live, 2);
+        assert_eq!(replacement.dying, [1, 2, 3, 5]);
+        assert_eq!(replacement.kept, [0, 4]);
+        assert!((replacement.contour - 2.0).abs() < 1e-15);
         assert!(lowest(&live, 6).kept.is_empty());
     }
 
     #[test]
-    fn clans_are_founded_anew_each_in_its_half() {
+    fn recent_lineages_are_founded_anew_each_in_its_half() {
         let mut live = Points::new(1);
         for lineage in [0_u32, 0, 0, 3, 2, 3, 0, 3] {
             live.push(&[0.5], 0.0, 0.0, lineage);
         }
         // Four of one, three of another, one alone.
-        assert!((live.effective_clans() - 64.0 / 26.0).abs() < 1e-12);
+        assert!((live.effective_recent_lineages() - 64.0 / 26.0).abs() < 1e-12);
         let halves = live.halves();
         live.found(20, 4);
-        let clans: Vec<u32> = live.kin.iter().map(|kin| kin.clan).collect();
-        assert_eq!(clans, [20, 22, 20, 21, 22, 23, 20, 21]);
+        let recent_lineages: Vec<u32> = live
+            .genealogy
+            .iter()
+            .map(|genealogy| genealogy.recent_lineage)
+            .collect();
+        assert_eq!(recent_lineages, [20, 22, 20, 21, 22, 23, 20, 21]);
         assert_eq!(live.halves(), halves);
     }
 }

@@ -3,12 +3,12 @@
 //! Births and deaths of independent runs weigh together as those of one run with as many live points as all of them had (Skilling
 //! 2006; Higson et al. 2019). What each of them found is compared first: a mode that one run has missed shows as a difference.
 
-use super::checks::of_kin;
+use super::checks::of_genealogy;
 use super::evidence::DeadPoints;
-use super::live::{self, Kin, REJECTED, narrow};
-use super::reckoning::{Errors, Reckoning, simulated};
+use super::live::{self, Genealogy, REJECTED, narrow};
+use super::results::{Errors, Results, simulated};
 use super::settings::Settings;
-use crate::diagnostics::{chance_of_scatter, weighted_moments};
+use crate::diagnostics::{chi2_p_value, weighted_moments};
 use crate::error::{Error, Result};
 use crate::output::{Check, Cost, Draws, History, Method, Run, Status};
 use crate::target::Target;
@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 const WHAT: &str = "the runs to merge";
 
 /// Least probability that runs of one posterior differ as these do.
-const LEAST_PROBABILITY: f64 = 0.01;
+const MIN_PROBABILITY: f64 = 0.01;
 
 /// One nested run out of several on the same `target`, of different seeds, at no further cost. Its checks are the worst of theirs and
 /// whether they agree; it has the seed of the first.
@@ -42,16 +42,16 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     for part in &parts {
         all.add(part, dim);
     }
-    let history = DeadPoints::new(&all.ln_l, &all.birth, &all.kin);
-    let reckoning = Reckoning::of(history, &all.theta, dim, |history, _| Errors {
+    let history = DeadPoints::new(&all.ln_l, &all.birth, &all.genealogy);
+    let results = Results::of(history, &all.theta, dim, |history, _| Errors {
         simulated: simulated(history, &Settings::default(), first.seed),
         bootstrapped: together(runs, &parts, "bootstrap"),
         ancestral: together(runs, &parts, "ancestry"),
     });
-    let draws = reckoning.draws(target, &all.theta)?;
-    let ess = reckoning.ess(&draws);
+    let draws = results.draws(target, &all.theta)?;
+    let ess = results.ess(&draws);
     let mut checks = worst(runs);
-    checks.extend(of_kin(&reckoning.measured(ess.kish)));
+    checks.extend(of_genealogy(&results.measured(ess.kish)));
     checks.extend(agreement(runs));
     let ranks = parts.iter().flat_map(|part| part.insertion_rank);
     Ok(Run {
@@ -63,10 +63,10 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
         units: first.units.clone(),
         derived_names: first.derived_names.clone(),
         draws,
-        evidence: reckoning.evidence(),
+        evidence: results.evidence(),
         ess,
         cost: cost(runs),
-        history: reckoning.run_history(ranks.copied().collect()),
+        history: results.run_history(ranks.copied().collect()),
         checks,
         warnings: runs.iter().flat_map(|run| run.warnings.clone()).collect(),
     })
@@ -127,7 +127,7 @@ impl<'a> Part<'a> {
 struct Together {
     ln_l: Vec<f64>,
     birth: Vec<f64>,
-    kin: Vec<Kin>,
+    genealogy: Vec<Genealogy>,
     /// Zero where a point has no likelihood, and so no weight.
     theta: Vec<f64>,
     /// Lineages so far.
@@ -143,7 +143,8 @@ impl Together {
         let rejected = (0..founders).cycle().take(part.rejected());
         let first = self.lineages;
         let own = rejected.chain(part.draws.cluster.iter().copied());
-        self.kin.extend(own.map(|l| Kin::from(first + l)));
+        self.genealogy
+            .extend(own.map(|l| Genealogy::from(first + l)));
         let last = part.draws.cluster.iter().max().map_or(0, |l| l + 1);
         self.lineages += last.max(founders).next_multiple_of(2);
         self.theta
@@ -188,20 +189,20 @@ fn agreement(runs: &[&Run]) -> [Check; 2] {
         Check::at_least(
             "seeds agree on the evidence",
             probability(ln_z),
-            LEAST_PROBABILITY,
-            "probability that ln Z of the runs differ by chance as they do; if too small, some run misses a mode or its error is too small: double `n-live` or `steps`",
+            MIN_PROBABILITY,
+            "probability that ln Z of the runs differ by chance as they do; if too small, some run misses a mode or its error is too small: double `n_live` or `steps`",
         ),
         Check::at_least(
             "seeds agree on the means",
             least,
-            LEAST_PROBABILITY / dim as f64,
-            "smallest probability, over parameters, that their means differ by chance as they do; if too small, some run misses a mode: double `n-live`",
+            MIN_PROBABILITY / dim as f64,
+            "smallest probability, over parameters, that their means differ by chance as they do; if too small, some run misses a mode: double `n_live`",
         ),
     ]
 }
 
-/// Error of ln Z that the runs' independent errors of this name make together, each with the share of its live points: a run keeps
-/// neither its clans nor the number of its ancestors.
+/// Error of ln Z that the runs' independent errors of this name make together, each with the fraction of its live points: a run keeps
+/// neither its recent lineages nor the number of its ancestors.
 fn together(runs: &[&Run], parts: &[Part<'_>], name: &str) -> f64 {
     let size = |part: &Part<'_>| part.live.first().map_or(0.0, |n| f64::from(*n));
     let all: f64 = parts.iter().map(size).sum();
@@ -234,7 +235,7 @@ fn probability(values: impl Iterator<Item = (f64, f64)>) -> f64 {
         .iter()
         .map(|(x, e)| (x - mean).powi(2) * weight(*e))
         .sum();
-    chance_of_scatter(chi2, values.len())
+    chi2_p_value(chi2, values.len())
 }
 
 /// Complete if all are; else why the first other one ended.

@@ -1,4 +1,4 @@
-//! Nested sampling: live points shrinking onto the peak (Skilling 2006), in batches.
+//! Nested sampling: live points shrinking onto the peak (Skilling 2006), in iterations.
 //!
 //! [`run`] replaces the lowest tenth of the live points at once by new ones above their contour, until the rest could
 //! no longer raise the evidence. Ties with the contour die with it, so plateaus of the likelihood, rejected points
@@ -6,7 +6,7 @@
 //! steps are those ellipsoids' ([`Kernel`]). Weights, evidence and errors all follow from the contour above which
 //! each point was born and its own likelihood. A chain's point resembles its seed until it has made steps enough: it is of its
 //! seed's lineage, the other half of the lineages alone tells a chain where to go, and the scatter of lineages is the error of means
-//! that is quoted, as that of lineages founded lately, of clans, is of ln Z. So few steps cost digits, not truth. More live points can be added later, where they tell most: a run with a
+//! that is quoted, as that of lineages founded lately, of recent lineages, is of ln Z. So few steps cost digits, not truth. More live points can be added later, where they tell most: a run with a
 //! target ([`Settings::target_ess`]) does so until it is met. Runs of several seeds are one longer run ([`merge`]).
 //!
 //! ```
@@ -42,7 +42,7 @@ mod likelihood;
 mod live;
 mod merge;
 mod rank;
-mod reckoning;
+mod results;
 mod run;
 mod settings;
 mod state;
@@ -50,4 +50,4 @@ mod tuning;
 
 pub use merge::merge;
 pub use run::run;
-pub use settings::{BoundKind, Kernel, Settings};
+pub use settings::{Kernel, Settings};

@@ -1,12 +1,12 @@
-//! The loop around the batches: limits, checkpoints, events.
+//! The loop around the iterations: limits, checkpoints, events.
 
-use super::dynamic::Survey;
+use super::dynamic::RunSummary;
 use super::finish::finish;
 use super::settings::{Kernel, Settings};
-use super::state::{Job, State};
+use super::state::{Context, State};
+use crate::checkpointer::Checkpointer;
 use crate::control::{Control, Event};
 use crate::error::{Error, Result};
-use crate::keeper::Keeper;
 use crate::output::{Run, Status};
 use crate::target::Target;
 
@@ -21,7 +21,7 @@ use crate::target::Target;
 /// [`Error::Setting`] for settings out of range; [`Error::NoGradient`] for a kernel that needs gradients of a target that has
 /// none; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;
 /// [`Error::Fatal`] and [`Error::Infinite`] from the target and [`Error::Stuck`] from a kernel, after a checkpoint
-/// of the last whole batch; [`Error::Checkpoint`] and [`Error::Io`] from the file.
+/// of the last whole iteration; [`Error::Checkpoint`] and [`Error::Io`] from the file.
 pub fn run(
     target: &dyn Target,
     settings: &Settings,
@@ -29,21 +29,21 @@ pub fn run(
     control: &mut Control<'_>,
 ) -> Result<Run> {
     settings.check(target.dim())?;
-    let job = Job {
+    let context = Context {
         target,
         settings,
         seed,
     };
-    if job.kernel() == Kernel::Reflective && target.gradient_cost().is_none() {
+    if context.kernel() == Kernel::Galilean && target.gradient_cost().is_none() {
         return Err(Error::NoGradient {
             sampler: "the nested sampler's kernel `reflective`",
             remedy: "use `differential` or `random-slice`, which ask for values alone",
         });
     }
-    let mut keeper = Keeper::new(&[target], &(settings, seed), control)?;
-    let (mut state, warnings) = match keeper.load(control, |state: &State| state.time)? {
+    let mut checkpointer = Checkpointer::new(&[target], &(settings, seed), control)?;
+    let (mut state, warnings) = match checkpointer.load(control, |state: &State| state.time)? {
         Some((saved, warning)) => (saved, warning.into_iter().collect()),
-        None => (State::new(&job), Vec::new()),
+        None => (State::new(&context), Vec::new()),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
@@ -52,18 +52,18 @@ pub fn run(
             if !settings.dynamic() {
                 break Status::Complete;
             }
-            let survey = Survey::of(state.points(), settings, seed);
-            if survey.meets(settings) {
+            let summary = RunSummary::of(state.points(), settings, seed);
+            if summary.meets(settings) {
                 break Status::Complete;
             }
             stop |= control.tell(&Event::Batch {
-                number: state.strands,
-                ln_z: survey.weighted.ln_z,
-                ln_z_error: survey.ln_z_error,
-                ess: survey.ess,
+                number: state.batches,
+                ln_z: summary.weighted.ln_z,
+                ln_z_error: summary.ln_z_error,
+                ess: summary.ess,
                 calls: state.calls,
             });
-            ended = Some(survey);
+            ended = Some(summary);
         }
         if stop || control.interrupted() {
             break Status::Interrupted;
@@ -72,24 +72,24 @@ pub fn run(
             break Status::BudgetSpent;
         }
         let step = match ended {
-            Some(survey) => state.add_strand(&job, survey),
-            None => state.advance(&job),
+            Some(summary) => state.add_batch(&context, summary),
+            None => state.advance(&context),
         };
-        state.time = keeper.time();
+        state.time = checkpointer.time();
         if let Err(error) = step {
-            return Err(keeper.save_after(error, &state, control));
+            return Err(checkpointer.save_after(error, &state, control));
         }
         stop = control.tell(&event(&state, settings));
         if control.checkpoint_due() {
-            keeper.save(&state, control)?;
+            checkpointer.save(&state, control)?;
             stop |= control.tell(&Event::Checkpointed);
         }
     };
     if status != Status::Complete {
-        keeper.save(&state, control)?;
+        checkpointer.save(&state, control)?;
     }
-    state.time = keeper.time();
-    let run = finish(&job, &state, status, warnings)?;
+    state.time = checkpointer.time();
+    let run = finish(&context, &state, status, warnings)?;
     control.tell(&Event::Finished);
     Ok(run)
 }

@@ -18,9 +18,9 @@ pub enum Kernel {
     Differential,
     /// Metropolis steps in the metric of the local ellipsoid.
     RandomWalk,
-    /// Straight flights in the metric of the local ellipsoid, reflected off the contour at the gradient of ln L; for targets that
+    /// Straight Galilean trajectories in the metric of the local ellipsoid, reflected off the contour at the gradient of ln L; for targets that
     /// have one.
-    Reflective,
+    Galilean,
 }
 
 impl Kernel {
@@ -34,7 +34,7 @@ impl Kernel {
         }
     }
 
-    /// Steps per new point if the user gives none: `(3 + d) / 2` slices, from 15 parameters on `d^2 / 22`; `(3 + d) / 3` flights; 25 walk
+    /// Steps per new point if the user gives none: `(3 + d) / 2` slices, from 15 parameters on `d^2 / 22`; `(3 + d) / 3` Galilean trajectories; 25 walk
     /// steps, from 12 parameters on `2 + 2 d`. In 30 dimensions `(3 + d) / 2` slices give a ln Z too high by 1.2 errors where no check
     /// says so (`cargo test -p oblate-samplers --release --test campaign -- --ignored nested`).
     #[must_use]
@@ -42,23 +42,10 @@ impl Kernel {
         match self.resolve(dim) {
             Self::RandomWalk => (2 + 2 * dim).max(25),
             Self::RandomSlice | Self::Differential => (3 + dim).div_ceil(2).max(dim * dim / 22),
-            Self::Reflective => (3 + dim).div_ceil(3),
+            Self::Galilean => (3 + dim).div_ceil(3),
             Self::Auto | Self::Uniform => 1,
         }
     }
-}
-
-/// What encloses the live points.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum BoundKind {
-    /// As many ellipsoids as the points ask for.
-    #[default]
-    MultiEllipsoid,
-    /// One ellipsoid.
-    Single,
-    /// The whole cube: directions are those of the parameters, independent draws those of the prior.
-    Cube,
 }
 
 /// Settings of a nested run: static, or dynamic if it has a target.
@@ -69,26 +56,24 @@ pub struct Settings {
     pub n_live: usize,
     /// The run ends when the live points could raise ln Z by less than this.
     pub dlnz: f64,
-    /// Effective draws (Kish) that a dynamic run goes on for: it adds live points where they tell most, strand by strand, as
+    /// Effective draws (Kish) that a dynamic run goes on for: it adds live points where they tell most, batch by batch, as
     /// long as there are fewer. None: no such target.
     pub target_ess: Option<f64>,
     /// Error of ln Z that a dynamic run goes on for. None: no such target.
     pub target_ln_z_error: Option<f64>,
     /// What added live points aim at: 1, the posterior; 0, the evidence; a mix between. Of two targets the one that is left
     /// alone counts once the other is met.
-    pub posterior_share: f64,
-    /// Fraction of the live points replaced in one batch.
-    pub batch: f64,
+    pub posterior_fraction: f64,
+    /// Fraction of the live points replaced in one iteration.
+    pub replaced_fraction: f64,
     /// How new points are found.
     pub kernel: Kernel,
-    /// Slices, flights or walk steps per new point. None: [`Kernel::default_steps`], raised during a run if new
+    /// Slices, Galilean trajectories or walk steps per new point. None: [`Kernel::default_steps`], raised during a run if new
     /// points resemble their seeds. Where modes are many and narrow, few steps and many live points find more of them for the same calls.
     pub steps: Option<usize>,
-    /// What encloses the live points.
-    pub bound: BoundKind,
     /// Simulations of the unknown prior volumes, for the error of ln Z.
     pub simulations: usize,
-    /// Bootstraps over clans of points, for the error of ln Z.
+    /// Bootstraps over recent lineages of points, for the error of ln Z.
     pub bootstraps: usize,
 }
 
@@ -99,11 +84,10 @@ impl Default for Settings {
             dlnz: 0.01,
             target_ess: None,
             target_ln_z_error: None,
-            posterior_share: 0.8,
-            batch: 0.1,
+            posterior_fraction: 0.8,
+            replaced_fraction: 0.1,
             kernel: Kernel::Auto,
             steps: None,
-            bound: BoundKind::MultiEllipsoid,
             simulations: 400,
             bootstraps: 200,
         }
@@ -151,25 +135,25 @@ impl Settings {
                 );
             }
         }
-        if !(0.0..=1.0).contains(&self.posterior_share) {
+        if !(0.0..=1.0).contains(&self.posterior_fraction) {
             return refuse(
-                "posterior_share",
-                self.posterior_share.to_string(),
+                "posterior_fraction",
+                self.posterior_fraction.to_string(),
                 "give a number from 0, the evidence, to 1, the posterior",
             );
         }
         // Points at the peak alone never bring the volumes above it nearer.
-        if self.target_ln_z_error.is_some() && self.posterior_share >= 1.0 {
+        if self.target_ln_z_error.is_some() && self.posterior_fraction >= 1.0 {
             return refuse(
-                "posterior_share",
-                self.posterior_share.to_string(),
+                "posterior_fraction",
+                self.posterior_fraction.to_string(),
                 "give less than 1 with `target_ln_z_error`, better 0",
             );
         }
-        if !(self.batch > 0.0 && self.batch <= 0.5) {
+        if !(self.replaced_fraction > 0.0 && self.replaced_fraction <= 0.5) {
             return refuse(
-                "batch",
-                self.batch.to_string(),
+                "replaced_fraction",
+                self.replaced_fraction.to_string(),
                 "give a fraction above 0 and up to 0.5",
             );
         }
@@ -196,14 +180,14 @@ impl Settings {
         self.target_ess.is_some() || self.target_ln_z_error.is_some()
     }
 
-    /// Points replaced in one batch.
-    pub(super) fn batch_size(&self) -> usize {
+    /// Points replaced in one iteration.
+    pub(super) fn replaced_count(&self) -> usize {
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "a fraction of a checked count"
         )]
-        let size = (self.batch * self.n_live as f64) as usize;
+        let size = (self.replaced_fraction * self.n_live as f64) as usize;
         size.max(1)
     }
 }
@@ -225,16 +209,16 @@ mod tests {
         assert!(Settings::default().check(3).is_ok());
         assert_eq!(name(&|s| s.n_live = 15), "n_live");
         assert_eq!(name(&|s| s.dlnz = f64::NAN), "dlnz");
-        assert_eq!(name(&|s| s.batch = 0.6), "batch");
+        assert_eq!(name(&|s| s.replaced_fraction = 0.6), "replaced_fraction");
         assert_eq!(name(&|s| s.target_ess = Some(0.0)), "target_ess");
         let nan = Some(f64::NAN);
         assert_eq!(name(&|s| s.target_ln_z_error = nan), "target_ln_z_error");
-        assert_eq!(name(&|s| s.posterior_share = 1.1), "posterior_share");
+        assert_eq!(name(&|s| s.posterior_fraction = 1.1), "posterior_fraction");
         let peak_alone = |s: &mut Settings| {
             s.target_ln_z_error = Some(0.1);
-            s.posterior_share = 1.0;
+            s.posterior_fraction = 1.0;
         };
-        assert_eq!(name(&peak_alone), "posterior_share");
+        assert_eq!(name(&peak_alone), "posterior_fraction");
         assert_eq!(name(&|s| s.steps = Some(0)), "steps");
         assert_eq!(name(&|s| s.bootstraps = 3), "bootstraps");
     }

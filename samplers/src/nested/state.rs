@@ -1,15 +1,15 @@
-//! A nested run between two batches: everything that a checkpoint holds, and the step from one batch to the next.
+//! A nested run between two iterations: everything that a checkpoint holds, and the step from one iteration to the next.
 
 use super::bound::Bound;
-use super::dynamic::{Span, Survey};
-use super::kernel::{self, Newborn, Setting};
-use super::likelihood::{Likelihood, Tally};
-use super::live::{self, Batch, Kin, Points, REJECTED, narrow};
+use super::dynamic::{LikelihoodRange, RunSummary};
+use super::kernel::{self, NewPoint, Setting};
+use super::likelihood::{Likelihood, Tally, draw_prior};
+use super::live::{self, Genealogy, Points, REJECTED, Replacement, narrow};
 use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
 use super::tuning::Tuning;
+use crate::checkpointer::Time;
 use crate::error::{Error, Result};
-use crate::keeper::Time;
 use crate::rng::{Domain, Stream, below, stream};
 use crate::target::Target;
 use rayon::prelude::*;
@@ -22,22 +22,22 @@ const MAX_FIRST_DRAWS: usize = 100_000;
 /// Prior volume from which on bounds are used; plain draws of the prior above it cost less than any chain.
 const FIRST_BOUND: f64 = 0.1;
 
-/// Share of the clans that must be left, in effect, or else they are founded anew. Chance alone makes more and more points
-/// relatives, until the scatter of two or three clans says nothing; what a chain forgets is forgotten by then.
-const LEAST_CLANS: f64 = 0.3;
+/// Fraction of the recent lineages that must be left, in effect, or else they are founded anew. Chance alone makes more and more points
+/// relatives, until the scatter of two or three recent lineages says nothing; what a chain forgets is forgotten by then.
+const MIN_RECENT_LINEAGES: f64 = 0.3;
 
 /// Shrinkage of the volume after which the bound is fitted again.
 const REFIT: f64 = 1.5;
 
 /// What a run is about; never changes.
 #[derive(Clone, Copy)]
-pub(super) struct Job<'a> {
+pub(super) struct Context<'a> {
     pub target: &'a dyn Target,
     pub settings: &'a Settings,
     pub seed: u64,
 }
 
-impl Job<'_> {
+impl Context<'_> {
     pub fn kernel(&self) -> Kernel {
         self.settings.kernel.resolve(self.target.dim())
     }
@@ -46,9 +46,9 @@ impl Job<'_> {
         live::lineages(self.settings.n_live)
     }
 
-    /// The kin of live point number `i` if it has no seed.
-    pub fn kin(&self, i: usize) -> Kin {
-        Kin::from(narrow(i % self.lineages()))
+    /// The genealogy of live point number `i` if it has no seed.
+    pub fn genealogy(&self, i: usize) -> Genealogy {
+        Genealogy::from(narrow(i % self.lineages()))
     }
 
     pub fn first_steps(&self) -> usize {
@@ -58,18 +58,18 @@ impl Job<'_> {
 }
 
 /// What new points are drawn from.
-struct Ground<'a> {
+struct Source<'a> {
     /// Points above the contour, where chains start.
     kept: &'a Points,
     contour: f64,
     bounds: &'a [Bound],
-    /// Slices, flights or walk steps.
+    /// Slices, Galilean trajectories or walk steps.
     steps: usize,
 }
 
 /// Whether chains draw the points, from whose motion step lengths are learned.
-fn learns(job: &Job<'_>, bounds: &[Bound]) -> bool {
-    job.kernel() != Kernel::Uniform && !bounds.is_empty()
+fn learns(context: &Context<'_>, bounds: &[Bound]) -> bool {
+    context.kernel() != Kernel::Uniform && !bounds.is_empty()
 }
 
 /// The run so far.
@@ -79,28 +79,28 @@ pub(super) struct State {
     pub dead: Points,
     /// Whether the first draws are complete.
     started: bool,
-    /// Strands begun so far.
-    pub strands: usize,
-    /// What the present strand spans; none: it is the first one, from the prior to the peak.
-    span: Option<Span>,
-    /// What the first strand left, once there are more.
+    /// Batches begun so far.
+    pub batches: usize,
+    /// What the present batch spans; none: it is the first one, from the prior to the peak.
+    range: Option<LikelihoodRange>,
+    /// What the first batch left, once there are more.
     left: Option<f64>,
     pub iteration: u64,
     next_point: u64,
     /// Expected log prior volume of the live points.
     pub ln_x: f64,
-    /// Evidence and information of the dead, by left Riemann sums, or of all points once there are more strands: for the
+    /// Evidence and information of the dead, by left Riemann sums, or of all points once there are more batches: for the
     /// stopping rule and for observers.
     pub ln_z: f64,
     pub information: f64,
     /// None, one to draw from, or two metrics: see [`Setting::bounds`].
     bounds: Vec<Bound>,
     ln_x_at_fit: f64,
-    /// Clans founded so far.
+    /// Recent lineages founded so far.
     founded: u32,
-    /// Points per call in the first batch after the fit, once known.
+    /// Points per call in the first iteration after the fit, once known.
     efficiency_at_fit: Option<f64>,
-    /// Points per call in the last batch.
+    /// Points per call in the last iteration.
     pub efficiency: f64,
     pub tuning: Tuning,
     pub ranks: Ranks,
@@ -115,14 +115,14 @@ pub(super) struct State {
 }
 
 impl State {
-    pub fn new(job: &Job<'_>) -> Self {
-        let dim = job.target.dim();
+    pub fn new(context: &Context<'_>) -> Self {
+        let dim = context.target.dim();
         Self {
             live: Points::new(dim),
             dead: Points::new(dim),
             started: false,
-            strands: 1,
-            span: None,
+            batches: 1,
+            range: None,
             left: None,
             iteration: 0,
             next_point: 0,
@@ -131,10 +131,14 @@ impl State {
             information: 0.0,
             bounds: Vec::new(),
             ln_x_at_fit: 0.0,
-            founded: narrow(job.lineages()),
+            founded: narrow(context.lineages()),
             efficiency_at_fit: None,
             efficiency: 1.0,
-            tuning: Tuning::new(job.first_steps(), job.kernel(), job.target.dim()),
+            tuning: Tuning::new(
+                context.first_steps(),
+                context.kernel(),
+                context.target.dim(),
+            ),
             ranks: Ranks::default(),
             calls: 0,
             gradients: 0,
@@ -154,7 +158,7 @@ impl State {
         points
     }
 
-    /// How much the live points could still raise ln Z when the first strand ended, or can now; 0 on a final plateau, whose
+    /// How much the live points could still raise ln Z when the first batch ended, or can now; 0 on a final plateau, whose
     /// volume the deaths already share.
     pub fn delta_ln_z(&self, settings: &Settings) -> f64 {
         self.left.unwrap_or_else(|| self.delta_ln_z_now(settings))
@@ -171,50 +175,50 @@ impl State {
         (best + self.ln_x - self.ln_z).exp().ln_1p()
     }
 
-    /// Whether the next batch would take everyone.
+    /// Whether the next iteration would take everyone.
     fn on_last_plateau(&self, settings: &Settings) -> bool {
         let best = self.live.best();
         let lower = self.live.ln_l.iter().filter(|l| **l < best).count();
-        lower < settings.batch_size()
+        lower < settings.replaced_count()
     }
 
-    /// Whether the present strand has reached its end.
+    /// Whether the present batch has reached its end.
     pub fn rests(&self, settings: &Settings) -> bool {
-        match &self.span {
+        match &self.range {
             None => self.delta_ln_z(settings) < settings.dlnz,
-            Some(span) => {
+            Some(range) => {
                 let lowest = self.live.ln_l.iter().copied().fold(f64::INFINITY, f64::min);
-                lowest > span.ceiling || self.on_last_plateau(settings)
+                lowest > range.ceiling || self.on_last_plateau(settings)
             }
         }
     }
 
-    /// One batch: the lowest points die, as many are born. On an error nothing has changed.
-    pub fn advance(&mut self, job: &Job<'_>) -> Result<()> {
+    /// One iteration: the lowest points die, as many are born. On an error nothing has changed.
+    pub fn advance(&mut self, context: &Context<'_>) -> Result<()> {
         if !self.started {
-            return self.draw_first(job);
+            return self.draw_first(context);
         }
-        let batch = live::lowest(&self.live, job.settings.batch_size());
-        let kept = self.live.select(&batch.kept);
-        let ln_x = self.ln_x_after(&batch);
-        let refitted = self.refit_if_due(job, &kept, ln_x);
+        let replacement = live::lowest(&self.live, context.settings.replaced_count());
+        let kept = self.live.select(&replacement.kept);
+        let ln_x = self.ln_x_after(&replacement);
+        let refitted = self.refit_if_due(context, &kept, ln_x);
         let mut tuning = self.tuning.clone();
         if let Some(new) = &refitted {
             tuning.keep_step_length(&self.bounds, new, &kept);
         }
-        let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
-        let births = job.settings.n_live.saturating_sub(kept.len());
+        let mut rng = stream(context.seed, Domain::NestedSeeds, 0, self.iteration);
+        let births = context.settings.n_live.saturating_sub(kept.len());
         let seeds = choose_seeds(&mut rng, kept.len(), births);
         let bounds = refitted.as_ref().unwrap_or(&self.bounds);
-        let ground = Ground {
+        let source = Source {
             kept: &kept,
-            contour: batch.contour,
+            contour: replacement.contour,
             bounds,
             steps: tuning.steps,
         };
-        let born = self.draw(job, &ground, &tuning, &seeds)?;
-        if learns(job, bounds) && !born.is_empty() {
-            tuning.learn(job.kernel(), bounds, &kept, &seeds, &born, &mut rng);
+        let born = self.draw(context, &source, &tuning, &seeds)?;
+        if learns(context, bounds) && !born.is_empty() {
+            tuning.learn(context.kernel(), bounds, &kept, &seeds, &born, &mut rng);
         }
         self.tuning = tuning;
         if let Some(bounds) = refitted {
@@ -223,20 +227,24 @@ impl State {
             self.efficiency_at_fit = None;
         }
         self.count(&born);
-        let kin: Vec<Kin> = if learns(job, &self.bounds) {
-            seeds.iter().map(|&s| kept.kin[s]).collect()
+        let genealogy: Vec<Genealogy> = if learns(context, &self.bounds) {
+            seeds.iter().map(|&s| kept.genealogy[s]).collect()
         } else {
-            batch.dying.iter().map(|&i| self.live.kin[i]).collect()
+            replacement
+                .dying
+                .iter()
+                .map(|&i| self.live.genealogy[i])
+                .collect()
         };
-        self.commit(&batch, &born, &kin, &mut rng);
-        if self.live.effective_clans() < LEAST_CLANS * job.lineages() as f64 {
-            self.found_clans(job);
+        self.commit(&replacement, &born, &genealogy, &mut rng);
+        if self.live.effective_recent_lineages() < MIN_RECENT_LINEAGES * context.lineages() as f64 {
+            self.found_recent_lineages(context);
         }
         // Steps that the user chose stay.
-        if job.settings.steps.is_none() {
-            let window = 5 * job.settings.n_live;
+        if context.settings.steps.is_none() {
+            let window = 5 * context.settings.n_live;
             self.tuning
-                .watch(&self.ranks, window, 10 * job.first_steps());
+                .watch(&self.ranks, window, 10 * context.first_steps());
         }
         Ok(())
     }
@@ -244,118 +252,118 @@ impl State {
     /// New points above a contour, one from each seed.
     fn draw(
         &self,
-        job: &Job<'_>,
-        ground: &Ground<'_>,
+        context: &Context<'_>,
+        source: &Source<'_>,
         tuning: &Tuning,
         seeds: &[usize],
-    ) -> Result<Vec<Newborn>> {
-        let differences = job.kernel() == Kernel::Differential && !ground.bounds.is_empty();
+    ) -> Result<Vec<NewPoint>> {
+        let differences = context.kernel() == Kernel::Differential && !source.bounds.is_empty();
         let halves = if differences {
-            kernel::halves(job.target, ground.kept)
+            kernel::halves(context.target, source.kept)
         } else {
             Default::default()
         };
         let setting = Setting {
-            target: job.target,
-            contour: ground.contour,
-            kernel: job.kernel(),
-            bounds: ground.bounds,
+            target: context.target,
+            contour: source.contour,
+            kernel: context.kernel(),
+            bounds: source.bounds,
             halves: &halves,
             scale: tuning.scale,
             stride: tuning.stride,
-            steps: ground.steps,
+            steps: source.steps,
         };
         let first = self.next_point;
-        let born: Vec<Result<Newborn>> = seeds
+        let born: Vec<Result<NewPoint>> = seeds
             .par_iter()
             .enumerate()
             .map(|(i, &s)| {
-                let rng = stream(job.seed, Domain::NestedPoint, 0, first + i as u64);
-                kernel::draw(&setting, ground.kept, s, rng)
+                let rng = stream(context.seed, Domain::NestedPoint, 0, first + i as u64);
+                kernel::draw(&setting, source.kept, s, rng)
             })
             .collect();
         born.into_iter().collect()
     }
 
-    /// Buries everyone and begins a strand where, by a survey of the run, more points tell most. On an error nothing has
+    /// Buries everyone and begins a batch where, by a summary of the run, more points tell most. On an error nothing has
     /// changed.
-    pub fn add_strand(&mut self, job: &Job<'_>, survey: Survey) -> Result<()> {
-        let share = survey.posterior_share(job.settings);
-        let span = Span::of(&survey.history, &survey.weighted, share);
-        let Survey {
+    pub fn add_batch(&mut self, context: &Context<'_>, summary: RunSummary) -> Result<()> {
+        let fraction = summary.posterior_fraction(context.settings);
+        let range = LikelihoodRange::of(&summary.history, &summary.weighted, fraction);
+        let RunSummary {
             points, weighted, ..
-        } = survey;
-        // Those alive at the floor, of whatever strand, are draws of the prior above it.
+        } = summary;
+        // Those alive at the floor, of whatever batch, are draws of the prior above it.
         let alive: Vec<usize> = (0..points.len())
-            .filter(|&i| points.birth[i] <= span.floor && points.ln_l[i] > span.floor)
+            .filter(|&i| points.birth[i] <= range.floor && points.ln_l[i] > range.floor)
             .collect();
         let kept = points.select(&alive);
-        let bounds = if span.ln_x < FIRST_BOUND.ln() {
-            self.fit(job, &kept).unwrap_or_default()
+        let bounds = if range.ln_x < FIRST_BOUND.ln() {
+            self.fit(context, &kept).unwrap_or_default()
         } else {
             Vec::new()
         };
-        let mut rng = stream(job.seed, Domain::NestedSeeds, 0, self.iteration);
+        let mut rng = stream(context.seed, Domain::NestedSeeds, 0, self.iteration);
         let mut tuning = self.tuning.clone();
-        tuning.forget_lengths(job.kernel(), job.target.dim());
-        let count = job.settings.n_live;
+        tuning.forget_lengths(context.kernel(), context.target.dim());
+        let count = context.settings.n_live;
         let mut live = Points::new(points.dim());
-        if span.floor == f64::NEG_INFINITY {
-            let (first, tally) = self.draw_prior(job)?;
+        if range.floor == f64::NEG_INFINITY {
+            let (first, tally) = self.draw_prior(context)?;
             live = first;
             self.calls += tally.calls;
             tally.add_to(&mut self.rejected);
         } else {
             let seeds = choose_seeds(&mut rng, kept.len(), count);
-            let ground = Ground {
+            let source = Source {
                 kept: &kept,
-                contour: span.floor,
+                contour: range.floor,
                 bounds: &bounds,
                 steps: tuning.steps,
             };
-            let born = self.draw(job, &ground, &tuning, &seeds)?;
-            if learns(job, &bounds) {
-                tuning.learn(job.kernel(), &bounds, &kept, &seeds, &born, &mut rng);
+            let born = self.draw(context, &source, &tuning, &seeds)?;
+            if learns(context, &bounds) {
+                tuning.learn(context.kernel(), &bounds, &kept, &seeds, &born, &mut rng);
             }
             for (i, b) in born.iter().enumerate() {
-                let own = if learns(job, &bounds) {
-                    kept.kin[seeds[i]]
+                let own = if learns(context, &bounds) {
+                    kept.genealogy[seeds[i]]
                 } else {
-                    job.kin(i)
+                    context.genealogy(i)
                 };
-                live.push(&b.u, b.ln_l, span.floor, own);
+                live.push(&b.u, b.ln_l, range.floor, own);
             }
             self.count(&born);
         }
-        self.left = Some(self.delta_ln_z(job.settings));
+        self.left = Some(self.delta_ln_z(context.settings));
         self.next_point += count as u64;
         self.iteration += 1;
         self.dead = points;
         self.live = live;
-        // Another strand from the same seeds would have other volumes.
-        self.found_clans(job);
-        self.strands += 1;
-        self.span = Some(span);
-        self.ln_x = span.ln_x;
+        // Another batch from the same seeds would have other volumes.
+        self.found_recent_lineages(context);
+        self.batches += 1;
+        self.range = Some(range);
+        self.ln_x = range.ln_x;
         self.ln_z = weighted.ln_z;
         self.information = weighted.information;
         self.bounds = bounds;
-        self.ln_x_at_fit = span.ln_x;
+        self.ln_x_at_fit = range.ln_x;
         self.efficiency_at_fit = None;
         self.tuning = tuning;
         Ok(())
     }
 
-    fn found_clans(&mut self, job: &Job<'_>) {
-        let count = narrow(job.lineages());
+    fn found_recent_lineages(&mut self, context: &Context<'_>) {
+        let count = narrow(context.lineages());
         self.live.found(self.founded, count);
         self.founded += count;
     }
 
-    /// One block of independent prior draws, until a batch of them has a likelihood.
-    fn draw_first(&mut self, job: &Job<'_>) -> Result<()> {
-        let count = job.settings.n_live;
-        let (first, tally) = self.draw_prior(job)?;
+    /// One block of independent prior draws, until an iteration of them has a likelihood.
+    fn draw_first(&mut self, context: &Context<'_>) -> Result<()> {
+        let count = context.settings.n_live;
+        let (first, tally) = self.draw_prior(context)?;
         for i in 0..first.len() {
             self.live.push_from(&first, i);
         }
@@ -371,34 +379,34 @@ impl State {
                 cause: cause.map_or_else(String::new, |(cause, _)| cause.clone()),
             });
         }
-        self.started = valid >= job.settings.batch_size() || tries >= MAX_FIRST_DRAWS;
+        self.started = valid >= context.settings.replaced_count() || tries >= MAX_FIRST_DRAWS;
         Ok(())
     }
 
     /// As many independent draws of the prior as there are to be live points.
-    fn draw_prior(&self, job: &Job<'_>) -> Result<(Points, Tally)> {
-        let mut likelihood = Likelihood::new(job.target);
-        let mut places = vec![vec![0.0; job.target.dim()]; job.settings.n_live];
+    fn draw_prior(&self, context: &Context<'_>) -> Result<(Points, Tally)> {
+        let mut likelihood = Likelihood::new(context.target);
+        let mut places = vec![vec![0.0; context.target.dim()]; context.settings.n_live];
         for (j, u) in (self.next_point..).zip(&mut places) {
-            likelihood.draw_prior(&mut stream(job.seed, Domain::NestedPoint, 0, j), u)?;
+            draw_prior(&mut stream(context.seed, Domain::NestedPoint, 0, j), u);
         }
-        let mut points = Points::new(job.target.dim());
+        let mut points = Points::new(context.target.dim());
         for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {
-            points.push(&places[i], ln_l, f64::NEG_INFINITY, job.kin(i));
+            points.push(&places[i], ln_l, f64::NEG_INFINITY, context.genealogy(i));
         }
         Ok((points, likelihood.tally))
     }
 
-    fn ln_x_after(&self, batch: &Batch) -> f64 {
+    fn ln_x_after(&self, replacement: &Replacement) -> f64 {
         let alive = self.live.len();
-        let fall: f64 = (0..batch.dying.len())
+        let fall: f64 = (0..replacement.dying.len())
             .map(|i| 1.0 / (alive - i) as f64)
             .sum();
         self.ln_x - fall
     }
 
     /// New bounds around the survivors if they are due. `None`: keep the old ones, or go on with the prior.
-    fn refit_if_due(&self, job: &Job<'_>, kept: &Points, ln_x: f64) -> Option<Vec<Bound>> {
+    fn refit_if_due(&self, context: &Context<'_>, kept: &Points, ln_x: f64) -> Option<Vec<Bound>> {
         let due = if self.bounds.is_empty() {
             ln_x < FIRST_BOUND.ln()
         } else {
@@ -407,24 +415,18 @@ impl State {
                     .efficiency_at_fit
                     .is_some_and(|at_fit| self.efficiency < 0.5 * at_fit)
         };
-        if due { self.fit(job, kept) } else { None }
+        if due { self.fit(context, kept) } else { None }
     }
 
-    fn fit(&self, job: &Job<'_>, kept: &Points) -> Option<Vec<Bound>> {
-        let kind = job.settings.bound;
-        if job.kernel() == Kernel::Uniform {
-            Some(vec![Bound::for_draws(
-                kept,
-                kind,
-                job.seed,
-                self.iteration,
-            )?])
+    fn fit(&self, context: &Context<'_>, kept: &Points) -> Option<Vec<Bound>> {
+        if context.kernel() == Kernel::Uniform {
+            Some(vec![Bound::for_draws(kept, context.seed, self.iteration)?])
         } else {
-            Some(Bound::for_steps(kept, kind))
+            Some(Bound::for_steps(kept))
         }
     }
 
-    fn count(&mut self, born: &[Newborn]) {
+    fn count(&mut self, born: &[NewPoint]) {
         let calls: u64 = born.iter().map(|b| b.tally.calls).sum();
         self.calls += calls;
         for b in born {
@@ -441,17 +443,27 @@ impl State {
         }
     }
 
-    /// Buries the dying, in order, and puts the newborn, of this kin, in their places.
-    fn commit(&mut self, batch: &Batch, born: &[Newborn], kin: &[Kin], rng: &mut Stream) {
-        for (i, &row) in batch.dying.iter().enumerate() {
+    /// Buries the dying, in order, and puts the newborn, of this genealogy, in their places.
+    fn commit(
+        &mut self,
+        replacement: &Replacement,
+        born: &[NewPoint],
+        genealogy: &[Genealogy],
+        rng: &mut Stream,
+    ) {
+        for (i, &row) in replacement.dying.iter().enumerate() {
             let n = (self.live.len() - i) as f64;
-            if self.span.is_none() {
+            if self.range.is_none() {
                 self.add_evidence(self.live.ln_l[row], n);
             }
             self.ln_x -= 1.0 / n;
             self.dead.push_from(&self.live, row);
         }
-        let mut sorted: Vec<f64> = batch.kept.iter().map(|&i| self.live.ln_l[i]).collect();
+        let mut sorted: Vec<f64> = replacement
+            .kept
+            .iter()
+            .map(|&i| self.live.ln_l[i])
+            .collect();
         sorted.sort_by(f64::total_cmp);
         for b in born {
             let below_it = sorted.partition_point(|l| *l < b.ln_l);
@@ -460,12 +472,13 @@ impl State {
             self.ranks.push(narrow(rank), narrow(sorted.len()));
             sorted.insert(rank, b.ln_l);
         }
-        for ((&row, b), kin) in batch.dying.iter().zip(born).zip(kin) {
-            self.live.replace(row, &b.u, b.ln_l, batch.contour, *kin);
+        for ((&row, b), genealogy) in replacement.dying.iter().zip(born).zip(genealogy) {
+            self.live
+                .replace(row, &b.u, b.ln_l, replacement.contour, *genealogy);
         }
-        if born.len() < batch.dying.len() {
+        if born.len() < replacement.dying.len() {
             let mut gone = vec![false; self.live.len()];
-            for &row in &batch.dying[born.len()..] {
+            for &row in &replacement.dying[born.len()..] {
                 gone[row] = true;
             }
             let rows: Vec<usize> = (0..gone.len()).filter(|&i| !gone[i]).collect();

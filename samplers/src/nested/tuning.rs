@@ -1,7 +1,7 @@
 //! Length and number of the steps of chains, learned from how the chains moved.
 
 use super::bound::Bound;
-use super::kernel::{self, Newborn, Pace};
+use super::kernel::{self, NewPoint, Pace};
 use super::live::Points;
 use super::rank::Ranks;
 use super::settings::Kernel;
@@ -28,30 +28,30 @@ const FIRST_STRIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// (`cargo test -p oblate-samplers --release --test integration bias_of -- --ignored --nocapture`).
 pub(super) const MAX_SEED_CORRELATION: f64 = 0.2;
 
-/// Share of the moves of flights that shall go straight on: of 0.4 to 0.85 those from 0.65 to 0.75 forgot their seeds best for the
+/// Fraction of the moves of Galilean trajectories that shall go straight on: of 0.4 to 0.85 those from 0.65 to 0.75 forgot their seeds best for the
 /// same calls, on a Gaussian and on shells in 13 dimensions. Whatever has no mirror turns chains round at any length of move, so
 /// that the share that is reflected would not do.
 const STRAIGHT: f64 = 0.7;
 
-/// What chains have shown of themselves, and the steps that follow from it. Every batch runs with fixed ones.
+/// What chains have shown of themselves, and the steps that follow from it. Every iteration runs with fixed ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tuning {
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
     pub stride: f64,
-    /// Slices, flights or walk steps per point; never lowered in a run.
+    /// Slices, Galilean trajectories or walk steps per point; never lowered in a run.
     pub steps: usize,
-    /// Relative jump distance of every batch.
-    pub jumps: Vec<f64>,
-    /// Mean over every batch of `12 (v - 1/2) (w - 1/2)`, v and w the fractional ranks of a chain's end and of its
+    /// Relative jump distance of every iteration.
+    pub jump_distances: Vec<f64>,
+    /// Mean over every iteration of `12 (v - 1/2) (w - 1/2)`, v and w the fractional ranks of a chain's end and of its
     /// start: their correlation.
-    pub echoes: Vec<f64>,
+    pub seed_correlations: Vec<f64>,
     /// Chains that ended where they began.
     pub stayed: u64,
-    /// The echo that the last raise of `steps` was to lower.
-    echo_at_raise: Option<f64>,
-    /// Number of insertions, echoes and still chains when the current window of the watch began.
+    /// The rank correlation that the last raise of `steps` was to lower.
+    seed_correlation_at_raise: Option<f64>,
+    /// Number of insertions, rank correlations and still chains when the current window of the watch began.
     window: (usize, usize, u64),
 }
 
@@ -61,10 +61,10 @@ impl Tuning {
             scale: first_scale(kernel, dim),
             stride: FIRST_STRIDE,
             steps,
-            jumps: Vec::new(),
-            echoes: Vec::new(),
+            jump_distances: Vec::new(),
+            seed_correlations: Vec::new(),
             stayed: 0,
-            echo_at_raise: None,
+            seed_correlation_at_raise: None,
             window: (0, 0, 0),
         }
     }
@@ -79,7 +79,9 @@ impl Tuning {
     pub fn keep_step_length(&mut self, old: &[Bound], new: &[Bound], kept: &Points) {
         let mean_unit = |bounds: &[Bound]| -> Option<f64> {
             let units: Option<Vec<f64>> = (0..kept.len())
-                .map(|i| Some(kernel::bound_of(bounds, kept.kin[i].lineage)?.ln_unit(kept.row(i))))
+                .map(|i| {
+                    Some(kernel::bound_of(bounds, kept.genealogy[i].lineage)?.ln_unit(kept.row(i)))
+                })
                 .collect();
             units.map(|units| mean(&units))
         };
@@ -88,19 +90,20 @@ impl Tuning {
         }
     }
 
-    /// Records the chains of a batch, from `seeds` to `born`, and sets the step length of the next one.
+    /// Records the chains of an iteration, from `seeds` to `born`, and sets the step length of the next one.
     pub fn learn(
         &mut self,
         kernel: Kernel,
         bounds: &[Bound],
         kept: &Points,
         seeds: &[usize],
-        born: &[Newborn],
+        born: &[NewPoint],
         rng: &mut Stream,
     ) {
-        self.jumps
+        self.jump_distances
             .extend(relative_jump(rng, bounds, kept, seeds, born));
-        self.echoes.push(echo(kept, seeds, born));
+        self.seed_correlations
+            .push(seed_correlation(kept, seeds, born));
         self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
         let (mut local, mut differences) = (Pace::default(), Pace::default());
         for b in born {
@@ -114,12 +117,12 @@ impl Tuning {
             }
             // Half of the steps accepted.
             Kernel::RandomWalk => {
-                let share = local.share().unwrap_or(0.5);
-                self.scale *= ((share - 0.5) / (0.5 * kept.dim() as f64)).exp();
+                let fraction = local.fraction().unwrap_or(0.5);
+                self.scale *= ((fraction - 0.5) / (0.5 * kept.dim() as f64)).exp();
             }
-            Kernel::Reflective => {
-                let share = local.share().unwrap_or(STRAIGHT);
-                self.scale *= (share - STRAIGHT).exp();
+            Kernel::Galilean => {
+                let fraction = local.fraction().unwrap_or(STRAIGHT);
+                self.scale *= (fraction - STRAIGHT).exp();
             }
             Kernel::Auto | Kernel::Uniform => {}
         }
@@ -129,38 +132,38 @@ impl Tuning {
     /// their likelihoods to their seeds.
     ///
     /// Short jumps alone raise nothing, they are only gated: on a thin shell points stay close to their seeds for
-    /// long after their likelihoods have forgotten them, and ln Z is as good. An echo that the last raise has not lowered
+    /// long after their likelihoods have forgotten them, and ln Z is as good. An rank correlation that the last raise has not lowered
     /// by a quarter is not for want of steps either: chains that keep to their own mode, each with likelihoods of its
-    /// own, echo for ever. It is left to the check, unless it grows.
+    /// own, rank correlation for ever. It is left to the check, unless it grows.
     pub fn watch(&mut self, ranks: &Ranks, window: usize, most: usize) {
-        let (insertions, echoes, stayed) = self.window;
+        let (insertions, seed_correlations, stayed) = self.window;
         let made = ranks.len() - insertions;
         if made < window {
             return;
         }
-        let echoes = &self.echoes[echoes..];
-        if !echoes.is_empty() {
-            let echo = mean(echoes);
-            let helps = self
-                .echo_at_raise
-                .is_none_or(|before| echo < 0.75 * before || echo > 1.5 * before);
-            let echoing = echo > MAX_SEED_CORRELATION && helps;
+        let seed_correlations = &self.seed_correlations[seed_correlations..];
+        if !seed_correlations.is_empty() {
+            let seed_correlation = mean(seed_correlations);
+            let helps = self.seed_correlation_at_raise.is_none_or(|before| {
+                seed_correlation < 0.75 * before || seed_correlation > 1.5 * before
+            });
+            let correlated = seed_correlation > MAX_SEED_CORRELATION && helps;
             let still = (self.stayed - stayed) as f64 > 0.01 * made as f64;
             let uneven = ranks.z_score(insertions).abs() > 3.0;
-            if (echoing || still || uneven) && self.steps < most {
+            if (correlated || still || uneven) && self.steps < most {
                 self.steps += self.steps.div_ceil(2);
-                self.echo_at_raise = Some(echo);
+                self.seed_correlation_at_raise = Some(seed_correlation);
             }
         }
-        self.window = (ranks.len(), self.echoes.len(), self.stayed);
+        self.window = (ranks.len(), self.seed_correlations.len(), self.stayed);
     }
 }
 
 /// What a width is multiplied by so that slices step outward as often as inward.
 fn balance(slices: Pace) -> f64 {
     slices
-        .share()
-        .map_or(1.0, |share| (2.0 * share).clamp(0.5, 2.0))
+        .fraction()
+        .map_or(1.0, |fraction| (2.0 * fraction).clamp(0.5, 2.0))
 }
 
 pub(super) fn mean(values: &[f64]) -> f64 {
@@ -179,30 +182,30 @@ fn relative_jump(
     bounds: &[Bound],
     kept: &Points,
     seeds: &[usize],
-    born: &[Newborn],
+    born: &[NewPoint],
 ) -> Option<f64> {
     const TRIES: usize = 8;
-    let mut jumps = Vec::with_capacity(seeds.len());
+    let mut jump_distances = Vec::with_capacity(seeds.len());
     let mut pairs = Vec::with_capacity(seeds.len());
     for (&s, b) in seeds.iter().zip(born) {
         let start = kept.row(s);
-        let bound = kernel::bound_of(bounds, kept.kin[s].lineage)?;
+        let bound = kernel::bound_of(bounds, kept.genealogy[s].lineage)?;
         let label = bound.label(start);
         let metric = bound.metric(label);
         let neighbour = (0..TRIES)
             .map(|_| below(rng, kept.len()))
             .find(|&i| i != s && bound.has_label(kept.row(i), label));
         if let Some(i) = neighbour {
-            jumps.push(metric.distance_between(&b.u, start));
+            jump_distances.push(metric.distance_between(&b.u, start));
             pairs.push(metric.distance_between(kept.row(i), start));
         }
     }
     let typical = median(pairs);
-    (typical > 0.0).then(|| median(jumps) / typical)
+    (typical > 0.0).then(|| median(jump_distances) / typical)
 }
 
 /// Correlation of the ranks of chains' ends with those of their starts, among the survivors.
-fn echo(kept: &Points, seeds: &[usize], born: &[Newborn]) -> f64 {
+fn seed_correlation(kept: &Points, seeds: &[usize], born: &[NewPoint]) -> f64 {
     let mut sorted = kept.ln_l.clone();
     sorted.sort_by(f64::total_cmp);
     let centred = |ln_l: f64| {
@@ -223,20 +226,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn steps_rise_while_that_lowers_the_echo_and_no_longer() {
+    fn steps_rise_while_that_lowers_the_seed_correlation_and_no_longer() {
         let (mut tuning, mut ranks) = (Tuning::new(10, Kernel::RandomSlice, 2), Ranks::default());
-        let mut after_a_window_of = |echo: f64| {
+        let mut after_a_window_of = |seed_correlation: f64| {
             // Even ranks, and chains that move.
             for i in 0..110 {
                 ranks.push(i % 11, 10);
             }
-            tuning.echoes.push(echo);
+            tuning.seed_correlations.push(seed_correlation);
             tuning.watch(&ranks, 110, 100);
             tuning.steps
         };
         assert_eq!(after_a_window_of(0.20), 10, "nothing to mend");
         assert_eq!(after_a_window_of(0.60), 15);
-        assert_eq!(after_a_window_of(0.40), 23, "it helped, and echoes still");
+        assert_eq!(
+            after_a_window_of(0.40),
+            23,
+            "it helped, and rank correlations still"
+        );
         assert_eq!(after_a_window_of(0.38), 23, "it did not help");
         assert_eq!(after_a_window_of(0.44), 23);
         assert_eq!(after_a_window_of(0.70), 35, "another regime");

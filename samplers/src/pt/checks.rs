@@ -1,10 +1,10 @@
 //! What a tempered run must pass to be believed, each with a word on what to do.
 
 use super::evidence::Estimate;
-use super::ladder::round_trip_rate;
 use super::record::Record;
+use super::schedule::round_trip_rate;
 use super::state::Finished;
-use crate::diagnostics::chance_of_scatter;
+use crate::diagnostics::chi2_p_value;
 use crate::hmc::MAX_STEP;
 use crate::output::{Check, Ess};
 
@@ -19,7 +19,7 @@ pub(super) struct Evidenced<'a> {
     pub(super) ess: &'a Ess,
     /// Largest R-hat over coordinates, their squares and ln L.
     pub(super) worst_r_hat: f64,
-    /// p-value that ladders give modes the same weight.
+    /// p-value that chain sets give modes the same weight.
     pub(super) mode_agreement: f64,
     /// Whether slices explore too: then it is round trips, R-hat and effective sizes that judge how far states move, and a
     /// short trajectory is no failure.
@@ -28,7 +28,7 @@ pub(super) struct Evidenced<'a> {
 
 /// All checks of a run.
 pub(super) fn checks(run: &Evidenced<'_>) -> Vec<Check> {
-    let mut checks = journeys(run);
+    let mut checks = index_processes(run);
     checks.extend(schedule(run));
     checks.extend(evidence(run.estimate));
     checks.extend(draws(run));
@@ -36,32 +36,36 @@ pub(super) fn checks(run: &Evidenced<'_>) -> Vec<Check> {
     checks
 }
 
-fn journeys(run: &Evidenced<'_>) -> Vec<Check> {
-    let journeys = run.record.journeys();
+fn index_processes(run: &Evidenced<'_>) -> Vec<Check> {
+    let index_processes = run.record.index_processes();
     let scans = run.record.scans();
-    let leg = run.record.telling_leg();
-    let machines = (journeys.len() * leg.traces.rungs()) as f64;
-    let fewest = journeys.iter().map(|(trips, _)| *trips).min().unwrap_or(0);
-    let restarts: u64 = journeys.iter().map(|(_, restarts)| restarts).sum();
+    let extension = run.record.telling_extension();
+    let replicas = (index_processes.len() * extension.traces.temperatures()) as f64;
+    let fewest = index_processes
+        .iter()
+        .map(|(trips, _)| *trips)
+        .min()
+        .unwrap_or(0);
+    let restarts: u64 = index_processes.iter().map(|(_, restarts)| restarts).sum();
     let trips = run.record.round_trips() as f64;
-    let rate = trips / (scans * journeys.len()).max(1) as f64;
-    let expected = round_trip_rate(&leg.mean_rejection());
+    let rate = trips / (scans * index_processes.len()).max(1) as f64;
+    let expected = round_trip_rate(&extension.mean_rejection());
     vec![
         Check::at_least(
-            "round trips, worst ladder",
+            "round trips, worst chain set",
             fewest as f64,
             10.0,
-            "prior to posterior and back, in each ladder; if too few, allow `extensions`, or add rounds: each doubles them",
+            "prior to posterior and back, in each chain set; if too few, allow `extensions`, or add rounds: each doubles them",
         ),
         Check::at_least(
-            "round trips, all ladders",
+            "round trips, all chain sets",
             trips,
             100.0,
             "independent restarts behind the evidence; if too few, allow `extensions`, or add rounds",
         ),
         Check::at_least(
-            "restarts per machine",
-            restarts as f64 / machines,
+            "restarts per replica",
+            restarts as f64 / replicas,
             1.0,
             "fresh prior draws that reached the posterior; if too few, allow `extensions`, or add rounds",
         ),
@@ -69,28 +73,31 @@ fn journeys(run: &Evidenced<'_>) -> Vec<Check> {
             "round-trip rate",
             rate / expected,
             0.3,
-            "share of the rate that perfect explorers would have; if low, local moves are too slow: raise `slices`, `moves` or `max_leapfrogs`, or declare the target's symmetries",
+            "fraction of the rate that perfect local samplers would have; if low, local moves are too slow: raise `slice_updates`, `hmc_transitions` or `max_leapfrogs`, or declare the target's symmetries",
         ),
     ]
 }
 
 fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
-    let rejection = run.record.telling_leg().mean_rejection();
+    let rejection = run.record.telling_extension().mean_rejection();
     let worst = rejection.iter().copied().fold(0.0, f64::max);
-    let barrier: f64 = rejection.iter().sum();
-    let before = run.history.last().map_or(0.0, |round| round.barrier);
-    // A flat likelihood has no barrier at all; below a tenth a change means nothing.
-    let change = (barrier - before).abs() / before.max(0.1);
+    let communication_barrier: f64 = rejection.iter().sum();
+    let before = run
+        .history
+        .last()
+        .map_or(0.0, |round| round.communication_barrier);
+    // A flat likelihood has no communication barrier at all; below a tenth a change means nothing.
+    let change = (communication_barrier - before).abs() / before.max(0.1);
     let change = if run.history.is_empty() { 1.0 } else { change };
     vec![
         Check::at_most(
             "swap rejection, worst gap",
             worst,
             0.75,
-            "if above, the ladder has a gap: raise `temperatures` or `max_temperatures`, or add rounds so that it can adapt",
+            "if above, the chain set has a gap: raise `temperatures` or `max_temperatures`, or add rounds so that it can adapt",
         ),
         Check::at_most(
-            "change of barrier",
+            "change of communication barrier",
             change,
             0.1,
             "relative change of the communication barrier since the round before; if above, the run has not settled: add rounds",
@@ -101,13 +108,16 @@ fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
 fn evidence(estimate: &Estimate) -> Vec<Check> {
     let error = estimate.error();
     let gap = (estimate.forward - estimate.backward).abs();
-    // Ladders are alike, so they share their errors: one that has missed a small mode knows of none and thinks itself too good.
-    let squares = estimate.ladder_errors.iter().map(|e| e * e);
-    let variance = squares.sum::<f64>() / estimate.ladders.len() as f64;
-    let scatter = estimate.ladders.iter().map(|l| (l - estimate.ln_z).powi(2));
+    // Chain sets are alike, so they share their errors: one that has missed a small mode knows of none and thinks itself too good.
+    let squares = estimate.chain_set_errors.iter().map(|e| e * e);
+    let variance = squares.sum::<f64>() / estimate.chain_sets.len() as f64;
+    let scatter = estimate
+        .chain_sets
+        .iter()
+        .map(|l| (l - estimate.ln_z).powi(2));
     // A flat likelihood has no error but that of rounding.
     let chi2 = scatter.sum::<f64>() / variance.max(1e-12);
-    let p = chance_of_scatter(chi2, estimate.ladders.len());
+    let p = chi2_p_value(chi2, estimate.chain_sets.len());
     vec![
         Check::at_most(
             "evidence error",
@@ -122,10 +132,10 @@ fn evidence(estimate: &Estimate) -> Vec<Check> {
             "stepping stones from both sides must agree; if not, add rounds or temperatures",
         ),
         Check::at_least(
-            "ladders agree on the evidence",
+            "chain sets agree on the evidence",
             if error.is_finite() { p } else { 0.0 },
             0.01,
-            "p-value of the scatter of ladders against the error that each has by its own scans; if below, some ladder misses a part of the posterior: allow `extensions`, or add rounds",
+            "p-value of the scatter of chain sets against the error that each has by its own scans; if below, some chain set misses a part of the posterior: allow `extensions`, or add rounds",
         ),
     ]
 }
@@ -137,31 +147,31 @@ fn draws(run: &Evidenced<'_>) -> Vec<Check> {
             "R-hat",
             run.worst_r_hat,
             1.01,
-            "largest rank-normalised split R-hat of coordinates, their squares and ln L; if above, ladders have not converged: allow `extensions`, or add rounds",
+            "largest rank-normalised split R-hat of coordinates, their squares and ln L; if above, chain sets have not converged: allow `extensions`, or add rounds",
         ),
         Check::at_least(
-            "bulk effective size",
+            "bulk ESS",
             least(&run.ess.bulk),
             400.0,
-            "smallest over parameters; if below, allow `extensions`, add rounds, or raise `slices` or `moves`",
+            "smallest over parameters; if below, allow `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
         ),
         Check::at_least(
-            "tail effective size",
+            "tail ESS",
             least(&run.ess.tail),
             400.0,
-            "smallest over parameters; if below, allow `extensions`, add rounds, or raise `moves`",
+            "smallest over parameters; if below, allow `extensions`, add rounds, or raise `hmc_transitions`",
         ),
         Check::at_least(
-            "ladders agree on the modes",
+            "chain sets agree on the modes",
             run.mode_agreement,
             0.01,
-            "p-value that all ladders give the two halves or modes of the posterior the same weight; if below, allow `extensions`, add rounds, or declare the target's symmetries",
+            "p-value that all chain sets give the two halves or modes of the posterior the same weight; if below, allow `extensions`, add rounds, or declare the target's symmetries",
         ),
     ]
 }
 
 fn moves(run: &Evidenced<'_>) -> Vec<Check> {
-    let locals = &run.record.telling_leg().locals[1..];
+    let locals = &run.record.telling_extension().locals[1..];
     let acceptance = |local: &super::record::Local| local.mean_acceptance();
     let lowest = locals.iter().map(acceptance).fold(1.0, f64::min);
     // A step at its largest cannot get longer, whatever the acceptance.
@@ -171,15 +181,15 @@ fn moves(run: &Evidenced<'_>) -> Vec<Check> {
         .filter(|(_, step)| **step < 0.99 * MAX_STEP)
         .map(|(local, _)| acceptance(local))
         .fold(0.0, f64::max);
-    let worst_share = |count: fn(&super::record::Local) -> u64| {
+    let worst_fraction = |count: fn(&super::record::Local) -> u64| {
         locals
             .iter()
             .map(|local| count(local) as f64 / local.moves.max(1) as f64)
             .fold(0.0, f64::max)
     };
     let rejected = Check::at_most(
-        "moves lost to rejected points",
-        worst_share(|local| local.rejected),
+        "HMC transitions lost to rejected points",
+        worst_fraction(|local| local.rejected),
         0.2,
         "share at the worst temperature of moves that met a point without likelihood; if above, give the target a smooth penalty in place of a cliff",
     );
@@ -201,9 +211,9 @@ fn moves(run: &Evidenced<'_>) -> Vec<Check> {
         ),
         Check::at_most(
             "cut trajectories",
-            worst_share(|local| local.capped),
+            worst_fraction(|local| local.capped),
             0.01,
-            "share of moves stopped by `max_leapfrogs` at the worst temperature; if above, raise it",
+            "fraction of moves stopped by `max_leapfrogs` at the worst temperature; if above, raise it",
         ),
         rejected,
     ]
@@ -213,17 +223,17 @@ fn moves(run: &Evidenced<'_>) -> Vec<Check> {
 mod tests {
     use super::*;
 
-    fn estimate(ladders: Vec<f64>, error: f64) -> Estimate {
-        let ln_z = ladders.iter().sum::<f64>() / ladders.len() as f64;
+    fn estimate(chain_sets: Vec<f64>, error: f64) -> Estimate {
+        let ln_z = chain_sets.iter().sum::<f64>() / chain_sets.len() as f64;
         Estimate {
             ln_z,
             forward: ln_z,
             backward: ln_z,
             thermodynamic: None,
             valid: 1.0,
-            ladder_errors: vec![error; ladders.len()],
-            ladders,
-            error_ladders: 0.1,
+            chain_set_errors: vec![error; chain_sets.len()],
+            chain_sets,
+            error_chain_sets: 0.1,
             error_scans: 0.1,
         }
     }
@@ -234,10 +244,10 @@ mod tests {
     }
 
     #[test]
-    fn ladders_that_disagree_on_the_evidence_are_refused() {
-        let name = "ladders agree on the evidence";
+    fn chain_sets_that_disagree_on_the_evidence_are_refused() {
+        let name = "chain sets agree on the evidence";
         assert!(passes(name, &estimate(vec![-3.0, -3.1, -2.9, -3.05], 0.1)));
-        // One ladder missed a mode that holds half of the mass.
+        // One chain set missed a mode that holds half of the mass.
         assert!(!passes(name, &estimate(vec![-3.0, -3.1, -2.9, -3.7], 0.1)));
         assert!(!passes(name, &estimate(vec![-3.0, -3.1], f64::NAN)));
     }

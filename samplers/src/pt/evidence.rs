@@ -1,65 +1,65 @@
-//! The evidence of a ladder from its log-likelihoods alone: Bennett's estimate, its error, and three checks.
+//! The evidence of a chain set from its log-likelihoods alone: Bennett's estimate, its error, and three checks.
 
 use crate::diagnostics::{error_of_mean, ln_sum_exp};
 use serde::{Deserialize, Serialize};
 
-/// Blocks that a ladder's scans are averaged in before their correlation is looked at: a faint memory of hundreds of scans does
+/// Blocks that a chain set's scans are averaged in before their correlation is looked at: a faint memory of hundreds of scans does
 /// not show in the noise of single ones.
 const BLOCKS: usize = 256;
 
-/// ln L of every slot of every ladder, scan by scan.
+/// ln L of every chain of every chain set, scan by scan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Traces {
-    rungs: usize,
-    /// Ladder-major.
+    temperatures: usize,
+    /// Chain-set-major.
     values: Vec<Vec<f64>>,
 }
 
 impl Traces {
     /// No scans yet.
     #[must_use]
-    pub fn new(ladders: usize, rungs: usize) -> Self {
+    pub fn new(chain_sets: usize, temperatures: usize) -> Self {
         Self {
-            rungs,
-            values: vec![Vec::new(); ladders * rungs],
+            temperatures,
+            values: vec![Vec::new(); chain_sets * temperatures],
         }
     }
 
-    /// Adds one value to one slot.
-    pub fn push(&mut self, ladder: usize, rung: usize, ln_likelihood: f64) {
-        self.values[ladder * self.rungs + rung].push(ln_likelihood);
+    /// Adds one value to one chain.
+    pub fn push(&mut self, chain_set: usize, temperature: usize, ln_likelihood: f64) {
+        self.values[chain_set * self.temperatures + temperature].push(ln_likelihood);
     }
 
-    /// One slot's values.
+    /// One chain's values.
     #[must_use]
-    pub fn of(&self, ladder: usize, rung: usize) -> &[f64] {
-        &self.values[ladder * self.rungs + rung]
+    pub fn of(&self, chain_set: usize, temperature: usize) -> &[f64] {
+        &self.values[chain_set * self.temperatures + temperature]
     }
 
-    /// Ladders.
+    /// Chain sets.
     #[must_use]
-    pub fn ladders(&self) -> usize {
-        self.values.len() / self.rungs
+    pub fn chain_sets(&self) -> usize {
+        self.values.len() / self.temperatures
     }
 
     /// Temperatures.
     #[must_use]
-    pub fn rungs(&self) -> usize {
-        self.rungs
+    pub fn temperatures(&self) -> usize {
+        self.temperatures
     }
 
-    /// Scans noted in every slot.
+    /// Scans noted in every chain.
     #[must_use]
     pub fn scans(&self) -> usize {
         self.values.last().map_or(0, Vec::len)
     }
 
-    /// Mean and variance over the finite values of one rung, all ladders.
+    /// Mean and variance over the finite values of one temperature, all chain sets.
     #[must_use]
-    pub fn moments(&self, rung: usize) -> (f64, f64) {
+    pub fn moments(&self, temperature: usize) -> (f64, f64) {
         let values = || {
-            (0..self.ladders())
-                .flat_map(|ladder| self.of(ladder, rung))
+            (0..self.chain_sets())
+                .flat_map(|chain_set| self.of(chain_set, temperature))
                 .filter(|l| l.is_finite())
         };
         let count = values().count().max(1) as f64;
@@ -72,24 +72,24 @@ impl Traces {
 /// An evidence and everything that checks it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
-    /// Bennett's estimate of ln Z from all ladders together: the one to quote.
+    /// Bennett's estimate of ln Z from all chain sets together: the one to quote.
     pub ln_z: f64,
     /// Stepping stones from the hot side: the sum of `ln <exp(db l)>` at the hotter of each pair.
     pub forward: f64,
-    /// From the cold side: minus the sum of `ln <exp(-db l)>` at the colder, with the share of the prior that has a
+    /// From the cold side: minus the sum of `ln <exp(-db l)>` at the colder, with the fraction of the prior that has a
     /// likelihood.
     pub backward: f64,
-    /// Corrected trapezoid of the mean ln L over beta, too high by tenths on a coarse ladder; `None` where the prior has points without likelihood.
+    /// Corrected trapezoid of the mean ln L over beta, too high by tenths on a coarse chain set; `None` where the prior has points without likelihood.
     pub thermodynamic: Option<f64>,
-    /// Share of prior draws with a likelihood.
+    /// Fraction of prior draws with a likelihood.
     pub valid: f64,
-    /// Bennett's estimate per ladder.
-    pub ladders: Vec<f64>,
-    /// Error of each ladder's estimate, from its own scans.
-    pub ladder_errors: Vec<f64>,
-    /// Error from the scatter of the estimates of families of ladders, `sd / sqrt(families)`.
-    pub error_ladders: f64,
-    /// Error from the scans of all ladders, with their correlation.
+    /// Bennett's estimate per chain set.
+    pub chain_sets: Vec<f64>,
+    /// Error of each chain set's estimate, from its own scans.
+    pub chain_set_errors: Vec<f64>,
+    /// Error from the scatter of the estimates of clusters of chain sets, `sd / sqrt(clusters)`.
+    pub error_chain_sets: f64,
+    /// Error from the scans of all chain sets, with their correlation.
     pub error_scans: f64,
 }
 
@@ -97,49 +97,62 @@ impl Estimate {
     /// The error to quote: the larger of the two.
     #[must_use]
     pub fn error(&self) -> f64 {
-        self.error_ladders.max(self.error_scans)
+        self.error_chain_sets.max(self.error_scans)
     }
 }
 
-/// Estimates ln Z from legs: inverse temperatures, and the traces of ladders at them. Each leg has its own estimate, and counts by
+/// Estimates ln Z from extensions: inverse temperatures, and the traces of chain sets at them. Each extension has its own estimate, and counts by
 /// its scans.
 ///
 /// The distance between forward and backward is a check and not an error: it was measured to be half of the true
-/// error and up to seven times smaller. With a single scan errors are infinite. Ladder `k` is of family `k % families`;
-/// only families are independent of each other.
+/// error and up to seven times smaller. With a single scan errors are infinite. Chain set `k` is of cluster `k % clusters`;
+/// only clusters are independent of each other.
 #[must_use]
-pub fn estimate(legs: &[(&[f64], &Traces)], families: usize) -> Estimate {
-    let count = legs.first().map_or(0, |(_, traces)| traces.ladders());
+pub fn estimate(extensions: &[(&[f64], &Traces)], clusters: usize) -> Estimate {
+    let count = extensions
+        .first()
+        .map_or(0, |(_, traces)| traces.chain_sets());
     let all: Vec<usize> = (0..count).collect();
-    let whole = bennett(legs, &all);
-    let single: Vec<Bennett> = all.iter().map(|ladder| bennett(legs, &[*ladder])).collect();
-    let ladders: Vec<f64> = single.iter().map(|b| b.ln_z).collect();
-    let families = families.min(all.len());
-    let families: Vec<f64> = (0..families)
-        .map(|family| {
-            let members: Vec<usize> = all.iter().copied().skip(family).step_by(families).collect();
-            bennett(legs, &members).ln_z
+    let whole = bennett(extensions, &all);
+    let single: Vec<Bennett> = all
+        .iter()
+        .map(|chain_set| bennett(extensions, &[*chain_set]))
+        .collect();
+    let chain_sets: Vec<f64> = single.iter().map(|b| b.ln_z).collect();
+    let clusters = clusters.min(all.len());
+    let clusters: Vec<f64> = (0..clusters)
+        .map(|cluster| {
+            let particles: Vec<usize> = all
+                .iter()
+                .copied()
+                .skip(cluster)
+                .step_by(clusters)
+                .collect();
+            bennett(extensions, &particles).ln_z
         })
         .collect();
-    let mean = families.iter().sum::<f64>() / families.len() as f64;
-    let scatter = families.iter().map(|l| (l - mean).powi(2)).sum::<f64>();
-    let freedom = families.len().saturating_sub(1) as f64;
-    let spread = scatter / (freedom * families.len() as f64);
-    let stones: Vec<Stones> = legs.iter().map(|(b, t)| stepping_stones(b, t)).collect();
-    let mean_of = |of: fn(&Stones) -> f64| mean_by_scans(legs, stones.iter().map(of));
+    let mean = clusters.iter().sum::<f64>() / clusters.len() as f64;
+    let scatter = clusters.iter().map(|l| (l - mean).powi(2)).sum::<f64>();
+    let degrees_of_freedom = clusters.len().saturating_sub(1) as f64;
+    let spread = scatter / (degrees_of_freedom * clusters.len() as f64);
+    let stones: Vec<Stones> = extensions
+        .iter()
+        .map(|(b, t)| stepping_stones(b, t))
+        .collect();
+    let mean_of = |of: fn(&Stones) -> f64| mean_by_scans(extensions, stones.iter().map(of));
     let valid = mean_of(|stones| stones.valid);
-    let paths = legs
+    let paths = extensions
         .iter()
         .map(|(beta, traces)| thermodynamic(beta, traces));
     Estimate {
         ln_z: whole.ln_z,
         forward: mean_of(|stones| stones.forward),
         backward: mean_of(|stones| stones.backward),
-        thermodynamic: (valid >= 1.0).then(|| mean_by_scans(legs, paths)),
+        thermodynamic: (valid >= 1.0).then(|| mean_by_scans(extensions, paths)),
         valid,
-        ladder_errors: single.iter().map(|b| b.error).collect(),
-        ladders,
-        error_ladders: if spread.is_finite() {
+        chain_set_errors: single.iter().map(|b| b.error).collect(),
+        chain_sets,
+        error_chain_sets: if spread.is_finite() {
             spread.sqrt()
         } else {
             f64::INFINITY
@@ -148,9 +161,9 @@ pub fn estimate(legs: &[(&[f64], &Traces)], families: usize) -> Estimate {
     }
 }
 
-/// Mean of one number per leg, each with the weight of its scans.
-fn mean_by_scans(legs: &[(&[f64], &Traces)], numbers: impl Iterator<Item = f64>) -> f64 {
-    let scans = || legs.iter().map(|(_, traces)| traces.scans() as f64);
+/// Mean of one number per extension, each with the weight of its scans.
+fn mean_by_scans(extensions: &[(&[f64], &Traces)], numbers: impl Iterator<Item = f64>) -> f64 {
+    let scans = || extensions.iter().map(|(_, traces)| traces.scans() as f64);
     let sum: f64 = numbers.zip(scans()).map(|(x, scans)| x * scans).sum();
     sum / scans().sum::<f64>()
 }
@@ -158,13 +171,13 @@ fn mean_by_scans(legs: &[(&[f64], &Traces)], numbers: impl Iterator<Item = f64>)
 struct Stones {
     forward: f64,
     backward: f64,
-    /// Share of the reference's draws with a likelihood.
+    /// Fraction of the reference's draws with a likelihood.
     valid: f64,
 }
 
 fn stepping_stones(beta: &[f64], traces: &Traces) -> Stones {
-    let pooled = |rung: usize, factor: f64| -> (f64, usize, usize) {
-        let all = (0..traces.ladders()).flat_map(|ladder| traces.of(ladder, rung));
+    let pooled = |temperature: usize, factor: f64| -> (f64, usize, usize) {
+        let all = (0..traces.chain_sets()).flat_map(|chain_set| traces.of(chain_set, temperature));
         let total = all.clone().count();
         let terms: Vec<f64> = all.filter(|l| l.is_finite()).map(|l| factor * l).collect();
         (ln_sum_exp(&terms), terms.len(), total)
@@ -172,11 +185,11 @@ fn stepping_stones(beta: &[f64], traces: &Traces) -> Stones {
     let (_, valid, draws) = pooled(0, 0.0);
     let valid = valid as f64 / draws.max(1) as f64;
     let (mut forward, mut backward) = (0.0, valid.ln());
-    for (rung, gap) in beta.windows(2).enumerate() {
+    for (temperature, gap) in beta.windows(2).enumerate() {
         let step = gap[1] - gap[0];
-        let (sum, _, total) = pooled(rung, step);
+        let (sum, _, total) = pooled(temperature, step);
         forward += sum - (total as f64).ln();
-        let (sum, _, total) = pooled(rung + 1, -step);
+        let (sum, _, total) = pooled(temperature + 1, -step);
         backward -= sum - (total as f64).ln();
     }
     Stones {
@@ -188,7 +201,9 @@ fn stepping_stones(beta: &[f64], traces: &Traces) -> Stones {
 
 /// Trapezoid with the end correction that the variance, the slope of the mean, gives.
 fn thermodynamic(beta: &[f64], traces: &Traces) -> f64 {
-    let moments: Vec<(f64, f64)> = (0..beta.len()).map(|rung| traces.moments(rung)).collect();
+    let moments: Vec<(f64, f64)> = (0..beta.len())
+        .map(|temperature| traces.moments(temperature))
+        .collect();
     beta.windows(2)
         .zip(moments.windows(2))
         .map(|(b, m)| {
@@ -205,18 +220,21 @@ struct Bennett {
 
 /// Bennett's acceptance ratio gap by gap, and the error of their sum from what each block of scans moves it by: of all gaps at
 /// once and with the correlation of blocks, however long, so that it counts how long a state stays in a small mode.
-fn bennett(legs: &[(&[f64], &Traces)], ladders: &[usize]) -> Bennett {
-    let scans = legs.iter().map(|(_, traces)| traces.scans()).sum::<usize>();
-    // ln Z of each leg, and what moves it block by block: their sum is the true value on average, to first order.
-    let of_leg = |(beta, traces): &(&[f64], &Traces)| {
+fn bennett(extensions: &[(&[f64], &Traces)], chain_sets: &[usize]) -> Bennett {
+    let scans = extensions
+        .iter()
+        .map(|(_, traces)| traces.scans())
+        .sum::<usize>();
+    // ln Z of each extension, and what moves it block by block: their sum is the true value on average, to first order.
+    let of_extension = |(beta, traces): &(&[f64], &Traces)| {
         let blocks = (BLOCKS * traces.scans()).div_ceil(scans.max(1));
-        bennett_of_leg(beta, traces, ladders, blocks.min(traces.scans()))
+        bennett_of_extension(beta, traces, chain_sets, blocks.min(traces.scans()))
     };
-    let parts: Vec<(f64, Vec<Vec<f64>>)> = legs.iter().map(of_leg).collect();
-    let chains: Vec<Vec<f64>> = (0..ladders.len())
-        .map(|ladder| {
+    let parts: Vec<(f64, Vec<Vec<f64>>)> = extensions.iter().map(of_extension).collect();
+    let chains: Vec<Vec<f64>> = (0..chain_sets.len())
+        .map(|chain_set| {
             let part = |(ln_z, moves): &(f64, Vec<Vec<f64>>)| -> Vec<f64> {
-                moves[ladder].iter().map(|moved| ln_z + moved).collect()
+                moves[chain_set].iter().map(|moved| ln_z + moved).collect()
             };
             parts.iter().flat_map(part).collect()
         })
@@ -224,7 +242,7 @@ fn bennett(legs: &[(&[f64], &Traces)], ladders: &[usize]) -> Bennett {
     let chains: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
     let error = error_of_mean(&chains);
     Bennett {
-        ln_z: mean_by_scans(legs, parts.iter().map(|(ln_z, _)| *ln_z)),
+        ln_z: mean_by_scans(extensions, parts.iter().map(|(ln_z, _)| *ln_z)),
         error: if error.is_finite() {
             error
         } else {
@@ -233,31 +251,35 @@ fn bennett(legs: &[(&[f64], &Traces)], ladders: &[usize]) -> Bennett {
     }
 }
 
-/// The estimate of one leg, and by how much each block of scans of each ladder moves it. Draws of the reference without
+/// The estimate of one extension, and by how much each block of scans of each chain set moves it. Draws of the reference without
 /// likelihood enter as zeros, which is exact.
-fn bennett_of_leg(
+fn bennett_of_extension(
     beta: &[f64],
     traces: &Traces,
-    ladders: &[usize],
+    chain_sets: &[usize],
     blocks: usize,
 ) -> (f64, Vec<Vec<f64>>) {
     let scans = traces.scans();
     let mut ln_z = 0.0;
-    let mut influence = vec![vec![0.0; blocks]; ladders.len()];
-    for (rung, gap) in beta.windows(2).enumerate() {
+    let mut influence = vec![vec![0.0; blocks]; chain_sets.len()];
+    for (temperature, gap) in beta.windows(2).enumerate() {
         let step = gap[1] - gap[0];
-        let side =
-            |rung: usize| -> Vec<&[f64]> { ladders.iter().map(|m| traces.of(*m, rung)).collect() };
-        let (hot, cold) = (side(rung), side(rung + 1));
+        let side = |temperature: usize| -> Vec<&[f64]> {
+            chain_sets
+                .iter()
+                .map(|m| traces.of(*m, temperature))
+                .collect()
+        };
+        let (hot, cold) = (side(temperature), side(temperature + 1));
         let root = solve(&hot, &cold, step);
         ln_z += root;
-        let mut sums = vec![vec![Balance::default(); blocks]; ladders.len()];
+        let mut sums = vec![vec![Balance::default(); blocks]; chain_sets.len()];
         for (sums, (hot, cold)) in sums.iter_mut().zip(hot.iter().zip(&cold)) {
             for (scan, (h, c)) in hot.iter().zip(cold.iter()).enumerate() {
                 sums[scan * blocks / scans].add(step * h, step * c, root);
             }
         }
-        let units = (ladders.len() * blocks) as f64;
+        let units = (chain_sets.len() * blocks) as f64;
         let slope: f64 = sums.iter().flatten().map(|sum| sum.slope).sum();
         for (influence, sum) in influence.iter_mut().flatten().zip(sums.iter().flatten()) {
             *influence += units * sum.excess / slope;
@@ -365,16 +387,16 @@ mod tests {
     fn toy(dim: usize, beta: &[f64], scans: usize, memory: f64, seed: u64) -> Traces {
         let mut traces = Traces::new(4, beta.len());
         let fresh = (1.0 - memory * memory).sqrt();
-        for ladder in 0..4 {
-            for (rung, b) in beta.iter().enumerate() {
-                let mut rng = stream(seed, Domain::Test, ladder as u64, rung as u64);
+        for chain_set in 0..4 {
+            for (temperature, b) in beta.iter().enumerate() {
+                let mut rng = stream(seed, Domain::Test, chain_set as u64, temperature as u64);
                 let mut z: Vec<f64> = (0..dim).map(|_| standard_normal(&mut rng)).collect();
                 for _ in 0..scans {
                     for z in &mut z {
                         *z = memory * *z + fresh * standard_normal(&mut rng);
                     }
                     let square: f64 = z.iter().map(|z| z * z).sum();
-                    traces.push(ladder, rung, -4.5 * square / (1.0 + 9.0 * b));
+                    traces.push(chain_set, temperature, -4.5 * square / (1.0 + 9.0 * b));
                 }
             }
         }
@@ -407,7 +429,7 @@ mod tests {
 
     #[test]
     fn the_error_knows_scans_that_remember_hundreds_before_them() {
-        // ln L forgets at the rate of z's square: 100 scans, so that each ladder's 3,000 are worth 15.
+        // ln L forgets at the rate of z's square: 100 scans, so that each chain set's 3,000 are worth 15.
         let beta = even(8);
         let truth = -1.5 * 10_f64.ln();
         let pulls: Vec<f64> = (0..40)
@@ -418,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn legs_at_other_temperatures_count_by_their_scans() {
+    fn extensions_at_other_temperatures_count_by_their_scans() {
         let truth = -6.5 * 10_f64.ln();
         let (few, many) = (even(6), even(9));
         let pulls: Vec<f64> = (0..40)
@@ -449,15 +471,15 @@ mod tests {
         // L = 1 on a quarter of the prior: every estimate is the logarithm of the counted share.
         let mut traces = Traces::new(2, 3);
         for scan in 0..400 {
-            for ladder in 0..2 {
+            for chain_set in 0..2 {
                 let l = if scan % 4 == 0 {
                     0.0
                 } else {
                     f64::NEG_INFINITY
                 };
-                traces.push(ladder, 0, l);
-                traces.push(ladder, 1, 0.0);
-                traces.push(ladder, 2, 0.0);
+                traces.push(chain_set, 0, l);
+                traces.push(chain_set, 1, 0.0);
+                traces.push(chain_set, 2, 0.0);
             }
         }
         let e = of(&[0.0, 0.5, 1.0], &traces);
@@ -471,9 +493,9 @@ mod tests {
     fn depths_of_a_million_do_not_overflow() {
         let mut traces = Traces::new(2, 2);
         for scan in 0..50 {
-            for ladder in 0..2 {
-                traces.push(ladder, 0, -1e6 - f64::from(scan));
-                traces.push(ladder, 1, -3.0 - 0.01 * f64::from(scan));
+            for chain_set in 0..2 {
+                traces.push(chain_set, 0, -1e6 - f64::from(scan));
+                traces.push(chain_set, 1, -3.0 - 0.01 * f64::from(scan));
             }
         }
         let e = of(&[0.0, 1.0], &traces);

@@ -1,11 +1,11 @@
-//! Non-reversible parallel tempering: ladders of temperatures from the prior to the posterior, explored by
-//! Hamiltonian moves and tied by deterministic even-odd swaps (Syed, Bouchard-Cote, Deligiannidis & Doucet 2022).
+//! Non-reversible parallel tempering: chain sets of temperatures from the prior to the posterior, explored by
+//! HMC transitions and tied by deterministic even-odd swaps (Syed, Bouchard-Cote, Deligiannidis & Doucet 2022).
 //!
-//! Several independent ladders run through rounds of doubling length. Temperatures, metrics and step sizes adapt
+//! Several independent chain sets run through rounds of doubling length. Temperatures, metrics and step sizes adapt
 //! between rounds (steps also within all rounds but the last); the last round is frozen and is the result. It may go on
-//! until it passes its checks: on a path that begins at a mixture in frozen legs, each fitted to all before it, of which the
-//! later half is the result. The top of each ladder, at inverse temperature 0, draws the prior or the mixture afresh in every scan, so
-//! that each round trip of a state through the ladder is an independent restart, and every ladder's evidence is one independent
+//! until it passes its checks: on a path that begins at a mixture in frozen extensions, each fitted to all before it, of which the
+//! later half is the result. The top of each chain set, at inverse temperature 0, draws the prior or the mixture afresh in every scan, so
+//! that each round trip of a state through the chain set is an independent restart, and every chain set's evidence is one independent
 //! estimate.
 //!
 //! ```
@@ -39,22 +39,24 @@
 //! # Ok::<(), oblate_samplers::Error>(())
 //! ```
 
-mod anneal;
+mod adapt;
 mod checks;
 mod evidence;
-mod ladder;
 mod outcome;
 mod record;
+mod scan;
+mod schedule;
 mod settings;
+mod smc;
 mod state;
 mod swap;
 
-pub use ladder::round_trip_rate;
+pub use schedule::round_trip_rate;
 pub use settings::Settings;
 
+use crate::checkpointer::Checkpointer;
 use crate::control::{Control, Event};
 use crate::error::{Error, Result};
-use crate::keeper::Keeper;
 use crate::output::{Run, Status};
 use crate::target::Target;
 use state::State;
@@ -85,20 +87,13 @@ pub fn run(
             remedy: "use the nested sampler instead",
         });
     }
-    if settings.mixture_rounds > 0 && !target.walls().is_empty() {
-        return Err(Error::Setting {
-            name: "mixture_rounds",
-            value: settings.mixture_rounds.to_string(),
-            remedy: "give 0: the prior of this target has walls, and a mixture's mass within them is not known",
-        });
-    }
     // How often the last round may go on decides where a run ends, not what it draws.
     let drawing = Settings {
         extensions: 0,
         ..settings.clone()
     };
-    let mut keeper = Keeper::new(&[target], &(drawing, seed), control)?;
-    let mut state = match keeper.load(control, |state: &State| state.time)? {
+    let mut checkpointer = Checkpointer::new(&[target], &(drawing, seed), control)?;
+    let mut state = match checkpointer.load(control, |state: &State| state.time)? {
         Some((state, _)) => state.allowed(settings.extensions),
         None => State::start(target, settings, seed)?,
     };
@@ -112,8 +107,8 @@ pub fn run(
         }
         let interrupted = stop || control.interrupted();
         let spent = control.spent(state.tally.calls + state.tally.gradients);
-        if state.annealing() && (interrupted || spent) {
-            keeper.save(&state, control)?;
+        if state.smc_samplers() && (interrupted || spent) {
+            checkpointer.save(&state, control)?;
             control.tell(&Event::Checkpointed);
             return Err(Error::Interrupted);
         }
@@ -124,18 +119,18 @@ pub fn run(
             break Status::BudgetSpent;
         }
         let advanced = state.advance(target);
-        state.time = keeper.time();
+        state.time = checkpointer.time();
         if let Err(error) = advanced {
-            return Err(keeper.save_after(error, &state, control));
+            return Err(checkpointer.save_after(error, &state, control));
         }
         stop |= control.tell(&state.progress());
         if control.checkpoint_due() {
-            keeper.save(&state, control)?;
+            checkpointer.save(&state, control)?;
             stop |= control.tell(&Event::Checkpointed);
         }
     };
     // Also a finished run leaves its checkpoint: resuming it gives the result again, or goes on if it now may.
-    if keeper.save(&state, control)? {
+    if checkpointer.save(&state, control)? {
         control.tell(&Event::Checkpointed);
     }
     let run = outcome::assemble(target, &state, status)?;

@@ -2,8 +2,8 @@
 
 use super::checks::{Evidenced, checks};
 use super::evidence::Estimate;
-use super::ladder::barrier;
 use super::record::Cold;
+use super::schedule::communication_barrier;
 use super::state::State;
 use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
 use crate::error::Result;
@@ -11,7 +11,7 @@ use crate::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Origin, 
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
-/// Swap rejection from which on a gap slows the round trips of the whole ladder.
+/// Swap rejection from which on a gap slows the round trips of the whole chain set.
 const SLOW_GAP: f64 = 0.7;
 
 /// The result of the round in progress: the last one, unless the run was stopped.
@@ -60,7 +60,11 @@ struct Judged {
 fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
     let estimate = state.evidence();
     let (ess, worst_r_hat) = effective_sizes(state, cold, dim);
-    let steps: Vec<f64> = state.rungs.iter().map(|rung| rung.step.step()).collect();
+    let steps: Vec<f64> = state
+        .temperatures
+        .iter()
+        .map(|temperature| temperature.step.step())
+        .collect();
     let checks = checks(&Evidenced {
         record: &state.record,
         estimate: &estimate,
@@ -91,14 +95,14 @@ pub(super) fn passes(state: &State, dim: usize) -> bool {
 fn draws(target: &dyn Target, state: &State, cold: &Cold) -> Result<Draws> {
     let count: usize = cold.ln_likelihood.iter().map(Vec::len).sum();
     let ln_weight = -(count as f64).ln();
-    let families = u32::try_from(state.families()).unwrap_or(u32::MAX);
+    let clusters = u32::try_from(state.clusters()).unwrap_or(u32::MAX);
     let mut draws = Draws::of(target);
     let mut theta = vec![0.0; target.dim()];
-    let ladders = cold.positions.iter().zip(&cold.ln_likelihood);
-    for (chain, (rows, values)) in (0_u32..).zip(ladders) {
+    let chain_sets = cold.positions.iter().zip(&cold.ln_likelihood);
+    for (chain, (rows, values)) in (0_u32..).zip(chain_sets) {
         for (z, &ln_l) in rows.chunks_exact(target.dim()).zip(values) {
             target.prior().theta_from_z(z, &mut theta);
-            let cluster = chain % families;
+            let cluster = chain % clusters;
             let origin = Origin { chain, cluster };
             draws.push(target, &theta, ln_l, ln_weight, origin)?;
         }
@@ -121,16 +125,16 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
     );
     estimates.extend(
         estimate
-            .ladders
+            .chain_sets
             .into_iter()
             .enumerate()
-            .map(|(ladder, value)| (format!("ladder {ladder}"), value)),
+            .map(|(chain_set, value)| (format!("chain set {chain_set}"), value)),
     );
     Evidence {
         ln_z: estimate.ln_z,
         error,
         error_parts: [
-            ("ladders".to_owned(), estimate.error_ladders),
+            ("chain_sets".to_owned(), estimate.error_chain_sets),
             ("scans".to_owned(), estimate.error_scans),
         ]
         .into(),
@@ -139,13 +143,13 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
     }
 }
 
-/// By how much the means of families scatter more, in variance, than the effective sizes of their ladders would make them: the
-/// mean over all parameters, since a few families tell little of each; at least 1. Ladders that began in one population have
+/// By how much the means of clusters scatter more, in variance, than the effective sizes of their chain sets would make them: the
+/// mean over all parameters, since a few clusters tell little of each; at least 1. Chain sets that began in one SMC sampler have
 /// what it has found by chance in common.
-fn kinship(columns: &[Vec<Vec<f64>>], bulk: &[f64], families: usize) -> f64 {
-    let excess = columns.iter().zip(bulk).map(|(ladders, bulk)| {
-        let of_family = |family: usize| -> Vec<f64> {
-            let own = ladders.iter().skip(family).step_by(families);
+fn design_effect(columns: &[Vec<Vec<f64>>], bulk: &[f64], clusters: usize) -> f64 {
+    let excess = columns.iter().zip(bulk).map(|(chain_sets, bulk)| {
+        let of_cluster = |cluster: usize| -> Vec<f64> {
+            let own = chain_sets.iter().skip(cluster).step_by(clusters);
             own.flatten().copied().collect()
         };
         let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
@@ -153,8 +157,8 @@ fn kinship(columns: &[Vec<Vec<f64>>], bulk: &[f64], families: usize) -> f64 {
             let centre = mean(x);
             x.iter().map(|x| (x - centre).powi(2)).sum::<f64>() / (x.len() as f64 - 1.0)
         };
-        let means: Vec<f64> = (0..families).map(|f| mean(&of_family(f))).collect();
-        scatter(&means) * bulk / (families as f64 * scatter(&ladders.concat()))
+        let means: Vec<f64> = (0..clusters).map(|f| mean(&of_cluster(f))).collect();
+        scatter(&means) * bulk / (clusters as f64 * scatter(&chain_sets.concat()))
     });
     let mean = excess.sum::<f64>() / columns.len() as f64;
     if mean.is_finite() { mean.max(1.0) } else { 1.0 }
@@ -163,9 +167,9 @@ fn kinship(columns: &[Vec<Vec<f64>>], bulk: &[f64], families: usize) -> f64 {
 /// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks see no monotone map), and the largest R-hat
 /// of all, ln L included.
 fn effective_sizes(state: &State, cold: &Cold, dim: usize) -> (Ess, f64) {
-    let ladders = cold.positions.len();
+    let chain_sets = cold.positions.len();
     let mut ess = Ess {
-        kish: (ladders * state.record.scans()) as f64,
+        kish: (chain_sets * state.record.scans()) as f64,
         ..Ess::default()
     };
     let columns: Vec<Vec<Vec<f64>>> = (0..dim)
@@ -174,20 +178,20 @@ fn effective_sizes(state: &State, cold: &Cold, dim: usize) -> (Ess, f64) {
             cold.positions.iter().map(of).collect()
         })
         .collect();
-    for ladders in &columns {
-        let squares: Vec<Vec<f64>> = ladders
+    for chain_sets in &columns {
+        let squares: Vec<Vec<f64>> = chain_sets
             .iter()
             .map(|column| column.iter().map(|z| z * z).collect())
             .collect();
-        let chains = slices(ladders);
+        let chains = slices(chain_sets);
         ess.bulk.push(bulk_ess(&chains));
         ess.tail.push(tail_ess(&chains));
         ess.r_hat.push(r_hat(&chains).max(r_hat(&slices(&squares))));
     }
-    if state.families() < ladders {
-        let kinship = kinship(&columns, &ess.bulk, state.families());
+    if state.clusters() < chain_sets {
+        let design_effect = design_effect(&columns, &ess.bulk, state.clusters());
         for size in ess.bulk.iter_mut().chain(&mut ess.tail) {
-            *size /= kinship;
+            *size /= design_effect;
         }
     }
     ess.quoted = ess
@@ -205,7 +209,7 @@ fn slices(chains: &[Vec<f64>]) -> Vec<&[f64]> {
     chains.iter().map(Vec::as_slice).collect()
 }
 
-/// How likely it is by chance that ladders give two modes such different weights.
+/// How likely it is by chance that chain sets give two modes such different weights.
 fn modes(cold: &Cold, dim: usize) -> f64 {
     let scans = cold.ln_likelihood.first().map_or(0, Vec::len);
     let labels = two_means(&cold.positions.concat(), dim);
@@ -215,25 +219,35 @@ fn modes(cold: &Cold, dim: usize) -> f64 {
 
 fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History {
     let record = &state.record;
-    let leg = record.telling_leg();
-    let rungs = leg.beta.len();
-    let (mean, variance) = (0..rungs).map(|rung| leg.traces.moments(rung)).unzip();
-    let rejection = leg.mean_rejection();
+    let extension = record.telling_extension();
+    let temperatures = extension.beta.len();
+    let (mean, variance) = (0..temperatures)
+        .map(|temperature| extension.traces.moments(temperature))
+        .unzip();
+    let rejection = extension.mean_rejection();
     History::Tempered {
-        beta: leg.beta.clone(),
+        beta: extension.beta.clone(),
         mean_ln_likelihood: mean,
         variance_ln_likelihood: variance,
-        barrier: barrier(&rejection),
+        communication_barrier: communication_barrier(&rejection),
         swap_rejection: rejection,
-        acceptance: leg.locals.iter().map(|l| l.mean_acceptance()).collect(),
+        acceptance: extension
+            .locals
+            .iter()
+            .map(|l| l.mean_acceptance())
+            .collect(),
         step_size,
-        mean_leapfrogs: leg
+        mean_leapfrogs: extension
             .locals
             .iter()
             .map(|l| l.leapfrogs as f64 / l.moves.max(1) as f64)
             .collect(),
-        divergences: leg.locals.iter().map(|l| l.diverged).collect(),
-        round_trips: record.journeys().iter().map(|(trips, _)| *trips).collect(),
+        divergences: extension.locals.iter().map(|l| l.diverged).collect(),
+        round_trips: record
+            .index_processes()
+            .iter()
+            .map(|(trips, _)| *trips)
+            .collect(),
         trace,
     }
 }
@@ -248,26 +262,26 @@ fn warnings(state: &State) -> Vec<String> {
     }
     if state.mixture_due() && state.reference.is_prior() {
         warnings.push(
-            "too few draws for a mixture: the ladders begin at the prior; raise `first_scans`, `rounds` or `ladders`"
+            "too few draws for a mixture: the chain sets begin at the prior; raise `first_scans`, `rounds` or `chain_sets`"
                 .to_owned(),
         );
     }
-    let leg = state.record.telling_leg();
-    for (beta, rejection) in leg.beta.iter().zip(leg.mean_rejection()) {
+    let extension = state.record.telling_extension();
+    for (beta, rejection) in extension.beta.iter().zip(extension.mean_rejection()) {
         if state.is_last_round() && rejection > SLOW_GAP {
             warnings.push(format!(
-                "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that the ladder can adapt",
+                "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that the chain set can adapt",
                 100.0 * rejection, beta,
             ));
         }
     }
-    let locals = &leg.locals;
+    let locals = &extension.locals;
     let diverged: u64 = locals.iter().map(|local| local.diverged).sum();
     if state.is_last_round() && diverged > 0 {
         let moves: u64 = locals.iter().map(|local| local.moves).sum();
-        let rungs = locals.iter().filter(|local| local.diverged > 0).count();
+        let temperatures = locals.iter().filter(|local| local.diverged > 0).count();
         warnings.push(format!(
-            "{diverged} of {moves} moves diverged, at {rungs} temperatures: the posterior has narrower spots than the steps; raise `target_acceptance`, or smooth the likelihood",
+            "{diverged} of {moves} moves diverged, at {temperatures} temperatures: the posterior has narrower spots than the steps; raise `target_acceptance`, or smooth the likelihood",
         ));
     }
     warnings
@@ -278,30 +292,30 @@ mod tests {
     use super::*;
     use crate::rng::{Domain, standard_normal, stream};
 
-    /// 32 ladders of 10 independent draws in each of 13 parameters, with this deviation of what the ladders of each of four
-    /// families have in common.
+    /// 32 chain sets of 10 independent draws in each of 13 parameters, with this deviation of what the chain sets of each of four
+    /// clusters have in common.
     fn columns(common: f64) -> Vec<Vec<Vec<f64>>> {
         let mut rng = stream(3, Domain::Test, 0, 0);
         (0..13)
             .map(|_| {
                 let shared: Vec<f64> = (0..4).map(|_| common * standard_normal(&mut rng)).collect();
-                let ladder = |k: usize, rng: &mut _| -> Vec<f64> {
+                let chain_set = |k: usize, rng: &mut _| -> Vec<f64> {
                     (0..10)
                         .map(|_| shared[k % 4] + standard_normal(rng))
                         .collect()
                 };
-                (0..32).map(|k| ladder(k, &mut rng)).collect()
+                (0..32).map(|k| chain_set(k, &mut rng)).collect()
             })
             .collect()
     }
 
     #[test]
-    fn what_ladders_of_a_family_have_in_common_makes_their_draws_fewer() {
-        // Variance of a family's mean: 1 / 80 of its own draws, and what it has in common. 39 degrees of freedom in all: a
+    fn what_chain_sets_of_a_cluster_have_in_common_makes_their_draws_fewer() {
+        // Variance of a cluster's mean: 1 / 80 of its own draws, and what it has in common. 39 degrees of freedom in all: a
         // standard error of 23 %.
-        let alone = kinship(&columns(0.0), &[320.0; 13], 4);
+        let alone = design_effect(&columns(0.0), &[320.0; 13], 4);
         assert!((1.0..1.7).contains(&alone), "{alone}");
-        let shared = kinship(&columns(0.5), &[320.0; 13], 4);
+        let shared = design_effect(&columns(0.5), &[320.0; 13], 4);
         // The draws' own variance is 1.25 with it.
         let exact = (0.25 + 1.0 / 80.0) * 80.0 / 1.25;
         assert!((shared / exact - 1.0).abs() < 0.7, "{shared} {exact}");

@@ -1,7 +1,7 @@
 //! What one round remembers.
 
 use super::evidence::Traces;
-use super::swap::{self, Journeys};
+use super::swap::{self, IndexProcess};
 use crate::hmc::{End, Moments, Moved, Point, shorten};
 use serde::{Deserialize, Serialize};
 
@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 /// than its prior. One chaotic point would otherwise outweigh all others.
 const LONGEST_SCORE: f64 = 1_000.0;
 
-/// Most states of half of the ladders that a round remembers at each temperature, spread evenly over its scans.
-const MOST_VISITS: usize = 256;
+/// Most states of half of the chain sets that a round remembers at each temperature, spread evenly over its scans.
+const MAX_VISITS: usize = 256;
 
-/// A leg of less than this part of the longest says nothing yet.
-const SHORTEST_LEG: usize = 10;
+/// An extension of less than this part of the longest says nothing yet.
+const SHORTEST_EXTENSION: usize = 10;
 
-/// What happened at one temperature in one leg, all ladders together.
+/// What happened at one temperature in one extension, all chain sets together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Local {
     /// Local moves.
@@ -51,7 +51,7 @@ impl Local {
         self.rejected += other.rejected;
     }
 
-    /// Mean acceptance; 1 where no move was made (the prior's own rung draws afresh).
+    /// Mean acceptance; 1 where no move was made (the prior's own temperature draws afresh).
     pub(super) fn mean_acceptance(&self) -> f64 {
         if self.moves == 0 {
             1.0
@@ -63,19 +63,19 @@ impl Local {
 
 /// What happens while temperatures, metrics and reference stay what they are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Leg {
+pub(super) struct Extension {
     pub(super) beta: Vec<f64>,
     /// Scans that it is to have.
     scans: usize,
-    /// ln L of every slot, over the reference's tilt, after every scan's exploration.
+    /// ln L of every chain, over the reference's log ratio to the prior, after every scan's exploration.
     pub(super) traces: Traces,
-    /// Positions at beta = 1 per ladder, scan by scan.
+    /// Positions at beta = 1 per chain set, scan by scan.
     pub(super) draws: Vec<Vec<f64>>,
     /// Their ln L.
     pub(super) ln_likelihood: Vec<Vec<f64>>,
-    /// One per ladder.
-    pub(super) journeys: Vec<Journeys>,
-    /// States at each temperature, of the ladders of each family, one after the other: the pools of directions to come.
+    /// One per chain set.
+    pub(super) index_processes: Vec<IndexProcess>,
+    /// States at each temperature, of the chain sets of each cluster, one after the other: the pools of directions to come.
     pub(super) visits: Vec<Vec<Vec<f64>>>,
     /// Scans from one remembered state to the next.
     visit_every: usize,
@@ -83,57 +83,58 @@ pub(super) struct Leg {
     pub(super) locals: Vec<Local>,
     /// One per temperature.
     pub(super) moments: Vec<Moments>,
-    /// Sum of rejection probabilities per gap, over ladders and scans.
+    /// Sum of rejection probabilities per gap, over chain sets and scans.
     rejection: Vec<f64>,
 }
 
-impl Leg {
-    fn new(dim: usize, ladders: usize, families: usize, beta: &[f64], scans: usize) -> Self {
-        let rungs = beta.len();
+impl Extension {
+    fn new(dim: usize, chain_sets: usize, clusters: usize, beta: &[f64], scans: usize) -> Self {
+        let temperatures = beta.len();
         Self {
             beta: beta.to_vec(),
             scans,
-            traces: Traces::new(ladders, rungs),
-            draws: vec![Vec::new(); ladders],
-            ln_likelihood: vec![Vec::new(); ladders],
-            journeys: vec![Journeys::new(rungs); ladders],
-            visits: vec![vec![Vec::new(); families]; rungs],
-            visit_every: (scans * ladders).div_ceil(2 * MOST_VISITS),
-            locals: vec![Local::default(); rungs],
-            moments: vec![Moments::new(dim); rungs],
-            rejection: vec![0.0; rungs - 1],
+            traces: Traces::new(chain_sets, temperatures),
+            draws: vec![Vec::new(); chain_sets],
+            ln_likelihood: vec![Vec::new(); chain_sets],
+            index_processes: vec![IndexProcess::new(temperatures); chain_sets],
+            visits: vec![vec![Vec::new(); clusters]; temperatures],
+            visit_every: (scans * chain_sets).div_ceil(2 * MAX_VISITS),
+            locals: vec![Local::default(); temperatures],
+            moments: vec![Moments::new(dim); temperatures],
+            rejection: vec![0.0; temperatures - 1],
         }
     }
 
-    /// Notes one ladder's states, hottest first, after exploration and before swaps.
-    pub(super) fn note<'a>(&mut self, ladder: usize, points: impl Iterator<Item = &'a Point>) {
+    /// Notes one chain set's states, hottest first, after exploration and before swaps.
+    pub(super) fn note<'a>(&mut self, chain_set: usize, points: impl Iterator<Item = &'a Point>) {
         let visited = self.traces.scans().is_multiple_of(self.visit_every);
         let mut hotter: Option<f64> = None;
         let mut score = Vec::new();
-        for (rung, point) in points.enumerate() {
-            let beta = self.beta[rung];
-            self.traces.push(ladder, rung, point.ln_ratio());
+        for (temperature, point) in points.enumerate() {
+            let beta = self.beta[temperature];
+            self.traces.push(chain_set, temperature, point.ln_ratio());
             if let Some(l_hot) = hotter {
-                let gap = beta - self.beta[rung - 1];
-                self.rejection[rung - 1] += 1.0 - swap::acceptance(gap, l_hot, point.ln_ratio());
+                let gap = beta - self.beta[temperature - 1];
+                self.rejection[temperature - 1] +=
+                    1.0 - swap::acceptance(gap, l_hot, point.ln_ratio());
             }
             if point.has_gradient {
                 score.clear();
                 let gradient = point.gradient.iter().zip(&point.z);
                 score.extend(gradient.map(|(g, z)| beta * g - z));
-                for (score, tilt) in score.iter_mut().zip(&point.tilt_gradient) {
-                    *score += (1.0 - beta) * tilt;
+                for (score, ln_over_prior) in score.iter_mut().zip(&point.ln_over_prior_gradient) {
+                    *score += (1.0 - beta) * ln_over_prior;
                 }
                 shorten(&mut score, LONGEST_SCORE);
-                self.moments[rung].push(&point.z, &score);
+                self.moments[temperature].push(&point.z, &score);
             }
             if visited {
-                let family = ladder % self.visits[rung].len();
-                self.visits[rung][family].extend_from_slice(&point.z);
+                let cluster = chain_set % self.visits[temperature].len();
+                self.visits[temperature][cluster].extend_from_slice(&point.z);
             }
-            if rung + 1 == self.beta.len() {
-                self.draws[ladder].extend_from_slice(&point.z);
-                self.ln_likelihood[ladder].push(point.ln_likelihood);
+            if temperature + 1 == self.beta.len() {
+                self.draws[chain_set].extend_from_slice(&point.z);
+                self.ln_likelihood[chain_set].push(point.ln_likelihood);
             }
             hotter = Some(point.ln_ratio());
         }
@@ -145,7 +146,7 @@ impl Leg {
 
     /// Mean swap rejection per gap.
     pub(super) fn mean_rejection(&self) -> Vec<f64> {
-        let count = self.traces.scans() * self.traces.ladders();
+        let count = self.traces.scans() * self.traces.chain_sets();
         self.rejection
             .iter()
             .map(|s| s / count.max(1) as f64)
@@ -153,7 +154,7 @@ impl Leg {
     }
 }
 
-/// Draws at beta = 1, ladder by ladder.
+/// Draws at beta = 1, chain set by chain set.
 pub(super) struct Cold {
     /// Scan by scan.
     pub(super) positions: Vec<Vec<f64>>,
@@ -164,109 +165,131 @@ pub(super) struct Cold {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Record {
     /// One, and as many more as the last round goes on for.
-    legs: Vec<Leg>,
-    /// Where each ladder has been at beta = 1, every move of every scan, in a round that a mixture is fitted to.
+    extensions: Vec<Extension>,
+    /// Where each chain set has been at beta = 1, every move of every scan, in a round that a mixture is fitted to.
     pub(super) trails: Vec<Vec<f64>>,
-    families: usize,
+    clusters: usize,
 }
 
 impl Record {
-    /// An empty record of a round of `scans` at these inverse temperatures; ladder `k` is of family `k % families`.
+    /// An empty record of a round of `scans` at these inverse temperatures; chain set `k` is of cluster `k % clusters`.
     pub(super) fn new(
         dim: usize,
-        ladders: usize,
-        families: usize,
+        chain_sets: usize,
+        clusters: usize,
         beta: &[f64],
         scans: usize,
     ) -> Self {
         Self {
-            legs: vec![Leg::new(dim, ladders, families, beta, scans)],
-            trails: vec![Vec::new(); ladders],
-            families,
+            extensions: vec![Extension::new(dim, chain_sets, clusters, beta, scans)],
+            trails: vec![Vec::new(); chain_sets],
+            clusters,
         }
     }
 
-    /// Begins another leg of `scans`, with the same machines.
-    pub(super) fn begin_leg(&mut self, dim: usize, beta: &[f64], scans: usize) {
-        let mut leg = Leg::new(dim, self.trails.len(), self.families, beta, scans);
-        leg.journeys = self.leg().journeys.iter().map(Journeys::onward).collect();
-        self.legs.push(leg);
+    /// Begins another extension of `scans`, with the same replicas.
+    pub(super) fn begin_extension(&mut self, dim: usize, beta: &[f64], scans: usize) {
+        let mut extension = Extension::new(dim, self.trails.len(), self.clusters, beta, scans);
+        extension.index_processes = self
+            .extension()
+            .index_processes
+            .iter()
+            .map(IndexProcess::onward)
+            .collect();
+        self.extensions.push(extension);
     }
 
-    /// The present leg.
-    pub(super) fn leg(&self) -> &Leg {
-        &self.legs[self.legs.len() - 1]
+    /// The present extension.
+    pub(super) fn extension(&self) -> &Extension {
+        &self.extensions[self.extensions.len() - 1]
     }
 
-    /// The present leg, to be added to.
-    pub(super) fn leg_mut(&mut self) -> &mut Leg {
-        let last = self.legs.len() - 1;
-        &mut self.legs[last]
+    /// The present extension, to be added to.
+    pub(super) fn extension_mut(&mut self) -> &mut Extension {
+        let last = self.extensions.len() - 1;
+        &mut self.extensions[last]
     }
 
-    /// The legs that count: the later half of those that are whole, since the earlier ones had still to learn where modes are, and
+    /// The extensions that count: the later half of those that are whole, since the earlier ones had still to learn where modes are, and
     /// the one in progress.
-    pub(super) fn counted(&self) -> &[Leg] {
-        let whole = self.legs.iter().filter(|leg| leg.whole()).count();
-        &self.legs[whole / 2..]
+    pub(super) fn counted(&self) -> &[Extension] {
+        let whole = self
+            .extensions
+            .iter()
+            .filter(|extension| extension.whole())
+            .count();
+        &self.extensions[whole / 2..]
     }
 
     /// Those of them that are long enough to tell of temperatures and of ln Z: one that has only begun, beside others, is not.
-    pub(super) fn telling(&self) -> impl DoubleEndedIterator<Item = &Leg> {
-        let scans = |leg: &Leg| leg.traces.scans();
+    pub(super) fn telling(&self) -> impl DoubleEndedIterator<Item = &Extension> {
+        let scans = |extension: &Extension| extension.traces.scans();
         let longest = self.counted().iter().map(scans).max().unwrap_or(0);
-        let least = longest.div_ceil(SHORTEST_LEG);
-        let legs = self.counted().iter();
-        legs.filter(move |leg| scans(leg) >= least)
+        let least = longest.div_ceil(SHORTEST_EXTENSION);
+        let extensions = self.counted().iter();
+        extensions.filter(move |extension| scans(extension) >= least)
     }
 
-    /// The last leg that is long enough.
-    pub(super) fn telling_leg(&self) -> &Leg {
-        self.telling().next_back().unwrap_or(self.leg())
+    /// The last extension that is long enough.
+    pub(super) fn telling_extension(&self) -> &Extension {
+        self.telling().next_back().unwrap_or(self.extension())
     }
 
     /// What counts at beta = 1.
     pub(super) fn cold(&self) -> Cold {
         Cold {
-            positions: by_ladder(self.counted(), |leg| &leg.draws),
-            ln_likelihood: by_ladder(self.counted(), |leg| &leg.ln_likelihood),
+            positions: by_chain_set(self.counted(), |extension| &extension.draws),
+            ln_likelihood: by_chain_set(self.counted(), |extension| &extension.ln_likelihood),
         }
     }
 
-    /// Positions at beta = 1 of all legs, also of those that do not count.
+    /// Positions at beta = 1 of all extensions, also of those that do not count.
     pub(super) fn all_draws(&self) -> Vec<Vec<f64>> {
-        by_ladder(&self.legs, |leg| &leg.draws)
+        by_chain_set(&self.extensions, |extension| &extension.draws)
     }
 
     /// Scans that count.
     pub(super) fn scans(&self) -> usize {
-        self.counted().iter().map(|leg| leg.traces.scans()).sum()
+        self.counted()
+            .iter()
+            .map(|extension| extension.traces.scans())
+            .sum()
     }
 
-    /// Round trips and restarts of each ladder that count.
-    pub(super) fn journeys(&self) -> Vec<(u64, u64)> {
-        let ladders = 0..self.trails.len();
-        let of = |ladder: usize, count: fn(&Journeys) -> u64| {
-            let legs = self.counted().iter();
-            legs.map(|leg| count(&leg.journeys[ladder])).sum()
+    /// Round trips and restarts of each chain set that count.
+    pub(super) fn index_processes(&self) -> Vec<(u64, u64)> {
+        let chain_sets = 0..self.trails.len();
+        let of = |chain_set: usize, count: fn(&IndexProcess) -> u64| {
+            let extensions = self.counted().iter();
+            extensions
+                .map(|extension| count(&extension.index_processes[chain_set]))
+                .sum()
         };
-        ladders
-            .map(|ladder| (of(ladder, |j| j.round_trips), of(ladder, |j| j.restarts)))
+        chain_sets
+            .map(|chain_set| {
+                (
+                    of(chain_set, |j| j.round_trips),
+                    of(chain_set, |j| j.restarts),
+                )
+            })
             .collect()
     }
 
-    /// Round trips of all ladders.
+    /// Round trips of all chain sets.
     pub(super) fn round_trips(&self) -> u64 {
-        self.journeys().iter().map(|(trips, _)| trips).sum()
+        self.index_processes().iter().map(|(trips, _)| trips).sum()
     }
 }
 
-fn by_ladder(legs: &[Leg], of: fn(&Leg) -> &Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    let ladders = legs.first().map_or(0, |leg| of(leg).len());
-    (0..ladders)
-        .map(|ladder| {
-            legs.iter()
-                .flat_map(|leg| &of(leg)[ladder])
+fn by_chain_set(extensions: &[Extension], of: fn(&Extension) -> &Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let chain_sets = extensions
+        .first()
+        .map_or(0, |extension| of(extension).len());
+    (0..chain_sets)
+        .map(|chain_set| {
+            extensions
+                .iter()
+                .flat_map(|extension| &of(extension)[chain_set])
                 .copied()
                 .collect()
         })

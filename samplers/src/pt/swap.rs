@@ -1,4 +1,4 @@
-//! Swaps between neighbouring temperatures, and the journeys of the machines that they move.
+//! Swaps between neighbouring temperatures, and the index processes of the replicas that they move.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,11 +11,11 @@ pub(super) fn acceptance(beta_gap: f64, l_hot: f64, l_cold: f64) -> f64 {
     }
 }
 
-/// How far the machines of one ladder have come. A round trip is prior, posterior, prior again; its first half, the
+/// How far the replicas of one chain set have come. A round trip is prior, posterior, prior again; its first half, the
 /// arrival of a fresh prior draw at the posterior, is a restart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Journeys {
-    /// Whether each machine has last touched the prior, the posterior, or neither yet.
+pub(super) struct IndexProcess {
+    /// Whether each replica has last touched the prior, the posterior, or neither yet.
     phase: Vec<Phase>,
     /// Round trips finished.
     pub(super) round_trips: u64,
@@ -30,16 +30,16 @@ enum Phase {
     FromPosterior,
 }
 
-impl Journeys {
-    pub(super) fn new(machines: usize) -> Self {
+impl IndexProcess {
+    pub(super) fn new(replicas: usize) -> Self {
         Self {
-            phase: vec![Phase::Nowhere; machines],
+            phase: vec![Phase::Nowhere; replicas],
             round_trips: 0,
             restarts: 0,
         }
     }
 
-    /// The same machines on their way, and no counts yet.
+    /// The same replicas on their way, and no counts yet.
     pub(super) fn onward(&self) -> Self {
         Self {
             phase: self.phase.clone(),
@@ -48,7 +48,7 @@ impl Journeys {
         }
     }
 
-    /// Notes which machines stand at the two ends after a scan's swaps.
+    /// Notes which replicas stand at the two ends after a scan's swaps.
     pub(super) fn note(&mut self, at_prior: usize, at_posterior: usize) {
         let top = &mut self.phase[at_prior];
         if *top == Phase::FromPosterior {
@@ -69,12 +69,15 @@ mod tests {
 
     #[test]
     fn a_round_trip_starts_and_ends_at_the_prior() {
-        let mut journeys = Journeys::new(2);
-        // Machine 1 begins at the posterior: its way up is no round trip.
+        let mut index_processes = IndexProcess::new(2);
+        // Replica 1 begins at the posterior: its way up is no round trip.
         for (prior, posterior) in [(1, 0), (0, 1), (1, 0), (1, 0), (0, 1)] {
-            journeys.note(prior, posterior);
+            index_processes.note(prior, posterior);
         }
-        assert_eq!((journeys.restarts, journeys.round_trips), (3, 2));
+        assert_eq!(
+            (index_processes.restarts, index_processes.round_trips),
+            (3, 2)
+        );
     }
 
     #[test]

@@ -60,16 +60,6 @@ impl Outcome {
     }
 }
 
-/// A half-space of the standard-normal coordinates, `normal . z >= offset`; outside it the prior has no mass and is
-/// renormalised inside.
-#[derive(Clone, Debug, PartialEq)]
-pub struct HalfSpace {
-    /// The inward normal, any length.
-    pub normal: Vec<f64>,
-    /// The offset along it.
-    pub offset: f64,
-}
-
 /// A posterior to sample: `prior x likelihood`.
 ///
 /// Contract: deterministic in `theta`; the same bits whatever else is computed beside it; a NaN is a
@@ -109,11 +99,6 @@ pub trait Target: Sync {
     /// Cost of a value with gradient in units of one value; `None`: there is no gradient.
     fn gradient_cost(&self) -> Option<f64> {
         None
-    }
-
-    /// Walls of the prior in standard-normal coordinates.
-    fn walls(&self) -> &[HalfSpace] {
-        &[]
     }
 
     /// Moves that the author knows to be symmetries, exact or approximate.

@@ -8,8 +8,11 @@ use oblate_samplers::output::Status;
 use oblate_samplers::{Run, Target};
 
 /// Correlation of the likelihood ranks of new points with those of their seeds; 0 for a kernel without seeds.
-const ECHO: Column = ("echo", |run| {
-    let check = run.checks.iter().find(|g| g.name == "seed-echo");
+const ECHO: Column = ("seed_correlation", |run| {
+    let check = run
+        .checks
+        .iter()
+        .find(|g| g.name == "seed-rank-correlation");
     check.map_or(0.0, |g| g.value)
 });
 
@@ -107,7 +110,7 @@ fn random_walks() {
 /// On those of the targets that have gradients.
 #[test]
 #[ignore = "minutes: before a release"]
-fn reflected_flights() {
+fn reflected_galilean_trajectories() {
     let cases = [
         smooth::shells(2),
         smooth::shells(5),
@@ -119,7 +122,7 @@ fn reflected_flights() {
     ];
     judge(
         cases
-            .map(|case| (case.into(), kernel(Kernel::Reflective, 400)))
+            .map(|case| (case.into(), kernel(Kernel::Galilean, 400)))
             .into(),
     );
 }

@@ -1,4 +1,4 @@
-//! Parallel tempering: how often the quoted error, the scatter of ladders or of scans, covers the truth.
+//! Parallel tempering: how often the quoted error, the scatter of chain sets or of scans, covers the truth.
 
 use crate::table::{Case, Column, Table};
 use crate::targets::smooth;
@@ -16,7 +16,7 @@ const COLUMNS: [Column; 2] = [
 /// mean, and sd z from 0.615 to 1.418, 99.8 % of their scatter (chi with 29 degrees of freedom).
 #[test]
 #[ignore = "minutes: before a release"]
-fn ladders() {
+fn chain_sets() {
     let cases: [Case; 11] = [
         smooth::iso(2).into(),
         smooth::iso(13).into(),
@@ -31,7 +31,10 @@ fn ladders() {
         Case::from(smooth::twins13(0.9)).called("twins13, 9 to 1"),
     ];
     let settings = Settings::default();
-    let how = format!("{} ladders, {} rounds", settings.ladders, settings.rounds);
+    let how = format!(
+        "{} chain sets, {} rounds",
+        settings.chain_sets, settings.rounds
+    );
     let mut table = Table::new(&COLUMNS);
     for case in cases {
         table.row(&case, &how, |target, seed| {
@@ -41,7 +44,7 @@ fn ladders() {
     table.judge();
 }
 
-/// The same limits for paths from a mixture of what populations have found, whose last round goes on until the checks pass: as a
+/// The same limits for paths from a mixture of what SMC samplers have found, whose last round goes on until the checks pass: as a
 /// stream is fitted.
 #[test]
 #[ignore = "minutes: before a release"]
@@ -56,8 +59,8 @@ fn paths_from_mixtures() {
         Case::from(smooth::twins13(0.9)).called("twins13, 9 to 1"),
     ];
     let settings = Settings {
-        annealing: 96,
-        slices: 4,
+        smc_particles: 96,
+        slice_updates: 4,
         max_leapfrogs: 1,
         target_acceptance: 0.6,
         first_scans: 128,
@@ -66,7 +69,7 @@ fn paths_from_mixtures() {
         extensions: 7,
         ..Settings::default()
     };
-    let how = "from mixtures of 384 members, 3 rounds, going on";
+    let how = "from mixtures of 384 SMC particles, 3 rounds, going on";
     let mut table = Table::new(&COLUMNS);
     for case in cases {
         table.row(&case, how, |target, seed| {

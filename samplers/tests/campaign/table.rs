@@ -11,11 +11,11 @@ use std::ops::RangeInclusive;
 const SEEDS: RangeInclusive<u64> = 101..=130;
 
 /// Three errors of a mean of thirty, `3 / sqrt(30)`.
-const MOST_MEAN: f64 = 0.548;
+const MAX_MEAN: f64 = 0.548;
 
 /// The scatter of thirty unit normals, chi with 29 degrees of freedom: 99.8 % lie between.
-const LEAST_SD: f64 = 0.615;
-const MOST_SD: f64 = 1.418;
+const MIN_SD: f64 = 0.615;
+const MAX_SD: f64 = 1.418;
 
 /// A target and its exact ln Z.
 pub struct Case {
@@ -119,7 +119,7 @@ impl Table {
             failures(&runs)
         );
         // A NaN is wrong too.
-        if !(mean.abs() < MOST_MEAN && (LEAST_SD..=MOST_SD).contains(&sd)) {
+        if !(mean.abs() < MAX_MEAN && (MIN_SD..=MAX_SD).contains(&sd)) {
             self.wrong
                 .push(format!("{} {how}: {mean:+.3} {sd:.3}", case.name));
         }

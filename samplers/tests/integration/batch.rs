@@ -43,11 +43,11 @@ fn by_nested(target: &dyn Target) -> Run {
     nested::run(target, &settings, 1, &mut Control::new(&mut Silent)).unwrap()
 }
 
-fn by_pt(target: &dyn Target, annealing: usize) -> Run {
+fn by_pt(target: &dyn Target, smc_particles: usize) -> Run {
     let settings = pt::Settings {
         rounds: 3,
-        ladders: 4,
-        annealing,
+        chain_sets: 4,
+        smc_particles,
         ..pt::Settings::default()
     };
     pt::run(target, &settings, 1, &mut Control::new(&mut Silent)).unwrap()
@@ -56,7 +56,7 @@ fn by_pt(target: &dyn Target, annealing: usize) -> Run {
 /// Checks that a run is the same on both, and that at least so many points came in batches.
 fn same_in_batches(name: &str, least: usize, sample: impl Fn(&dyn Target) -> Run) {
     let target = Backwards {
-        inner: smooth::wall2_as_reject(),
+        inner: smooth::half_plane(),
         points: AtomicUsize::new(0),
     };
     let batched = sample(&target).bits();
@@ -68,6 +68,6 @@ fn same_in_batches(name: &str, least: usize, sample: impl Fn(&dyn Target) -> Run
 #[test]
 fn the_first_draws_come_in_batches_and_leave_a_run_as_it_is() {
     same_in_batches("nested", 60, by_nested);
-    same_in_batches("ladders", 4 * 2, |target| by_pt(target, 0));
-    same_in_batches("populations", 4 * 8, |target| by_pt(target, 8));
+    same_in_batches("chain_sets", 4 * 2, |target| by_pt(target, 0));
+    same_in_batches("smc_samplers", 4 * 8, |target| by_pt(target, 8));
 }

@@ -55,7 +55,7 @@ fn parent(target: &dyn Target, seed: u64) -> Run {
     nested::run(target, &settings, seed, &mut Control::new(&mut Silent)).unwrap()
 }
 
-fn refined(fine: &dyn Target, coarse: &dyn Target, parent: &Run, seed: u64) -> Run {
+fn bridged(fine: &dyn Target, coarse: &dyn Target, parent: &Run, seed: u64) -> Run {
     let settings = bridge::Settings::default();
     bridge::run(
         fine,
@@ -79,7 +79,7 @@ fn the_evidence_and_the_moments_are_those_of_the_fine_likelihood() {
     let coarse = Bell::new(5, 6.0, 0.8);
     let fine = Bell::new(5, 30.0, 1.0);
     for seed in 1..=5 {
-        let run = refined(&fine, &coarse, &parent(&coarse, seed), seed);
+        let run = bridged(&fine, &coarse, &parent(&coarse, seed), seed);
         assert_eq!(run.method, Method::Bridge);
         let z = pull(&run, fine.ln_z());
         assert!(z.abs() < 4.0, "seed {seed}: {z}, {:?}", run.evidence);
@@ -105,7 +105,7 @@ fn the_evidence_and_the_moments_are_those_of_the_fine_likelihood() {
 fn modes_that_a_coarse_likelihood_weighs_wrongly_are_weighed_again() {
     let (coarse, fine) = (smooth::twins13(0.5), smooth::twins13(0.9));
     for seed in 1..=3 {
-        let run = refined(&fine, &coarse, &parent(&coarse, seed), seed);
+        let run = bridged(&fine, &coarse, &parent(&coarse, seed), seed);
         assert!(pull(&run, fine.ln_z).abs() < 4.0, "{:?}", run.evidence);
         let x = run.draws.column(0);
         let right = x.iter().filter(|x| **x > 0.0).count() as f64 / x.len() as f64;
@@ -121,14 +121,14 @@ fn modes_that_a_coarse_likelihood_weighs_wrongly_are_weighed_again() {
 }
 
 #[test]
-fn draws_of_tempered_chains_can_be_refined() {
+fn draws_of_tempered_chains_can_be_bridged() {
     let (coarse, fine) = (smooth::twins13(0.5), smooth::twins13(0.9));
     let settings = pt::Settings {
         rounds: 8,
         ..pt::Settings::default()
     };
     let tempered = pt::run(&coarse, &settings, 1, &mut Control::new(&mut Silent)).unwrap();
-    let run = refined(&fine, &coarse, &tempered, 1);
+    let run = bridged(&fine, &coarse, &tempered, 1);
     assert!(pull(&run, fine.ln_z).abs() < 4.0, "{:?}", run.evidence);
 }
 
@@ -137,26 +137,28 @@ fn draws_of_tempered_chains_can_be_refined() {
 fn a_coarse_likelihood_far_from_the_fine_one_is_told() {
     let coarse = Bell::new(5, 100.0, -1.0);
     let fine = Bell::new(5, 100.0, 1.0);
-    let run = refined(&fine, &coarse, &parent(&coarse, 1), 1);
+    let run = bridged(&fine, &coarse, &parent(&coarse, 1), 1);
     assert!(failed(&run).contains(&"ancestors-left"), "{:?}", run.checks);
     let History::Bridge {
-        share, ancestors, ..
+        fraction,
+        ancestors,
+        ..
     } = &run.history
     else {
         panic!("{:?}", run.history);
     };
-    assert!(share.windows(2).all(|s| s[0] < s[1]) && share.last() == Some(&1.0));
+    assert!(fraction.windows(2).all(|s| s[0] < s[1]) && fraction.last() == Some(&1.0));
     assert!(ancestors.last().unwrap() < &100.0);
 }
 
 #[test]
-fn a_refinement_has_the_same_bits_on_any_number_of_threads() {
+fn a_bridge_has_the_same_bits_on_any_number_of_threads() {
     let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
     let parent = parent(&coarse, 1);
     let bits = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
         let pool = pool.build().unwrap();
-        pool.install(|| refined(&fine, &coarse, &parent, 1).bits())
+        pool.install(|| bridged(&fine, &coarse, &parent, 1).bits())
     };
     assert_eq!(bits(1), bits(3));
 }
@@ -174,12 +176,12 @@ impl Observer for Hasty {
 }
 
 #[test]
-fn what_cannot_be_refined_is_refused_and_an_interrupt_ends_it() {
+fn what_cannot_be_bridged_is_refused_and_an_interrupt_ends_it() {
     let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
     let parent = parent(&coarse, 1);
-    let attempt = |fine: &dyn Target, coarse: &dyn Target, members: usize| {
+    let attempt = |fine: &dyn Target, coarse: &dyn Target, smc_particles: usize| {
         let settings = bridge::Settings {
-            members,
+            smc_particles,
             ..bridge::Settings::default()
         };
         let mut silent = Silent;
@@ -195,7 +197,7 @@ fn what_cannot_be_refined_is_refused_and_an_interrupt_ends_it() {
     assert!(matches!(
         attempt(&fine, &coarse, 10),
         Error::Setting {
-            name: "members",
+            name: "particles",
             ..
         }
     ));
@@ -209,10 +211,10 @@ fn what_cannot_be_refined_is_refused_and_an_interrupt_ends_it() {
 }
 
 #[test]
-fn a_refinement_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped() {
+fn a_bridge_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped() {
     let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
     let parent = parent(&coarse, 1);
-    let expected = refined(&fine, &coarse, &parent, 1).bits();
+    let expected = bridged(&fine, &coarse, &parent, 1).bits();
     let folder = tempfile::tempdir().unwrap();
     let settings = bridge::Settings::default();
     let resumed = |events: u64, seed: u64| {
@@ -221,7 +223,7 @@ fn a_refinement_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped()
         control.checkpoint = Some(plan(&folder.path().join("bridge.ckpt")));
         bridge::run(&fine, &coarse, &parent, &settings, seed, &mut control)
     };
-    // Started, then twelve sweeps at each of a few levels, with a checkpoint after each.
+    // Started, then twelve MCMC steps at each of a few levels, with a checkpoint after each.
     let mut stops = 0;
     let run = loop {
         match resumed([1, 2, 5, 12, 31][stops % 5], 1) {
@@ -254,7 +256,7 @@ impl Target for Nowhere {
 
 #[test]
 #[ignore = "a table of two minutes: run before a release with --ignored --nocapture"]
-fn errors_of_refinements() {
+fn errors_of_bridges() {
     println!(
         "| coarse and fine | mean z, sd z | error | ancestors | echo |\n|---|---|---|---|---|"
     );
@@ -279,19 +281,19 @@ fn errors_of_refinements() {
 
 fn row(name: &str, coarse: &dyn Target, fine: &dyn Target, truth: f64) {
     let runs: Vec<Run> = (1..=30)
-        .map(|seed| refined(fine, coarse, &parent(coarse, seed), seed))
+        .map(|seed| bridged(fine, coarse, &parent(coarse, seed), seed))
         .collect();
     let pulls: Vec<f64> = runs.iter().map(|run| pull(run, truth)).collect();
     let (mean, sd) = scatter(&pulls);
     let of = |value: &dyn Fn(&Run) -> f64| scatter(&runs.iter().map(value).collect::<Vec<_>>()).0;
-    let echo = |run: &Run| match &run.history {
-        History::Bridge { echo, .. } => echo.iter().copied().fold(0.0, f64::max),
+    let correlation = |run: &Run| match &run.history {
+        History::Bridge { correlation, .. } => correlation.iter().copied().fold(0.0, f64::max),
         other => panic!("{other:?}"),
     };
     println!(
         "| {name} | {mean:+.2}, {sd:.2} | {:.3} | {:.0} | {:.2} |",
         of(&|run| run.evidence.error),
         of(&|run| run.ess.kish),
-        of(&echo),
+        of(&correlation),
     );
 }

@@ -2,7 +2,8 @@
 //!
 //! A file imports another one if its code names an item that is defined there: by a `use`, or by a path in the code that begins
 //! with `crate`, `super`, `self`, a child module or an imported module. Names are followed through re-exports to the file that
-//! defines them. A re-export is an import only if the code of the same file uses the name. Tests are left out.
+//! defines them. A re-export is an import only if the code of the same file uses the name. Methods count too: a file that calls, in an
+//! `impl` block, a method of the type that another file's inherent `impl` block defines imports that file. Tests are left out.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -24,6 +25,10 @@ struct Source {
     globs: Vec<Vec<String>>,
     /// Paths of which the code makes use.
     paths: BTreeSet<Vec<String>>,
+    /// Methods that inherent `impl` blocks define, with the name of their type.
+    methods: BTreeSet<(String, String)>,
+    /// Methods that `impl` blocks call on their own type, with its name.
+    calls: BTreeSet<(String, String)>,
 }
 
 /// What a path leads to.
@@ -60,8 +65,14 @@ pub fn imports(src: &Path) -> BTreeMap<String, BTreeSet<String>> {
         })
         .collect();
     let mut imports = BTreeMap::new();
+    let methods = methods(&sources);
     for (module, source) in &sources {
         let mut used = BTreeSet::new();
+        for (name, method) in &source.calls {
+            let definer = owner(&sources, module, name)
+                .and_then(|owner| methods.get(&(owner, name.clone(), method.clone())));
+            used.extend(definer.filter(|file| **file != source.file).cloned());
+        }
         for path in &source.paths {
             if let Some(Found::Item(owner)) = resolve(&sources, module, path, 0)
                 && owner != *module
@@ -72,6 +83,27 @@ pub fn imports(src: &Path) -> BTreeMap<String, BTreeSet<String>> {
         imports.insert(source.file.clone(), used);
     }
     imports
+}
+
+/// The module that defines a type of this name, as `from` sees it.
+fn owner(sources: &BTreeMap<Module, Source>, from: &Module, name: &str) -> Option<Module> {
+    match resolve(sources, from, &[name.to_owned()], 0)? {
+        Found::Item(owner) => Some(owner),
+        Found::Module(_) => None,
+    }
+}
+
+/// The file of every method of an inherent `impl` block, by the module and the name of its type and its own name.
+fn methods(sources: &BTreeMap<Module, Source>) -> BTreeMap<(Module, String, String), String> {
+    let mut files = BTreeMap::new();
+    for (module, source) in sources {
+        for (name, method) in &source.methods {
+            if let Some(owner) = owner(sources, module, name) {
+                files.insert((owner, name.clone(), method.clone()), source.file.clone());
+            }
+        }
+    }
+    files
 }
 
 fn reached_from<'a>(
@@ -162,6 +194,7 @@ impl Source {
         let mut exports = Vec::new();
         let mut body = String::new();
         let code = code_of(&text);
+        source.read_methods(&code);
         let mut rest = code.as_str();
         while !rest.is_empty() {
             let (line, after) = rest.split_once('\n').unwrap_or((rest, ""));
@@ -199,6 +232,37 @@ impl Source {
             source.paths.insert(path);
         }
         source
+    }
+
+    /// Notes what the `impl` blocks define and call; a block ends where a line begins with a brace.
+    fn read_methods(&mut self, code: &str) {
+        let mut block: Option<(String, bool)> = None;
+        for line in code.lines() {
+            if line.starts_with("impl") {
+                block = implemented(line);
+            } else if line.starts_with('}') {
+                block = None;
+            }
+            let Some((name, inherent)) = &block else {
+                continue;
+            };
+            let (_, statement) = without_visibility(line.trim_start());
+            let defined = item_of(statement)
+                .filter(|_| line.starts_with("    ") && !line.starts_with("     "));
+            if let Some(method) = defined.filter(|_| *inherent) {
+                self.methods.insert((name.clone(), method));
+            }
+            for prefix in ["self.", "Self::"] {
+                for (at, _) in line.match_indices(prefix) {
+                    let rest = &line[at + prefix.len()..];
+                    if let Some(method) = identifier(rest)
+                        && rest[method.len()..].starts_with('(')
+                    {
+                        self.calls.insert((name.clone(), method));
+                    }
+                }
+            }
+        }
     }
 
     /// Notes one name of a `use`; it is imported at once unless it is only exported.
@@ -278,6 +342,21 @@ fn item_of(statement: &str) -> Option<String> {
         }
     }
     None
+}
+
+/// The type of an `impl` block by its first line, and whether the block is inherent.
+fn implemented(line: &str) -> Option<(String, bool)> {
+    let mut rest = line.strip_prefix("impl")?;
+    if rest.starts_with('<') {
+        let mut depth = 0;
+        let end = rest.char_indices().find(|(_, c)| {
+            depth += i32::from(*c == '<') - i32::from(*c == '>');
+            depth == 0
+        });
+        rest = &rest[end?.0 + 1..];
+    }
+    let name = rest.split_once(" for ").map_or(rest, |(_, name)| name);
+    Some((identifier(name.trim_start())?, !rest.contains(" for ")))
 }
 
 fn identifier(text: &str) -> Option<String> {

@@ -194,7 +194,7 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
             step_size,
             mean_leapfrogs,
             divergences,
-            barrier,
+            communication_barrier,
             round_trips,
             trace,
         } => {
@@ -216,7 +216,11 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
                 divergences,
                 Map::new(),
             )?;
-            floats("communication_barrier", "temperature", barrier)?;
+            floats(
+                "communication_barrier",
+                "temperature",
+                communication_barrier,
+            )?;
             let chain_sets = [("chain_set", round_trips.len())];
             store.array("/history/round_trips", &chain_sets, round_trips, Map::new())?;
             // Chain sets may differ in length: one flat array, and the length of each.
@@ -230,15 +234,15 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
             floats("trace", "scan", &trace.concat())
         }
         History::Bridge {
-            share,
+            fraction,
             ln_ratio,
             ancestors,
-            echo,
+            correlation,
         } => {
-            floats("exponent", "step", share)?;
+            floats("fraction", "step", fraction)?;
             floats("ln_ratio", "step", ln_ratio)?;
             floats("ancestors", "step", ancestors)?;
-            floats("correlation", "step", echo)
+            floats("correlation", "step", correlation)
         }
     }
 }
@@ -275,16 +279,16 @@ pub fn read_history(store: &Store, method: Method) -> Result<History> {
                 step_size: floats("step_size")?,
                 mean_leapfrogs: floats("mean_leapfrogs")?,
                 divergences: store.read("/history/divergences")?,
-                barrier: floats("communication_barrier")?,
+                communication_barrier: floats("communication_barrier")?,
                 round_trips: store.read("/history/round_trips")?,
                 trace,
             }
         }
         Method::Bridge => History::Bridge {
-            share: floats("exponent")?,
+            fraction: floats("fraction")?,
             ln_ratio: floats("ln_ratio")?,
             ancestors: floats("ancestors")?,
-            echo: floats("correlation")?,
+            correlation: floats("correlation")?,
         },
     })
 }

@@ -7,8 +7,8 @@ use oblate::params::symmetry::{
 };
 use oblate::params::{PARAMETERS, PriorSettings, StreamPrior, index_of};
 use oblate_samplers::Marginal;
-use oblate_samplers::hmc::{Evaluator, Metric, MetricKind, Point, slice};
-use oblate_samplers::neighbours::Neighbours;
+use oblate_samplers::difference_pool::DifferencePool;
+use oblate_samplers::hmc::{Evaluator, Metric, Point, slice};
 use oblate_samplers::normal;
 use oblate_samplers::rng::{Stream, standard_normal, unit_open};
 use oblate_samplers::target::{Involution, Orbit, Outcome, Symmetry, Target};
@@ -219,8 +219,8 @@ fn slices_along_aligned_differences_leave_the_prior_alone() {
     };
     let mut draws = rng(9);
     let rows: Vec<f64> = (0..13 * 60).map(|_| standard_normal(&mut draws)).collect();
-    let pool = Neighbours::new(&rows, 13, Symmetry::first_orbit(target.symmetries()));
-    let metric = Metric::identity(MetricKind::Dense, 13);
+    let pool = DifferencePool::new(&rows, 13, Symmetry::first_orbit(target.symmetries()));
+    let metric = Metric::identity(13);
     assert_leaves_the_prior_alone(10, |z, rng| {
         let mut evaluator = Evaluator::new(&target);
         let mut at = Point::new(13);

@@ -7,7 +7,6 @@ mod split;
 pub(super) use ellipsoid::{Ellipsoid, draw_direction};
 
 use super::live::Points;
-use super::settings::BoundKind;
 use crate::rng::{Domain, Stream, below, stream, unit_open};
 use serde::{Deserialize, Serialize};
 
@@ -39,7 +38,7 @@ impl Bound {
     /// A metric fitted to the very points that chains start from favours the directions in which each of them happens
     /// to lie far out, and so moves inward: a bias of ln Z of order d H / n, seen at d = 13 as 0.4 for n = 200 and
     /// gone with the halves.
-    pub fn for_steps(points: &Points, kind: BoundKind) -> Vec<Self> {
+    pub fn for_steps(points: &Points) -> Vec<Self> {
         let [even, odd] = points.halves();
         [odd, even]
             .iter()
@@ -49,7 +48,7 @@ impl Bound {
                     ellipsoid.enlarge(STEP_ENLARGEMENT);
                     Some(ellipsoid)
                 };
-                Self::assemble(points, rows, kind, fit).unwrap_or_else(|| Self::cube(points.dim()))
+                Self::assemble(points, rows, fit).unwrap_or_else(|| Self::cube(points.dim()))
             })
             .collect()
     }
@@ -58,10 +57,10 @@ impl Bound {
     /// holds those left out. Splits are judged by the enlarged volumes, so that two distant clusters, one of them
     /// small, do not share an ellipsoid that only the bootstrap would blow up. `None` if the
     /// points are too few or all alike.
-    pub fn for_draws(points: &Points, kind: BoundKind, seed: u64, number: u64) -> Option<Self> {
+    pub fn for_draws(points: &Points, seed: u64, number: u64) -> Option<Self> {
         let mut rng = stream(seed, Domain::NestedBound, 0, number);
         let all: Vec<usize> = (0..points.len()).collect();
-        Self::assemble(points, &all, kind, &mut |rows| {
+        Self::assemble(points, &all, &mut |rows| {
             let mut ellipsoid = Ellipsoid::fit(points, rows)?;
             let farthest = (0..BOOTSTRAPS)
                 .map(|_| reach(points, rows, &mut rng))
@@ -71,22 +70,14 @@ impl Bound {
         })
     }
 
-    fn assemble(
-        points: &Points,
-        rows: &[usize],
-        kind: BoundKind,
-        fit: &mut split::Fit<'_>,
-    ) -> Option<Self> {
-        if kind == BoundKind::Cube || rows.len() < 2 * points.dim() {
+    fn assemble(points: &Points, rows: &[usize], fit: &mut split::Fit<'_>) -> Option<Self> {
+        if rows.len() < 2 * points.dim() {
             return None;
         }
         let whole = fit(rows)?;
-        let mut parts = Vec::new();
-        if kind == BoundKind::MultiEllipsoid {
-            parts = split::split(points, rows, whole.clone(), fit);
-            if parts.len() == 1 {
-                parts.clear();
-            }
+        let mut parts = split::split(points, rows, whole.clone(), fit);
+        if parts.len() == 1 {
+            parts.clear();
         }
         Some(Self { whole, parts })
     }

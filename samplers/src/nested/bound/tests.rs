@@ -25,24 +25,22 @@ fn nearest(bound: &Bound, x: &[f64]) -> f64 {
 #[test]
 fn two_blobs_make_two_ellipsoids_that_hold_all_points() {
     let points = blobs(&[[0.3, 0.3], [0.7, 0.6]], 0.02, 200);
-    let drawn = Bound::for_draws(&points, BoundKind::MultiEllipsoid, 1, 0).unwrap();
+    let drawn = Bound::for_draws(&points, 1, 0).unwrap();
     assert!((0..points.len()).all(|i| nearest(&drawn, points.row(i)) <= 1.0));
-    let mut bounds = Bound::for_steps(&points, BoundKind::MultiEllipsoid);
+    let mut bounds = Bound::for_steps(&points);
     bounds.push(drawn);
     for bound in bounds {
         assert_eq!(bound.pieces().len(), 2);
         assert_ne!(bound.label(points.row(0)), bound.label(points.row(399)));
     }
-    let single = Bound::for_steps(&points, BoundKind::Single);
-    assert!(single.iter().all(|bound| bound.pieces().len() == 1));
 }
 
 #[test]
 fn chains_use_the_metric_of_the_other_half() {
     // Even lineages in the left blob, odd ones in the right.
     let mut points = blobs(&[[0.3, 0.3], [0.7, 0.6]], 0.02, 50);
-    points.kin = (0..100).map(|i| u32::from(i >= 50).into()).collect();
-    let bounds = Bound::for_steps(&points, BoundKind::Single);
+    points.genealogy = (0..100).map(|i| u32::from(i >= 50).into()).collect();
+    let bounds = Bound::for_steps(&points);
     for (i, bound) in [(99, &bounds[0]), (0, &bounds[1])] {
         assert!(nearest(bound, points.row(i)) <= 1.0);
         assert!(nearest(bound, points.row(99 - i)) > 3.0);
@@ -52,7 +50,7 @@ fn chains_use_the_metric_of_the_other_half() {
 #[test]
 fn one_blob_stays_one_ellipsoid() {
     let points = blobs(&[[0.5, 0.5]], 0.1, 400);
-    for bound in Bound::for_steps(&points, BoundKind::MultiEllipsoid) {
+    for bound in Bound::for_steps(&points) {
         assert_eq!(bound.pieces().len(), 1);
         assert_eq!(bound.label(&[0.0, 0.0]), bound.label(&[0.5, 0.5]));
     }

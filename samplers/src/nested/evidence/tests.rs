@@ -1,24 +1,24 @@
 use super::*;
-use crate::nested::live::Kin;
+use crate::nested::live::Genealogy;
 
 const NEVER: f64 = f64::NEG_INFINITY;
 
 #[test]
 fn a_constant_likelihood_has_evidence_one_for_any_history() {
     for n in 1..=50_usize {
-        for batch in [1, 2, n.div_ceil(3), n] {
-            // n points at 0; then batches die and are reborn, all at the same height as far as the weights go.
+        for replacement in [1, 2, n.div_ceil(3), n] {
+            // n points at 0; then iterations die and are reborn, all at the same height as far as the weights go.
             let mut birth = vec![NEVER; n];
             let mut ln_l = vec![0.0; n];
             let mut top = 0.0;
             for _ in 0..5 {
-                for slot in 0..batch {
+                for slot in 0..replacement {
                     birth.push(top);
                     ln_l.push(top + 1.0 + if slot % 2 == 0 { 0.5 } else { 0.0 });
                 }
                 top += 2.0;
             }
-            let lineage = vec![Kin::default(); ln_l.len()];
+            let lineage = vec![Genealogy::default(); ln_l.len()];
             let history = DeadPoints::new(&ln_l, &birth, &lineage);
             let flat = vec![0.0; ln_l.len()];
             let weighted = weigh(&flat, &history.expected_ln_t());
@@ -36,7 +36,7 @@ fn births_and_deaths_reproduce_a_run_made_by_hand() {
     let birth = [
         NEVER, NEVER, NEVER, NEVER, 1.0, 1.0, 2.0, 2.5, 3.0, 3.5, 3.5, 4.0,
     ];
-    let lineage = [0, 1, 2, 3, 0, 1, 2, 2, 0, 2, 0, 1].map(Kin::from);
+    let lineage = [0, 1, 2, 3, 0, 1, 2, 2, 0, 2, 0, 1].map(Genealogy::from);
     let history = DeadPoints::new(&ln_l, &birth, &lineage);
     let sorted = [1.0, 1.0, 2.0, 2.5, 3.0, 3.5, 3.5, 4.0, 5.0, 5.5, 6.0, 7.0];
     assert!(
@@ -56,7 +56,7 @@ fn simulated_volumes_have_the_moments_of_beta_draws() {
     // With L = 1/X at the last point alone, ln Z is ln X there: all weight sits on one point.
     let n = [20_u32, 20, 20, 19, 18, 20, 20];
     let count = n.len();
-    let mut history = DeadPoints::new(&[0.0; 7], &[NEVER; 7], &[Kin::default(); 7]);
+    let mut history = DeadPoints::new(&[0.0; 7], &[NEVER; 7], &[Genealogy::default(); 7]);
     history.live = n.to_vec();
     history.ln_l = vec![-1e6; count];
     history.ln_l[count - 1] = 0.0;
@@ -88,7 +88,7 @@ fn simulated_volumes_have_the_moments_of_beta_draws() {
 fn bootstrap_of_all_lineages_once_is_the_run_itself() {
     let ln_l = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
     let birth = [NEVER, NEVER, NEVER, 1.0, 2.0, 3.0];
-    let lineage = [0, 1, 2, 0, 1, 2].map(Kin::from);
+    let lineage = [0, 1, 2, 0, 1, 2].map(Genealogy::from);
     let history = DeadPoints::new(&ln_l, &birth, &lineage);
     let (rows, weighted) = history.weigh_groups(&history.lineages, &[1.0; 3]);
     assert_eq!(rows, [0, 1, 2, 3, 4, 5]);
@@ -116,7 +116,7 @@ fn expected_error_of_ln_z_is_that_of_simulated_volumes() {
             }
         })
         .collect();
-    let history = DeadPoints::new(&ln_l, &birth, &vec![Kin::default(); ln_l.len()]);
+    let history = DeadPoints::new(&ln_l, &birth, &vec![Genealogy::default(); ln_l.len()]);
     assert!(history.live[1..2_900].iter().all(|n| *n == 100));
     let simulated = history.simulate(2, 2_000);
     let mean = simulated.iter().sum::<f64>() / 2e3;

@@ -1,7 +1,7 @@
 //! A chain of steps above a contour: what its steps share, and where it may go.
 
+use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
-use crate::neighbours::{Neighbours, Pair};
 use crate::nested::bound::Bound;
 use crate::nested::likelihood::{Likelihood, Tally};
 use crate::nested::live::Points;
@@ -10,7 +10,7 @@ use crate::normal;
 use crate::rng::Stream;
 use crate::target::{Symmetry, Target};
 
-/// What all points of a batch share.
+/// What all points of an iteration share.
 pub(in crate::nested) struct Setting<'a> {
     pub target: &'a dyn Target,
     /// New points lie strictly above this log-likelihood.
@@ -22,18 +22,18 @@ pub(in crate::nested) struct Setting<'a> {
     pub bounds: &'a [Bound],
     /// The survivors of even and of odd lineages: a chain moves along differences of points of the half that its seed is not
     /// in. Empty but for the kernel that asks for them.
-    pub halves: &'a [Neighbours; 2],
+    pub halves: &'a [DifferencePool; 2],
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
     pub stride: f64,
-    /// Slices, flights or walk steps.
+    /// Slices, Galilean trajectories or walk steps.
     pub steps: usize,
 }
 
 /// What a step does not leave, lest its law change on the way.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::nested) enum Fence {
+pub(in crate::nested) enum Partition {
     /// The metric region of this label.
     Region(usize),
     /// The cell of a pair of points.
@@ -43,9 +43,9 @@ pub(in crate::nested) enum Fence {
 /// What steps did, for the tuning of their length.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::nested) struct Pace {
-    /// Slices: steps outward. Flights: moves straight on. Walk: steps accepted.
+    /// Slices: steps outward. Galilean trajectories: moves straight on. Walk: steps accepted.
     pub grown: u64,
-    /// Slices: points that fell outside. Flights: moves that met an edge. Walk: steps refused.
+    /// Slices: points that fell outside. Galilean trajectories: moves that met an edge. Walk: steps refused.
     pub shrunk: u64,
 }
 
@@ -56,8 +56,8 @@ impl Pace {
         self.shrunk += other.shrunk;
     }
 
-    /// Share of the steps that grew; `None` before the first.
-    pub fn share(&self) -> Option<f64> {
+    /// Fraction of the steps that grew; `None` before the first.
+    pub fn fraction(&self) -> Option<f64> {
         let all = self.grown + self.shrunk;
         (all > 0).then(|| self.grown as f64 / all as f64)
     }
@@ -76,7 +76,7 @@ pub(in crate::nested) struct Motion {
 
 /// A new point.
 #[derive(Debug)]
-pub(in crate::nested) struct Newborn {
+pub(in crate::nested) struct NewPoint {
     pub u: Vec<f64>,
     pub ln_l: f64,
     pub tally: Tally,
@@ -88,7 +88,7 @@ pub(super) struct Chain<'a> {
     pub(super) setting: &'a Setting<'a>,
     pub(super) bound: &'a Bound,
     /// The survivors of the half that the seed is not in.
-    pub(super) others: &'a Neighbours,
+    pub(super) others: &'a DifferencePool,
     pub(super) likelihood: Likelihood<'a>,
     pub(super) x: Vec<f64>,
     pub(super) ln_l: f64,
@@ -109,7 +109,7 @@ impl<'a> Chain<'a> {
         seed: usize,
     ) -> Self {
         let [even, odd] = setting.halves;
-        let others = if kept.kin[seed].lineage.is_multiple_of(2) {
+        let others = if kept.genealogy[seed].lineage.is_multiple_of(2) {
             odd
         } else {
             even
@@ -130,32 +130,32 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Puts `x + t direction` into `trial`; whether it is in the cube, inside the walls and inside the fence.
-    pub(super) fn aim(&mut self, t: f64, fence: Fence) -> bool {
+    /// Puts `x + t direction` into `trial`; whether it is in the cube and in the partition.
+    pub(super) fn aim(&mut self, t: f64, partition: Partition) -> bool {
         let mut in_cube = true;
         for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
             *o = x + t * v;
             in_cube &= *o > 0.0 && *o < 1.0;
         }
-        in_cube && self.inside(fence) && self.likelihood.inside_walls(&self.trial)
+        in_cube && self.inside(partition)
     }
 
     /// Puts `x + t direction` into `trial`; its log-likelihood if the chain may go there and it is above the contour.
-    pub(super) fn look(&mut self, t: f64, fence: Fence) -> Result<Option<f64>> {
-        if !self.aim(t, fence) {
+    pub(super) fn look(&mut self, t: f64, partition: Partition) -> Result<Option<f64>> {
+        if !self.aim(t, partition) {
             return Ok(None);
         }
         let ln_l = self.likelihood.at(&self.trial)?;
         Ok((ln_l > self.setting.contour).then_some(ln_l))
     }
 
-    /// Whether `trial` is inside the fence.
-    pub(super) fn inside(&self, fence: Fence) -> bool {
-        match fence {
-            Fence::Region(label) => self.bound.has_label(&self.trial, label),
-            Fence::Cell(pair) => {
+    /// Whether `trial` is inside the partition.
+    pub(super) fn inside(&self, partition: Partition) -> bool {
+        match partition {
+            Partition::Region(label) => self.bound.has_label(&self.trial, label),
+            Partition::Cell(pair) => {
                 let orbit = Symmetry::first_orbit(self.setting.target.symmetries());
-                self.others.unfenced(&pair)
+                self.others.is_undivided(&pair)
                     || self.others.holds(&pair, &normals(&self.trial), orbit)
             }
         }
@@ -174,19 +174,17 @@ impl<'a> Chain<'a> {
 
     /// Draws the position along every declared orbit afresh. The likelihood is the same there but for rounding, which a
     /// chaotic target amplifies: a point must carry the value of its own digits, or chains that start from it may find
-    /// nothing above the contour. So it costs one call. A draw beyond a wall, or one that rounding takes below the
-    /// contour, is refused.
+    /// nothing above the contour. So it costs one call. A draw that rounding takes below the contour is
+    /// refused.
     pub(super) fn refresh_orbits(&mut self, rng: &mut Stream) -> Result<()> {
         for symmetry in self.setting.target.symmetries() {
             if let Symmetry::Orbit(orbit) = symmetry {
                 let mut z = self.normals();
                 orbit.refresh(&mut z, rng);
                 cube_from_normal(&z, &mut self.trial);
-                if self.likelihood.inside_walls(&self.trial) {
-                    let ln_l = self.likelihood.at(&self.trial)?;
-                    if ln_l > self.setting.contour {
-                        self.accept(ln_l);
-                    }
+                let ln_l = self.likelihood.at(&self.trial)?;
+                if ln_l > self.setting.contour {
+                    self.accept(ln_l);
                 }
             }
         }
@@ -199,7 +197,7 @@ pub(super) fn normals(u: &[f64]) -> Vec<f64> {
     u.iter().map(|u| normal::quantile(*u)).collect()
 }
 
-/// `u = Phi(z)`, kept inside the open cube where doubles would round it to a wall.
+/// `u = Phi(z)`, kept inside the open cube where doubles would round it to its edge.
 pub(super) fn cube_from_normal(z: &[f64], u: &mut [f64]) {
     for (u, z) in u.iter_mut().zip(z) {
         *u = normal::cdf(*z).clamp(f64::MIN_POSITIVE, 1.0 - 0.5 * f64::EPSILON);

@@ -13,7 +13,7 @@
 //!    fitted to the seeds does ([`Bound::for_steps`](crate::nested::bound::Bound::for_steps)).
 //! 2. Which kind of slice comes next, the scale of the pair's cell and the width in units of the pair's distance are drawn
 //!    without a look at the chain's present state. The pair is of the cell where the chain is, and the slice does not leave
-//!    that cell ([`Neighbours`](crate::neighbours::Neighbours)), so that it keeps the uniform law on what of the cell is
+//!    that cell ([`DifferencePool`](crate::difference_pool::DifferencePool)), so that it keeps the uniform law on what of the cell is
 //!    above the contour (Neal 2003). At the largest scale all space is one cell: a slice may end in another mode.
 //! 3. A slice in the local metric keeps the uniform law in each metric region by itself, hence on all of them together,
 //!    however much of it is in each: a move between regions needs no more than that the next such slice goes by
@@ -24,23 +24,23 @@
 //!    Steps across orbits no longer have to follow the bends of the orbit, and the way along it is redrawn at the end.
 //!
 //! So a new point has the right law and owes nothing to the other half. It does resemble its own seed until enough slices
-//! have been made, which the scatter of lineages measures and the checks watch; and two points born in one batch, each with the
+//! have been made, which the scatter of lineages measures and the checks watch; and two points born in one iteration, each with the
 //! other's seed among its pairs, share what their chains have not forgotten.
 
-use super::chain::{Chain, Fence, cube_from_normal};
+use super::chain::{Chain, Partition, cube_from_normal};
 use super::slice;
 use crate::error::Result;
 use crate::rng::{Stream, unit_open};
 use crate::target::Symmetry;
 
-/// Share of the slices along differences. The others reach what differences of few points do not span.
-const SHARE: f64 = 0.5;
+/// Fraction of the slices along differences. The others reach what differences of few points do not span.
+const FRACTION: f64 = 0.5;
 
 /// Moves the chain along the difference of two points of the other half near it, or along a random direction of its
 /// ellipsoid.
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     let orbit = Symmetry::first_orbit(chain.setting.target.symmetries());
-    if unit_open(rng) >= SHARE {
+    if unit_open(rng) >= FRACTION {
         return slice::step(chain, rng);
     }
     let from = chain.normals();
@@ -61,7 +61,7 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     if !apart {
         return Ok(());
     }
-    let pace = slice::along(chain, chain.setting.stride, Fence::Cell(pair), rng)?;
+    let pace = slice::along(chain, chain.setting.stride, Partition::Cell(pair), rng)?;
     chain.motion.differences.add(pace);
     chain.label = chain.bound.label(&chain.x);
     Ok(())

@@ -2,19 +2,19 @@
 
 pub(super) mod chain;
 mod difference;
-mod flight;
-mod jump;
+mod galilean;
+mod involution;
 mod slice;
 mod uniform;
 mod walk;
 
-pub(super) use chain::{Newborn, Pace, Setting};
+pub(super) use chain::{NewPoint, Pace, Setting};
 
 use super::bound::Bound;
 use super::live::Points;
 use super::settings::Kernel;
+use crate::difference_pool::DifferencePool;
 use crate::error::Result;
-use crate::neighbours::Neighbours;
 use crate::rng::Stream;
 use crate::target::{Symmetry, Target};
 use chain::{Chain, normals};
@@ -31,9 +31,9 @@ pub(super) fn draw(
     kept: &Points,
     seed: usize,
     mut rng: Stream,
-) -> Result<Newborn> {
+) -> Result<NewPoint> {
     let rng = &mut rng;
-    let bound = bound_of(setting.bounds, kept.kin[seed].lineage);
+    let bound = bound_of(setting.bounds, kept.genealogy[seed].lineage);
     let Some(bound) = bound.filter(|_| setting.kernel != Kernel::Uniform) else {
         return uniform::draw(setting, bound, rng);
     };
@@ -42,16 +42,16 @@ pub(super) fn draw(
         match setting.kernel {
             Kernel::RandomWalk => walk::step(&mut chain, rng)?,
             Kernel::Differential => difference::step(&mut chain, rng)?,
-            Kernel::Reflective => flight::step(&mut chain, rng)?,
+            Kernel::Galilean => galilean::step(&mut chain, rng)?,
             _ => slice::step(&mut chain, rng)?,
         }
         if step == 0 {
-            jump::try_all(&mut chain, rng)?;
+            involution::try_all(&mut chain, rng)?;
         }
     }
     chain.refresh_orbits(rng)?;
     chain.motion.moved = chain.x != kept.row(seed);
-    Ok(Newborn {
+    Ok(NewPoint {
         u: chain.x,
         ln_l: chain.ln_l,
         tally: chain.likelihood.tally,
@@ -60,11 +60,11 @@ pub(super) fn draw(
 }
 
 /// The survivors of even and of odd lineages, for chains of the other half.
-pub(super) fn halves(target: &dyn Target, kept: &Points) -> [Neighbours; 2] {
+pub(super) fn halves(target: &dyn Target, kept: &Points) -> [DifferencePool; 2] {
     let orbit = Symmetry::first_orbit(target.symmetries());
     kept.halves().map(|rows| {
         let z: Vec<f64> = rows.iter().flat_map(|&i| normals(kept.row(i))).collect();
-        Neighbours::new(&z, kept.dim(), orbit)
+        DifferencePool::new(&z, kept.dim(), orbit)
     })
 }
 

@@ -1,13 +1,13 @@
 //! One slice: step out from a random offset along a line, then shrink (Neal 2003). And the plain choice of the line: a
 //! random direction of the local ellipsoid.
 
-use super::chain::{Chain, Fence, Pace};
+use super::chain::{Chain, Pace, Partition};
 use crate::error::{Error, Result};
 use crate::nested::bound::draw_direction;
 use crate::rng::{Stream, below, unit_open};
 
 /// Most steps outward of one slice, both ways together. Dealt to the two sides at random beforehand, a limit leaves
-/// the slice exact (Neal's `m`); a width this much too small is doubled from one batch to the next.
+/// the slice exact (Neal's `m`); a width this much too small is doubled from one iteration to the next.
 const MAX_OUTWARD: usize = 200;
 
 /// Most steps inward: far more than it takes to shrink an interval to nothing.
@@ -20,18 +20,18 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
         .bound
         .metric(chain.label)
         .stretch(&chain.ball, &mut chain.direction);
-    let fence = Fence::Region(chain.label);
-    let pace = along(chain, chain.setting.scale, fence, rng)?;
+    let partition = Partition::Region(chain.label);
+    let pace = along(chain, chain.setting.scale, partition, rng)?;
     chain.motion.local.add(pace);
     Ok(())
 }
 
 /// Moves the chain to a new point of the line through it along `direction`, of whose length `width` is a multiple; the
-/// fence is not left.
+/// partition is not left.
 pub(super) fn along(
     chain: &mut Chain<'_>,
     width: f64,
-    fence: Fence,
+    partition: Partition,
     rng: &mut Stream,
 ) -> Result<Pace> {
     let mut pace = Pace::default();
@@ -39,14 +39,14 @@ pub(super) fn along(
     let mut right = left + width;
     let leftward = below(rng, MAX_OUTWARD);
     for _ in 0..leftward {
-        if chain.look(left, fence)?.is_none() {
+        if chain.look(left, partition)?.is_none() {
             break;
         }
         left -= width;
         pace.grown += 1;
     }
     for _ in leftward..MAX_OUTWARD - 1 {
-        if chain.look(right, fence)?.is_none() {
+        if chain.look(right, partition)?.is_none() {
             break;
         }
         right += width;
@@ -54,7 +54,7 @@ pub(super) fn along(
     }
     for _ in 0..MAX_INWARD {
         let t = left + (right - left) * unit_open(rng);
-        if let Some(ln_l) = chain.look(t, fence)? {
+        if let Some(ln_l) = chain.look(t, partition)? {
             chain.accept(ln_l);
             return Ok(pace);
         }

@@ -2,10 +2,9 @@ use super::*;
 use crate::nested::bound::draw_direction;
 use crate::nested::bound::tests::overlapping;
 use crate::nested::rank::ks_probability;
-use crate::nested::settings::BoundKind;
 use crate::normal;
 use crate::rng::{Domain, below, standard_normal, stream, unit_open};
-use crate::target::{HalfSpace, Involution, Marginal, Orbit, Outcome, Prior};
+use crate::target::{Involution, Marginal, Orbit, Outcome, Prior};
 use rayon::prelude::*;
 
 /// A likelihood on the unit square.
@@ -13,7 +12,6 @@ struct Square {
     prior: Prior,
     ln_l: fn(&[f64]) -> f64,
     gradient: fn(&[f64], &mut [f64]),
-    walls: Vec<HalfSpace>,
     symmetries: Vec<Symmetry>,
 }
 
@@ -24,7 +22,6 @@ impl Square {
             prior: Prior::new((0..dim).map(|k| (format!("x{k}"), "", unit))).unwrap(),
             ln_l,
             gradient: |_, gradient| gradient.fill(0.0),
-            walls: Vec::new(),
             symmetries: Vec::new(),
         }
     }
@@ -40,9 +37,6 @@ impl Target for Square {
     fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
         (self.gradient)(theta, gradient);
         self.ln_likelihood(theta)
-    }
-    fn walls(&self) -> &[HalfSpace] {
-        &self.walls
     }
     fn symmetries(&self) -> &[Symmetry] {
         &self.symmetries
@@ -94,7 +88,7 @@ fn stays_uniform(
         stride: scale,
         steps,
     };
-    let ends: Vec<Newborn> = (0..count)
+    let ends: Vec<NewPoint> = (0..count)
         .into_par_iter()
         .map(|i| {
             let rng = stream(12, Domain::Test, 2, i as u64);
@@ -144,16 +138,13 @@ const STEPPERS: [(Kernel, f64, usize); 4] = [
     (Kernel::RandomSlice, 0.7, 3),
     (Kernel::Differential, 0.7, 3),
     (Kernel::RandomWalk, 0.6, 8),
-    (Kernel::Reflective, 0.2, 6),
+    (Kernel::Galilean, 0.2, 6),
 ];
 
 #[test]
 fn chains_that_start_uniform_above_a_contour_stay_uniform() {
     let target = ring_target();
-    let fitted = Bound::for_steps(
-        &uniform_above(&target, 0.0, 3, 400),
-        BoundKind::MultiEllipsoid,
-    );
+    let fitted = Bound::for_steps(&uniform_above(&target, 0.0, 3, 400));
     for how in STEPPERS {
         for bounds in [&fitted, &vec![overlapping()], &vec![Bound::cube(2)]] {
             let laws: [Law<'_>; 2] = [("radius", &ring_radius), ("angle", &ring_angle)];
@@ -166,7 +157,7 @@ fn chains_that_start_uniform_above_a_contour_stay_uniform() {
 fn independent_draws_from_a_bound_are_uniform_above_the_contour() {
     let target = Square::new(2, ring);
     let points = uniform_above(&target, 0.0, 4, 400);
-    let bound = Bound::for_draws(&points, BoundKind::MultiEllipsoid, 1, 0).unwrap();
+    let bound = Bound::for_draws(&points, 1, 0).unwrap();
     stays_uniform(
         "uniform",
         &target,
@@ -209,7 +200,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
         Kernel::RandomSlice,
         Kernel::Differential,
         Kernel::RandomWalk,
-        Kernel::Reflective,
+        Kernel::Galilean,
     ] {
         let setting = Setting {
             target: &target,
@@ -235,7 +226,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
                         match kernel {
                             Kernel::RandomWalk => walk::step(&mut chain, &mut rng).unwrap(),
                             Kernel::Differential => difference::step(&mut chain, &mut rng).unwrap(),
-                            Kernel::Reflective => flight::step(&mut chain, &mut rng).unwrap(),
+                            Kernel::Galilean => galilean::step(&mut chain, &mut rng).unwrap(),
                             _ => slice::step(&mut chain, &mut rng).unwrap(),
                         }
                     }
@@ -283,8 +274,8 @@ impl Orbit for Second {
 }
 
 #[test]
-fn jumps_orbits_and_walls_keep_the_prior_above_the_contour() {
-    // Above the contour: the left three fifths of the square; the wall cuts the lower fifth off.
+fn involutions_and_orbits_keep_the_prior_above_the_contour() {
+    // Above the contour: the left three fifths of the square.
     let mut target = Square::new(2, |x| if x[0] < 0.6 { 0.0 } else { -2.0 });
     // Not the slope of anything: no mirror is wrong, as long as it depends on its own place alone.
     target.gradient = |x, gradient| gradient.copy_from_slice(&[-1.0, x[1]]);
@@ -292,14 +283,10 @@ fn jumps_orbits_and_walls_keep_the_prior_above_the_contour() {
         Symmetry::Involution(Box::new(Squeeze)),
         Symmetry::Orbit(Box::new(Second)),
     ];
-    target.walls = vec![HalfSpace {
-        normal: vec![0.0, 2.0],
-        offset: 2.0 * normal::quantile(0.2),
-    }];
     for how in STEPPERS {
         for bound in [overlapping(), Bound::cube(2)] {
             let first = |x: &[f64]| x[0] / 0.6;
-            let second = |x: &[f64]| (x[1] - 0.2) / 0.8;
+            let second = |x: &[f64]| x[1];
             let laws: [Law<'_>; 2] = [("first", &first), ("second", &second)];
             let bounds = [bound];
             stays_uniform(&format!("{how:?}"), &target, -1.0, &bounds, how, &laws);
@@ -324,7 +311,7 @@ fn a_jump_without_its_jacobian_would_be_caught() {
 }
 
 #[test]
-fn flights_between_the_cube_a_mirror_and_rejected_points_stay_uniform() {
+fn galilean_trajectories_between_the_cube_a_mirror_and_rejected_points_stay_uniform() {
     // Above the contour: over 0.3, where the mirror is. Beyond 0.8 all is rejected; the other two sides are those of the cube.
     let target = Square {
         gradient: |_, gradient| gradient.copy_from_slice(&[0.0, 1.0]),
@@ -335,22 +322,22 @@ fn flights_between_the_cube_a_mirror_and_rejected_points_stay_uniform() {
     let laws: [Law<'_>; 2] = [("first", &first), ("second", &second)];
     for scale in [0.1, 0.5] {
         for bound in [overlapping(), Bound::cube(2)] {
-            let how = (Kernel::Reflective, scale, 5);
+            let how = (Kernel::Galilean, scale, 5);
             stays_uniform(&format!("{how:?}"), &target, 0.0, &[bound], how, &laws);
         }
     }
 }
 
-/// A setting for flights in the ring from `kept`.
+/// A setting for Galilean trajectories in the ring from `kept`.
 fn in_the_ring<'a>(
     target: &'a Square,
     bounds: &'a [Bound],
-    halves: &'a [Neighbours; 2],
+    halves: &'a [DifferencePool; 2],
 ) -> Setting<'a> {
     Setting {
         target,
         contour: 0.0,
-        kernel: Kernel::Reflective,
+        kernel: Kernel::Galilean,
         bounds,
         halves,
         scale: 0.2,
@@ -360,7 +347,7 @@ fn in_the_ring<'a>(
 }
 
 #[test]
-fn a_move_of_a_flight_then_a_flip_is_its_own_inverse() {
+fn a_move_of_a_galilean_then_a_flip_is_its_own_inverse() {
     let target = ring_target();
     let kept = uniform_above(&target, 0.0, 7, 10_000);
     let bounds = [overlapping()];
@@ -373,7 +360,7 @@ fn a_move_of_a_flight_then_a_flip_is_its_own_inverse() {
         draw_direction(&mut rng, &mut chain.ball);
         let velocity = chain.ball.clone();
         for turn in 0..2 {
-            let moved = flight::advance(&mut chain, 0.15).unwrap();
+            let moved = galilean::advance(&mut chain, 0.15).unwrap();
             // A flip undoes the turn of a chain that cannot move.
             if moved {
                 chain.ball.iter_mut().for_each(|w| *w = -*w);
@@ -393,9 +380,9 @@ fn a_move_of_a_flight_then_a_flip_is_its_own_inverse() {
     assert!(seen.iter().all(|n| *n > 500), "{seen:?}");
 }
 
-/// Kolmogorov-Smirnov probability of the radii where flights of two moves end that began uniform in the ring; a chain that can
+/// Kolmogorov-Smirnov probability of the radii where Galilean trajectories of two moves end that began uniform in the ring; a chain that can
 /// neither go on nor be reflected turns round, or waits.
-fn radii_after_flights(turns: bool) -> f64 {
+fn radii_after_galilean_trajectories(turns: bool) -> f64 {
     let target = ring_target();
     let count = 40_000;
     let kept = uniform_above(&target, 0.0, 8, count);
@@ -410,7 +397,7 @@ fn radii_after_flights(turns: bool) -> f64 {
             for _ in 0..6 {
                 draw_direction(&mut rng, &mut chain.ball);
                 for _ in 0..2 {
-                    let moved = flight::advance(&mut chain, setting.scale).unwrap();
+                    let moved = galilean::advance(&mut chain, setting.scale).unwrap();
                     if turns && !moved {
                         chain.ball.iter_mut().for_each(|w| *w = -*w);
                     }
@@ -423,7 +410,10 @@ fn radii_after_flights(turns: bool) -> f64 {
 }
 
 #[test]
-fn a_flight_that_waits_where_it_should_turn_round_would_be_caught() {
-    let (right, wrong) = (radii_after_flights(true), radii_after_flights(false));
+fn a_galilean_that_waits_where_it_should_turn_round_would_be_caught() {
+    let (right, wrong) = (
+        radii_after_galilean_trajectories(true),
+        radii_after_galilean_trajectories(false),
+    );
     assert!(right > 0.001 && wrong < 1e-6, "{right} {wrong}");
 }

@@ -1,9 +1,9 @@
 //! Independent draws: from the prior, or from the bound.
 
-use super::chain::{Motion, Newborn, Setting};
+use super::chain::{Motion, NewPoint, Setting};
 use crate::error::{Error, Result};
 use crate::nested::bound::Bound;
-use crate::nested::likelihood::Likelihood;
+use crate::nested::likelihood::{Likelihood, draw_prior};
 use crate::rng::Stream;
 
 /// Likelihood calls, and draws, for one point before the bound is given up.
@@ -15,18 +15,17 @@ pub(super) fn draw(
     setting: &Setting<'_>,
     bound: Option<&Bound>,
     rng: &mut Stream,
-) -> Result<Newborn> {
+) -> Result<NewPoint> {
     let dim = setting.target.dim();
     let mut likelihood = Likelihood::new(setting.target);
     let mut ball = vec![0.0; dim];
     let mut u = vec![0.0; dim];
     for _ in 0..MAX_DRAWS {
         match bound {
-            None => likelihood.draw_prior(rng, &mut u)?,
+            None => draw_prior(rng, &mut u),
             Some(bound) => {
-                let ours = bound.draw(rng, &mut ball, &mut u)
-                    && u.iter().all(|u| *u > 0.0 && *u < 1.0)
-                    && likelihood.inside_walls(&u);
+                let ours =
+                    bound.draw(rng, &mut ball, &mut u) && u.iter().all(|u| *u > 0.0 && *u < 1.0);
                 if !ours {
                     continue;
                 }
@@ -34,7 +33,7 @@ pub(super) fn draw(
         }
         let ln_l = likelihood.at(&u)?;
         if ln_l > setting.contour {
-            return Ok(Newborn {
+            return Ok(NewPoint {
                 u,
                 ln_l,
                 tally: likelihood.tally,

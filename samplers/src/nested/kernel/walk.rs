@@ -3,7 +3,7 @@
 //! A ball's points are nearly all at its surface in many dimensions. Where a region is thin a step of that length is never
 //! accepted, and a chain that is there stays; short ones among the steps let it go.
 
-use super::chain::{Chain, Fence};
+use super::chain::{Chain, Partition};
 use crate::error::Result;
 use crate::nested::bound::draw_direction;
 use crate::rng::{Stream, unit_open};
@@ -17,7 +17,7 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
         .bound
         .metric(chain.label)
         .stretch(&chain.ball, &mut chain.direction);
-    match chain.look(chain.setting.scale, Fence::Region(chain.label))? {
+    match chain.look(chain.setting.scale, Partition::Region(chain.label))? {
         Some(ln_l) => {
             chain.accept(ln_l);
             chain.motion.local.grown += 1;

@@ -1,5 +1,5 @@
 //! The core loop with a perfect sampler: one coordinate, the prior volume itself, from which new points are drawn
-//! exactly. What is left is the bookkeeping of batches, ties and weights.
+//! exactly. What is left is the bookkeeping of iterations, ties and weights.
 
 use super::*;
 use crate::nested::evidence::DeadPoints;
@@ -20,8 +20,8 @@ impl Target for Volume {
     }
 }
 
-fn newborn(x: f64, ln_l: f64) -> Newborn {
-    Newborn {
+fn newborn(x: f64, ln_l: f64) -> NewPoint {
+    NewPoint {
         u: vec![x],
         ln_l,
         tally: Tally::default(),
@@ -29,28 +29,28 @@ fn newborn(x: f64, ln_l: f64) -> Newborn {
     }
 }
 
-/// ln Z of a run with `n_live` points in batches of the fraction `batch`, of a likelihood that falls with the volume;
+/// ln Z of a run with `n_live` points in iterations of the fraction `replaced_fraction`, of a likelihood that falls with the volume;
 /// `inside` gives the largest volume whose points exceed a contour.
 fn perfect(
-    (n_live, batch): (usize, f64),
+    (n_live, replaced_fraction): (usize, f64),
     ln_l: &dyn Fn(f64) -> f64,
     inside: &dyn Fn(f64) -> f64,
     seed: u64,
 ) -> (f64, f64) {
     let settings = Settings {
         n_live,
-        batch,
+        replaced_fraction,
         ..Settings::default()
     };
     let unit = Marginal::Uniform { lo: 0.0, hi: 1.0 };
     let target = Volume(Prior::new([("x", "", unit)]).unwrap());
-    let job = Job {
+    let context = Context {
         target: &target,
         settings: &settings,
         seed,
     };
     let mut rng = stream(seed, Domain::Test, 0, 0);
-    let mut state = State::new(&job);
+    let mut state = State::new(&context);
     for lineage in 0..n_live {
         let x = unit_open(&mut rng);
         let lineage = u32::try_from(lineage).unwrap();
@@ -58,9 +58,9 @@ fn perfect(
     }
     state.started = true;
     while state.delta_ln_z(&settings) >= settings.dlnz {
-        let batch = live::lowest(&state.live, settings.batch_size());
-        let reach = inside(batch.contour);
-        let born: Vec<Newborn> = batch
+        let replaced_fraction = live::lowest(&state.live, settings.replaced_count());
+        let reach = inside(replaced_fraction.contour);
+        let born: Vec<NewPoint> = replaced_fraction
             .dying
             .iter()
             .map(|_| {
@@ -68,8 +68,12 @@ fn perfect(
                 newborn(x, ln_l(x))
             })
             .collect();
-        let kin: Vec<Kin> = batch.dying.iter().map(|&i| state.live.kin[i]).collect();
-        state.commit(&batch, &born, &kin, &mut rng);
+        let genealogy: Vec<Genealogy> = replaced_fraction
+            .dying
+            .iter()
+            .map(|&i| state.live.genealogy[i])
+            .collect();
+        state.commit(&replaced_fraction, &born, &genealogy, &mut rng);
     }
     let mut points = state.dead.clone();
     for i in 0..state.live.len() {
@@ -86,7 +90,7 @@ fn moments(values: &[f64]) -> (f64, f64) {
 }
 
 #[test]
-fn perfect_sampling_has_no_bias_and_the_known_scatter_for_any_batch() {
+fn perfect_sampling_has_no_bias_and_the_known_scatter_for_any_replaced_fraction() {
     // A Gaussian of width s in volume: L = exp(-X^2 / 2 s^2), ln Z = ln(s sqrt(pi/2)), H = -ln Z - 1/2.
     let s = 1e-3_f64;
     let ln_z = (s * std::f64::consts::FRAC_PI_2.sqrt()).ln();
@@ -94,27 +98,27 @@ fn perfect_sampling_has_no_bias_and_the_known_scatter_for_any_batch() {
     let n = 200;
     let ln_l = |x: f64| -0.5 * (x / s).powi(2);
     let inside = |l: f64| s * (-2.0 * l).sqrt();
-    for (batch, widening) in [(1e-9, 1.0), (0.1, 1.0), (0.5, 1.2)] {
+    for (replaced_fraction, widening) in [(1e-9, 1.0), (0.1, 1.0), (0.5, 1.2)] {
         let runs: Vec<(f64, f64)> = (0..600)
             .into_par_iter()
-            .map(|seed| perfect((n, batch), &ln_l, &inside, seed))
+            .map(|seed| perfect((n, replaced_fraction), &ln_l, &inside, seed))
             .collect();
         let errors: Vec<f64> = runs.iter().map(|r| r.0 - ln_z).collect();
         let (bias, sd) = moments(&errors);
         let expected = widening * (information / n as f64).sqrt();
         assert!(
             bias.abs() < 3.0 * sd / 600_f64.sqrt(),
-            "batch {batch}: bias {bias}, sd {sd}"
+            "iteration {replaced_fraction}: bias {bias}, sd {sd}"
         );
         assert!(
             (sd / expected - 1.0).abs() < 0.15,
-            "batch {batch}: sd {sd}, not {expected}"
+            "iteration {replaced_fraction}: sd {sd}, not {expected}"
         );
         let ranks: Vec<f64> = runs.iter().map(|r| r.1).collect();
         let (mean, sd) = moments(&ranks);
         assert!(
             mean.abs() < 0.13 && (sd - 1.0).abs() < 0.1,
-            "batch {batch}: ranks {mean} {sd}"
+            "iteration {replaced_fraction}: ranks {mean} {sd}"
         );
     }
 }

@@ -1,19 +1,17 @@
-//! Hamiltonian moves, slices and jumps: exact invariance, reversibility.
+//! HMC transitions, slices and jumps: exact invariance, reversibility.
 //!
 //! Invariance is tested as in Geweke's joint test: draw z from the prior and data from the model, move z by a kernel
 //! on the posterior given these data, and z must still follow the prior. A kernel that accepts nearly always passes
 //! such a test even if its acceptance rule is wrong, so steps are chosen for an acceptance between 0.3 and 0.6, and
 //! wrong rules must be caught at the same step.
 
-mod no_u_turn;
 mod reference;
-mod walls;
 
 use crate::targets::smooth;
+use oblate_samplers::difference_pool::DifferencePool;
 use oblate_samplers::hmc::{
-    End, Evaluator, Explorer, Metric, MetricKind, Moved, Plan, Point, jump, refresh, slice,
+    End, Evaluator, LocalSampler, Metric, Moved, Plan, Point, propose_involution, refresh, slice,
 };
-use oblate_samplers::neighbours::Neighbours;
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
 use oblate_samplers::target::{Involution, Orbit};
 use oblate_samplers::{Marginal, Outcome, Prior, Target, normal};
@@ -145,7 +143,7 @@ fn datum_pair(rng: &mut Stream, prior: &Prior, beta: f64, only_sum: bool) -> (Po
 
 fn tilted() -> Metric {
     let covariance = nalgebra::DMatrix::from_row_slice(2, 2, &[0.5, 0.2, 0.2, 0.8]);
-    Metric::from_covariance(MetricKind::Dense, &covariance).unwrap()
+    Metric::from_covariance(&covariance).unwrap()
 }
 
 /// Steps of a kernel made from whole trajectories with this probability of acceptance, a function of the point left,
@@ -154,18 +152,18 @@ fn with_rule(index: u64, rule: impl Fn(&Point, &Point, f64) -> f64) -> ([f64; 2]
     let mut rng = stream(15, Domain::Test, 0, index);
     let (mut point, target) = binomial_pair(&mut rng);
     let metric = tilted();
-    let mut explorer = Explorer::new(target, 1.0, &metric);
-    explorer.evaluator.fill(&mut point).unwrap();
+    let mut local_sampler = LocalSampler::new(target, 1.0, &metric);
+    local_sampler.evaluator.fill(&mut point).unwrap();
     let mut acceptance = 0.0;
     for _ in 0..STEPS {
-        explorer.momentum = vec![standard_normal(&mut rng), standard_normal(&mut rng)];
+        local_sampler.momentum = vec![standard_normal(&mut rng), standard_normal(&mut rng)];
         let step = 0.36 * (0.9 + 0.2 * unit_open(&mut rng));
-        let end = explorer.trajectory(&point, step, 3, 1000.0).unwrap();
+        let end = local_sampler.trajectory(&point, step, 3, 1000.0).unwrap();
         if let End::Arrived { rise, .. } = end {
-            let probability = rule(&point, &explorer.end, rise);
+            let probability = rule(&point, &local_sampler.end, rise);
             acceptance += probability.min(1.0) / STEPS as f64;
             if unit_open(&mut rng) < probability {
-                point.copy_from(&explorer.end);
+                point.copy_from(&local_sampler.end);
             }
         }
     }
@@ -174,25 +172,22 @@ fn with_rule(index: u64, rule: impl Fn(&Point, &Point, f64) -> f64) -> ([f64; 2]
 
 /// Steps of a kernel from a point whose likelihood is not known yet: where they lead, and their mean acceptance.
 fn moved(
-    mut explorer: Explorer<'_, '_>,
+    mut local_sampler: LocalSampler<'_, '_>,
     mut point: Point,
     rng: &mut Stream,
-    step: impl Fn(&mut Explorer<'_, '_>, &mut Point, &mut Stream) -> Moved,
+    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream) -> Moved,
 ) -> ([f64; 2], f64) {
-    point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
+    point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
     let mut acceptance = 0.0;
     for _ in 0..STEPS {
-        acceptance += step(&mut explorer, &mut point, rng).acceptance / STEPS as f64;
+        acceptance += step(&mut local_sampler, &mut point, rng).acceptance / STEPS as f64;
     }
     ([point.z[0], point.z[1]], acceptance)
 }
 
 #[test]
 fn hamiltonian_moves_leave_the_posterior_invariant() {
-    for (metric, step) in [
-        (tilted(), 0.36),
-        (Metric::identity(MetricKind::Diagonal, 2), 0.32),
-    ] {
+    for (metric, step) in [(tilted(), 0.36), (Metric::identity(2), 0.32)] {
         let plan = Plan {
             step,
             length: 1.2,
@@ -203,8 +198,8 @@ fn hamiltonian_moves_leave_the_posterior_invariant() {
         assert_invariant("binomial", |index| {
             let mut rng = stream(16, Domain::Test, 0, index);
             let (point, target) = binomial_pair(&mut rng);
-            let explorer = Explorer::new(target, 1.0, &metric);
-            moved(explorer, point, &mut rng, |e, at, rng| {
+            let local_sampler = LocalSampler::new(target, 1.0, &metric);
+            moved(local_sampler, point, &mut rng, |e, at, rng| {
                 e.transition(at, &plan, rng).unwrap()
             })
         });
@@ -224,15 +219,15 @@ fn hamiltonian_moves_leave_a_tempered_posterior_invariant() {
     assert_invariant("one datum at beta 0.3", |index| {
         let mut rng = stream(17, Domain::Test, 0, index);
         let (point, target) = datum_pair(&mut rng, &prior, beta, false);
-        let explorer = Explorer::new(&target, beta, &metric);
-        moved(explorer, point, &mut rng, |e, at, rng| {
+        let local_sampler = LocalSampler::new(&target, beta, &metric);
+        moved(local_sampler, point, &mut rng, |e, at, rng| {
             e.transition(at, &plan, rng).unwrap()
         })
     });
 }
 
 /// Steps of slices along directions from a pool that may depend on the point.
-fn sliced(index: u64, beta: f64, pool_at: impl Fn(&Point) -> Neighbours) -> [f64; 2] {
+fn sliced(index: u64, beta: f64, pool_at: impl Fn(&Point) -> DifferencePool) -> [f64; 2] {
     let mut rng = stream(20, Domain::Test, 0, index);
     let (metric, prior) = (tilted(), plane());
     let (mut point, datum) = datum_pair(&mut rng, &prior, beta, true);
@@ -252,8 +247,8 @@ const ALWAYS: f64 = 0.5;
 fn slices_leave_a_tempered_posterior_invariant_whatever_the_pool_and_a_pool_that_knows_the_point_does_not()
  {
     let pools = [
-        Neighbours::default(),
-        Neighbours::new(&[0.0, 0.1, 2.0, -1.0, 0.3, 0.4, -0.2, 0.9], 2, None),
+        DifferencePool::default(),
+        DifferencePool::new(&[0.0, 0.1, 2.0, -1.0, 0.3, 0.4, -0.2, 0.9], 2, None),
     ];
     for pool in &pools {
         for beta in [0.3, 1.0] {
@@ -264,8 +259,9 @@ fn slices_leave_a_tempered_posterior_invariant_whatever_the_pool_and_a_pool_that
     }
     // Lines through the origin, drawn from the point: the density along them would need a factor of the distance.
     assert_caught("radial slices", |index| {
-        let radial =
-            |at: &Point| Neighbours::new(&[at.z.clone(), vec![0.0; 2]].concat().repeat(2), 2, None);
+        let radial = |at: &Point| {
+            DifferencePool::new(&[at.z.clone(), vec![0.0; 2]].concat().repeat(2), 2, None)
+        };
         (sliced(index, 1.0, radial), ALWAYS)
     });
 }
@@ -312,7 +308,7 @@ fn jumped(index: u64, prior: &Prior, map: &Inversion) -> ([f64; 2], f64) {
     point.ln_likelihood = evaluator.value(&point.z).unwrap();
     let mut accepted = 0.0;
     for _ in 0..STEPS {
-        let hit = jump(&mut evaluator, map, beta, &mut point, &mut rng).unwrap();
+        let hit = propose_involution(&mut evaluator, map, beta, &mut point, &mut rng).unwrap();
         accepted += f64::from(u8::from(hit)) / STEPS as f64;
     }
     ([point.z[0], point.z[1]], accepted)
@@ -352,8 +348,8 @@ fn refreshed(index: u64, prior: &Prior, sd: f64) -> ([f64; 2], f64) {
     let mut rng = stream(19, Domain::Test, 0, index);
     let (mut point, target) = datum_pair(&mut rng, prior, 1.0, true);
     let metric = tilted();
-    let mut explorer = Explorer::new(&target, 1.0, &metric);
-    point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
+    let mut local_sampler = LocalSampler::new(&target, 1.0, &metric);
+    point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
     let plan = Plan {
         step: 0.475,
         length: 1.5,
@@ -365,14 +361,16 @@ fn refreshed(index: u64, prior: &Prior, sd: f64) -> ([f64; 2], f64) {
     for _ in 0..STEPS {
         let before = point.ln_likelihood;
         refresh(
-            &explorer.evaluator,
+            &local_sampler.evaluator,
             &Difference { sd },
             1.0,
             &mut point,
             &mut rng,
         );
         assert!(!point.has_gradient, "its gradient belongs to another point");
-        let moved = explorer.transition(&mut point, &plan, &mut rng).unwrap();
+        let moved = local_sampler
+            .transition(&mut point, &plan, &mut rng)
+            .unwrap();
         if !moved.accepted {
             assert!((point.ln_likelihood - before).abs() < 1e-9 * before.abs().max(1.0));
         }
@@ -394,13 +392,13 @@ fn an_orbit_redrawn_from_the_prior_leaves_the_posterior_invariant_and_from_anoth
 /// Energy error at the end of a path of fixed length from a fixed start.
 fn energy_error(step: f64, leapfrogs: usize) -> f64 {
     let target = smooth::binomial();
-    let metric = Metric::identity(MetricKind::Dense, 2);
-    let mut explorer = Explorer::new(&target, 1.0, &metric);
+    let metric = Metric::identity(2);
+    let mut local_sampler = LocalSampler::new(&target, 1.0, &metric);
     let mut point = Point::new(2);
     point.z = vec![0.4, 0.9];
-    explorer.evaluator.fill(&mut point).unwrap();
-    explorer.momentum = vec![0.5, -0.8];
-    match explorer
+    local_sampler.evaluator.fill(&mut point).unwrap();
+    local_sampler.momentum = vec![0.5, -0.8];
+    match local_sampler
         .trajectory(&point, step, leapfrogs, 1000.0)
         .unwrap()
     {
@@ -425,23 +423,32 @@ fn way_back(
     momentum: &[f64],
     steps: usize,
 ) -> f64 {
-    let mut explorer = Explorer::new(target, 1.0, metric);
+    let mut local_sampler = LocalSampler::new(target, 1.0, metric);
     let mut start = Point::new(z.len());
     start.z = z.to_vec();
-    explorer.evaluator.fill(&mut start).unwrap();
-    explorer.momentum = momentum.to_vec();
-    let there = explorer.trajectory(&start, 0.1, steps, 1000.0).unwrap();
-    let middle = explorer.end.clone();
-    explorer.momentum.iter_mut().for_each(|r| *r = -*r);
-    let back = explorer.trajectory(&middle, 0.1, steps, 1000.0).unwrap();
+    local_sampler.evaluator.fill(&mut start).unwrap();
+    local_sampler.momentum = momentum.to_vec();
+    let there = local_sampler
+        .trajectory(&start, 0.1, steps, 1000.0)
+        .unwrap();
+    let middle = local_sampler.end.clone();
+    local_sampler.momentum.iter_mut().for_each(|r| *r = -*r);
+    let back = local_sampler
+        .trajectory(&middle, 0.1, steps, 1000.0)
+        .unwrap();
     match (there, back) {
         (End::Arrived { rise: a, .. }, End::Arrived { rise: b, .. }) => {
             assert!((a + b).abs() < 1e-9 * a.abs().max(1.0), "{a} {b}");
         }
         ends => panic!("{ends:?}"),
     }
-    let moved = explorer.end.z.iter().zip(z).map(|(a, b)| (a - b).abs());
-    let turned = explorer
+    let moved = local_sampler
+        .end
+        .z
+        .iter()
+        .zip(z)
+        .map(|(a, b)| (a - b).abs());
+    let turned = local_sampler
         .momentum
         .iter()
         .zip(momentum)
@@ -459,8 +466,9 @@ fn trajectories_retrace_their_steps() {
             0.01 / (1.0 + i.abs_diff(j) as f64)
         }
     });
-    for kind in [MetricKind::Dense, MetricKind::Diagonal] {
-        let metric = Metric::from_covariance(kind, &covariance).unwrap();
+    let diagonal = nalgebra::DMatrix::from_diagonal(&covariance.diagonal());
+    for covariance in [covariance, diagonal] {
+        let metric = Metric::from_covariance(&covariance).unwrap();
         let mut rng = stream(20, Domain::Test, 0, 0);
         let mut draw = |scale: f64| -> Vec<f64> {
             (0..13).map(|_| scale * standard_normal(&mut rng)).collect()
@@ -492,15 +500,15 @@ fn farthest_moment(pairs: &[([f64; 2], [f64; 2])]) -> f64 {
 #[test]
 fn acceptance_on_an_isotropic_gaussian_is_the_recorded_one() {
     let target = smooth::iso(13);
-    let metric = Metric::identity(MetricKind::Dense, 13);
-    let mut explorer = Explorer::new(&target, 1.0, &metric);
+    let metric = Metric::identity(13);
+    let mut local_sampler = LocalSampler::new(&target, 1.0, &metric);
     let mut rng = stream(23, Domain::Test, 0, 0);
     let mut point = Point::new(13);
     point
         .z
         .iter_mut()
         .for_each(|z| *z = 0.1_f64.sqrt() * standard_normal(&mut rng));
-    explorer.evaluator.fill(&mut point).unwrap();
+    local_sampler.evaluator.fill(&mut point).unwrap();
     let plan = Plan {
         // A step of 0.5 in units of the posterior's own width.
         step: 0.5 * 0.1_f64.sqrt(),
@@ -511,7 +519,7 @@ fn acceptance_on_an_isotropic_gaussian_is_the_recorded_one() {
     };
     let mean = (0..20_000)
         .map(|_| {
-            explorer
+            local_sampler
                 .transition(&mut point, &plan, &mut rng)
                 .unwrap()
                 .acceptance

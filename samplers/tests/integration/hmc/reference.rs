@@ -1,8 +1,10 @@
 //! Paths that begin at a mixture.
 
 use super::{DRAWS, Difference, Inversion, STEPS, datum_pair, farthest_moment, plane, tilted};
-use oblate_samplers::hmc::{Evaluator, Explorer, Plan, Point, Reference, jump, refresh, slice};
-use oblate_samplers::neighbours::Neighbours;
+use oblate_samplers::difference_pool::DifferencePool;
+use oblate_samplers::hmc::{
+    Evaluator, LocalSampler, Plan, Point, Reference, propose_involution, refresh, slice,
+};
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
 use rayon::prelude::*;
 
@@ -28,34 +30,37 @@ fn moved_from(
     reference: &Reference,
     beta: f64,
     index: u64,
-    step: impl Fn(&mut Explorer<'_, '_>, &mut Point, &mut Stream),
+    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream),
 ) -> ([f64; 2], [f64; 2]) {
-    // No point of the plane has a larger tilt.
+    // No point of the plane has a larger log ratio to the prior.
     const HIGHEST: f64 = 2.5;
     let mut rng = stream(25, Domain::Test, 0, index);
     let prior = plane();
     let (mut point, datum) = loop {
         let (mut point, datum) = datum_pair(&mut rng, &prior, beta, true);
-        point.tilt = reference.tilt(&point.z);
-        assert!(point.tilt < HIGHEST, "{}", point.tilt);
-        if unit_open(&mut rng).ln() < (1.0 - beta) * (point.tilt - HIGHEST) {
+        point.ln_over_prior = reference.ln_over_prior(&point.z);
+        assert!(point.ln_over_prior < HIGHEST, "{}", point.ln_over_prior);
+        if unit_open(&mut rng).ln() < (1.0 - beta) * (point.ln_over_prior - HIGHEST) {
             break (point, datum);
         }
     };
     let metric = tilted();
     let evaluator = Evaluator::from_reference(&datum, reference);
-    let mut explorer = Explorer::of(evaluator, beta, &metric);
-    point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
+    let mut local_sampler = LocalSampler::of(evaluator, beta, &metric);
+    point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
     let before = [point.z[0], point.z[1]];
     for _ in 0..STEPS {
-        step(&mut explorer, &mut point, &mut rng);
-        assert_eq!(point.tilt.to_bits(), reference.tilt(&point.z).to_bits());
+        step(&mut local_sampler, &mut point, &mut rng);
+        assert_eq!(
+            point.ln_over_prior.to_bits(),
+            reference.ln_over_prior(&point.z).to_bits()
+        );
     }
     (before, [point.z[0], point.z[1]])
 }
 
 #[test]
-fn every_move_keeps_the_law_of_a_path_from_a_mixture_and_one_without_its_tilt_does_not() {
+fn every_move_keeps_the_law_of_a_path_from_a_mixture_and_one_without_its_ln_over_prior_does_not() {
     let reference = clumps();
     let beta = 0.4;
     let metric = tilted();
@@ -66,7 +71,7 @@ fn every_move_keeps_the_law_of_a_path_from_a_mixture_and_one_without_its_tilt_do
         max_energy_range: 1000.0,
         slack: 0.0,
     };
-    let far = |step: &(dyn Fn(&mut Explorer<'_, '_>, &mut Point, &mut Stream) + Sync)| {
+    let far = |step: &(dyn Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream) + Sync)| {
         let pairs: Vec<_> = (0..DRAWS)
             .into_par_iter()
             .map(|index| moved_from(&reference, beta, index, step))
@@ -80,7 +85,7 @@ fn every_move_keeps_the_law_of_a_path_from_a_mixture_and_one_without_its_tilt_do
     let orbit = Difference {
         sd: std::f64::consts::SQRT_2,
     };
-    let none = Neighbours::default();
+    let none = DifferencePool::default();
     let trajectory = far(&|e, at, rng| {
         e.transition(at, &plan, rng).unwrap();
     });
@@ -88,19 +93,19 @@ fn every_move_keeps_the_law_of_a_path_from_a_mixture_and_one_without_its_tilt_do
         slice(&mut e.evaluator, beta, &metric, &none, at, rng).unwrap();
     });
     let jumped = far(&|e, at, rng| {
-        jump(&mut e.evaluator, &inversion, beta, at, rng).unwrap();
+        propose_involution(&mut e.evaluator, &inversion, beta, at, rng).unwrap();
     });
     let redrawn = far(&|e, at, rng| refresh(&e.evaluator, &orbit, beta, at, rng));
     // Five moments each: 4 errors happen once in 3,000 tests.
     for (name, apart) in [
         ("trajectory", trajectory),
         ("slice", sliced),
-        ("jump", jumped),
+        ("propose_involution", jumped),
         ("orbit", redrawn),
     ] {
         assert!(apart < 4.0, "{name}: {apart}");
     }
-    // At beta = 1 the tilt does not count.
+    // At beta = 1 the log ratio to the prior does not count.
     let untilted = far(&|e, at, rng| refresh(&e.evaluator, &orbit, 1.0, at, rng));
     assert!(untilted > 10.0, "{untilted}");
 }
@@ -114,7 +119,7 @@ fn a_reference_draws_its_own_density() {
         .map(|index| {
             let mut z = [0.0; 2];
             reference.draw(&mut z, &mut stream(26, Domain::Test, 0, index));
-            (-reference.tilt(&z)).exp()
+            (-reference.ln_over_prior(&z)).exp()
         })
         .collect();
     let n = ratios.len() as f64;

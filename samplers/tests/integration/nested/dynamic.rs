@@ -46,12 +46,12 @@ fn evidences_are_right_with_live_points_added_for_the_posterior() {
         mvn.ln_z,
         &dynamic(200, Kernel::Differential, 3_000.0),
     );
-    // Rejected draws of the prior are part of every strand that begins with it.
-    let walled = smooth::wall2_as_reject();
+    // Rejected draws of the prior are part of every batch that begins with it.
+    let cut = smooth::half_plane();
     agrees(
-        "wall",
-        &walled,
-        walled.ln_z,
+        "half plane",
+        &cut,
+        cut.ln_z,
         &dynamic(100, Kernel::Uniform, 1_000.0),
     );
 }
@@ -61,7 +61,7 @@ fn evidences_are_right_with_live_points_added_for_the_evidence() {
     let target = smooth::gauss3();
     let aimed = Settings {
         target_ln_z_error: Some(0.08),
-        posterior_share: 0.0,
+        posterior_fraction: 0.0,
         ..settings(100, Kernel::Uniform)
     };
     agrees("gauss3", &target, target.ln_z, &aimed);
@@ -71,11 +71,11 @@ fn evidences_are_right_with_live_points_added_for_the_evidence() {
     assert!(check.is_some_and(|g| g.pass));
 }
 
-/// Counts strands.
+/// Counts batches.
 #[derive(Default)]
-struct Strands(usize);
+struct Batches(usize);
 
-impl Observer for Strands {
+impl Observer for Batches {
     fn event(&mut self, event: &Event) -> ControlFlow<()> {
         self.0 += usize::from(matches!(event, Event::Batch { .. }));
         ControlFlow::Continue(())
@@ -83,19 +83,19 @@ impl Observer for Strands {
 }
 
 #[test]
-fn strands_from_the_prior_go_all_the_way() {
+fn batches_from_the_prior_go_all_the_way() {
     let target = smooth::mvn13();
     let aimed = Settings {
         target_ln_z_error: Some(0.22),
-        posterior_share: 0.0,
+        posterior_fraction: 0.0,
         ..settings(200, Kernel::RandomSlice)
     };
-    let mut strands = Strands::default();
-    let run = run(&target, &aimed, 1, &mut Control::new(&mut strands)).unwrap();
+    let mut batches = Batches::default();
+    let run = run(&target, &aimed, 1, &mut Control::new(&mut batches)).unwrap();
     assert!((run.evidence.ln_z - target.ln_z).abs() < 4.0 * run.evidence.error);
-    // 200 live points have an error of sqrt(18.8 / 200) = .31: two more strands of as many make it .18. Strands that ended while
+    // 200 live points have an error of sqrt(18.8 / 200) = .31: two more batches of as many make it .18. Batches that ended while
     // they were still far below the posterior took hundreds.
-    assert!(strands.0 <= 6, "{}", strands.0);
+    assert!(batches.0 <= 6, "{}", batches.0);
 }
 
 #[test]

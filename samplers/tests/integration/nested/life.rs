@@ -19,7 +19,7 @@ fn small(kernel: Kernel) -> Settings {
     }
 }
 
-/// Breaks at batch `at`.
+/// Breaks at iteration `at`.
 struct StopAt(u64);
 
 impl Observer for StopAt {
@@ -40,7 +40,7 @@ fn plan(path: PathBuf, resume: bool) -> CheckpointPlan {
     }
 }
 
-/// Runs with a file, stopped at batch `at`.
+/// Runs with a file, stopped at iteration `at`.
 fn with_file(
     target: &dyn Target,
     settings: &Settings,
@@ -62,7 +62,7 @@ fn a_run_has_the_same_bits_on_any_number_of_threads() {
         Kernel::RandomSlice,
         Kernel::Differential,
         Kernel::RandomWalk,
-        Kernel::Reflective,
+        Kernel::Galilean,
     ] {
         let bits: Vec<u64> = [1, 2, 5]
             .into_iter()
@@ -80,14 +80,14 @@ fn a_run_has_the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_run_resumed_after_any_batch_has_the_bits_of_one_never_stopped() {
+fn a_run_resumed_after_any_replacement_has_the_bits_of_one_never_stopped() {
     let folder = tempfile::tempdir().unwrap();
     for (kernel, target) in [
         (Kernel::Uniform, smooth::shells(2)),
         (Kernel::RandomSlice, smooth::shells(5)),
         (Kernel::Differential, smooth::shells(5)),
         (Kernel::RandomWalk, smooth::shells(5)),
-        (Kernel::Reflective, smooth::shells(5)),
+        (Kernel::Galilean, smooth::shells(5)),
     ] {
         let settings = small(kernel);
         let whole = sample(&target, &settings, 1);
@@ -280,7 +280,7 @@ impl Target for Counts {
 
 #[test]
 fn values_and_gradients_are_counted_as_they_are_asked_for() {
-    for kernel in [Kernel::Differential, Kernel::Reflective] {
+    for kernel in [Kernel::Differential, Kernel::Galilean] {
         let target = Counts {
             inner: smooth::shells(5),
             values: AtomicU64::new(0),
@@ -289,19 +289,19 @@ fn values_and_gradients_are_counted_as_they_are_asked_for() {
         let cost = sample(&target, &small(kernel), 1).cost;
         assert_eq!(cost.calls, target.values.into_inner());
         assert_eq!(cost.gradients, target.gradients.into_inner());
-        assert_eq!(cost.gradients > 0, kernel == Kernel::Reflective);
+        assert_eq!(cost.gradients > 0, kernel == Kernel::Galilean);
     }
 }
 
 #[test]
-fn flights_without_gradients_are_refused_before_any_call() {
+fn galilean_trajectories_without_gradients_are_refused_before_any_call() {
     let target = Always(unit(), Outcome::Fatal("not to be called".to_owned()));
-    let settings = small(Kernel::Reflective);
+    let settings = small(Kernel::Galilean);
     let error = run(&target, &settings, 1, &mut Control::new(&mut Silent)).unwrap_err();
     assert!(matches!(error, Error::NoGradient { .. }), "{error}");
     let text = error.to_string();
     assert!(
-        text.contains("`reflective`") && text.contains("`differential`"),
+        text.contains("`galilean`") && text.contains("`differential`"),
         "{text}"
     );
 }
@@ -326,7 +326,7 @@ impl Target for Fails {
 }
 
 #[test]
-fn a_fatal_target_stops_the_run_after_a_checkpoint_of_the_last_whole_batch() {
+fn a_fatal_target_stops_the_run_after_a_checkpoint_of_the_last_whole_replacement() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run");
     let settings = small(Kernel::RandomSlice);

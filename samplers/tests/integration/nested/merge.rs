@@ -83,10 +83,10 @@ fn what_does_not_belong_together_is_refused() {
     assert!(why(&[&parts[0], &other]).contains("ln L of its best draw"));
     let mut tempered = parts[1].clone();
     tempered.history = History::Bridge {
-        share: Vec::new(),
+        fraction: Vec::new(),
         ln_ratio: Vec::new(),
         ancestors: Vec::new(),
-        echo: Vec::new(),
+        correlation: Vec::new(),
     };
     assert!(why(&[&parts[0], &tempered]).contains("births and deaths"));
 }

@@ -9,9 +9,9 @@ use oblate_samplers::output::History;
 use oblate_samplers::{Run, Target};
 
 mod dynamic;
-mod echo;
 mod life;
 mod merge;
+mod seed_correlation;
 
 fn settings(n_live: usize, kernel: Kernel) -> Settings {
     Settings {
@@ -177,18 +177,17 @@ fn random_walks_find_the_same_evidences() {
 }
 
 #[test]
-fn flights_find_the_same_evidences() {
-    smooth(&smooth::shells(5), 500, Kernel::Reflective);
-    smooth(&smooth::shells(13), 200, Kernel::Reflective);
-    smooth(&smooth::mvn13(), 200, Kernel::Reflective);
-    smooth(&smooth::twins13(0.5), 200, Kernel::Reflective);
-    smooth(&smooth::far8(), 500, Kernel::Reflective);
+fn galilean_trajectories_find_the_same_evidences() {
+    smooth(&smooth::shells(5), 500, Kernel::Galilean);
+    smooth(&smooth::shells(13), 200, Kernel::Galilean);
+    smooth(&smooth::mvn13(), 200, Kernel::Galilean);
+    smooth(&smooth::twins13(0.5), 200, Kernel::Galilean);
+    smooth(&smooth::far8(), 500, Kernel::Galilean);
 }
 
 #[test]
-fn walls_of_the_prior_are_kept() {
-    smooth(&smooth::wall2(), 500, Kernel::Uniform);
-    smooth(&smooth::wall2_as_reject(), 500, Kernel::Uniform);
+fn a_half_plane_of_rejected_points_costs_no_evidence() {
+    smooth(&smooth::half_plane(), 500, Kernel::Uniform);
 }
 
 /// Six runs with `steps` walk steps: the normal deviate of all their insertion ranks, and their failing checks.
@@ -218,7 +217,7 @@ fn walks_too_short_fail_their_gates_and_longer_ones_pass_the_rank_test() {
     let (_, failing) = rank_power(2);
     // The run itself raises the steps as it goes, so that the ranks alone tell nothing; its first part still counts.
     for failed in &failing {
-        for check in ["no-move", "seed-echo"] {
+        for check in ["no-move", "seed-rank-correlation"] {
             assert!(failed.iter().any(|name| name == check), "{failed:?}");
         }
     }

@@ -63,9 +63,9 @@ fn settings_out_of_range_are_refused_by_name() {
     let good = Settings::default();
     let bad = [
         (
-            "ladders",
+            "chain_sets",
             Settings {
-                ladders: 1,
+                chain_sets: 1,
                 ..good.clone()
             },
         ),
@@ -98,9 +98,9 @@ fn settings_out_of_range_are_refused_by_name() {
             },
         ),
         (
-            "moves",
+            "hmc_transitions",
             Settings {
-                moves: 0,
+                hmc_transitions: 0,
                 ..good.clone()
             },
         ),

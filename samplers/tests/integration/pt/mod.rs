@@ -1,11 +1,11 @@
 //! Parallel tempering against exact evidences and posteriors.
 
-mod anneal;
 mod evidence;
 mod honesty;
 mod posterior;
 mod resume;
 mod schedule;
+mod smc;
 
 use crate::targets::smooth::Smooth;
 use oblate_samplers::control::Silent;

@@ -5,7 +5,7 @@ use crate::hmc::{Datum, Difference, datum_of_sum};
 use crate::targets::smooth::{self, Flip, Smooth};
 use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::{error_of_mean, mean_ess, mode_agreement, r_hat, two_means};
-use oblate_samplers::hmc::{Explorer, Metric, MetricKind, Plan, Point};
+use oblate_samplers::hmc::{LocalSampler, Metric, Plan, Point};
 use oblate_samplers::pt::Settings;
 use oblate_samplers::rng::{Domain, stream};
 use oblate_samplers::{Control, Outcome, Prior, Run, Symmetry, Target, pt};
@@ -14,7 +14,7 @@ fn with_flip(target: Smooth) -> Smooth {
     target.with_symmetries(vec![Symmetry::Involution(Box::new(Flip))])
 }
 
-/// Share of draws with x1 > 0, and its error from the effective size of that label.
+/// Fraction of draws with x1 > 0, and its error from the effective size of that label.
 fn weight_of_plus(run: &Run) -> (f64, f64) {
     let signs: Vec<f64> = run
         .draws
@@ -46,11 +46,11 @@ fn twins_have_their_exact_weights_with_and_without_a_flip() {
 #[test]
 fn likelihoods_that_cannot_matter_are_not_asked_for_and_change_nothing() {
     let settings = Settings {
-        annealing: 100,
+        smc_particles: 100,
         rounds: 3,
         first_scans: 64,
         mixture_rounds: 3,
-        slices: 4,
+        slice_updates: 4,
         ..Settings::default()
     };
     let plain = run(&smooth::twins13(0.9), &settings, 1);
@@ -66,7 +66,7 @@ fn likelihoods_that_cannot_matter_are_not_asked_for_and_change_nothing() {
 fn untempered_chains_in_two_modes_fail_r_hat_and_the_agreement_of_modes() {
     let target = smooth::twins13(0.5);
     let covariance = nalgebra::DMatrix::identity(13, 13) * 0.01;
-    let metric = Metric::from_covariance(MetricKind::Dense, &covariance).unwrap();
+    let metric = Metric::from_covariance(&covariance).unwrap();
     let plan = Plan {
         step: 0.6,
         length: 1.5,
@@ -78,13 +78,15 @@ fn untempered_chains_in_two_modes_fail_r_hat_and_the_agreement_of_modes() {
     let mut traces: Vec<Vec<f64>> = Vec::new();
     for chain in 0..4 {
         let mut rng = stream(1, Domain::Test, chain, 0);
-        let mut explorer = Explorer::new(&target, 1.0, &metric);
+        let mut local_sampler = LocalSampler::new(&target, 1.0, &metric);
         let mut point = Point::new(13);
         point.z[0] = if chain < 2 { 1.5 } else { -1.5 };
-        point.ln_likelihood = explorer.evaluator.value(&point.z).unwrap();
+        point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
         let (mut rows, mut trace) = (Vec::new(), Vec::new());
         for _ in 0..1000 {
-            explorer.transition(&mut point, &plan, &mut rng).unwrap();
+            local_sampler
+                .transition(&mut point, &plan, &mut rng)
+                .unwrap();
             rows.extend_from_slice(&point.z);
             trace.push(point.ln_likelihood);
         }
@@ -105,7 +107,7 @@ fn untempered_chains_in_two_modes_fail_r_hat_and_the_agreement_of_modes() {
 }
 
 #[test]
-fn a_ladder_with_a_gap_is_refused() {
+fn a_chain_set_with_a_gap_is_refused() {
     let settings = Settings {
         temperatures: 3,
         min_temperatures: 3,
@@ -117,11 +119,11 @@ fn a_ladder_with_a_gap_is_refused() {
     let failed = failed(&run);
     for name in [
         "swap rejection, worst gap",
-        "round trips, worst ladder",
-        "round trips, all ladders",
-        "restarts per machine",
+        "round trips, worst chain set",
+        "round trips, all chain sets",
+        "restarts per replica",
         "R-hat",
-        "ladders agree on the modes",
+        "chain sets agree on the modes",
     ] {
         assert!(failed.contains(&name), "{name} passed; failed: {failed:?}");
     }
@@ -136,13 +138,13 @@ fn a_ladder_with_a_gap_is_refused() {
 fn a_run_that_is_too_short_is_refused_with_a_remedy() {
     let run = run(&smooth::iso(13), &rounds(4), 1);
     assert!(!run.converged());
-    assert!(!check(&run, "round trips, worst ladder").pass);
+    assert!(!check(&run, "round trips, worst chain set").pass);
     assert!(
-        check(&run, "round trips, worst ladder")
+        check(&run, "round trips, worst chain set")
             .message
             .contains("add rounds")
     );
-    assert!(!check(&run, "bulk effective size").pass);
+    assert!(!check(&run, "bulk ESS").pass);
 }
 
 #[test]
@@ -260,7 +262,7 @@ fn an_orbit_makes_its_direction_independent_and_costs_one_gradient_a_scan() {
         (variance / 2.0 - 1.0).abs() < 4.0 * (2.0 / n).sqrt(),
         "{variance}"
     );
-    // Scans 4 + 8 + .. + 512 of 4 ladders and 7 explored temperatures, at most one more gradient each; a swapped-in
+    // Scans 4 + 8 + .. + 512 of 4 chain sets and 7 explored temperatures, at most one more gradient each; a swapped-in
     // prior draw needs its gradient in either case.
     let without = run(Vec::new());
     let scans = f64::from(4 * 255 * 4 * 7);

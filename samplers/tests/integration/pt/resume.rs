@@ -94,7 +94,7 @@ fn a_run_that_ended_goes_on_where_it_is_allowed_more() {
     let target = target();
     let of = |extensions| Settings {
         extensions,
-        ..annealed()
+        ..from_smc()
     };
     for extensions in [0, 1, 1, 3] {
         let run = resumed(&target, &of(extensions), &path, u64::MAX).unwrap();
@@ -103,10 +103,10 @@ fn a_run_that_ended_goes_on_where_it_is_allowed_more() {
     }
 }
 
-fn annealed() -> Settings {
+fn from_smc() -> Settings {
     Settings {
-        annealing: 72,
-        slices: 2,
+        smc_particles: 72,
+        slice_updates: 2,
         max_leapfrogs: 4,
         mixture_rounds: 5,
         extensions: 1,
@@ -115,10 +115,10 @@ fn annealed() -> Settings {
 }
 
 #[test]
-fn a_run_stopped_while_it_anneals_says_so_and_resumes_to_the_same_bits() {
+fn a_run_stopped_while_it_runs_smc_says_so_and_resumes_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pt.ckpt");
-    let (target, settings) = (target(), annealed());
+    let (target, settings) = (target(), from_smc());
     let expected = whole(&target, &settings);
     let mut stops = 0;
     for events in [3, 20, 41, 2] {

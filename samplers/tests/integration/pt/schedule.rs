@@ -1,4 +1,4 @@
-//! The adapted ladder of an isotropic Gaussian, where everything about it is known.
+//! The adapted chain set of an isotropic Gaussian, where everything about it is known.
 
 use super::run;
 use crate::targets::smooth;
@@ -18,7 +18,7 @@ fn fixed(temperatures: usize, rounds: usize) -> Run {
     run(&smooth::iso(13), &settings, 1)
 }
 
-fn ladder(run: &Run) -> (&[f64], &[f64], &[u64]) {
+fn chain_set(run: &Run) -> (&[f64], &[f64], &[u64]) {
     match &run.history {
         History::Tempered {
             beta,
@@ -26,14 +26,14 @@ fn ladder(run: &Run) -> (&[f64], &[f64], &[u64]) {
             round_trips,
             ..
         } => (beta, swap_rejection, round_trips),
-        _ => panic!("a tempered run has a ladder"),
+        _ => panic!("a tempered run has a chain set"),
     }
 }
 
 #[test]
 fn temperatures_of_an_isotropic_gaussian_are_even_in_the_logarithm_of_its_precision() {
     let run = fixed(8, 11);
-    let (beta, rejection, _) = ladder(&run);
+    let (beta, rejection, _) = chain_set(&run);
     for (k, b) in beta.iter().enumerate() {
         let exact = (10_f64.powf(k as f64 / 7.0) - 1.0) / 9.0;
         assert!((b - exact).abs() < 0.01, "{k}: {b} {exact}");
@@ -46,11 +46,11 @@ fn temperatures_of_an_isotropic_gaussian_are_even_in_the_logarithm_of_its_precis
 #[test]
 fn rejections_add_up_to_the_barrier_from_below() {
     let twelve = fixed(12, 10);
-    let (_, rejection, _) = ladder(&twelve);
+    let (_, rejection, _) = chain_set(&twelve);
     let sum: f64 = rejection.iter().sum();
     assert!((sum - 3.1736).abs() < 0.06, "{sum}");
     let sixty = fixed(60, 8);
-    let (_, rejection, _) = ladder(&sixty);
+    let (_, rejection, _) = chain_set(&sixty);
     let sum: f64 = rejection.iter().sum();
     assert!((sum - 3.2464).abs() < 0.12, "{sum}");
 }
@@ -58,7 +58,7 @@ fn rejections_add_up_to_the_barrier_from_below() {
 #[test]
 fn round_trips_come_at_a_good_share_of_the_rate_of_perfect_explorers() {
     let run = fixed(8, 10);
-    let (_, rejection, trips) = ladder(&run);
+    let (_, rejection, trips) = chain_set(&run);
     let scans = run.draws.len() as f64;
     let rate = trips.iter().sum::<u64>() as f64 / scans;
     assert!((round_trip_rate(rejection) - 0.0774).abs() < 0.003);
@@ -69,8 +69,8 @@ fn round_trips_come_at_a_good_share_of_the_rate_of_perfect_explorers() {
 #[test]
 fn the_number_of_temperatures_settles_at_twice_the_barrier() {
     let run = super::run(&smooth::iso(13), &super::rounds(9), 1);
-    let (beta, rejection, _) = ladder(&run);
-    // The barrier is 3.249; a coarse ladder sees a little less of it.
+    let (beta, rejection, _) = chain_set(&run);
+    // The communication barrier is 3.249; a coarse chain set sees a little less of it.
     assert!((7..=8).contains(&beta.len()), "{}", beta.len());
     assert!(
         rejection.iter().all(|s| (0.3..0.6).contains(s)),
@@ -79,20 +79,20 @@ fn the_number_of_temperatures_settles_at_twice_the_barrier() {
 }
 
 #[test]
-fn a_ladder_finds_temperatures_near_zero_for_a_deep_likelihood() {
+fn a_chain_set_finds_temperatures_near_zero_for_a_deep_likelihood() {
     let run = super::run(&smooth::stiff13(), &super::rounds(9), 1);
-    let (beta, rejection, _) = ladder(&run);
+    let (beta, rejection, _) = chain_set(&run);
     assert!(beta[1] < 1e-4, "{beta:?}");
     assert!(rejection.iter().all(|s| *s < 0.7), "{rejection:?}");
 }
 
-/// A first round that begins at a mixture of what populations have found has a far shorter path than one from the prior.
+/// A first round that begins at a mixture of what SMC samplers have found has a far shorter path than one from the prior.
 #[test]
-fn a_mixture_of_populations_shortens_the_path_from_the_first_round_on() {
-    let barrier = |mixture_rounds| {
+fn a_mixture_of_smc_samplers_shortens_the_path_from_the_first_round_on() {
+    let communication_barrier = |mixture_rounds| {
         let settings = Settings {
-            annealing: 96,
-            slices: 4,
+            smc_particles: 96,
+            slice_updates: 4,
             max_leapfrogs: 1,
             first_scans: 64,
             mixture_rounds,
@@ -100,8 +100,8 @@ fn a_mixture_of_populations_shortens_the_path_from_the_first_round_on() {
         };
         let run = run(&smooth::twins13(0.9), &settings, 1);
         assert!(run.warnings.is_empty(), "{:?}", run.warnings);
-        ladder(&run).1.iter().sum::<f64>()
+        chain_set(&run).1.iter().sum::<f64>()
     };
-    let (prior, mixture) = (barrier(0), barrier(2));
+    let (prior, mixture) = (communication_barrier(0), communication_barrier(2));
     assert!(mixture < 0.5 * prior, "{mixture} {prior}");
 }

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
-use oblate_samplers::target::{HalfSpace, Involution};
+use oblate_samplers::target::Involution;
 use oblate_samplers::{Marginal, Outcome, Prior, Symmetry, Target};
 use std::f64::consts::PI;
 
@@ -15,7 +15,6 @@ pub struct Smooth {
     pub ln_z: f64,
     prior: Prior,
     law: Law,
-    walls: Vec<HalfSpace>,
     symmetries: Vec<Symmetry>,
     bound: Option<f64>,
 }
@@ -48,7 +47,6 @@ impl Smooth {
             ln_z,
             prior: Prior::new(named).unwrap(),
             law,
-            walls: Vec::new(),
             symmetries: Vec::new(),
             bound: None,
         }
@@ -151,9 +149,6 @@ impl Target for Smooth {
     }
     fn gradient_cost(&self) -> Option<f64> {
         Some(2.0)
-    }
-    fn walls(&self) -> &[HalfSpace] {
-        &self.walls
     }
     fn symmetries(&self) -> &[Symmetry] {
         &self.symmetries
@@ -337,32 +332,13 @@ pub fn shells(dim: usize) -> Smooth {
     )
 }
 
-/// `N(0, I)` in two dimensions cut at `z1 >= 0.5` by a wall of the prior, L = 1: `E z1` = 1.141078.
-pub fn wall2() -> Smooth {
-    let everywhere = Law::Flat {
-        lo: f64::NEG_INFINITY,
-        hi: f64::INFINITY,
-    };
-    let mut target = Smooth::new("wall2", 0.0, normals(2, 0.0), everywhere);
-    target.walls.push(HalfSpace {
-        normal: vec![2.0, 0.0],
-        offset: 1.0,
-    });
-    target
-}
-
-/// The same cut made by the likelihood: `Z = 1 - Phi(0.5)`.
-pub fn wall2_as_reject() -> Smooth {
+/// `N(0, I)` in two dimensions, L = 1 where `z1 >= 0.5`, nothing elsewhere: `Z = 1 - Phi(0.5)`.
+pub fn half_plane() -> Smooth {
     let law = Law::Flat {
         lo: 0.5,
         hi: f64::INFINITY,
     };
-    Smooth::new(
-        "wall2 as reject",
-        -1.175_911_761_593_618,
-        normals(2, 0.0),
-        law,
-    )
+    Smooth::new("half plane", -1.175_911_761_593_618, normals(2, 0.0), law)
 }
 
 /// `U(0, 1)`, L = 1 below 1/4, nothing above.

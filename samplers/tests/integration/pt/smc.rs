@@ -1,4 +1,4 @@
-//! Populations by themselves: a start that is far off costs rounds, and on streams there are few of them.
+//! SMC samplers by themselves: a start that is far off costs rounds, and on streams there are few of them.
 
 use crate::targets::smooth::{self, Smooth};
 use oblate_samplers::output::Status;
@@ -6,7 +6,7 @@ use oblate_samplers::pt::{self, Settings};
 use oblate_samplers::{Control, Event, Observer};
 use std::ops::ControlFlow;
 
-/// Keeps what the populations said last, and stops the run when they are cold.
+/// Keeps what the SMC samplers said last, and stops the run when they are cold.
 #[derive(Default)]
 struct Last(f64);
 
@@ -21,14 +21,14 @@ impl Observer for Last {
     }
 }
 
-/// ln Z by the populations of ten runs less the truth: mean and its error.
-fn bias(target: &Smooth, sweeps: usize) -> (f64, f64) {
+/// ln Z by the SMC samplers of ten runs less the truth: mean and its error.
+fn bias(target: &Smooth, mcmc_steps: usize) -> (f64, f64) {
     let settings = Settings {
-        ladders: 8,
-        populations: 2,
-        annealing: 64,
-        sweeps,
-        slices: 1,
+        chain_sets: 8,
+        smc_samplers: 2,
+        smc_particles: 64,
+        mcmc_steps,
+        slice_updates: 1,
         rounds: 2,
         ..Settings::default()
     };
@@ -46,7 +46,7 @@ fn bias(target: &Smooth, sweeps: usize) -> (f64, f64) {
 }
 
 #[test]
-fn populations_led_by_others_keep_ln_z() {
+fn smc_samplers_led_by_others_keep_ln_z() {
     // Led by their own relatives they were two nats too high, with a scatter of a tenth.
     for target in [smooth::mvn13(), smooth::shells(13), smooth::twins13(0.5)] {
         let (bias, error) = bias(&target, 16);

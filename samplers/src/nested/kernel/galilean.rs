@@ -1,12 +1,12 @@
-//! Short flights: straight moves in the metric of the local ellipsoid, reflected off the contour at the gradient of ln L (Betancourt
+//! Short Galilean trajectories: straight moves in the metric of the local ellipsoid, reflected off the contour at the gradient of ln L (Betancourt
 //! 2011; Skilling 2012, Galilean Monte Carlo).
 //!
 //! # Why the prior above the contour stays invariant
 //!
-//! The metric is that of the other half, as for all chains ([`difference`](super::difference)). A flight begins with a velocity w
+//! The metric is that of the other half, as for all chains ([`difference`](super::difference)). A Galilean trajectory begins with a velocity w
 //! of length 1, all directions alike, in the coordinates where the ellipsoid of the metric region is a ball, and a time s of one
 //! move, both drawn without a look at where the chain is; the number of moves is fixed. Inside is what is in that metric region,
-//! in the cube, within the walls and above the contour. A move takes (x, w), x inside, to the first of these whose place is inside:
+//! in the cube and above the contour. A move takes (x, w), x inside, to the first of these whose place is inside:
 //!
 //! 1. straight on: (y, w) with y = x + s w;
 //! 2. reflected: (y + s w', w'), where w' is w mirrored at the gradient of ln L at y;
@@ -20,20 +20,20 @@
 //!
 //! It matters that the mirror stands at y, outside, and not at x or where the line crosses the contour: on the way back it is not
 //! found there again. And that what cannot be reflected turns round: were it to wait with its velocity kept, two states would
-//! lead to one, and places near the edge would have too much. Beyond an edge of the cube, a wall or the metric region, and at
+//! lead to one, and places near the edge would have too much. Beyond an edge of the cube or of the metric region, and at
 //! rejected points, there is no mirror, and the chain turns round at once.
 
-use super::chain::{Chain, Fence};
+use super::chain::{Chain, Partition};
 use crate::error::Result;
 use crate::nested::bound::draw_direction;
 use crate::nested::live::REJECTED;
 use crate::rng::{Stream, unit_open};
 
-/// Moves of one flight: the second tells where the first has led, on, off a mirror or back from an edge. More moves with one
+/// Moves of one Galilean trajectory: the second tells where the first has led, on, off a mirror or back from an edge. More moves with one
 /// velocity forget a start less than as many with fresh ones, and those after turning round go back over places already seen.
 const MOVES: usize = 2;
 
-/// Sends the chain on a flight inside its metric region.
+/// Sends the chain on a Galilean trajectory inside its metric region.
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     draw_direction(rng, &mut chain.ball);
     // Now and then short, or a chain in a narrow corner would never leave it.
@@ -48,10 +48,10 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
 
 /// Moves on, straight or reflected, with the velocity in `ball`. False: neither is inside, and nothing has changed.
 pub(super) fn advance(chain: &mut Chain<'_>, time: f64) -> Result<bool> {
-    let fence = Fence::Region(chain.label);
+    let partition = Partition::Region(chain.label);
     let metric = chain.bound.metric(chain.label);
     metric.stretch(&chain.ball, &mut chain.direction);
-    let ln_l = if chain.aim(time, fence) {
+    let ln_l = if chain.aim(time, partition) {
         chain.likelihood.at(&chain.trial)?
     } else {
         REJECTED
@@ -76,7 +76,7 @@ pub(super) fn advance(chain: &mut Chain<'_>, time: f64) -> Result<bool> {
         .map(|(w, m)| w + m)
         .collect();
     metric.stretch(&path, &mut chain.direction);
-    let Some(ln_l) = chain.look(time, fence)? else {
+    let Some(ln_l) = chain.look(time, partition)? else {
         return Ok(false);
     };
     chain.accept(ln_l);

@@ -8,10 +8,10 @@ use crate::target::{Involution, Symmetry};
 /// Tries every declared involution with probability one half.
 pub(super) fn try_all(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     for symmetry in chain.setting.target.symmetries() {
-        if let Symmetry::Involution(jump) = symmetry
+        if let Symmetry::Involution(involution) = symmetry
             && unit_open(rng) < 0.5
         {
-            try_one(chain, jump.as_ref(), rng)?;
+            try_one(chain, involution.as_ref(), rng)?;
         }
     }
     Ok(())
@@ -19,10 +19,10 @@ pub(super) fn try_all(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
 
 /// Accepts the image if it is above the contour and the Jacobian of the map on the cube,
 /// `|det dz'/dz| phi(z') / phi(z)`, passes a uniform. The image may be in another metric region.
-fn try_one(chain: &mut Chain<'_>, jump: &dyn Involution, rng: &mut Stream) -> Result<()> {
+fn try_one(chain: &mut Chain<'_>, involution: &dyn Involution, rng: &mut Stream) -> Result<()> {
     let z = chain.normals();
     let mut image = z.clone();
-    let Some(ln_det) = jump.apply(&mut image) else {
+    let Some(ln_det) = involution.apply(&mut image) else {
         return Ok(());
     };
     let ln_prior = |z: &[f64]| -0.5 * z.iter().map(|z| z * z).sum::<f64>();
@@ -33,9 +33,6 @@ fn try_one(chain: &mut Chain<'_>, jump: &dyn Involution, rng: &mut Stream) -> Re
         return Ok(());
     }
     cube_from_normal(&image, &mut chain.trial);
-    if !chain.likelihood.inside_walls(&chain.trial) {
-        return Ok(());
-    }
     let ln_l = chain.likelihood.at(&chain.trial)?;
     if ln_l > chain.setting.contour {
         chain.accept(ln_l);

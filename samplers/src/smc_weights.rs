@@ -5,17 +5,17 @@
 
 use crate::diagnostics::effective_number;
 
-/// Effective share of a population that the weights of one step leave.
+/// Effective fraction of a population that the weights of one step leave.
 const KEPT: f64 = 0.5;
 
 /// A population as the energies of its members; minus infinity for one that the next law does not know.
 #[derive(Clone, Debug)]
-pub struct Cooling {
+pub struct SmcWeights {
     energies: Vec<f64>,
     best: f64,
 }
 
-impl Cooling {
+impl SmcWeights {
     /// Of members with these energies.
     #[must_use]
     pub fn new(energies: Vec<f64>) -> Self {
@@ -92,10 +92,10 @@ mod tests {
 
     #[test]
     fn a_step_leaves_half_and_its_mean_weight_is_that_of_the_exponentials() {
-        let cooling = Cooling::new(vec![-1000.0, -1001.0, -1004.0, f64::NEG_INFINITY]);
-        let step = cooling.longest_step(1.0);
-        assert!((effective_number(cooling.weights(step)) - 2.0).abs() < 1e-9 && step < 1.0);
+        let smc_weights = SmcWeights::new(vec![-1000.0, -1001.0, -1004.0, f64::NEG_INFINITY]);
+        let step = smc_weights.longest_step(1.0);
+        assert!((effective_number(smc_weights.weights(step)) - 2.0).abs() < 1e-9 && step < 1.0);
         let mean = ((-0.5_f64).exp() + (-2.0_f64).exp() + 1.0) / 4.0;
-        assert!((cooling.ln_mean_weight(0.5) - (mean.ln() - 500.0)).abs() < 1e-12);
+        assert!((smc_weights.ln_mean_weight(0.5) - (mean.ln() - 500.0)).abs() < 1e-12);
     }
 }

@@ -18,7 +18,7 @@ pub(crate) struct Time {
 }
 
 /// See the module's words.
-pub(crate) struct Keeper {
+pub(crate) struct Checkpointer {
     config_hash: u64,
     fingerprint: u64,
     wall: Instant,
@@ -26,7 +26,7 @@ pub(crate) struct Keeper {
     before: Time,
 }
 
-impl Keeper {
+impl Checkpointer {
     /// For a run on these targets, the first of which is sampled. `key` is all else that decides the bits of the run; it is
     /// joined with the caller's own hash. Without checkpoints neither is needed.
     ///
@@ -37,7 +37,7 @@ impl Keeper {
         key: &impl Serialize,
         control: &Control<'_>,
     ) -> Result<Self> {
-        let mut keeper = Self {
+        let mut checkpointer = Self {
             config_hash: 0,
             fingerprint: 0,
             wall: Instant::now(),
@@ -53,10 +53,10 @@ impl Keeper {
                     remedy: "report this as a bug",
                 }
             })?;
-            keeper.config_hash = checkpoint::hash(&bytes);
-            keeper.fingerprint = fingerprint(targets)?;
+            checkpointer.config_hash = checkpoint::hash(&bytes);
+            checkpointer.fingerprint = fingerprint(targets)?;
         }
-        Ok(keeper)
+        Ok(checkpointer)
     }
 
     /// The state to go on from, if there is a checkpoint to resume; a warning about a damaged one is told, and returned.

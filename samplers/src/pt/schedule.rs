@@ -10,31 +10,38 @@ pub fn first_schedule(n: usize) -> Vec<f64> {
 
 /// Communication barrier from beta = 0 to each temperature: the sum of mean swap rejections below it.
 #[must_use]
-pub fn barrier(rejection: &[f64]) -> Vec<f64> {
+pub fn communication_barrier(rejection: &[f64]) -> Vec<f64> {
     let mut sum = 0.0;
-    let mut barrier = vec![0.0];
+    let mut communication_barrier = vec![0.0];
     for s in rejection {
-        // A gap without a single rejection still takes its place, so that the barrier rises strictly.
+        // A gap without a single rejection still takes its place, so that the communication barrier rises strictly.
         sum += s.max(1e-6);
-        barrier.push(sum);
+        communication_barrier.push(sum);
     }
-    barrier
+    communication_barrier
 }
 
-/// Round trips per scan of one ladder of equally good explorers, `1 / (2 + 2 sum s / (1 - s))` (Syed et al. 2022).
+/// Round trips per scan of one chain set of equally good local samplers, `1 / (2 + 2 sum s / (1 - s))` (Syed et al. 2022).
 #[must_use]
 pub fn round_trip_rate(rejection: &[f64]) -> f64 {
     let sum: f64 = rejection.iter().map(|s| s / (1.0 - s)).sum();
     1.0 / (2.0 + 2.0 * sum)
 }
 
-/// `n` inverse temperatures evenly spaced in the barrier, by the monotone cubic through (barrier, beta) pairs.
+/// `n` inverse temperatures evenly spaced in the communication barrier, by the monotone cubic through (communication barrier, beta) pairs.
 #[must_use]
-pub fn respaced(beta: &[f64], barrier: &[f64], n: usize) -> Vec<f64> {
-    let top = barrier[barrier.len() - 1];
-    let slopes = monotone_slopes(barrier, beta);
+pub fn respaced(beta: &[f64], communication_barrier: &[f64], n: usize) -> Vec<f64> {
+    let top = communication_barrier[communication_barrier.len() - 1];
+    let slopes = monotone_slopes(communication_barrier, beta);
     let mut betas: Vec<f64> = (0..n)
-        .map(|k| cubic(barrier, beta, &slopes, top * k as f64 / (n - 1) as f64))
+        .map(|k| {
+            cubic(
+                communication_barrier,
+                beta,
+                &slopes,
+                top * k as f64 / (n - 1) as f64,
+            )
+        })
         .collect();
     // The ends are exact whatever rounding says.
     betas[0] = 0.0;
@@ -103,7 +110,11 @@ mod tests {
         for (k, b) in new.iter().enumerate() {
             assert!((b - (k as f64 / 8.0).powi(2)).abs() < 2e-3, "{k} {b}");
         }
-        let rough = respaced(&beta, &barrier(&[0.0, 0.9, 0.0, 0.99].repeat(5)[..19]), 40);
+        let rough = respaced(
+            &beta,
+            &communication_barrier(&[0.0, 0.9, 0.0, 0.99].repeat(5)[..19]),
+            40,
+        );
         assert!(rough.windows(2).all(|w| w[1] > w[0]), "{rough:?}");
     }
 

@@ -10,7 +10,7 @@ use crate::target::Target;
 use std::collections::BTreeMap;
 
 /// Births and deaths, and all that follows from them.
-pub(super) struct Reckoning {
+pub(super) struct Results {
     pub history: DeadPoints,
     pub weighted: Weighted,
     /// Effective size of each parameter: its variance over that of its mean.
@@ -23,7 +23,7 @@ pub(super) struct Reckoning {
 pub(super) struct Errors {
     /// Volumes of ideal draws.
     pub simulated: f64,
-    /// Relatives of late, whom chains have not forgotten: the scatter of clans.
+    /// Relatives of late, whom chains have not forgotten: the scatter of recent lineages.
     pub bootstrapped: f64,
     /// Necks that few ancestors came through: see [`of_ancestry`].
     pub ancestral: f64,
@@ -32,7 +32,7 @@ pub(super) struct Errors {
 /// What the evidence knows about itself.
 pub(super) struct Measured {
     pub errors: Errors,
-    /// ln Z of the even and of the odd clans.
+    /// ln Z of the even and of the odd recent lineages.
     pub halves: [f64; 2],
     /// Effective number of lineages that the posterior is of.
     pub lineages: f64,
@@ -44,19 +44,19 @@ impl Errors {
     /// Of one run with these settings and seed.
     pub fn of(history: &DeadPoints, weighted: &Weighted, settings: &Settings, seed: u64) -> Self {
         let founders = lineages(settings.n_live);
-        let clans = founders as f64;
+        let recent_lineages = founders as f64;
         // So few scatter a little less, weighted at random, about their own mean than about the truth.
-        let freedom = ((clans + 1.0) / (clans - 1.0)).sqrt();
+        let degrees_of_freedom = ((recent_lineages + 1.0) / (recent_lineages - 1.0)).sqrt();
         let ln_z = history.bootstrap(seed, settings.bootstraps);
         Self {
             simulated: simulated(history, settings, seed),
-            bootstrapped: freedom * deviation(&ln_z),
+            bootstrapped: degrees_of_freedom * deviation(&ln_z),
             ancestral: of_ancestry(history, weighted, founders, settings.n_live),
         }
     }
 }
 
-impl Reckoning {
+impl Results {
     /// Of a history whose points, in the order given to it, have these physical parameters, row-major, `dim` each.
     pub fn of(
         history: DeadPoints,
@@ -208,7 +208,7 @@ fn deviation(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nested::live::Kin;
+    use crate::nested::live::Genealogy;
 
     /// Error for want of ancestors, 20 first lineages of 100 live points, of a run whose posterior is of the last `shared` of them.
     fn error(shared: u32) -> f64 {
@@ -218,12 +218,12 @@ mod tests {
             .map(|i| f64::from(i - 100).max(-1.0))
             .map(|l| if l < 0.0 { f64::NEG_INFINITY } else { l })
             .collect();
-        let kin: Vec<Kin> = (0..20_u32)
+        let genealogy: Vec<Genealogy> = (0..20_u32)
             .cycle()
             .take(ln_l.len())
-            .map(|i| Kin::from(i % shared))
+            .map(|i| Genealogy::from(i % shared))
             .collect();
-        let history = DeadPoints::new(&ln_l, &birth, &kin);
+        let history = DeadPoints::new(&ln_l, &birth, &genealogy);
         // A hundredth of the prior, evenly: ln X = -4.6.
         let mut weighted = history.weigh();
         let end = 460..660;

@@ -16,18 +16,18 @@ use crate::target::Orbit;
 use serde::{Deserialize, Serialize};
 
 /// Most points kept: more take time, and pairs are plenty.
-const MOST: usize = 1024;
+const MAX_POINTS: usize = 1024;
 
 /// Mean number of points in a cell of each scale; the last scale is one cell for all. Few: a cell should hold one bend of a
 /// ridge, and its pairs need not span the space.
 const SIZES: [usize; 2] = [8, 32];
 
 /// Fewest points of a cell.
-const FEWEST: usize = 4;
+const MIN_MEMBERS: usize = 4;
 
 /// Points in standard-normal coordinates, and the cells about them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Neighbours {
+pub struct DifferencePool {
     dim: usize,
     /// Rows of coordinates, one after the other.
     rows: Vec<f64>,
@@ -56,13 +56,13 @@ pub struct Pair {
     cell: usize,
 }
 
-impl Neighbours {
+impl DifferencePool {
     /// Of rows of coordinates, one after the other, of which at most 1,024 are kept, evenly spread; `orbit` is the target's
     /// exact symmetry, if it has one.
     #[must_use]
     pub fn new(rows: &[f64], dim: usize, orbit: Option<&dyn Orbit>) -> Self {
         let count = rows.len() / dim;
-        let kept = count.min(MOST);
+        let kept = count.min(MAX_POINTS);
         let rows: Vec<f64> = (0..kept)
             .flat_map(|k| rows[k * count / kept * dim..][..dim].iter().copied())
             .collect();
@@ -87,7 +87,7 @@ impl Neighbours {
         for place in places.chunks_exact_mut(dim) {
             scale(place, &inverse_sd);
         }
-        let mut neighbours = Self {
+        let mut difference_pool = Self {
             dim,
             rows,
             places,
@@ -95,11 +95,11 @@ impl Neighbours {
             scales: Vec::new(),
         };
         let sizes = SIZES.into_iter().filter(|size| 2 * size <= kept);
-        neighbours.scales = sizes
+        difference_pool.scales = sizes
             .chain((kept > 1).then_some(kept))
-            .map(|size| neighbours.divide(size))
+            .map(|size| difference_pool.divide(size))
             .collect();
-        neighbours
+        difference_pool
     }
 
     /// Number of points.
@@ -136,7 +136,7 @@ impl Neighbours {
 
     /// Whether the cell of a pair is all there is, so that no move leaves it.
     #[must_use]
-    pub fn unfenced(&self, pair: &Pair) -> bool {
+    pub fn is_undivided(&self, pair: &Pair) -> bool {
         self.scales[pair.scale].centres.len() == 1
     }
 
@@ -168,7 +168,7 @@ impl Neighbours {
         &self.places[i * self.dim..(i + 1) * self.dim]
     }
 
-    /// Cells of about `size` points each, none of fewer than [`FEWEST`] unless it is the only one.
+    /// Cells of about `size` points each, none of fewer than [`MIN_MEMBERS`] unless it is the only one.
     fn divide(&self, size: usize) -> Cells {
         let count = self.len();
         let mut centres: Vec<usize> = (0..count / size)
@@ -181,7 +181,7 @@ impl Neighbours {
             }
             let smallest = (0..centres.len()).min_by_key(|c| members[*c].len());
             match smallest {
-                Some(c) if centres.len() > 1 && members[c].len() < FEWEST => {
+                Some(c) if centres.len() > 1 && members[c].len() < MIN_MEMBERS => {
                     centres.remove(c);
                 }
                 _ => return Cells { centres, members },
@@ -243,13 +243,13 @@ mod tests {
 
     #[test]
     fn cells_divide_the_points_and_none_is_too_small() {
-        let near = Neighbours::new(&normals(3 * 500, 0), 3, None);
+        let near = DifferencePool::new(&normals(3 * 500, 0), 3, None);
         assert_eq!(near.scales.len(), 3);
         for cells in &near.scales {
             let mut all = cells.members.concat();
             all.sort_unstable();
             assert_eq!(all, (0..500).collect::<Vec<_>>());
-            assert!(cells.members.iter().all(|m| m.len() >= FEWEST));
+            assert!(cells.members.iter().all(|m| m.len() >= MIN_MEMBERS));
             for (c, members) in cells.members.iter().enumerate() {
                 assert!(
                     members
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn a_pair_is_of_the_cell_where_the_chain_is() {
-        let near = Neighbours::new(&normals(2 * 200, 1), 2, None);
+        let near = DifferencePool::new(&normals(2 * 200, 1), 2, None);
         let mut rng = stream(6, Domain::Test, 0, 0);
         for at in normals(2 * 500, 2).chunks_exact(2) {
             let pair = near.pick(at, None, &mut rng).unwrap();
@@ -277,11 +277,18 @@ mod tests {
 
     #[test]
     fn many_points_are_thinned_and_one_gives_no_pair() {
-        assert_eq!(Neighbours::new(&normals(3_000, 3), 1, None).len(), MOST);
+        assert_eq!(
+            DifferencePool::new(&normals(3_000, 3), 1, None).len(),
+            MAX_POINTS
+        );
         let mut rng = stream(7, Domain::Test, 0, 0);
-        let alone = Neighbours::new(&[1.0, 2.0], 2, None);
+        let alone = DifferencePool::new(&[1.0, 2.0], 2, None);
         assert!(alone.pick(&[0.0, 0.0], None, &mut rng).is_none());
-        assert!(Neighbours::default().pick(&[0.0], None, &mut rng).is_none());
+        assert!(
+            DifferencePool::default()
+                .pick(&[0.0], None, &mut rng)
+                .is_none()
+        );
     }
 
     /// The mean of |z1| after three moves of many chains that start in a standard-normal plane, less that of the plane, in
@@ -293,7 +300,7 @@ mod tests {
         for row in rows.chunks_exact_mut(2).skip(30) {
             row[0] = 2.0 + 0.2 * row[0];
         }
-        let near = Neighbours::new(&rows, 2, None);
+        let near = DifferencePool::new(&rows, 2, None);
         let chains = 300_000;
         let mut rng = stream(8, Domain::Test, 0, 0);
         let mut sum = 0.0;

@@ -1,4 +1,4 @@
-//! What an echo of the seeds costs: bias and scatter of ln Z against the value of the check, on exact targets.
+//! What an rank correlation of the seeds costs: bias and scatter of ln Z against the value of the check, on exact targets.
 
 use super::{sample, settings};
 use crate::pulls::{pull, scatter};
@@ -8,10 +8,10 @@ use oblate_samplers::Target;
 use oblate_samplers::nested::{Kernel, Settings};
 
 #[test]
-#[ignore = "a table of minutes: what the limit of the check `seed-echo` rests on"]
-fn bias_of_the_evidence_by_echo() {
+#[ignore = "a table of minutes: what the limit of the check `seed-rank-correlation` rests on"]
+fn bias_of_the_evidence_by_seed_correlation() {
     println!(
-        "| target | kernel | live | slices | echo | jump | mean z | sd z |\n|---|---|---|---|---|---|---|---|"
+        "| target | kernel | live | slices | rank correlation | jump | mean z | sd z |\n|---|---|---|---|---|---|---|---|"
     );
     let row = |name: &str,
                target: &dyn Target,
@@ -23,17 +23,17 @@ fn bias_of_the_evidence_by_echo() {
             steps: Some(steps),
             ..settings(n_live, kernel)
         };
-        let (mut z, mut echo, mut jump) = (Vec::new(), 0.0, 0.0);
+        let (mut z, mut seed_correlation, mut involution) = (Vec::new(), 0.0, 0.0);
         for seed in 201..=230 {
             let run = sample(target, &settings, seed);
             z.push(pull(&run, truth));
             let check = |name| run.checks.iter().find(|g| g.name == name).unwrap();
-            echo += check("seed-echo").value / 30.0;
-            jump += check("relative-jump").value / 30.0;
+            seed_correlation += check("seed-rank-correlation").value / 30.0;
+            involution += check("relative-jump-distance").value / 30.0;
         }
         let (mean, sd) = scatter(&z);
         println!(
-            "| {name} | {kernel:?} | {n_live} | {steps} | {echo:.3} | {jump:.2} | {mean:+.2} | {sd:.2} |"
+            "| {name} | {kernel:?} | {n_live} | {steps} | {seed_correlation:.3} | {involution:.2} | {mean:+.2} | {sd:.2} |"
         );
     };
     for kernel in [Kernel::Differential, Kernel::RandomSlice] {
@@ -58,7 +58,7 @@ fn bias_of_the_evidence_by_echo() {
 #[ignore = "a table of minutes: whether the errors of means, and so of modes' weights, hold"]
 fn errors_of_means() {
     println!(
-        "| target | kernel | strands | mean z, sd z of ln Z | mean z, sd z of x1 | Kish | true draws of x1 | lineages |\n|---|---|---|---|---|---|---|---|"
+        "| target | kernel | batches | mean z, sd z of ln Z | mean z, sd z of x1 | Kish | true draws of x1 | lineages |\n|---|---|---|---|---|---|---|---|"
     );
     for (name, target, variance) in [
         ("mvn13", smooth::mvn13(), None),
@@ -90,9 +90,9 @@ fn errors_of_means() {
                     left += check.unwrap().value / 30.0;
                 }
                 let ((z, z_sd), (x, x_sd)) = (scatter(&ln_z), scatter(&x1));
-                let strands = target_ess.map_or("static", |_| "dynamic");
+                let batches = target_ess.map_or("static", |_| "dynamic");
                 println!(
-                    "| {name} | {kernel:?} | {strands} | {z:+.2}, {z_sd:.2} | {x:+.2}, {x_sd:.2} | {kish:.0} | {:.0} | {left:.1} |",
+                    "| {name} | {kernel:?} | {batches} | {z:+.2}, {z_sd:.2} | {x:+.2}, {x_sd:.2} | {kish:.0} | {:.0} | {left:.1} |",
                     1.0 / square
                 );
             }
@@ -101,17 +101,17 @@ fn errors_of_means() {
 }
 
 #[test]
-#[ignore = "a table of minutes: what values and gradients bring, kernel by kernel, at the same echo"]
-fn cost_of_a_draw_by_echo() {
+#[ignore = "a table of minutes: what values and gradients bring, kernel by kernel, at the same rank correlation"]
+fn cost_of_a_draw_by_seed_correlation() {
     println!(
-        "| target | kernel | steps | echo | jump | mean z | sd z | calls / Kish | gradients / Kish |\n|---|---|---|---|---|---|---|---|---|"
+        "| target | kernel | steps | rank correlation | jump | mean z | sd z | calls / Kish | gradients / Kish |\n|---|---|---|---|---|---|---|---|---|"
     );
     let seeds = 10;
     for target in [smooth::mvn13(), smooth::shells(13)] {
         for (kernel, all_steps) in [
             (Kernel::RandomSlice, [4, 6, 8]),
             (Kernel::Differential, [4, 6, 8]),
-            (Kernel::Reflective, [3, 4, 6]),
+            (Kernel::Galilean, [3, 4, 6]),
         ] {
             for steps in all_steps {
                 let settings = Settings {
@@ -125,8 +125,8 @@ fn cost_of_a_draw_by_echo() {
                             |name| run.checks.iter().find(|g| g.name == name).unwrap().value;
                         [
                             pull(&run, target.ln_z),
-                            check("seed-echo"),
-                            check("relative-jump"),
+                            check("seed-rank-correlation"),
+                            check("relative-jump-distance"),
                             run.cost.calls as f64 / run.ess.kish,
                             run.cost.gradients as f64 / run.ess.kish,
                         ]

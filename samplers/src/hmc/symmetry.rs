@@ -1,7 +1,7 @@
 //! Jumps that the target's author knows: involutions with a Metropolis test, orbits with an exact redraw.
 
 use super::point::ln_density;
-use super::{Evaluator, Point, inside};
+use super::{Evaluator, Point};
 use crate::error::Result;
 use crate::rng::{Stream, unit_open};
 use crate::target::{Involution, Orbit};
@@ -12,7 +12,7 @@ use crate::target::{Involution, Orbit};
 ///
 /// # Errors
 /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
-pub fn jump(
+pub fn propose_involution(
     evaluator: &mut Evaluator<'_>,
     involution: &dyn Involution,
     beta: f64,
@@ -24,29 +24,29 @@ pub fn jump(
     let Some(ln_det) = involution.apply(&mut image) else {
         return Ok(false);
     };
-    if image.iter().any(|z| !z.is_finite()) || !inside(evaluator.target().walls(), &image) {
+    if image.iter().any(|z| !z.is_finite()) {
         return Ok(false);
     }
     let ln_likelihood = evaluator.value(&image)?;
     if ln_likelihood == f64::NEG_INFINITY {
         return Ok(false);
     }
-    let tilt = evaluator.reference().tilt(&image);
-    let ln_ratio = ln_density(beta, &image, ln_likelihood, tilt) - at.ln_density(beta) + ln_det;
+    let ln_over_prior = evaluator.reference().ln_over_prior(&image);
+    let ln_ratio =
+        ln_density(beta, &image, ln_likelihood, ln_over_prior) - at.ln_density(beta) + ln_det;
     let accepted = uniform.ln() < ln_ratio;
     if accepted {
         at.z = image;
         at.ln_likelihood = ln_likelihood;
-        at.tilt = tilt;
+        at.ln_over_prior = ln_over_prior;
         at.has_gradient = false;
     }
     Ok(accepted)
 }
 
 /// Redraws the position of `at` along an orbit. The likelihood is unchanged and not called; the gradient at the new
-/// point is unknown and is computed, and counted, by the next move that needs it. A draw outside the target's walls
-/// leaves the point where it was, which is the Metropolis rule for such a draw. So may one to where the reference has less
-/// than the prior: the orbit is redrawn by the prior, and a path from elsewhere weighs the draw by its tilt.
+/// point is unknown and is computed, and counted, by the next move that needs it.
+/// On a path from a mixture a draw to where the reference has less than the prior may be refused: the orbit is redrawn by the prior, and a path from elsewhere weighs the draw by its log ratio to the prior.
 pub fn refresh(
     evaluator: &Evaluator<'_>,
     orbit: &dyn Orbit,
@@ -56,14 +56,16 @@ pub fn refresh(
 ) {
     let mut image = at.z.clone();
     orbit.refresh(&mut image, rng);
-    if image.iter().any(|z| !z.is_finite()) || !inside(evaluator.target().walls(), &image) {
+    if image.iter().any(|z| !z.is_finite()) {
         return;
     }
     let reference = evaluator.reference();
-    let tilt = reference.tilt(&image);
-    if reference.is_prior() || unit_open(rng).ln() < (1.0 - beta) * (tilt - at.tilt) {
+    let ln_over_prior = reference.ln_over_prior(&image);
+    if reference.is_prior()
+        || unit_open(rng).ln() < (1.0 - beta) * (ln_over_prior - at.ln_over_prior)
+    {
         at.z = image;
-        at.tilt = tilt;
+        at.ln_over_prior = ln_over_prior;
         at.has_gradient = false;
     }
 }

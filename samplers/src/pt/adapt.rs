@@ -1,0 +1,291 @@
+//! What a round learns from the one before, or the first from SMC samplers: temperatures, metrics, steps, pools, and where its
+//! chain sets begin.
+
+use super::schedule::{communication_barrier, first_schedule, locate, respaced};
+use super::smc::{CommunicationBarrier, Level, of_others};
+use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
+use crate::difference_pool::DifferencePool;
+use crate::hmc::{Metric, Reference, StepSize};
+use crate::rng::{Domain, below, stream};
+use crate::target::{Symmetry, Target};
+
+/// Most rows of half of the chain sets that a mixture is fitted to; of those before half as many are kept, so that what was
+/// drawn long ago, fewer and less sure, is forgotten by and by.
+const MAX_TRAINING: usize = 5_000;
+
+/// Step that HMC transitions begin with in an SMC sampler's metric: ridges are narrower than the SMC sampler.
+const FIRST_STEP: f64 = 0.1;
+
+impl State {
+    /// Begins the first round where SMC samplers ended: temperatures evenly spaced in the communication barrier between their levels, the
+    /// SMC particles of the nearest levels as states, metric and pool.
+    pub(super) fn begin(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
+        let dim = target.dim();
+        let orbit = Symmetry::first_orbit(target.symmetries());
+        let communication_barriers: Vec<CommunicationBarrier> = smc_samplers
+            .iter()
+            .map(|l| CommunicationBarrier::of(l))
+            .collect();
+        let path = CommunicationBarrier::mean(&communication_barriers);
+        let count = self.enough_temperatures(path.total());
+        let nearest = |levels: &[Level], place: f64| {
+            (0..levels.len()).min_by(|i, j| {
+                let away = |i: usize| (path.at(levels[i].beta) - place).abs();
+                away(*i).total_cmp(&away(*j))
+            })
+        };
+        let chain_sets = self.settings.chain_sets;
+        let mut temperatures = Vec::with_capacity(count);
+        let mut chains = vec![Vec::with_capacity(count); chain_sets];
+        for (k, beta) in path.schedule(count).into_iter().enumerate() {
+            let mut rows = vec![Vec::new(); smc_samplers.len()];
+            for (cluster, levels) in smc_samplers.iter().enumerate() {
+                let place = path.total() * k as f64 / (count - 1) as f64;
+                if let Some(level) = nearest(levels, place).map(|i| &levels[i]) {
+                    let task = (cluster << 20) + k;
+                    let mut rng = stream(self.seed, Domain::PtSmc, task as u64, u64::MAX);
+                    let particles = level.ln_likelihood.len();
+                    let first = below(&mut rng, particles);
+                    // Chain sets of one cluster take SMC particles far apart: those of one ancestor are next to each other.
+                    let own: Vec<usize> =
+                        (cluster..chain_sets).step_by(smc_samplers.len()).collect();
+                    for (turn, chain_set) in own.iter().enumerate() {
+                        let particle = (first + turn * particles / own.len()) % particles;
+                        chains[*chain_set].push(Chain {
+                            point: level.point(particle),
+                            replica: k,
+                        });
+                    }
+                    rows[cluster].clone_from(&level.z);
+                }
+            }
+            temperatures.push(Temperature {
+                beta,
+                metric: Metric::of_rows(&rows.concat(), dim),
+                step: StepSize::new(FIRST_STEP),
+                pools: of_others(rows.iter()).map(|r| DifferencePool::new(&r, dim, orbit)),
+            });
+        }
+        self.temperatures = temperatures;
+        self.chains = chains.concat();
+        if self.settings.mixes(0) {
+            self.begin_at_mixture(smc_samplers, target);
+        }
+        self.record = self.new_record(dim, 0);
+    }
+
+    /// Has the first round begin at a mixture that resembles the SMC samplers' coldest level, in states of that level.
+    fn begin_at_mixture(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
+        let coldest: Vec<&Level> = smc_samplers.iter().filter_map(|l| l.last()).collect();
+        let rows = of_others(coldest.iter().map(|level| &level.z));
+        let Some(reference) = self.resembling(rows, target.dim()) else {
+            return;
+        };
+        self.one_metric();
+        let temperatures = self.temperatures.len();
+        for chain in 0..self.chains.len() {
+            let (chain_set, k) = (chain / temperatures, chain % temperatures);
+            let level = coldest[chain_set % coldest.len()];
+            let turn = k * self.settings.chain_sets + chain_set;
+            let particles = level.ln_likelihood.len();
+            let most = temperatures * self.settings.chain_sets;
+            self.chains[chain].point = level.point(turn * particles / most);
+        }
+        self.take_reference(reference);
+    }
+
+    /// Ends a round, or an extension of the last: new temperatures, metrics and steps from what it recorded, and states carried over.
+    pub(super) fn adapt(&mut self, target: &dyn Target) {
+        let dim = target.dim();
+        let orbit = Symmetry::first_orbit(target.symmetries());
+        let old = communication_barrier(&self.record.extension().mean_rejection());
+        let total = old[old.len() - 1];
+        self.history.push(Finished {
+            communication_barrier: total,
+            ln_z: self.evidence().ln_z,
+        });
+        if self.settings.smc_particles > 0 && self.is_early_round() {
+            // What SMC samplers tell of temperatures, metrics and directions is better than what a few scans do.
+            for temperature in &mut self.temperatures {
+                temperature.step = StepSize::new(temperature.step.ln_found().exp());
+            }
+            self.next_reference(target);
+            self.next_round(dim);
+            return;
+        }
+        let (beta, found) = (self.beta(), self.found(dim));
+        let count = self.next_temperatures(total);
+        let schedule = respaced(&beta, &old, count);
+        // Where a new temperature lies among the old ones.
+        let places: Vec<(usize, f64)> = (0..count)
+            .map(|k| locate(&old, total * k as f64 / (count - 1) as f64))
+            .collect();
+        let nearest = |(i, t): (usize, f64)| i + usize::from(t >= 0.5);
+        self.temperatures = schedule
+            .into_iter()
+            .zip(&places)
+            .map(|(beta, &(i, t))| {
+                let ln_step = found[i].1 * (1.0 - t) + found[i + 1].1 * t;
+                Temperature {
+                    beta,
+                    metric: found[i].0.between(&found[i + 1].0, t),
+                    step: StepSize::new(ln_step.exp()),
+                    pools: of_others(self.record.extension().visits[nearest((i, t))].iter())
+                        .map(|rows| DifferencePool::new(&rows, dim, orbit)),
+                }
+            })
+            .collect();
+        let same = count == beta.len();
+        self.chains = (0..self.settings.chain_sets * count)
+            .map(|chain| {
+                let (chain_set, k) = (chain / count, chain % count);
+                let from = if same { k } else { nearest(places[k]) };
+                let old = &self.chains[chain_set * beta.len() + from];
+                Chain {
+                    point: old.point.clone(),
+                    replica: if same { old.replica } else { k },
+                }
+            })
+            .collect();
+        self.next_reference(target);
+        if self.is_last_round() {
+            let (beta, scans) = (self.beta(), self.settings.scans(self.round));
+            self.record.begin_extension(dim, &beta, scans);
+        } else {
+            self.next_round(dim);
+        }
+    }
+
+    /// In the last rounds, if asked for: a reference that resembles what the round, or all extensions of the last, have drawn at beta = 1.
+    fn next_reference(&mut self, target: &dyn Target) {
+        if !self.mixture_next() {
+            return;
+        }
+        let rows = if self.is_last_round() {
+            of_others(self.record.all_draws().iter())
+        } else {
+            of_others(self.record.trails.iter())
+        };
+        // Of draws that no mixture fits, none is made: the path stays what it was, and the result says so.
+        let Some(reference) = self.resembling(rows, target.dim()) else {
+            return;
+        };
+        if self.reference.is_prior() {
+            self.leave_prior();
+        }
+        self.take_reference(reference);
+    }
+
+    /// The reference that resembles new halves of draws, and what is kept of those before; none if there are too few. Those of the
+    /// last round are not kept: its next extension has them again among its own.
+    fn resembling(&mut self, halves: [Vec<f64>; 2], dim: usize) -> Option<Reference> {
+        let mut training = self.training.clone();
+        for (known, new) in training.iter_mut().zip(halves) {
+            *known = thinned(known, dim, MAX_TRAINING / 2);
+            known.extend(thinned(&new, dim, MAX_TRAINING));
+        }
+        let rng = |count: usize| stream(self.seed, Domain::PtReference, self.clock, count as u64);
+        let reference = Reference::resembling(&training, dim, rng);
+        if !self.is_last_round() {
+            self.training = training;
+        }
+        reference
+    }
+
+    /// Chain sets begin at this reference from now on.
+    fn take_reference(&mut self, reference: Reference) {
+        for chain in &mut self.chains {
+            chain.point.ln_over_prior = reference.ln_over_prior(&chain.point.z);
+            chain.point.has_gradient = false;
+        }
+        self.reference = reference;
+    }
+
+    /// Every temperature of a path from a reference that resembles the posterior is like the coldest, to begin with.
+    fn one_metric(&mut self) {
+        let temperatures = self.temperatures.len();
+        let cold = self.temperatures[temperatures - 1].clone();
+        for (temperature, beta) in self
+            .temperatures
+            .iter_mut()
+            .zip(first_schedule(temperatures))
+        {
+            *temperature = Temperature {
+                beta,
+                ..cold.clone()
+            };
+        }
+    }
+
+    /// Has all temperatures begin where the coldest has been.
+    fn leave_prior(&mut self) {
+        self.one_metric();
+        let temperatures = self.temperatures.len();
+        let dim = self.chains[0].point.z.len();
+        for (chain, place) in self.chains.iter_mut().enumerate() {
+            let (chain_set, k) = (chain / temperatures, chain % temperatures);
+            let extension = self.record.extension();
+            let ln_likelihood = &extension.ln_likelihood[chain_set];
+            let row = (ln_likelihood.len() * (k + 1)).div_ceil(temperatures) - 1;
+            let z = &extension.draws[chain_set][row * dim..(row + 1) * dim];
+            place.point.z.copy_from_slice(z);
+            place.point.ln_likelihood = ln_likelihood[row];
+        }
+    }
+
+    /// `1 + ceil(2 communication_barrier)` temperatures make a round trip cheapest (Syed et al. 2022); their number is left alone
+    /// in early rounds, which know the communication barrier badly, and before the last, which must be in equilibrium.
+    fn next_temperatures(&self, communication_barrier: f64) -> usize {
+        let settled = self.settings.scans(self.round) >= EARLY_SCANS;
+        if !settled || self.round + 2 >= self.settings.rounds {
+            return self.temperatures.len();
+        }
+        self.enough_temperatures(communication_barrier)
+    }
+
+    fn enough_temperatures(&self, communication_barrier: f64) -> usize {
+        let (least, most) = (
+            self.settings.min_temperatures,
+            self.settings.max_temperatures,
+        );
+        (least..most)
+            .find(|n| (*n - 1) as f64 >= 2.0 * communication_barrier)
+            .unwrap_or(most)
+    }
+
+    /// The metric and the logarithm of the step that the round just ended found for each of its temperatures.
+    fn found(&self, dim: usize) -> Vec<(Metric, f64)> {
+        let moments = &self.record.extension().moments;
+        let enough = 10.0 * dim as f64;
+        self.temperatures
+            .iter()
+            .enumerate()
+            .map(|(k, temperature)| {
+                let mut pooled = moments[k].clone();
+                if k > 0 && pooled.weight < enough {
+                    for neighbour in [k - 1, k + 1] {
+                        if let Some(other) = moments.get(neighbour).filter(|m| m.weight > 1.0) {
+                            pooled.pool(other, 0.5);
+                        }
+                    }
+                }
+                let metric = if k == 0 {
+                    None
+                } else {
+                    temperature.metric.refined(&pooled)
+                };
+                let metric = metric.unwrap_or_else(|| temperature.metric.clone());
+                let ln_step = temperature.step.ln_found() - temperature.metric.ln_stretch(&metric);
+                (metric, ln_step)
+            })
+            .collect()
+    }
+}
+
+/// At most so many rows of coordinates, spread evenly over those given.
+fn thinned(rows: &[f64], dim: usize, most: usize) -> Vec<f64> {
+    let count = rows.len() / dim;
+    let kept = count.min(most);
+    let row = |k: usize| &rows[k * count / kept * dim..][..dim];
+    (0..kept).flat_map(row).copied().collect()
+}

@@ -1,0 +1,309 @@
+//! One scan: every chain explores, then neighbouring temperatures swap.
+
+use super::record::{Local, Record};
+use super::schedule::first_schedule;
+use super::smc::{Level, SmcSamplers};
+use super::state::{Chain, State, Temperature};
+use super::{Settings, swap};
+use crate::checkpointer::Time;
+use crate::error::{Error, Result};
+use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Reference, StepSize, Tally};
+use crate::rng::{Domain, Stream, stream, unit_open};
+use crate::target::Target;
+use rayon::prelude::*;
+
+/// A target where fewer draws of the prior than one in so many have a likelihood is taken to have none.
+const START_TRIES: usize = 100_000;
+
+/// Most leapfrog steps of a move in an early round.
+const EARLY_LEAPFROGS: usize = 32;
+
+/// Fraction of a fall that an energy error may be in an early round.
+const EARLY_SLACK: f64 = 0.05;
+
+/// Energy range of a path that marks it as divergent in all other rounds.
+const MAX_ENERGY_RANGE: f64 = 1000.0;
+
+/// What exploring one chain gave.
+struct Explored {
+    point: Point,
+    local: Local,
+    tally: Tally,
+    /// Every place on the way, where a mixture is to be fitted to them.
+    trail: Vec<f64>,
+}
+
+impl State {
+    /// Draws every chain from the prior, again and again until it has a likelihood where it needs one.
+    pub(super) fn start(target: &dyn Target, settings: &Settings, seed: u64) -> Result<Self> {
+        let dim = target.dim();
+        let schedule = first_schedule(settings.temperatures);
+        let temperatures: Vec<Temperature> = schedule
+            .iter()
+            .map(|&beta| Temperature {
+                beta,
+                metric: Metric::identity(dim),
+                step: StepSize::new(0.5),
+                pools: Default::default(),
+            })
+            .collect();
+        let mut state = Self {
+            settings: settings.clone(),
+            seed,
+            smc_samplers: None,
+            round: 0,
+            scan: 0,
+            extensions: 0,
+            clock: 0,
+            reference: Reference::default(),
+            training: Default::default(),
+            record: Record::new(
+                dim,
+                settings.chain_sets,
+                settings.clusters(),
+                &schedule,
+                settings.scans(0),
+            ),
+            chains: Vec::new(),
+            temperatures,
+            history: Vec::new(),
+            tally: Tally::default(),
+            time: Time::default(),
+        };
+        if settings.smc_particles > 0 {
+            let clusters = settings.clusters();
+            let smc_samplers =
+                state.first_points(target, clusters, settings.particles_per_sampler())?;
+            state.smc_samplers = Some(SmcSamplers::new(smc_samplers));
+            return Ok(state);
+        }
+        let temperatures = state.temperatures.len();
+        for chain_set in state.first_points(target, settings.chain_sets, temperatures)? {
+            state.chains.extend(
+                chain_set
+                    .into_iter()
+                    .enumerate()
+                    .map(|(replica, point)| Chain { point, replica }),
+            );
+        }
+        Ok(state)
+    }
+
+    /// As many draws of the prior for each chain set, or for each SMC sampler; all have a likelihood but the first of a
+    /// chain set, which becomes the one at beta = 0.
+    fn first_points(
+        &mut self,
+        target: &dyn Target,
+        chain_sets: usize,
+        per_chain_set: usize,
+    ) -> Result<Vec<Vec<Point>>> {
+        let mut evaluator = Evaluator::new(target);
+        let mut points = vec![Point::new(target.dim()); chain_sets * per_chain_set];
+        let mut streams: Vec<Stream> = (0..points.len())
+            .map(|i| {
+                let task = ((i / per_chain_set) << 20) + i % per_chain_set;
+                stream(self.seed, Domain::PtExplore, task as u64, 0)
+            })
+            .collect();
+        let prior = |i: usize| i.is_multiple_of(per_chain_set) && self.settings.smc_particles == 0;
+        let mut wanting: Vec<usize> = (0..points.len()).collect();
+        let (mut tries, mut found) = (0, 0);
+        while !wanting.is_empty() {
+            for &i in &wanting {
+                evaluator.draw_reference(&mut points[i].z, &mut streams[i]);
+            }
+            let places: Vec<&[f64]> = wanting.iter().map(|&i| points[i].z.as_slice()).collect();
+            let values = evaluator.values(&places)?;
+            for (&i, value) in wanting.iter().zip(values) {
+                points[i].ln_likelihood = value;
+                found += usize::from(value.is_finite());
+            }
+            tries += wanting.len();
+            wanting.retain(|&i| !points[i].ln_likelihood.is_finite() && !prior(i));
+            if tries / START_TRIES > found {
+                return Err(Error::NoStart {
+                    tries,
+                    cause: Tally::of(&evaluator).main_cause(),
+                });
+            }
+        }
+        self.tally.add(&evaluator);
+        Ok(points
+            .chunks(per_chain_set)
+            .map(<[Point]>::to_vec)
+            .collect())
+    }
+
+    /// The stream of chain or gap number `index` (chain-set-major over temperatures) at a scan.
+    fn stream(&self, domain: Domain, index: usize, scan: u64) -> Stream {
+        let temperatures = self.temperatures.len();
+        let task = ((index / temperatures) << 20) + index % temperatures;
+        stream(self.seed, domain, task as u64, scan)
+    }
+
+    /// Lets the last round go on for as long again: frozen as it is on a path from the prior, fitted anew on one from a mixture.
+    pub(super) fn go_on(&mut self, target: &dyn Target) {
+        self.extensions += 1;
+        if self.mixture_next() {
+            self.adapt(target);
+        }
+    }
+
+    /// One scan, and the adaptation before it if a round has just ended. On an error the state is that before the
+    /// scan.
+    pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
+        if let Some(smc_samplers) = &mut self.smc_samplers {
+            let mcmc_steps = self.settings.mcmc_steps(target.dim());
+            let tally = smc_samplers.advance(target, mcmc_steps, self.seed)?;
+            self.tally.merge(&tally);
+            if smc_samplers.done() {
+                let levels: Vec<Vec<Level>> =
+                    smc_samplers.levels().map(<[Level]>::to_vec).collect();
+                self.begin(&levels, target);
+                self.smc_samplers = None;
+            }
+            return Ok(());
+        }
+        if self.scan == self.scans() {
+            self.adapt(target);
+        }
+        let explored: Vec<Result<Explored>> = (0..self.chains.len())
+            .into_par_iter()
+            .map(|chain| self.explore(target, chain))
+            .collect();
+        let explored: Vec<Explored> = explored.into_iter().collect::<Result<_>>()?;
+
+        let temperatures = self.temperatures.len();
+        let mut locals = vec![Local::default(); temperatures];
+        for (index, explored) in explored.into_iter().enumerate() {
+            self.chains[index].point = explored.point;
+            locals[index % temperatures].add(&explored.local);
+            self.record.trails[index / temperatures].extend(explored.trail);
+            self.tally.merge(&explored.tally);
+        }
+        self.clock += 1;
+        let beta = self.beta();
+        for chain_set in 0..self.settings.chain_sets {
+            let points = self.chains[chain_set * temperatures..(chain_set + 1) * temperatures]
+                .iter()
+                .map(|chain| &chain.point);
+            self.record.extension_mut().note(chain_set, points);
+            self.swap(chain_set, &beta);
+        }
+        let (frozen, early) = (self.is_last_round(), self.is_early_round());
+        let scans = self.scans();
+        for (temperature, local) in locals.iter().enumerate() {
+            self.record.extension_mut().locals[temperature].add(local);
+            if frozen || temperature == 0 {
+                continue;
+            }
+            // Later on a rejected point is taken for a cliff, which no step is short enough for; an early one may
+            // well be the overflow of a step that is far too long.
+            let met = if early {
+                local.moves
+            } else {
+                local.moves - local.rejected
+            };
+            if met > 0 {
+                self.temperatures[temperature].step.learn(
+                    local.acceptance / met as f64,
+                    self.settings.target_acceptance,
+                    self.scan,
+                    scans,
+                );
+            }
+        }
+        self.scan += 1;
+        Ok(())
+    }
+
+    /// Explores one chain: a fresh draw at beta = 0; symmetries, then slices, then HMC transitions elsewhere.
+    fn explore(&self, target: &dyn Target, chain: usize) -> Result<Explored> {
+        let temperature = &self.temperatures[chain % self.temperatures.len()];
+        let mut rng = self.stream(Domain::PtExplore, chain, self.clock + 1);
+        let evaluator = Evaluator::from_reference(target, &self.reference);
+        let mut local_sampler = LocalSampler::of(evaluator, temperature.beta, &temperature.metric);
+        let mut point = self.chains[chain].point.clone();
+        let mut local = Local::default();
+        let mut trail = Vec::new();
+        let cold = (chain + 1).is_multiple_of(self.temperatures.len());
+        let trailed = cold && self.mixture_next() && !self.is_last_round();
+        let mut visit = |at: &Point| {
+            if trailed {
+                trail.extend_from_slice(&at.z);
+            }
+        };
+        if chain.is_multiple_of(self.temperatures.len()) {
+            local_sampler
+                .evaluator
+                .draw_reference(&mut point.z, &mut rng);
+            point.ln_likelihood = local_sampler.evaluator.value(&point.z)?;
+            point.ln_over_prior = self.reference.ln_over_prior(&point.z);
+            point.has_gradient = false;
+        } else {
+            let cluster = chain / self.temperatures.len() % self.settings.clusters();
+            let (metric, pool) = (&temperature.metric, &temperature.pools[cluster % 2]);
+            let (evaluator, slices) = (&mut local_sampler.evaluator, self.settings.slice_updates);
+            hmc::involutions_and_slice_updates(
+                evaluator,
+                temperature.beta,
+                metric,
+                pool,
+                slices,
+                &mut point,
+                &mut rng,
+                &mut visit,
+            )?;
+            let plan = self.plan(temperature);
+            for _ in 0..self.settings.hmc_transitions {
+                let moved = local_sampler.transition(&mut point, &plan, &mut rng)?;
+                local.note(&moved);
+                visit(&point);
+            }
+        }
+        Ok(Explored {
+            point,
+            local,
+            tally: Tally::of(&local_sampler.evaluator),
+            trail,
+        })
+    }
+
+    fn plan(&self, temperature: &Temperature) -> Plan {
+        let early = self.is_early_round();
+        let most = self.settings.max_leapfrogs;
+        Plan {
+            step: temperature.step.step(),
+            length: self.settings.trajectory,
+            max_leapfrogs: if early {
+                most.min(EARLY_LEAPFROGS)
+            } else {
+                most
+            },
+            max_energy_range: if early {
+                f64::INFINITY
+            } else {
+                MAX_ENERGY_RANGE
+            },
+            slack: if early { EARLY_SLACK } else { 0.0 },
+        }
+    }
+
+    /// Even gaps in even scans, odd gaps in odd ones.
+    fn swap(&mut self, chain_set: usize, beta: &[f64]) {
+        let temperatures = beta.len();
+        for gap in (self.scan % 2..temperatures - 1).step_by(2) {
+            let hot = chain_set * temperatures + gap;
+            let l = |chain: usize| self.chains[chain].point.ln_ratio();
+            let accept = swap::acceptance(beta[gap + 1] - beta[gap], l(hot), l(hot + 1));
+            let mut rng = self.stream(Domain::PtSwap, hot, self.clock);
+            if unit_open(&mut rng) < accept {
+                self.chains.swap(hot, hot + 1);
+            }
+        }
+        self.record.extension_mut().index_processes[chain_set].note(
+            self.chains[chain_set * temperatures].replica,
+            self.chains[(chain_set + 1) * temperatures - 1].replica,
+        );
+    }
+}
