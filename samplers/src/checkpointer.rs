@@ -2,7 +2,7 @@
 
 use crate::checkpoint;
 use crate::control::{Control, Event};
-use crate::error::{Error, Result};
+use crate::error::{CheckpointFault, Error, Result};
 use crate::rng;
 use crate::target::Target;
 use cpu_time::ProcessTime;
@@ -49,8 +49,9 @@ impl Checkpointer {
             let bytes = postcard::to_stdvec(&(key, plan.config_hash, priors)).map_err(|e| {
                 Error::Checkpoint {
                     path: plan.path.clone(),
-                    why: format!("the settings cannot be encoded ({e})"),
-                    remedy: "report this as a bug",
+                    fault: CheckpointFault::Unencodable {
+                        message: e.to_string(),
+                    },
                 }
             })?;
             checkpointer.config_hash = checkpoint::hash(&bytes);

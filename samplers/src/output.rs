@@ -75,7 +75,7 @@ impl Draws {
     /// Adds a row, its derived quantities computed.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] if the target gives another number of derived quantities than it names.
+    /// [`Error::DerivedCount`] if the target gives another number of derived quantities than it names.
     pub fn push(
         &mut self,
         target: &dyn Target,
@@ -91,12 +91,9 @@ impl Draws {
         self.chain.push(origin.chain);
         self.cluster.push(origin.cluster);
         if self.derived.len() != self.len() * self.derived_dim {
-            return Err(Error::Mismatch {
-                what: "derived quantities",
-                why: format!(
-                    "the target names {} of them and gives another number; mend its `derived` or `derived_names`",
-                    self.derived_dim
-                ),
+            return Err(Error::DerivedCount {
+                named: self.derived_dim,
+                given: self.derived.len() - (self.len() - 1) * self.derived_dim,
             });
         }
         Ok(())
@@ -399,30 +396,23 @@ impl Run {
         self.status == Status::Complete && self.checks.iter().all(|g| g.pass)
     }
 
-    /// Whether it is a run on this target: parameters have the same names, and the best draw the same ln L.
+    /// Whether it is a run on this target: parameters have the same names, and the best draw the same ln L. `run` names it in errors.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] about `what`, if it is not or has no draws; those of the target.
-    pub fn check_belongs(&self, target: &dyn Target, what: &'static str) -> Result<()> {
-        let refuse = |why: &str| {
-            Err(Error::Mismatch {
-                what,
-                why: why.to_owned(),
-            })
-        };
+    /// [`Error::OtherParameters`], [`Error::NoDraws`] or [`Error::OtherLikelihood`] if it is not; [`Error::Fatal`] and
+    /// [`Error::Infinite`] from the target.
+    pub fn check_belongs(&self, target: &dyn Target, run: &'static str) -> Result<()> {
         if self.names != target.prior().names() {
-            return refuse("it has other parameters than the target; give the run's own settings");
+            return Err(Error::OtherParameters { run });
         }
         let Some(best) = self.draws.best() else {
-            return refuse("it has no draws; let it go on until it has");
+            return Err(Error::NoDraws { run });
         };
         let theta = self.draws.theta_row(best);
         let there = self.draws.ln_likelihood[best];
         let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
         if (here - there).abs() > 1e-9 * (1.0 + here.abs()) {
-            return refuse(&format!(
-                "ln L of its best draw is {here} here and was {there} there; give the run's own data and settings"
-            ));
+            return Err(Error::OtherLikelihood { run, here, there });
         }
         Ok(())
     }

@@ -21,7 +21,10 @@ use crate::control::{Control, Event};
 use crate::error::{Error, Result};
 use crate::output::Run;
 use crate::target::Target;
-use state::{Bridge, State, WHAT};
+use state::{Bridge, State};
+
+/// What errors call the coarse run.
+const COARSE: &str = "the coarse run";
 
 /// Carries draws of `parent`, a run on `coarse`, to the posterior of `target`, which has the same parameters.
 ///
@@ -30,8 +33,8 @@ use state::{Bridge, State, WHAT};
 /// likelihoods, except that the parent's are not counted again.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::Mismatch`] if `parent` is not a run on `coarse`, or `target` has other
-/// parameters, or a likelihood at none of its draws; [`Error::Interrupted`] after a checkpoint; [`Error::Fatal`] and
+/// [`Error::Setting`] for settings out of range; [`Error::OtherParameters`], [`Error::NoDraws`] and [`Error::OtherLikelihood`] if `parent` is not a
+/// run on `coarse`, or `target` has other parameters; [`Error::NoCommonSupport`] if `target` has a likelihood at none of its draws; [`Error::Interrupted`] after a checkpoint; [`Error::Fatal`] and
 /// [`Error::Infinite`] from the targets, after a checkpoint of the last whole MCMC step; [`Error::Checkpoint`] and [`Error::Io`] from
 /// the file.
 pub fn run(
@@ -43,13 +46,9 @@ pub fn run(
     control: &mut Control<'_>,
 ) -> Result<Run> {
     settings.check(target.dim())?;
-    parent.check_belongs(coarse, WHAT)?;
+    parent.check_belongs(coarse, COARSE)?;
     if target.prior().names() != coarse.prior().names() {
-        return Err(Error::Mismatch {
-            what: WHAT,
-            why: "it has other parameters than the fine target; let both differ in the likelihood alone"
-                .to_owned(),
-        });
+        return Err(Error::OtherParameters { run: COARSE });
     }
     let origin = (parent.seed, parent.evidence.ln_z, parent.draws.len());
     let mut checkpointer =

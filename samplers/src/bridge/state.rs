@@ -14,9 +14,6 @@ use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// What errors call the coarse run.
-pub(super) const WHAT: &str = "the run to refine";
-
 /// Index, within a level, of the stream that takes SMC particles anew.
 const RESAMPLING: u64 = u64::MAX;
 
@@ -124,12 +121,7 @@ impl Bridge<'_> {
         let places: Vec<&[f64]> = particles.iter().map(|m| m.z.as_slice()).collect();
         let fine = evaluator.values(&places)?;
         if fine.iter().all(|l| *l == f64::NEG_INFINITY) {
-            return Err(Error::Mismatch {
-                what: WHAT,
-                why:
-                    "the fine target has a likelihood at none of its draws; let the two differ less"
-                        .to_owned(),
-            });
+            return Err(Error::NoCommonSupport);
         }
         for (particle, fine) in particles.iter_mut().zip(fine) {
             particle.both.fine = fine;

@@ -14,8 +14,6 @@ use crate::output::{Check, Cost, Draws, History, Method, Run, Status};
 use crate::target::Target;
 use std::collections::BTreeSet;
 
-const WHAT: &str = "the runs to merge";
-
 /// Least probability that runs of one posterior differ as these do.
 const MIN_PROBABILITY: f64 = 0.01;
 
@@ -23,19 +21,19 @@ const MIN_PROBABILITY: f64 = 0.01;
 /// whether they agree; it has the seed of the first.
 ///
 /// # Errors
-/// [`Error::Mismatch`] if there are fewer than two, one is not a nested run or not of this target, or two have the same seed; those
-/// of the target.
+/// [`Error::TooFewRuns`], [`Error::SameSeed`] and [`Error::NotNested`]; [`Error::OtherParameters`], [`Error::NoDraws`] and
+/// [`Error::OtherLikelihood`] for a run on another target; [`Error::Fatal`] and [`Error::Infinite`] from the target.
 pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     let parts = runs
         .iter()
         .map(|run| Part::of(target, run))
         .collect::<Result<Vec<Part<'_>>>>()?;
-    let seeds: BTreeSet<u64> = runs.iter().map(|run| run.seed).collect();
     let [first, _, ..] = runs else {
-        return refuse("one run is whole already; give two or more");
+        return Err(Error::TooFewRuns { given: runs.len() });
     };
-    if seeds.len() < runs.len() {
-        return refuse("two have the same seed, which are the same draws twice; give each its own");
+    let mut seeds = BTreeSet::new();
+    if let Some(run) = runs.iter().find(|run| !seeds.insert(run.seed)) {
+        return Err(Error::SameSeed { seed: run.seed });
     }
     let dim = target.dim();
     let mut all = Together::default();
@@ -72,13 +70,6 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     })
 }
 
-fn refuse<T>(why: &str) -> Result<T> {
-    Err(Error::Mismatch {
-        what: WHAT,
-        why: why.to_owned(),
-    })
-}
-
 /// A run, taken apart.
 struct Part<'a> {
     draws: &'a Draws,
@@ -90,7 +81,7 @@ struct Part<'a> {
 
 impl<'a> Part<'a> {
     fn of(target: &dyn Target, run: &'a Run) -> Result<Self> {
-        run.check_belongs(target, WHAT)?;
+        run.check_belongs(target, "a run to merge")?;
         let History::Nested {
             ln_likelihood,
             ln_likelihood_birth,
@@ -99,9 +90,7 @@ impl<'a> Part<'a> {
             ..
         } = &run.history
         else {
-            return refuse(
-                "one is not a nested run, which alone has births and deaths; leave it out",
-            );
+            return Err(Error::NotNested { seed: run.seed });
         };
         Ok(Self {
             draws: &run.draws,

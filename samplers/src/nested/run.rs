@@ -18,9 +18,8 @@ use crate::target::Target;
 /// unconverged; it can be resumed from its checkpoint, which stays after completion too.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::NoGradient`] for a kernel that needs gradients of a target that has
-/// none; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;
-/// [`Error::Fatal`] and [`Error::Infinite`] from the target and [`Error::Stuck`] from a kernel, after a checkpoint
+/// [`Error::Setting`] for settings out of range; [`Error::GalileanWithoutGradient`]; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;
+/// [`Error::Fatal`] and [`Error::Infinite`] from the target and [`Error::EmptySlice`] and [`Error::LooseBound`] from a kernel, after a checkpoint
 /// of the last whole iteration; [`Error::Checkpoint`] and [`Error::Io`] from the file.
 pub fn run(
     target: &dyn Target,
@@ -35,10 +34,7 @@ pub fn run(
         seed,
     };
     if context.kernel() == Kernel::Galilean && target.gradient_cost().is_none() {
-        return Err(Error::NoGradient {
-            sampler: "the nested sampler's kernel `reflective`",
-            remedy: "use `differential` or `random-slice`, which ask for values alone",
-        });
+        return Err(Error::GalileanWithoutGradient);
     }
     let mut checkpointer = Checkpointer::new(&[target], &(settings, seed), control)?;
     let (mut state, warnings) = match checkpointer.load(control, |state: &State| state.time)? {

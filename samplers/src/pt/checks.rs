@@ -73,7 +73,7 @@ fn index_processes(run: &Evidenced<'_>) -> Vec<Check> {
             "round-trip rate",
             rate / expected,
             0.3,
-            "fraction of the rate that perfect local samplers would have; if low, local moves are too slow: raise `slice_updates`, `hmc_transitions` or `max_leapfrogs`, or declare the target's symmetries",
+            "fraction of the rate that perfect local samplers would have; if low, local moves are too slow: raise `slice_updates`, `hmc_transitions` or `max_leapfrogs`",
         ),
     ]
 }
@@ -165,7 +165,7 @@ fn draws(run: &Evidenced<'_>) -> Vec<Check> {
             "chain sets agree on the modes",
             run.mode_agreement,
             0.01,
-            "p-value that all chain sets give the two halves or modes of the posterior the same weight; if below, allow `extensions`, add rounds, or declare the target's symmetries",
+            "p-value that all chain sets give the two halves or modes of the posterior the same weight; if below, allow `extensions`, or add rounds",
         ),
     ]
 }

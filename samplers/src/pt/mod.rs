@@ -70,7 +70,7 @@ use state::State;
 /// `settings` allow more `extensions`, to the same bits as if they always had.
 ///
 /// # Errors
-/// [`Error::NoGradient`] for a target without gradients; [`Error::Setting`] for settings out of range;
+/// [`Error::TemperingWithoutGradient`]; [`Error::Setting`] for settings out of range;
 /// [`Error::NoStart`] if 100,000 prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before the first
 /// scan, after a checkpoint; [`Error::Fatal`] and [`Error::Infinite`] from the
 /// target, after a checkpoint of the last whole scan; [`Error::Io`] and [`Error::Checkpoint`] from checkpoints.
@@ -82,10 +82,7 @@ pub fn run(
 ) -> Result<Run> {
     settings.check()?;
     if target.gradient_cost().is_none() {
-        return Err(Error::NoGradient {
-            sampler: "parallel tempering",
-            remedy: "use the nested sampler instead",
-        });
+        return Err(Error::TemperingWithoutGradient);
     }
     // How often the last round may go on decides where a run ends, not what it draws.
     let drawing = Settings {

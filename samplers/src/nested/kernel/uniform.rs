@@ -47,9 +47,7 @@ pub(super) fn draw(
             break;
         }
     }
-    Err(Error::Stuck {
-        what: "independent draws from the bound never exceed the contour",
-        tries: likelihood.tally.calls,
-        remedy: "use the kernel `differential`, which does not depend on how tight the bound is",
+    Err(Error::LooseBound {
+        calls: likelihood.tally.calls,
     })
 }
