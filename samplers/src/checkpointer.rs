@@ -3,19 +3,13 @@
 use crate::checkpoint;
 use crate::control::{Control, Event};
 use crate::error::{CheckpointFault, Error, Result};
+use crate::output::Cost;
 use crate::rng;
 use crate::target::Target;
 use cpu_time::ProcessTime;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 use std::time::Instant;
-
-/// Time spent, over all processes that worked on a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Time {
-    pub wall_seconds: f64,
-    pub cpu_seconds: f64,
-}
 
 /// See the module's words.
 pub(crate) struct Checkpointer {
@@ -23,7 +17,8 @@ pub(crate) struct Checkpointer {
     fingerprint: u64,
     wall: Instant,
     cpu: Option<ProcessTime>,
-    before: Time,
+    /// Seconds of wall and of CPU time that earlier processes spent on the run.
+    before: [f64; 2],
 }
 
 impl Checkpointer {
@@ -42,7 +37,7 @@ impl Checkpointer {
             fingerprint: 0,
             wall: Instant::now(),
             cpu: ProcessTime::try_now().ok(),
-            before: Time::default(),
+            before: [0.0; 2],
         };
         if let Some(plan) = &control.checkpoint {
             let priors: Vec<_> = targets.iter().map(|target| target.prior()).collect();
@@ -67,7 +62,7 @@ impl Checkpointer {
     pub fn load<S: DeserializeOwned>(
         &mut self,
         control: &mut Control<'_>,
-        time: impl Fn(&S) -> Time,
+        cost: impl Fn(&S) -> &Cost,
     ) -> Result<Option<(S, Option<String>)>> {
         let Some(plan) = control.checkpoint.as_ref().filter(|plan| plan.resume) else {
             return Ok(None);
@@ -77,7 +72,8 @@ impl Checkpointer {
         }
         let (state, warning) =
             checkpoint::load::<S>(&plan.path, self.config_hash, self.fingerprint)?;
-        self.before = time(&state);
+        let spent = cost(&state);
+        self.before = [spent.wall_seconds, spent.cpu_seconds];
         if let Some(text) = &warning {
             control.tell(&Event::Warning {
                 message: text.clone(),
@@ -113,13 +109,12 @@ impl Checkpointer {
         error
     }
 
-    /// Time spent until now.
-    pub fn time(&self) -> Time {
+    /// Writes the time spent until now, by all processes that worked on the run, into its cost.
+    pub fn note_times(&self, cost: &mut Cost) {
         let cpu = self.cpu.and_then(|start| start.try_elapsed().ok());
-        Time {
-            wall_seconds: self.before.wall_seconds + self.wall.elapsed().as_secs_f64(),
-            cpu_seconds: self.before.cpu_seconds + cpu.map_or(0.0, |cpu| cpu.as_secs_f64()),
-        }
+        let [wall_before, cpu_before] = self.before;
+        cost.wall_seconds = wall_before + self.wall.elapsed().as_secs_f64();
+        cost.cpu_seconds = cpu_before + cpu.map_or(0.0, |cpu| cpu.as_secs_f64());
     }
 }
 

@@ -1,7 +1,7 @@
 //! What every sampler returns: draws with weights, an evidence with its error, what it cost, and a verdict.
 
 use crate::error::{Error, Result};
-use crate::target::Target;
+use crate::target::{Cause, Outcome, Target};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -246,7 +246,66 @@ pub struct Cost {
     pub rejected: BTreeMap<String, u64>,
 }
 
+/// Likelihood calls of one task, with rejections by cause: what is added to a [`Cost`] when the task is done.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Calls {
+    /// Values without a gradient.
+    pub values: u64,
+    /// Values with a gradient.
+    pub gradients: u64,
+    /// Rejected points by cause.
+    pub rejected: Vec<(Cause, u64)>,
+}
+
+impl Calls {
+    /// Counts a rejection, if the outcome is one.
+    pub fn note(&mut self, outcome: &Outcome) {
+        if let Some(cause) = outcome.cause() {
+            self.reject(cause, 1);
+        }
+    }
+
+    /// Counts rejections of one cause.
+    pub fn reject(&mut self, cause: Cause, count: u64) {
+        match self.rejected.iter_mut().find(|(known, _)| *known == cause) {
+            Some((_, sum)) => *sum += count,
+            None => self.rejected.push((cause, count)),
+        }
+    }
+
+    /// Adds the calls of another task.
+    pub fn add(&mut self, other: &Self) {
+        self.values += other.values;
+        self.gradients += other.gradients;
+        for (cause, count) in &other.rejected {
+            self.reject(cause, *count);
+        }
+    }
+}
+
 impl Cost {
+    /// Likelihood calls, with and without a gradient.
+    #[must_use]
+    pub fn all_calls(&self) -> u64 {
+        self.calls + self.gradients
+    }
+
+    /// Adds the calls of a task.
+    pub fn count(&mut self, calls: &Calls) {
+        self.calls += calls.values;
+        self.gradients += calls.gradients;
+        for (cause, count) in &calls.rejected {
+            *self.rejected.entry((*cause).to_owned()).or_default() += count;
+        }
+    }
+
+    /// The most frequent cause of rejection; "none" without rejections.
+    #[must_use]
+    pub fn main_cause(&self) -> String {
+        let most = self.rejected.iter().max_by_key(|(_, count)| **count);
+        most.map_or_else(|| "none".to_owned(), |(cause, _)| cause.clone())
+    }
+
     /// Adds what another part of the work cost.
     pub fn add(&mut self, other: &Self) {
         self.calls += other.calls;

@@ -1,7 +1,8 @@
 //! A likelihood on the way from a coarse one to a fine one, `L_coarse^(1 - fraction) L_fine^fraction`, as a target to move on.
 
 use crate::error::Result;
-use crate::hmc::{Evaluator, Point, Tally};
+use crate::hmc::{Evaluator, Point};
+use crate::output::Calls;
 use crate::target::{Outcome, Prior, Symmetry, Target};
 use std::sync::{Mutex, PoisonError};
 
@@ -57,14 +58,14 @@ impl<'a> Between<'a> {
         point: &mut Point,
         both: &mut Both,
         explore: impl FnOnce(&mut Evaluator<'_>, &mut Point) -> Result<()>,
-    ) -> Result<Tally> {
+    ) -> Result<Calls> {
         point.ln_likelihood = both.at(self.fraction);
         self.keep(*both);
         let mut evaluator = Evaluator::new(self);
         explore(&mut evaluator, point)?;
-        let mut tally = Tally::of(&evaluator);
+        let mut calls = evaluator.calls;
         // Each value between the two is one of either.
-        tally.calls *= 2;
+        calls.values *= 2;
         let last = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
         *both = if last.at(self.fraction).to_bits() == point.ln_likelihood.to_bits() {
             last
@@ -75,10 +76,10 @@ impl<'a> Between<'a> {
                 coarse: coarse.value(&point.z)?,
                 fine: fine.value(&point.z)?,
             };
-            own.iter().for_each(|evaluator| tally.add(evaluator));
+            own.iter().for_each(|evaluator| calls.add(&evaluator.calls));
             both
         };
-        Ok(tally)
+        Ok(calls)
     }
 
     fn keep(&self, both: Both) {

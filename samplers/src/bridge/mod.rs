@@ -61,25 +61,25 @@ pub fn run(
         state: State::default(),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
-    match checkpointer.load(control, |state: &State| state.time)? {
+    match checkpointer.load(control, |state: &State| &state.cost)? {
         Some((state, _)) => bridge.state = state,
         None => bridge.begin(parent)?,
     }
     while !bridge.arrived() {
-        if stop || control.interrupted() || control.spent(bridge.state.tally.calls) {
+        if stop || control.interrupted() || control.spent(bridge.state.cost.calls) {
             checkpointer.save(&bridge.state, control)?;
             control.tell(&Event::Checkpointed);
             return Err(Error::Interrupted);
         }
         let moved = bridge.advance();
-        bridge.state.time = checkpointer.time();
+        checkpointer.note_times(&mut bridge.state.cost);
         if let Err(error) = moved {
             return Err(checkpointer.save_after(error, &bridge.state, control));
         }
         stop = control.tell(&Event::Bridge {
             fraction: bridge.state.fraction,
             ln_z: parent.evidence.ln_z + bridge.state.ln_ratio,
-            calls: bridge.state.tally.calls,
+            calls: bridge.state.cost.calls,
         });
         if control.checkpoint_due() {
             checkpointer.save(&bridge.state, control)?;

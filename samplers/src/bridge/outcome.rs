@@ -3,7 +3,7 @@
 use super::state::{Bridge, Level};
 use crate::diagnostics::{effective_kinds, size_of_mean, sums_by_group};
 use crate::error::Result;
-use crate::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
+use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
 
 /// The result of a way that has been walked to its end.
@@ -25,13 +25,7 @@ pub(super) fn assemble(bridge: &Bridge<'_>, parent: &Run) -> Result<Run> {
         draws,
         evidence,
         ess,
-        cost: Cost {
-            calls: bridge.state.tally.calls,
-            gradients: bridge.state.tally.gradients,
-            cpu_seconds: state.time.cpu_seconds,
-            wall_seconds: state.time.wall_seconds,
-            rejected: bridge.state.tally.rejected.clone(),
-        },
+        cost: state.cost.clone(),
         history: History::Bridge {
             fraction: column(&bridge.state.levels, |l| l.fraction),
             ln_ratio: column(&bridge.state.levels, |l| l.ln_ratio),

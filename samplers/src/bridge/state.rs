@@ -2,12 +2,11 @@
 
 use super::Settings;
 use super::between::{Between, Both};
-use crate::checkpointer::Time;
 use crate::diagnostics::effective_kinds;
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, Point, Tally, slice_updates, try_involutions};
-use crate::output::Run;
+use crate::hmc::{Evaluator, Metric, Point, slice_updates, try_involutions};
+use crate::output::{Calls, Cost, Run};
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::SmcWeights;
 use crate::target::{Symmetry, Target};
@@ -54,8 +53,7 @@ pub(super) struct State {
     pub(super) metrics: Vec<Metric>,
     pub(super) pools: Vec<DifferencePool>,
     pub(super) levels: Vec<Level>,
-    pub(super) tally: Tally,
-    pub(super) time: Time,
+    pub(super) cost: Cost,
 }
 
 impl State {
@@ -126,7 +124,7 @@ impl Bridge<'_> {
         for (particle, fine) in particles.iter_mut().zip(fine) {
             particle.both.fine = fine;
         }
-        self.state.tally.add(&evaluator);
+        self.state.cost.count(&evaluator.calls);
         self.state.particles = particles;
         self.state.mcmc_steps = self.settings.mcmc_steps;
         Ok(())
@@ -195,7 +193,7 @@ impl Bridge<'_> {
         let state = &self.state;
         let fraction = state.fraction;
         let (level, mcmc_step) = (self.level(), state.mcmc_steps as u64);
-        let moved: Vec<Result<(Particle, Tally)>> = (0..state.particles.len())
+        let moved: Vec<Result<(Particle, Calls)>> = (0..state.particles.len())
             .into_par_iter()
             .map(|i| {
                 let mut particle = state.particles[i].clone();
@@ -206,7 +204,7 @@ impl Bridge<'_> {
                 point.z.clone_from(&particle.z);
                 let between = Between::new(self.coarse, self.target, fraction);
                 let (metric, pool) = (&state.metrics[half], &state.pools[half]);
-                let tally =
+                let calls =
                     between.explore(&mut point, &mut particle.both, |evaluator, point| {
                         if mcmc_step == 0 {
                             try_involutions(evaluator, 1.0, point, &mut rng)?;
@@ -214,15 +212,13 @@ impl Bridge<'_> {
                         slice_updates(evaluator, 1.0, metric, pool, 1, point, &mut rng, |_| ())
                     })?;
                 particle.z = point.z;
-                Ok((particle, tally))
+                Ok((particle, calls))
             })
             .collect();
-        let moved: Vec<(Particle, Tally)> = moved.into_iter().collect::<Result<_>>()?;
-        let (particles, tallies): (Vec<Particle>, Vec<Tally>) = moved.into_iter().unzip();
+        let moved: Vec<(Particle, Calls)> = moved.into_iter().collect::<Result<_>>()?;
+        let (particles, calls): (Vec<Particle>, Vec<Calls>) = moved.into_iter().unzip();
         self.state.particles = particles;
-        tallies
-            .iter()
-            .for_each(|tally| self.state.tally.merge(tally));
+        calls.iter().for_each(|calls| self.state.cost.count(calls));
         Ok(())
     }
 }

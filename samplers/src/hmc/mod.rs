@@ -18,7 +18,7 @@ mod symmetry;
 pub use leapfrog::{End, LocalSampler, Moved, Plan, shorten};
 pub use metric::Metric;
 pub use moments::Moments;
-pub use point::{Evaluator, Point, Tally};
+pub use point::{Evaluator, Point};
 pub use reference::Reference;
 pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};
 pub use step_size::{MAX_STEP, StepSize};

@@ -37,7 +37,7 @@ pub fn run(
         return Err(Error::GalileanWithoutGradient);
     }
     let mut checkpointer = Checkpointer::new(&[target], &(settings, seed), control)?;
-    let (mut state, warnings) = match checkpointer.load(control, |state: &State| state.time)? {
+    let (mut state, warnings) = match checkpointer.load(control, |state: &State| &state.cost)? {
         Some((saved, warning)) => (saved, warning.into_iter().collect()),
         None => (State::new(&context), Vec::new()),
     };
@@ -57,21 +57,21 @@ pub fn run(
                 ln_z: summary.weighted.ln_z,
                 ln_z_error: summary.ln_z_error,
                 ess: summary.ess,
-                calls: state.calls,
+                calls: state.cost.calls,
             });
             ended = Some(summary);
         }
         if stop || control.interrupted() {
             break Status::Interrupted;
         }
-        if control.spent(state.calls + state.gradients) {
+        if control.spent(state.cost.all_calls()) {
             break Status::BudgetSpent;
         }
         let step = match ended {
             Some(summary) => state.add_batch(&context, summary),
             None => state.advance(&context),
         };
-        state.time = checkpointer.time();
+        checkpointer.note_times(&mut state.cost);
         if let Err(error) = step {
             return Err(checkpointer.save_after(error, &state, control));
         }
@@ -84,7 +84,7 @@ pub fn run(
     if status != Status::Complete {
         checkpointer.save(&state, control)?;
     }
-    state.time = checkpointer.time();
+    checkpointer.note_times(&mut state.cost);
     let run = finish(&context, &state, status, warnings)?;
     control.tell(&Event::Finished);
     Ok(run)
@@ -97,7 +97,7 @@ fn event(state: &State, settings: &Settings) -> Event {
         ln_z: state.ln_z,
         ln_z_error: (state.information.max(0.0) / settings.n_live as f64).sqrt(),
         delta_ln_z: state.delta_ln_z(settings),
-        calls: state.calls,
+        calls: state.cost.calls,
         efficiency: state.efficiency,
     }
 }

@@ -3,18 +3,17 @@
 use super::bound::Bound;
 use super::dynamic::{LikelihoodRange, RunSummary};
 use super::kernel::{self, NewPoint, Setting};
-use super::likelihood::{Likelihood, Tally, draw_prior};
+use super::likelihood::{Likelihood, draw_prior};
 use super::live::{self, Genealogy, Points, REJECTED, Replacement, narrow};
 use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
 use super::tuning::Tuning;
-use crate::checkpointer::Time;
 use crate::error::{Error, Result};
+use crate::output::{Calls, Cost};
 use crate::rng::{Domain, Stream, below, stream};
 use crate::target::Target;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 /// Prior draws without a likelihood after which a run gives up.
 const MAX_FIRST_DRAWS: usize = 100_000;
@@ -104,14 +103,10 @@ pub(super) struct State {
     pub efficiency: f64,
     pub tuning: Tuning,
     pub ranks: Ranks,
-    /// Likelihood values without a gradient, and with one.
-    pub calls: u64,
-    pub gradients: u64,
-    pub rejected: BTreeMap<String, u64>,
+    pub cost: Cost,
     /// Points drawn with a bound, and their calls.
     pub bounded_points: u64,
     pub bounded_calls: u64,
-    pub time: Time,
 }
 
 impl State {
@@ -140,12 +135,9 @@ impl State {
                 context.target.dim(),
             ),
             ranks: Ranks::default(),
-            calls: 0,
-            gradients: 0,
-            rejected: BTreeMap::new(),
+            cost: Cost::default(),
             bounded_points: 0,
             bounded_calls: 0,
-            time: Time::default(),
         }
     }
 
@@ -309,10 +301,9 @@ impl State {
         let count = context.settings.n_live;
         let mut live = Points::new(points.dim());
         if range.floor == f64::NEG_INFINITY {
-            let (first, tally) = self.draw_prior(context)?;
+            let (first, calls) = self.draw_prior(context)?;
             live = first;
-            self.calls += tally.calls;
-            tally.add_to(&mut self.rejected);
+            self.cost.count(&calls);
         } else {
             let seeds = choose_seeds(&mut rng, kept.len(), count);
             let source = Source {
@@ -363,28 +354,24 @@ impl State {
     /// One block of independent prior draws, until an iteration of them has a likelihood.
     fn draw_first(&mut self, context: &Context<'_>) -> Result<()> {
         let count = context.settings.n_live;
-        let (first, tally) = self.draw_prior(context)?;
+        let (first, calls) = self.draw_prior(context)?;
         for i in 0..first.len() {
             self.live.push_from(&first, i);
         }
-        self.calls += tally.calls;
-        tally.add_to(&mut self.rejected);
+        self.cost.count(&calls);
         self.next_point += count as u64;
         let tries = self.live.len();
         let valid = self.live.ln_l.iter().filter(|l| **l > REJECTED).count();
         if valid == 0 && tries >= MAX_FIRST_DRAWS {
-            let cause = self.rejected.iter().max_by_key(|(_, count)| **count);
-            return Err(Error::NoStart {
-                tries,
-                cause: cause.map_or_else(String::new, |(cause, _)| cause.clone()),
-            });
+            let cause = self.cost.main_cause();
+            return Err(Error::NoStart { tries, cause });
         }
         self.started = valid >= context.settings.replaced_count() || tries >= MAX_FIRST_DRAWS;
         Ok(())
     }
 
     /// As many independent draws of the prior as there are to be live points.
-    fn draw_prior(&self, context: &Context<'_>) -> Result<(Points, Tally)> {
+    fn draw_prior(&self, context: &Context<'_>) -> Result<(Points, Calls)> {
         let mut likelihood = Likelihood::new(context.target);
         let mut places = vec![vec![0.0; context.target.dim()]; context.settings.n_live];
         for (j, u) in (self.next_point..).zip(&mut places) {
@@ -394,7 +381,7 @@ impl State {
         for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {
             points.push(&places[i], ln_l, f64::NEG_INFINITY, context.genealogy(i));
         }
-        Ok((points, likelihood.tally))
+        Ok((points, likelihood.calls))
     }
 
     fn ln_x_after(&self, replacement: &Replacement) -> f64 {
@@ -427,11 +414,9 @@ impl State {
     }
 
     fn count(&mut self, born: &[NewPoint]) {
-        let calls: u64 = born.iter().map(|b| b.tally.calls).sum();
-        self.calls += calls;
+        let calls: u64 = born.iter().map(|b| b.calls.values).sum();
         for b in born {
-            self.gradients += b.tally.gradients;
-            b.tally.add_to(&mut self.rejected);
+            self.cost.count(&b.calls);
         }
         if calls > 0 {
             self.efficiency = born.len() as f64 / calls as f64;

@@ -90,7 +90,7 @@ pub fn run(
         ..settings.clone()
     };
     let mut checkpointer = Checkpointer::new(&[target], &(drawing, seed), control)?;
-    let mut state = match checkpointer.load(control, |state: &State| state.time)? {
+    let mut state = match checkpointer.load(control, |state: &State| &state.cost)? {
         Some((state, _)) => state.allowed(settings.extensions),
         None => State::start(target, settings, seed)?,
     };
@@ -103,7 +103,7 @@ pub fn run(
             state.go_on(target);
         }
         let interrupted = stop || control.interrupted();
-        let spent = control.spent(state.tally.calls + state.tally.gradients);
+        let spent = control.spent(state.cost.all_calls());
         if state.smc_samplers() && (interrupted || spent) {
             checkpointer.save(&state, control)?;
             control.tell(&Event::Checkpointed);
@@ -116,7 +116,7 @@ pub fn run(
             break Status::BudgetSpent;
         }
         let advanced = state.advance(target);
-        state.time = checkpointer.time();
+        checkpointer.note_times(&mut state.cost);
         if let Err(error) = advanced {
             return Err(checkpointer.save_after(error, &state, control));
         }

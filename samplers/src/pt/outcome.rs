@@ -7,7 +7,7 @@ use super::schedule::communication_barrier;
 use super::state::State;
 use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
 use crate::error::Result;
-use crate::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
+use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
@@ -35,13 +35,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
         evidence: evidence(&draws, estimate),
         draws,
         ess,
-        cost: Cost {
-            calls: state.tally.calls,
-            gradients: state.tally.gradients,
-            cpu_seconds: state.time.cpu_seconds,
-            wall_seconds: state.time.wall_seconds,
-            rejected: state.tally.rejected.clone(),
-        },
+        cost: state.cost.clone(),
         history: history(state, steps, cold.ln_likelihood),
         checks,
         warnings: warnings(state),

@@ -5,9 +5,9 @@ use super::schedule::first_schedule;
 use super::smc::{Level, SmcSamplers};
 use super::state::{Chain, State, Temperature};
 use super::{Settings, swap};
-use crate::checkpointer::Time;
 use crate::error::{Error, Result};
-use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Reference, StepSize, Tally};
+use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Reference, StepSize};
+use crate::output::{Calls, Cost};
 use crate::rng::{Domain, Stream, stream, unit_open};
 use crate::target::Target;
 use rayon::prelude::*;
@@ -28,7 +28,7 @@ const MAX_ENERGY_RANGE: f64 = 1000.0;
 struct Explored {
     point: Point,
     local: Local,
-    tally: Tally,
+    calls: Calls,
     /// Every place on the way, where a mixture is to be fitted to them.
     trail: Vec<f64>,
 }
@@ -67,8 +67,7 @@ impl State {
             chains: Vec::new(),
             temperatures,
             history: Vec::new(),
-            tally: Tally::default(),
-            time: Time::default(),
+            cost: Cost::default(),
         };
         if settings.smc_particles > 0 {
             let clusters = settings.clusters();
@@ -123,11 +122,14 @@ impl State {
             if tries / START_TRIES > found {
                 return Err(Error::NoStart {
                     tries,
-                    cause: Tally::of(&evaluator).main_cause(),
+                    cause: {
+                        self.cost.count(&evaluator.calls);
+                        self.cost.main_cause()
+                    },
                 });
             }
         }
-        self.tally.add(&evaluator);
+        self.cost.count(&evaluator.calls);
         Ok(points
             .chunks(per_chain_set)
             .map(<[Point]>::to_vec)
@@ -154,8 +156,8 @@ impl State {
     pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
         if let Some(smc_samplers) = &mut self.smc_samplers {
             let mcmc_steps = self.settings.mcmc_steps(target.dim());
-            let tally = smc_samplers.advance(target, mcmc_steps, self.seed)?;
-            self.tally.merge(&tally);
+            let calls = smc_samplers.advance(target, mcmc_steps, self.seed)?;
+            self.cost.count(&calls);
             if smc_samplers.done() {
                 let levels: Vec<Vec<Level>> =
                     smc_samplers.levels().map(<[Level]>::to_vec).collect();
@@ -179,7 +181,7 @@ impl State {
             self.chains[index].point = explored.point;
             locals[index % temperatures].add(&explored.local);
             self.record.trails[index / temperatures].extend(explored.trail);
-            self.tally.merge(&explored.tally);
+            self.cost.count(&explored.calls);
         }
         self.clock += 1;
         let beta = self.beta();
@@ -264,7 +266,7 @@ impl State {
         Ok(Explored {
             point,
             local,
-            tally: Tally::of(&local_sampler.evaluator),
+            calls: local_sampler.evaluator.calls,
             trail,
         })
     }

@@ -13,7 +13,8 @@ use super::schedule::{communication_barrier, locate, respaced};
 use super::swap;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
-use crate::hmc::{Evaluator, Metric, Point, Tally, involutions_and_slice_updates};
+use crate::hmc::{Evaluator, Metric, Point, involutions_and_slice_updates};
+use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::SmcWeights;
 use crate::target::{Symmetry, Target};
@@ -225,7 +226,7 @@ impl SmcSamplers {
         target: &dyn Target,
         mcmc_steps: usize,
         seed: u64,
-    ) -> Result<Tally> {
+    ) -> Result<Calls> {
         if self.beta <= 0.0 || self.mcmc_steps == mcmc_steps {
             self.cool(target, seed);
         }
@@ -257,10 +258,10 @@ impl SmcSamplers {
             })
             .collect();
         let moved: Vec<(Point, Evaluator<'_>)> = moved.into_iter().collect::<Result<_>>()?;
-        let mut tally = Tally::default();
+        let mut calls = Calls::default();
         for (&(number, i), (point, evaluator)) in tasks.iter().zip(moved) {
             self.smc_samplers[number].points[i] = point;
-            tally.add(&evaluator);
+            calls.add(&evaluator.calls);
         }
         self.mcmc_steps += 1;
         if self.mcmc_steps == mcmc_steps {
@@ -270,7 +271,7 @@ impl SmcSamplers {
             }
         }
         self.clock += 1;
-        Ok(tally)
+        Ok(calls)
     }
 }
 

@@ -4,10 +4,10 @@ use super::Settings;
 use super::evidence::{Estimate, Traces, estimate};
 use super::record::Record;
 use super::smc::SmcSamplers;
-use crate::checkpointer::Time;
 use crate::control::Event;
 use crate::difference_pool::DifferencePool;
-use crate::hmc::{Metric, Point, Reference, StepSize, Tally};
+use crate::hmc::{Metric, Point, Reference, StepSize};
+use crate::output::Cost;
 use serde::{Deserialize, Serialize};
 
 /// A round of fewer scans is early: it only has to find the scales, so its trajectories are short, and energies far
@@ -61,8 +61,7 @@ pub(super) struct State {
     pub(super) chains: Vec<Chain>,
     pub(super) record: Record,
     pub(super) history: Vec<Finished>,
-    pub(super) tally: Tally,
-    pub(super) time: Time,
+    pub(super) cost: Cost,
 }
 
 impl State {
@@ -149,7 +148,7 @@ impl State {
     pub(super) fn progress(&self) -> Event {
         if let Some(smc_samplers) = &self.smc_samplers {
             let (beta, ln_z) = smc_samplers.progress();
-            let calls = self.tally.calls;
+            let calls = self.cost.calls;
             return Event::Smc { beta, ln_z, calls };
         }
         let last = self.history.last();
@@ -160,7 +159,7 @@ impl State {
             communication_barrier: last.map_or(f64::NAN, |r| r.communication_barrier),
             round_trips: self.record.round_trips(),
             ln_z: last.map_or(f64::NAN, |r| r.ln_z),
-            gradients: self.tally.gradients,
+            gradients: self.cost.gradients,
         }
     }
 

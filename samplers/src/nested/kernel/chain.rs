@@ -3,10 +3,11 @@
 use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
 use crate::nested::bound::Bound;
-use crate::nested::likelihood::{Likelihood, Tally};
+use crate::nested::likelihood::Likelihood;
 use crate::nested::live::Points;
 use crate::nested::settings::Kernel;
 use crate::normal;
+use crate::output::Calls;
 use crate::rng::Stream;
 use crate::target::{Symmetry, Target};
 
@@ -79,7 +80,7 @@ pub(in crate::nested) struct Motion {
 pub(in crate::nested) struct NewPoint {
     pub u: Vec<f64>,
     pub ln_l: f64,
-    pub tally: Tally,
+    pub calls: Calls,
     pub motion: Motion,
 }
 

@@ -36,18 +36,18 @@ pub(super) fn draw(
             return Ok(NewPoint {
                 u,
                 ln_l,
-                tally: likelihood.tally,
+                calls: likelihood.calls,
                 motion: Motion {
                     moved: true,
                     ..Motion::default()
                 },
             });
         }
-        if likelihood.tally.calls >= MAX_CALLS {
+        if likelihood.calls.values >= MAX_CALLS {
             break;
         }
     }
     Err(Error::LooseBound {
-        calls: likelihood.tally.calls,
+        calls: likelihood.calls.values,
     })
 }

@@ -4,8 +4,8 @@
 use super::*;
 use crate::nested::evidence::DeadPoints;
 use crate::nested::kernel::chain::Motion;
-use crate::nested::likelihood::Tally;
 use crate::nested::tuning::mean;
+use crate::output::Calls;
 use crate::rng::unit_open;
 use crate::target::{Marginal, Outcome, Prior};
 
@@ -24,7 +24,7 @@ fn newborn(x: f64, ln_l: f64) -> NewPoint {
     NewPoint {
         u: vec![x],
         ln_l,
-        tally: Tally::default(),
+        calls: Calls::default(),
         motion: Motion::default(),
     }
 }
