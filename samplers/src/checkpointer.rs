@@ -1,4 +1,4 @@
-//! What a sampler that can be stopped keeps beside its work: its state on disk, and its clocks.
+//! Writing and reading a run's checkpoints, and the clocks of its time.
 
 use crate::checkpoint;
 use crate::control::{Control, Event};
@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::time::Instant;
 
-/// See the module's words.
+/// Checkpoints and clocks of one run.
 pub(crate) struct Checkpointer {
     config_hash: u64,
     fingerprint: u64,
@@ -55,7 +55,7 @@ impl Checkpointer {
         Ok(checkpointer)
     }
 
-    /// The state to go on from, if there is a checkpoint to resume; a warning about a damaged one is told, and returned.
+    /// The state of the checkpoint to resume, if there is one; a warning about a damaged file is an event, and returned.
     ///
     /// # Errors
     /// As of [`checkpoint::load`].
@@ -94,7 +94,7 @@ impl Checkpointer {
         Ok(true)
     }
 
-    /// As [`save`](Self::save) after an error, which is the one to report: a second one, of the disk, is told besides.
+    /// As [`save`](Self::save) after an error, which is returned: a second error, of the disk, is a warning event.
     pub fn save_after(
         &self,
         error: Error,

@@ -1,4 +1,4 @@
-//! What every sampler returns: draws with weights, an evidence with its error, what it cost, and a verdict.
+//! What every sampler returns: weighted draws, the evidence with its error, the cost and the convergence checks.
 
 use crate::error::{Error, Result};
 use crate::target::{Cause, Outcome, Target};
@@ -13,7 +13,7 @@ pub enum Method {
     Nested,
     /// Non-reversible parallel tempering with HMC transitions.
     PtHmc,
-    /// A run on a coarse likelihood, carried to a fine one.
+    /// SMC bridge from a run on a coarse likelihood to a fine one.
     Bridge,
 }
 
@@ -201,14 +201,14 @@ fn rows_by(labels: &[u32]) -> Vec<Vec<usize>> {
     rows
 }
 
-/// The evidence and how far to trust it.
+/// The evidence and its errors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// ln Z.
     pub ln_z: f64,
     /// One standard error of ln Z: the largest of the parts.
     pub error: f64,
-    /// Errors by the way they were estimated.
+    /// Errors, by the name of their estimate.
     pub error_parts: BTreeMap<String, f64>,
     /// Other estimates of ln Z, by name.
     pub estimates: BTreeMap<String, f64>,
@@ -363,18 +363,18 @@ pub enum History {
     },
     /// One entry per step from the coarse likelihood to the fine one.
     Bridge {
-        /// The fine one's share in ln L.
+        /// The fraction of the fine likelihood in ln L.
         fraction: Vec<f64>,
         /// ln Z over that of the coarse run.
         ln_ratio: Vec<f64>,
-        /// Draws of the coarse run that are left as ancestors, in effect.
+        /// Effective number of draws of the coarse run that are ancestors.
         ancestors: Vec<f64>,
-        /// Correlation of the difference in ln L before and after the step's slices.
+        /// Correlation of the difference in ln L before and after the slice updates of the step.
         correlation: Vec<f64>,
     },
 }
 
-/// One check of a run, with its remedy in words.
+/// One convergence check of a run, with its remedy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
     /// Short name.

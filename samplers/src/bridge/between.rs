@@ -1,4 +1,4 @@
-//! A likelihood on the way from a coarse one to a fine one, `L_coarse^(1 - fraction) L_fine^fraction`, as a target to move on.
+//! The likelihood between a coarse and a fine one, `L_coarse^(1 - fraction) L_fine^fraction`, as a target.
 
 use crate::error::Result;
 use crate::hmc::{Evaluator, Point};
@@ -6,7 +6,7 @@ use crate::output::Calls;
 use crate::target::{Outcome, Prior, Symmetry, Target};
 use std::sync::{Mutex, PoisonError};
 
-/// ln L of both at one place.
+/// ln L of both at one point.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Both {
     pub coarse: f64,
@@ -19,23 +19,23 @@ impl Both {
         self.fine - self.coarse
     }
 
-    /// ln L on the way.
+    /// ln L at this fraction of the fine likelihood.
     pub fn at(self, fraction: f64) -> f64 {
         (1.0 - fraction) * self.coarse + fraction * self.fine
     }
 }
 
-/// See the module's words. For one point: it remembers what it was asked last.
+/// See the module. For one particle: it keeps the last values, which belong to the point where a slice update ends.
 pub struct Between<'a> {
     coarse: &'a dyn Target,
     fine: &'a dyn Target,
     fraction: f64,
-    /// The last values: a slice ends at the last point that it asks for.
+    /// The last values.
     last: Mutex<Both>,
 }
 
 impl<'a> Between<'a> {
-    /// Of a fraction of the fine likelihood in ln L.
+    /// At this fraction of the fine likelihood in ln L.
     pub fn new(coarse: &'a dyn Target, fine: &'a dyn Target, fraction: f64) -> Self {
         let nowhere = Both {
             coarse: f64::NEG_INFINITY,
@@ -49,7 +49,7 @@ impl<'a> Between<'a> {
         }
     }
 
-    /// Moves `point`, where both likelihoods are `both`, by what `explore` does on this law. Counts calls of either.
+    /// Moves `point`, where both likelihoods are `both`, by `explore` on this likelihood. Counts calls of both.
     ///
     /// # Errors
     /// Those of `explore`; [`Error::Fatal`] and [`Error::Infinite`] from the targets.
@@ -64,7 +64,7 @@ impl<'a> Between<'a> {
         let mut evaluator = Evaluator::new(self);
         explore(&mut evaluator, point)?;
         let mut calls = evaluator.calls;
-        // Each value between the two is one of either.
+        // Each value is one call of either likelihood.
         calls.values *= 2;
         let last = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
         *both = if last.at(self.fraction).to_bits() == point.ln_likelihood.to_bits() {

@@ -1,13 +1,13 @@
-//! From a run on a coarse likelihood to the posterior of a fine one that costs more: draws of the run are carried along
-//! `L_coarse^(1 - s) L_fine^s` from `s = 0` to 1, as a set of SMC particles that is cooled ([`smc_weights`](crate::smc_weights)).
+//! SMC bridge: from a finished run on a coarse likelihood to the posterior of a fine one that costs more. Draws of the run
+//! are moved along `L_coarse^(1 - s) L_fine^s` from `s = 0` to 1 ([`smc_weights`](crate::smc_weights)).
 //!
-//! Where a likelihood can be had cheaper and a little wrong, the long way from the prior to the posterior is walked on the
-//! cheap one, by any sampler, and the fine one is called only for what is left. ln Z is the run's and the logarithm of the mean
-//! weights of the way: consistent however far the two likelihoods are apart, and soon done if that is a few nats. What the coarse
-//! run does not know, it cannot find: a mode that it missed, or points without a coarse likelihood.
+//! Where a likelihood has a cheap approximation, any sampler finds the posterior of the approximation, and the fine
+//! likelihood is called only for the difference. ln Z is that of the run plus the logarithms of the mean weights: consistent
+//! for any difference, and cheap if the difference is a few nats. What the coarse run has missed is not found: a mode, or
+//! points without a coarse likelihood.
 //!
-//! After each step every SMC particle moves by slices. The SMC particles of even lineages of the run are led by those of odd ones and the
-//! other way round, as relatives would not lead each other by the right law.
+//! After each step every SMC particle makes slice updates. Particles of even lineages of the run take directions from those
+//! of odd ones and the reverse: directions from the own lineage would not leave the distribution invariant.
 
 mod between;
 mod outcome;
@@ -26,10 +26,10 @@ use state::{Bridge, State};
 /// What errors call the coarse run.
 const COARSE: &str = "the coarse run";
 
-/// Carries draws of `parent`, a run on `coarse`, to the posterior of `target`, which has the same parameters.
+/// Continues `parent`, a run on `coarse`, to the posterior of `target`, which has the same parameters.
 ///
-/// The same parent, settings and seed give the same bits on any number of threads and after any number of interruptions. One
-/// that is interrupted or whose budget is spent has no result yet: it leaves a checkpoint, where one is planned. Calls are of both
+/// The same parent, settings and seed give the same bits on any number of threads and after any number of interruptions. A bridge
+/// that is interrupted or whose budget is spent has no result yet: it writes a checkpoint, where one is planned. Calls are of both
 /// likelihoods, except that the parent's are not counted again.
 ///
 /// # Errors
@@ -65,7 +65,7 @@ pub fn run(
         Some((state, _)) => bridge.state = state,
         None => bridge.begin(parent)?,
     }
-    while !bridge.arrived() {
+    while !bridge.finished() {
         if stop || control.interrupted() || control.spent(bridge.state.cost.calls) {
             checkpointer.save(&bridge.state, control)?;
             control.tell(&Event::Checkpointed);

@@ -13,43 +13,43 @@ use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Index, within a level, of the stream that takes SMC particles anew.
+/// Index, within a level, of the random stream of the resampling.
 const RESAMPLING: u64 = u64::MAX;
 
-/// A draw of the parent run on its way.
+/// One SMC particle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Particle {
     pub(super) z: Vec<f64>,
     pub(super) both: Both,
-    /// Row of the parent's draws that it comes from.
+    /// Eve index: the row of the parent's draws from which it descends.
     pub(super) eve: usize,
-    /// Group of dependent draws that the ancestor is of.
+    /// Cluster of dependent draws to which that row belongs.
     pub(super) lineage: u32,
 }
 
-/// One step of the way.
+/// One step of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Level {
     pub(super) fraction: f64,
     /// ln Z here over that of the coarse run.
     pub(super) ln_ratio: f64,
-    /// Ancestors left, in effect.
+    /// Effective number of ancestors.
     pub(super) ancestors: f64,
-    /// Correlation of `ln L_fine - ln L_coarse` before and after the slices.
+    /// Correlation of `ln L_fine - ln L_coarse` before and after the slice updates.
     pub(super) correlation: f64,
 }
 
-/// The set of SMC particles and how far it has come: what a checkpoint holds.
+/// The particles and the fraction reached: what a checkpoint holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
     pub(super) fraction: f64,
     pub(super) ln_ratio: f64,
     pub(super) particles: Vec<Particle>,
-    /// MCMC steps done at this share; none are due at the parent's own.
+    /// MCMC steps done at this fraction; none are due at 0.
     pub(super) mcmc_steps: usize,
     /// ln L of the fine likelihood over the coarse one of every SMC particle before these MCMC steps.
     pub(super) gaps_before: Vec<f64>,
-    /// What SMC particles of even and of odd lineages move by.
+    /// Metrics for particles of even and of odd lineages; `pools` likewise.
     pub(super) metrics: Vec<Metric>,
     pub(super) pools: Vec<DifferencePool>,
     pub(super) levels: Vec<Level>,
@@ -73,7 +73,7 @@ impl State {
     }
 }
 
-/// A set of SMC particles between its two likelihoods.
+/// A bridge in progress.
 pub(super) struct Bridge<'a> {
     pub(super) target: &'a dyn Target,
     pub(super) coarse: &'a dyn Target,
@@ -84,11 +84,11 @@ pub(super) struct Bridge<'a> {
 
 impl Bridge<'_> {
     /// Whether the last MCMC step at the fine likelihood is done.
-    pub(super) fn arrived(&self) -> bool {
+    pub(super) fn finished(&self) -> bool {
         self.state.fraction >= 1.0 && self.state.mcmc_steps == self.settings.mcmc_steps
     }
 
-    /// Takes draws of the parent, equally weighted, and asks for their fine likelihood.
+    /// Resamples draws of the parent to equal weights and computes their fine likelihood.
     pub(super) fn begin(&mut self, parent: &Run) -> Result<()> {
         let draws = &parent.draws;
         let grouped = draws.cluster.iter().any(|g| *g != draws.cluster[0]);
@@ -130,8 +130,8 @@ impl Bridge<'_> {
         Ok(())
     }
 
-    /// One MCMC step, with a step towards the fine likelihood before it where it is due. On an error no SMC particle has moved, and the
-    /// same MCMC step can be tried again.
+    /// One MCMC step, after a step towards the fine likelihood where one is due. On an error no particle has moved, and the
+    /// same MCMC step can be repeated.
     pub(super) fn advance(&mut self) -> Result<()> {
         if self.state.mcmc_steps == self.settings.mcmc_steps {
             self.step();
@@ -156,14 +156,14 @@ impl Bridge<'_> {
         self.state.levels.len() as u64 + 1
     }
 
-    /// Weights, and SMC particles taken anew by them.
+    /// Reweights and resamples.
     fn step(&mut self) {
         let level = self.level();
         let state = &mut self.state;
         let smc_weights = SmcWeights::new(state.gaps());
         let left = 1.0 - state.fraction;
         let step = smc_weights.longest_step(left);
-        // A step of almost all that is left takes it all: what remains weighs nothing.
+        // A remainder of less than 1e-9 of the step is added to it.
         state.fraction = if step >= left * (1.0 - 1e-9) {
             1.0
         } else {
@@ -188,7 +188,7 @@ impl Bridge<'_> {
             .collect();
     }
 
-    /// Moves every SMC particle by a slice of the present law, and by the target's involutions in the first MCMC step at it.
+    /// One slice update of every particle, and the target's involutions in the first MCMC step at a fraction.
     fn mcmc_step(&mut self) -> Result<()> {
         let state = &self.state;
         let fraction = state.fraction;

@@ -1,4 +1,4 @@
-//! Where a chain stands, and the target seen from standard-normal coordinates, with every call counted.
+//! States of chains, and the target in standard-normal coordinates with its calls counted.
 
 use super::reference::{PRIOR, Reference};
 use crate::error::Result;
@@ -16,7 +16,7 @@ pub struct Point {
     pub ln_likelihood: f64,
     /// Gradient of ln L with respect to `z`; of no meaning unless [`has_gradient`](Self::has_gradient).
     pub gradient: Vec<f64>,
-    /// Whether the gradients belong to `z`: moves that need none do not pay for them.
+    /// Whether the gradients belong to `z`: moves that need none do not compute them.
     pub has_gradient: bool,
     /// [`Reference::ln_over_prior`] there.
     pub ln_over_prior: f64,
@@ -44,7 +44,7 @@ impl Point {
         ln_density(beta, &self.z, self.ln_likelihood, self.ln_over_prior)
     }
 
-    /// ln of prior times likelihood over the reference: what swaps and evidences weigh.
+    /// ln of prior times likelihood over the reference: what swaps and evidences are made of.
     #[must_use]
     pub fn ln_ratio(&self) -> f64 {
         self.ln_likelihood - self.ln_over_prior
@@ -67,7 +67,7 @@ pub(super) fn ln_density(beta: f64, z: &[f64], ln_likelihood: f64, ln_over_prior
     beta * ln_likelihood + (1.0 - beta) * ln_over_prior - 0.5 * z.iter().map(|z| z * z).sum::<f64>()
 }
 
-/// A target in standard-normal coordinates, owned by one task: it counts and keeps its scratch space.
+/// A target in standard-normal coordinates, owned by one task, with its calls and scratch space.
 pub struct Evaluator<'a> {
     target: &'a dyn Target,
     reference: &'a Reference,
@@ -100,7 +100,7 @@ impl<'a> Evaluator<'a> {
         self.target
     }
 
-    /// Where the path begins.
+    /// The reference.
     #[must_use]
     pub fn reference(&self) -> &'a Reference {
         self.reference

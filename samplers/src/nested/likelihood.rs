@@ -6,7 +6,7 @@ use crate::output::Calls;
 use crate::rng::{Stream, unit_open};
 use crate::target::{Outcome, Target};
 
-/// One worker's hold on the target.
+/// The target as one task calls it.
 pub(super) struct Likelihood<'a> {
     target: &'a dyn Target,
     theta: Vec<f64>,

@@ -1,9 +1,9 @@
 //! Runs of several seeds as one.
 //!
 //! Births and deaths of independent runs weigh together as those of one run with as many live points as all of them had (Skilling
-//! 2006; Higson et al. 2019). What each of them found is compared first: a mode that one run has missed shows as a difference.
+//! 2006; Higson et al. 2019). Their evidences and means are compared first: a mode that one run has missed shows as a difference.
 
-use super::checks::of_genealogy;
+use super::checks::by_lineages;
 use super::evidence::DeadPoints;
 use super::live::{self, Genealogy, REJECTED, narrow};
 use super::results::{Errors, Results, simulated};
@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 /// Least probability that runs of one posterior differ as these do.
 const MIN_PROBABILITY: f64 = 0.01;
 
-/// One nested run out of several on the same `target`, of different seeds, at no further cost. Its checks are the worst of theirs and
+/// One nested run out of several on the same `target`, of different seeds, without further likelihood calls. Its checks are the worst of theirs and
 /// whether they agree; it has the seed of the first.
 ///
 /// # Errors
@@ -49,7 +49,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     let draws = results.draws(target, &all.theta)?;
     let ess = results.ess(&draws);
     let mut checks = worst(runs);
-    checks.extend(of_genealogy(&results.measured(ess.kish)));
+    checks.extend(by_lineages(&results.measured(ess.kish)));
     checks.extend(agreement(runs));
     let ranks = parts.iter().flat_map(|part| part.insertion_rank);
     Ok(Run {
@@ -70,7 +70,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     })
 }
 
-/// A run, taken apart.
+/// The parts of a run.
 struct Part<'a> {
     draws: &'a Draws,
     ln_l: &'a [f64],
@@ -190,7 +190,7 @@ fn agreement(runs: &[&Run]) -> [Check; 2] {
     ]
 }
 
-/// Error of ln Z that the runs' independent errors of this name make together, each with the fraction of its live points: a run keeps
+/// Error of ln Z from the runs' independent errors of this name, each weighted by its number of live points: a run keeps
 /// neither its recent lineages nor the number of its ancestors.
 fn together(runs: &[&Run], parts: &[Part<'_>], name: &str) -> f64 {
     let size = |part: &Part<'_>| part.live.first().map_or(0.0, |n| f64::from(*n));

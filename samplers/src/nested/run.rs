@@ -13,7 +13,7 @@ use crate::target::Target;
 /// Runs nested sampling on `target`, once or until the settings' targets are met, and returns weighted draws of its
 /// posterior with the evidence.
 ///
-/// The same target, settings and seed give the same bits on any number of lineages (those of the current rayon pool),
+/// The same target, settings and seed give the same bits on any number of threads (those of the current rayon pool),
 /// and after any number of interruptions. A run that was interrupted or whose budget is spent returns what it has,
 /// unconverged; it can be resumed from its checkpoint, which stays after completion too.
 ///
@@ -44,7 +44,7 @@ pub fn run(
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
         let mut ended = None;
-        if state.rests(settings) {
+        if state.batch_ended(settings) {
             if !settings.dynamic() {
                 break Status::Complete;
             }

@@ -21,14 +21,15 @@ const MAX_FIRST_DRAWS: usize = 100_000;
 /// Prior volume from which on bounds are used; plain draws of the prior above it cost less than any chain.
 const FIRST_BOUND: f64 = 0.1;
 
-/// Fraction of the recent lineages that must be left, in effect, or else they are founded anew. Chance alone makes more and more points
-/// relatives, until the scatter of two or three recent lineages says nothing; what a chain forgets is forgotten by then.
+/// Fraction of the recent lineages below which, as an effective number, they are begun anew. Random replacement makes more
+/// and more points relatives, until the scatter of two or three recent lineages is no estimate; by then the chains have
+/// forgotten what the lineages began with.
 const MIN_RECENT_LINEAGES: f64 = 0.3;
 
 /// Shrinkage of the volume after which the bound is fitted again.
 const REFIT: f64 = 1.5;
 
-/// What a run is about; never changes.
+/// What defines a run: it does not change.
 #[derive(Clone, Copy)]
 pub(super) struct Context<'a> {
     pub target: &'a dyn Target,
@@ -56,7 +57,7 @@ impl Context<'_> {
     }
 }
 
-/// What new points are drawn from.
+/// Where the chains of new points start, and above which bound.
 struct Source<'a> {
     /// Points above the contour, where chains start.
     kept: &'a Points,
@@ -66,7 +67,7 @@ struct Source<'a> {
     steps: usize,
 }
 
-/// Whether chains draw the points, from whose motion step lengths are learned.
+/// Whether chains draw the points, so that step lengths are learned from them.
 fn learns(context: &Context<'_>, bounds: &[Bound]) -> bool {
     context.kernel() != Kernel::Uniform && !bounds.is_empty()
 }
@@ -80,9 +81,9 @@ pub(super) struct State {
     started: bool,
     /// Batches begun so far.
     pub batches: usize,
-    /// What the present batch spans; none: it is the first one, from the prior to the peak.
+    /// The range of the present batch; none: the first one, from the prior to the peak.
     range: Option<LikelihoodRange>,
-    /// What the first batch left, once there are more.
+    /// Remaining evidence at the end of the first batch, once there are more.
     left: Option<f64>,
     pub iteration: u64,
     next_point: u64,
@@ -95,8 +96,8 @@ pub(super) struct State {
     /// None, one to draw from, or two metrics: see [`Setting::bounds`].
     bounds: Vec<Bound>,
     ln_x_at_fit: f64,
-    /// Recent lineages founded so far.
-    founded: u32,
+    /// Recent lineages begun so far.
+    begun: u32,
     /// Points per call in the first iteration after the fit, once known.
     efficiency_at_fit: Option<f64>,
     /// Points per call in the last iteration.
@@ -126,7 +127,7 @@ impl State {
             information: 0.0,
             bounds: Vec::new(),
             ln_x_at_fit: 0.0,
-            founded: narrow(context.lineages()),
+            begun: narrow(context.lineages()),
             efficiency_at_fit: None,
             efficiency: 1.0,
             tuning: Tuning::new(
@@ -167,7 +168,7 @@ impl State {
         (best + self.ln_x - self.ln_z).exp().ln_1p()
     }
 
-    /// Whether the next iteration would take everyone.
+    /// Whether the next iteration would replace all live points.
     fn on_last_plateau(&self, settings: &Settings) -> bool {
         let best = self.live.best();
         let lower = self.live.ln_l.iter().filter(|l| **l < best).count();
@@ -175,7 +176,7 @@ impl State {
     }
 
     /// Whether the present batch has reached its end.
-    pub fn rests(&self, settings: &Settings) -> bool {
+    pub fn batch_ended(&self, settings: &Settings) -> bool {
         match &self.range {
             None => self.delta_ln_z(settings) < settings.dlnz,
             Some(range) => {
@@ -185,7 +186,7 @@ impl State {
         }
     }
 
-    /// One iteration: the lowest points die, as many are born. On an error nothing has changed.
+    /// One iteration: the lowest points are replaced. On an error nothing has changed.
     pub fn advance(&mut self, context: &Context<'_>) -> Result<()> {
         if !self.started {
             return self.draw_first(context);
@@ -230,7 +231,7 @@ impl State {
         };
         self.commit(&replacement, &born, &genealogy, &mut rng);
         if self.live.effective_recent_lineages() < MIN_RECENT_LINEAGES * context.lineages() as f64 {
-            self.found_recent_lineages(context);
+            self.begin_recent_lineages(context);
         }
         // Steps that the user chose stay.
         if context.settings.steps.is_none() {
@@ -277,15 +278,15 @@ impl State {
         born.into_iter().collect()
     }
 
-    /// Buries everyone and begins a batch where, by a summary of the run, more points tell most. On an error nothing has
-    /// changed.
+    /// Makes all live points dead and begins a batch where, by the summary of the run, more points reduce the error most. On
+    /// an error nothing has changed.
     pub fn add_batch(&mut self, context: &Context<'_>, summary: RunSummary) -> Result<()> {
         let fraction = summary.posterior_fraction(context.settings);
         let range = LikelihoodRange::of(&summary.history, &summary.weighted, fraction);
         let RunSummary {
             points, weighted, ..
         } = summary;
-        // Those alive at the floor, of whatever batch, are draws of the prior above it.
+        // Points alive at the floor, of any batch, are draws of the prior above it.
         let alive: Vec<usize> = (0..points.len())
             .filter(|&i| points.birth[i] <= range.floor && points.ln_l[i] > range.floor)
             .collect();
@@ -331,8 +332,8 @@ impl State {
         self.iteration += 1;
         self.dead = points;
         self.live = live;
-        // Another batch from the same seeds would have other volumes.
-        self.found_recent_lineages(context);
+        // Recent lineages measure the volumes of one batch.
+        self.begin_recent_lineages(context);
         self.batches += 1;
         self.range = Some(range);
         self.ln_x = range.ln_x;
@@ -345,10 +346,10 @@ impl State {
         Ok(())
     }
 
-    fn found_recent_lineages(&mut self, context: &Context<'_>) {
+    fn begin_recent_lineages(&mut self, context: &Context<'_>) {
         let count = narrow(context.lineages());
-        self.live.found(self.founded, count);
-        self.founded += count;
+        self.live.begin_recent_lineages(self.begun, count);
+        self.begun += count;
     }
 
     /// One block of independent prior draws, until an iteration of them has a likelihood.
@@ -428,7 +429,7 @@ impl State {
         }
     }
 
-    /// Buries the dying, in order, and puts the newborn, of this genealogy, in their places.
+    /// Moves the dying points to the dead ones, in order, and puts the new points with their genealogy in their places.
     fn commit(
         &mut self,
         replacement: &Replacement,

@@ -12,24 +12,24 @@ use crate::rng::{Domain, Stream, stream, unit_open};
 use crate::target::Target;
 use rayon::prelude::*;
 
-/// A target where fewer draws of the prior than one in so many have a likelihood is taken to have none.
+/// If fewer draws of the prior than one in so many have a likelihood, the target is taken to have none.
 const START_TRIES: usize = 100_000;
 
 /// Most leapfrog steps of a move in an early round.
 const EARLY_LEAPFROGS: usize = 32;
 
-/// Fraction of a fall that an energy error may be in an early round.
+/// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory fell.
 const EARLY_SLACK: f64 = 0.05;
 
 /// Energy range of a path that marks it as divergent in all other rounds.
 const MAX_ENERGY_RANGE: f64 = 1000.0;
 
-/// What exploring one chain gave.
+/// Result of the moves of one chain in one scan.
 struct Explored {
     point: Point,
     local: Local,
     calls: Calls,
-    /// Every place on the way, where a mixture is to be fitted to them.
+    /// Every state on the way, if a mixture is to be fitted to them.
     trail: Vec<f64>,
 }
 
@@ -143,7 +143,7 @@ impl State {
         stream(self.seed, domain, task as u64, scan)
     }
 
-    /// Lets the last round go on for as long again: frozen as it is on a path from the prior, fitted anew on one from a mixture.
+    /// Extends the last round by its own length: with the same settings from the prior, fitted anew from a mixture.
     pub(super) fn go_on(&mut self, target: &dyn Target) {
         self.extensions += 1;
         if self.mixture_next() {
@@ -199,8 +199,8 @@ impl State {
             if frozen || temperature == 0 {
                 continue;
             }
-            // Later on a rejected point is taken for a cliff, which no step is short enough for; an early one may
-            // well be the overflow of a step that is far too long.
+            // Later on a rejected point is an edge of the likelihood, which no step is short enough for; in an early round
+            // it may be the overflow of a step that is far too long.
             let met = if early {
                 local.moves
             } else {
@@ -219,7 +219,7 @@ impl State {
         Ok(())
     }
 
-    /// Explores one chain: a fresh draw at beta = 0; symmetries, then slices, then HMC transitions elsewhere.
+    /// Moves one chain: a fresh draw at beta = 0; else involutions and orbits, slice updates, HMC transitions.
     fn explore(&self, target: &dyn Target, chain: usize) -> Result<Explored> {
         let temperature = &self.temperatures[chain % self.temperatures.len()];
         let mut rng = self.stream(Domain::PtExplore, chain, self.clock + 1);
