@@ -1,50 +1,13 @@
 //! Runs on coarse likelihoods carried to fine ones whose evidences, moments and weights are known.
 
-use crate::pulls::{pull, scatter};
+use crate::pulls::pull;
 use crate::stops::{StopAt, plan};
+use crate::targets::bell::Bell;
 use crate::targets::smooth;
 use oblate_samplers::control::{Control, Silent};
 use oblate_samplers::output::{History, Method};
-use oblate_samplers::{
-    Error, Event, Marginal, Observer, Outcome, Prior, Run, Target, bridge, nested, pt,
-};
+use oblate_samplers::{Error, Event, Observer, Outcome, Prior, Run, Target, bridge, nested, pt};
 use std::ops::ControlFlow;
-
-/// `l = -p |z - c|^2 / 2` under a normal prior.
-struct Bell {
-    prior: Prior,
-    precision: f64,
-    centre: f64,
-}
-
-impl Bell {
-    fn new(dim: usize, precision: f64, centre: f64) -> Self {
-        let normals = smooth::normals(dim, 0.0).into_iter().enumerate();
-        let named: Vec<(String, &str, Marginal)> =
-            normals.map(|(i, m)| (format!("x{i}"), "", m)).collect();
-        Self {
-            prior: Prior::new(named).unwrap(),
-            precision,
-            centre,
-        }
-    }
-
-    /// Exact: the datum has variance `1 + 1/p` a priori.
-    fn ln_z(&self) -> f64 {
-        let (p, c) = (self.precision, self.centre);
-        -0.5 * self.dim() as f64 * ((1.0 + p).ln() + p * c * c / (1.0 + p))
-    }
-}
-
-impl Target for Bell {
-    fn prior(&self) -> &Prior {
-        &self.prior
-    }
-    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
-        let square: f64 = theta.iter().map(|x| (x - self.centre).powi(2)).sum();
-        Outcome::Value(-0.5 * self.precision * square)
-    }
-}
 
 fn parent(target: &dyn Target, seed: u64) -> Run {
     let settings = nested::Settings {
@@ -257,48 +220,4 @@ impl Target for Nowhere {
     fn ln_likelihood(&self, _: &[f64]) -> Outcome {
         Outcome::Reject("nowhere")
     }
-}
-
-#[test]
-#[ignore = "a table of two minutes: run before a release with --ignored --nocapture"]
-fn errors_of_bridges() {
-    println!(
-        "| coarse and fine | mean z, sd z | error | ancestors | echo |\n|---|---|---|---|---|"
-    );
-    let bells = [3.0, 10.0].map(|factor| {
-        (
-            Bell::new(13, 10.0, 0.8),
-            Bell::new(13, 10.0 * factor, 1.0),
-            format!("Gaussians of 13 d, precision 10 and {}", 10.0 * factor),
-        )
-    });
-    for (coarse, fine, name) in &bells {
-        row(name, coarse, fine, fine.ln_z());
-    }
-    let (coarse, fine) = (smooth::twins13(0.5), smooth::twins13(0.9));
-    row(
-        "two narrow modes, of weights 1/2 and 9/10",
-        &coarse,
-        &fine,
-        fine.ln_z,
-    );
-}
-
-fn row(name: &str, coarse: &dyn Target, fine: &dyn Target, truth: f64) {
-    let runs: Vec<Run> = (1..=30)
-        .map(|seed| bridged(fine, coarse, &parent(coarse, seed), seed))
-        .collect();
-    let pulls: Vec<f64> = runs.iter().map(|run| pull(run, truth)).collect();
-    let (mean, sd) = scatter(&pulls);
-    let of = |value: &dyn Fn(&Run) -> f64| scatter(&runs.iter().map(value).collect::<Vec<_>>()).0;
-    let correlation = |run: &Run| match &run.history {
-        History::Bridge { correlation, .. } => correlation.iter().copied().fold(0.0, f64::max),
-        other => panic!("{other:?}"),
-    };
-    println!(
-        "| {name} | {mean:+.2}, {sd:.2} | {:.3} | {:.0} | {:.2} |",
-        of(&|run| run.evidence.error),
-        of(&|run| run.ess.kish),
-        of(&correlation),
-    );
 }

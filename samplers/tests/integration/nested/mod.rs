@@ -11,7 +11,6 @@ use oblate_samplers::{Run, Target};
 mod dynamic;
 mod life;
 mod merge;
-mod seed_correlation;
 
 fn settings(n_live: usize, kernel: Kernel) -> Settings {
     Settings {
