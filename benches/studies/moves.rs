@@ -44,7 +44,7 @@ fn main() {
         ..config.sampling.nested.clone()
     };
     println!(
-        "| track | moves | ln Z | error | calls | echo | jump | lineages left | ESS |\n|---|---|---|---|---|---|---|---|---|"
+        "| track | moves | ln Z | error | calls | correlation | jump | lineages left | ESS |\n|---|---|---|---|---|---|---|---|---|"
     );
     for name in ["s0_oblate_tilted", "s2_spherical"] {
         let track =

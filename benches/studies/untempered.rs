@@ -19,8 +19,9 @@ use oblate::params::DIM;
 use oblate_samplers::Target;
 use oblate_samplers::diagnostics::{r_hat, weighted_quantile};
 use oblate_samplers::hmc::{
-    End, Evaluator, LocalSampler, Metric, Moments, Plan, Point, StepSize, Tally, shorten,
+    End, Evaluator, LocalSampler, Metric, Moments, Plan, Point, StepSize, shorten,
 };
+use oblate_samplers::output::Calls;
 use oblate_samplers::rng::{Domain, Stream, stream};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -93,7 +94,7 @@ struct Chain<'a> {
     at: Point,
     metric: Metric,
     step: f64,
-    tally: Tally,
+    calls: Calls,
 }
 
 /// What a chain did.
@@ -117,7 +118,7 @@ impl<'a> Chain<'a> {
             at,
             metric: Metric::identity(DIM),
             step: FIRST_STEP,
-            tally: Tally::default(),
+            calls: Calls::default(),
         }
     }
 
@@ -171,7 +172,7 @@ impl<'a> Chain<'a> {
                 step.learn(mean(&met), ACCEPTANCE, lesson, lessons);
             }
         }
-        self.tally.add(&local_sampler.evaluator);
+        self.calls.add(&local_sampler.evaluator.calls);
         self.step = step.ln_found().exp();
         moments
     }
@@ -202,8 +203,8 @@ impl<'a> Chain<'a> {
                 column.push(*z);
             }
         }
-        self.tally.add(&local_sampler.evaluator);
-        record.gradients = self.tally.gradients;
+        self.calls.add(&local_sampler.evaluator.calls);
+        record.gradients = self.calls.gradients;
         record
     }
 }

@@ -1,6 +1,6 @@
 //! Checkpoints: a versioned, checksummed, atomically replaced file; the one before it is kept beside it.
 
-use crate::error::{Error, Result};
+use crate::error::{CheckpointFault, Error, Result};
 use serde::{Serialize, de::DeserializeOwned};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -77,8 +77,9 @@ pub fn save<T: Serialize>(
 ) -> Result<()> {
     let payload = postcard::to_stdvec(state).map_err(|e| Error::Checkpoint {
         path: path.to_path_buf(),
-        why: format!("the state cannot be encoded ({e})"),
-        remedy: "report this as a bug",
+        fault: CheckpointFault::Unencodable {
+            message: e.to_string(),
+        },
     })?;
     let mut bytes = Vec::with_capacity(HEADER + payload.len());
     bytes.extend_from_slice(MAGIC);
@@ -129,47 +130,38 @@ fn load_one<T: DeserializeOwned>(path: &Path, config_hash: u64, fingerprint: u64
         path: path.to_path_buf(),
         source,
     })?;
-    let fail = |why: &str, remedy| Error::Checkpoint {
+    let fail = |fault| Error::Checkpoint {
         path: path.to_path_buf(),
-        why: why.to_owned(),
-        remedy,
+        fault,
     };
-    const RESTART: &str = "remove it and start again, or restore a good copy";
     if bytes.len() < HEADER || &bytes[..8] != MAGIC {
-        return Err(fail("not a checkpoint, or cut short", RESTART));
+        return Err(fail(CheckpointFault::NotACheckpoint));
     }
     let word = |at: usize| {
         let mut b = [0_u8; 8];
         b.copy_from_slice(&bytes[at..at + 8]);
         u64::from_le_bytes(b)
     };
-    let version = u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]]);
-    if version != FORMAT_VERSION {
-        return Err(fail(
-            &format!("checkpoint format {version}, this program writes {FORMAT_VERSION}"),
-            "resume with the version that wrote it, or start again",
-        ));
+    let found = u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]]);
+    if found != FORMAT_VERSION {
+        let written = FORMAT_VERSION;
+        return Err(fail(CheckpointFault::Format { found, written }));
     }
     let payload = &bytes[HEADER..];
     if word(36) != payload.len() as u64 || word(28) != hash(payload) {
-        return Err(fail(
-            "checksum does not match, the file is damaged",
-            RESTART,
-        ));
+        return Err(fail(CheckpointFault::Checksum));
     }
     if word(12) != config_hash {
-        return Err(fail(
-            "written by a run with other settings or another seed",
-            "resume with what the run folder says, or start again with --force",
-        ));
+        return Err(fail(CheckpointFault::OtherSettings));
     }
     if word(20) != fingerprint {
-        return Err(fail(
-            "written for another target (data, model or library version)",
-            "resume with the same inputs, or start again with --force",
-        ));
+        return Err(fail(CheckpointFault::OtherTarget));
     }
-    postcard::from_bytes(payload).map_err(|e| fail(&format!("cannot be decoded ({e})"), RESTART))
+    postcard::from_bytes(payload).map_err(|e| {
+        fail(CheckpointFault::Undecodable {
+            message: e.to_string(),
+        })
+    })
 }
 
 #[cfg(test)]

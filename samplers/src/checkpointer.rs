@@ -1,29 +1,24 @@
-//! What a sampler that can be stopped keeps beside its work: its state on disk, and its clocks.
+//! Writing and reading a run's checkpoints, and the clocks of its time.
 
 use crate::checkpoint;
 use crate::control::{Control, Event};
-use crate::error::{Error, Result};
+use crate::error::{CheckpointFault, Error, Result};
+use crate::output::Cost;
 use crate::rng;
 use crate::target::Target;
 use cpu_time::ProcessTime;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Time spent, over all processes that worked on a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Time {
-    pub wall_seconds: f64,
-    pub cpu_seconds: f64,
-}
-
-/// See the module's words.
+/// Checkpoints and clocks of one run.
 pub(crate) struct Checkpointer {
     config_hash: u64,
     fingerprint: u64,
     wall: Instant,
     cpu: Option<ProcessTime>,
-    before: Time,
+    /// Seconds of wall and of CPU time that earlier processes spent on the run.
+    before: [f64; 2],
 }
 
 impl Checkpointer {
@@ -42,15 +37,16 @@ impl Checkpointer {
             fingerprint: 0,
             wall: Instant::now(),
             cpu: ProcessTime::try_now().ok(),
-            before: Time::default(),
+            before: [0.0; 2],
         };
         if let Some(plan) = &control.checkpoint {
             let priors: Vec<_> = targets.iter().map(|target| target.prior()).collect();
             let bytes = postcard::to_stdvec(&(key, plan.config_hash, priors)).map_err(|e| {
                 Error::Checkpoint {
                     path: plan.path.clone(),
-                    why: format!("the settings cannot be encoded ({e})"),
-                    remedy: "report this as a bug",
+                    fault: CheckpointFault::Unencodable {
+                        message: e.to_string(),
+                    },
                 }
             })?;
             checkpointer.config_hash = checkpoint::hash(&bytes);
@@ -59,14 +55,14 @@ impl Checkpointer {
         Ok(checkpointer)
     }
 
-    /// The state to go on from, if there is a checkpoint to resume; a warning about a damaged one is told, and returned.
+    /// The state of the checkpoint to resume, if there is one; a warning about a damaged file is an event, and returned.
     ///
     /// # Errors
     /// As of [`checkpoint::load`].
     pub fn load<S: DeserializeOwned>(
         &mut self,
         control: &mut Control<'_>,
-        time: impl Fn(&S) -> Time,
+        cost: impl Fn(&S) -> &Cost,
     ) -> Result<Option<(S, Option<String>)>> {
         let Some(plan) = control.checkpoint.as_ref().filter(|plan| plan.resume) else {
             return Ok(None);
@@ -76,7 +72,8 @@ impl Checkpointer {
         }
         let (state, warning) =
             checkpoint::load::<S>(&plan.path, self.config_hash, self.fingerprint)?;
-        self.before = time(&state);
+        let spent = cost(&state);
+        self.before = [spent.wall_seconds, spent.cpu_seconds];
         if let Some(text) = &warning {
             control.tell(&Event::Warning {
                 message: text.clone(),
@@ -97,7 +94,7 @@ impl Checkpointer {
         Ok(true)
     }
 
-    /// As [`save`](Self::save) after an error, which is the one to report: a second one, of the disk, is told besides.
+    /// As [`save`](Self::save) after an error, which is returned: a second error, of the disk, is a warning event.
     pub fn save_after(
         &self,
         error: Error,
@@ -112,13 +109,12 @@ impl Checkpointer {
         error
     }
 
-    /// Time spent until now.
-    pub fn time(&self) -> Time {
+    /// Writes the time spent until now, by all processes that worked on the run, into its cost.
+    pub fn note_times(&self, cost: &mut Cost) {
         let cpu = self.cpu.and_then(|start| start.try_elapsed().ok());
-        Time {
-            wall_seconds: self.before.wall_seconds + self.wall.elapsed().as_secs_f64(),
-            cpu_seconds: self.before.cpu_seconds + cpu.map_or(0.0, |cpu| cpu.as_secs_f64()),
-        }
+        let [wall_before, cpu_before] = self.before;
+        cost.wall_seconds = wall_before + self.wall.elapsed().as_secs_f64();
+        cost.cpu_seconds = cpu_before + cpu.map_or(0.0, |cpu| cpu.as_secs_f64());
     }
 }
 

@@ -1,4 +1,4 @@
-//! How a caller watches, limits, stops and resumes a run.
+//! How a caller monitors, limits, stops and resumes a run.
 
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// What a run tells its observer, at safe points only.
+/// Events of a run, sent to its observer at safe points only.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -34,9 +34,9 @@ pub enum Event {
         /// Accepted points per call, lately.
         efficiency: f64,
     },
-    /// A dynamic nested run has come to an end that is not yet its target, and adds live points.
+    /// A dynamic nested run has not reached its target, and adds a batch of live points.
     Batch {
-        /// Ends so far.
+        /// Batches so far.
         number: usize,
         /// Evidence.
         ln_z: f64,
@@ -49,9 +49,9 @@ pub enum Event {
     },
     /// One MCMC step of the SMC samplers that a tempered run starts from.
     Smc {
-        /// Inverse temperature of the least cooled SMC sampler.
+        /// Inverse temperature that all SMC samplers have reached.
         beta: f64,
-        /// Mean of their estimates of ln L's mean over the part of the prior cooled through: ln Z at beta = 1.
+        /// Mean of their estimates of the log integral of prior times L^beta: ln Z at beta = 1.
         ln_z: f64,
         /// Likelihood calls so far.
         calls: u64,
@@ -140,7 +140,7 @@ pub struct CheckpointPlan {
     pub config_hash: u64,
 }
 
-/// A caller's hold on a run.
+/// A caller's control of a run.
 pub struct Control<'a> {
     /// Is told what happens.
     pub observer: &'a mut dyn Observer,
@@ -155,7 +155,7 @@ pub struct Control<'a> {
 }
 
 impl<'a> Control<'a> {
-    /// A hold without limits and checkpoints.
+    /// Control without limits and checkpoints.
     pub fn new(observer: &'a mut dyn Observer) -> Self {
         let now = Instant::now();
         Self {

@@ -30,24 +30,32 @@ pub enum Error {
         /// The most frequent cause of rejection.
         cause: String,
     },
-    /// A step of a sampler did not end.
-    #[error("{what}, after {tries} tries; {remedy}")]
-    Stuck {
-        /// What did not end.
-        what: &'static str,
-        /// Number of tries.
+    /// A slice shrank to nothing although it contains a point above the likelihood bound.
+    #[error(
+        "a slice shrank to nothing in {tries} steps; check that the likelihood gives the same number each time at the same point"
+    )]
+    EmptySlice {
+        /// Number of steps inward.
         tries: u64,
-        /// What to do.
-        remedy: &'static str,
     },
-    /// The sampler needs gradients and the target has none.
-    #[error("{sampler} needs gradients, and this target offers none; {remedy}")]
-    NoGradient {
-        /// Which sampler asked.
-        sampler: &'static str,
-        /// What to use instead.
-        remedy: &'static str,
+    /// Independent draws from the ellipsoids never exceed the likelihood bound.
+    #[error(
+        "none of {calls} independent draws from the ellipsoids is above the likelihood bound; use the kernel `differential`, which does not depend on how tight the ellipsoids are"
+    )]
+    LooseBound {
+        /// Number of likelihood calls.
+        calls: u64,
     },
+    /// Parallel tempering of a target without gradients.
+    #[error(
+        "parallel tempering needs gradients, and this target offers none; use nested sampling instead"
+    )]
+    TemperingWithoutGradient,
+    /// The nested sampler's kernel `galilean` with a target without gradients.
+    #[error(
+        "the kernel `galilean` needs gradients, and this target offers none; use `differential` or `random-slice`, which need values alone"
+    )]
+    GalileanWithoutGradient,
     /// The target failed in a way that no other point can mend.
     #[error("the target failed: {0}; mend the cause and resume from the checkpoint")]
     Fatal(String),
@@ -59,8 +67,8 @@ pub enum Error {
         /// Where, in physical parameters.
         theta: Vec<f64>,
     },
-    /// A run was stopped before it had anything to show.
-    #[error("stopped before there was a result; resume it, from its checkpoint where it has one")]
+    /// A run was stopped before its first result.
+    #[error("stopped before the first result; resume it from its checkpoint")]
     Interrupted,
     /// A file could not be read or written.
     #[error("{path}: {source}; check that the folder exists, is writable and has space left")]
@@ -70,22 +78,117 @@ pub enum Error {
         /// The operating system's word.
         source: std::io::Error,
     },
-    /// A checkpoint cannot be used.
-    #[error("{path}: {why}; {remedy}")]
+    /// A checkpoint cannot be written or used.
+    #[error("{path}: {fault}")]
     Checkpoint {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
-        why: String,
-        /// What to do.
-        remedy: &'static str,
+        fault: CheckpointFault,
     },
-    /// Two things that belong together do not.
-    #[error("{what}: {why}")]
-    Mismatch {
-        /// What was compared.
-        what: &'static str,
-        /// How they differ, and the remedy.
-        why: String,
+    /// A target gives another number of derived quantities than it names.
+    #[error(
+        "the target names {named} derived quantities and gives {given}; its `derived` and `derived_names` must agree"
+    )]
+    DerivedCount {
+        /// Number of names.
+        named: usize,
+        /// Number of values.
+        given: usize,
+    },
+    /// A run has other parameters than the target, or two targets have different ones.
+    #[error("{run} has other parameters than the target; give the settings with which it was made")]
+    OtherParameters {
+        /// Which run: of a bridge or a merge.
+        run: &'static str,
+    },
+    /// A run has no draws.
+    #[error("{run} has no draws; resume it until it has")]
+    NoDraws {
+        /// Which run: of a bridge or a merge.
+        run: &'static str,
+    },
+    /// ln L of a run's best draw is not what the target gives there.
+    #[error(
+        "ln L of its best draw in {run} is {there}, and {here} for this target; give the data and settings with which it was made"
+    )]
+    OtherLikelihood {
+        /// Which run: of a bridge or a merge.
+        run: &'static str,
+        /// ln L by the target.
+        here: f64,
+        /// ln L in the run.
+        there: f64,
+    },
+    /// The fine target of a bridge has a likelihood at none of the coarse run's draws.
+    #[error(
+        "the fine target has a likelihood at none of the coarse run's draws; choose a coarse likelihood nearer to it"
+    )]
+    NoCommonSupport,
+    /// Fewer than two runs to merge.
+    #[error("a merge needs two runs or more, and {given} was given")]
+    TooFewRuns {
+        /// Number of runs.
+        given: usize,
+    },
+    /// Two runs to merge have the same seed, and with it the same draws.
+    #[error(
+        "two of the runs to merge have the same seed, {seed}, and so the same draws; give each run its own seed"
+    )]
+    SameSeed {
+        /// The seed.
+        seed: u64,
+    },
+    /// A run to merge is not a nested one.
+    #[error(
+        "the run with seed {seed} is not a nested run, and only those can be merged; leave it out"
+    )]
+    NotNested {
+        /// Its seed.
+        seed: u64,
+    },
+}
+
+/// What is wrong with a checkpoint.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CheckpointFault {
+    /// Another file, or one that ends too early.
+    #[error("not a checkpoint, or cut short; remove it and start again, or restore a good copy")]
+    NotACheckpoint,
+    /// Of another version of the program.
+    #[error(
+        "checkpoint format {found}, and this program writes {written}; resume with the version that wrote it, or start again"
+    )]
+    Format {
+        /// Version of the file.
+        found: u32,
+        /// Version of this program.
+        written: u32,
+    },
+    /// The content is damaged.
+    #[error(
+        "the checksum does not match, so the file is damaged; remove it and start again, or restore a good copy"
+    )]
+    Checksum,
+    /// Of a run with other settings or another seed.
+    #[error("written by a run with other settings or another seed; resume with those of the run")]
+    OtherSettings,
+    /// Of a run on another target.
+    #[error(
+        "written for another target (data, model or library version); resume with the same inputs"
+    )]
+    OtherTarget,
+    /// The content has another layout.
+    #[error("cannot be decoded ({message}); remove it and start again, or restore a good copy")]
+    Undecodable {
+        /// The decoder's message.
+        message: String,
+    },
+    /// The state has no encoding.
+    #[error("the state cannot be encoded ({message}); report this as a bug")]
+    Unencodable {
+        /// The encoder's message.
+        message: String,
     },
 }

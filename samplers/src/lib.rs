@@ -1,4 +1,4 @@
-//! Nested sampling and non-reversible parallel tempering with HMC transitions, on one [`Target`] and with one
+//! Nested sampling and non-reversible parallel tempering with HMC, on one [`Target`] and with one
 //! result type, [`Run`].
 //!
 //! A problem is a log-likelihood over a product prior ([`Prior`]). Both samplers see the prior only through unit
@@ -8,7 +8,7 @@
 //! Every random number comes from a counter-based stream keyed by (seed, purpose, task, index) ([`rng`]), work is
 //! mapped in order over threads, and reductions are serial: one seed gives the same bits on any number of threads.
 //!
-//! A target of one's own, and its evidence:
+//! An example of a target and its evidence:
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};

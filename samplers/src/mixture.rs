@@ -113,7 +113,7 @@ impl Component {
         }
     }
 
-    /// Log density at this squared distance, its share included.
+    /// Log density at this squared distance, its weight included.
     fn ln_density(&self, distance2: f64) -> f64 {
         let degrees_of_freedom = f64::from(DEGREES_OF_FREEDOM);
         let power = 0.5 * (degrees_of_freedom + self.mean.len() as f64);
@@ -121,7 +121,7 @@ impl Component {
     }
 }
 
-/// A mixture; shares add up to 1.
+/// A mixture; weights add up to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Mixture {
     components: Vec<Component>,
@@ -284,7 +284,7 @@ impl Mixture {
         self.components.len()
     }
 
-    /// Log density of every component at a point, its share included.
+    /// Log density of every component at a point, its weight included.
     fn ln_densities(&self, x: &[f64]) -> Vec<f64> {
         let ln_density = |c: &Component| c.ln_density(c.distance2(x));
         self.components.iter().map(ln_density).collect()
@@ -330,7 +330,7 @@ impl Mixture {
             place -= c.weight;
             place < 0.0
         });
-        // Rounding can leave the shares' sum just below 1.
+        // Rounding can leave the sum of the weights just below 1.
         let Some(chosen) = chosen.or(self.components.last()) else {
             return Vec::new();
         };

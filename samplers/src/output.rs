@@ -1,7 +1,7 @@
-//! What every sampler returns: draws with weights, an evidence with its error, what it cost, and a verdict.
+//! What every sampler returns: weighted draws, the evidence with its error, the cost and the convergence checks.
 
 use crate::error::{Error, Result};
-use crate::target::Target;
+use crate::target::{Cause, Outcome, Target};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ pub enum Method {
     Nested,
     /// Non-reversible parallel tempering with HMC transitions.
     PtHmc,
-    /// A run on a coarse likelihood, carried to a fine one.
+    /// SMC bridge from a run on a coarse likelihood to a fine one.
     Bridge,
 }
 
@@ -75,7 +75,7 @@ impl Draws {
     /// Adds a row, its derived quantities computed.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] if the target gives another number of derived quantities than it names.
+    /// [`Error::DerivedCount`] if the target gives another number of derived quantities than it names.
     pub fn push(
         &mut self,
         target: &dyn Target,
@@ -91,12 +91,9 @@ impl Draws {
         self.chain.push(origin.chain);
         self.cluster.push(origin.cluster);
         if self.derived.len() != self.len() * self.derived_dim {
-            return Err(Error::Mismatch {
-                what: "derived quantities",
-                why: format!(
-                    "the target names {} of them and gives another number; mend its `derived` or `derived_names`",
-                    self.derived_dim
-                ),
+            return Err(Error::DerivedCount {
+                named: self.derived_dim,
+                given: self.derived.len() - (self.len() - 1) * self.derived_dim,
             });
         }
         Ok(())
@@ -204,14 +201,14 @@ fn rows_by(labels: &[u32]) -> Vec<Vec<usize>> {
     rows
 }
 
-/// The evidence and how far to trust it.
+/// The evidence and its errors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// ln Z.
     pub ln_z: f64,
     /// One standard error of ln Z: the largest of the parts.
     pub error: f64,
-    /// Errors by the way they were estimated.
+    /// Errors, by the name of their estimate.
     pub error_parts: BTreeMap<String, f64>,
     /// Other estimates of ln Z, by name.
     pub estimates: BTreeMap<String, f64>,
@@ -249,7 +246,66 @@ pub struct Cost {
     pub rejected: BTreeMap<String, u64>,
 }
 
+/// Likelihood calls of one task, with rejections by cause: what is added to a [`Cost`] when the task is done.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Calls {
+    /// Values without a gradient.
+    pub values: u64,
+    /// Values with a gradient.
+    pub gradients: u64,
+    /// Rejected points by cause.
+    pub rejected: Vec<(Cause, u64)>,
+}
+
+impl Calls {
+    /// Counts a rejection, if the outcome is one.
+    pub fn note(&mut self, outcome: &Outcome) {
+        if let Some(cause) = outcome.cause() {
+            self.reject(cause, 1);
+        }
+    }
+
+    /// Counts rejections of one cause.
+    pub fn reject(&mut self, cause: Cause, count: u64) {
+        match self.rejected.iter_mut().find(|(known, _)| *known == cause) {
+            Some((_, sum)) => *sum += count,
+            None => self.rejected.push((cause, count)),
+        }
+    }
+
+    /// Adds the calls of another task.
+    pub fn add(&mut self, other: &Self) {
+        self.values += other.values;
+        self.gradients += other.gradients;
+        for (cause, count) in &other.rejected {
+            self.reject(cause, *count);
+        }
+    }
+}
+
 impl Cost {
+    /// Likelihood calls, with and without a gradient.
+    #[must_use]
+    pub fn all_calls(&self) -> u64 {
+        self.calls + self.gradients
+    }
+
+    /// Adds the calls of a task.
+    pub fn count(&mut self, calls: &Calls) {
+        self.calls += calls.values;
+        self.gradients += calls.gradients;
+        for (cause, count) in &calls.rejected {
+            *self.rejected.entry((*cause).to_owned()).or_default() += count;
+        }
+    }
+
+    /// The most frequent cause of rejection; "none" without rejections.
+    #[must_use]
+    pub fn main_cause(&self) -> String {
+        let most = self.rejected.iter().max_by_key(|(_, count)| **count);
+        most.map_or_else(|| "none".to_owned(), |(cause, _)| cause.clone())
+    }
+
     /// Adds what another part of the work cost.
     pub fn add(&mut self, other: &Self) {
         self.calls += other.calls;
@@ -307,18 +363,18 @@ pub enum History {
     },
     /// One entry per step from the coarse likelihood to the fine one.
     Bridge {
-        /// The fine one's share in ln L.
+        /// The fraction of the fine likelihood in ln L.
         fraction: Vec<f64>,
         /// ln Z over that of the coarse run.
         ln_ratio: Vec<f64>,
-        /// Draws of the coarse run that are left as ancestors, in effect.
+        /// Effective number of draws of the coarse run that are ancestors.
         ancestors: Vec<f64>,
-        /// Correlation of the difference in ln L before and after the step's slices.
+        /// Correlation of the difference in ln L before and after the slice updates of the step.
         correlation: Vec<f64>,
     },
 }
 
-/// One check of a run, with its remedy in words.
+/// One convergence check of a run, with its remedy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
     /// Short name.
@@ -399,30 +455,23 @@ impl Run {
         self.status == Status::Complete && self.checks.iter().all(|g| g.pass)
     }
 
-    /// Whether it is a run on this target: parameters have the same names, and the best draw the same ln L.
+    /// Whether it is a run on this target: parameters have the same names, and the best draw the same ln L. `run` names it in errors.
     ///
     /// # Errors
-    /// [`Error::Mismatch`] about `what`, if it is not or has no draws; those of the target.
-    pub fn check_belongs(&self, target: &dyn Target, what: &'static str) -> Result<()> {
-        let refuse = |why: &str| {
-            Err(Error::Mismatch {
-                what,
-                why: why.to_owned(),
-            })
-        };
+    /// [`Error::OtherParameters`], [`Error::NoDraws`] or [`Error::OtherLikelihood`] if it is not; [`Error::Fatal`] and
+    /// [`Error::Infinite`] from the target.
+    pub fn check_belongs(&self, target: &dyn Target, run: &'static str) -> Result<()> {
         if self.names != target.prior().names() {
-            return refuse("it has other parameters than the target; give the run's own settings");
+            return Err(Error::OtherParameters { run });
         }
         let Some(best) = self.draws.best() else {
-            return refuse("it has no draws; let it go on until it has");
+            return Err(Error::NoDraws { run });
         };
         let theta = self.draws.theta_row(best);
         let there = self.draws.ln_likelihood[best];
         let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
         if (here - there).abs() > 1e-9 * (1.0 + here.abs()) {
-            return refuse(&format!(
-                "ln L of its best draw is {here} here and was {there} there; give the run's own data and settings"
-            ));
+            return Err(Error::OtherLikelihood { run, here, there });
         }
         Ok(())
     }

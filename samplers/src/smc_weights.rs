@@ -1,14 +1,14 @@
-//! Steps of a population from one law to the next by weights (sequential Monte Carlo; Del Moral, Doucet & Jasra 2006).
+//! Weights of sequential Monte Carlo from one distribution to the next (Del Moral, Doucet & Jasra 2006).
 //!
-//! The next law is the present one times `exp(step x energy)`. A step is as long as it leaves half of the population in effect;
-//! then members are taken again by their weights.
+//! The next density is the present one times `exp(step x energy)`. A step is chosen so that the effective number of
+//! particles falls to a half; then the particles are resampled by their weights.
 
 use crate::diagnostics::effective_number;
 
-/// Effective fraction of a population that the weights of one step leave.
+/// Effective fraction of the particles that the weights of one step leave.
 const KEPT: f64 = 0.5;
 
-/// A population as the energies of its members; minus infinity for one that the next law does not know.
+/// The energies of the particles; minus infinity where the next density is 0.
 #[derive(Clone, Debug)]
 pub struct SmcWeights {
     energies: Vec<f64>,
@@ -16,14 +16,14 @@ pub struct SmcWeights {
 }
 
 impl SmcWeights {
-    /// Of members with these energies.
+    /// From the energies.
     #[must_use]
     pub fn new(energies: Vec<f64>) -> Self {
         let best = energies.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         Self { energies, best }
     }
 
-    /// The longest step, of at most `most`, that leaves weights enough.
+    /// The longest step, of at most `most`, with the effective number of particles of a step.
     #[must_use]
     pub fn longest_step(&self, most: f64) -> f64 {
         let enough = KEPT * self.energies.len() as f64;
@@ -42,14 +42,14 @@ impl SmcWeights {
         0.5 * (bracket.0 + bracket.1)
     }
 
-    /// Logarithm of the mean weight of a step: of the next law's mass over the present one's.
+    /// Logarithm of the mean weight of a step: of the integral of the next density over that of the present one.
     #[must_use]
     pub fn ln_mean_weight(&self, step: f64) -> f64 {
         let sum: f64 = self.weights(step).iter().sum();
         step * self.best + (sum / self.energies.len() as f64).ln()
     }
 
-    /// As many numbers of members as there are, each as often as its weight says or once more (systematic resampling).
+    /// Numbers of the resampled particles, as many as there are (systematic resampling).
     #[must_use]
     pub fn resample(&self, step: f64, uniform: f64) -> Vec<usize> {
         systematic(&self.weights(step), uniform)

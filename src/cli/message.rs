@@ -1,6 +1,7 @@
 //! The message of an error on the command line: the library's own, and which flags help.
 
 use crate::error::{Error, Rejection};
+use oblate_samplers::error::CheckpointFault;
 
 /// The message of an error, with the flags that help where there are any.
 #[must_use]
@@ -37,6 +38,10 @@ fn flags(error: &Error) -> Option<&'static str> {
             "`oblate fit` and `oblate population` make run folders"
         }
         Error::NoTrack(Rejection::UnresolvedOrbit) => "give more --steps",
+        Error::Sampler(S::Checkpoint {
+            fault: CheckpointFault::OtherSettings | CheckpointFault::OtherTarget,
+            ..
+        }) => "start again with --force",
         Error::Sampler(S::Interrupted) => "the same command with --resume continues it",
         _ => return None,
     })

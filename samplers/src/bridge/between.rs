@@ -1,11 +1,12 @@
-//! A likelihood on the way from a coarse one to a fine one, `L_coarse^(1 - fraction) L_fine^fraction`, as a target to move on.
+//! The likelihood between a coarse and a fine one, `L_coarse^(1 - fraction) L_fine^fraction`, as a target.
 
 use crate::error::Result;
-use crate::hmc::{Evaluator, Point, Tally};
+use crate::hmc::{Evaluator, Point};
+use crate::output::Calls;
 use crate::target::{Outcome, Prior, Symmetry, Target};
 use std::sync::{Mutex, PoisonError};
 
-/// ln L of both at one place.
+/// ln L of both at one point.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Both {
     pub coarse: f64,
@@ -18,23 +19,23 @@ impl Both {
         self.fine - self.coarse
     }
 
-    /// ln L on the way.
+    /// ln L at this fraction of the fine likelihood.
     pub fn at(self, fraction: f64) -> f64 {
         (1.0 - fraction) * self.coarse + fraction * self.fine
     }
 }
 
-/// See the module's words. For one point: it remembers what it was asked last.
+/// See the module. For one particle: it keeps the last values, which belong to the point where a slice update ends.
 pub struct Between<'a> {
     coarse: &'a dyn Target,
     fine: &'a dyn Target,
     fraction: f64,
-    /// The last values: a slice ends at the last point that it asks for.
+    /// The last values.
     last: Mutex<Both>,
 }
 
 impl<'a> Between<'a> {
-    /// Of a fraction of the fine likelihood in ln L.
+    /// At this fraction of the fine likelihood in ln L.
     pub fn new(coarse: &'a dyn Target, fine: &'a dyn Target, fraction: f64) -> Self {
         let nowhere = Both {
             coarse: f64::NEG_INFINITY,
@@ -48,7 +49,7 @@ impl<'a> Between<'a> {
         }
     }
 
-    /// Moves `point`, where both likelihoods are `both`, by what `explore` does on this law. Counts calls of either.
+    /// Moves `point`, where both likelihoods are `both`, by `explore` on this likelihood. Counts calls of both.
     ///
     /// # Errors
     /// Those of `explore`; [`Error::Fatal`] and [`Error::Infinite`] from the targets.
@@ -57,14 +58,14 @@ impl<'a> Between<'a> {
         point: &mut Point,
         both: &mut Both,
         explore: impl FnOnce(&mut Evaluator<'_>, &mut Point) -> Result<()>,
-    ) -> Result<Tally> {
+    ) -> Result<Calls> {
         point.ln_likelihood = both.at(self.fraction);
         self.keep(*both);
         let mut evaluator = Evaluator::new(self);
         explore(&mut evaluator, point)?;
-        let mut tally = Tally::of(&evaluator);
-        // Each value between the two is one of either.
-        tally.calls *= 2;
+        let mut calls = evaluator.calls;
+        // Each value is one call of either likelihood.
+        calls.values *= 2;
         let last = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
         *both = if last.at(self.fraction).to_bits() == point.ln_likelihood.to_bits() {
             last
@@ -75,10 +76,10 @@ impl<'a> Between<'a> {
                 coarse: coarse.value(&point.z)?,
                 fine: fine.value(&point.z)?,
             };
-            own.iter().for_each(|evaluator| tally.add(evaluator));
+            own.iter().for_each(|evaluator| calls.add(&evaluator.calls));
             both
         };
-        Ok(tally)
+        Ok(calls)
     }
 
     fn keep(&self, both: Both) {

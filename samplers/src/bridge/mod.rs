@@ -1,13 +1,13 @@
-//! From a run on a coarse likelihood to the posterior of a fine one that costs more: draws of the run are carried along
-//! `L_coarse^(1 - s) L_fine^s` from `s = 0` to 1, as a set of SMC particles that is cooled ([`smc_weights`](crate::smc_weights)).
+//! SMC bridge: from a finished run on a coarse likelihood to the posterior of a fine one that costs more. Draws of the run
+//! are moved along `L_coarse^(1 - s) L_fine^s` from `s = 0` to 1 ([`smc_weights`](crate::smc_weights)).
 //!
-//! Where a likelihood can be had cheaper and a little wrong, the long way from the prior to the posterior is walked on the
-//! cheap one, by any sampler, and the fine one is called only for what is left. ln Z is the run's and the logarithm of the mean
-//! weights of the way: consistent however far the two likelihoods are apart, and soon done if that is a few nats. What the coarse
-//! run does not know, it cannot find: a mode that it missed, or points without a coarse likelihood.
+//! Where a likelihood has a cheap approximation, any sampler finds the posterior of the approximation, and the fine
+//! likelihood is called only for the difference. ln Z is that of the run plus the logarithms of the mean weights: consistent
+//! for any difference, and cheap if the difference is a few nats. What the coarse run has missed is not found: a mode, or
+//! points without a coarse likelihood.
 //!
-//! After each step every SMC particle moves by slices. The SMC particles of even lineages of the run are led by those of odd ones and the
-//! other way round, as relatives would not lead each other by the right law.
+//! After each step every SMC particle makes slice updates. Particles of even lineages of the run take directions from those
+//! of odd ones and the reverse: directions from the own lineage would not leave the distribution invariant.
 
 mod between;
 mod outcome;
@@ -21,17 +21,20 @@ use crate::control::{Control, Event};
 use crate::error::{Error, Result};
 use crate::output::Run;
 use crate::target::Target;
-use state::{Bridge, State, WHAT};
+use state::{Bridge, State};
 
-/// Carries draws of `parent`, a run on `coarse`, to the posterior of `target`, which has the same parameters.
+/// What errors call the coarse run.
+const COARSE: &str = "the coarse run";
+
+/// Continues `parent`, a run on `coarse`, to the posterior of `target`, which has the same parameters.
 ///
-/// The same parent, settings and seed give the same bits on any number of threads and after any number of interruptions. One
-/// that is interrupted or whose budget is spent has no result yet: it leaves a checkpoint, where one is planned. Calls are of both
+/// The same parent, settings and seed give the same bits on any number of threads and after any number of interruptions. A bridge
+/// that is interrupted or whose budget is spent has no result yet: it writes a checkpoint, where one is planned. Calls are of both
 /// likelihoods, except that the parent's are not counted again.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::Mismatch`] if `parent` is not a run on `coarse`, or `target` has other
-/// parameters, or a likelihood at none of its draws; [`Error::Interrupted`] after a checkpoint; [`Error::Fatal`] and
+/// [`Error::Setting`] for settings out of range; [`Error::OtherParameters`], [`Error::NoDraws`] and [`Error::OtherLikelihood`] if `parent` is not a
+/// run on `coarse`, or `target` has other parameters; [`Error::NoCommonSupport`] if `target` has a likelihood at none of its draws; [`Error::Interrupted`] after a checkpoint; [`Error::Fatal`] and
 /// [`Error::Infinite`] from the targets, after a checkpoint of the last whole MCMC step; [`Error::Checkpoint`] and [`Error::Io`] from
 /// the file.
 pub fn run(
@@ -43,13 +46,9 @@ pub fn run(
     control: &mut Control<'_>,
 ) -> Result<Run> {
     settings.check(target.dim())?;
-    parent.check_belongs(coarse, WHAT)?;
+    parent.check_belongs(coarse, COARSE)?;
     if target.prior().names() != coarse.prior().names() {
-        return Err(Error::Mismatch {
-            what: WHAT,
-            why: "it has other parameters than the fine target; let both differ in the likelihood alone"
-                .to_owned(),
-        });
+        return Err(Error::OtherParameters { run: COARSE });
     }
     let origin = (parent.seed, parent.evidence.ln_z, parent.draws.len());
     let mut checkpointer =
@@ -62,25 +61,25 @@ pub fn run(
         state: State::default(),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
-    match checkpointer.load(control, |state: &State| state.time)? {
+    match checkpointer.load(control, |state: &State| &state.cost)? {
         Some((state, _)) => bridge.state = state,
         None => bridge.begin(parent)?,
     }
-    while !bridge.arrived() {
-        if stop || control.interrupted() || control.spent(bridge.state.tally.calls) {
+    while !bridge.finished() {
+        if stop || control.interrupted() || control.spent(bridge.state.cost.calls) {
             checkpointer.save(&bridge.state, control)?;
             control.tell(&Event::Checkpointed);
             return Err(Error::Interrupted);
         }
         let moved = bridge.advance();
-        bridge.state.time = checkpointer.time();
+        checkpointer.note_times(&mut bridge.state.cost);
         if let Err(error) = moved {
             return Err(checkpointer.save_after(error, &bridge.state, control));
         }
         stop = control.tell(&Event::Bridge {
             fraction: bridge.state.fraction,
             ln_z: parent.evidence.ln_z + bridge.state.ln_ratio,
-            calls: bridge.state.tally.calls,
+            calls: bridge.state.cost.calls,
         });
         if control.checkpoint_due() {
             checkpointer.save(&bridge.state, control)?;

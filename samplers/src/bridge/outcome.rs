@@ -1,12 +1,12 @@
-//! From the end of the way to a result, and whether to believe it.
+//! From the final particles of a bridge to its result and checks.
 
 use super::state::{Bridge, Level};
 use crate::diagnostics::{effective_kinds, size_of_mean, sums_by_group};
 use crate::error::Result;
-use crate::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
+use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
 
-/// The result of a way that has been walked to its end.
+/// The result of a finished bridge.
 pub(super) fn assemble(bridge: &Bridge<'_>, parent: &Run) -> Result<Run> {
     let state = &bridge.state;
     let prior = bridge.target.prior();
@@ -25,13 +25,7 @@ pub(super) fn assemble(bridge: &Bridge<'_>, parent: &Run) -> Result<Run> {
         draws,
         evidence,
         ess,
-        cost: Cost {
-            calls: bridge.state.tally.calls,
-            gradients: bridge.state.tally.gradients,
-            cpu_seconds: state.time.cpu_seconds,
-            wall_seconds: state.time.wall_seconds,
-            rejected: bridge.state.tally.rejected.clone(),
-        },
+        cost: state.cost.clone(),
         history: History::Bridge {
             fraction: column(&bridge.state.levels, |l| l.fraction),
             ln_ratio: column(&bridge.state.levels, |l| l.ln_ratio),
@@ -86,8 +80,8 @@ fn evidence(bridge: &Bridge<'_>, draws: &Draws, parent: &Run) -> Evidence {
     }
 }
 
-/// Error of the mean weights, by how many SMC particles have an ancestor in common beyond what taking them anew without weights would
-/// make of it (Lee & Whiteley 2018).
+/// Error of the mean weights by excess coalescence: how many pairs of particles have a common ancestor beyond what
+/// resampling without weights would make (Lee & Whiteley 2018).
 fn of_ancestry(bridge: &Bridge<'_>) -> f64 {
     let particles = bridge.state.particles.len() as f64;
     let alike = 1.0 / effective_kinds(bridge.state.particles.iter().map(|m| m.eve));
@@ -96,15 +90,15 @@ fn of_ancestry(bridge: &Bridge<'_>) -> f64 {
     (1.0 - unlike).max(0.0).sqrt()
 }
 
-/// What the way has moved between the parent's lineages, of each of which the parent knows its share to about a factor: the
-/// parent's own error does not see it.
+/// Changes of the weights of the parent's lineages: the parent knows the weight of each to about a factor, and its own error
+/// does not include these changes.
 fn of_lineage_weights(draws: &Draws, parent: &Draws) -> f64 {
     if parent.cluster.iter().all(|g| *g == parent.cluster[0]) {
-        // Independent draws: the weights' own error says it all.
+        // Independent draws: the error of the weights is the whole error.
         return 0.0;
     }
     let weights = |draws: &Draws| sums_by_group(&draws.cluster, draws.weights().into_iter());
-    // A lineage without an SMC particle is not among the last ones here.
+    // Lineages at the end of the list that have no particle are missing here.
     let (here, there) = (weights(draws), weights(parent));
     let here = here.into_iter().chain(std::iter::repeat(0.0));
     let moved = there
@@ -117,7 +111,7 @@ fn of_lineage_weights(draws: &Draws, parent: &Draws) -> f64 {
 /// Effective sizes of means by the scatter of lineages.
 fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
     let weights = draws.weights();
-    // A parameter whose groups agree by chance is not known better than by every draw.
+    // An effective size is at most the number of draws, also if lineages agree by chance.
     let most = draws.len() as f64;
     let bulk: Vec<f64> = (0..draws.dim)
         .map(|k| size_of_mean(&draws.column(k), &weights, &draws.cluster).min(most))
@@ -138,13 +132,13 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
             "parent-checks",
             failed as f64,
             0.0,
-            "checks that the coarse run failed; what it does not know is not known here: mend that run first",
+            "checks that the coarse run failed; a bridge finds nothing that the coarse run has missed: make that run converge first",
         ),
         Check::at_least(
             "ancestors-left",
             ess.kish,
             100.0,
-            "draws of the coarse run that the result descends from, in effect; if too few, raise `smc_particles` or `mcmc_steps`, or take a coarse likelihood nearer to the fine one",
+            "effective number of draws of the coarse run from which the result descends; if too few, raise `smc_particles` or `mcmc_steps`, or take a coarse likelihood nearer to the fine one",
         ),
         Check::at_most(
             "bridge-error",
@@ -152,7 +146,7 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
                 + evidence.error_parts["lineage-weights"].powi(2))
             .sqrt(),
             0.5,
-            "error in nats that the way adds to ln Z; if too large, raise `smc_particles`, or take a coarse likelihood nearer to the fine one",
+            "error in nats that the bridge adds to ln Z; if too large, raise `smc_particles`, or take a coarse likelihood nearer to the fine one",
         ),
     ]
 }

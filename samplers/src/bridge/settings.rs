@@ -1,4 +1,4 @@
-//! What a user may set of a bridge.
+//! Settings of a bridge.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -10,9 +10,9 @@ const MAX_PARTICLES: usize = 1 << 20;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// Draws of the coarse run that are carried over, and draws of the result.
+    /// SMC particles: draws taken from the coarse run, and draws of the result.
     pub smc_particles: usize,
-    /// Slices of each SMC particle after each step.
+    /// Slice updates of each particle after each step.
     pub mcmc_steps: usize,
 }
 
@@ -26,7 +26,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Whether a bridge can work with these numbers on a target of `dim` parameters.
+    /// Checks the ranges for a target of `dim` parameters.
     ///
     /// # Errors
     /// [`Error::Setting`] names the first one that is out of its range.

@@ -2,63 +2,58 @@
 
 use super::Settings;
 use super::between::{Between, Both};
-use crate::checkpointer::Time;
 use crate::diagnostics::effective_kinds;
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, Point, Tally, slice_updates, try_involutions};
-use crate::output::Run;
+use crate::hmc::{Evaluator, Metric, Point, slice_updates, try_involutions};
+use crate::output::{Calls, Cost, Run};
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::SmcWeights;
 use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// What errors call the coarse run.
-pub(super) const WHAT: &str = "the run to refine";
-
-/// Index, within a level, of the stream that takes SMC particles anew.
+/// Index, within a level, of the random stream of the resampling.
 const RESAMPLING: u64 = u64::MAX;
 
-/// A draw of the parent run on its way.
+/// One SMC particle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Particle {
     pub(super) z: Vec<f64>,
     pub(super) both: Both,
-    /// Row of the parent's draws that it comes from.
+    /// Eve index: the row of the parent's draws from which it descends.
     pub(super) eve: usize,
-    /// Group of dependent draws that the ancestor is of.
+    /// Cluster of dependent draws to which that row belongs.
     pub(super) lineage: u32,
 }
 
-/// One step of the way.
+/// One step of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Level {
     pub(super) fraction: f64,
     /// ln Z here over that of the coarse run.
     pub(super) ln_ratio: f64,
-    /// Ancestors left, in effect.
+    /// Effective number of ancestors.
     pub(super) ancestors: f64,
-    /// Correlation of `ln L_fine - ln L_coarse` before and after the slices.
+    /// Correlation of `ln L_fine - ln L_coarse` before and after the slice updates.
     pub(super) correlation: f64,
 }
 
-/// The set of SMC particles and how far it has come: what a checkpoint holds.
+/// The particles and the fraction reached: what a checkpoint holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
     pub(super) fraction: f64,
     pub(super) ln_ratio: f64,
     pub(super) particles: Vec<Particle>,
-    /// MCMC steps done at this share; none are due at the parent's own.
+    /// MCMC steps done at this fraction; none are due at 0.
     pub(super) mcmc_steps: usize,
     /// ln L of the fine likelihood over the coarse one of every SMC particle before these MCMC steps.
     pub(super) gaps_before: Vec<f64>,
-    /// What SMC particles of even and of odd lineages move by.
+    /// Metrics for particles of even and of odd lineages; `pools` likewise.
     pub(super) metrics: Vec<Metric>,
     pub(super) pools: Vec<DifferencePool>,
     pub(super) levels: Vec<Level>,
-    pub(super) tally: Tally,
-    pub(super) time: Time,
+    pub(super) cost: Cost,
 }
 
 impl State {
@@ -78,7 +73,7 @@ impl State {
     }
 }
 
-/// A set of SMC particles between its two likelihoods.
+/// A bridge in progress.
 pub(super) struct Bridge<'a> {
     pub(super) target: &'a dyn Target,
     pub(super) coarse: &'a dyn Target,
@@ -89,11 +84,11 @@ pub(super) struct Bridge<'a> {
 
 impl Bridge<'_> {
     /// Whether the last MCMC step at the fine likelihood is done.
-    pub(super) fn arrived(&self) -> bool {
+    pub(super) fn finished(&self) -> bool {
         self.state.fraction >= 1.0 && self.state.mcmc_steps == self.settings.mcmc_steps
     }
 
-    /// Takes draws of the parent, equally weighted, and asks for their fine likelihood.
+    /// Resamples draws of the parent to equal weights and computes their fine likelihood.
     pub(super) fn begin(&mut self, parent: &Run) -> Result<()> {
         let draws = &parent.draws;
         let grouped = draws.cluster.iter().any(|g| *g != draws.cluster[0]);
@@ -124,24 +119,19 @@ impl Bridge<'_> {
         let places: Vec<&[f64]> = particles.iter().map(|m| m.z.as_slice()).collect();
         let fine = evaluator.values(&places)?;
         if fine.iter().all(|l| *l == f64::NEG_INFINITY) {
-            return Err(Error::Mismatch {
-                what: WHAT,
-                why:
-                    "the fine target has a likelihood at none of its draws; let the two differ less"
-                        .to_owned(),
-            });
+            return Err(Error::NoCommonSupport);
         }
         for (particle, fine) in particles.iter_mut().zip(fine) {
             particle.both.fine = fine;
         }
-        self.state.tally.add(&evaluator);
+        self.state.cost.count(&evaluator.calls);
         self.state.particles = particles;
         self.state.mcmc_steps = self.settings.mcmc_steps;
         Ok(())
     }
 
-    /// One MCMC step, with a step towards the fine likelihood before it where it is due. On an error no SMC particle has moved, and the
-    /// same MCMC step can be tried again.
+    /// One MCMC step, after a step towards the fine likelihood where one is due. On an error no particle has moved, and the
+    /// same MCMC step can be repeated.
     pub(super) fn advance(&mut self) -> Result<()> {
         if self.state.mcmc_steps == self.settings.mcmc_steps {
             self.step();
@@ -166,14 +156,14 @@ impl Bridge<'_> {
         self.state.levels.len() as u64 + 1
     }
 
-    /// Weights, and SMC particles taken anew by them.
+    /// Reweights and resamples.
     fn step(&mut self) {
         let level = self.level();
         let state = &mut self.state;
         let smc_weights = SmcWeights::new(state.gaps());
         let left = 1.0 - state.fraction;
         let step = smc_weights.longest_step(left);
-        // A step of almost all that is left takes it all: what remains weighs nothing.
+        // A remainder of less than 1e-9 of the step is added to it.
         state.fraction = if step >= left * (1.0 - 1e-9) {
             1.0
         } else {
@@ -198,12 +188,12 @@ impl Bridge<'_> {
             .collect();
     }
 
-    /// Moves every SMC particle by a slice of the present law, and by the target's involutions in the first MCMC step at it.
+    /// One slice update of every particle, and the target's involutions in the first MCMC step at a fraction.
     fn mcmc_step(&mut self) -> Result<()> {
         let state = &self.state;
         let fraction = state.fraction;
         let (level, mcmc_step) = (self.level(), state.mcmc_steps as u64);
-        let moved: Vec<Result<(Particle, Tally)>> = (0..state.particles.len())
+        let moved: Vec<Result<(Particle, Calls)>> = (0..state.particles.len())
             .into_par_iter()
             .map(|i| {
                 let mut particle = state.particles[i].clone();
@@ -214,7 +204,7 @@ impl Bridge<'_> {
                 point.z.clone_from(&particle.z);
                 let between = Between::new(self.coarse, self.target, fraction);
                 let (metric, pool) = (&state.metrics[half], &state.pools[half]);
-                let tally =
+                let calls =
                     between.explore(&mut point, &mut particle.both, |evaluator, point| {
                         if mcmc_step == 0 {
                             try_involutions(evaluator, 1.0, point, &mut rng)?;
@@ -222,15 +212,13 @@ impl Bridge<'_> {
                         slice_updates(evaluator, 1.0, metric, pool, 1, point, &mut rng, |_| ())
                     })?;
                 particle.z = point.z;
-                Ok((particle, tally))
+                Ok((particle, calls))
             })
             .collect();
-        let moved: Vec<(Particle, Tally)> = moved.into_iter().collect::<Result<_>>()?;
-        let (particles, tallies): (Vec<Particle>, Vec<Tally>) = moved.into_iter().unzip();
+        let moved: Vec<(Particle, Calls)> = moved.into_iter().collect::<Result<_>>()?;
+        let (particles, calls): (Vec<Particle>, Vec<Calls>) = moved.into_iter().unzip();
         self.state.particles = particles;
-        tallies
-            .iter()
-            .for_each(|tally| self.state.tally.merge(tally));
+        calls.iter().for_each(|calls| self.state.cost.count(calls));
         Ok(())
     }
 }

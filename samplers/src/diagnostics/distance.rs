@@ -1,8 +1,8 @@
-//! How far apart are two marginals?
+//! Wasserstein distance of two marginals, and its expectation for equal distributions.
 
 use std::f64::consts::FRAC_2_PI;
 
-/// A distance of two sets of draws, and what to hold it against; both in the units of the draws.
+/// A distance of two sets of draws, and its expectation; both in the units of the draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Distance {
     /// First Wasserstein distance: the area between the two cumulative distributions.

@@ -56,12 +56,12 @@ pub fn sums_by_group(groups: &[u32], numbers: impl Iterator<Item = f64>) -> Vec<
 
 /// Effective size of the mean of `values` with weights that add up to 1: its variance over that of the mean by the scatter of
 /// groups of dependent rows, of each of which the summed deviation is one number. A few scatter less about their common mean than
-/// about the truth, one alone not at all: 0 then.
+/// about the true value; one group alone has no scatter, and the size is 0 then.
 #[must_use]
 pub fn size_of_mean(values: &[f64], weights: &[f64], groups: &[u32]) -> f64 {
     let shares = sums_by_group(groups, weights.iter().copied());
     let degrees_of_freedom = 1.0 - 1.0 / effective_number(shares);
-    // One alone has no scatter but that of rounding.
+    // The scatter of one group alone is rounding.
     if degrees_of_freedom < 1e-9 {
         return 0.0;
     }
@@ -88,7 +88,7 @@ pub fn normal_deviate(t: f64, degrees_of_freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, degrees_of_freedom).map_or(t, |law| rare(law).copysign(t))
 }
 
-/// Kish's effective number: how many equal weights are as unlike each other as these, `(sum w)^2 / sum w^2`; 0 if all are 0.
+/// Kish's effective number: the number of equal weights with the same relative variance, `(sum w)^2 / sum w^2`; 0 if all are 0.
 #[must_use]
 pub fn effective_number(weights: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, squares) = weights

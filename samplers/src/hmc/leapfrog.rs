@@ -5,11 +5,11 @@ use crate::error::Result;
 use crate::rng::{Stream, standard_normal, unit_open};
 use crate::target::Target;
 
-/// Longest whitened force, in units of sqrt(d): what a Gaussian of the metric's own width never reaches.
+/// Longest whitened force, in units of sqrt(d), which a Gaussian with the width of the metric never reaches.
 ///
-/// A path may follow any field that depends on the position alone and stay reversible and volume-preserving, so bounding
-/// the force keeps a move exact. Where a target is chaotic its gradient can exceed what any finite step sees by ten
-/// orders of magnitude; unbounded, one such point ends every path through it.
+/// A trajectory may follow any field that depends on the position alone and stays reversible and volume-preserving, so that
+/// the bound keeps transitions exact. Gradients of a chaotic target can exceed what any finite step sees by ten orders of
+/// magnitude; without the bound such a point would end every trajectory through it.
 const LONGEST_FORCE: f64 = 100.0;
 
 /// How long and how fine a move is. All of it is fixed before the move and independent of the state.
@@ -23,9 +23,9 @@ pub struct Plan {
     pub max_leapfrogs: usize,
     /// Energies along a path may differ by this much before it is given up as divergent.
     pub max_energy_range: f64,
-    /// 0 for the exact Metropolis test. Above, a rise in energy is weighed against this fraction of the depth that the
-    /// path fell: while a chain still falls from the prior by thousands of units its energy errors are large though
-    /// small for the fall, and the exact test would shorten steps until nothing moves. Not invariant.
+    /// 0 for the exact Metropolis test. Above, a rise in energy is divided by this fraction of the depth that the trajectory
+    /// fell: while a chain still falls from the prior by thousands of units its energy errors are large though small for the
+    /// fall, and the exact test would shorten steps without end. Not invariant.
     pub slack: f64,
 }
 
@@ -41,7 +41,7 @@ pub enum End {
     },
     /// At a point without a likelihood.
     Rejected,
-    /// Energy lost its meaning: the step is too long for the curvature met on the way.
+    /// With energies that differ too much: the step is too long for the curvature.
     Diverged,
 }
 
@@ -93,7 +93,7 @@ enum Step {
     Made,
     /// One without.
     Rejected,
-    /// A place that is no number.
+    /// Coordinates that are not finite.
     Lost,
 }
 
@@ -161,7 +161,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         })
     }
 
-    /// Stands at a point that has a gradient.
+    /// Begins at a point that has a gradient.
     fn stand_at(&mut self, point: &Point) {
         self.end.copy_from(point);
         self.update_force();
@@ -187,7 +187,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         Ok(Step::Made)
     }
 
-    /// Fills the gradient of a point that wants one; false where it cannot be had, and the point is as it was.
+    /// Computes the gradient of a point where it is missing; false if there is none, and the point is as it was.
     fn has_gradient(&mut self, at: &mut Point) -> Result<bool> {
         if !at.has_gradient {
             let before = at.ln_likelihood;

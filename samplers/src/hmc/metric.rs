@@ -2,8 +2,8 @@
 //!
 //! Estimated as the geodesic mean of two guesses, the covariance of positions and the inverse covariance of scores
 //! (the minimiser of the Fisher divergence: Seyboldt, Carlson & Carpenter 2024, the rule of nutpie). On a Gaussian it
-//! is exact for any draws, mixed or not, once there are more than dimensions: `Cov(score) = P Cov(z) P`, and the mean
-//! of `C` and `(P C P)^-1` is `P^-1`. That is what lets a temperature find its scales while it still falls from the prior.
+//! is exact for any draws, mixed or not, once there are more than dimensions: `Cov(score) = P Cov(z) P`, and the mean of `C`
+//! and `(P C P)^-1` is `P^-1`. So a temperature finds its scales before its states are in equilibrium.
 
 use super::Moments;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -87,8 +87,8 @@ impl Metric {
         &l * l.transpose()
     }
 
-    /// The metric that `moments` ask for, estimated in this metric's whitened coordinates and there shrunk toward
-    /// the diagonal by the share `1 / (1 + (draws / dim)^2)`: much for few draws, and for many so little that narrow
+    /// The metric from `moments`, estimated in this metric's whitened coordinates and there shrunk toward
+    /// the diagonal by the fraction `1 / (1 + (draws / dim)^2)`: much for few draws, and for many so little that narrow
     /// directions keep their digits. `None` if the draws do
     /// not span the space (no move was accepted): keep this one then.
     #[must_use]

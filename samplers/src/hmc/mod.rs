@@ -1,6 +1,6 @@
-//! Local moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta`, or from another [`Reference`] than the prior: one
-//! Hamiltonian trajectory, of a given length or until it turns back, its metric, its step size; a slice of a line where gradients
-//! do not help; and the jumps that a target's author knows.
+//! Local moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta`, or from another [`Reference`] than the prior:
+//! Hamiltonian trajectories with their metric and step size, slice updates where gradients do not help, and the symmetries
+//! of a target.
 //!
 //! Everything works in standard-normal coordinates and in whitened momenta `r = L' p`, where `L L' = V` is the
 //! metric (an estimate of the posterior's covariance): kinetic energy is `|r|^2 / 2`, the velocity is `L r` and the
@@ -18,7 +18,7 @@ mod symmetry;
 pub use leapfrog::{End, LocalSampler, Moved, Plan, shorten};
 pub use metric::Metric;
 pub use moments::Moments;
-pub use point::{Evaluator, Point, Tally};
+pub use point::{Evaluator, Point};
 pub use reference::Reference;
 pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};
 pub use step_size::{MAX_STEP, StepSize};

@@ -79,7 +79,7 @@ impl Moments {
     }
 
     /// Adds the scatter of another temperature about its own mean, at this weight: means of neighbouring temperatures may differ,
-    /// their shapes hardly do.
+    /// their covariances hardly do.
     pub fn pool(&mut self, other: &Self, weight: f64) {
         self.position.pool(&other.position, weight);
         self.score.pool(&other.score, weight);

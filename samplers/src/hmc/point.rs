@@ -1,11 +1,11 @@
-//! Where a chain stands, and the target seen from standard-normal coordinates, with every call counted.
+//! States of chains, and the target in standard-normal coordinates with its calls counted.
 
 use super::reference::{PRIOR, Reference};
 use crate::error::Result;
+use crate::output::Calls;
 use crate::rng::Stream;
-use crate::target::{Cause, Outcome, Target};
+use crate::target::Target;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 /// A state of a chain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,7 +16,7 @@ pub struct Point {
     pub ln_likelihood: f64,
     /// Gradient of ln L with respect to `z`; of no meaning unless [`has_gradient`](Self::has_gradient).
     pub gradient: Vec<f64>,
-    /// Whether the gradients belong to `z`: moves that need none do not pay for them.
+    /// Whether the gradients belong to `z`: moves that need none do not compute them.
     pub has_gradient: bool,
     /// [`Reference::ln_over_prior`] there.
     pub ln_over_prior: f64,
@@ -44,7 +44,7 @@ impl Point {
         ln_density(beta, &self.z, self.ln_likelihood, self.ln_over_prior)
     }
 
-    /// ln of prior times likelihood over the reference: what swaps and evidences weigh.
+    /// ln of prior times likelihood over the reference: what swaps and evidences are made of.
     #[must_use]
     pub fn ln_ratio(&self) -> f64 {
         self.ln_likelihood - self.ln_over_prior
@@ -67,62 +67,13 @@ pub(super) fn ln_density(beta: f64, z: &[f64], ln_likelihood: f64, ln_over_prior
     beta * ln_likelihood + (1.0 - beta) * ln_over_prior - 0.5 * z.iter().map(|z| z * z).sum::<f64>()
 }
 
-/// Likelihood calls and rejections.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Tally {
-    /// Values without a gradient.
-    pub calls: u64,
-    /// Values with a gradient.
-    pub gradients: u64,
-    /// Rejected points by cause.
-    pub rejected: BTreeMap<String, u64>,
-}
-
-impl Tally {
-    /// The counts of an evaluator.
-    #[must_use]
-    pub fn of(evaluator: &Evaluator<'_>) -> Self {
-        let mut tally = Self::default();
-        tally.add(evaluator);
-        tally
-    }
-
-    /// Adds the counts of an evaluator.
-    pub fn add(&mut self, evaluator: &Evaluator<'_>) {
-        self.calls += evaluator.calls;
-        self.gradients += evaluator.gradients;
-        for (cause, count) in &evaluator.rejected {
-            *self.rejected.entry((*cause).to_owned()).or_default() += count;
-        }
-    }
-
-    /// Adds another tally.
-    pub fn merge(&mut self, other: &Self) {
-        self.calls += other.calls;
-        self.gradients += other.gradients;
-        for (cause, count) in &other.rejected {
-            *self.rejected.entry(cause.clone()).or_default() += count;
-        }
-    }
-
-    /// The most frequent cause of rejection.
-    #[must_use]
-    pub fn main_cause(&self) -> String {
-        self.rejected
-            .iter()
-            .max_by_key(|(_, count)| **count)
-            .map_or_else(|| "none".to_owned(), |(cause, _)| cause.clone())
-    }
-}
-
-/// A target in standard-normal coordinates, owned by one task: it counts and keeps its scratch space.
+/// A target in standard-normal coordinates, owned by one task, with its calls and scratch space.
 pub struct Evaluator<'a> {
     target: &'a dyn Target,
     reference: &'a Reference,
     theta: Vec<f64>,
-    calls: u64,
-    gradients: u64,
-    rejected: Vec<(Cause, u64)>,
+    /// Calls so far.
+    pub calls: Calls,
 }
 
 impl<'a> Evaluator<'a> {
@@ -139,9 +90,7 @@ impl<'a> Evaluator<'a> {
             target,
             reference,
             theta: vec![0.0; target.dim()],
-            calls: 0,
-            gradients: 0,
-            rejected: Vec::new(),
+            calls: Calls::default(),
         }
     }
 
@@ -151,7 +100,7 @@ impl<'a> Evaluator<'a> {
         self.target
     }
 
-    /// Where the path begins.
+    /// The reference.
     #[must_use]
     pub fn reference(&self) -> &'a Reference {
         self.reference
@@ -163,9 +112,9 @@ impl<'a> Evaluator<'a> {
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn value(&mut self, z: &[f64]) -> Result<f64> {
         self.target.prior().theta_from_z(z, &mut self.theta);
-        self.calls += 1;
+        self.calls.values += 1;
         let outcome = self.target.ln_likelihood(&self.theta);
-        self.note(&outcome);
+        self.calls.note(&outcome);
         outcome.ln_likelihood(&self.theta)
     }
 
@@ -181,9 +130,9 @@ impl<'a> Evaluator<'a> {
             theta
         };
         let thetas: Vec<Vec<f64>> = places.iter().map(theta).collect();
-        self.calls += thetas.len() as u64;
+        self.calls.values += thetas.len() as u64;
         let outcomes = self.target.ln_likelihoods(&thetas);
-        outcomes.iter().for_each(|outcome| self.note(outcome));
+        outcomes.iter().for_each(|outcome| self.calls.note(outcome));
         let both = outcomes.iter().zip(&thetas);
         both.map(|(outcome, theta)| outcome.ln_likelihood(theta))
             .collect()
@@ -197,11 +146,11 @@ impl<'a> Evaluator<'a> {
     pub fn fill(&mut self, point: &mut Point) -> Result<()> {
         let prior = self.target.prior();
         prior.theta_from_z(&point.z, &mut self.theta);
-        self.gradients += 1;
+        self.calls.gradients += 1;
         let outcome = self
             .target
             .ln_likelihood_and_gradient(&self.theta, &mut point.gradient);
-        self.note(&outcome);
+        self.calls.note(&outcome);
         point.ln_likelihood = outcome.ln_likelihood(&self.theta)?;
         point.ln_over_prior = self
             .reference
@@ -210,7 +159,7 @@ impl<'a> Evaluator<'a> {
         if point.has_gradient {
             prior.gradient_to_z(&point.z, &mut point.gradient);
             if point.gradient.iter().any(|g| !g.is_finite()) {
-                self.count("gradient not finite");
+                self.calls.reject("gradient not finite", 1);
                 point.ln_likelihood = f64::NEG_INFINITY;
                 point.has_gradient = false;
             }
@@ -221,19 +170,5 @@ impl<'a> Evaluator<'a> {
     /// Draws `z` from the reference; no likelihood call.
     pub fn draw_reference(&self, z: &mut [f64], rng: &mut Stream) {
         self.reference.draw(z, rng);
-    }
-
-    /// Counts a rejection.
-    fn note(&mut self, outcome: &Outcome) {
-        if let Some(cause) = outcome.cause() {
-            self.count(cause);
-        }
-    }
-
-    fn count(&mut self, cause: Cause) {
-        match self.rejected.iter_mut().find(|(known, _)| *known == cause) {
-            Some((_, count)) => *count += 1,
-            None => self.rejected.push((cause, 1)),
-        }
     }
 }

@@ -1,9 +1,9 @@
-//! Where a path of temperatures begins: at the prior, or at a mixture that resembles the posterior and can be drawn from as
-//! well (a variational reference; Surjanovic, Syed, Bouchard-Cote & Campbell 2022).
+//! The reference, at which an annealing path begins: the prior, or a mixture that resembles the posterior and can be drawn
+//! from as well (a variational reference; Surjanovic, Syed, Bouchard-Cote & Campbell 2022).
 //!
-//! At inverse temperature beta the density is `reference^(1 - beta) (prior L)^beta`. The reference's density over the prior's
-//! is its **log ratio to the prior**: with it `prior exp{beta ln L + (1 - beta) ln_over_prior}`, and a path from the prior has no log ratio to the prior. The integral over
-//! the whole path is the evidence, whatever the reference.
+//! At inverse temperature beta the density is `reference^(1 - beta) (prior L)^beta`. With the log ratio of reference to
+//! prior, `ln_over_prior`, it is `prior exp{beta ln L + (1 - beta) ln_over_prior}`; the log ratio is 0 on a path from the
+//! prior. The integral over the whole path is the evidence, whatever the reference.
 
 use crate::diagnostics::ln_sum_exp;
 use crate::mixture::{Mixture, Rows};
@@ -11,18 +11,18 @@ use crate::normal;
 use crate::rng::{Stream, standard_normal, unit_open};
 use serde::{Deserialize, Serialize};
 
-/// Fraction of the prior in a reference: no point has a likelihood over it that is more than this many times smaller than over
-/// the prior, and no mode is out of its reach.
+/// Weight of the prior in a reference: it bounds the ratio of prior to reference by its inverse, and no mode is out of
+/// reach.
 const PRIOR_WEIGHT: f64 = 0.05;
 
-/// How many times as wide as the mixture that fits best a reference is. Where it has too little a chain set stays for long: the posterior of five
-/// parameters of a stream had 386 effective draws for as many calls as 146 without.
+/// How many times as wide as the mixture of best fit a reference is. Where a reference is too narrow a chain stays for long:
+/// the posterior of five parameters of a stream had 386 effective draws with this factor and 146 without, for as many calls.
 const WIDER: f64 = 1.3;
 
 /// Most components of a mixture.
 const MAX_COMPONENTS: usize = 64;
 
-/// See the module's words.
+/// The distribution at beta = 0.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reference(Option<Mixture>);
 
@@ -89,8 +89,8 @@ impl Reference {
     }
 }
 
-/// From the mixture over the prior, in logarithms: mixture and prior in their shares over the prior, and the mixture's part of
-/// that.
+/// The log ratio to the prior of mixture and prior by their weights, from that of the mixture alone; and the part of the
+/// mixture in it.
 fn blend(over_prior: f64) -> (f64, f64) {
     let mixture = over_prior + (-PRIOR_WEIGHT).ln_1p();
     let ln_over_prior = ln_sum_exp(&[PRIOR_WEIGHT.ln(), mixture]);

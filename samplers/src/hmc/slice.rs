@@ -1,7 +1,7 @@
-//! A move without a gradient: one slice of a line through the present point (Neal 2003; hit and run).
+//! Slice updates along a line through the present point (Neal 2003; hit and run): they need no gradient.
 //!
-//! Where a likelihood is rough at the scale of a leapfrog step (a stream of a thousand particles is), no step is short
-//! enough for a Hamiltonian path, but a slice finds the width that is left by itself, and costs values alone.
+//! Where a likelihood is rough at the scale of a leapfrog step (that of a stream of a thousand particles is), no step is
+//! short enough for a Hamiltonian trajectory. A slice update finds the width by itself, and needs values alone.
 
 use super::point::ln_density;
 use super::{Evaluator, Metric, Point, propose_involution, refresh};
@@ -10,15 +10,15 @@ use crate::error::Result;
 use crate::rng::{Stream, standard_normal, unit_open};
 use crate::target::{Orbit, Symmetry};
 
-/// Width of a slice's first interval in units of its direction: twice as wide as a Gaussian's own slice, since an
-/// interval too wide costs one call more and one too narrow cannot grow.
+/// Width of the first interval in units of the direction: twice that of a Gaussian's own slice, since an interval too wide
+/// costs one call more and one too narrow cannot grow.
 const WIDTH: f64 = 2.0;
 
-/// Most calls of one slice; its interval has then shrunk to nothing, and the point stays.
+/// Most calls of one slice update; then the interval has shrunk to nothing, and the point stays.
 const MAX_CALLS: usize = 100;
 
 /// Fraction of directions that are differences of the pool's points, if it has two for each dimension.
-const DIFFERENCES: f64 = 0.75;
+const DIFFERENCE_FRACTION: f64 = 0.75;
 
 /// A direction about as long as its slice: the difference of two of the pool's points near `at`, with the pair, or a random
 /// one in `metric`.
@@ -32,7 +32,7 @@ fn direction(
 ) -> Option<Pair> {
     let dim = out.len();
     if pool.len() >= 2 * dim
-        && unit_open(rng) < DIFFERENCES
+        && unit_open(rng) < DIFFERENCE_FRACTION
         && let Some(pair) = pool.pick(at, orbit, rng)
     {
         let [a, b] = pool.ends(&pair, at, orbit);
@@ -74,7 +74,7 @@ pub fn slice(
         for ((o, z), v) in trial.iter_mut().zip(&at.z).zip(&along) {
             *o = z + t * v;
         }
-        // The pair's cell and what is known beside ln L can refuse a draw: no call then.
+        // Draws outside the pair's cell, or where the known bound of ln L is too low, need no call.
         let held = pair.is_none_or(|pair| pool.holds(&pair, &trial, orbit));
         if held {
             let ln_over_prior = evaluator.reference().ln_over_prior(&trial);
@@ -137,13 +137,14 @@ pub fn try_involutions(
     Ok(())
 }
 
-/// A redraw along the target's orbits, and this many slices, each followed by another; `visit` sees the point after each.
+/// A redraw along the target's orbits, then `slices` slice updates, each followed by another redraw; `visit` is called with
+/// the point after each.
 ///
 /// # Errors
 /// As [`slice()`].
 #[allow(
     clippy::too_many_arguments,
-    reason = "what a slice needs, how many, and who looks on"
+    reason = "those of a slice update, their number and a visitor"
 )]
 pub fn slice_updates(
     evaluator: &mut Evaluator<'_>,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Largest step in metric units: a leapfrog on a Gaussian is unstable beyond 2 and wasteful well before.
+/// Largest step in metric units: a leapfrog on a Gaussian is unstable beyond 2, and inefficient well below.
 pub const MAX_STEP: f64 = 1.2;
 
 /// Smallest step: a thousandth of the metric's own width. Where a target is rough below any step, acceptance stops rising as

@@ -1,4 +1,4 @@
-//! Jumps that the target's author knows: involutions with a Metropolis test, orbits with an exact redraw.
+//! Moves by a target's symmetries: involutions with a Metropolis test, orbits with an exact redraw.
 
 use super::point::ln_density;
 use super::{Evaluator, Point};
@@ -44,9 +44,9 @@ pub fn propose_involution(
     Ok(accepted)
 }
 
-/// Redraws the position of `at` along an orbit. The likelihood is unchanged and not called; the gradient at the new
-/// point is unknown and is computed, and counted, by the next move that needs it.
-/// On a path from a mixture a draw to where the reference has less than the prior may be refused: the orbit is redrawn by the prior, and a path from elsewhere weighs the draw by its log ratio to the prior.
+/// Redraws the position of `at` along an orbit from the prior. The likelihood is unchanged and not called; the gradient at
+/// the new point is computed, and counted, by the next move that needs it. On a path from a mixture the draw is accepted by
+/// its log ratio of reference to prior, and may be refused.
 pub fn refresh(
     evaluator: &Evaluator<'_>,
     orbit: &dyn Orbit,

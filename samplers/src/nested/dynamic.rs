@@ -1,7 +1,7 @@
 //! Where a dynamic run adds live points, and when it has enough (Higson et al. 2019).
 //!
-//! A batch is a run of its own above a contour: its points begin as draws of the prior above the floor, and when the lowest
-//! of them is above the ceiling they all die. Births and deaths of all batches together weigh as those of one run do.
+//! A batch is a run of its own in a range of likelihoods: its points begin as draws of the prior above the floor, and it
+//! ends when the lowest of them is above the ceiling. All points of all batches weigh together as those of one run do.
 
 use super::evidence::{DeadPoints, Weighted};
 use super::live::Points;
@@ -10,13 +10,13 @@ use super::settings::Settings;
 use crate::diagnostics::kish_ess;
 use serde::{Deserialize, Serialize};
 
-/// Points of at least this fraction of the largest importance span a batch.
-const RANGE: f64 = 0.5;
+/// A batch spans the points of at least this fraction of the largest importance.
+const SPANNED_IMPORTANCE: f64 = 0.5;
 
-/// Fraction of the posterior that no batch goes on for.
+/// Fraction of the posterior above the end of every batch.
 const LEFT: f64 = 0.01;
 
-/// The log-likelihoods that a batch spans.
+/// The range of log-likelihoods of a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct LikelihoodRange {
     /// Its points are born above this one; minus infinity: draws of the prior.
@@ -28,8 +28,9 @@ pub(super) struct LikelihoodRange {
 }
 
 impl LikelihoodRange {
-    /// Where more points tell most. A point's importance for the posterior is its weight; for the evidence, that of all points
-    /// from it on by the number alive, because they all lie in the volume that its own death leaves uncertain.
+    /// Where more points reduce the error most. The importance of a point for the posterior is its weight; for the evidence
+    /// it is the weight of all points from it on, divided by the number of live points, because they all lie in the volume
+    /// that its shrinkage makes uncertain.
     pub fn of(history: &DeadPoints, weighted: &Weighted, posterior_fraction: f64) -> Self {
         let count = weighted.p.len();
         let mut rest = 0.0;
@@ -48,7 +49,7 @@ impl LikelihoodRange {
             .zip(evidence)
             .map(|(p, e)| posterior_fraction * p + (1.0 - posterior_fraction) * e / sum)
             .collect();
-        let enough = RANGE * importance.iter().copied().fold(0.0, f64::max);
+        let enough = SPANNED_IMPORTANCE * importance.iter().copied().fold(0.0, f64::max);
         let within = |i: &usize| importance[*i] >= enough;
         let first = (0..count).find(within).unwrap_or(0);
         let last = (0..count).rev().find(within).unwrap_or(0);
@@ -72,7 +73,7 @@ impl LikelihoodRange {
     }
 }
 
-/// What a run has come to, all batches together.
+/// Weights and errors of a run so far, all batches together.
 pub(super) struct RunSummary {
     pub points: Points,
     pub history: DeadPoints,
@@ -103,12 +104,12 @@ impl RunSummary {
         }
     }
 
-    /// Whether that is what was asked for.
+    /// Whether all targets are met.
     pub fn meets(&self, settings: &Settings) -> bool {
         self.wants(settings) == [false, false]
     }
 
-    /// What more points are to aim at: what the settings message, or the one target of two that is left.
+    /// The aim of the next batch: that of the settings, or the only target of two that is not met.
     pub fn posterior_fraction(&self, settings: &Settings) -> f64 {
         let both = settings.target_ess.is_some() && settings.target_ln_z_error.is_some();
         match self.wants(settings) {
@@ -118,7 +119,7 @@ impl RunSummary {
         }
     }
 
-    /// Whether draws are wanting, and whether digits of ln Z are.
+    /// Whether the target ESS, and whether the target error of ln Z, is not met yet.
     fn wants(&self, settings: &Settings) -> [bool; 2] {
         [
             settings.target_ess.is_some_and(|target| self.ess < target),

@@ -21,9 +21,9 @@ pub(super) struct DeadPoints {
     pub ln_l: Vec<f64>,
     /// Contours of birth.
     pub birth: Vec<f64>,
-    /// Lineages, for what chains never forget: modes.
+    /// Lineages, for what chains never forget: which mode a point is in.
     pub lineages: Groups,
-    /// Recent lineages, for what they do forget: volumes.
+    /// Recent lineages, for what chains do forget: the volumes.
     pub recent_lineages: Groups,
     /// Row numbers of the points as they were given.
     pub order: Vec<usize>,
@@ -172,8 +172,8 @@ impl DeadPoints {
             .collect()
     }
 
-    /// ln Z in `count` Bayesian bootstraps (Rubin 1981) over recent lineages: each has a weight drawn from the unit exponential. None is ever
-    /// left out, as when whole recent lineages are drawn, so that no bootstrap lacks a peak that few of them have reached.
+    /// ln Z in `count` Bayesian bootstraps (Rubin 1981) over recent lineages: each has a weight drawn from the unit exponential. None is
+    /// left out, as it would be if whole recent lineages were drawn, so that no bootstrap lacks a peak that few of them have reached.
     pub fn bootstrap(&self, seed: u64, count: usize) -> Vec<f64> {
         (0..count as u64)
             .into_par_iter()
@@ -187,7 +187,7 @@ impl DeadPoints {
             .collect()
     }
 
-    /// How many lineages of equal fractions of the posterior would be as unlike each other as these are.
+    /// Effective number of lineages of the posterior, by their weights (Kish).
     pub fn effective_lineages(&self, weighted: &Weighted) -> f64 {
         effective_number(sums_by_group(&self.lineages.of, weighted.p.iter().copied()))
     }
@@ -213,7 +213,7 @@ impl DeadPoints {
             if own > 0.0 {
                 rows.push(i);
                 ln_l.push(self.ln_l[i]);
-                // The sum over the living is rounded, and cannot be less than the one who dies.
+                // The rounded sum over the live points cannot be less than the weight of the dying one.
                 ln_t.push(-own / all.max(own));
             }
         }

@@ -6,7 +6,7 @@ use super::live::Points;
 use super::results::{Errors, Results};
 use super::state::{Context, State};
 use crate::error::Result;
-use crate::output::{Cost, Method, Run, Status};
+use crate::output::{Method, Run, Status};
 use crate::rng::STREAM_VERSION;
 
 /// Builds the result. The live points count as dead in the order of their likelihoods.
@@ -47,13 +47,7 @@ pub(super) fn finish(
         draws,
         evidence: results.evidence(),
         ess,
-        cost: Cost {
-            calls: state.calls,
-            gradients: state.gradients,
-            cpu_seconds: state.time.cpu_seconds,
-            wall_seconds: state.time.wall_seconds,
-            rejected: state.rejected.clone(),
-        },
+        cost: state.cost.clone(),
         history: results.run_history(state.ranks.fractions()),
         checks,
         warnings,

@@ -2,52 +2,15 @@
 
 use super::live::REJECTED;
 use crate::error::Result;
+use crate::output::Calls;
 use crate::rng::{Stream, unit_open};
-use crate::target::{Cause, Outcome, Target};
-use std::collections::BTreeMap;
+use crate::target::{Outcome, Target};
 
-/// Calls, gradients, and rejections by cause.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Tally {
-    /// Values without a gradient.
-    pub calls: u64,
-    /// Values with a gradient.
-    pub gradients: u64,
-    pub rejected: Vec<(Cause, u64)>,
-}
-
-impl Tally {
-    fn reject(&mut self, cause: Cause) {
-        match self.rejected.iter_mut().find(|(c, _)| *c == cause) {
-            Some((_, count)) => *count += 1,
-            None => self.rejected.push((cause, 1)),
-        }
-    }
-
-    /// The ln L of a call, counted.
-    fn settle(&mut self, outcome: &Outcome, theta: &[f64]) -> Result<f64> {
-        self.calls += 1;
-        let ln_l = outcome.ln_likelihood(theta)?;
-        if let Some(cause) = outcome.cause() {
-            self.reject(cause);
-            return Ok(REJECTED);
-        }
-        Ok(ln_l)
-    }
-
-    /// Adds the rejections to named counts.
-    pub fn add_to(&self, counts: &mut BTreeMap<String, u64>) {
-        for (cause, count) in &self.rejected {
-            *counts.entry((*cause).to_owned()).or_default() += count;
-        }
-    }
-}
-
-/// One worker's hold on the target.
+/// The target as one task calls it.
 pub(super) struct Likelihood<'a> {
     target: &'a dyn Target,
     theta: Vec<f64>,
-    pub tally: Tally,
+    pub calls: Calls,
 }
 
 impl<'a> Likelihood<'a> {
@@ -55,7 +18,7 @@ impl<'a> Likelihood<'a> {
         Self {
             target,
             theta: vec![0.0; target.dim()],
-            tally: Tally::default(),
+            calls: Calls::default(),
         }
     }
 
@@ -63,7 +26,7 @@ impl<'a> Likelihood<'a> {
     pub fn at(&mut self, u: &[f64]) -> Result<f64> {
         self.target.prior().theta_from_u(u, &mut self.theta);
         let outcome = self.target.ln_likelihood(&self.theta);
-        self.tally.settle(&outcome, &self.theta)
+        settle(&mut self.calls, &outcome, &self.theta)
     }
 
     /// The gradient of ln L with respect to `u`, into `gradient`; false where there is none: no likelihood, or a slope that is not
@@ -71,7 +34,7 @@ impl<'a> Likelihood<'a> {
     pub fn gradient_at(&mut self, u: &[f64], gradient: &mut [f64]) -> Result<bool> {
         let prior = self.target.prior();
         prior.theta_from_u(u, &mut self.theta);
-        self.tally.gradients += 1;
+        self.calls.gradients += 1;
         let outcome = self
             .target
             .ln_likelihood_and_gradient(&self.theta, gradient);
@@ -93,9 +56,21 @@ impl<'a> Likelihood<'a> {
         let thetas: Vec<Vec<f64>> = points.iter().map(theta).collect();
         let outcomes = self.target.ln_likelihoods(&thetas);
         let both = outcomes.iter().zip(&thetas);
-        both.map(|(outcome, theta)| self.tally.settle(outcome, theta))
+        both.map(|(outcome, theta)| settle(&mut self.calls, outcome, theta))
             .collect()
     }
+}
+
+/// The ln L of a call, counted; [`REJECTED`] for a rejection.
+fn settle(calls: &mut Calls, outcome: &Outcome, theta: &[f64]) -> Result<f64> {
+    calls.values += 1;
+    let ln_l = outcome.ln_likelihood(theta)?;
+    calls.note(outcome);
+    Ok(if outcome.cause().is_some() {
+        REJECTED
+    } else {
+        ln_l
+    })
 }
 
 /// An independent draw of the prior, into `u`.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// first points are born. So a point born above the plateau of rejected points can be told from a first one.
 pub(super) const REJECTED: f64 = f64::MIN;
 
-/// Number of lineages that this many live points found: even, so that each lies in one half.
+/// Number of lineages of this many live points: even, so that each lies in one half.
 pub(super) fn lineages(n_live: usize) -> usize {
     const MAX: usize = 20;
     const MIN_POINTS: usize = 5;
@@ -19,14 +19,15 @@ pub(super) fn narrow(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }
 
-/// Whom a point is related to. A point drawn by a chain is of its seed's genealogy, whom it resembles while steps are few; one drawn
-/// without a seed takes the place of the one that dies for it.
+/// The lineages of a point. One drawn by a chain has those of its seed, which it resembles while steps are few; one drawn
+/// without a seed has those of the point that it replaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Genealogy {
-    /// Descent from the first points, for ever: a mode that lineages stay in is theirs. Even and odd ones are the two halves.
+    /// Eve index: the first point from which it descends, modulo the number of lineages. Even and odd ones are the two
+    /// halves.
     pub lineage: u32,
-    /// Descent from lineages founded anew whenever few recent lineages are left ([`Points::found`]): how far the volumes are known depends
-    /// on what chains have not forgotten yet. Of its lineage's half.
+    /// The same with ancestors chosen anew whenever few recent lineages are left ([`Points::begin_recent_lineages`]): the errors of volumes
+    /// depend on what chains have not forgotten yet. In the half of its lineage.
     pub recent_lineage: u32,
 }
 
@@ -107,7 +108,7 @@ impl Points {
         out
     }
 
-    /// How many recent lineages of equal shares would be as unlike each other as these are.
+    /// Effective number of recent lineages (Kish).
     pub fn effective_recent_lineages(&self) -> f64 {
         effective_kinds(
             self.genealogy
@@ -116,8 +117,8 @@ impl Points {
         )
     }
 
-    /// Founds new recent lineages, `count` of them from this number on, each in the half where it was.
-    pub fn found(&mut self, first: u32, count: u32) {
+    /// Begins new recent lineages, `count` of them from this number on, each in the half where it was.
+    pub fn begin_recent_lineages(&mut self, first: u32, count: u32) {
         for (half, rows) in (0..).zip(self.halves()) {
             for (turn, row) in (0..count / 2).cycle().zip(rows) {
                 self.genealogy[row].recent_lineage = first + 2 * turn + half;
@@ -125,8 +126,8 @@ impl Points {
         }
     }
 
-    /// Rows of the even lineages, then those of the odd ones. What a chain knows of its target besides its own state, it
-    /// knows from the half that its seed is not in.
+    /// Rows of the even lineages, then those of the odd ones. Metrics and directions of a chain come from the half that its
+    /// seed is not in.
     pub fn halves(&self) -> [Vec<usize>; 2] {
         let of = |half: u32| -> Vec<usize> {
             (0..self.len())
@@ -200,7 +201,7 @@ mod tests {
         // Four of one, three of another, one alone.
         assert!((live.effective_recent_lineages() - 64.0 / 26.0).abs() < 1e-12);
         let halves = live.halves();
-        live.found(20, 4);
+        live.begin_recent_lineages(20, 4);
         let recent_lineages: Vec<u32> = live
             .genealogy
             .iter()

@@ -1,9 +1,9 @@
 //! Runs of several seeds as one.
 //!
 //! Births and deaths of independent runs weigh together as those of one run with as many live points as all of them had (Skilling
-//! 2006; Higson et al. 2019). What each of them found is compared first: a mode that one run has missed shows as a difference.
+//! 2006; Higson et al. 2019). Their evidences and means are compared first: a mode that one run has missed shows as a difference.
 
-use super::checks::of_genealogy;
+use super::checks::by_lineages;
 use super::evidence::DeadPoints;
 use super::live::{self, Genealogy, REJECTED, narrow};
 use super::results::{Errors, Results, simulated};
@@ -14,28 +14,26 @@ use crate::output::{Check, Cost, Draws, History, Method, Run, Status};
 use crate::target::Target;
 use std::collections::BTreeSet;
 
-const WHAT: &str = "the runs to merge";
-
 /// Least probability that runs of one posterior differ as these do.
 const MIN_PROBABILITY: f64 = 0.01;
 
-/// One nested run out of several on the same `target`, of different seeds, at no further cost. Its checks are the worst of theirs and
+/// One nested run out of several on the same `target`, of different seeds, without further likelihood calls. Its checks are the worst of theirs and
 /// whether they agree; it has the seed of the first.
 ///
 /// # Errors
-/// [`Error::Mismatch`] if there are fewer than two, one is not a nested run or not of this target, or two have the same seed; those
-/// of the target.
+/// [`Error::TooFewRuns`], [`Error::SameSeed`] and [`Error::NotNested`]; [`Error::OtherParameters`], [`Error::NoDraws`] and
+/// [`Error::OtherLikelihood`] for a run on another target; [`Error::Fatal`] and [`Error::Infinite`] from the target.
 pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     let parts = runs
         .iter()
         .map(|run| Part::of(target, run))
         .collect::<Result<Vec<Part<'_>>>>()?;
-    let seeds: BTreeSet<u64> = runs.iter().map(|run| run.seed).collect();
     let [first, _, ..] = runs else {
-        return refuse("one run is whole already; give two or more");
+        return Err(Error::TooFewRuns { given: runs.len() });
     };
-    if seeds.len() < runs.len() {
-        return refuse("two have the same seed, which are the same draws twice; give each its own");
+    let mut seeds = BTreeSet::new();
+    if let Some(run) = runs.iter().find(|run| !seeds.insert(run.seed)) {
+        return Err(Error::SameSeed { seed: run.seed });
     }
     let dim = target.dim();
     let mut all = Together::default();
@@ -51,7 +49,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     let draws = results.draws(target, &all.theta)?;
     let ess = results.ess(&draws);
     let mut checks = worst(runs);
-    checks.extend(of_genealogy(&results.measured(ess.kish)));
+    checks.extend(by_lineages(&results.measured(ess.kish)));
     checks.extend(agreement(runs));
     let ranks = parts.iter().flat_map(|part| part.insertion_rank);
     Ok(Run {
@@ -72,14 +70,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     })
 }
 
-fn refuse<T>(why: &str) -> Result<T> {
-    Err(Error::Mismatch {
-        what: WHAT,
-        why: why.to_owned(),
-    })
-}
-
-/// A run, taken apart.
+/// The parts of a run.
 struct Part<'a> {
     draws: &'a Draws,
     ln_l: &'a [f64],
@@ -90,7 +81,7 @@ struct Part<'a> {
 
 impl<'a> Part<'a> {
     fn of(target: &dyn Target, run: &'a Run) -> Result<Self> {
-        run.check_belongs(target, WHAT)?;
+        run.check_belongs(target, "a run to merge")?;
         let History::Nested {
             ln_likelihood,
             ln_likelihood_birth,
@@ -99,9 +90,7 @@ impl<'a> Part<'a> {
             ..
         } = &run.history
         else {
-            return refuse(
-                "one is not a nested run, which alone has births and deaths; leave it out",
-            );
+            return Err(Error::NotNested { seed: run.seed });
         };
         Ok(Self {
             draws: &run.draws,
@@ -201,7 +190,7 @@ fn agreement(runs: &[&Run]) -> [Check; 2] {
     ]
 }
 
-/// Error of ln Z that the runs' independent errors of this name make together, each with the fraction of its live points: a run keeps
+/// Error of ln Z from the runs' independent errors of this name, each weighted by its number of live points: a run keeps
 /// neither its recent lineages nor the number of its ancestors.
 fn together(runs: &[&Run], parts: &[Part<'_>], name: &str) -> f64 {
     let size = |part: &Part<'_>| part.live.first().map_or(0.0, |n| f64::from(*n));

@@ -1,13 +1,16 @@
 //! Nested sampling: live points shrinking onto the peak (Skilling 2006), in iterations.
 //!
-//! [`run`] replaces the lowest tenth of the live points at once by new ones above their contour, until the rest could
-//! no longer raise the evidence. Ties with the contour die with it, so plateaus of the likelihood, rejected points
-//! among them, need no other rule. New points come from ellipsoids around the live ones, or from slices or walks whose
-//! steps are those ellipsoids' ([`Kernel`]). Weights, evidence and errors all follow from the contour above which
-//! each point was born and its own likelihood. A chain's point resembles its seed until it has made steps enough: it is of its
-//! seed's lineage, the other half of the lineages alone tells a chain where to go, and the scatter of lineages is the error of means
-//! that is quoted, as that of lineages founded lately, of recent lineages, is of ln Z. So few steps cost digits, not truth. More live points can be added later, where they tell most: a run with a
-//! target ([`Settings::target_ess`]) does so until it is met. Runs of several seeds are one longer run ([`merge`]).
+//! [`run`] replaces the lowest tenth of the live points at once by new ones above the likelihood bound, until the rest
+//! could raise the evidence by less than [`Settings::dlnz`]. Points of equal likelihood at the bound are replaced together,
+//! so that plateaus of the likelihood, rejected points among them, need no other rule. New points come from ellipsoids
+//! around the live ones, or from slice updates or walks in the metric of those ellipsoids ([`Kernel`]). Weights, evidence
+//! and errors follow from the bound above which each point was drawn and from its own likelihood.
+//!
+//! A point drawn by a chain resembles its seed until the chain has made enough steps. It therefore belongs to the lineage
+//! of its seed; chains of one half of the lineages take directions and metrics from the other half; and the errors of means
+//! come from the scatter of lineages, that of ln Z from recent lineages, whose ancestors are chosen anew whenever few are
+//! left. So few steps cost accuracy, which the errors show, but do not bias the result. More live points can be added where
+//! they reduce the error most ([`Settings::target_ess`]), and runs of several seeds weigh as one longer run ([`merge`]).
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};

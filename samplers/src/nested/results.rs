@@ -1,4 +1,4 @@
-//! What births, deaths and parameters come to: evidence and effective sizes with their errors, of one run or of several.
+//! Evidence, effective sample sizes and their errors, from the points of one run or of several.
 
 use super::evidence::{DeadPoints, Weighted};
 use super::live::{REJECTED, lineages};
@@ -9,7 +9,7 @@ use crate::output::{Draws, Ess, Evidence, History, Origin};
 use crate::target::Target;
 use std::collections::BTreeMap;
 
-/// Births and deaths, and all that follows from them.
+/// The points of a run and everything that follows from them.
 pub(super) struct Results {
     pub history: DeadPoints,
     pub weighted: Weighted,
@@ -18,18 +18,18 @@ pub(super) struct Results {
     errors: Errors,
 }
 
-/// Errors of ln Z, by what they see.
+/// Errors of ln Z, by their origin.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Errors {
-    /// Volumes of ideal draws.
+    /// Unknown volumes, for independent draws.
     pub simulated: f64,
-    /// Relatives of late, whom chains have not forgotten: the scatter of recent lineages.
+    /// Dependence of new points on recent seeds: the scatter of recent lineages.
     pub bootstrapped: f64,
-    /// Necks that few ancestors came through: see [`of_ancestry`].
+    /// Excess coalescence: see [`of_ancestry`].
     pub ancestral: f64,
 }
 
-/// What the evidence knows about itself.
+/// Numbers on which the checks of the evidence rest.
 pub(super) struct Measured {
     pub errors: Errors,
     /// ln Z of the even and of the odd recent lineages.
@@ -45,7 +45,7 @@ impl Errors {
     pub fn of(history: &DeadPoints, weighted: &Weighted, settings: &Settings, seed: u64) -> Self {
         let founders = lineages(settings.n_live);
         let recent_lineages = founders as f64;
-        // So few scatter a little less, weighted at random, about their own mean than about the truth.
+        // So few, weighted at random, scatter a little less about their own mean than about the true value.
         let degrees_of_freedom = ((recent_lineages + 1.0) / (recent_lineages - 1.0)).sqrt();
         let ln_z = history.bootstrap(seed, settings.bootstraps);
         Self {
@@ -148,7 +148,7 @@ impl Results {
         }
     }
 
-    /// The way from the prior to the peak, with the ranks of those inserted.
+    /// The history from the prior to the peak, with the insertion ranks.
     pub fn run_history(&self, insertion_rank: Vec<f64>) -> History {
         let shown = |l: &f64| {
             if *l <= REJECTED {
@@ -176,18 +176,19 @@ impl Results {
     }
 }
 
-/// Error of ln Z by the volumes of ideal draws.
+/// Error of ln Z by the unknown volumes, for independent draws.
 pub(super) fn simulated(history: &DeadPoints, settings: &Settings, seed: u64) -> f64 {
     deviation(&history.simulate(seed, settings.simulations))
 }
 
-/// Error of ln Z for want of ancestors, after the estimate of Lee & Whiteley (2018) for particle filters. Two draws of the posterior
-/// descend from one first point more often than seeds drawn by chance would make them only where the descendants of few first points
-/// found the way to the peak; and as many as found it, by chance, measure its volume. The excess is the relative variance of Z.
+/// Error of ln Z by excess coalescence, after the estimate of Lee & Whiteley (2018) for particle filters. Pairs of draws of
+/// the posterior have a common first point more often than seeds drawn at random would make them only where the descendants
+/// of few first points reached the peak; how many reach it is random, and their number measures its volume. The excess is
+/// the relative variance of Z.
 fn of_ancestry(history: &DeadPoints, weighted: &Weighted, founders: usize, n_live: usize) -> f64 {
     let alike = 1.0 / history.effective_lineages(weighted);
     let at_first = 1.0 / founders as f64;
-    // Of n living ones every e-fold replaces n, and each time 2 / n^2 of the pairs become siblings.
+    // With n live points every e-fold replaces n, and each time 2 / n^2 of the pairs get a common ancestor.
     let siblings = -(-2.0 * weighted.information / n_live as f64).exp_m1();
     let by_chance = at_first + (1.0 - at_first) * siblings;
     (alike - by_chance).max(0.0).sqrt()

@@ -13,14 +13,13 @@ use crate::target::Target;
 /// Runs nested sampling on `target`, once or until the settings' targets are met, and returns weighted draws of its
 /// posterior with the evidence.
 ///
-/// The same target, settings and seed give the same bits on any number of lineages (those of the current rayon pool),
+/// The same target, settings and seed give the same bits on any number of threads (those of the current rayon pool),
 /// and after any number of interruptions. A run that was interrupted or whose budget is spent returns what it has,
 /// unconverged; it can be resumed from its checkpoint, which stays after completion too.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::NoGradient`] for a kernel that needs gradients of a target that has
-/// none; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;
-/// [`Error::Fatal`] and [`Error::Infinite`] from the target and [`Error::Stuck`] from a kernel, after a checkpoint
+/// [`Error::Setting`] for settings out of range; [`Error::GalileanWithoutGradient`]; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;
+/// [`Error::Fatal`] and [`Error::Infinite`] from the target and [`Error::EmptySlice`] and [`Error::LooseBound`] from a kernel, after a checkpoint
 /// of the last whole iteration; [`Error::Checkpoint`] and [`Error::Io`] from the file.
 pub fn run(
     target: &dyn Target,
@@ -35,20 +34,17 @@ pub fn run(
         seed,
     };
     if context.kernel() == Kernel::Galilean && target.gradient_cost().is_none() {
-        return Err(Error::NoGradient {
-            sampler: "the nested sampler's kernel `reflective`",
-            remedy: "use `differential` or `random-slice`, which ask for values alone",
-        });
+        return Err(Error::GalileanWithoutGradient);
     }
     let mut checkpointer = Checkpointer::new(&[target], &(settings, seed), control)?;
-    let (mut state, warnings) = match checkpointer.load(control, |state: &State| state.time)? {
+    let (mut state, warnings) = match checkpointer.load(control, |state: &State| &state.cost)? {
         Some((saved, warning)) => (saved, warning.into_iter().collect()),
         None => (State::new(&context), Vec::new()),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     let status = loop {
         let mut ended = None;
-        if state.rests(settings) {
+        if state.batch_ended(settings) {
             if !settings.dynamic() {
                 break Status::Complete;
             }
@@ -61,21 +57,21 @@ pub fn run(
                 ln_z: summary.weighted.ln_z,
                 ln_z_error: summary.ln_z_error,
                 ess: summary.ess,
-                calls: state.calls,
+                calls: state.cost.calls,
             });
             ended = Some(summary);
         }
         if stop || control.interrupted() {
             break Status::Interrupted;
         }
-        if control.spent(state.calls + state.gradients) {
+        if control.spent(state.cost.all_calls()) {
             break Status::BudgetSpent;
         }
         let step = match ended {
             Some(summary) => state.add_batch(&context, summary),
             None => state.advance(&context),
         };
-        state.time = checkpointer.time();
+        checkpointer.note_times(&mut state.cost);
         if let Err(error) = step {
             return Err(checkpointer.save_after(error, &state, control));
         }
@@ -88,7 +84,7 @@ pub fn run(
     if status != Status::Complete {
         checkpointer.save(&state, control)?;
     }
-    state.time = checkpointer.time();
+    checkpointer.note_times(&mut state.cost);
     let run = finish(&context, &state, status, warnings)?;
     control.tell(&Event::Finished);
     Ok(run)
@@ -101,7 +97,7 @@ fn event(state: &State, settings: &Settings) -> Event {
         ln_z: state.ln_z,
         ln_z_error: (state.information.max(0.0) / settings.n_live as f64).sqrt(),
         delta_ln_z: state.delta_ln_z(settings),
-        calls: state.calls,
+        calls: state.cost.calls,
         efficiency: state.efficiency,
     }
 }

@@ -1,4 +1,4 @@
-//! What a user may set of a nested run.
+//! Settings of a nested run.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -18,8 +18,8 @@ pub enum Kernel {
     Differential,
     /// Metropolis steps in the metric of the local ellipsoid.
     RandomWalk,
-    /// Straight Galilean trajectories in the metric of the local ellipsoid, reflected off the contour at the gradient of ln L; for targets that
-    /// have one.
+    /// Galilean Monte Carlo: straight trajectories in the metric of the local ellipsoid, reflected at the likelihood bound
+    /// by the gradient of ln L; for targets that have one.
     Galilean,
 }
 
@@ -34,7 +34,7 @@ impl Kernel {
         }
     }
 
-    /// Steps per new point if the user gives none: `(3 + d) / 2` slices, from 15 parameters on `d^2 / 22`; `(3 + d) / 3` Galilean trajectories; 25 walk
+    /// Steps per new point if the user gives none: `(3 + d) / 2` slices, from 15 parameters on `d^2 / 22`; `(3 + d) / 3` trajectories; 25 walk
     /// steps, from 12 parameters on `2 + 2 d`. In 30 dimensions `(3 + d) / 2` slices give a ln Z too high by 1.2 errors where no check
     /// says so (`cargo test -p oblate-samplers --release --test campaign -- --ignored nested`).
     #[must_use]
@@ -56,7 +56,7 @@ pub struct Settings {
     pub n_live: usize,
     /// The run ends when the live points could raise ln Z by less than this.
     pub dlnz: f64,
-    /// Effective draws (Kish) that a dynamic run goes on for: it adds live points where they tell most, batch by batch, as
+    /// Effective draws (Kish) that a dynamic run goes on for: it adds batches of live points where they reduce the error most, as
     /// long as there are fewer. None: no such target.
     pub target_ess: Option<f64>,
     /// Error of ln Z that a dynamic run goes on for. None: no such target.
@@ -68,7 +68,7 @@ pub struct Settings {
     pub replaced_fraction: f64,
     /// How new points are found.
     pub kernel: Kernel,
-    /// Slices, Galilean trajectories or walk steps per new point. None: [`Kernel::default_steps`], raised during a run if new
+    /// Slice updates, trajectories or walk steps per new point. None: [`Kernel::default_steps`], raised during a run if new
     /// points resemble their seeds. Where modes are many and narrow, few steps and many live points find more of them for the same calls.
     pub steps: Option<usize>,
     /// Simulations of the unknown prior volumes, for the error of ln Z.
@@ -95,7 +95,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Whether a run of `dim` parameters can work with these numbers.
+    /// Checks the ranges for a run of `dim` parameters.
     ///
     /// # Errors
     /// [`Error::Setting`] names the first one that is out of its range.

@@ -3,18 +3,17 @@
 use super::bound::Bound;
 use super::dynamic::{LikelihoodRange, RunSummary};
 use super::kernel::{self, NewPoint, Setting};
-use super::likelihood::{Likelihood, Tally, draw_prior};
+use super::likelihood::{Likelihood, draw_prior};
 use super::live::{self, Genealogy, Points, REJECTED, Replacement, narrow};
 use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
 use super::tuning::Tuning;
-use crate::checkpointer::Time;
 use crate::error::{Error, Result};
+use crate::output::{Calls, Cost};
 use crate::rng::{Domain, Stream, below, stream};
 use crate::target::Target;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 /// Prior draws without a likelihood after which a run gives up.
 const MAX_FIRST_DRAWS: usize = 100_000;
@@ -22,14 +21,15 @@ const MAX_FIRST_DRAWS: usize = 100_000;
 /// Prior volume from which on bounds are used; plain draws of the prior above it cost less than any chain.
 const FIRST_BOUND: f64 = 0.1;
 
-/// Fraction of the recent lineages that must be left, in effect, or else they are founded anew. Chance alone makes more and more points
-/// relatives, until the scatter of two or three recent lineages says nothing; what a chain forgets is forgotten by then.
+/// Fraction of the recent lineages below which, as an effective number, they are begun anew. Random replacement makes more
+/// and more points relatives, until the scatter of two or three recent lineages is no estimate; by then the chains have
+/// forgotten what the lineages began with.
 const MIN_RECENT_LINEAGES: f64 = 0.3;
 
 /// Shrinkage of the volume after which the bound is fitted again.
 const REFIT: f64 = 1.5;
 
-/// What a run is about; never changes.
+/// What defines a run: it does not change.
 #[derive(Clone, Copy)]
 pub(super) struct Context<'a> {
     pub target: &'a dyn Target,
@@ -57,7 +57,7 @@ impl Context<'_> {
     }
 }
 
-/// What new points are drawn from.
+/// Where the chains of new points start, and above which bound.
 struct Source<'a> {
     /// Points above the contour, where chains start.
     kept: &'a Points,
@@ -67,7 +67,7 @@ struct Source<'a> {
     steps: usize,
 }
 
-/// Whether chains draw the points, from whose motion step lengths are learned.
+/// Whether chains draw the points, so that step lengths are learned from them.
 fn learns(context: &Context<'_>, bounds: &[Bound]) -> bool {
     context.kernel() != Kernel::Uniform && !bounds.is_empty()
 }
@@ -81,9 +81,9 @@ pub(super) struct State {
     started: bool,
     /// Batches begun so far.
     pub batches: usize,
-    /// What the present batch spans; none: it is the first one, from the prior to the peak.
+    /// The range of the present batch; none: the first one, from the prior to the peak.
     range: Option<LikelihoodRange>,
-    /// What the first batch left, once there are more.
+    /// Remaining evidence at the end of the first batch, once there are more.
     left: Option<f64>,
     pub iteration: u64,
     next_point: u64,
@@ -96,22 +96,18 @@ pub(super) struct State {
     /// None, one to draw from, or two metrics: see [`Setting::bounds`].
     bounds: Vec<Bound>,
     ln_x_at_fit: f64,
-    /// Recent lineages founded so far.
-    founded: u32,
+    /// Recent lineages begun so far.
+    begun: u32,
     /// Points per call in the first iteration after the fit, once known.
     efficiency_at_fit: Option<f64>,
     /// Points per call in the last iteration.
     pub efficiency: f64,
     pub tuning: Tuning,
     pub ranks: Ranks,
-    /// Likelihood values without a gradient, and with one.
-    pub calls: u64,
-    pub gradients: u64,
-    pub rejected: BTreeMap<String, u64>,
+    pub cost: Cost,
     /// Points drawn with a bound, and their calls.
     pub bounded_points: u64,
     pub bounded_calls: u64,
-    pub time: Time,
 }
 
 impl State {
@@ -131,7 +127,7 @@ impl State {
             information: 0.0,
             bounds: Vec::new(),
             ln_x_at_fit: 0.0,
-            founded: narrow(context.lineages()),
+            begun: narrow(context.lineages()),
             efficiency_at_fit: None,
             efficiency: 1.0,
             tuning: Tuning::new(
@@ -140,12 +136,9 @@ impl State {
                 context.target.dim(),
             ),
             ranks: Ranks::default(),
-            calls: 0,
-            gradients: 0,
-            rejected: BTreeMap::new(),
+            cost: Cost::default(),
             bounded_points: 0,
             bounded_calls: 0,
-            time: Time::default(),
         }
     }
 
@@ -175,7 +168,7 @@ impl State {
         (best + self.ln_x - self.ln_z).exp().ln_1p()
     }
 
-    /// Whether the next iteration would take everyone.
+    /// Whether the next iteration would replace all live points.
     fn on_last_plateau(&self, settings: &Settings) -> bool {
         let best = self.live.best();
         let lower = self.live.ln_l.iter().filter(|l| **l < best).count();
@@ -183,7 +176,7 @@ impl State {
     }
 
     /// Whether the present batch has reached its end.
-    pub fn rests(&self, settings: &Settings) -> bool {
+    pub fn batch_ended(&self, settings: &Settings) -> bool {
         match &self.range {
             None => self.delta_ln_z(settings) < settings.dlnz,
             Some(range) => {
@@ -193,7 +186,7 @@ impl State {
         }
     }
 
-    /// One iteration: the lowest points die, as many are born. On an error nothing has changed.
+    /// One iteration: the lowest points are replaced. On an error nothing has changed.
     pub fn advance(&mut self, context: &Context<'_>) -> Result<()> {
         if !self.started {
             return self.draw_first(context);
@@ -238,7 +231,7 @@ impl State {
         };
         self.commit(&replacement, &born, &genealogy, &mut rng);
         if self.live.effective_recent_lineages() < MIN_RECENT_LINEAGES * context.lineages() as f64 {
-            self.found_recent_lineages(context);
+            self.begin_recent_lineages(context);
         }
         // Steps that the user chose stay.
         if context.settings.steps.is_none() {
@@ -285,15 +278,15 @@ impl State {
         born.into_iter().collect()
     }
 
-    /// Buries everyone and begins a batch where, by a summary of the run, more points tell most. On an error nothing has
-    /// changed.
+    /// Makes all live points dead and begins a batch where, by the summary of the run, more points reduce the error most. On
+    /// an error nothing has changed.
     pub fn add_batch(&mut self, context: &Context<'_>, summary: RunSummary) -> Result<()> {
         let fraction = summary.posterior_fraction(context.settings);
         let range = LikelihoodRange::of(&summary.history, &summary.weighted, fraction);
         let RunSummary {
             points, weighted, ..
         } = summary;
-        // Those alive at the floor, of whatever batch, are draws of the prior above it.
+        // Points alive at the floor, of any batch, are draws of the prior above it.
         let alive: Vec<usize> = (0..points.len())
             .filter(|&i| points.birth[i] <= range.floor && points.ln_l[i] > range.floor)
             .collect();
@@ -309,10 +302,9 @@ impl State {
         let count = context.settings.n_live;
         let mut live = Points::new(points.dim());
         if range.floor == f64::NEG_INFINITY {
-            let (first, tally) = self.draw_prior(context)?;
+            let (first, calls) = self.draw_prior(context)?;
             live = first;
-            self.calls += tally.calls;
-            tally.add_to(&mut self.rejected);
+            self.cost.count(&calls);
         } else {
             let seeds = choose_seeds(&mut rng, kept.len(), count);
             let source = Source {
@@ -340,8 +332,8 @@ impl State {
         self.iteration += 1;
         self.dead = points;
         self.live = live;
-        // Another batch from the same seeds would have other volumes.
-        self.found_recent_lineages(context);
+        // Recent lineages measure the volumes of one batch.
+        self.begin_recent_lineages(context);
         self.batches += 1;
         self.range = Some(range);
         self.ln_x = range.ln_x;
@@ -354,37 +346,33 @@ impl State {
         Ok(())
     }
 
-    fn found_recent_lineages(&mut self, context: &Context<'_>) {
+    fn begin_recent_lineages(&mut self, context: &Context<'_>) {
         let count = narrow(context.lineages());
-        self.live.found(self.founded, count);
-        self.founded += count;
+        self.live.begin_recent_lineages(self.begun, count);
+        self.begun += count;
     }
 
     /// One block of independent prior draws, until an iteration of them has a likelihood.
     fn draw_first(&mut self, context: &Context<'_>) -> Result<()> {
         let count = context.settings.n_live;
-        let (first, tally) = self.draw_prior(context)?;
+        let (first, calls) = self.draw_prior(context)?;
         for i in 0..first.len() {
             self.live.push_from(&first, i);
         }
-        self.calls += tally.calls;
-        tally.add_to(&mut self.rejected);
+        self.cost.count(&calls);
         self.next_point += count as u64;
         let tries = self.live.len();
         let valid = self.live.ln_l.iter().filter(|l| **l > REJECTED).count();
         if valid == 0 && tries >= MAX_FIRST_DRAWS {
-            let cause = self.rejected.iter().max_by_key(|(_, count)| **count);
-            return Err(Error::NoStart {
-                tries,
-                cause: cause.map_or_else(String::new, |(cause, _)| cause.clone()),
-            });
+            let cause = self.cost.main_cause();
+            return Err(Error::NoStart { tries, cause });
         }
         self.started = valid >= context.settings.replaced_count() || tries >= MAX_FIRST_DRAWS;
         Ok(())
     }
 
     /// As many independent draws of the prior as there are to be live points.
-    fn draw_prior(&self, context: &Context<'_>) -> Result<(Points, Tally)> {
+    fn draw_prior(&self, context: &Context<'_>) -> Result<(Points, Calls)> {
         let mut likelihood = Likelihood::new(context.target);
         let mut places = vec![vec![0.0; context.target.dim()]; context.settings.n_live];
         for (j, u) in (self.next_point..).zip(&mut places) {
@@ -394,7 +382,7 @@ impl State {
         for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {
             points.push(&places[i], ln_l, f64::NEG_INFINITY, context.genealogy(i));
         }
-        Ok((points, likelihood.tally))
+        Ok((points, likelihood.calls))
     }
 
     fn ln_x_after(&self, replacement: &Replacement) -> f64 {
@@ -427,11 +415,9 @@ impl State {
     }
 
     fn count(&mut self, born: &[NewPoint]) {
-        let calls: u64 = born.iter().map(|b| b.tally.calls).sum();
-        self.calls += calls;
+        let calls: u64 = born.iter().map(|b| b.calls.values).sum();
         for b in born {
-            self.gradients += b.tally.gradients;
-            b.tally.add_to(&mut self.rejected);
+            self.cost.count(&b.calls);
         }
         if calls > 0 {
             self.efficiency = born.len() as f64 / calls as f64;
@@ -443,7 +429,7 @@ impl State {
         }
     }
 
-    /// Buries the dying, in order, and puts the newborn, of this genealogy, in their places.
+    /// Moves the dying points to the dead ones, in order, and puts the new points with their genealogy in their places.
     fn commit(
         &mut self,
         replacement: &Replacement,

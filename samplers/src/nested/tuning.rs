@@ -22,18 +22,18 @@ fn first_scale(kernel: Kernel, dim: usize) -> f64 {
 /// `sqrt 2` of its radius apart.
 const FIRST_STRIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// Largest correlation of a new point's likelihood rank with its seed's. On a Gaussian, two shells, two narrow modes and four of
-/// different tails the mean of ln Z was within 0.6 of its error, and the scatter of 30 seeds up to 1.1 times it, where it was below
-/// this; above, the scatter reached 1.9 times the error
-/// (`cargo test -p oblate-samplers --release --test integration bias_of -- --ignored --nocapture`).
+/// Largest correlation of the likelihood rank of a new point with that of its seed. On a Gaussian, two shells, two narrow
+/// modes and four of different tails the mean of ln Z was within 0.6 of its error, and the standard deviation of 30 seeds up
+/// to 1.1 times it, where the correlation was below this; above, the standard deviation reached 1.9 times the error (`cargo
+/// bench -p oblate-samplers --bench seed_correlation`).
 pub(super) const MAX_SEED_CORRELATION: f64 = 0.2;
 
-/// Fraction of the moves of Galilean trajectories that shall go straight on: of 0.4 to 0.85 those from 0.65 to 0.75 forgot their seeds best for the
-/// same calls, on a Gaussian and on shells in 13 dimensions. Whatever has no mirror turns chains round at any length of move, so
-/// that the share that is reflected would not do.
+/// Fraction of the moves of Galilean trajectories that are to go straight on: of 0.4 to 0.85 those from 0.65 to 0.75 forgot
+/// their seeds best for the same calls, on a Gaussian and on shells in 13 dimensions. Points without a gradient turn chains
+/// round at any length of move, so that the fraction of reflected moves is no measure.
 const STRAIGHT: f64 = 0.7;
 
-/// What chains have shown of themselves, and the steps that follow from it. Every iteration runs with fixed ones.
+/// Statistics of the chains, and the steps that follow from them. They are fixed within an iteration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tuning {
     /// Step length in units of the local ellipsoid.
@@ -69,7 +69,7 @@ impl Tuning {
         }
     }
 
-    /// Step lengths of another contour are not this one's.
+    /// Resets the step lengths for another bound: those of one are not those of's.
     pub fn forget_lengths(&mut self, kernel: Kernel, dim: usize) {
         self.scale = first_scale(kernel, dim);
         self.stride = FIRST_STRIDE;
@@ -128,13 +128,13 @@ impl Tuning {
         }
     }
 
-    /// Raises the number of steps by half, up to `most`, if the `window` insertions just made show that new points owe
-    /// their likelihoods to their seeds.
+    /// Raises the number of steps by half, up to `most`, if the `window` insertions just made show that the likelihoods of
+    /// new points depend on their seeds.
     ///
-    /// Short jumps alone raise nothing, they are only gated: on a thin shell points stay close to their seeds for
-    /// long after their likelihoods have forgotten them, and ln Z is as good. An rank correlation that the last raise has not lowered
-    /// by a quarter is not for want of steps either: chains that keep to their own mode, each with likelihoods of its
-    /// own, rank correlation for ever. It is left to the check, unless it grows.
+    /// Small jump distances alone raise nothing, they are only checked: on a thin shell points stay close to their seeds for
+    /// long after their likelihoods are independent, and ln Z is as good. A rank correlation that the last raise has not
+    /// lowered by a quarter is not for want of steps: chains that stay in their own mode, each with likelihoods of its own,
+    /// keep it for ever. It is left to the check, unless it grows.
     pub fn watch(&mut self, ranks: &Ranks, window: usize, most: usize) {
         let (insertions, seed_correlations, stayed) = self.window;
         let made = ranks.len() - insertions;

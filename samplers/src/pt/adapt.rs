@@ -1,5 +1,5 @@
-//! What a round learns from the one before, or the first from SMC samplers: temperatures, metrics, steps, pools, and where its
-//! chain sets begin.
+//! Adaptation between rounds: temperatures, metrics, steps, difference pools and the reference, from the round before or
+//! from the SMC samplers.
 
 use super::schedule::{communication_barrier, first_schedule, locate, respaced};
 use super::smc::{CommunicationBarrier, Level, of_others};
@@ -9,16 +9,16 @@ use crate::hmc::{Metric, Reference, StepSize};
 use crate::rng::{Domain, below, stream};
 use crate::target::{Symmetry, Target};
 
-/// Most rows of half of the chain sets that a mixture is fitted to; of those before half as many are kept, so that what was
-/// drawn long ago, fewer and less sure, is forgotten by and by.
+/// Most rows of half of the chain sets that a mixture is fitted to. Half as many rows of earlier rounds are kept, so that
+/// the oldest, which are the least accurate, lose their weight.
 const MAX_TRAINING: usize = 5_000;
 
-/// Step that HMC transitions begin with in an SMC sampler's metric: ridges are narrower than the SMC sampler.
+/// First step of HMC transitions in the metric of an SMC sampler: ridges are narrower than the whole of its particles.
 const FIRST_STEP: f64 = 0.1;
 
 impl State {
-    /// Begins the first round where SMC samplers ended: temperatures evenly spaced in the communication barrier between their levels, the
-    /// SMC particles of the nearest levels as states, metric and pool.
+    /// Begins the first round from the SMC samplers: temperatures evenly spaced in their communication barrier, and the
+    /// particles of the nearest levels as states, metric and difference pool.
     pub(super) fn begin(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
@@ -46,7 +46,8 @@ impl State {
                     let mut rng = stream(self.seed, Domain::PtSmc, task as u64, u64::MAX);
                     let particles = level.ln_likelihood.len();
                     let first = below(&mut rng, particles);
-                    // Chain sets of one cluster take SMC particles far apart: those of one ancestor are next to each other.
+                    // Chain sets of one cluster take particles far apart in number: those of one ancestor have neighbouring
+                    // numbers.
                     let own: Vec<usize> =
                         (cluster..chain_sets).step_by(smc_samplers.len()).collect();
                     for (turn, chain_set) in own.iter().enumerate() {
@@ -74,7 +75,8 @@ impl State {
         self.record = self.new_record(dim, 0);
     }
 
-    /// Has the first round begin at a mixture that resembles the SMC samplers' coldest level, in states of that level.
+    /// Gives the first round a mixture fitted to the coldest level of the SMC samplers as its reference, and states of that
+    /// level.
     fn begin_at_mixture(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
         let coldest: Vec<&Level> = smc_samplers.iter().filter_map(|l| l.last()).collect();
         let rows = of_others(coldest.iter().map(|level| &level.z));
@@ -94,7 +96,7 @@ impl State {
         self.take_reference(reference);
     }
 
-    /// Ends a round, or an extension of the last: new temperatures, metrics and steps from what it recorded, and states carried over.
+    /// Ends a round, or an extension of the last: new temperatures, metrics and steps from its record.
     pub(super) fn adapt(&mut self, target: &dyn Target) {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
@@ -105,7 +107,7 @@ impl State {
             ln_z: self.evidence().ln_z,
         });
         if self.settings.smc_particles > 0 && self.is_early_round() {
-            // What SMC samplers tell of temperatures, metrics and directions is better than what a few scans do.
+            // The SMC samplers give better temperatures, metrics and directions than a few scans do.
             for temperature in &mut self.temperatures {
                 temperature.step = StepSize::new(temperature.step.ln_found().exp());
             }
@@ -156,7 +158,8 @@ impl State {
         }
     }
 
-    /// In the last rounds, if asked for: a reference that resembles what the round, or all extensions of the last, have drawn at beta = 1.
+    /// Fits the next reference to the draws at beta = 1 of the round, or of all extensions of the last, where the settings
+    /// ask for one.
     fn next_reference(&mut self, target: &dyn Target) {
         if !self.mixture_next() {
             return;
@@ -166,7 +169,7 @@ impl State {
         } else {
             of_others(self.record.trails.iter())
         };
-        // Of draws that no mixture fits, none is made: the path stays what it was, and the result says so.
+        // Without a mixture that fits, the reference stays what it was, and the result has a warning.
         let Some(reference) = self.resembling(rows, target.dim()) else {
             return;
         };
@@ -176,8 +179,8 @@ impl State {
         self.take_reference(reference);
     }
 
-    /// The reference that resembles new halves of draws, and what is kept of those before; none if there are too few. Those of the
-    /// last round are not kept: its next extension has them again among its own.
+    /// The reference fitted to new halves of draws and to the kept ones of earlier rounds; none if they are too few. Draws
+    /// of the last round are not kept: they are among those of its next extension.
     fn resembling(&mut self, halves: [Vec<f64>; 2], dim: usize) -> Option<Reference> {
         let mut training = self.training.clone();
         for (known, new) in training.iter_mut().zip(halves) {
@@ -192,7 +195,7 @@ impl State {
         reference
     }
 
-    /// Chain sets begin at this reference from now on.
+    /// Sets the reference.
     fn take_reference(&mut self, reference: Reference) {
         for chain in &mut self.chains {
             chain.point.ln_over_prior = reference.ln_over_prior(&chain.point.z);
@@ -201,7 +204,8 @@ impl State {
         self.reference = reference;
     }
 
-    /// Every temperature of a path from a reference that resembles the posterior is like the coldest, to begin with.
+    /// Gives all temperatures the metric and step of the coldest: on a path from a reference like the posterior they are
+    /// alike.
     fn one_metric(&mut self) {
         let temperatures = self.temperatures.len();
         let cold = self.temperatures[temperatures - 1].clone();
@@ -217,7 +221,7 @@ impl State {
         }
     }
 
-    /// Has all temperatures begin where the coldest has been.
+    /// Gives all temperatures states of the coldest one.
     fn leave_prior(&mut self) {
         self.one_metric();
         let temperatures = self.temperatures.len();
@@ -234,7 +238,7 @@ impl State {
     }
 
     /// `1 + ceil(2 communication_barrier)` temperatures make a round trip cheapest (Syed et al. 2022); their number is left alone
-    /// in early rounds, which know the communication barrier badly, and before the last, which must be in equilibrium.
+    /// in early rounds, where the communication barrier is inaccurate, and before the last, which must be in equilibrium.
     fn next_temperatures(&self, communication_barrier: f64) -> usize {
         let settled = self.settings.scans(self.round) >= EARLY_SCANS;
         if !settled || self.round + 2 >= self.settings.rounds {
@@ -253,7 +257,7 @@ impl State {
             .unwrap_or(most)
     }
 
-    /// The metric and the logarithm of the step that the round just ended found for each of its temperatures.
+    /// The metric and the logarithm of the step that the round found for each of its temperatures.
     fn found(&self, dim: usize) -> Vec<(Metric, f64)> {
         let moments = &self.record.extension().moments;
         let enough = 10.0 * dim as f64;

@@ -1,4 +1,4 @@
-//! What a tempered run must pass to be believed, each with a word on what to do.
+//! Convergence checks of a tempered run, each with a remedy.
 
 use super::evidence::Estimate;
 use super::record::Record;
@@ -8,7 +8,7 @@ use crate::diagnostics::chi2_p_value;
 use crate::hmc::MAX_STEP;
 use crate::output::{Check, Ess};
 
-/// What the checks look at.
+/// What the checks are made of.
 pub(super) struct Evidenced<'a> {
     pub(super) record: &'a Record,
     pub(super) estimate: &'a Estimate,
@@ -21,8 +21,8 @@ pub(super) struct Evidenced<'a> {
     pub(super) worst_r_hat: f64,
     /// p-value that chain sets give modes the same weight.
     pub(super) mode_agreement: f64,
-    /// Whether slices explore too: then it is round trips, R-hat and effective sizes that judge how far states move, and a
-    /// short trajectory is no failure.
+    /// Whether slice updates are made too. Then round trips, R-hat and effective sample sizes measure how far states move,
+    /// and short trajectories are no failure.
     pub(super) slices: bool,
 }
 
@@ -73,7 +73,7 @@ fn index_processes(run: &Evidenced<'_>) -> Vec<Check> {
             "round-trip rate",
             rate / expected,
             0.3,
-            "fraction of the rate that perfect local samplers would have; if low, local moves are too slow: raise `slice_updates`, `hmc_transitions` or `max_leapfrogs`, or declare the target's symmetries",
+            "fraction of the rate that perfect local samplers would have; if low, local moves are too slow: raise `slice_updates`, `hmc_transitions` or `max_leapfrogs`",
         ),
     ]
 }
@@ -86,7 +86,7 @@ fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
         .history
         .last()
         .map_or(0.0, |round| round.communication_barrier);
-    // A flat likelihood has no communication barrier at all; below a tenth a change means nothing.
+    // A flat likelihood has no communication barrier; changes of one below 0.1 are not significant.
     let change = (communication_barrier - before).abs() / before.max(0.1);
     let change = if run.history.is_empty() { 1.0 } else { change };
     vec![
@@ -108,7 +108,7 @@ fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
 fn evidence(estimate: &Estimate) -> Vec<Check> {
     let error = estimate.error();
     let gap = (estimate.forward - estimate.backward).abs();
-    // Chain sets are alike, so they share their errors: one that has missed a small mode knows of none and thinks itself too good.
+    // All chain sets are given the mean of their variances: one that has missed a small mode underestimates its own error.
     let squares = estimate.chain_set_errors.iter().map(|e| e * e);
     let variance = squares.sum::<f64>() / estimate.chain_sets.len() as f64;
     let scatter = estimate
@@ -165,7 +165,7 @@ fn draws(run: &Evidenced<'_>) -> Vec<Check> {
             "chain sets agree on the modes",
             run.mode_agreement,
             0.01,
-            "p-value that all chain sets give the two halves or modes of the posterior the same weight; if below, allow `extensions`, add rounds, or declare the target's symmetries",
+            "p-value that all chain sets give the two halves or modes of the posterior the same weight; if below, allow `extensions`, or add rounds",
         ),
     ]
 }

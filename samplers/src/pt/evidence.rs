@@ -1,10 +1,10 @@
-//! The evidence of a chain set from its log-likelihoods alone: Bennett's estimate, its error, and three checks.
+//! ln Z of a chain set from its log-likelihoods alone: Bennett's estimate, its error, and three checks.
 
 use crate::diagnostics::{error_of_mean, ln_sum_exp};
 use serde::{Deserialize, Serialize};
 
-/// Blocks that a chain set's scans are averaged in before their correlation is looked at: a faint memory of hundreds of scans does
-/// not show in the noise of single ones.
+/// Blocks over which scans are averaged before their correlation is estimated: a weak correlation over hundreds of scans
+/// does not show in the noise of single ones.
 const BLOCKS: usize = 256;
 
 /// ln L of every chain of every chain set, scan by scan.
@@ -69,7 +69,7 @@ impl Traces {
     }
 }
 
-/// An evidence and everything that checks it.
+/// ln Z, its errors and other estimates of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Bennett's estimate of ln Z from all chain sets together: the one to quote.
@@ -79,7 +79,8 @@ pub struct Estimate {
     /// From the cold side: minus the sum of `ln <exp(-db l)>` at the colder, with the fraction of the prior that has a
     /// likelihood.
     pub backward: f64,
-    /// Corrected trapezoid of the mean ln L over beta, too high by tenths on a coarse chain set; `None` where the prior has points without likelihood.
+    /// Corrected trapezoid of the mean ln L over beta, too high by tenths with few temperatures; `None` where the prior has
+    /// points without a likelihood.
     pub thermodynamic: Option<f64>,
     /// Fraction of prior draws with a likelihood.
     pub valid: f64,
@@ -218,14 +219,14 @@ struct Bennett {
     error: f64,
 }
 
-/// Bennett's acceptance ratio gap by gap, and the error of their sum from what each block of scans moves it by: of all gaps at
-/// once and with the correlation of blocks, however long, so that it counts how long a state stays in a small mode.
+/// Bennett's acceptance ratio gap by gap, and the error of the sum from the influence of each block of scans on it: over all
+/// gaps at once and with the correlation of blocks, so that it includes how long a state stays in a small mode.
 fn bennett(extensions: &[(&[f64], &Traces)], chain_sets: &[usize]) -> Bennett {
     let scans = extensions
         .iter()
         .map(|(_, traces)| traces.scans())
         .sum::<usize>();
-    // ln Z of each extension, and what moves it block by block: their sum is the true value on average, to first order.
+    // ln Z of each extension, and the influence of each block on it: their sum is the true value on average, to first order.
     let of_extension = |(beta, traces): &(&[f64], &Traces)| {
         let blocks = (BLOCKS * traces.scans()).div_ceil(scans.max(1));
         bennett_of_extension(beta, traces, chain_sets, blocks.min(traces.scans()))
@@ -251,8 +252,8 @@ fn bennett(extensions: &[(&[f64], &Traces)], chain_sets: &[usize]) -> Bennett {
     }
 }
 
-/// The estimate of one extension, and by how much each block of scans of each chain set moves it. Draws of the reference without
-/// likelihood enter as zeros, which is exact.
+/// The estimate of one extension, and the influence of each block of scans of each chain set on it. Draws of the reference
+/// without a likelihood enter as zeros, which is exact.
 fn bennett_of_extension(
     beta: &[f64],
     traces: &Traces,

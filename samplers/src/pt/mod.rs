@@ -1,12 +1,13 @@
-//! Non-reversible parallel tempering: chain sets of temperatures from the prior to the posterior, explored by
-//! HMC transitions and tied by deterministic even-odd swaps (Syed, Bouchard-Cote, Deligiannidis & Doucet 2022).
+//! Non-reversible parallel tempering (Syed, Bouchard-Cote, Deligiannidis & Doucet 2022).
 //!
-//! Several independent chain sets run through rounds of doubling length. Temperatures, metrics and step sizes adapt
-//! between rounds (steps also within all rounds but the last); the last round is frozen and is the result. It may go on
-//! until it passes its checks: on a path that begins at a mixture in frozen extensions, each fitted to all before it, of which the
-//! later half is the result. The top of each chain set, at inverse temperature 0, draws the prior or the mixture afresh in every scan, so
-//! that each round trip of a state through the chain set is an independent restart, and every chain set's evidence is one independent
-//! estimate.
+//! A chain set has one chain per inverse temperature beta, from the reference (0) to the posterior (1). In each scan every
+//! chain is moved by slice updates and HMC transitions, then neighbouring temperatures exchange states by deterministic
+//! even-odd swaps. Several independent chain sets run through rounds of doubling length. Temperatures, metrics and step
+//! sizes are adapted between rounds, step sizes also within all rounds but the last. The last round has fixed settings and
+//! is the result. It can be extended until the run passes its checks: from the prior with the same settings; from a mixture
+//! with settings fitted anew to all draws before each extension, of which the later half is the result. At beta = 0 the
+//! prior or the mixture is drawn afresh in every scan. So each round trip of a replica is an independent restart, and the
+//! evidence of each chain set is an independent estimate.
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};
@@ -65,12 +66,12 @@ use state::State;
 /// whatever the number of threads of the current rayon pool and however often the run was stopped and resumed.
 ///
 /// An interrupt, an observer's `Break` or a spent budget ends the run after the scan in progress: a checkpoint is
-/// written where one is planned, and the round in progress is returned as an unconverged result. An adapting round's
-/// draws are not exact; [`Run::status`] says so. A run that has ended without passing its checks goes on from its checkpoint if
-/// `settings` allow more `extensions`, to the same bits as if they always had.
+/// written where one is planned, and the round in progress is returned as an unconverged result. Draws of a round that
+/// adapts are not exact; [`Run::status`] is then not complete. A run that has ended without passing its checks is
+/// continued from its checkpoint if `settings` allow more `extensions`, with the same bits as if they had allowed them from the start.
 ///
 /// # Errors
-/// [`Error::NoGradient`] for a target without gradients; [`Error::Setting`] for settings out of range;
+/// [`Error::TemperingWithoutGradient`]; [`Error::Setting`] for settings out of range;
 /// [`Error::NoStart`] if 100,000 prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before the first
 /// scan, after a checkpoint; [`Error::Fatal`] and [`Error::Infinite`] from the
 /// target, after a checkpoint of the last whole scan; [`Error::Io`] and [`Error::Checkpoint`] from checkpoints.
@@ -82,18 +83,15 @@ pub fn run(
 ) -> Result<Run> {
     settings.check()?;
     if target.gradient_cost().is_none() {
-        return Err(Error::NoGradient {
-            sampler: "parallel tempering",
-            remedy: "use the nested sampler instead",
-        });
+        return Err(Error::TemperingWithoutGradient);
     }
-    // How often the last round may go on decides where a run ends, not what it draws.
+    // The number of extensions decides where a run ends, but not what it draws.
     let drawing = Settings {
         extensions: 0,
         ..settings.clone()
     };
     let mut checkpointer = Checkpointer::new(&[target], &(drawing, seed), control)?;
-    let mut state = match checkpointer.load(control, |state: &State| state.time)? {
+    let mut state = match checkpointer.load(control, |state: &State| &state.cost)? {
         Some((state, _)) => state.allowed(settings.extensions),
         None => State::start(target, settings, seed)?,
     };
@@ -106,7 +104,7 @@ pub fn run(
             state.go_on(target);
         }
         let interrupted = stop || control.interrupted();
-        let spent = control.spent(state.tally.calls + state.tally.gradients);
+        let spent = control.spent(state.cost.all_calls());
         if state.smc_samplers() && (interrupted || spent) {
             checkpointer.save(&state, control)?;
             control.tell(&Event::Checkpointed);
@@ -119,7 +117,7 @@ pub fn run(
             break Status::BudgetSpent;
         }
         let advanced = state.advance(target);
-        state.time = checkpointer.time();
+        checkpointer.note_times(&mut state.cost);
         if let Err(error) = advanced {
             return Err(checkpointer.save_after(error, &state, control));
         }
@@ -129,7 +127,7 @@ pub fn run(
             stop |= control.tell(&Event::Checkpointed);
         }
     };
-    // Also a finished run leaves its checkpoint: resuming it gives the result again, or goes on if it now may.
+    // A finished run writes its checkpoint too: resumed, it gives the same result, or is extended if it now may.
     if checkpointer.save(&state, control)? {
         control.tell(&Event::Checkpointed);
     }

@@ -7,7 +7,7 @@ use super::schedule::communication_barrier;
 use super::state::State;
 use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
 use crate::error::Result;
-use crate::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
+use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
@@ -35,20 +35,14 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
         evidence: evidence(&draws, estimate),
         draws,
         ess,
-        cost: Cost {
-            calls: state.tally.calls,
-            gradients: state.tally.gradients,
-            cpu_seconds: state.time.cpu_seconds,
-            wall_seconds: state.time.wall_seconds,
-            rejected: state.tally.rejected.clone(),
-        },
+        cost: state.cost.clone(),
         history: history(state, steps, cold.ln_likelihood),
         checks,
         warnings: warnings(state),
     })
 }
 
-/// What the round in progress comes to, and what the checks say of it.
+/// Results and checks of the round in progress.
 struct Judged {
     estimate: Estimate,
     ess: Ess,
@@ -143,9 +137,9 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
     }
 }
 
-/// By how much the means of clusters scatter more, in variance, than the effective sizes of their chain sets would make them: the
-/// mean over all parameters, since a few clusters tell little of each; at least 1. Chain sets that began in one SMC sampler have
-/// what it has found by chance in common.
+/// Design effect of clusters: the variance of their means over that expected from the effective sample sizes of their chain
+/// sets, as the mean over all parameters, at least 1. A few clusters say little of each parameter. Chain sets that started
+/// from one SMC sampler have its errors in common.
 fn design_effect(columns: &[Vec<Vec<f64>>], bulk: &[f64], clusters: usize) -> f64 {
     let excess = columns.iter().zip(bulk).map(|(chain_sets, bulk)| {
         let of_cluster = |cluster: usize| -> Vec<f64> {
@@ -209,7 +203,7 @@ fn slices(chains: &[Vec<f64>]) -> Vec<&[f64]> {
     chains.iter().map(Vec::as_slice).collect()
 }
 
-/// How likely it is by chance that chain sets give two modes such different weights.
+/// p-value that all chain sets give the two modes the same weights.
 fn modes(cold: &Cold, dim: usize) -> f64 {
     let scans = cold.ln_likelihood.first().map_or(0, Vec::len);
     let labels = two_means(&cold.positions.concat(), dim);

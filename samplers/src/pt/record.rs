@@ -1,19 +1,19 @@
-//! What one round remembers.
+//! What is recorded of one round.
 
 use super::evidence::Traces;
 use super::swap::{self, IndexProcess};
 use crate::hmc::{End, Moments, Moved, Point, shorten};
 use serde::{Deserialize, Serialize};
 
-/// Longest score that a metric is estimated from, in units of sqrt(d): the score of a posterior a thousand times narrower
-/// than its prior. One chaotic point would otherwise outweigh all others.
+/// Longest score that enters a metric, in units of sqrt(d): that of a posterior a thousand times narrower than its prior.
+/// One chaotic point would otherwise outweigh all others.
 const LONGEST_SCORE: f64 = 1_000.0;
 
-/// Most states of half of the chain sets that a round remembers at each temperature, spread evenly over its scans.
+/// Most states of half of the chain sets that are recorded at each temperature, spread evenly over the scans of a round.
 const MAX_VISITS: usize = 256;
 
-/// An extension of less than this part of the longest says nothing yet.
-const SHORTEST_EXTENSION: usize = 10;
+/// An extension shorter than the longest one by this factor is not used for temperatures and ln Z.
+const MIN_PART: usize = 10;
 
 /// What happened at one temperature in one extension, all chain sets together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -61,13 +61,13 @@ impl Local {
     }
 }
 
-/// What happens while temperatures, metrics and reference stay what they are.
+/// Scans with fixed temperatures, metrics and reference: the planned part of a round, or one extension of the last round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Extension {
     pub(super) beta: Vec<f64>,
     /// Scans that it is to have.
     scans: usize,
-    /// ln L of every chain, over the reference's log ratio to the prior, after every scan's exploration.
+    /// ln L less the log ratio of reference to prior, of every chain after every scan's moves.
     pub(super) traces: Traces,
     /// Positions at beta = 1 per chain set, scan by scan.
     pub(super) draws: Vec<Vec<f64>>,
@@ -161,12 +161,12 @@ pub(super) struct Cold {
     pub(super) ln_likelihood: Vec<Vec<f64>>,
 }
 
-/// Everything a round leaves behind: for adaptation, evidence, checks and draws.
+/// The record of a round: for adaptation, evidence, checks and draws.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Record {
-    /// One, and as many more as the last round goes on for.
+    /// The planned part, and the extensions of the last round.
     extensions: Vec<Extension>,
-    /// Where each chain set has been at beta = 1, every move of every scan, in a round that a mixture is fitted to.
+    /// States of each chain set at beta = 1 after every move, in a round that a mixture is fitted to.
     pub(super) trails: Vec<Vec<f64>>,
     clusters: usize,
 }
@@ -210,8 +210,8 @@ impl Record {
         &mut self.extensions[last]
     }
 
-    /// The extensions that count: the later half of those that are whole, since the earlier ones had still to learn where modes are, and
-    /// the one in progress.
+    /// Those that count: the later half of the whole ones, since the earlier ones were still finding modes, and the one in
+    /// progress.
     pub(super) fn counted(&self) -> &[Extension] {
         let whole = self
             .extensions
@@ -221,11 +221,11 @@ impl Record {
         &self.extensions[whole / 2..]
     }
 
-    /// Those of them that are long enough to tell of temperatures and of ln Z: one that has only begun, beside others, is not.
+    /// Those of them that are long enough for temperatures and ln Z: at least a tenth of the longest.
     pub(super) fn telling(&self) -> impl DoubleEndedIterator<Item = &Extension> {
         let scans = |extension: &Extension| extension.traces.scans();
         let longest = self.counted().iter().map(scans).max().unwrap_or(0);
-        let least = longest.div_ceil(SHORTEST_EXTENSION);
+        let least = longest.div_ceil(MIN_PART);
         let extensions = self.counted().iter();
         extensions.filter(move |extension| scans(extension) >= least)
     }

@@ -5,31 +5,31 @@ use super::schedule::first_schedule;
 use super::smc::{Level, SmcSamplers};
 use super::state::{Chain, State, Temperature};
 use super::{Settings, swap};
-use crate::checkpointer::Time;
 use crate::error::{Error, Result};
-use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Reference, StepSize, Tally};
+use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Reference, StepSize};
+use crate::output::{Calls, Cost};
 use crate::rng::{Domain, Stream, stream, unit_open};
 use crate::target::Target;
 use rayon::prelude::*;
 
-/// A target where fewer draws of the prior than one in so many have a likelihood is taken to have none.
+/// If fewer draws of the prior than one in so many have a likelihood, the target is taken to have none.
 const START_TRIES: usize = 100_000;
 
 /// Most leapfrog steps of a move in an early round.
 const EARLY_LEAPFROGS: usize = 32;
 
-/// Fraction of a fall that an energy error may be in an early round.
+/// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory fell.
 const EARLY_SLACK: f64 = 0.05;
 
 /// Energy range of a path that marks it as divergent in all other rounds.
 const MAX_ENERGY_RANGE: f64 = 1000.0;
 
-/// What exploring one chain gave.
+/// Result of the moves of one chain in one scan.
 struct Explored {
     point: Point,
     local: Local,
-    tally: Tally,
-    /// Every place on the way, where a mixture is to be fitted to them.
+    calls: Calls,
+    /// Every state on the way, if a mixture is to be fitted to them.
     trail: Vec<f64>,
 }
 
@@ -67,8 +67,7 @@ impl State {
             chains: Vec::new(),
             temperatures,
             history: Vec::new(),
-            tally: Tally::default(),
-            time: Time::default(),
+            cost: Cost::default(),
         };
         if settings.smc_particles > 0 {
             let clusters = settings.clusters();
@@ -123,11 +122,14 @@ impl State {
             if tries / START_TRIES > found {
                 return Err(Error::NoStart {
                     tries,
-                    cause: Tally::of(&evaluator).main_cause(),
+                    cause: {
+                        self.cost.count(&evaluator.calls);
+                        self.cost.main_cause()
+                    },
                 });
             }
         }
-        self.tally.add(&evaluator);
+        self.cost.count(&evaluator.calls);
         Ok(points
             .chunks(per_chain_set)
             .map(<[Point]>::to_vec)
@@ -141,7 +143,7 @@ impl State {
         stream(self.seed, domain, task as u64, scan)
     }
 
-    /// Lets the last round go on for as long again: frozen as it is on a path from the prior, fitted anew on one from a mixture.
+    /// Extends the last round by its own length: with the same settings from the prior, fitted anew from a mixture.
     pub(super) fn go_on(&mut self, target: &dyn Target) {
         self.extensions += 1;
         if self.mixture_next() {
@@ -154,8 +156,8 @@ impl State {
     pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
         if let Some(smc_samplers) = &mut self.smc_samplers {
             let mcmc_steps = self.settings.mcmc_steps(target.dim());
-            let tally = smc_samplers.advance(target, mcmc_steps, self.seed)?;
-            self.tally.merge(&tally);
+            let calls = smc_samplers.advance(target, mcmc_steps, self.seed)?;
+            self.cost.count(&calls);
             if smc_samplers.done() {
                 let levels: Vec<Vec<Level>> =
                     smc_samplers.levels().map(<[Level]>::to_vec).collect();
@@ -179,7 +181,7 @@ impl State {
             self.chains[index].point = explored.point;
             locals[index % temperatures].add(&explored.local);
             self.record.trails[index / temperatures].extend(explored.trail);
-            self.tally.merge(&explored.tally);
+            self.cost.count(&explored.calls);
         }
         self.clock += 1;
         let beta = self.beta();
@@ -197,8 +199,8 @@ impl State {
             if frozen || temperature == 0 {
                 continue;
             }
-            // Later on a rejected point is taken for a cliff, which no step is short enough for; an early one may
-            // well be the overflow of a step that is far too long.
+            // Later on a rejected point is an edge of the likelihood, which no step is short enough for; in an early round
+            // it may be the overflow of a step that is far too long.
             let met = if early {
                 local.moves
             } else {
@@ -217,7 +219,7 @@ impl State {
         Ok(())
     }
 
-    /// Explores one chain: a fresh draw at beta = 0; symmetries, then slices, then HMC transitions elsewhere.
+    /// Moves one chain: a fresh draw at beta = 0; else involutions and orbits, slice updates, HMC transitions.
     fn explore(&self, target: &dyn Target, chain: usize) -> Result<Explored> {
         let temperature = &self.temperatures[chain % self.temperatures.len()];
         let mut rng = self.stream(Domain::PtExplore, chain, self.clock + 1);
@@ -264,7 +266,7 @@ impl State {
         Ok(Explored {
             point,
             local,
-            tally: Tally::of(&local_sampler.evaluator),
+            calls: local_sampler.evaluator.calls,
             trail,
         })
     }

@@ -14,7 +14,7 @@ pub fn communication_barrier(rejection: &[f64]) -> Vec<f64> {
     let mut sum = 0.0;
     let mut communication_barrier = vec![0.0];
     for s in rejection {
-        // A gap without a single rejection still takes its place, so that the communication barrier rises strictly.
+        // A gap without a single rejection counts a little, so that the communication barrier rises strictly.
         sum += s.max(1e-6);
         communication_barrier.push(sum);
     }
@@ -43,7 +43,7 @@ pub fn respaced(beta: &[f64], communication_barrier: &[f64], n: usize) -> Vec<f6
             )
         })
         .collect();
-    // The ends are exact whatever rounding says.
+    // The ends are exact, without rounding.
     betas[0] = 0.0;
     betas[n - 1] = 1.0;
     betas

@@ -20,43 +20,45 @@ pub struct Settings {
     pub chain_sets: usize,
     /// Rounds, each twice as long as the one before; all but the last adapt.
     pub rounds: usize,
-    /// How many times the last round may go on for as long again, until the run passes its checks; 0: it is as long as planned. On a
-    /// path from the prior all of its scans count. On one from a mixture it goes on in extensions: mixture, temperatures and metrics are
-    /// fitted anew each time to all that it has drawn, and of the extensions the later half counts, rounded up. A run that ended too soon
-    /// goes on from its checkpoint if it is allowed more.
+    /// Maximum number of extensions: the last round is continued for as long again until the run passes its checks. 0: none.
+    /// From the prior all scans count. From a mixture the mixture, temperatures and metrics are fitted anew to all draws
+    /// before each extension, and the later half of the extensions counts, rounded up. A run that ended too soon is
+    /// continued from its checkpoint if more are allowed.
     pub extensions: usize,
     /// Scans of the first round.
     pub first_scans: usize,
     /// Temperatures of the first rounds.
     pub temperatures: usize,
-    /// Fewest temperatures later on, at which gaps stay narrow enough for one-sided estimates of the evidence to
-    /// serve as a check; equal to `temperatures` and `max_temperatures`, their number stays.
+    /// Fewest temperatures later on: gaps stay narrow enough for one-sided estimates of the evidence to serve as a check. If
+    /// equal to `temperatures` and `max_temperatures`, the number is fixed.
     pub min_temperatures: usize,
     /// Most temperatures later on.
     pub max_temperatures: usize,
-    /// Mean acceptance of local moves that step sizes are steered to.
+    /// Mean acceptance of HMC transitions to which step sizes are adapted.
     pub target_acceptance: f64,
-    /// Most leapfrog steps of one move.
+    /// Most leapfrog steps of one HMC transition; 1 is MALA.
     pub max_leapfrogs: usize,
     /// Mean length of a trajectory in metric units.
     pub trajectory: f64,
     /// HMC transitions per scan and temperature.
     pub hmc_transitions: usize,
-    /// SMC particles per chain set of SMC samplers that are cooled from the prior to find the first states, temperatures and metrics;
-    /// 0: prior draws everywhere. For posteriors of many modes; costs about 50 slices per SMC particle and nat of ln L's spread.
+    /// SMC particles per chain set, with which SMC from the prior finds the first states, temperatures and metrics; 0: draws
+    /// of the prior everywhere. For posteriors of many modes; costs about 50 slice updates per particle and nat of the
+    /// spread of ln L.
     pub smc_particles: usize,
-    /// Independent SMC samplers, at most one per chain set. Chain sets take turns to share them: a large SMC sampler weighs its
-    /// modes against each other, many small ones only show how little each knows. Errors are the scatter of SMC samplers.
+    /// Independent SMC samplers, at most one per chain set; chain set `k` starts from number `k` modulo their number. One of
+    /// many particles weighs its modes against each other, many of few particles only show the errors of each. Errors are
+    /// the scatter of SMC samplers.
     pub smc_samplers: usize,
-    /// Slices of each SMC particle at each temperature of its SMC sampler; 0: as many as parameters, at least 8. An SMC sampler that
-    /// is cooled faster than its SMC particles move falls behind, and its evidence is too small.
+    /// Slice updates of each SMC particle per temperature; 0: as many as parameters, at least 8. With too few the particles
+    /// are not in equilibrium, and ln Z is too small.
     pub mcmc_steps: usize,
-    /// Slices per scan and temperature, before the HMC transitions: for likelihoods too rough for long trajectories. Each
-    /// costs about 3 to 8 values and no gradient.
+    /// Slice updates per scan and temperature, before the HMC transitions: for likelihoods too rough for long trajectories.
+    /// Each costs about 3 to 8 values and no gradient.
     pub slice_updates: usize,
-    /// Rounds at the end whose chain sets begin at a mixture fitted to what was drawn before, most of it in the round before, and a
-    /// little of the prior, instead of at the prior: a shorter path, once the draws know the posterior's modes. 0: all begin at
-    /// the prior. With as many as `rounds` the first begins at a mixture of what `smc_particles` has found; without, at the prior.
+    /// Rounds at the end whose reference is a mixture fitted to earlier draws, most of them of the round before, and a
+    /// little of the prior, instead of the prior: a shorter annealing path, once the draws have found the modes. 0: none.
+    /// With as many as `rounds`, the first reference is fitted to the SMC particles, or is the prior without them.
     pub mixture_rounds: usize,
 }
 
@@ -90,7 +92,7 @@ impl Settings {
         self.first_scans << round
     }
 
-    /// Whether the chain sets of a round, the first of which is 0, are to begin at a mixture.
+    /// Whether the reference of a round, the first of which is 0, is to be a mixture.
     #[must_use]
     pub(super) fn mixes(&self, round: usize) -> bool {
         (round > 0 || self.smc_particles > 0) && round + self.mixture_rounds >= self.rounds
@@ -122,7 +124,7 @@ impl Settings {
         }
     }
 
-    /// Refuses what cannot run.
+    /// Checks the ranges.
     ///
     /// # Errors
     /// [`Error::Setting`] naming the first setting out of its range.

@@ -1,19 +1,20 @@
-//! Where chain sets start: SMC samplers cooled from the prior to the posterior (sequential Monte Carlo; Del
-//! Moral, Doucet & Jasra 2006).
+//! First states of the chain sets by SMC from the prior to the posterior (Del Moral, Doucet & Jasra 2006).
 //!
-//! States drawn from the prior and put at a cold temperature settle in the nearest mode, and a chain set needs many round
-//! trips to replace them. An SMC sampler that is cooled step by step loses such states at each step, by resampling, and
-//! ends in modes by their weight. It is only a start: the rounds that follow are exact whatever it was. Chain sets that share
-//! an SMC sampler are of one cluster, and only clusters count as independent.
+//! States drawn from the prior and moved at a cold temperature stay in the nearest mode, and a chain set needs many round
+//! trips to replace them. SMC reduces the temperature in steps and resamples after each, so that its particles end in modes
+//! by their weights. The rounds that follow are exact whatever the first states are. Chain sets that start from one SMC
+//! sampler are one cluster; only clusters are independent of each other.
 //!
-//! All SMC samplers cool together, and SMC particles of the even ones take metric and directions from the odd ones and the other way
-//! round: an SMC sampler is full of relatives, and a slice that is led by its own relatives does not keep the law it should.
+//! All SMC samplers have the same temperatures. The particles of those of even number take metric and directions from those
+//! of odd number and the reverse: directions taken from particles with the same ancestors would not leave the distribution
+//! invariant.
 
 use super::schedule::{communication_barrier, locate, respaced};
 use super::swap;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
-use crate::hmc::{Evaluator, Metric, Point, Tally, involutions_and_slice_updates};
+use crate::hmc::{Evaluator, Metric, Point, involutions_and_slice_updates};
+use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::SmcWeights;
 use crate::target::{Symmetry, Target};
@@ -123,7 +124,7 @@ struct SmcSampler {
 }
 
 impl SmcSampler {
-    /// How SMC particles weigh at lower temperatures.
+    /// Weights of the particles at colder temperatures.
     fn smc_weights(&self) -> SmcWeights {
         SmcWeights::new(self.points.iter().map(|p| p.ln_likelihood).collect())
     }
@@ -144,7 +145,7 @@ pub(super) struct SmcSamplers {
     /// MCMC steps done at this temperature.
     mcmc_steps: usize,
     smc_samplers: Vec<SmcSampler>,
-    /// What SMC particles of the even and of the odd SMC samplers move by.
+    /// Metrics and difference pools for the particles of even and of odd SMC samplers.
     metrics: [Metric; 2],
     pools: [DifferencePool; 2],
     /// MCMC steps done, over all temperatures: the index of the random streams.
@@ -170,7 +171,7 @@ impl SmcSamplers {
         }
     }
 
-    /// Whether all have arrived at the posterior.
+    /// Whether all have reached the posterior.
     pub(super) fn done(&self) -> bool {
         let last = self.smc_samplers.iter().filter_map(|p| p.levels.last());
         last.into_iter().all(|level| level.beta >= 1.0)
@@ -195,7 +196,7 @@ impl SmcSamplers {
             .iter()
             .map(|p| p.smc_weights().longest_step(most));
         let step = steps.fold(most, f64::min);
-        // A step of almost all that is left takes it all: what remains weighs nothing.
+        // A remainder of less than 1e-9 of the step is added to it.
         self.beta = if step >= most * (1.0 - 1e-9) {
             1.0
         } else {
@@ -218,14 +219,14 @@ impl SmcSamplers {
         self.mcmc_steps = 0;
     }
 
-    /// One MCMC step: every SMC particle of every SMC sampler moves by one slice; cooling before it where it is due. On an error
-    /// no SMC particle has moved, and the same MCMC step can be tried again.
+    /// One slice update of every particle of every SMC sampler, after a step in temperature where one is due. On an error no
+    /// particle has moved, and the same MCMC step can be repeated.
     pub(super) fn advance(
         &mut self,
         target: &dyn Target,
         mcmc_steps: usize,
         seed: u64,
-    ) -> Result<Tally> {
+    ) -> Result<Calls> {
         if self.beta <= 0.0 || self.mcmc_steps == mcmc_steps {
             self.cool(target, seed);
         }
@@ -257,10 +258,10 @@ impl SmcSamplers {
             })
             .collect();
         let moved: Vec<(Point, Evaluator<'_>)> = moved.into_iter().collect::<Result<_>>()?;
-        let mut tally = Tally::default();
+        let mut calls = Calls::default();
         for (&(number, i), (point, evaluator)) in tasks.iter().zip(moved) {
             self.smc_samplers[number].points[i] = point;
-            tally.add(&evaluator);
+            calls.add(&evaluator.calls);
         }
         self.mcmc_steps += 1;
         if self.mcmc_steps == mcmc_steps {
@@ -270,12 +271,12 @@ impl SmcSamplers {
             }
         }
         self.clock += 1;
-        Ok(tally)
+        Ok(calls)
     }
 }
 
-/// The rows of clusters for those of the other half: of the odd ones for the even, and of the even ones for the odd. A cluster
-/// without others has its own.
+/// Rows of the odd clusters, for chains of the even ones, and of the even clusters, for chains of the odd ones; of the only
+/// cluster if there is one.
 pub(super) fn of_others<R: AsRef<[f64]>>(rows: impl Iterator<Item = R>) -> [Vec<f64>; 2] {
     let mut halves: [Vec<f64>; 2] = Default::default();
     for (cluster, rows) in rows.enumerate() {

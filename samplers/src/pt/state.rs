@@ -1,17 +1,17 @@
-//! The whole of a run between two scans: what a checkpoint holds and a scan advances.
+//! The state of a run between two scans: what a checkpoint holds.
 
 use super::Settings;
 use super::evidence::{Estimate, Traces, estimate};
 use super::record::Record;
 use super::smc::SmcSamplers;
-use crate::checkpointer::Time;
 use crate::control::Event;
 use crate::difference_pool::DifferencePool;
-use crate::hmc::{Metric, Point, Reference, StepSize, Tally};
+use crate::hmc::{Metric, Point, Reference, StepSize};
+use crate::output::Cost;
 use serde::{Deserialize, Serialize};
 
-/// A round of fewer scans is early: it only has to find the scales, so its trajectories are short, and energies far
-/// from equilibrium may vary as they like.
+/// A round of fewer scans is early: it only finds the scales, so its trajectories are short and its limit of the energy
+/// range is off.
 pub(super) const EARLY_SCANS: usize = 32;
 
 /// One temperature.
@@ -20,49 +20,49 @@ pub(super) struct Temperature {
     pub(super) beta: f64,
     pub(super) metric: Metric,
     pub(super) step: StepSize,
-    /// Where the round before stood at this temperature: its odd clusters for the even ones, and the other way round.
+    /// States of the round before at this temperature: of its odd clusters for chains of the even ones, and of its even ones
+    /// for the odd.
     pub(super) pools: [DifferencePool; 2],
 }
 
-/// One place of one chain set: states stay, replicas travel.
+/// One chain of one chain set. Swaps exchange states and the numbers of their replicas between chains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Chain {
     pub(super) point: Point,
     pub(super) replica: usize,
 }
 
-/// What a finished round came to.
+/// Results of a finished round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Finished {
     pub(super) communication_barrier: f64,
     pub(super) ln_z: f64,
 }
 
-/// See the module's words.
+/// The state of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
     pub(super) settings: Settings,
     pub(super) seed: u64,
-    /// The SMC samplers that the chain sets start from, until they are cold.
+    /// The SMC samplers, until they have reached the posterior.
     pub(super) smc_samplers: Option<SmcSamplers>,
     /// Present round, and its scans done.
     pub(super) round: usize,
     pub(super) scan: usize,
-    /// Times that the last round has gone on for as long again.
+    /// Extensions of the last round so far.
     pub(super) extensions: usize,
     /// Scans done in all rounds: the index of the random streams.
     pub(super) clock: u64,
-    /// Where the chain sets begin.
+    /// The distribution at beta = 0.
     pub(super) reference: Reference,
-    /// The halves of the draws that it was fitted to.
+    /// The two halves of the draws that the reference was fitted to.
     pub(super) training: [Vec<f64>; 2],
     pub(super) temperatures: Vec<Temperature>,
     /// Chain-set-major.
     pub(super) chains: Vec<Chain>,
     pub(super) record: Record,
     pub(super) history: Vec<Finished>,
-    pub(super) tally: Tally,
-    pub(super) time: Time,
+    pub(super) cost: Cost,
 }
 
 impl State {
@@ -71,18 +71,18 @@ impl State {
         self.settings.scans(self.round) * (1 + self.extensions)
     }
 
-    /// Whether the last round is done, as far as it has gone on.
+    /// Whether the last round and its extensions are done.
     pub(super) fn finished(&self) -> bool {
         self.is_last_round() && self.scan == self.scans()
     }
 
-    /// The same state, whose last round may go on so many times.
+    /// The same state with another maximum number of extensions.
     pub(super) fn allowed(mut self, extensions: usize) -> Self {
         self.settings.extensions = extensions;
         self
     }
 
-    /// Whether the last round may go on once it is done.
+    /// Whether the last round may be extended again.
     pub(super) fn may_extend(&self) -> bool {
         self.extensions < self.settings.extensions
     }
@@ -92,7 +92,7 @@ impl State {
         self.smc_samplers.is_some()
     }
 
-    /// Whether the present round has anything to show.
+    /// Whether the present round has a scan.
     pub(super) fn scanned(&self) -> bool {
         self.scan > 0
     }
@@ -106,18 +106,18 @@ impl State {
         self.settings.clusters()
     }
 
-    /// Whether slices explore beside HMC transitions.
+    /// Whether slice updates are made besides HMC transitions.
     pub(super) fn slices(&self) -> bool {
         self.settings.slice_updates > 0
     }
 
-    /// Whether the chain sets of this round were to begin at a mixture.
+    /// Whether the settings ask for a mixture as the reference of this round.
     pub(super) fn mixture_due(&self) -> bool {
         self.settings.mixes(self.round)
     }
 
-    /// Whether a mixture is to be fitted to what this round draws. The last but one does without: the last keeps the mixture that it
-    /// has, and with it the temperatures that the round before has found on the same path.
+    /// Whether a mixture is to be fitted to the draws of this round. Not to those of the last but one: the last round keeps
+    /// the mixture of the round before, and with it temperatures that were found on the same annealing path.
     pub(super) fn mixture_next(&self) -> bool {
         if self.is_last_round() {
             return self.settings.mixture_rounds > 0;
@@ -149,7 +149,7 @@ impl State {
     pub(super) fn progress(&self) -> Event {
         if let Some(smc_samplers) = &self.smc_samplers {
             let (beta, ln_z) = smc_samplers.progress();
-            let calls = self.tally.calls;
+            let calls = self.cost.calls;
             return Event::Smc { beta, ln_z, calls };
         }
         let last = self.history.last();
@@ -160,7 +160,7 @@ impl State {
             communication_barrier: last.map_or(f64::NAN, |r| r.communication_barrier),
             round_trips: self.record.round_trips(),
             ln_z: last.map_or(f64::NAN, |r| r.ln_z),
-            gradients: self.tally.gradients,
+            gradients: self.cost.gradients,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// `min(1, exp{(b_cold - b_hot)(l_hot - l_cold)})`, computed in logarithms; a hot state without likelihood loses.
+/// `min(1, exp{(b_cold - b_hot)(l_hot - l_cold)})`, computed in logarithms; 0 for a hot state without a likelihood.
 pub(super) fn acceptance(beta_gap: f64, l_hot: f64, l_cold: f64) -> f64 {
     if l_hot == f64::NEG_INFINITY {
         0.0
@@ -11,8 +11,8 @@ pub(super) fn acceptance(beta_gap: f64, l_hot: f64, l_cold: f64) -> f64 {
     }
 }
 
-/// How far the replicas of one chain set have come. A round trip is prior, posterior, prior again; its first half, the
-/// arrival of a fresh prior draw at the posterior, is a restart.
+/// The index processes of the replicas of one chain set: which temperatures each has visited. A round trip is from the
+/// reference to the posterior and back; its first half, the arrival of a fresh draw at the posterior, is a restart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct IndexProcess {
     /// Whether each replica has last touched the prior, the posterior, or neither yet.
@@ -39,7 +39,7 @@ impl IndexProcess {
         }
     }
 
-    /// The same replicas on their way, and no counts yet.
+    /// The same replicas, with counts at zero.
     pub(super) fn onward(&self) -> Self {
         Self {
             phase: self.phase.clone(),
@@ -70,7 +70,7 @@ mod tests {
     #[test]
     fn a_round_trip_starts_and_ends_at_the_prior() {
         let mut index_processes = IndexProcess::new(2);
-        // Replica 1 begins at the posterior: its way up is no round trip.
+        // Replica 1 begins at the posterior: its way to the prior is no round trip.
         for (prior, posterior) in [(1, 0), (0, 1), (1, 0), (1, 0), (0, 1)] {
             index_processes.note(prior, posterior);
         }

@@ -1,4 +1,4 @@
-//! Moves that a target's author knows, so that a sampler crosses in one step what it would otherwise have to walk.
+//! Known symmetries of a target, by which a sampler moves in one step where local moves would take many.
 
 use crate::rng::Stream;
 
@@ -20,7 +20,7 @@ pub trait Orbit: Sync + Send {
     fn refresh(&self, z: &mut [f64], rng: &mut Stream);
     /// Moves `z` along its orbit until it is level with `to`, and says whether it could. The level is one of
     /// the coordinates, so that the line between two points that are level with a third keeps it, in `z` as in the unit cube; where an orbit offers it,
-    /// samplers step across orbits along such lines and leave the way along them to [`refresh`](Self::refresh).
+    /// samplers step across orbits along such lines and draw the position along them by [`refresh`](Self::refresh).
     fn align(&self, z: &mut [f64], to: &[f64]) -> bool {
         let _ = (z, to);
         false
@@ -34,7 +34,7 @@ pub trait Orbit: Sync + Send {
 
 /// A known move.
 pub enum Symmetry {
-    /// A jump with a Metropolis test.
+    /// A map with a Metropolis test.
     Involution(Box<dyn Involution>),
     /// An exact, free refresh.
     Orbit(Box<dyn Orbit>),

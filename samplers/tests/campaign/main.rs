@@ -5,8 +5,8 @@
 //! cargo test -p oblate-samplers --release --test campaign -- --ignored --nocapture --test-threads 1 pt
 //! ```
 //!
-//! Rows of a table appear as they are done; a test fails after its last row. CI runs the same targets with five seeds, in
-//! `integration`.
+//! Rows of a table appear as they are done; a test fails after its last row. CI runs the same targets with three seeds, in
+//! `integration`, where some tests have a long form too: `cargo test -p oblate-samplers --release -- --ignored`.
 
 mod nested;
 mod pt;

@@ -13,6 +13,7 @@ mod hmc;
 mod modules;
 mod nested;
 mod pt;
+#[allow(dead_code, reason = "some functions belong to the campaign")]
 mod pulls;
 mod stops;
 mod targets;

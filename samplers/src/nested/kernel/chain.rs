@@ -1,16 +1,17 @@
-//! A chain of steps above a contour: what its steps share, and where it may go.
+//! A chain of steps above a likelihood bound: the common data of its steps, and the partition that a step may not leave.
 
 use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
 use crate::nested::bound::Bound;
-use crate::nested::likelihood::{Likelihood, Tally};
+use crate::nested::likelihood::Likelihood;
 use crate::nested::live::Points;
 use crate::nested::settings::Kernel;
 use crate::normal;
+use crate::output::Calls;
 use crate::rng::Stream;
 use crate::target::{Symmetry, Target};
 
-/// What all points of an iteration share.
+/// Common data of all points of an iteration.
 pub(in crate::nested) struct Setting<'a> {
     pub target: &'a dyn Target,
     /// New points lie strictly above this log-likelihood.
@@ -31,7 +32,7 @@ pub(in crate::nested) struct Setting<'a> {
     pub steps: usize,
 }
 
-/// What a step does not leave, lest its law change on the way.
+/// The part of the space that a step may not leave, so that its distribution does not change on the way.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::nested) enum Partition {
     /// The metric region of this label.
@@ -40,7 +41,7 @@ pub(in crate::nested) enum Partition {
     Cell(Pair),
 }
 
-/// What steps did, for the tuning of their length.
+/// Counts of steps, for the tuning of their length.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::nested) struct Pace {
     /// Slices: steps outward. Galilean trajectories: moves straight on. Walk: steps accepted.
@@ -79,11 +80,11 @@ pub(in crate::nested) struct Motion {
 pub(in crate::nested) struct NewPoint {
     pub u: Vec<f64>,
     pub ln_l: f64,
-    pub tally: Tally,
+    pub calls: Calls,
     pub motion: Motion,
 }
 
-/// A walker above the contour and the workspace of its steps.
+/// A state above the likelihood bound and the workspace of its steps.
 pub(super) struct Chain<'a> {
     pub(super) setting: &'a Setting<'a>,
     pub(super) bound: &'a Bound,

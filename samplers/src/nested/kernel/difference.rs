@@ -9,7 +9,7 @@
 //! 1. Survivors are draws from the prior above the contour, and all relatives of a seed are in its own half, because a
 //!    point is of its seed's lineage. Hold the other half fixed, with everything made of it: the metrics and the pairs to
 //!    choose from. The seed is still a draw from the prior above the contour. It is enough that every step keeps that law for
-//!    any fixed other half. Had the seed's own half a message, the pair would lean to where the seed is not, as a metric
+//!    any fixed other half. Were the seed's own half used, pairs would favour places away from the seed, as a metric
 //!    fitted to the seeds does ([`Bound::for_steps`](crate::nested::bound::Bound::for_steps)).
 //! 2. Which kind of slice comes next, the scale of the pair's cell and the width in units of the pair's distance are drawn
 //!    without a look at the chain's present state. The pair is of the cell where the chain is, and the slice does not leave
@@ -23,9 +23,9 @@
 //!    a coordinate that both ends of the pair share and so every point of the line keeps: the way back has the same law.
 //!    Steps across orbits no longer have to follow the bends of the orbit, and the way along it is redrawn at the end.
 //!
-//! So a new point has the right law and owes nothing to the other half. It does resemble its own seed until enough slices
-//! have been made, which the scatter of lineages measures and the checks watch; and two points born in one iteration, each with the
-//! other's seed among its pairs, share what their chains have not forgotten.
+//! So a new point has the right law and does not depend on the other half. It resembles its own seed until enough slice
+//! updates have been made, which the scatter of lineages measures and the checks limit; and two points drawn in one
+//! iteration, each with the seed of the other in its pool, are dependent as far as their chains depend on their seeds.
 
 use super::chain::{Chain, Partition, cube_from_normal};
 use super::slice;
@@ -34,13 +34,13 @@ use crate::rng::{Stream, unit_open};
 use crate::target::Symmetry;
 
 /// Fraction of the slices along differences. The others reach what differences of few points do not span.
-const FRACTION: f64 = 0.5;
+const DIFFERENCE_FRACTION: f64 = 0.5;
 
 /// Moves the chain along the difference of two points of the other half near it, or along a random direction of its
 /// ellipsoid.
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     let orbit = Symmetry::first_orbit(chain.setting.target.symmetries());
-    if unit_open(rng) >= FRACTION {
+    if unit_open(rng) >= DIFFERENCE_FRACTION {
         return slice::step(chain, rng);
     }
     let from = chain.normals();

@@ -29,8 +29,8 @@ use crate::nested::bound::draw_direction;
 use crate::nested::live::REJECTED;
 use crate::rng::{Stream, unit_open};
 
-/// Moves of one Galilean trajectory: the second tells where the first has led, on, off a mirror or back from an edge. More moves with one
-/// velocity forget a start less than as many with fresh ones, and those after turning round go back over places already seen.
+/// Moves of one Galilean trajectory: the second depends on where the first has led, on, off a mirror or back from an edge.
+/// More moves with one velocity forget a start less than as many with fresh ones, and those after turning round go back.
 const MOVES: usize = 2;
 
 /// Sends the chain on a Galilean trajectory inside its metric region.
@@ -68,7 +68,7 @@ pub(super) fn advance(chain: &mut Chain<'_>, time: f64) -> Result<bool> {
     let Some(mirrored) = mirrored(chain)? else {
         return Ok(false);
     };
-    // By way of the mirror, all told: x + s w + s w'.
+    // Over the mirror in all: x + s w + s w'.
     let path: Vec<f64> = chain
         .ball
         .iter()

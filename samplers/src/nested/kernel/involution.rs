@@ -1,4 +1,4 @@
-//! Declared jumps: an involution of the standard-normal coordinates, tested on the cube.
+//! Declared involutions of the standard-normal coordinates, tested on the cube.
 
 use super::chain::{Chain, cube_from_normal};
 use crate::error::Result;

@@ -54,7 +54,7 @@ pub(super) fn draw(
     Ok(NewPoint {
         u: chain.x,
         ln_l: chain.ln_l,
-        tally: chain.likelihood.tally,
+        calls: chain.likelihood.calls,
         motion: chain.motion,
     })
 }

@@ -65,9 +65,5 @@ pub(super) fn along(
             right = t;
         }
     }
-    Err(Error::Stuck {
-        what: "a slice shrank to nothing",
-        tries: MAX_INWARD,
-        remedy: "check that the likelihood gives the same number each time at the same point",
-    })
+    Err(Error::EmptySlice { tries: MAX_INWARD })
 }

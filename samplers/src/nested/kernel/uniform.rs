@@ -36,20 +36,18 @@ pub(super) fn draw(
             return Ok(NewPoint {
                 u,
                 ln_l,
-                tally: likelihood.tally,
+                calls: likelihood.calls,
                 motion: Motion {
                     moved: true,
                     ..Motion::default()
                 },
             });
         }
-        if likelihood.tally.calls >= MAX_CALLS {
+        if likelihood.calls.values >= MAX_CALLS {
             break;
         }
     }
-    Err(Error::Stuck {
-        what: "independent draws from the bound never exceed the contour",
-        tries: likelihood.tally.calls,
-        remedy: "use the kernel `differential`, which does not depend on how tight the bound is",
+    Err(Error::LooseBound {
+        calls: likelihood.calls.values,
     })
 }

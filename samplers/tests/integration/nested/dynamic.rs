@@ -180,38 +180,3 @@ fn a_dynamic_run_has_the_same_bits_on_any_threads_and_after_any_stop() {
     assert!(stops > 5, "{stops}");
     assert_eq!(resumed.bits(), whole.bits());
 }
-
-/// Calls per effective draw to 20,000 of them: a table, for the crate's page.
-#[test]
-#[ignore = "a table of seconds to minutes: run before a release with --ignored --nocapture"]
-fn calls_per_effective_draw() {
-    println!(
-        "| target | kernel | ln Z - truth | error | calls | Kish | quoted | calls / Kish | failed checks |"
-    );
-    println!("|---|---|---|---|---|---|---|---|---|");
-    for (name, target) in [("mvn13", smooth::mvn13()), ("shells13", smooth::shells(13))] {
-        for kernel in [
-            Kernel::RandomSlice,
-            Kernel::Differential,
-            Kernel::RandomWalk,
-        ] {
-            let run = sample(&target, &dynamic(500, kernel, 20_000.0), 1);
-            let failed: Vec<&str> = run
-                .checks
-                .iter()
-                .filter(|g| !g.pass)
-                .map(|g| g.name.as_str())
-                .collect();
-            println!(
-                "| {name} | {kernel:?} | {:+.3} | {:.3} | {} | {:.0} | {:.0} | {:.1} | {} |",
-                run.evidence.ln_z - target.ln_z,
-                run.evidence.error,
-                run.cost.calls,
-                run.ess.kish,
-                run.ess.quoted,
-                run.cost.calls as f64 / run.ess.kish,
-                failed.join(", ")
-            );
-        }
-    }
-}

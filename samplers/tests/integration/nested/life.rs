@@ -298,7 +298,7 @@ fn galilean_trajectories_without_gradients_are_refused_before_any_call() {
     let target = Always(unit(), Outcome::Fatal("not to be called".to_owned()));
     let settings = small(Kernel::Galilean);
     let error = run(&target, &settings, 1, &mut Control::new(&mut Silent)).unwrap_err();
-    assert!(matches!(error, Error::NoGradient { .. }), "{error}");
+    assert!(matches!(error, Error::GalileanWithoutGradient), "{error}");
     let text = error.to_string();
     assert!(
         text.contains("`galilean`") && text.contains("`differential`"),

@@ -55,7 +55,7 @@ fn a_target_that_rejects_everything_is_told_with_its_cause() {
 #[test]
 fn a_target_without_a_gradient_is_sent_to_the_nested_sampler() {
     let error = refused(&Nothing::new(false), &Settings::default());
-    assert!(matches!(error, Error::NoGradient { .. }), "{error}");
+    assert!(matches!(error, Error::TemperingWithoutGradient), "{error}");
 }
 
 #[test]
