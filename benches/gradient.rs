@@ -50,6 +50,7 @@ fn likelihood(particles: usize) -> StreamLikelihood {
         .integrate(&solution, &mut schedules, &mut stars)
         .expect("particles");
     let data: Vec<DataBin> = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * particles as f64)
+        .expect("a track")
         .bins
         .iter()
         .map(|b| DataBin {

@@ -1,9 +1,10 @@
 //! Settings files: reading and writing them, and the settings of populations and studies.
 
-use crate::data::MockSettings;
+use crate::data::{MockSettings, NUMBERS_OF_MOCKS};
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, Sampler, SamplerSettings, over_defaults};
 use crate::population::{PopulationSettings, TruncatedGaussianSettings};
+use oblate_samplers::limits::{MAX_SEED, in_range};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::{Path, PathBuf};
@@ -35,6 +36,19 @@ impl Default for PopulationConfig {
     }
 }
 
+impl PopulationConfig {
+    /// Checks every number of every table by itself: the ranges of docs/limits.md.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] or [`Error::Setting`] with the first key that is at fault.
+    pub fn check(&self) -> Result<()> {
+        in_range("seed", self.seed, 0..=MAX_SEED)?;
+        self.family.check()?;
+        self.reweighting.check()?;
+        self.sampling.check_ranges()
+    }
+}
+
 fn sampling_of_populations<'de, D: Deserializer<'de>>(
     given: D,
 ) -> StdResult<SamplerSettings, D::Error> {
@@ -61,6 +75,29 @@ pub struct StudyConfig {
     /// The population of the mocks.
     #[serde(default)]
     pub population: Option<StudyPopulation>,
+}
+
+impl StudyConfig {
+    /// Checks every number of all its settings, so that no work is lost to one that is used late.
+    ///
+    /// # Errors
+    /// As of [`FitSettings::check`], [`MockSettings::check`] and [`PopulationConfig::check`]; [`Error::OutOfRange`] for the number or the
+    /// seed of mocks.
+    pub fn check(&self) -> Result<()> {
+        if let Some(tracks) = &self.tracks {
+            tracks.fit.check()?;
+        }
+        if let Some(mocks) = &self.mocks {
+            in_range("mocks.count", mocks.count, NUMBERS_OF_MOCKS)?;
+            in_range("mocks.seed", mocks.seed, 0..=MAX_SEED)?;
+            mocks.mock.check()?;
+            mocks.fit.check()?;
+        }
+        if let Some(population) = &self.population {
+            population.settings.check()?;
+        }
+        Ok(())
+    }
 }
 
 /// Observed tracks of a study.

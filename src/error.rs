@@ -9,6 +9,7 @@ pub use array::ArrayFault;
 pub use population::PosteriorFault;
 pub use track::TrackFault;
 
+use oblate_samplers::limits::{OutOfRange, TooMuchMemory};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -61,7 +62,13 @@ pub enum Error {
         /// What is wrong with it.
         source: Box<Error>,
     },
-    /// A setting, flag or argument is out of its range.
+    /// A setting, flag or argument is out of its range (docs/limits.md).
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
+    /// The settings need more memory than one task may take.
+    #[error(transparent)]
+    TooMuchMemory(#[from] TooMuchMemory),
+    /// A setting, flag or argument cannot be used, or not together with others.
     #[error("{key} = {value}: {remedy}")]
     Setting {
         /// The key as the user writes it.

@@ -1,5 +1,6 @@
 //! How a caller monitors, limits, stops and resumes a run.
 
+use crate::limits::Memory;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -171,6 +172,12 @@ impl<'a> Control<'a> {
     /// Tells the observer; true if the run should stop here.
     pub fn tell(&mut self, event: &Event) -> bool {
         self.observer.event(event).is_break()
+    }
+
+    /// Tells the observer how much memory will be taken, if it is much; true if the run should stop here.
+    pub fn tell_memory(&mut self, memory: &Memory) -> bool {
+        let warning = memory.warning();
+        warning.is_some_and(|message| self.tell(&Event::Warning { message }))
     }
 
     /// Whether someone asked to stop.

@@ -1,5 +1,6 @@
 //! What can end a run: every variant says what, where, and what to do next.
 
+use crate::limits::{OutOfRange, TooMuchMemory};
 use std::path::PathBuf;
 
 /// The crate's result.
@@ -10,7 +11,13 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A setting is out of its range.
+    /// A number is out of its range.
+    #[error(transparent)]
+    OutOfRange(#[from] OutOfRange),
+    /// The settings need more memory than one run may take.
+    #[error(transparent)]
+    TooMuchMemory(#[from] TooMuchMemory),
+    /// Settings do not go together, or not with the target.
     #[error("setting `{name}` is {value}; {remedy}")]
     Setting {
         /// The setting's name as the user writes it.
@@ -45,6 +52,14 @@ pub enum Error {
     LooseBound {
         /// Number of likelihood calls.
         calls: u64,
+    },
+    /// The SMC samplers do not reach the end of their annealing path.
+    #[error(
+        "SMC does not reach the end of its annealing path, after {steps} steps: ln L differs too much between the particles; use more SMC particles, or check the errors of the data"
+    )]
+    EndlessPath {
+        /// Number of steps.
+        steps: usize,
     },
     /// Parallel tempering of a target without gradients.
     #[error(

@@ -38,7 +38,7 @@
 //! # }
 //! ```
 //!
-//! Modules, each of which may only import the ones before it: [`error`], [`normal`], [`rng`], [`target`],
+//! Modules, each of which may only import the ones before it: [`limits`], [`error`], [`normal`], [`rng`], [`target`],
 //! [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`difference_pool`], [`smc_weights`], mixtures, then the samplers: [`hmc`], [`nested`] and
 //! [`pt`], and [`bridge`], the SMC bridge from a finished run to a finer likelihood.
 #![cfg_attr(
@@ -66,6 +66,7 @@ pub mod diagnostics;
 pub mod difference_pool;
 pub mod error;
 pub mod hmc;
+pub mod limits;
 mod mixture;
 pub mod nested;
 pub mod normal;

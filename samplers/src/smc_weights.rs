@@ -4,6 +4,28 @@
 //! particles falls to a half; then the particles are resampled by their weights.
 
 use crate::diagnostics::effective_number;
+use crate::error::{Error, Result};
+
+/// Largest number of steps of one annealing path. A posterior of 13 parameters needs about 30.
+const MAX_STEPS: usize = 4_096;
+
+/// The position on an annealing path after a step from `at` towards 1, as step number `number`. A remainder of less than 1e-9 of the step
+/// is added to it.
+///
+/// # Errors
+/// [`Error::EndlessPath`] if the step does not change the position, or if there were too many before it.
+pub fn after_step(at: f64, step: f64, number: usize) -> Result<f64> {
+    let left = 1.0 - at;
+    let next = if step >= left * (1.0 - 1e-9) {
+        1.0
+    } else {
+        at + step
+    };
+    if next > at && number <= MAX_STEPS {
+        return Ok(next);
+    }
+    Err(Error::EndlessPath { steps: number })
+}
 
 /// Effective fraction of the particles that the weights of one step leave.
 const KEPT: f64 = 0.5;
@@ -88,6 +110,20 @@ mod tests {
         let weights = [0.5, 0.0, 2.5, 1.0];
         assert_eq!(systematic(&weights, 0.4), [0, 2, 2, 3]);
         assert_eq!(systematic(&weights, 0.6), [2, 2, 2, 3]);
+    }
+
+    #[test]
+    fn a_path_ends_or_says_that_it_does_not() {
+        assert!((after_step(0.25, 0.5, 1).unwrap() - 0.75).abs() < 1e-15);
+        // All of what is left, but for rounding.
+        assert!(after_step(0.25, 0.75 * (1.0 - 1e-10), 1).unwrap() >= 1.0);
+        for (step, number) in [(1e-20, 1), (0.0, 1), (f64::NAN, 1), (0.1, MAX_STEPS + 1)] {
+            let error = after_step(0.5, step, number).unwrap_err();
+            assert!(
+                matches!(error, Error::EndlessPath { .. }),
+                "{step} {number}"
+            );
+        }
     }
 
     #[test]

@@ -29,10 +29,16 @@ pub struct Args {
 }
 
 /// Answers each line before reading the next.
-pub fn run(args: &Args, _: &Common, input: &mut dyn BufRead, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(
+    args: &Args,
+    common: &Common,
+    input: &mut dyn BufRead,
+    out: &mut dyn Write,
+) -> Result<Exit> {
     let settings = args.settings.settings()?;
     let track = ObservedTrack::read(&args.track)?;
     let target = StreamTarget::from_track(&track, &settings)?;
+    common.tell_memory(&target.memory(1));
     for (number, line) in input.lines().enumerate() {
         let stdin = PathBuf::from("standard input");
         let number = Some(number + 1);

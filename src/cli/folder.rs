@@ -42,6 +42,7 @@ impl FolderFlags {
         out: &mut dyn Write,
         work: impl FnOnce(Destination<'_>, &mut Monitor<'_>) -> Result<Fit>,
     ) -> Result<Exit> {
+        self.limits.check()?;
         let Some(folder) = &self.out else {
             return Err(Error::Setting {
                 key: "--out".to_owned(),

@@ -66,6 +66,8 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     }
     let prior = StreamPrior::new(&PriorSettings::default())?;
     refuse_existing(&args.out.join("mocks.json"), args.force)?;
+    let threads = rayon::current_num_threads();
+    common.tell_memory(&settings.model.memory(threads));
     let found = mocks(&prior, &settings, args.count, args.seed)?;
     for mock in &found.mocks {
         refuse_existing(

@@ -6,8 +6,16 @@ use crate::inference::{FitSettings, Profile, Sampler};
 use crate::spray::SamplingScheme;
 use crate::stream::ModelSettings;
 use clap::{Args, ValueEnum};
+use oblate_samplers::limits::{Memory, in_range};
 use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+
+/// Numbers of threads: more than the cores of any machine only take memory and time to start.
+const THREADS: RangeInclusive<usize> = 1..=1024;
+
+/// The environment variable by which rayon is told the number of threads.
+const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
 
 /// Flags of every verb.
 #[derive(Args, Debug)]
@@ -27,22 +35,32 @@ impl Common {
     /// Runs `work` with the given number of threads.
     pub(super) fn in_pool<T: Send>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
         if let Some(threads) = self.threads {
-            let built = if threads == 0 {
-                Err("give at least 1".to_owned())
-            } else {
-                // The global pool: verbs call the library from the main thread, which is not one of the pool's.
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(threads)
-                    .build_global()
-                    .map_err(|e| e.to_string())
-            };
-            built.map_err(|remedy| Error::Setting {
-                key: "--threads".to_owned(),
-                value: threads.to_string(),
-                remedy,
-            })?;
+            in_range("--threads", threads, THREADS)?;
+            // The global pool: verbs call the library from the main thread, which is not one of the pool's.
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build_global()
+                .map_err(|e| Error::Setting {
+                    key: "--threads".to_owned(),
+                    value: threads.to_string(),
+                    remedy: e.to_string(),
+                })?;
+        } else if let Some(threads) = std::env::var(THREADS_VARIABLE)
+            .ok()
+            .and_then(|text| text.parse().ok())
+        {
+            // 0 is rayon's word for all cores.
+            in_range(THREADS_VARIABLE, threads, 0..=*THREADS.end())?;
         }
         work()
+    }
+
+    /// Tells on standard error how much memory will be taken, if it is much.
+    pub fn tell_memory(&self, memory: &Memory) {
+        if let Some(warning) = memory.warning().filter(|_| !self.quiet) {
+            // Output is no reason to stop.
+            let _ = writeln!(std::io::stderr(), "warning: {warning}");
+        }
     }
 }
 
@@ -56,6 +74,16 @@ pub struct LimitFlags {
     /// continues it
     #[arg(long, value_name = "MINUTES")]
     pub max_minutes: Option<u64>,
+}
+
+impl LimitFlags {
+    /// Checks both: a day between checkpoints, ten years for a run.
+    pub fn check(&self) -> Result<()> {
+        in_range("--checkpoint-every", self.checkpoint_every, 0..=86_400)?;
+        let minutes = self.max_minutes.unwrap_or(0);
+        in_range("--max-minutes", minutes, 0..=5_256_000)?;
+        Ok(())
+    }
 }
 
 /// Flags of the model, shared by `stream`, `evaluate`, `mock` and `fit`.

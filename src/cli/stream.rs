@@ -7,7 +7,8 @@ use crate::error::{Error, Result};
 use crate::inference::Profile;
 use crate::params::{PriorSettings, StreamParams, StreamPrior};
 use crate::stream::{Model, Particles, System};
-use crate::track::{BinEdges, Track};
+use crate::track::{BIN_WIDTHS_DEG, BinEdges, Track};
+use oblate_samplers::limits::in_range;
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
@@ -47,21 +48,13 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
         line: None,
         source: Box::new(e),
     })?;
-    if !(args.bin_width > 0.0
-        && args.bin_width <= 120.0
-        && args.edge >= 0.0
-        && args.edge <= 0.5 * args.bin_width)
-    {
-        return Err(Error::Setting {
-            key: "--bin-width, --edge".to_owned(),
-            value: format!("{}, {}", args.bin_width, args.edge),
-            remedy: "give a width of at most 120 degrees and an edge of at most half of it"
-                .to_owned(),
-        });
-    }
+    in_range("--bin-width", args.bin_width, BIN_WIDTHS_DEG)?;
+    in_range("--edge", args.edge, 0.0..=0.5 * args.bin_width)?;
+    in_range("--min-fraction", args.min_fraction, 0.0..=1.0)?;
     let mut settings = args.model.profile().unwrap_or(Profile::Fast).model();
     args.model.apply(&mut settings);
     let model = Model::new(&settings)?;
+    common.tell_memory(&settings.memory(1));
     let begin = Instant::now();
     let solution = model
         .progenitor_solution(&System::from_params(&params, prior.q_range()))
@@ -78,7 +71,7 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
         BinEdges::Hard
     };
     let min_n = args.min_fraction * particles.len() as f64;
-    let track = Track::of(&particles, args.bin_width, edges, min_n);
+    let track = Track::of(&particles, args.bin_width, edges, min_n)?;
     let seconds = begin.elapsed().as_secs_f64();
     if let Some(file) = &args.particles_out {
         refuse_existing(file, args.force)?;

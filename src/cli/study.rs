@@ -30,6 +30,7 @@ pub struct Args {
 
 /// Runs a study and writes its report.
 pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+    args.limits.check()?;
     let mut config: StudyConfig = read(&args.study)?;
     if let Some(folder) = &args.out {
         config.out.clone_from(folder);

@@ -1,8 +1,12 @@
 //! The checks that columns must pass to be a track, shared by files and tracks made in memory.
 
-use super::observed::{MIN_BINS, ObservedTrack, default_errors};
+use super::observed::{
+    NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS, default_errors,
+};
 use crate::error::{Error, Result, TrackFault};
+use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG};
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 /// How far a centre may sit from its place, as a fraction of the bin width: files round their angles.
 const SLACK: f64 = 1e-3;
@@ -37,11 +41,12 @@ pub fn fault(track: &ObservedTrack) -> Option<Fault> {
     if !same {
         return Fault::whole(TrackFault::ColumnLengths);
     }
-    if rows < MIN_BINS {
-        return Fault::whole(TrackFault::TooFewBins {
-            bins: rows,
-            min: MIN_BINS,
-        });
+    let (min, max) = (*NUMBERS_OF_BINS.start(), *NUMBERS_OF_BINS.end());
+    if rows < min {
+        return Fault::whole(TrackFault::TooFewBins { bins: rows, min });
+    }
+    if rows > max {
+        return Fault::whole(TrackFault::TooManyBins { bins: rows, max });
     }
     (0..rows)
         .find_map(|row| row_fault(track, row))
@@ -60,8 +65,27 @@ fn row_fault(track: &ObservedTrack, row: usize) -> Option<Fault> {
             return Fault::at(row, TrackFault::NotPositive { column, value });
         }
     }
+    let in_range = |column: &'static str, value: f64, range: RangeInclusive<f64>| {
+        let (lo, hi) = range.into_inner();
+        let fault = TrackFault::OutOfRange {
+            column,
+            value,
+            lo,
+            hi,
+        };
+        (!(lo..=hi).contains(&value)).then_some(Fault {
+            row: Some(row),
+            fault,
+        })
+    };
+    if let Some(found) = in_range("phi", phi, ANGLES_DEG)
+        .or_else(|| in_range("r", r, RADII_KPC))
+        .or_else(|| in_range("r_err", r_err, RADIUS_ERRORS_KPC))
+    {
+        return Some(found);
+    }
     if let Some(value) = track.n.as_ref().map(|n| n[row])
-        && !(value.is_finite() && value >= 0.0)
+        && !STARS.contains(&value)
     {
         return Fault::at(row, TrackFault::BadCount { value });
     }
@@ -79,8 +103,12 @@ fn row_fault(track: &ObservedTrack, row: usize) -> Option<Fault> {
 
 fn width_fault(track: &ObservedTrack) -> Option<Fault> {
     let width_deg = track.bin_width_deg;
-    if !(width_deg.is_finite() && width_deg > 0.0 && width_deg <= 180.0) {
-        return Fault::whole(TrackFault::BinWidth { width_deg });
+    if !BIN_WIDTHS_DEG.contains(&width_deg) {
+        return Fault::whole(TrackFault::BinWidth {
+            width_deg,
+            lo: *BIN_WIDTHS_DEG.start(),
+            hi: *BIN_WIDTHS_DEG.end(),
+        });
     }
     for (row, pair) in track.phi_deg.windows(2).enumerate() {
         let step_deg = pair[1] - pair[0];

@@ -1,16 +1,19 @@
 //! Mock tracks with known truth: prior draws that meet the paper's three criteria (Chemaly et al. 2026, section 3).
 
 use super::ObservedTrack;
+use super::observed::{NUMBERS_OF_BINS, RADII_KPC};
 use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
 use crate::scalar::Vec3;
 use crate::spray::{SamplingScheme, TableSettings};
 use crate::stream::{Model, ModelSettings, Particles, StepSchedules, System};
-use crate::track::{BinEdges, Track};
+use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, Track};
+use oblate_samplers::limits::{MAX_SEED, in_range};
 use oblate_samplers::normal::quantile;
 use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// How mocks are made and which are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -68,6 +71,49 @@ impl Default for MockSettings {
     }
 }
 
+impl MockSettings {
+    /// Checks every number by itself, those of the model too: the ranges of docs/limits.md.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] with the first one that is out of its range; [`Error::Setting`] for radii of which the first is not the
+    /// smaller one.
+    pub fn check(&self) -> Result<()> {
+        self.model.check()?;
+        in_range("bin_width_deg", self.bin_width_deg, BIN_WIDTHS_DEG)?;
+        in_range("noise", self.noise, 0.0..=0.5)?;
+        in_range("min_fraction", self.min_fraction, 0.0..=1.0)?;
+        in_range(
+            "min_angle_deg",
+            self.min_angle_deg,
+            0.0..=2.0 * ANGLES_DEG.end(),
+        )?;
+        in_range(
+            "min_length_kpc",
+            self.min_length_kpc,
+            0.0..=*RADII_KPC.end(),
+        )?;
+        let (lo, hi) = self.radii_kpc;
+        for radius in [lo, hi] {
+            in_range("radii_kpc", radius, RADII_KPC)?;
+        }
+        if lo >= hi {
+            return Err(Error::Setting {
+                key: "radii_kpc".to_owned(),
+                value: format!("[{lo:?}, {hi:?}]"),
+                remedy: "give the smaller one first".to_owned(),
+            });
+        }
+        if let Some(QPopulation { mu, sigma }) = self.population {
+            in_range("population.mu", mu, -100.0..=100.0)?;
+            in_range("population.sigma", sigma, 0.0..=100.0)?;
+        }
+        Ok(())
+    }
+}
+
+/// Numbers of mocks that may be asked for at once.
+pub const NUMBERS_OF_MOCKS: RangeInclusive<usize> = 1..=100_000;
+
 /// Seed of the mocks' table of releases; no default of a fit has it.
 const MOCK_TABLE_SEED: u64 = 0x6d6f_636b;
 
@@ -119,14 +165,22 @@ enum Cut {
 /// `count` mocks: draw number i of `seed` is the same whatever else is drawn, and on any number of threads.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range, [`Error::TooFewMocks`] if too few draws meet the criteria.
+/// Those of [`MockSettings::check`]; [`Error::OutOfRange`] for a `count` that is none of [`NUMBERS_OF_MOCKS`]; [`Error::TooMuchMemory`] by the
+/// estimate of [`ModelSettings::memory`] for the threads of the present rayon pool; [`Error::TooFewMocks`] if too few draws meet the
+/// criteria.
 pub fn mocks(
     prior: &StreamPrior,
     settings: &MockSettings,
     count: usize,
     seed: u64,
 ) -> Result<Mocks> {
-    check(settings)?;
+    settings.check()?;
+    in_range("count", count, NUMBERS_OF_MOCKS)?;
+    in_range("seed", seed, 0..=MAX_SEED)?;
+    settings
+        .model
+        .memory(rayon::current_num_threads())
+        .check()?;
     let model = Model::new(&settings.model)?;
     let mut found = Mocks {
         mocks: Vec::new(),
@@ -155,40 +209,6 @@ pub fn mocks(
         first += BATCH;
     }
     Ok(found)
-}
-
-fn check(settings: &MockSettings) -> Result<()> {
-    let fail = |key: &str, value: String, remedy: &str| {
-        Err(Error::Setting {
-            key: key.to_owned(),
-            value,
-            remedy: remedy.to_owned(),
-        })
-    };
-    if !(settings.bin_width_deg > 0.0 && settings.bin_width_deg <= 120.0) {
-        return fail(
-            "bin_width_deg",
-            settings.bin_width_deg.to_string(),
-            "give more than 0 and at most 120",
-        );
-    }
-    if !(settings.noise >= 0.0 && settings.noise < 0.5) {
-        return fail(
-            "noise",
-            settings.noise.to_string(),
-            "give a relative error in [0, 0.5)",
-        );
-    }
-    if let Some(QPopulation { mu, sigma }) = settings.population
-        && !(mu.is_finite() && sigma.is_finite() && sigma >= 0.0)
-    {
-        return fail(
-            "population",
-            format!("mu {mu}, sigma {sigma}"),
-            "give finite numbers, sigma at or above 0",
-        );
-    }
-    Ok(())
 }
 
 /// Draw number `index`.
@@ -225,7 +245,7 @@ fn draw(
         .integrate(&solution, &mut schedules, &mut particles)
         .map_err(|_| Cut::NoStream)?;
     let min_n = settings.min_fraction * particles.len() as f64;
-    let track = Track::of(&particles, settings.bin_width_deg, BinEdges::Hard, min_n);
+    let track = Track::binned(&particles, settings.bin_width_deg, BinEdges::Hard, min_n);
     let length_kpc = criteria(&track, settings)?;
     let phi: Vec<f64> = track.bins.iter().map(|b| b.phi_deg).collect();
     let r: Vec<f64> = track
@@ -261,7 +281,7 @@ fn truth(params: &StreamParams<f64>, q: f64) -> serde_json::Value {
 /// The paper's three criteria; gives the length of the projected track.
 fn criteria(track: &Track, settings: &MockSettings) -> std::result::Result<f64, Cut> {
     let angle = track.bins.len() as f64 * track.width_deg;
-    if angle <= settings.min_angle_deg || track.bins.len() < super::MIN_BINS {
+    if angle <= settings.min_angle_deg || !NUMBERS_OF_BINS.contains(&track.bins.len()) {
         return Err(Cut::Angle);
     }
     let point = |phi_deg: f64, r: f64| {
@@ -299,10 +319,12 @@ fn truncated(population: QPopulation, lo: f64, hi: f64, u: f64) -> f64 {
         return mu.clamp(lo, hi.next_down());
     }
     let (a, b) = ((lo - mu) / sigma, (hi - mu) / sigma);
-    let z = if a > 0.0 {
-        -quantile(sf(a) + u * (sf(b) - sf(a)))
+    let q = if a > 0.0 {
+        mu - sigma * quantile(sf(a) + u * (sf(b) - sf(a)))
     } else {
-        quantile(cdf(a) + u * (cdf(b) - cdf(a)))
+        mu + sigma * quantile(cdf(a) + u * (cdf(b) - cdf(a)))
     };
-    (mu + sigma * z).clamp(lo, hi.next_down())
+    // Beyond 38 sigmas no probability is left in doubles, and all of it lies at the nearer end.
+    let q = if q.is_finite() { q } else { mu };
+    q.clamp(lo, hi.next_down())
 }

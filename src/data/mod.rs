@@ -14,5 +14,7 @@ mod mock;
 mod observed;
 mod read;
 
-pub use mock::{Mock, MockSettings, Mocks, QPopulation, mocks};
-pub use observed::{DEFAULT_RELATIVE_ERROR, MIN_BINS, ObservedTrack};
+pub use mock::{Mock, MockSettings, Mocks, NUMBERS_OF_MOCKS, QPopulation, mocks};
+pub use observed::{
+    DEFAULT_RELATIVE_ERROR, NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS,
+};

@@ -2,12 +2,22 @@
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 /// Relative error of a radius where a file gives none: `sigma_b = 0.02 r_b` (Chemaly et al. 2026).
 pub const DEFAULT_RELATIVE_ERROR: f64 = 0.02;
 
-/// Minimum number of bins of a track.
-pub const MIN_BINS: usize = 3;
+/// Numbers of bins that a track may have.
+pub const NUMBERS_OF_BINS: RangeInclusive<usize> = 3..=10_000;
+
+/// Radii that a track may have, kpc: from a parsec to a hundred megaparsecs.
+pub const RADII_KPC: RangeInclusive<f64> = 1e-3..=1e5;
+
+/// Standard errors that radii may have, kpc. The smallest is that of a mock without noise: squared, it leaves ln L finite.
+pub const RADIUS_ERRORS_KPC: RangeInclusive<f64> = 1e-9..=1e5;
+
+/// Numbers of stars that a bin may have.
+pub const STARS: RangeInclusive<f64> = 0.0..=1e12;
 
 /// A track on the sky: one mean projected radius per bin of angle around the host, counted from the progenitor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

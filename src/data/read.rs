@@ -1,6 +1,6 @@
 //! Files to tracks: finds the columns, applies the units, and turns each fault into an error with its line.
 
-use super::observed::{ObservedTrack, default_errors};
+use super::observed::{NUMBERS_OF_BINS, ObservedTrack, default_errors};
 use super::{check, ecsv};
 use crate::error::{Error, Result, TrackFault};
 use serde_json::Value;
@@ -204,6 +204,15 @@ impl Table {
             if names_line == 0 {
                 names_line = line;
                 names = fields;
+            } else if rows.len() == *NUMBERS_OF_BINS.end() {
+                return Err(Error::TrackFile {
+                    path: path.to_path_buf(),
+                    line: Some(line),
+                    fault: TrackFault::TooManyBins {
+                        bins: rows.len() + 1,
+                        max: rows.len(),
+                    },
+                });
             } else if fields.len() == names.len() {
                 rows.push((line, fields));
             } else {

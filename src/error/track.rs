@@ -94,6 +94,28 @@ pub enum TrackFault {
         /// The minimum.
         min: usize,
     },
+    /// There are too many bins.
+    #[error("a track of {bins} bins; give at most {max} bins, which must be wider then")]
+    TooManyBins {
+        /// Number of bins.
+        bins: usize,
+        /// The maximum.
+        max: usize,
+    },
+    /// A value is out of its range.
+    #[error(
+        "column `{column}` is {value:?} (in degrees or kpc); give a value from {lo:?} to {hi:?}, or drop the row"
+    )]
+    OutOfRange {
+        /// The column.
+        column: &'static str,
+        /// The value, in degrees or kpc.
+        value: f64,
+        /// The smallest that is allowed.
+        lo: f64,
+        /// The largest that is allowed.
+        hi: f64,
+    },
     /// A value is NaN or infinite.
     #[error("column `{column}` is {value}; give a finite number, or drop the row")]
     NotFinite {
@@ -110,8 +132,10 @@ pub enum TrackFault {
         /// The value.
         value: f64,
     },
-    /// A number of stars is negative or not a number.
-    #[error("column `n` is {value}; give the number of stars in the bin, or leave the column out")]
+    /// A number of stars is negative, not a number or beyond all galaxies.
+    #[error(
+        "column `n` is {value:?}; give the number of stars in the bin, 0 to 1e12, or leave the column out"
+    )]
     BadCount {
         /// The value.
         value: f64,
@@ -128,10 +152,14 @@ pub enum TrackFault {
         previous_deg: f64,
     },
     /// The bin width is out of its range.
-    #[error("a bin width of {width_deg} deg; give `bin_width` in degrees, above 0 and at most 180")]
+    #[error("a bin width of {width_deg:?} deg; give `bin_width` in degrees, from {lo:?} to {hi:?}")]
     BinWidth {
         /// The width.
         width_deg: f64,
+        /// The smallest that is allowed.
+        lo: f64,
+        /// The largest that is allowed.
+        hi: f64,
     },
     /// Bins are not equally wide.
     #[error(

@@ -2,9 +2,7 @@
 
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
-use crate::likelihood::StreamLikelihood;
 use crate::potential::Potential;
-use crate::stream::{Model, ModelSettings};
 use crate::track::Track;
 use oblate_samplers::Run;
 use std::collections::BTreeMap;
@@ -36,12 +34,10 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     };
     let params = target.params(run.draws.theta_row(best));
     let likelihood = target.likelihood();
-    let (Ok((here, _)), Some(finer)) = (
-        likelihood.track_at(&params),
-        with_twice_the_steps(likelihood),
-    ) else {
+    let Ok((here, _)) = likelihood.track_at(&params) else {
         return found;
     };
+    let finer = likelihood.with_model(likelihood.model().with_twice_the_steps());
     let Ok((there, _)) = finer.track_at(&params) else {
         return found;
     };
@@ -84,14 +80,4 @@ impl Diagnostics {
     fn insert(&mut self, name: &str, value: f64) {
         self.numbers.insert(name.to_owned(), value);
     }
-}
-
-fn with_twice_the_steps(likelihood: &StreamLikelihood) -> Option<StreamLikelihood> {
-    let settings = likelihood.model().settings();
-    let finer = ModelSettings {
-        steps: 2 * settings.steps,
-        orbit_steps: 2 * settings.orbit_steps,
-        ..*settings
-    };
-    Some(likelihood.with_model(Model::new(&finer).ok()?))
 }

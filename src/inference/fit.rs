@@ -6,9 +6,10 @@ use super::sample::{bridge, sample};
 use super::settings::FitSettings;
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::posterior::{Summary, SummaryContext};
 use oblate_samplers::control::Silent;
+use oblate_samplers::limits::Memory;
 use oblate_samplers::output::Status;
 use oblate_samplers::{Control, Run, Target};
 
@@ -27,6 +28,9 @@ pub struct FitPlan {
     pub target: StreamTarget,
     /// The coarse fit that comes first, if there is one.
     pub coarse: Option<Coarse>,
+    /// An estimate of the memory of the models and of the values that the threads of the present rayon pool compute at once. What a
+    /// sampler remembers comes in addition.
+    pub memory: Memory,
 }
 
 /// A coarse fit that comes before a bridge.
@@ -41,23 +45,50 @@ impl FitPlan {
     /// Builds the targets and checks all settings, those of the bridge too, so that no work is lost to a setting out of range.
     ///
     /// # Errors
-    /// [`Error::Setting`](crate::Error::Setting) or [`Error::Sampler`](crate::Error::Sampler) for a setting out of its range;
-    /// [`Error::UnreachableTrack`](crate::Error::UnreachableTrack) if no draw of the prior comes near the track.
+    /// Those of [`FitSettings::check`]; [`Error::Setting`] or [`Error::Sampler`] for settings that do not go together;
+    /// [`Error::TooMuchMemory`] if models, threads and sampler together need too much; [`Error::UnreachableTrack`] if no draw of the
+    /// prior comes near the track.
     pub fn new(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
+        settings.check()?;
         let target = StreamTarget::from_track(track, settings)?;
         settings.sampling.check(target.dim())?;
-        check_prior_predictive(&target, settings.seed)?;
         let coarse = match settings.coarse(track.bin_width_deg) {
             Some(coarse) => {
                 settings.sampling.bridge.check(target.dim())?;
                 Some(Coarse {
-                    target: StreamTarget::from_track(track, &coarse)?,
+                    target: StreamTarget::from_track(track, &coarse).map_err(of_coarse)?,
                     settings: coarse,
                 })
             }
             None => None,
         };
-        Ok(Self { target, coarse })
+        let threads = rayon::current_num_threads();
+        let mut memory = target.memory(threads);
+        if let Some(coarse) = &coarse {
+            memory = memory.and(&coarse.target.memory(threads), "");
+        }
+        let remembered = settings.sampling.memory(target.dim());
+        memory.clone().and(&remembered, "").check()?;
+        check_prior_predictive(&target, settings.seed)?;
+        Ok(Self {
+            target,
+            coarse,
+            memory,
+        })
+    }
+}
+
+/// An error of the coarse model, whose number of particles has a key of its own.
+fn of_coarse(error: Error) -> Error {
+    match error {
+        Error::Setting { key, value, remedy } if key == "model.releases.particles" => {
+            Error::Setting {
+                key: "coarse_particles".to_owned(),
+                value,
+                remedy,
+            }
+        }
+        other => other,
     }
 }
 
@@ -139,6 +170,7 @@ pub fn fit_with(
     control: &mut Control<'_>,
 ) -> Result<Fit> {
     let plan = FitPlan::new(track, settings)?;
+    control.tell_memory(&plan.memory);
     let finish = |target: &StreamTarget, run: Run| {
         let summary = summarize(target, track, &run, "", "");
         Ok(Fit { run, summary })

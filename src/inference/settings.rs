@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::likelihood::LikelihoodSettings;
 use crate::params::PriorSettings;
 use crate::stream::ModelSettings;
+use oblate_samplers::limits::{MAX_SEED, Memory, in_range};
 use oblate_samplers::{bridge, nested, pt};
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -95,17 +96,50 @@ impl SamplerSettings {
         sampling
     }
 
-    /// Checks the settings of the chosen sampler for a target of `dim` parameters.
+    /// Checks every number of every sampler by itself: the ranges of docs/limits.md.
     ///
     /// # Errors
-    /// [`Error::Sampler`] that names the first setting out of its range.
-    pub fn check(&self, dim: usize) -> Result<()> {
-        match self.sampler {
-            Sampler::Nested => self.nested.check(dim)?,
-            Sampler::PtHmc => self.pt_hmc.check()?,
-        }
-        Ok(())
+    /// [`Error::OutOfRange`] with the first one that is out of its range.
+    pub fn check_ranges(&self) -> Result<()> {
+        in_table("sampling.nested", self.nested.check_ranges())?;
+        in_table("sampling.pt_hmc", self.pt_hmc.check_ranges())?;
+        in_table("sampling.bridge", self.bridge.check_ranges())
     }
+
+    /// Checks all ranges, and whether the chosen sampler can work with its settings on a target of `dim` parameters.
+    ///
+    /// # Errors
+    /// As of [`check_ranges`](Self::check_ranges); [`Error::Sampler`] or [`Error::TooMuchMemory`] by the sampler's own check.
+    pub fn check(&self, dim: usize) -> Result<()> {
+        self.check_ranges()?;
+        match self.sampler {
+            Sampler::Nested => in_table("sampling.nested", self.nested.check(dim)),
+            Sampler::PtHmc => in_table("sampling.pt_hmc", self.pt_hmc.check(dim)),
+        }
+    }
+
+    /// An estimate of the memory of the chosen sampler on a target of `dim` parameters.
+    #[must_use]
+    pub fn memory(&self, dim: usize) -> Memory {
+        let (memory, table) = match self.sampler {
+            Sampler::Nested => (self.nested.memory(dim), "sampling.nested"),
+            Sampler::PtHmc => (self.pt_hmc.memory(dim), "sampling.pt_hmc"),
+        };
+        Memory::default().and(&memory, table)
+    }
+}
+
+/// A sampler's verdict on its settings, its key as it stands in a settings file.
+fn in_table(table: &str, checked: oblate_samplers::Result<()>) -> Result<()> {
+    use oblate_samplers::Error as S;
+    checked.map_err(|error| match error {
+        S::OutOfRange(wrong) => wrong.within(table).into(),
+        S::TooMuchMemory(mut much) => {
+            much.key = format!("{table}.{}", much.key);
+            much.into()
+        }
+        other => other.into(),
+    })
 }
 
 /// Settings of a fit: with the track, they determine its result.
@@ -142,6 +176,19 @@ impl Default for FitSettings {
 }
 
 impl FitSettings {
+    /// Checks every number of every table by itself, whether this fit uses it or not: the ranges of docs/limits.md.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] or [`Error::Setting`] with the first key that is at fault.
+    pub fn check(&self) -> Result<()> {
+        in_range("seed", self.seed, 0..=MAX_SEED)?;
+        in_range("coarse_particles", self.coarse_particles, 0..=10_000_000)?;
+        self.model.check()?;
+        self.likelihood.check()?;
+        self.prior.check()?;
+        self.sampling.check_ranges()
+    }
+
     /// These settings without extensions of the last tempered round. Everything else determines the draws, so that two runs which
     /// agree in these settings agree in all draws that they have in common.
     #[must_use]

@@ -7,6 +7,7 @@ use crate::likelihood::{DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
 use crate::params::{DIM, StreamParams, StreamPrior, symmetry};
 use crate::potential::log10_m200;
 use crate::stream::Model;
+use oblate_samplers::limits::Memory;
 use oblate_samplers::{Outcome, Prior, Symmetry, Target};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -27,7 +28,8 @@ impl StreamTarget {
     /// The posterior of a track under given settings.
     ///
     /// # Errors
-    /// [`Error::Setting`](crate::Error::Setting) for a setting of prior, model or likelihood out of its range.
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange) or [`Error::Setting`](crate::Error::Setting) for a setting of prior, model or
+    /// likelihood; [`Error::TooMuchMemory`](crate::Error::TooMuchMemory) if the model needs too much memory.
     pub fn from_track(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         let prior = StreamPrior::new(&settings.prior)?;
         let model = Model::new(&settings.model)?;
@@ -62,6 +64,13 @@ impl StreamTarget {
             bounded_tidal_radius: AtomicU64::new(0),
             ambiguous_windings: AtomicU64::new(0),
         }
+    }
+
+    /// An estimate of the memory of the model and of `threads` values with gradients that are computed at once.
+    #[must_use]
+    pub fn memory(&self, threads: usize) -> Memory {
+        let model = self.likelihood.model().settings().memory(threads);
+        model.and(&self.likelihood.track().memory(threads), "")
     }
 
     /// The likelihood.

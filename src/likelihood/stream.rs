@@ -255,7 +255,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         self.model
             .integrate_in_parallel(&solution, &mut particles)?;
         let grid = self.track.grid();
-        let track = Track::of(
+        let track = Track::binned(
             &particles,
             grid.width_deg,
             grid.edges,

@@ -1,8 +1,10 @@
 //! Gaussian in radius per bin, with the coverage rule chosen by name (docs/physics.md, section 7).
 
+use crate::data::{RADII_KPC, RADIUS_ERRORS_KPC};
 use crate::error::{Error, Rejection, Result};
 use crate::scalar::{Dual, Real, gradient_of, lift, smooth_step};
-use crate::track::{BinEdges, BinGrid, Sums};
+use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, BinGrid, Sums};
+use oblate_samplers::limits::{Memory, in_range};
 use oblate_samplers::normal::LN_SQRT_2PI;
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +59,25 @@ impl Default for LikelihoodSettings {
     }
 }
 
+impl LikelihoodSettings {
+    /// Checks every number by itself: the ranges of docs/limits.md. Soft edges are at most half of a bin wide besides, which depends on
+    /// the track ([`BinEdges::check`]).
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] with the first one that is out of its range.
+    pub fn check(&self) -> Result<()> {
+        let widest = *BIN_WIDTHS_DEG.end();
+        self.edges
+            .check("likelihood.edges.soft.half_width_deg", widest)?;
+        if let Coverage::Penalty { z_miss, lambda } = self.coverage {
+            in_range("likelihood.coverage.penalty.z_miss", z_miss, 1e-3..=1e3)?;
+            in_range("likelihood.coverage.penalty.lambda", lambda, 0.0..=1e7)?;
+        }
+        in_range("likelihood.min_fraction", self.min_fraction, 0.0..=1.0)?;
+        Ok(())
+    }
+}
+
 /// Margin of the upper bound for rounding.
 const BOUND_SLACK: f64 = 1e-6;
 
@@ -93,7 +114,8 @@ impl TrackLikelihood {
     /// A likelihood of data in bins of `width_deg`, for models of `particles` particles.
     ///
     /// # Errors
-    /// [`Error::Setting`] if a setting is out of its range, or if there is no data or a bin twice.
+    /// As of [`LikelihoodSettings::check`]; [`Error::OutOfRange`] for a width, an edge, an angle, a radius or an error out of its range;
+    /// [`Error::Setting`] if there is no data or a bin twice.
     pub fn new(
         settings: &LikelihoodSettings,
         width_deg: f64,
@@ -107,30 +129,19 @@ impl TrackLikelihood {
                 remedy: remedy.to_owned(),
             })
         };
-        if let BinEdges::Soft { half_width_deg } = settings.edges
-            && !(half_width_deg > 0.0 && half_width_deg <= 0.5 * width_deg)
-        {
-            return fail(
-                "likelihood.edges.soft.half_width_deg",
-                half_width_deg.to_string(),
-                "give more than 0 and at most half a bin, or use hard edges",
-            );
-        }
-        if !(settings.min_fraction >= 0.0 && settings.min_fraction < 1.0) {
-            return fail(
-                "likelihood.min_fraction",
-                settings.min_fraction.to_string(),
-                "give a fraction in [0, 1)",
-            );
-        }
-        if let Coverage::Penalty { z_miss, lambda } = settings.coverage
-            && !(z_miss > 0.0 && lambda >= 0.0 && (z_miss + lambda).is_finite())
-        {
-            return fail(
-                "likelihood.coverage.penalty",
-                format!("z_miss {z_miss}, lambda {lambda}"),
-                "give z_miss above 0 and lambda at or above 0",
-            );
+        settings.check()?;
+        in_range("track.bin_width_deg", width_deg, BIN_WIDTHS_DEG)?;
+        settings
+            .edges
+            .check("likelihood.edges.soft.half_width_deg", width_deg)?;
+        for d in data {
+            in_range(
+                "track.phi_deg",
+                (d.bin as f64 + 0.5) * width_deg,
+                ANGLES_DEG,
+            )?;
+            in_range("track.r_kpc", d.r_kpc, RADII_KPC)?;
+            in_range("track.r_err_kpc", d.r_err_kpc, RADIUS_ERRORS_KPC)?;
         }
         let (Some(first), Some(last)) = (
             data.iter().map(|d| d.bin).min(),
@@ -172,6 +183,15 @@ impl TrackLikelihood {
     #[must_use]
     pub fn grid(&self) -> &BinGrid {
         &self.grid
+    }
+
+    /// An estimate of the memory of the sums of `threads` values that are computed at once: for each bin three sums, their derivatives,
+    /// and the sums over some of the particles.
+    #[must_use]
+    pub fn memory(&self, threads: usize) -> Memory {
+        let per_bin = 14 * size_of::<f64>();
+        let bytes = (per_bin * self.grid.len * threads) as f64;
+        Memory::default().with("--threads", bytes)
     }
 
     /// The weight that a bin must have to count as covered.

@@ -1,26 +1,29 @@
-//! Name, unit and index of each of the thirteen parameters, in one table.
+//! Name, unit, range and index of each of the thirteen parameters, in one table.
 
 use crate::scalar::{Scalar, Vec3};
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// Number of parameters of a stream.
 pub const DIM: usize = 13;
 
-/// Name and unit of a parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Name, unit and range of a parameter.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// The name in files, flags and columns.
     pub name: &'static str,
     /// The unit as astropy reads it; empty where there is none.
     pub unit: &'static str,
+    /// Values that it may be fixed at, and the bounds and means of its prior (docs/limits.md).
+    pub range: RangeInclusive<f64>,
 }
 
 /// Defines the table, the struct and the conversions from one list, so that they agree.
 macro_rules! parameters {
-    ($($(#[$doc:meta])* $name:ident, $unit:literal;)*) => {
-        /// Names and units, in the order of the table of priors.
+    ($($(#[$doc:meta])* $name:ident, $unit:literal, $range:expr;)*) => {
+        /// Names, units and ranges, in the order of the table of priors.
         pub const PARAMETERS: [Parameter; DIM] = [
-            $(Parameter { name: stringify!($name), unit: $unit },)*
+            $(Parameter { name: stringify!($name), unit: $unit, range: $range },)*
         ];
 
         /// The names alone, in the same order.
@@ -65,31 +68,31 @@ macro_rules! parameters {
 
 parameters! {
     /// log10 of the NFW mass scale `4 pi rho_0 r_s^3` in solar masses; not M200.
-    log10_m_halo, "dex(solMass)";
+    log10_m_halo, "dex(solMass)", 8.0..=17.0;
     /// NFW scale radius in kpc.
-    r_s_halo_kpc, "kpc";
+    r_s_halo_kpc, "kpc", 0.01..=1_000.0;
     /// Shape vector, component along the sky's x axis; see [`Shape`](crate::params::Shape).
-    dir_x, "";
+    dir_x, "", -10.0..=10.0;
     /// Shape vector, component along the sky's y axis.
-    dir_y, "";
+    dir_y, "", -10.0..=10.0;
     /// Shape vector, component towards the observer.
-    dir_z, "";
+    dir_z, "", -10.0..=10.0;
     /// log10 of the progenitor's Plummer mass in solar masses.
-    log10_m_prog, "dex(solMass)";
+    log10_m_prog, "dex(solMass)", 2.0..=13.0;
     /// Plummer scale radius in kpc.
-    r_s_prog_kpc, "kpc";
+    r_s_prog_kpc, "kpc", 0.0001..=100.0;
     /// The progenitor's x today in kpc; its y is zero by the choice of the sky's axes.
-    x0_kpc, "kpc";
+    x0_kpc, "kpc", -10_000.0..=10_000.0;
     /// The progenitor's z today in kpc.
-    z0_kpc, "kpc";
+    z0_kpc, "kpc", -10_000.0..=10_000.0;
     /// The progenitor's velocity today along x in km/s.
-    vx0_km_s, "km / s";
+    vx0_km_s, "km / s", -10_000.0..=10_000.0;
     /// The progenitor's velocity today along y in km/s.
-    vy0_km_s, "km / s";
+    vy0_km_s, "km / s", -10_000.0..=10_000.0;
     /// The progenitor's velocity today along z in km/s.
-    vz0_km_s, "km / s";
+    vz0_km_s, "km / s", -10_000.0..=10_000.0;
     /// Age of the stream in Gyr: its first particles left that long ago.
-    age_gyr, "Gyr";
+    age_gyr, "Gyr", 0.001..=100.0;
 }
 
 impl<S: Copy> StreamParams<S> {

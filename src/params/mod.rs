@@ -9,4 +9,4 @@ pub mod symmetry;
 
 pub use layout::{DIM, NAMES, PARAMETERS, Parameter, StreamParams, index_of};
 pub use prior::{PriorSettings, StreamPrior};
-pub use shape::{QPrior, QRange, Shape, length_cdf, length_quantile, length_sf};
+pub use shape::{AXIS_RATIOS, QPrior, QRange, Shape, length_cdf, length_quantile, length_sf};

@@ -1,10 +1,11 @@
 //! The prior of the thirteen parameters: the table of defaults, settings that change or fix any of them, and the map from
 //! the free parameters, which a sampler varies, to all thirteen, which the model needs.
 
-use super::layout::{DIM, PARAMETERS, StreamParams, index_of};
-use super::shape::{QPrior, QRange, Shape};
+use super::layout::{DIM, PARAMETERS, Parameter, StreamParams, index_of};
+use super::shape::{AXIS_RATIOS, QPrior, QRange, Shape};
 use crate::error::{Error, Result};
 use crate::scalar::{Real, Scalar};
+use oblate_samplers::limits::in_range;
 use oblate_samplers::rng::{Stream, unit_open};
 use oblate_samplers::{Marginal, Prior};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -99,6 +100,33 @@ fn over_the_defaults<'de, D: Deserializer<'de>>(
 }
 
 impl PriorSettings {
+    /// Checks every number by itself, those of marginals of fixed parameters too: the ranges of docs/limits.md. Checks then that marginals
+    /// are distributions, positive where the model needs it, and that `q_min` is below `q_max`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] or [`Error::Setting`] with the first key that is at fault.
+    pub fn check(&self) -> Result<()> {
+        in_range("prior.q_min", self.q_min, AXIS_RATIOS)?;
+        in_range("prior.q_max", self.q_max, AXIS_RATIOS)?;
+        if self.q_min >= self.q_max {
+            return Err(Error::Setting {
+                key: "prior.q_max".to_owned(),
+                value: self.q_max.to_string(),
+                remedy: "give a number above q_min".to_owned(),
+            });
+        }
+        let (marginals, fixed) = (self.marginals.to_array(), self.fixed.to_array());
+        for (i, Parameter { name, range, .. }) in PARAMETERS.iter().enumerate() {
+            let key = format!("prior.marginals.{name}");
+            marginals[i].check_range(&key, range)?;
+            check_marginal(name, &marginals[i], POSITIVE.contains(name))?;
+            if let Some(value) = fixed[i] {
+                in_range(&format!("prior.fixed.{name}"), value, range.clone())?;
+            }
+        }
+        Ok(())
+    }
+
     /// Fixes one parameter by its name.
     ///
     /// # Errors
@@ -137,41 +165,13 @@ impl StreamPrior {
     /// Checks the settings and builds the product prior of the free parameters.
     ///
     /// # Errors
-    /// [`Error::Setting`], with the key, if `q_min` is not positive or not below `q_max`, a marginal is no distribution or
-    /// extends below zero where the model needs a positive number, a fixed value is not finite or not positive where it must
-    /// be, or no parameter is free.
+    /// Those of [`PriorSettings::check`]; [`Error::Setting`] if no parameter is free.
     pub fn new(settings: &PriorSettings) -> Result<Self> {
-        let (q_min, q_max) = (settings.q_min, settings.q_max);
-        if !(q_min.is_finite() && q_min > 0.0) {
-            return Err(setting("q_min", q_min, "give a finite number above zero"));
-        }
-        if !(q_max.is_finite() && q_max > q_min) {
-            return Err(setting("q_max", q_max, "give a finite number above q_min"));
-        }
+        settings.check()?;
         let marginals = settings.marginals.to_array();
-        let given = settings.fixed.to_array();
-        let mut free = Vec::new();
-        let mut fixed = [f64::NAN; DIM];
-        for (i, parameter) in PARAMETERS.iter().enumerate() {
-            let positive = POSITIVE.contains(&parameter.name);
-            if let Some(value) = given[i] {
-                if !value.is_finite() || (positive && value <= 0.0) {
-                    return Err(setting(
-                        &format!("fixed.{}", parameter.name),
-                        value,
-                        if positive {
-                            "give a finite number above zero"
-                        } else {
-                            "give a finite number"
-                        },
-                    ));
-                }
-                fixed[i] = value;
-            } else {
-                check_marginal(parameter.name, &marginals[i], positive)?;
-                free.push(i);
-            }
-        }
+        let fixed = settings.fixed.to_array();
+        let free: Vec<usize> = (0..DIM).filter(|&i| fixed[i].is_none()).collect();
+        let fixed = fixed.map(|value| value.unwrap_or(f64::NAN));
         if free.is_empty() {
             return Err(Error::Setting {
                 key: "prior.fixed".to_owned(),
@@ -303,19 +303,11 @@ impl StreamPrior {
     }
 }
 
-fn setting(key: &str, value: f64, remedy: &str) -> Error {
-    Error::Setting {
-        key: format!("prior.{key}"),
-        value: value.to_string(),
-        remedy: remedy.to_owned(),
-    }
-}
-
 fn check_marginal(name: &str, marginal: &Marginal, positive: bool) -> Result<()> {
     let remedy = if !marginal.is_valid() {
         "give finite numbers with lo < hi, and standard deviations above zero"
     } else if positive && marginal.support().0 < 0.0 {
-        "this parameter must stay above zero: give a uniform with lo >= 0, or a half_normal"
+        "this parameter must stay above zero: give a uniform or a half_normal"
     } else {
         return Ok(());
     };

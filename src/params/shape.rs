@@ -7,6 +7,10 @@ use crate::error::{Error, Result};
 use crate::scalar::{Real, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_2_SQRT_PI};
+use std::ops::RangeInclusive;
+
+/// Axis ratios that the range of q may end at.
+pub const AXIS_RATIOS: RangeInclusive<f64> = 0.01..=100.0;
 
 /// `sqrt(2 / pi)`.
 const SQRT_2_OVER_PI: f64 = FRAC_2_SQRT_PI * FRAC_1_SQRT_2;

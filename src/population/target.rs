@@ -4,6 +4,7 @@ use super::family::Family;
 use super::q_posterior::QPosterior;
 use crate::error::{Error, PosteriorFault, Result};
 use crate::scalar::{Dual, Real, gradient_of, lift};
+use oblate_samplers::limits::{Memory, in_range};
 use oblate_samplers::{Cause, Outcome, Prior, Target};
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,27 @@ impl Default for PopulationSettings {
     }
 }
 
+impl PopulationSettings {
+    /// Checks every number by itself: the ranges of docs/limits.md.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`].
+    pub fn check(&self) -> Result<()> {
+        in_range("reweighting.max_draws", self.max_draws, 1..=1_000_000)?;
+        Ok(())
+    }
+
+    /// An estimate of the memory of the draws of `streams` streams: q and a factor of each.
+    #[must_use]
+    pub fn memory(&self, streams: usize) -> Memory {
+        let draws = (streams * self.max_draws) as f64;
+        Memory::default().with(
+            "reweighting.max_draws",
+            2.0 * size_of::<f64>() as f64 * draws,
+        )
+    }
+}
+
 /// One stream, ready for evaluation.
 #[derive(Clone, Debug)]
 struct Stream {
@@ -57,16 +79,12 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
     /// density is zero, their weight remains lost), the others are thinned.
     ///
     /// # Errors
+    /// As of [`PopulationSettings::check`]; [`Error::TooMuchMemory`] by the estimate of [`PopulationSettings::memory`];
     /// [`Error::TooFewRuns`] for no streams; [`Error::Posterior`] for a stream that [`QPosterior::check`] refuses or that has no draw
-    /// inside the support; [`Error::Setting`] for `max_draws = 0`; [`Error::Sampler`] for hyperpriors that are not distributions.
+    /// inside the support; [`Error::Sampler`] for hyperpriors that are not distributions.
     pub fn new(family: F, streams: &[QPosterior], settings: PopulationSettings) -> Result<Self> {
-        if settings.max_draws == 0 {
-            return Err(Error::Setting {
-                key: "reweighting.max_draws".to_owned(),
-                value: "0".to_owned(),
-                remedy: "give a positive number; 5000 is the default".to_owned(),
-            });
-        }
+        settings.check()?;
+        settings.memory(streams.len()).check()?;
         if streams.is_empty() {
             return Err(Error::TooFewRuns { given: 0, min: 1 });
         }

@@ -2,11 +2,20 @@
 
 use super::family::Family;
 use crate::error::{Error, Result};
+use crate::params::AXIS_RATIOS;
 use crate::scalar::Real;
 use oblate_samplers::Marginal;
+use oblate_samplers::limits::in_range;
 use oblate_samplers::normal::LN_SQRT_2PI;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::ops::RangeInclusive;
+
+/// Means before truncation that the hyperprior of `mu_pop` may name.
+const MEANS: RangeInclusive<f64> = -100.0..=100.0;
+
+/// Standard deviations before truncation that the hyperprior of `sigma_pop` may name.
+const DEVIATIONS: RangeInclusive<f64> = 0.0..=100.0;
 
 /// Nodes of the quadrature over a tail; see [`ln_tail_mass`].
 const NODES: usize = 48;
@@ -39,6 +48,47 @@ impl Default for TruncatedGaussianSettings {
     }
 }
 
+impl TruncatedGaussianSettings {
+    /// Checks every number by itself: the ranges of docs/limits.md. Checks then that the support has a width, and that the hyperpriors
+    /// are distributions, that of `sigma_pop` of positive numbers.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] or [`Error::Setting`] with the first key that is at fault.
+    pub fn check(&self) -> Result<()> {
+        let refuse = |key: &str, value: String, remedy: &str| {
+            Err(Error::Setting {
+                key: format!("family.{key}"),
+                value,
+                remedy: remedy.to_owned(),
+            })
+        };
+        let Self {
+            q_min,
+            q_max,
+            mu_pop,
+            sigma_pop,
+        } = self;
+        in_range("family.q_min", *q_min, AXIS_RATIOS)?;
+        in_range("family.q_max", *q_max, AXIS_RATIOS)?;
+        mu_pop.check_range("family.mu_pop", &MEANS)?;
+        sigma_pop.check_range("family.sigma_pop", &DEVIATIONS)?;
+        if q_min >= q_max {
+            return refuse("q_min", q_min.to_string(), "give a number below q_max");
+        }
+        if !mu_pop.is_valid() {
+            return refuse("mu_pop", format!("{mu_pop:?}"), "give lo < hi");
+        }
+        if !(sigma_pop.is_valid() && sigma_pop.support().0 >= 0.0) {
+            return refuse(
+                "sigma_pop",
+                format!("{sigma_pop:?}"),
+                "give a uniform with lo < hi, or a half_normal",
+            );
+        }
+        Ok(())
+    }
+}
+
 /// `N(mu, sigma)` truncated to `[q_min, q_max]`: hyperparameters `mu_pop` and `sigma_pop`, the mean and the standard
 /// deviation of the normal before truncation.
 #[derive(Clone, Debug)]
@@ -52,43 +102,9 @@ impl TruncatedGaussian {
     /// The family on its support.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a support without width, a hyperprior that is no distribution, or one of `sigma_pop`
-    /// that reaches below zero.
+    /// Those of [`TruncatedGaussianSettings::check`].
     pub fn new(settings: TruncatedGaussianSettings) -> Result<Self> {
-        let refuse = |key: &str, value: String, remedy: &str| {
-            Err(Error::Setting {
-                key: format!("family.{key}"),
-                value,
-                remedy: remedy.to_owned(),
-            })
-        };
-        let TruncatedGaussianSettings {
-            q_min,
-            q_max,
-            mu_pop,
-            sigma_pop,
-        } = settings;
-        if !(q_min.is_finite() && q_max.is_finite() && q_min < q_max) {
-            return refuse(
-                "q_min",
-                q_min.to_string(),
-                "give finite numbers, q_min < q_max",
-            );
-        }
-        if !mu_pop.is_valid() {
-            return refuse(
-                "mu_pop",
-                format!("{mu_pop:?}"),
-                "give finite numbers, lo < hi, sd > 0",
-            );
-        }
-        if !(sigma_pop.is_valid() && sigma_pop.support().0 >= 0.0) {
-            return refuse(
-                "sigma_pop",
-                format!("{sigma_pop:?}"),
-                "give a uniform with 0 <= lo < hi, or a half_normal",
-            );
-        }
+        settings.check()?;
         Ok(Self {
             settings,
             rule: gauss_legendre(),

@@ -25,13 +25,10 @@ pub fn ticks(range: (f64, f64), most: usize) -> Vec<f64> {
         let step = factor * scale;
         let (first, last) = ((range.0 / step).ceil(), (range.1 / step).floor());
         if last - first < most as f64 {
-            let mut values = Vec::new();
-            let mut k = first;
-            while k <= last {
-                values.push(k * step);
-                k += 1.0;
-            }
-            return values;
+            // Counted from the first one, because far from zero adding 1 to it may change nothing.
+            let beyond = (0..most).map(|k| k as f64);
+            let ticks = beyond.take_while(|k| *k <= last - first);
+            return ticks.map(|k| (first + k) * step).collect();
         }
     }
     Vec::new()

@@ -14,7 +14,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::SameModel`] if `change` leaves model and likelihood as they are; [`Error::Setting`] or [`Error::Sampler`] for a setting out
-/// of its range; [`Error::NotAFit`] if `parent` is not a fit; those of reading `parent` and of the folder as for [`fit`](super::fit).
+/// of its range, as of [`FitSettings::check`]; [`Error::TooMuchMemory`] if both models need too much; [`Error::NotAFit`] if `parent` is not a fit; those of reading `parent` and of the folder as for [`fit`](super::fit).
 pub fn bridge(
     parent: &Path,
     change: impl FnOnce(&mut FitSettings),
@@ -31,14 +31,19 @@ pub fn bridge(
     if settings.model == coarse.model && settings.likelihood == coarse.likelihood {
         return Err(Error::SameModel);
     }
+    settings.check()?;
     let fine = StreamTarget::from_track(&track, &settings)?;
     let coarse = StreamTarget::from_track(&track, &coarse)?;
     settings.sampling.bridge.check(fine.dim())?;
+    let threads = rayon::current_num_threads();
+    let memory = fine.memory(threads).and(&coarse.memory(threads), "");
+    memory.check()?;
     let inputs = [b"bridge".as_slice(), stored.summary.input_hash.as_bytes()];
     let session = match RunSession::begin_fit(destination, &track, &settings, &inputs)? {
         RunState::Finished(stored) => return Ok(stored.into()),
         RunState::Unfinished(session) => session,
     };
+    monitor.tell_memory(&memory);
     session.complete_fit(&fine, &track, monitor, |control| {
         let (sampling, seed) = (&settings.sampling, settings.seed);
         inference::bridge(&fine, &coarse, &stored.run, sampling, seed, control)

@@ -31,6 +31,7 @@ pub fn fit(
         RunState::Finished(stored) => return Ok(stored.into()),
         RunState::Unfinished(session) => session,
     };
+    monitor.tell_memory(&plan.memory);
     match &plan.coarse {
         Some(coarse) => from_coarse(&session, &plan, coarse, track, settings, monitor),
         None => session.complete_fit(&plan.target, track, monitor, |control| {

@@ -1,6 +1,7 @@
 //! Monitoring a run: the caller's observer, interrupt and time limits, and the log in the run folder.
 
 use super::log::Log;
+use oblate_samplers::limits::Memory;
 use oblate_samplers::{Event, Observer};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -20,6 +21,14 @@ pub struct Monitor<'a> {
 }
 
 impl Monitor<'_> {
+    /// Tells the observer how much memory will be taken, if it is much.
+    pub(super) fn tell_memory(&mut self, memory: &Memory) {
+        if let Some(message) = memory.warning() {
+            // Nothing has begun that a `Break` could stop; the sampler's first event asks again.
+            let _ = self.observer.event(&Event::Warning { message });
+        }
+    }
+
     /// The observer, with every event also written to a log.
     pub(super) fn with_log(&mut self, log: Log) -> Logged<'_> {
         Logged {

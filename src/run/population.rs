@@ -32,7 +32,8 @@ pub fn q_posterior(stored: &StoredRun) -> Result<QPosterior> {
 /// # Errors
 /// [`Error::NotConverged`] if a fit has not converged and `allow_unconverged` is false; [`Error::Posterior`] if its posterior of q
 /// cannot be used; [`Error::TooFewRuns`] for no fits;
-/// [`Error::Setting`] or [`Error::Sampler`] for a setting out of its range; those of reading the fits and of the folder as for
+/// those of [`PopulationConfig::check`], before anything is read; [`Error::Setting`] or [`Error::Sampler`] for settings that do not go
+/// together; those of reading the fits and of the folder as for
 /// [`fit`](super::fit).
 pub fn population(
     fits: &[PathBuf],
@@ -41,6 +42,7 @@ pub fn population(
     destination: Destination<'_>,
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
+    config.check()?;
     let stored: Vec<StoredRun> = fits
         .iter()
         .map(|path| RunFolder::open(path)?.read())
@@ -72,6 +74,7 @@ pub fn population(
         RunState::Finished(stored) => return Ok(stored.into()),
         RunState::Unfinished(session) => session,
     };
+    monitor.tell_memory(&config.reweighting.memory(streams.len()));
     let context = |command: &str, input_hash: &str| SummaryContext {
         command: command.to_owned(),
         q_prior: None,

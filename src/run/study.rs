@@ -60,7 +60,7 @@ pub type Monitored<'a> =
 /// Runs a study. Track files are relative to `files_from`; `monitored` does the work of one run under a monitor of the caller's.
 ///
 /// # Errors
-/// [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read, before any work; those of [`mocks`], [`fit`] and
+/// Those of [`StudyConfig::check`]; [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read, before any work; those of [`mocks`], [`fit`] and
 /// [`population`].
 pub fn study(
     config: &StudyConfig,
@@ -68,6 +68,7 @@ pub fn study(
     command: &str,
     monitored: &mut Monitored<'_>,
 ) -> Result<StudyResult> {
+    config.check()?;
     let mut result = StudyResult::default();
     std::fs::create_dir_all(&config.out).map_err(|source| Error::Io {
         path: config.out.clone(),

@@ -3,6 +3,7 @@
 
 use super::{Recipe, ReleaseOffset, Tail};
 use crate::error::{Error, Result};
+use oblate_samplers::limits::{MAX_SEED, in_range};
 use oblate_samplers::normal::quantile;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 use serde::{Deserialize, Serialize};
@@ -51,6 +52,38 @@ impl Default for TableSettings {
     }
 }
 
+impl TableSettings {
+    /// Checks every number by itself: the ranges of docs/limits.md.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] with the first one that is out of its range.
+    pub fn check(&self) -> Result<()> {
+        in_range(PARTICLES, self.particles, 2..=10_000_000)?;
+        in_range(
+            "model.releases.release_times",
+            self.release_times,
+            0..=5_000_000,
+        )?;
+        in_range("model.releases.seed", self.seed, 0..=MAX_SEED)?;
+        Ok(())
+    }
+
+    /// The number of release times: as it is given, or as the sampling scheme chooses it.
+    #[must_use]
+    pub fn number_of_release_times(&self) -> usize {
+        match (self.release_times, self.sampling_scheme) {
+            (0, SamplingScheme::Random) => 100,
+            (0, SamplingScheme::Sobol | SamplingScheme::SobolSegments) => {
+                sobol_release_times(self.particles)
+            }
+            (given, _) => given,
+        }
+    }
+}
+
+/// The key of the number of particles.
+const PARTICLES: &str = "model.releases.particles";
+
 /// One particle of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Release {
@@ -80,22 +113,17 @@ impl ReleaseTable {
     /// Makes the table.
     ///
     /// # Errors
-    /// [`Error::Setting`] if the number of particles is not a multiple that the sampling scheme allows, zero or too large.
+    /// Those of [`TableSettings::check`]; [`Error::Setting`] if the number of particles is not a multiple of what the sampling scheme
+    /// needs, or too large for it.
     pub fn new(settings: &TableSettings) -> Result<Self> {
         let n = settings.particles;
         let fail = |remedy: &str| Error::Setting {
-            key: "model.releases.particles".to_owned(),
+            key: PARTICLES.to_owned(),
             value: n.to_string(),
             remedy: remedy.to_owned(),
         };
-        if n == 0 {
-            return Err(fail("give at least 2"));
-        }
-        let release_times = match (settings.release_times, settings.sampling_scheme) {
-            (0, SamplingScheme::Random) => 100,
-            (0, SamplingScheme::Sobol | SamplingScheme::SobolSegments) => sobol_release_times(n),
-            (given, _) => given,
-        };
+        settings.check()?;
+        let release_times = settings.number_of_release_times();
         if !n.is_multiple_of(2 * release_times) {
             return Err(fail(&format!(
                 "with {release_times} release times give a multiple of {}, or set `release_times` to a divisor of half of it",
@@ -109,11 +137,16 @@ impl ReleaseTable {
         }
         let per_tail = n / (2 * release_times);
         let tails = [Tail::Leading, Tail::Trailing];
-        let kicks = tails.map(|tail| match settings.sampling_scheme {
-            SamplingScheme::Random => random_offsets(settings, tail, n / 2),
-            SamplingScheme::Sobol => sobol_offsets(settings, tail, n / 2),
-            SamplingScheme::SobolSegments => linked(sobol_offsets(settings, tail, n / 2), per_tail),
-        });
+        let offsets = |tail| {
+            Ok::<_, Error>(match settings.sampling_scheme {
+                SamplingScheme::Random => random_offsets(settings, tail, n / 2)?,
+                SamplingScheme::Sobol => sobol_offsets(settings, tail, n / 2)?,
+                SamplingScheme::SobolSegments => {
+                    linked(sobol_offsets(settings, tail, n / 2)?, per_tail)
+                }
+            })
+        };
+        let kicks = [offsets(tails[0])?, offsets(tails[1])?];
         let mut releases = Vec::with_capacity(n);
         for release_time in 0..release_times {
             for (tail, kicks) in tails.iter().zip(&kicks) {
@@ -168,23 +201,40 @@ fn sobol_release_times(n: usize) -> usize {
 /// Longest Sobol sequence of the generator in use.
 const SOBOL_LIMIT: usize = 1 << 16;
 
+/// Largest number of tries for one release offset. A try fails with a probability of 2.4e-6 at most.
+const MAX_DRAWS: u64 = 64;
+
+/// The first try that gives a release offset; `draw` is given the number of the try, from 0.
+fn first_valid(draw: impl FnMut(u64) -> Option<ReleaseOffset>) -> Result<ReleaseOffset> {
+    (0..MAX_DRAWS).find_map(draw).ok_or_else(|| Error::Setting {
+        key: "model.releases.seed".to_owned(),
+        value: format!("{MAX_DRAWS} draws without a release offset"),
+        remedy: "give another seed".to_owned(),
+    })
+}
+
 /// Independent release offsets; where a recipe has no offset, the next normals of the same random stream are used.
-fn random_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<ReleaseOffset> {
+fn random_offsets(
+    settings: &TableSettings,
+    tail: Tail,
+    count: usize,
+) -> Result<Vec<ReleaseOffset>> {
     let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 0);
-    let mut kicks = Vec::with_capacity(count);
-    while kicks.len() < count {
-        let mut xi = [0.0; 5];
-        for x in xi.iter_mut().take(settings.recipe.normals()) {
-            *x = standard_normal(&mut rng);
-        }
-        kicks.extend(settings.recipe.kick(&xi, tail));
-    }
-    kicks
+    let mut offset = || {
+        first_valid(|_| {
+            let mut xi = [0.0; 5];
+            for x in xi.iter_mut().take(settings.recipe.normals()) {
+                *x = standard_normal(&mut rng);
+            }
+            settings.recipe.kick(&xi, tail)
+        })
+    };
+    (0..count).map(|_| offset()).collect()
 }
 
 /// A scrambled Sobol set, sorted by its first coordinate, the release time: its index must not choose the time, nor the
 /// tail, because its low bits are the first coordinates of the points.
-fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<ReleaseOffset> {
+fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Result<Vec<ReleaseOffset>> {
     // Scrambles are 32-bit seeds; the two tails and the repetitions have sets of their own.
     let scramble = |round: u64| {
         let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 1 + round);
@@ -206,22 +256,18 @@ fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Vec<Rele
     };
     let mut rows: Vec<(f64, ReleaseOffset)> = Vec::with_capacity(count);
     for i in 0..count {
-        let mut round = 0;
-        loop {
+        let offset = first_valid(|round| {
             let seed = scramble(round);
             let mut xi = [0.0; 5];
             for (d, x) in xi.iter_mut().enumerate().take(settings.recipe.normals()) {
                 *x = quantile(point(i, d + 1, seed));
             }
-            if let Some(kick) = settings.recipe.kick(&xi, tail) {
-                rows.push((point(i, 0, scramble(0)), kick));
-                break;
-            }
-            round += 1;
-        }
+            settings.recipe.kick(&xi, tail)
+        })?;
+        rows.push((point(i, 0, scramble(0)), offset));
     }
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-    rows.into_iter().map(|(_, kick)| kick).collect()
+    Ok(rows.into_iter().map(|(_, kick)| kick).collect())
 }
 
 /// Number of release offsets of one release time that are compared with each other to find neighbours: the cost grows with its square.

@@ -48,7 +48,7 @@ pub struct Workspace {
 
 /// Number of parts that the release times are divided into. Each part sums its own derivatives, and the parts are added in order: the
 /// bits do not depend on the number of threads.
-const PARTS: usize = 8;
+pub(super) const PARTS: usize = 8;
 
 impl Model {
     /// The gradient, with respect to the [vector](System::to_vector) of a system, of a result whose derivatives with respect to the

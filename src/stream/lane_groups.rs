@@ -32,7 +32,8 @@ pub type StepSchedules = [StepSchedule<f64>; UNROLL];
 
 /// Divides the particles of each release time of a table into groups.
 pub(super) fn groups(table: &ReleaseTable) -> Vec<Group> {
-    let mut groups = Vec::new();
+    let per_release_time = table.per_release_time.div_ceil(LANES);
+    let mut groups = Vec::with_capacity(table.taus.len() * per_release_time);
     for release_time in 0..table.taus.len() {
         let begin = release_time * table.per_release_time;
         let end = begin + table.per_release_time;

@@ -14,6 +14,7 @@ mod gradient;
 mod integrate;
 mod integrate_vjp;
 mod lane_groups;
+mod memory;
 mod model;
 mod particles;
 mod progenitor_solution;

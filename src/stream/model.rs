@@ -4,7 +4,7 @@ use super::lane_groups::{Group, groups};
 use super::progenitor_solution::{ProgenitorSolution, SolutionMemory};
 use super::settings::ModelSettings;
 use super::system::System;
-use crate::error::{Error, Rejection, Result};
+use crate::error::{Rejection, Result};
 use crate::orbit::HermiteWeights;
 use crate::potential::Halo;
 use crate::scalar::Real;
@@ -28,28 +28,36 @@ impl Model {
     /// Makes the table and everything else that no parameter enters.
     ///
     /// # Errors
-    /// [`Error::Setting`] for steps of zero, and what [`ReleaseTable::new`] refuses.
+    /// Those of [`ModelSettings::check`] and [`ReleaseTable::new`]; [`Error::TooMuchMemory`](crate::Error::TooMuchMemory) by the estimate
+    /// of [`ModelSettings::memory`] for one thread.
     pub fn new(settings: &ModelSettings) -> Result<Self> {
-        for (key, value) in [
-            ("steps", settings.steps),
-            ("orbit_steps", settings.orbit_steps),
-        ] {
-            if value == 0 {
-                return Err(Error::Setting {
-                    key: key.to_owned(),
-                    value: "0".to_owned(),
-                    remedy: "give at least 1".to_owned(),
-                });
-            }
-        }
+        settings.check()?;
+        settings.memory(1).check()?;
         let table = ReleaseTable::new(&settings.releases)?;
+        Ok(Self::of(*settings, table))
+    }
+
+    /// The same model with twice as many steps of particles and orbit, to see what the steps are good for. They may be more than
+    /// [`ModelSettings::check`] allows a user.
+    #[must_use]
+    pub fn with_twice_the_steps(&self) -> Self {
+        let settings = ModelSettings {
+            steps: 2 * self.settings.steps,
+            orbit_steps: 2 * self.settings.orbit_steps,
+            ..self.settings
+        };
+        Self::of(settings, self.table.clone())
+    }
+
+    /// With checked settings, and their table.
+    fn of(settings: ModelSettings, table: ReleaseTable) -> Self {
         let groups = groups(&table);
         let steps: Vec<usize> = table
             .taus
             .iter()
             .map(|tau| settings.steps_per.of(settings.steps, *tau))
             .collect();
-        let mut path = Vec::new();
+        let mut path = Vec::with_capacity(steps.iter().map(|steps| steps + 1).sum());
         let mut path_starts = Vec::with_capacity(steps.len());
         for (tau, steps) in table.taus.iter().zip(&steps) {
             path_starts.push(path.len());
@@ -59,14 +67,14 @@ impl Model {
                 HermiteWeights::at(tau * left, settings.orbit_steps)
             }));
         }
-        Ok(Self {
-            settings: *settings,
+        Self {
+            settings,
             table,
             groups,
             steps,
             path,
             path_starts,
-        })
+        }
     }
 
     /// Its settings.

@@ -1,7 +1,9 @@
 //! How a stream is made: releases, steps, orbit.
 
+use crate::error::Result;
 use crate::orbit::OrbitMethod;
 use crate::spray::TableSettings;
+use oblate_samplers::limits::in_range;
 use serde::{Deserialize, Serialize};
 
 /// How a particle's steps are spread over its time.
@@ -75,5 +77,20 @@ impl Default for ModelSettings {
             orbit_steps: 192,
             min_steps_per_orbit: 6,
         }
+    }
+}
+
+impl ModelSettings {
+    /// Checks every number by itself, those of the releases too: the ranges of docs/limits.md.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange) with the first one that is out of its range.
+    pub fn check(&self) -> Result<()> {
+        self.releases.check()?;
+        in_range("model.steps", self.steps, 1..=100_000)?;
+        in_range("model.orbit_steps", self.orbit_steps, 1..=100_000)?;
+        let least = self.min_steps_per_orbit;
+        in_range("model.min_steps_per_orbit", least, 0..=10_000)?;
+        Ok(())
     }
 }

@@ -3,9 +3,22 @@
 //! Angles are counted from the progenitor and unwrapped; the leading tail is at positive angles. Bin b covers [b, b + 1) bin widths.
 
 use super::segment::SkyPoint;
+use crate::error::Result;
 use crate::scalar::{Scalar, angle, smooth_step};
+use oblate_samplers::limits::in_range;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
+use std::ops::RangeInclusive;
+
+/// Widths that a bin may have, degrees. Three bins of the largest width make a turn; a stream has no structure as narrow as the smallest.
+pub const BIN_WIDTHS_DEG: RangeInclusive<f64> = 0.1..=120.0;
+
+/// Angles that a bin may have its centre at, degrees from the progenitor: twenty turns to each side. Streams that are seen have one or
+/// two.
+pub const ANGLES_DEG: RangeInclusive<f64> = -7_200.0..=7_200.0;
+
+/// Smallest half-width of a soft edge, degrees.
+const LEAST_EDGE_DEG: f64 = 1e-9;
 
 /// How the weight of a particle near an edge is divided between the two bins.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,6 +38,19 @@ impl Default for BinEdges {
         Self::Soft {
             half_width_deg: 2.0,
         }
+    }
+}
+
+impl BinEdges {
+    /// Checks the half-width of soft edges in bins of `width_deg`: 1e-9 degrees to half a bin.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange) under the name `key`.
+    pub fn check(&self, key: &str, width_deg: f64) -> Result<()> {
+        if let Self::Soft { half_width_deg } = *self {
+            in_range(key, half_width_deg, LEAST_EDGE_DEG..=0.5 * width_deg)?;
+        }
+        Ok(())
     }
 }
 

@@ -6,12 +6,13 @@ mod sums;
 mod sums_lanes;
 mod sums_vjp;
 
-pub use grid::{BinEdges, BinGrid};
+pub use grid::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, BinGrid};
 pub use sums::Sums;
 pub use sums_lanes::PartialSums;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::stream::Particles;
+use oblate_samplers::limits::in_range;
 use serde::{Deserialize, Serialize};
 
 /// One bin of a track.
@@ -45,30 +46,40 @@ impl Particles {
     /// The track in bins of `width_deg` degrees with the default edges: every bin that holds at least 1 % of the particles.
     ///
     /// # Errors
-    /// [`Error::Setting`] if the width is not above 0 and at most 120 degrees.
+    /// As of [`Track::of`].
     pub fn track(&self, width_deg: f64) -> Result<Track> {
-        if !(width_deg > 0.0 && width_deg <= 120.0) {
-            return Err(Error::Setting {
-                key: "width_deg".to_owned(),
-                value: width_deg.to_string(),
-                remedy: "give a width above 0 and at most 120 degrees".to_owned(),
-            });
-        }
         let min_n = MIN_FRACTION * self.len() as f64;
-        Ok(Track::of(self, width_deg, BinEdges::default(), min_n))
+        Track::of(self, width_deg, BinEdges::default(), min_n)
     }
 }
 
 impl Track {
-    /// The track of particles, every bin with a weight of at least `min_n`.
-    #[must_use]
-    pub fn of(particles: &Particles, width_deg: f64, edges: BinEdges, min_n: f64) -> Self {
+    /// The track of particles, every bin within [`ANGLES_DEG`] with a weight of at least `min_n`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange) if the width is not one of [`BIN_WIDTHS_DEG`]; as of [`BinEdges::check`].
+    pub fn of(particles: &Particles, width_deg: f64, edges: BinEdges, min_n: f64) -> Result<Self> {
+        in_range("width_deg", width_deg, BIN_WIDTHS_DEG)?;
+        edges.check("half_width_deg", width_deg)?;
+        Ok(Self::binned(particles, width_deg, edges, min_n))
+    }
+
+    /// As [`of`](Self::of), with a width and edges that were checked before.
+    pub(crate) fn binned(
+        particles: &Particles,
+        width_deg: f64,
+        edges: BinEdges,
+        min_n: f64,
+    ) -> Self {
+        let last = (ANGLES_DEG.end() / width_deg).floor();
         let bin_of = |i: usize| {
             #[allow(
                 clippy::cast_possible_truncation,
-                reason = "a finite angle is below 2^51 bins"
+                reason = "clamped to the angles that a bin may have"
             )]
-            let bin = (particles.angle(i).to_degrees() / width_deg).floor() as i64;
+            let bin = (particles.angle(i).to_degrees() / width_deg)
+                .floor()
+                .clamp(-last, last - 1.0) as i64;
             bin
         };
         let numbers = (0..particles.len()).map(bin_of);

@@ -11,6 +11,9 @@ use rayon::prelude::*;
 /// number of threads.
 const AT_A_TIME: usize = 1_024;
 
+/// Largest number of bins of all sums that are made at once: 256 MB.
+const MAX_BINS_AT_ONCE: usize = 1 << 22;
+
 /// Sums over some particles, in memory that is used again: weight, r and r^2 of a bin beside each other, and two more bins at
 /// each end for what lies outside. Neighbouring particles often fall in one bin, and the second addition would wait for the first: so
 /// particles are added to two sets of bins in turn.
@@ -95,15 +98,20 @@ impl BinGrid {
     /// As [`sum`](Self::sum), over the threads of the present rayon pool. The same bits.
     pub fn sum_in_parallel(&self, particles: &Particles, sums: &mut Sums<f64>) {
         sums.reset(self.len);
-        let firsts = (0..particles.len().div_ceil(AT_A_TIME)).into_par_iter();
-        let parts: Vec<PartialSums> = firsts
-            .map(|k| {
-                let mut part = PartialSums::default();
-                self.sum_some(Level::best(), particles, k * AT_A_TIME, &mut part);
-                part
-            })
-            .collect();
-        parts.iter().for_each(|part| part.add_to(sums));
+        // Some parts at a time, so that memory does not grow with the number of particles.
+        let fitting = MAX_BINS_AT_ONCE / (self.len + 1);
+        let count = (4 * rayon::current_num_threads()).min(fitting.max(1));
+        let mut parts = vec![PartialSums::default(); count];
+        let at_once = parts.len() * AT_A_TIME;
+        for first in (0..particles.len()).step_by(at_once) {
+            let firsts = (first..particles.len().min(first + at_once)).step_by(AT_A_TIME);
+            let firsts: Vec<usize> = firsts.collect();
+            let some = &mut parts[..firsts.len()];
+            some.par_iter_mut().zip(firsts).for_each(|(part, first)| {
+                self.sum_some(Level::best(), particles, first, part);
+            });
+            some.iter().for_each(|part| part.add_to(sums));
+        }
     }
 
     /// Bins the [`AT_A_TIME`] particles from number `first` on, or as many as there are.

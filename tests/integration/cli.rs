@@ -233,7 +233,7 @@ fn bad_tracks_name_file_line_and_remedy_and_leave_nothing_behind() {
         &["no_such.ecsv"],
     );
     // A track that no prior draw can cover: right form, impossible size.
-    let far = write(folder.path(), "far.csv", &good.replace(",6", ",6000000"));
+    let far = write(folder.path(), "far.csv", &good.replace(",6", ",6000"));
     refused(
         &oblate(&["fit", &far, "--particles", "256", "--out", &out], ""),
         &["none of 1000 prior draws", "widen the prior"],

@@ -15,6 +15,7 @@ mod golden;
 mod inference;
 mod ks;
 mod likelihood;
+mod limits;
 mod orbit;
 mod own_halo;
 mod pages;

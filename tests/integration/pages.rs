@@ -5,11 +5,12 @@ use oblate::inference::FitSettings;
 use oblate::params::NAMES;
 use std::path::{Path, PathBuf};
 
-const PAGES: [&str; 12] = [
+const PAGES: [&str; 13] = [
     "README.md",
     "CHANGELOG.md",
     "docs/files.md",
     "docs/glossary.md",
+    "docs/limits.md",
     "docs/physics.md",
     "docs/samplers.md",
     "docs/validation.md",

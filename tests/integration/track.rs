@@ -43,7 +43,7 @@ fn tracks_reproduce_galas_within_their_noise() {
     for name in NAMES {
         let ours = converged(name);
         let n = ours.len() as f64;
-        let hard = Track::of(&ours, 10.0, BinEdges::Hard, 100.0);
+        let hard = Track::of(&ours, 10.0, BinEdges::Hard, 100.0).expect("a track");
         let mut z = Vec::new();
         let mut chi2_counts = 0.0;
         for golden in track(name).iter().filter(|b| b.count >= 500.0) {
@@ -83,9 +83,9 @@ fn tracks_reproduce_galas_within_their_noise() {
 #[test]
 fn soft_bins_become_hard_ones_as_their_edges_narrow() {
     let ours = particles("s0_oblate_tilted", &ModelSettings::default());
-    let hard = Track::of(&ours, 10.0, BinEdges::Hard, 40.0);
+    let hard = Track::of(&ours, 10.0, BinEdges::Hard, 40.0).expect("a track");
     let difference = |half_width_deg: f64| {
-        let soft = Track::of(&ours, 10.0, BinEdges::Soft { half_width_deg }, 1.0);
+        let soft = Track::of(&ours, 10.0, BinEdges::Soft { half_width_deg }, 1.0).expect("a track");
         hard.bins
             .iter()
             .map(|h| {
@@ -123,6 +123,7 @@ fn the_shares_of_all_particles_add_up_to_their_number() {
         let ours = particles(name, &settings);
         for edges in [BinEdges::Hard, BinEdges::default()] {
             let total: f64 = Track::of(&ours, 10.0, edges, 0.0)
+                .expect("a track")
                 .bins
                 .iter()
                 .map(|b| b.n)
@@ -152,7 +153,7 @@ fn a_linked_particle_is_spread_along_the_way_to_its_partner() {
         neighbour_offset: 1,
         ..Particles::default()
     };
-    let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0);
+    let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0).expect("a track");
     // At 5 -+ 2.65 and 7.95 degrees, 10 -+ 0.375 and 1.125 kpc.
     for (bin, n, r) in [(-1, 0.25, 8.875), (0, 0.5, 10.0)] {
         let there = track.bins.iter().find(|b| b.bin == bin).expect("a bin");
@@ -175,7 +176,7 @@ proptest! {
             neighbour_offset: 1,
             ..Particles::default()
         };
-        let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0);
+        let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0).expect("a track");
         let total: f64 = track.bins.iter().map(|b| b.n).sum();
         prop_assert!((total - 2.0).abs() < 1e-12);
         let of = |i: usize| (two.angle(i).to_degrees() / 10.0, places[i].0);

@@ -61,6 +61,7 @@ pub fn run(
         state: State::default(),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
+    stop |= control.tell_memory(&settings.memory(target.dim()));
     match checkpointer.load(control, |state: &State| &state.cost)? {
         Some((state, _)) => bridge.state = state,
         None => bridge.begin(parent)?,

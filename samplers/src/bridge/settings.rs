@@ -1,10 +1,14 @@
 //! Settings of a bridge.
 
 use crate::error::{Error, Result};
+use crate::limits::{Memory, in_range};
 use serde::{Deserialize, Serialize};
 
-/// Most SMC particles: each has random streams of its own.
-const MAX_PARTICLES: usize = 1 << 20;
+/// Memory of the coordinates of an SMC particle: its own, those of its copies, and those of the draw that it becomes.
+const BYTES_PER_COORDINATE: f64 = 5.0 * 8.0;
+
+/// Memory of everything else of an SMC particle.
+const BYTES_PER_MEMBER: f64 = 50.0 * 8.0;
 
 /// Settings of [`bridge::run`](super::run).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,25 +30,37 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Checks the ranges for a target of `dim` parameters.
+    /// Checks every number by itself: the ranges of docs/limits.md.
     ///
     /// # Errors
-    /// [`Error::Setting`] names the first one that is out of its range.
+    /// [`Error::OutOfRange`] names the first one that is out of its range.
+    pub fn check_ranges(&self) -> Result<()> {
+        in_range("smc_particles", self.smc_particles, 10..=1_000_000)?;
+        in_range("mcmc_steps", self.mcmc_steps, 1..=1000)?;
+        Ok(())
+    }
+
+    /// Checks whether a bridge can work with these numbers on a target of `dim` parameters.
+    ///
+    /// # Errors
+    /// As of [`check_ranges`](Self::check_ranges); [`Error::Setting`] for fewer than ten SMC particles per parameter.
     pub fn check(&self, dim: usize) -> Result<()> {
-        if !(10 * dim..=MAX_PARTICLES).contains(&self.smc_particles) {
+        self.check_ranges()?;
+        if self.smc_particles < 10 * dim {
             return Err(Error::Setting {
                 name: "smc_particles",
                 value: self.smc_particles.to_string(),
-                remedy: "give at least ten per parameter, 2,000 is usual, and at most 2^20",
+                remedy: "give at least ten per parameter, 2,000 is usual",
             });
         }
-        if self.mcmc_steps == 0 {
-            return Err(Error::Setting {
-                name: "mcmc_steps",
-                value: "0".to_owned(),
-                remedy: "give at least 1, about as many as parameters is usual",
-            });
-        }
+        self.memory(dim).check()?;
         Ok(())
+    }
+
+    /// An estimate of the memory of a bridge: every SMC particle with its coordinates, in three copies while it moves, and as a draw.
+    #[must_use]
+    pub fn memory(&self, dim: usize) -> Memory {
+        let particle = BYTES_PER_MEMBER + BYTES_PER_COORDINATE * dim as f64;
+        Memory::default().with("smc_particles", particle * self.smc_particles as f64)
     }
 }

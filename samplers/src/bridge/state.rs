@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::hmc::{Evaluator, Metric, Point, slice_updates, try_involutions};
 use crate::output::{Calls, Cost, Run};
 use crate::rng::{Domain, stream, unit_open};
-use crate::smc_weights::SmcWeights;
+use crate::smc_weights::{SmcWeights, after_step};
 use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -134,7 +134,7 @@ impl Bridge<'_> {
     /// same MCMC step can be repeated.
     pub(super) fn advance(&mut self) -> Result<()> {
         if self.state.mcmc_steps == self.settings.mcmc_steps {
-            self.step();
+            self.step()?;
         }
         self.mcmc_step()?;
         let state = &mut self.state;
@@ -157,18 +157,16 @@ impl Bridge<'_> {
     }
 
     /// Reweights and resamples.
-    fn step(&mut self) {
+    ///
+    /// # Errors
+    /// As of [`after_step`], before anything has changed.
+    fn step(&mut self) -> Result<()> {
         let level = self.level();
         let state = &mut self.state;
         let smc_weights = SmcWeights::new(state.gaps());
         let left = 1.0 - state.fraction;
         let step = smc_weights.longest_step(left);
-        // A remainder of less than 1e-9 of the step is added to it.
-        state.fraction = if step >= left * (1.0 - 1e-9) {
-            1.0
-        } else {
-            state.fraction + step
-        };
+        state.fraction = after_step(state.fraction, step, state.levels.len() + 1)?;
         state.ln_ratio += smc_weights.ln_mean_weight(step);
         let uniform = unit_open(&mut stream(self.seed, Domain::Bridge, level, RESAMPLING));
         let drawn = smc_weights.resample(step, uniform).into_iter();
@@ -186,6 +184,7 @@ impl Bridge<'_> {
             .iter()
             .map(|rows| DifferencePool::new(rows, dim, orbit))
             .collect();
+        Ok(())
     }
 
     /// One slice update of every particle, and the target's involutions in the first MCMC step at a fraction.

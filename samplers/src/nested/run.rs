@@ -42,6 +42,7 @@ pub fn run(
         None => (State::new(&context), Vec::new()),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
+    stop |= control.tell_memory(&settings.memory(target.dim()));
     let status = loop {
         let mut ended = None;
         if state.batch_ended(settings) {

@@ -1,7 +1,25 @@
 //! Settings of a nested run.
 
 use crate::error::{Error, Result};
+use crate::limits::{Memory, in_range};
 use serde::{Deserialize, Serialize};
+
+/// Dead points per live point of a whole run: the natural logarithm by which the prior volume shrinks. A posterior of 13 parameters
+/// needs about 40.
+const NATS: f64 = 64.0;
+
+/// Information of a posterior in nats, where a number of points follows from it.
+const INFORMATION: f64 = 25.0;
+
+/// Points per effective draw: weights are uneven.
+const POINTS_PER_DRAW: f64 = 4.0;
+
+/// Memory per point when the result is put together: its coordinates in the run, in the copy that is weighed, as physical parameters,
+/// and as draws.
+const BYTES_PER_COORDINATE: f64 = 5.0 * 8.0;
+
+/// The same of everything else: likelihoods, births, orders, genealogy, ranks, weights, derived quantities and history.
+const BYTES_PER_POINT: f64 = 50.0 * 8.0;
 
 /// How a new point above the contour is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -95,84 +113,71 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Checks the ranges for a run of `dim` parameters.
+    /// Checks every number by itself: the ranges of docs/limits.md.
     ///
     /// # Errors
-    /// [`Error::Setting`] names the first one that is out of its range.
+    /// [`Error::OutOfRange`] names the first one that is out of its range.
+    pub fn check_ranges(&self) -> Result<()> {
+        in_range("n_live", self.n_live, 8..=1_000_000)?;
+        in_range("dlnz", self.dlnz, 1e-6..=100.0)?;
+        if let Some(target) = self.target_ess {
+            in_range("target_ess", target, 1.0..=1e7)?;
+        }
+        if let Some(target) = self.target_ln_z_error {
+            in_range("target_ln_z_error", target, 1e-4..=100.0)?;
+        }
+        in_range("posterior_fraction", self.posterior_fraction, 0.0..=1.0)?;
+        in_range("replaced_fraction", self.replaced_fraction, 1e-6..=0.5)?;
+        if let Some(steps) = self.steps {
+            in_range("steps", steps, 1..=10_000)?;
+        }
+        in_range("simulations", self.simulations, 20..=100_000)?;
+        in_range("bootstraps", self.bootstraps, 20..=100_000)?;
+        Ok(())
+    }
+
+    /// Checks whether a run of `dim` parameters can work with these numbers.
+    ///
+    /// # Errors
+    /// As of [`check_ranges`](Self::check_ranges); [`Error::Setting`] for numbers that do not go together;
+    /// [`Error::TooMuchMemory`] by the estimate of [`memory`](Self::memory).
     pub fn check(&self, dim: usize) -> Result<()> {
-        let refuse = |name, value: String, remedy| {
-            Err(Error::Setting {
-                name,
-                value,
-                remedy,
-            })
-        };
-        if self.n_live < 4 * dim + 4 || self.n_live > 10_000_000 {
-            return refuse(
-                "n_live",
-                self.n_live.to_string(),
-                "give at least four per parameter and four more, better 25 per parameter, and at most ten million",
-            );
-        }
-        if !(self.dlnz > 0.0 && self.dlnz.is_finite()) {
-            return refuse(
-                "dlnz",
-                self.dlnz.to_string(),
-                "give a small number above 0, as 0.01",
-            );
-        }
-        for (name, target) in [
-            ("target_ess", self.target_ess),
-            ("target_ln_z_error", self.target_ln_z_error),
-        ] {
-            if let Some(value) = target
-                && !(value > 0.0 && value.is_finite())
-            {
-                return refuse(
-                    name,
-                    value.to_string(),
-                    "give a number above 0, or leave it out",
-                );
-            }
-        }
-        if !(0.0..=1.0).contains(&self.posterior_fraction) {
-            return refuse(
-                "posterior_fraction",
-                self.posterior_fraction.to_string(),
-                "give a number from 0, the evidence, to 1, the posterior",
-            );
+        self.check_ranges()?;
+        let least = 4 * dim + 4;
+        if self.n_live < least {
+            return Err(Error::Setting {
+                name: "n_live",
+                value: self.n_live.to_string(),
+                remedy: "give at least four per parameter and four more, better 25 per parameter",
+            });
         }
         // Points at the peak alone never bring the volumes above it nearer.
         if self.target_ln_z_error.is_some() && self.posterior_fraction >= 1.0 {
-            return refuse(
-                "posterior_fraction",
-                self.posterior_fraction.to_string(),
-                "give less than 1 with `target_ln_z_error`, better 0",
-            );
+            return Err(Error::Setting {
+                name: "posterior_fraction",
+                value: self.posterior_fraction.to_string(),
+                remedy: "give less than 1 with `target_ln_z_error`, better 0",
+            });
         }
-        if !(self.replaced_fraction > 0.0 && self.replaced_fraction <= 0.5) {
-            return refuse(
-                "replaced_fraction",
-                self.replaced_fraction.to_string(),
-                "give a fraction above 0 and up to 0.5",
-            );
-        }
-        if self.steps == Some(0) {
-            return refuse("steps", "0".to_owned(), "give at least 1, or leave it out");
-        }
-        for (name, value) in [
-            ("simulations", self.simulations),
-            ("bootstraps", self.bootstraps),
-        ] {
-            if value < 20 {
-                return refuse(
-                    name,
-                    value.to_string(),
-                    "give at least 20, better a few hundred",
-                );
-            }
-        }
+        self.memory(dim).check()?;
         Ok(())
+    }
+
+    /// An estimate of the memory of a run of `dim` parameters: its points at the end, and what is computed of them. A run of one batch
+    /// has [`NATS`] points per live point, one with a target as many more as the target needs at [`INFORMATION`] nats.
+    #[must_use]
+    pub fn memory(&self, dim: usize) -> Memory {
+        let point = BYTES_PER_POINT + BYTES_PER_COORDINATE * dim as f64;
+        let mut memory = Memory::default().with("n_live", point * NATS * self.n_live as f64);
+        if let Some(target) = self.target_ess {
+            memory = memory.with("target_ess", point * POINTS_PER_DRAW * target);
+        }
+        if let Some(target) = self.target_ln_z_error {
+            // The error is the root of the information over the number of live points.
+            let live = INFORMATION / (target * target);
+            memory = memory.with("target_ln_z_error", point * NATS * live);
+        }
+        memory
     }
 
     /// Whether live points are added until a target is met.
@@ -197,7 +202,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settings_out_of_range_are_refused_by_name() {
+    fn numbers_that_do_not_go_together_are_refused_by_name() {
         let name = |change: &dyn Fn(&mut Settings)| {
             let mut settings = Settings::default();
             change(&mut settings);
@@ -208,18 +213,26 @@ mod tests {
         };
         assert!(Settings::default().check(3).is_ok());
         assert_eq!(name(&|s| s.n_live = 15), "n_live");
-        assert_eq!(name(&|s| s.dlnz = f64::NAN), "dlnz");
-        assert_eq!(name(&|s| s.replaced_fraction = 0.6), "replaced_fraction");
-        assert_eq!(name(&|s| s.target_ess = Some(0.0)), "target_ess");
-        let nan = Some(f64::NAN);
-        assert_eq!(name(&|s| s.target_ln_z_error = nan), "target_ln_z_error");
-        assert_eq!(name(&|s| s.posterior_fraction = 1.1), "posterior_fraction");
         let peak_alone = |s: &mut Settings| {
             s.target_ln_z_error = Some(0.1);
             s.posterior_fraction = 1.0;
         };
         assert_eq!(name(&peak_alone), "posterior_fraction");
-        assert_eq!(name(&|s| s.steps = Some(0)), "steps");
-        assert_eq!(name(&|s| s.bootstraps = 3), "bootstraps");
+    }
+
+    #[test]
+    fn a_target_that_needs_too_many_points_is_refused_by_name() {
+        let key = |change: &dyn Fn(&mut Settings)| {
+            let mut settings = Settings::default();
+            change(&mut settings);
+            match settings.check(13) {
+                Err(Error::TooMuchMemory(much)) => much.key,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(key(&|s| s.n_live = 1_000_000), "n_live");
+        assert_eq!(key(&|s| s.target_ess = Some(1e7)), "target_ess");
+        let error = |s: &mut Settings| s.target_ln_z_error = Some(1e-4);
+        assert_eq!(key(&error), "target_ln_z_error");
     }
 }

@@ -73,7 +73,7 @@ use state::State;
 /// # Errors
 /// [`Error::TemperingWithoutGradient`]; [`Error::Setting`] for settings out of range;
 /// [`Error::NoStart`] if 100,000 prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before the first
-/// scan, after a checkpoint; [`Error::Fatal`] and [`Error::Infinite`] from the
+/// scan, after a checkpoint; [`Error::EndlessPath`] if its SMC samplers do not reach the posterior; [`Error::Fatal`] and [`Error::Infinite`] from the
 /// target, after a checkpoint of the last whole scan; [`Error::Io`] and [`Error::Checkpoint`] from checkpoints.
 pub fn run(
     target: &dyn Target,
@@ -81,7 +81,7 @@ pub fn run(
     seed: u64,
     control: &mut Control<'_>,
 ) -> Result<Run> {
-    settings.check()?;
+    settings.check(target.dim())?;
     if target.gradient_cost().is_none() {
         return Err(Error::TemperingWithoutGradient);
     }
@@ -96,6 +96,7 @@ pub fn run(
         None => State::start(target, settings, seed)?,
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
+    stop |= control.tell_memory(&settings.memory(target.dim()));
     let status = loop {
         if state.finished() {
             if !state.may_extend() || outcome::passes(&state, target.dim()) {

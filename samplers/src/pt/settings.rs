@@ -1,6 +1,7 @@
 //! Settings of a tempered run.
 
 use crate::error::{Error, Result};
+use crate::limits::{Memory, in_range};
 use serde::{Deserialize, Serialize};
 
 /// Most SMC particles of an SMC sampler: each has a random stream of its own.
@@ -8,6 +9,19 @@ const MAX_PARTICLES: usize = 1 << 19;
 
 /// Fewest MCMC steps at each temperature, if their number is not given.
 const MIN_MCMC_STEPS: usize = 8;
+
+/// Temperatures that an SMC sampler passes from the prior to the posterior, for the estimate of memory. A posterior of 13 parameters needs
+/// about 30.
+const LEVELS: f64 = 64.0;
+
+/// Copies of the coordinates of a draw when the result is put together.
+const COPIES: f64 = 6.0;
+
+/// Other numbers of a draw: ln L, weight, derived quantities, labels.
+const NUMBERS_PER_DRAW: f64 = 16.0;
+
+/// States of the pools of one temperature.
+const POOL: f64 = 2_048.0;
 
 /// Settings of a tempered run; the defaults suit smooth posteriors of up to a few dozen parameters.
 ///
@@ -124,133 +138,130 @@ impl Settings {
         }
     }
 
-    /// Checks the ranges.
+    /// Checks every number by itself: the ranges of docs/limits.md.
     ///
     /// # Errors
-    /// [`Error::Setting`] naming the first setting out of its range.
-    pub fn check(&self) -> Result<()> {
-        let whole = |name, value: usize, lo: usize, hi: usize, remedy| {
-            if (lo..=hi).contains(&value) {
-                Ok(())
-            } else {
-                Err(Error::Setting {
-                    name,
-                    value: value.to_string(),
-                    remedy,
-                })
+    /// [`Error::OutOfRange`] names the first one that is out of its range.
+    pub fn check_ranges(&self) -> Result<()> {
+        in_range("chain_sets", self.chain_sets, 2..=1024)?;
+        in_range("rounds", self.rounds, 2..=24)?;
+        in_range("extensions", self.extensions, 0..=1024)?;
+        in_range("first_scans", self.first_scans, 2..=4096)?;
+        in_range("temperatures", self.temperatures, 3..=1024)?;
+        in_range("min_temperatures", self.min_temperatures, 3..=1024)?;
+        in_range("max_temperatures", self.max_temperatures, 3..=1024)?;
+        in_range("target_acceptance", self.target_acceptance, 0.2..=0.99)?;
+        in_range("max_leapfrogs", self.max_leapfrogs, 1..=100_000)?;
+        in_range("trajectory", self.trajectory, 1e-3..=1e3)?;
+        in_range("hmc_transitions", self.hmc_transitions, 1..=1000)?;
+        in_range("smc_particles", self.smc_particles, 0..=65_536)?;
+        in_range("smc_samplers", self.smc_samplers, 2..=1024)?;
+        in_range("mcmc_steps", self.mcmc_steps, 0..=1000)?;
+        in_range("slice_updates", self.slice_updates, 0..=1000)?;
+        in_range("mixture_rounds", self.mixture_rounds, 0..=24)?;
+        Ok(())
+    }
+
+    /// Checks whether a run of `dim` parameters can work with these numbers.
+    ///
+    /// # Errors
+    /// As of [`check_ranges`](Self::check_ranges); [`Error::Setting`] for numbers that do not go together;
+    /// [`Error::TooMuchMemory`] by the estimate of [`memory`](Self::memory).
+    pub fn check(&self, dim: usize) -> Result<()> {
+        self.check_ranges()?;
+        if !(self.min_temperatures..=self.max_temperatures).contains(&self.temperatures) {
+            return Err(Error::Setting {
+                name: "temperatures",
+                value: self.temperatures.to_string(),
+                remedy: "give a number from min_temperatures to max_temperatures",
+            });
+        }
+        if self.particles_per_sampler() > MAX_PARTICLES {
+            return Err(Error::Setting {
+                name: "smc_particles",
+                value: self.smc_particles.to_string(),
+                remedy: "give fewer SMC particles per chain set, fewer chain sets or more SMC samplers: an SMC sampler has at most 2^19",
+            });
+        }
+        self.memory(dim).check()?;
+        Ok(())
+    }
+
+    /// An estimate of the memory of a run of `dim` parameters: the levels of its SMC samplers, or its last round with all extensions, or
+    /// the trails of the longest round that a mixture is fitted to, whichever is largest; they are not held together.
+    #[must_use]
+    pub fn memory(&self, dim: usize) -> Memory {
+        const NUMBER: f64 = size_of::<f64>() as f64;
+        let (dim, chain_sets) = (dim as f64, self.chain_sets as f64);
+        let temperatures = self.max_temperatures as f64;
+        // Of every level coordinates and ln L, twice when the chain sets begin.
+        let particles = (self.clusters() * self.particles_per_sampler()) as f64;
+        let levels = Memory::default().with(
+            "smc_particles",
+            NUMBER * particles * 2.0 * LEVELS * (dim + 1.0),
+        );
+        // Of every scan ln L at all temperatures; coordinates as drawn, by parameter, and as the result's draws.
+        let scans = chain_sets * self.scans(self.rounds - 1) as f64;
+        let scan = NUMBER * (temperatures + COPIES * dim + NUMBERS_PER_DRAW);
+        let last = Memory::default()
+            .with("rounds", scan * scans)
+            .with("extensions", scan * scans * self.extensions as f64);
+        // Every move of every scan of the round before.
+        let hmc_transitions = (self.slice_updates + self.hmc_transitions) as f64;
+        let mixes = self.mixture_rounds > 0;
+        let trails = if mixes {
+            0.5 * scans * hmc_transitions
+        } else {
+            0.0
+        };
+        let trails = Memory::default().with("rounds", NUMBER * 2.0 * dim * trails);
+        let held = [levels, last, trails];
+        let most = held
+            .into_iter()
+            .max_by(|a, b| a.bytes().total_cmp(&b.bytes()));
+        // At every temperature two matrices, and the states of its pools.
+        let temperature = NUMBER * dim * (2.0 * dim + POOL);
+        most.unwrap_or_default()
+            .with("max_temperatures", temperature * temperatures)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_do_not_go_together_are_refused_by_name() {
+        let name = |change: &dyn Fn(&mut Settings)| {
+            let mut settings = Settings::default();
+            change(&mut settings);
+            match settings.check(3) {
+                Err(Error::Setting { name, .. }) => name,
+                other => panic!("{other:?}"),
             }
         };
-        let real = |name, value: f64, lo: f64, hi: f64, remedy| {
-            if value > lo && value < hi {
-                Ok(())
-            } else {
-                Err(Error::Setting {
-                    name,
-                    value: value.to_string(),
-                    remedy,
-                })
+        assert!(Settings::default().check(3).is_ok());
+        assert_eq!(name(&|s| s.temperatures = 65), "temperatures");
+        assert_eq!(name(&|s| s.min_temperatures = 65), "temperatures");
+        let crowd = |s: &mut Settings| (s.smc_particles, s.chain_sets) = (65_536, 1024);
+        assert_eq!(name(&crowd), "smc_particles");
+    }
+
+    #[test]
+    fn a_run_that_would_remember_too_much_is_refused_by_name() {
+        let key = |change: &dyn Fn(&mut Settings)| {
+            let mut settings = Settings::default();
+            change(&mut settings);
+            match settings.check(13) {
+                Err(Error::TooMuchMemory(much)) => much.key,
+                other => panic!("{other:?}"),
             }
         };
-        whole(
-            "chain_sets",
-            self.chain_sets,
-            2,
-            1024,
-            "give 2 to 1024, 4 is usual",
-        )?;
-        whole("rounds", self.rounds, 2, 24, "give 2 to 24, 10 is usual")?;
-        whole("extensions", self.extensions, 0, 1024, "give 0 to 1024")?;
-        whole(
-            "first_scans",
-            self.first_scans,
-            2,
-            4096,
-            "give 2 to 4096, 4 is usual",
-        )?;
-        whole(
-            "temperatures",
-            self.temperatures,
-            self.min_temperatures,
-            self.max_temperatures,
-            "give a number from min_temperatures to max_temperatures",
-        )?;
-        whole(
-            "min_temperatures",
-            self.min_temperatures,
-            3,
-            1024,
-            "give 3 to 1024",
-        )?;
-        whole(
-            "max_temperatures",
-            self.max_temperatures,
-            3,
-            1024,
-            "give 3 to 1024",
-        )?;
-        whole(
-            "max_leapfrogs",
-            self.max_leapfrogs,
-            1,
-            1 << 20,
-            "give 1 or more, 256 is usual",
-        )?;
-        whole(
-            "hmc_transitions",
-            self.hmc_transitions,
-            1,
-            1 << 20,
-            "give 1 or more",
-        )?;
-        whole(
-            "smc_particles",
-            self.smc_particles,
-            0,
-            1 << 16,
-            "give 0 to 65536 SMC particles; some ten per parameter are usual",
-        )?;
-        whole(
-            "smc_samplers",
-            self.smc_samplers,
-            2,
-            1024,
-            "give 2 to 1024, 4 is usual: their scatter is the measure of the error",
-        )?;
-        whole(
-            "smc_particles",
-            self.particles_per_sampler(),
-            0,
-            MAX_PARTICLES,
-            "give fewer SMC particles per chain set, fewer chain sets or more SMC samplers: an SMC sampler has at most 2^19",
-        )?;
-        whole("mcmc_steps", self.mcmc_steps, 0, 1 << 20, "give 0 or more")?;
-        whole(
-            "slice_updates",
-            self.slice_updates,
-            0,
-            1 << 20,
-            "give 0 or more",
-        )?;
-        whole(
-            "mixture_rounds",
-            self.mixture_rounds,
-            0,
-            1 << 20,
-            "give 0 or more",
-        )?;
-        real(
-            "target_acceptance",
-            self.target_acceptance,
-            0.2,
-            0.99,
-            "give a number between 0.2 and 0.99, 0.8 is usual",
-        )?;
-        real(
-            "trajectory",
-            self.trajectory,
-            0.0,
-            1e3,
-            "give a length above 0, pi/2 is usual",
-        )
+        assert_eq!(key(&|s| s.rounds = 24), "rounds");
+        let long = |s: &mut Settings| (s.rounds, s.extensions) = (12, 1024);
+        assert_eq!(key(&long), "extensions");
+        let crowd =
+            |s: &mut Settings| (s.smc_particles, s.chain_sets, s.smc_samplers) = (65_536, 64, 64);
+        assert_eq!(key(&crowd), "smc_particles");
     }
 }

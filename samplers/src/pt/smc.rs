@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::hmc::{Evaluator, Metric, Point, involutions_and_slice_updates};
 use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
-use crate::smc_weights::SmcWeights;
+use crate::smc_weights::{SmcWeights, after_step};
 use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -189,19 +189,18 @@ impl SmcSamplers {
     }
 
     /// Lowers the temperature as far as every SMC sampler's weights allow, and resamples.
-    fn cool(&mut self, target: &dyn Target, seed: u64) {
+    ///
+    /// # Errors
+    /// As of [`after_step`], before anything has changed.
+    fn cool(&mut self, target: &dyn Target, seed: u64) -> Result<()> {
         let most = 1.0 - self.beta;
         let steps = self
             .smc_samplers
             .iter()
             .map(|p| p.smc_weights().longest_step(most));
         let step = steps.fold(most, f64::min);
-        // A remainder of less than 1e-9 of the step is added to it.
-        self.beta = if step >= most * (1.0 - 1e-9) {
-            1.0
-        } else {
-            self.beta + step
-        };
+        let number = self.smc_samplers.first().map_or(0, |p| p.levels.len());
+        self.beta = after_step(self.beta, step, number)?;
         for (number, smc_sampler) in self.smc_samplers.iter_mut().enumerate() {
             let task = (number as u64) << 20 | 0xf_ffff;
             let mut rng = stream(seed, Domain::PtSmc, task, self.clock);
@@ -217,6 +216,7 @@ impl SmcSamplers {
         self.metrics = [0, 1].map(|half| Metric::of_rows(&others[half], dim));
         self.pools = [0, 1].map(|half| DifferencePool::new(&others[half], dim, orbit));
         self.mcmc_steps = 0;
+        Ok(())
     }
 
     /// One slice update of every particle of every SMC sampler, after a step in temperature where one is due. On an error no
@@ -228,7 +228,7 @@ impl SmcSamplers {
         seed: u64,
     ) -> Result<Calls> {
         if self.beta <= 0.0 || self.mcmc_steps == mcmc_steps {
-            self.cool(target, seed);
+            self.cool(target, seed)?;
         }
         let tasks: Vec<(usize, usize)> = self
             .smc_samplers

@@ -1,9 +1,14 @@
 //! A product prior of named one-dimensional marginals, with three exact coordinate systems: physical `theta`, unit
 //! cube `u` and standard normals `z = Phi^-1(u)`.
 
+use crate::limits::{OutOfRange, in_range};
 use crate::normal;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
+use std::ops::RangeInclusive;
+
+/// Smallest standard deviation, as a fraction of the range in which a parameter may lie.
+const MIN_SD: f64 = 1e-9;
 
 /// One marginal of a product prior.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -146,6 +151,23 @@ impl Marginal {
             Self::Uniform { lo, hi } => (lo, hi),
             Self::Normal { .. } => (f64::NEG_INFINITY, f64::INFINITY),
             Self::HalfNormal { .. } => (0.0, f64::INFINITY),
+        }
+    }
+
+    /// Checks that the numbers called `lo`, `hi` and `mean` lie in a range, and that `sd` is at most its width and at least 1e-9 of it.
+    /// The distribution itself may reach beyond the range.
+    ///
+    /// # Errors
+    /// [`OutOfRange`] with the key `KEY.lo` (or `.hi`, `.mean`, `.sd`) of the first one that does not.
+    pub fn check_range(&self, key: &str, range: &RangeInclusive<f64>) -> Result<(), OutOfRange> {
+        let place =
+            |name: &str, value: f64| in_range(&format!("{key}.{name}"), value, range.clone());
+        let width = range.end() - range.start();
+        let sd = |value: f64| in_range(&format!("{key}.sd"), value, MIN_SD * width..=width);
+        match *self {
+            Self::Uniform { lo, hi } => place("lo", lo).and_then(|()| place("hi", hi)),
+            Self::Normal { mean, sd: value } => place("mean", mean).and_then(|()| sd(value)),
+            Self::HalfNormal { sd: value } => sd(value),
         }
     }
 

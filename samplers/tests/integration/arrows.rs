@@ -8,7 +8,8 @@ use std::path::Path;
 
 /// From the lowest layer up. `checkpoint` stands before `output`, whose hash of a run is the checkpoints' hash; `nested`
 /// and `hmc` do not know each other, which the order alone cannot say (see the second test).
-const ORDER: [&str; 16] = [
+const ORDER: [&str; 17] = [
+    "limits",
     "error",
     "normal",
     "rng",

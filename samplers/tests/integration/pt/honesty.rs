@@ -121,7 +121,12 @@ fn settings_out_of_range_are_refused_by_name() {
     ];
     for (name, settings) in bad {
         let message = refused(&smooth::iso(2), &settings).to_string();
-        assert!(message.contains(&format!("`{name}`")), "{message}");
+        let range = format!("{name} = ");
+        let rule = format!("`{name}`");
+        assert!(
+            message.starts_with(&range) || message.contains(&rule),
+            "{message}"
+        );
     }
 }
 

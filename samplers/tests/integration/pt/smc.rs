@@ -1,9 +1,10 @@
 //! SMC samplers by themselves: a start that is far off costs rounds, and on streams there are few of them.
 
 use crate::targets::smooth::{self, Smooth};
+use oblate_samplers::control::Silent;
 use oblate_samplers::output::Status;
 use oblate_samplers::pt::{self, Settings};
-use oblate_samplers::{Control, Event, Observer};
+use oblate_samplers::{Control, Error, Event, Marginal, Observer, Outcome, Prior, Target};
 use std::ops::ControlFlow;
 
 /// Keeps what the SMC samplers said last, and stops the run when they are cold.
@@ -57,4 +58,42 @@ fn smc_samplers_led_by_others_keep_ln_z() {
             target.name
         );
     }
+}
+
+/// A likelihood so steep that no step from the prior leaves two SMC particles in effect.
+struct Cliff(Prior);
+
+const STEEP: f64 = 1e40;
+
+impl Target for Cliff {
+    fn prior(&self) -> &Prior {
+        &self.0
+    }
+
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        Outcome::from_ln_likelihood(-STEEP * theta[0])
+    }
+
+    fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
+        gradient.fill(-STEEP);
+        self.ln_likelihood(theta)
+    }
+
+    fn gradient_cost(&self) -> Option<f64> {
+        Some(1.0)
+    }
+}
+
+#[test]
+fn smc_samplers_that_never_become_cold_end_with_an_error() {
+    let unit = Marginal::Uniform { lo: 0.0, hi: 1.0 };
+    let cliff = Cliff(Prior::new([("x", "", unit)]).unwrap());
+    let settings = Settings {
+        chain_sets: 2,
+        smc_particles: 8,
+        mcmc_steps: 1,
+        ..Settings::default()
+    };
+    let error = pt::run(&cliff, &settings, 1, &mut Control::new(&mut Silent)).unwrap_err();
+    assert!(matches!(error, Error::EndlessPath { .. }), "{error}");
 }
