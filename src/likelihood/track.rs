@@ -237,13 +237,15 @@ impl TrackLikelihood {
         }
     }
 
-    /// ln L, and its derivatives with respect to the sums, written into `sums_bar`.
+    /// ln L, with the same bits as from [`ln_likelihood`](Self::ln_likelihood), and its derivatives with respect to the sums, written
+    /// into `sums_bar`.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
     pub fn vjp(&self, sums: &Sums<f64>, by: &mut Sums<f64>) -> std::result::Result<f64, Rejection> {
+        // The value is that of the function without derivatives: dual numbers round otherwise.
+        let total = self.ln_likelihood(sums)?;
         by.reset(self.grid.len);
-        let mut total = 0.0;
         let mut overlap = 0.0;
         // Derivatives of each bin's cover, for the penalty below.
         let mut cover_bar = vec![0.0; self.grid.len];
@@ -251,7 +253,6 @@ impl TrackLikelihood {
             if let Some(d) = d {
                 let [weight, r, r2]: [Dual<3>; 3] = lift(&[sums.weight[i], sums.r[i], sums.r2[i]]);
                 let part = self.part(d, weight, r, r2)?;
-                total += part.ln_likelihood.re;
                 overlap += part.covered.re / self.count as f64;
                 [by.weight[i], by.r[i], by.r2[i]] = gradient_of(&part.ln_likelihood);
                 // The cover depends on the weight alone.
@@ -263,12 +264,7 @@ impl TrackLikelihood {
         for (slot, cover) in by.weight.iter_mut().zip(&cover_bar) {
             *slot -= overlap_bar * cover / self.count as f64;
         }
-        let total = total - penalty.re;
-        if total.is_finite() {
-            Ok(total)
-        } else {
-            Err(Rejection::BadLikelihood)
-        }
+        Ok(total)
     }
 
     /// One bin.

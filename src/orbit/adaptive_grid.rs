@@ -5,7 +5,7 @@
 //! (r / a)^(1/4). Particles stay close enough to their progenitor that one grid is used for all of a release time, and each
 //! particle is still integrated by one fixed sequence of leapfrog maps. The grid depends on the parameters, and its derivative is included.
 
-use super::dense_orbit::{CORE2, clear_and_reserve, locate};
+use super::dense_orbit::{CORE2, TINY_DDX2, clear_and_reserve, locate};
 use super::{DenseOrbit, Node, OrbitTime};
 use crate::scalar::Real;
 
@@ -132,7 +132,7 @@ impl AdaptiveGrid<f64> {
             let node = &orbit.nodes[i];
             let scale = 0.25 * self.rate[i] * rate_bar;
             node_bar.add(0, node.x() * (-scale / (node.x().norm2() + CORE2)));
-            node_bar.add(2, node.ddx() * (scale / node.ddx().norm2()));
+            node_bar.add(2, node.ddx() * (scale / (node.ddx().norm2() + TINY_DDX2)));
         }
     }
 }

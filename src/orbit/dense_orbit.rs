@@ -12,6 +12,10 @@ use serde::{Deserialize, Serialize};
 /// Lower limit of the squared radius, kpc^2, in the orbital frequency, which stays finite for a progenitor at the very centre.
 pub(super) const CORE2: f64 = 1e-4;
 
+/// Added to the square of an acceleration times the squared spacing, kpc^2: at the very centre, where the acceleration is zero, a rate of
+/// turning then has a derivative, and anywhere else this is below rounding.
+pub(super) const TINY_DDX2: f64 = 1e-40;
+
 /// How the progenitor is integrated back in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -68,7 +72,7 @@ impl<S: Scalar> Node<S> {
     /// spacing, with omega^2 = acceleration / radius.
     #[inline(always)]
     pub(super) fn turn4(&self) -> S {
-        self.ddx().norm2() / (self.x().norm2() + CORE2)
+        (self.ddx().norm2() + TINY_DDX2) / (self.x().norm2() + CORE2)
     }
 
     /// Adds a vector to a row.
