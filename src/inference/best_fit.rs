@@ -17,30 +17,31 @@ pub struct Diagnostics {
 }
 
 /// Diagnostics of a fit:
-/// - `bounded_tidal_radius`, `ambiguous_windings`: counts over all evaluations ([`Tally`](crate::Tally));
+/// - `bounded_tidal_radius`, `ambiguous_windings`: the approximations in the best fit's stream ([`Tally`](crate::Tally));
 /// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, and the number of data bins;
 /// - `step_shift_sigma`: largest shift of the best fit's track when all steps are halved, in the data's standard deviations;
 /// - `density_on_minor_axis_msun_kpc3`: the halo's density on its symmetry axis, at the progenitor's distance from the centre.
 ///
-/// If the run has no draws, or its best fit has no track, only the first two are given.
+/// All depend on the draws alone: a run that was stopped and resumed has the same. If there are no draws, or if the best fit has no
+/// track, nothing is given.
 #[must_use]
 pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diagnostics {
     let mut found = Diagnostics::default();
-    let tally = target.tally();
-    found.insert("bounded_tidal_radius", tally.bounded_tidal_radius as f64);
-    found.insert("ambiguous_windings", tally.ambiguous_windings as f64);
     let Some(best) = run.draws.best() else {
         return found;
     };
     let params = target.params(run.draws.theta_row(best));
     let likelihood = target.likelihood();
-    let Ok((here, _)) = likelihood.track_at(&params) else {
+    let Ok((here, particles)) = likelihood.track_at(&params) else {
         return found;
     };
     let finer = likelihood.with_model(likelihood.model().with_twice_the_steps());
     let Ok((there, _)) = finer.track_at(&params) else {
         return found;
     };
+    let tally = particles.tally;
+    found.insert("bounded_tidal_radius", tally.bounded_tidal_radius as f64);
+    found.insert("ambiguous_windings", tally.ambiguous_windings as f64);
     let mut chi2 = 0.0;
     let mut shift = 0.0_f64;
     for (bin, (r, sigma)) in track

@@ -2,14 +2,13 @@
 
 use super::settings::FitSettings;
 use crate::data::ObservedTrack;
-use crate::error::{Rejection, Result, Tally};
+use crate::error::{Rejection, Result};
 use crate::likelihood::{DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
 use crate::params::{DIM, StreamParams, StreamPrior, symmetry};
 use crate::potential::log10_m200;
 use crate::stream::Model;
 use oblate_samplers::limits::Memory;
 use oblate_samplers::{Outcome, Prior, Symmetry, Target};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Cost of a value with gradient in units of a value; docs/validation.md, section 6, has the measured range.
 const GRADIENT_COST: f64 = 3.5;
@@ -19,9 +18,6 @@ pub struct StreamTarget {
     likelihood: StreamLikelihood,
     prior: StreamPrior,
     symmetries: Vec<Symmetry>,
-    // Integer sums do not depend on the order of additions, so these are the same for any number of threads.
-    bounded_tidal_radius: AtomicU64,
-    ambiguous_windings: AtomicU64,
 }
 
 impl StreamTarget {
@@ -61,8 +57,6 @@ impl StreamTarget {
             likelihood,
             prior,
             symmetries,
-            bounded_tidal_radius: AtomicU64::new(0),
-            ambiguous_windings: AtomicU64::new(0),
         }
     }
 
@@ -91,35 +85,13 @@ impl StreamTarget {
     pub fn params(&self, theta: &[f64]) -> StreamParams<f64> {
         self.prior.fill(theta)
     }
+}
 
-    /// Counts of what was bounded or ambiguous, over all evaluations so far.
-    #[must_use]
-    pub fn tally(&self) -> Tally {
-        Tally {
-            bounded_tidal_radius: self.bounded_tidal_radius.load(Ordering::Relaxed),
-            ambiguous_windings: self.ambiguous_windings.load(Ordering::Relaxed),
-        }
-    }
-
-    fn outcome(&self, evaluated: std::result::Result<Evaluation, Rejection>) -> Outcome {
-        match evaluated {
-            Ok(evaluation) => {
-                self.count(evaluation.tally);
-                Outcome::from_ln_likelihood(evaluation.ln_likelihood)
-            }
-            Err(cause) => Outcome::Reject(cause.name()),
-        }
-    }
-
-    fn count(&self, tally: Tally) {
-        if tally.bounded_tidal_radius > 0 {
-            self.bounded_tidal_radius
-                .fetch_add(tally.bounded_tidal_radius, Ordering::Relaxed);
-        }
-        if tally.ambiguous_windings > 0 {
-            self.ambiguous_windings
-                .fetch_add(tally.ambiguous_windings, Ordering::Relaxed);
-        }
+/// What an evaluation is to a sampler.
+fn outcome(evaluated: std::result::Result<Evaluation, Rejection>) -> Outcome {
+    match evaluated {
+        Ok(evaluation) => Outcome::from_ln_likelihood(evaluation.ln_likelihood),
+        Err(cause) => Outcome::Reject(cause.name()),
     }
 }
 
@@ -130,7 +102,7 @@ impl Target for StreamTarget {
 
     fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
         let all = self.params(theta).to_array();
-        self.outcome(self.likelihood.ln_likelihood(&all))
+        outcome(self.likelihood.ln_likelihood(&all))
     }
 
     fn ln_likelihood_bound(&self) -> Option<f64> {
@@ -140,14 +112,14 @@ impl Target for StreamTarget {
     fn ln_likelihoods(&self, thetas: &[Vec<f64>]) -> Vec<Outcome> {
         let all: Vec<[f64; DIM]> = thetas.iter().map(|t| self.params(t).to_array()).collect();
         let evaluated = self.likelihood.ln_likelihoods(&all);
-        evaluated.into_iter().map(|e| self.outcome(e)).collect()
+        evaluated.into_iter().map(outcome).collect()
     }
 
     /// ln L and the truncated gradient: see [`StreamLikelihood::truncated_gradient`].
     fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
         let all = self.params(theta).to_array();
         let evaluated = self.likelihood.truncated_gradient(&all);
-        self.outcome(evaluated.map(|(evaluation, all)| {
+        outcome(evaluated.map(|(evaluation, all)| {
             for (slot, place) in gradient.iter_mut().zip(self.prior.free()) {
                 *slot = all[*place];
             }
