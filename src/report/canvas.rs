@@ -42,9 +42,24 @@ fn place(x: f64) -> f64 {
     }
 }
 
-/// Text made safe for XML.
+/// Text made safe for XML and HTML. Control characters, which neither may hold, become U+FFFD.
 #[must_use]
 pub fn escape(text: &str) -> String {
+    let allowed = |c: char| match c {
+        '\t' | '\n' | '\r' => true,
+        '\u{fffe}' | '\u{ffff}' => false,
+        c => !c.is_control(),
+    };
+    let text: String = text
+        .chars()
+        .map(|c| {
+            if allowed(c) {
+                c
+            } else {
+                char::REPLACEMENT_CHARACTER
+            }
+        })
+        .collect();
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

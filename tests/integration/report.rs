@@ -19,6 +19,8 @@ fn sound(name: &str, svg: String) -> String {
     }
     assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
     assert_eq!(svg.matches("<svg").count(), svg.matches("</svg>").count());
+    let document = roxmltree::Document::parse(&svg);
+    assert!(document.is_ok(), "{name}: {document:?}");
     assert!(svg.contains("<title>"));
     keep(&format!("{name}.svg"), &svg);
     svg
@@ -336,6 +338,68 @@ fn health_shows_every_kind_of_run() {
     assert!(svg.contains("31, 28, 35, 30"));
     let svg = sound("health_refined", health(&runs::refined(2000, 6)));
     assert_eq!(svg.matches("class=\"step\"").count(), 6);
+}
+
+/// Names come from track headers and folders, and may have any characters.
+#[test]
+fn a_name_of_any_characters_makes_sound_figures_and_a_sound_page() {
+    let name: String = (0..0xa0)
+        .chain([0xad, 0xfffd, 0xfffe, 0xffff, 0x1_f30c])
+        .filter_map(char::from_u32)
+        .collect();
+    let run = runs::nested(500, 3);
+    let (mut data, best, draws) = track();
+    data.name.clone_from(&name);
+    let fit = FitPicture {
+        track: &data,
+        draws: &draws,
+        best: &best,
+        particles: &[(1.0, 2.0)],
+        progenitor_angle_deg: 0.0,
+    };
+    let curve = || QCurve {
+        name: name.clone(),
+        q: run.draws.derived_column(0),
+        weights: run.draws.weights(),
+    };
+    let mut columns = corner_columns(&run, 2);
+    columns[0].column.name.clone_from(&name);
+    columns[0].column.unit.clone_from(&name);
+    let figures = [
+        sound("fit_named", fit.svg()),
+        sound("q_named", q_posterior(&[curve(), curve()], None, None)),
+        sound(
+            "corner_named",
+            corner(&columns, &run.draws.weights(), &name),
+        ),
+    ];
+    let context = SummaryContext {
+        command: name.clone(),
+        warnings: vec![name.clone()],
+        ..SummaryContext::default()
+    };
+    let mut summary = Summary::new(&run, &context);
+    summary.parameters[0].0.clone_from(&name);
+    let html = page(
+        &name,
+        &[PageRun {
+            name: &name,
+            summary: &summary,
+            comparison: None,
+            config: &name,
+            figures: &figures.map(|svg| (name.clone(), svg)),
+        }],
+        &[Section {
+            heading: name.clone(),
+            figures: Vec::new(),
+        }],
+    );
+    let foreign = html
+        .chars()
+        .find(|c| c.is_control() && !['\t', '\n', '\r'].contains(c));
+    assert_eq!(foreign, None);
+    // All of a name that text can hold is still there.
+    assert!(html.contains("xyz") && html.contains("&lt;=&gt;") && html.contains('\u{1f30c}'));
 }
 
 #[test]
