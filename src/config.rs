@@ -81,20 +81,21 @@ impl StudyConfig {
     /// Checks every number of all its settings, so that no work is lost to one that is used late.
     ///
     /// # Errors
-    /// As of [`FitSettings::check`], [`MockSettings::check`] and [`PopulationConfig::check`]; [`Error::OutOfRange`] for the number or the
-    /// seed of mocks.
+    /// [`Error::InTable`] with what [`FitSettings::check`], [`MockSettings::check`] or [`PopulationConfig::check`] refuse;
+    /// [`Error::OutOfRange`] for the number or the seed of mocks.
     pub fn check(&self) -> Result<()> {
         if let Some(tracks) = &self.tracks {
-            tracks.fit.check()?;
+            tracks.fit.check().map_err(|e| e.within("tracks.fit"))?;
         }
         if let Some(mocks) = &self.mocks {
             in_range("mocks.count", mocks.count, NUMBERS_OF_MOCKS)?;
             in_range("mocks.seed", mocks.seed, 0..=MAX_SEED)?;
-            mocks.mock.check()?;
-            mocks.fit.check()?;
+            mocks.mock.check().map_err(|e| e.within("mocks.mock"))?;
+            mocks.fit.check().map_err(|e| e.within("mocks.fit"))?;
         }
         if let Some(population) = &self.population {
-            population.settings.check()?;
+            let checked = population.settings.check();
+            checked.map_err(|e| e.within("population.settings"))?;
         }
         Ok(())
     }

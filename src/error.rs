@@ -62,6 +62,14 @@ pub enum Error {
         /// What is wrong with it.
         source: Box<Error>,
     },
+    /// A table of a settings file cannot be used.
+    #[error("[{table}] {source}")]
+    InTable {
+        /// The table as the user writes it.
+        table: &'static str,
+        /// What is wrong with it.
+        source: Box<Error>,
+    },
     /// A setting, flag or argument is out of its range (docs/limits.md).
     #[error(transparent)]
     OutOfRange(#[from] OutOfRange),
@@ -107,6 +115,12 @@ pub enum Error {
         source: std::io::Error,
         /// What to do.
         remedy: &'static str,
+    },
+    /// Standard output could not be written.
+    #[error("standard output: {source}; free space where it goes, or send it elsewhere")]
+    Output {
+        /// The operating system's word.
+        source: std::io::Error,
     },
     /// Another process works in the run folder.
     #[error("{}: another run works in this folder; wait for its end, or use another folder", path.display())]
@@ -261,6 +275,17 @@ pub enum Error {
     /// The sampler stopped.
     #[error(transparent)]
     Sampler(#[from] oblate_samplers::Error),
+}
+
+impl Error {
+    /// The same, in a table of a settings file.
+    #[must_use]
+    pub fn within(self, table: &'static str) -> Self {
+        Self::InTable {
+            table,
+            source: Box::new(self),
+        }
+    }
 }
 
 /// A file with a line, for messages.

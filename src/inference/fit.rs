@@ -42,13 +42,22 @@ pub struct Coarse {
 }
 
 impl FitPlan {
+    /// As [`of_settings`](Self::of_settings), for a track that the prior can reach.
+    ///
+    /// # Errors
+    /// As of [`of_settings`](Self::of_settings); [`Error::UnreachableTrack`] if no draw of the prior comes near the track.
+    pub fn new(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
+        let plan = Self::of_settings(track, settings)?;
+        check_prior_predictive(&plan.target, settings.seed)?;
+        Ok(plan)
+    }
+
     /// Builds the targets and checks all settings, those of the bridge too, so that no work is lost to a setting out of range.
     ///
     /// # Errors
     /// Those of [`FitSettings::check`]; [`Error::Setting`] or [`Error::Sampler`] for settings that do not go together;
-    /// [`Error::TooMuchMemory`] if models, threads and sampler together need too much; [`Error::UnreachableTrack`] if no draw of the
-    /// prior comes near the track.
-    pub fn new(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
+    /// [`Error::TooMuchMemory`] if models, threads and sampler together need too much.
+    pub fn of_settings(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         settings.check()?;
         let target = StreamTarget::from_track(track, settings)?;
         settings.sampling.check(target.dim())?;
@@ -69,7 +78,6 @@ impl FitPlan {
         }
         let remembered = settings.sampling.memory(target.dim());
         memory.clone().and(&remembered, "").check()?;
-        check_prior_predictive(&target, settings.seed)?;
         Ok(Self {
             target,
             coarse,

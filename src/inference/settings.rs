@@ -189,6 +189,14 @@ impl FitSettings {
         self.sampling.check_ranges()
     }
 
+    /// These settings with another sampler.
+    #[must_use]
+    pub fn with_sampler(&self, sampler: Sampler) -> Self {
+        let mut settings = self.clone();
+        settings.sampling.sampler = sampler;
+        settings
+    }
+
     /// These settings without extensions of the last tempered round. Everything else determines the draws, so that two runs which
     /// agree in these settings agree in all draws that they have in common.
     #[must_use]

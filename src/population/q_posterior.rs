@@ -32,6 +32,23 @@ impl QPosterior {
         }
     }
 
+    /// Checks that the prior of a fit is known and reaches over `support`; returns its range.
+    ///
+    /// # Errors
+    /// [`PosteriorFault::UnknownPrior`] or [`PosteriorFault::NarrowPrior`].
+    pub fn check_prior(
+        prior: QPrior,
+        (from, to): (f64, f64),
+    ) -> std::result::Result<(f64, f64), PosteriorFault> {
+        let QPrior::Uniform { lo, hi } = prior else {
+            return Err(PosteriorFault::UnknownPrior);
+        };
+        if !(lo <= from && hi >= to) {
+            return Err(PosteriorFault::NarrowPrior { lo, hi, from, to });
+        }
+        Ok((lo, hi))
+    }
+
     /// Checks the draws, and that the fit's prior reaches over `support`. Returns the prior's log density, which is
     /// the same for every draw.
     ///
@@ -54,13 +71,10 @@ impl QPosterior {
                 weights: self.ln_weight.len(),
             });
         }
-        let QPrior::Uniform { lo, hi } = self.prior else {
-            return refuse(PosteriorFault::UnknownPrior);
+        let (lo, hi) = match Self::check_prior(self.prior, support) {
+            Ok(range) => range,
+            Err(fault) => return refuse(fault),
         };
-        let (from, to) = support;
-        if !(lo <= from && hi >= to) {
-            return refuse(PosteriorFault::NarrowPrior { lo, hi, from, to });
-        }
         if let Some(&q) = self.q.iter().find(|q| !(**q >= lo && **q <= hi)) {
             return refuse(PosteriorFault::OutsideOwnPrior { q, lo, hi });
         }

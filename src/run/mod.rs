@@ -12,6 +12,7 @@ mod render;
 mod session;
 mod stored_fit;
 mod study;
+mod study_inputs;
 mod versions;
 
 pub use bridge::bridge;

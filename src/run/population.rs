@@ -7,9 +7,8 @@ use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
 use crate::inference::{Fit, sample};
 use crate::params::QPrior;
-use crate::population::{PopulationTarget, QPosterior, TruncatedGaussian};
+use crate::population::{Family, PopulationTarget, QPosterior, TruncatedGaussian};
 use crate::posterior::{Summary, SummaryContext, column};
-use oblate_samplers::Target;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -27,6 +26,17 @@ pub fn q_posterior(stored: &StoredRun) -> Result<QPosterior> {
     })
 }
 
+/// Checks the settings of a population, and makes its family.
+///
+/// # Errors
+/// Those of [`PopulationConfig::check`]; [`Error::Setting`] or [`Error::Sampler`] for settings that do not go together.
+pub(super) fn check(config: &PopulationConfig) -> Result<TruncatedGaussian> {
+    config.check()?;
+    let family = TruncatedGaussian::new(config.family)?;
+    config.sampling.check(family.hyperparameters().len())?;
+    Ok(family)
+}
+
 /// Samples the population of finished fits into a run folder.
 ///
 /// # Errors
@@ -42,7 +52,7 @@ pub fn population(
     destination: Destination<'_>,
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
-    config.check()?;
+    let family = check(config)?;
     let stored: Vec<StoredRun> = fits
         .iter()
         .map(|path| RunFolder::open(path)?.read())
@@ -60,9 +70,7 @@ pub fn population(
         ));
     }
     let streams: Vec<QPosterior> = stored.iter().map(q_posterior).collect::<Result<_>>()?;
-    let family = TruncatedGaussian::new(config.family)?;
     let target = PopulationTarget::new(family, &streams, config.reweighting)?;
-    config.sampling.check(target.dim())?;
     let config_toml = to_toml(config)?;
     let hashes: Vec<String> = stored
         .iter()

@@ -6,11 +6,11 @@ use super::folder::IfExists;
 use super::monitor::Monitor;
 use super::population::population;
 use super::session::Destination;
+use super::study_inputs::StudyInputs;
 use crate::config::StudyConfig;
-use crate::data::{ObservedTrack, mocks};
+use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::{Fit, FitSettings, Sampler};
-use crate::params::StreamPrior;
 use crate::posterior::Summary;
 use oblate_samplers::output::Status;
 use std::path::{Path, PathBuf};
@@ -60,8 +60,8 @@ pub type Monitored<'a> =
 /// Runs a study. Track files are relative to `files_from`; `monitored` does the work of one run under a monitor of the caller's.
 ///
 /// # Errors
-/// Those of [`StudyConfig::check`]; [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read, before any work; those of [`mocks`], [`fit`] and
-/// [`population`].
+/// Before the first fit: [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read, and [`Error::InTable`] for settings out of
+/// their range, in whichever table they are. Later those of [`fit`] and [`population`].
 pub fn study(
     config: &StudyConfig,
     files_from: &Path,
@@ -69,7 +69,11 @@ pub fn study(
     monitored: &mut Monitored<'_>,
 ) -> Result<StudyResult> {
     config.check()?;
-    let mut result = StudyResult::default();
+    let inputs = StudyInputs::new(config, files_from)?;
+    let mut result = StudyResult {
+        acceptance: inputs.acceptance,
+        ..StudyResult::default()
+    };
     std::fs::create_dir_all(&config.out).map_err(|source| Error::Io {
         path: config.out.clone(),
         source,
@@ -77,13 +81,8 @@ pub fn study(
     })?;
     let mut runner = Runner { command, monitored };
     if let Some(tracks) = &config.tracks {
-        let read: Vec<ObservedTrack> = tracks
-            .files
-            .iter()
-            .map(|f| ObservedTrack::read(&files_from.join(f)))
-            .collect::<Result<_>>()?;
         let under = config.out.join("fits");
-        for track in &read {
+        for track in &inputs.tracks {
             for sampler in &tracks.samplers {
                 match runner.fit(track, &tracks.fit, *sampler, &under)? {
                     Some(run) => result.tracks.push(run),
@@ -93,13 +92,10 @@ pub fn study(
         }
     }
     if let Some(study) = &config.mocks {
-        let prior = StreamPrior::new(&study.fit.prior)?;
-        let found = mocks(&prior, &study.mock, study.count, study.seed)?;
-        result.acceptance = Some(found.acceptance());
         let under = config.out.join("mocks");
-        for mock in &found.mocks {
+        for track in &inputs.mocks {
             for sampler in &study.samplers {
-                match runner.fit(&mock.track, &study.fit, *sampler, &under)? {
+                match runner.fit(track, &study.fit, *sampler, &under)? {
                     Some(run) => result.mocks.push(run),
                     None => return Ok(result.interrupted()),
                 }
@@ -156,8 +152,7 @@ impl Runner<'_, '_> {
         sampler: Sampler,
         under: &Path,
     ) -> Result<Option<StudyRun>> {
-        let mut settings = settings.clone();
-        settings.sampling.sampler = sampler;
+        let settings = settings.with_sampler(sampler);
         let folder = under.join(format!("{}_{}", track.name, sampler.name()));
         self.run(&track.name, sampler, folder, |destination, monitor| {
             fit(track, &settings, destination, monitor)
