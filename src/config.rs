@@ -152,7 +152,7 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = std::fs::read_to_string(path).map_err(|source| Error::Io {
         path: path.to_path_buf(),
         source,
-        remedy: "give the path of a readable settings file",
+        remedy: "give the path of a readable settings file (UTF-8 text)",
     })?;
     toml::from_str(&text).map_err(|e| Error::Syntax {
         path: path.to_path_buf(),

@@ -1,13 +1,18 @@
-//! The `oblate` command: runs the command line, prints an error, chooses the exit code.
+//! The `oblate` command: runs the command line and passes on its exit code.
 
-use oblate::cli::{self, Exit};
+#![deny(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::print_stderr
+)]
+
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let args: Vec<String> = std::env::args().collect();
-    let exit = cli::run(&args, &mut std::io::stdout()).unwrap_or_else(|error| {
-        eprintln!("error: {}", cli::message(&error));
-        Exit::of(&error)
-    });
+    let args: Vec<OsString> = std::env::args_os().collect();
+    let exit = oblate::cli::run(&args, &mut std::io::stdout());
     ExitCode::from(exit.code())
 }

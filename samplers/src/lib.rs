@@ -54,7 +54,8 @@
         clippy::unwrap_used,
         clippy::expect_used,
         clippy::panic,
-        clippy::print_stdout
+        clippy::print_stdout,
+        clippy::print_stderr
     )
 )]
 

@@ -3,11 +3,11 @@
 use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::options::{Common, ModelFlags};
+use super::output::Output;
 use crate::config::read;
 use crate::error::Result;
 use crate::inference::FitSettings;
 use crate::run::bridge;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Flags of `oblate bridge`.
@@ -37,7 +37,7 @@ pub struct Args {
 }
 
 /// Continues one fit to a finer model.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
     let given: Option<FitSettings> = args.config.as_deref().map(read).transpose()?;
     let change = |settings: &mut FitSettings| {
         if let Some(given) = given {

@@ -1,11 +1,11 @@
 //! `oblate compare`.
 
 use super::exit::Exit;
-use super::options::{Common, say, say_json};
+use super::options::Common;
+use super::output::Output;
 use crate::error::{Error, Result};
 use crate::posterior::{Comparison, compare};
 use crate::run::{RunFolder, StoredRun};
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Flags of `oblate compare`.
@@ -22,7 +22,7 @@ pub struct Args {
 }
 
 /// Compares every run with the first.
-pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let stored: Vec<StoredRun> = args
         .runs
         .iter()
@@ -36,7 +36,7 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
         let comparison = compare(&first.name, &first.run, &other.name, &other.run)?;
         agree &= comparison.agree();
         if common.json {
-            say_json(out, &comparison)?;
+            out.json(&comparison)?;
         } else {
             print(&comparison, out)?;
         }
@@ -44,45 +44,37 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     Ok(if agree { Exit::Done } else { Exit::Failed })
 }
 
-fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
-    say(
-        out,
-        &format!("{} against {}: {}", c.names[0], c.names[1], c.verdict()),
-    )?;
-    say(
-        out,
-        &format!(
-            "ln Z {:.3} +- {:.3} and {:.3} +- {:.3}: difference {:+.2} combined errors",
-            c.ln_z[0].value, c.ln_z[0].error, c.ln_z[1].value, c.ln_z[1].error, c.ln_z_sigma
-        ),
-    )?;
-    say(
-        out,
+fn print(c: &Comparison, out: &mut Output<'_>) -> Result<()> {
+    out.line(&format!(
+        "{} against {}: {}",
+        c.names[0],
+        c.names[1],
+        c.verdict()
+    ))?;
+    out.line(&format!(
+        "ln Z {:.3} +- {:.3} and {:.3} +- {:.3}: difference {:+.2} combined errors",
+        c.ln_z[0].value, c.ln_z[0].error, c.ln_z[1].value, c.ln_z[1].error, c.ln_z_sigma
+    ))?;
+    out.line(
         "           quantity     median_1     median_2  diff/err  diff/w68  distance  expected",
     )?;
     for row in &c.marginals {
-        say(
-            out,
-            &format!(
-                "{:>19} {:12.4} {:12.4} {:+9.2} {:9.3} {:9.3} {:9.3}",
-                row.name,
-                row.median[0],
-                row.median[1],
-                row.sigma,
-                row.shift,
-                row.wasserstein,
-                row.wasserstein_expected
-            ),
-        )?;
+        out.line(&format!(
+            "{:>19} {:12.4} {:12.4} {:+9.2} {:9.3} {:9.3} {:9.3}",
+            row.name,
+            row.median[0],
+            row.median[1],
+            row.sigma,
+            row.shift,
+            row.wasserstein,
+            row.wasserstein_expected
+        ))?;
     }
     for mode in &c.modes {
-        say(
-            out,
-            &format!(
-                "{:>19} {:6.3} +- {:.3} {:6.3} +- {:.3} {:+9.2}",
-                mode.name, mode.weight[0], mode.error[0], mode.weight[1], mode.error[1], mode.sigma
-            ),
-        )?;
+        out.line(&format!(
+            "{:>19} {:6.3} +- {:.3} {:6.3} +- {:.3} {:+9.2}",
+            mode.name, mode.weight[0], mode.error[0], mode.weight[1], mode.error[1], mode.sigma
+        ))?;
     }
     for (i, cost) in c.cost.iter().enumerate() {
         let mut line = format!(
@@ -92,7 +84,7 @@ fn print(c: &Comparison, out: &mut dyn Write) -> Result<()> {
         if let Some(rate) = cost.q_ess_per_cpu_second {
             line.push_str(&format!(", ESS of q {rate:.3} per CPU second"));
         }
-        say(out, &line)?;
+        out.line(&line)?;
     }
     Ok(())
 }

@@ -1,13 +1,14 @@
 //! `oblate evaluate`: the likelihood for programs in any language.
 
 use super::exit::Exit;
-use super::options::{Common, FitFlags, output, say_json};
-use crate::data::ObservedTrack;
+use super::options::{Common, FitFlags};
+use super::output::Output;
+use crate::data::{BYTE_ORDER_MARK, ObservedTrack};
 use crate::error::{Error, Result};
 use crate::inference::StreamTarget;
 use crate::params::{NAMES, StreamParams};
 use serde_json::json;
-use std::io::{BufRead, Write};
+use std::io::BufRead;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -28,12 +29,12 @@ pub struct Args {
     settings: FitFlags,
 }
 
-/// Answers each line before reading the next.
+/// Answers each line before reading the next, until nobody reads the answers.
 pub fn run(
     args: &Args,
     common: &Common,
     input: &mut dyn BufRead,
-    out: &mut dyn Write,
+    out: &mut Output<'_>,
 ) -> Result<Exit> {
     let settings = args.settings.settings()?;
     let track = ObservedTrack::read(&args.track)?;
@@ -41,12 +42,17 @@ pub fn run(
     common.tell_memory(&target.memory(1));
     for (number, line) in input.lines().enumerate() {
         let stdin = PathBuf::from("standard input");
+        let line = line.map_err(|source| Error::Io {
+            path: stdin.clone(),
+            source,
+            remedy: "give UTF-8 text",
+        })?;
+        let line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&line);
         let number = Some(number + 1);
-        let line = line.map_err(output)?;
         if line.trim().is_empty() {
             continue;
         }
-        let params: StreamParams<f64> = serde_json::from_str(&line).map_err(|e| Error::Syntax {
+        let params: StreamParams<f64> = serde_json::from_str(line).map_err(|e| Error::Syntax {
             path: stdin.clone(),
             line: number,
             message: e.to_string(),
@@ -87,8 +93,10 @@ pub fn run(
                 json!({"ln_likelihood": null, "rejected": cause.name(), "seconds": seconds})
             }
         };
-        say_json(out, &answer)?;
-        out.flush().map_err(output)?;
+        out.json(&answer)?;
+        if out.closed() {
+            break;
+        }
     }
     Ok(Exit::Done)
 }

@@ -1,4 +1,4 @@
-//! Exit codes.
+//! Exit codes (docs/files.md, section 9).
 
 use crate::error::Error;
 
@@ -11,7 +11,7 @@ pub enum Exit {
     Failed,
     /// 2: wrong usage or input.
     Usage,
-    /// 130: interrupted, with a checkpoint written.
+    /// 130: interrupted; a run can be resumed from its checkpoint.
     Interrupted,
 }
 
@@ -39,9 +39,10 @@ impl Exit {
         use oblate_samplers::Error as S;
         match error {
             Error::Sampler(S::Interrupted) => Self::Interrupted,
-            Error::Sampler(S::Fatal(_) | S::Infinite { .. } | S::Io { .. }) | Error::NoTrack(_) => {
-                Self::Failed
-            }
+            Error::Sampler(S::Fatal(_) | S::Infinite { .. } | S::Io { .. })
+            | Error::NoTrack(_)
+            | Error::Output { .. } => Self::Failed,
+            Error::InFile { source, .. } | Error::InTable { source, .. } => Self::of(source),
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
                 Self::Failed
             }

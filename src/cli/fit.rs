@@ -3,12 +3,12 @@
 use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::options::{Common, FitFlags, sampler};
+use super::output::{Output, note};
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::{Fit, FitSettings, Sampler};
 use crate::run::{RunFolder, fit};
 use oblate_samplers::output::Status;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Flags of `oblate fit`.
@@ -47,10 +47,10 @@ pub struct Args {
 }
 
 /// Fits one track.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
     let settings = settings(args)?;
     if args.print_config {
-        write!(out, "{}", crate::config::to_toml(&settings)?).map_err(super::options::output)?;
+        out.bytes(crate::config::to_toml(&settings)?.as_bytes())?;
         return Ok(Exit::Done);
     }
     let Some(path) = &args.track else {
@@ -66,7 +66,7 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
         .fill(&label, command, common, out, |destination, monitor| {
             let done = fit(&track, &settings, destination, monitor)?;
             if let Some(hint) = hint(&done, &settings, destination.folder)? {
-                eprintln!("{hint}");
+                note(&hint);
             }
             Ok(done)
         })

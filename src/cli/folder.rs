@@ -1,13 +1,13 @@
 //! What the verbs that fill a run folder share: its flags, the work under a progress display, and the printed result.
 
 use super::exit::Exit;
-use super::options::{Common, LimitFlags, say, say_json};
+use super::options::{Common, LimitFlags};
+use super::output::{Output, note};
 use super::progress::Progress;
 use crate::error::{Error, Result};
 use crate::inference::Fit;
 use crate::run::{Destination, IfExists, Monitor};
 use oblate_samplers::output::Status;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Flags of a run folder.
@@ -33,13 +33,13 @@ impl FolderFlags {
     /// Does `work` into the folder under a progress display called `label`, prints the result and chooses the exit code.
     ///
     /// # Errors
-    /// Those of `work`; [`Error::Io`] if standard output cannot be written.
+    /// Those of `work`; [`Error::Output`] if standard output cannot be written.
     pub fn fill(
         &self,
         label: &str,
         command: &str,
         common: &Common,
-        out: &mut dyn Write,
+        out: &mut Output<'_>,
         work: impl FnOnce(Destination<'_>, &mut Monitor<'_>) -> Result<Fit>,
     ) -> Result<Exit> {
         self.limits.check()?;
@@ -58,13 +58,13 @@ impl FolderFlags {
         let mut progress = Progress::new(label, common, self.limits);
         let fit = work(destination, &mut progress.monitor())?;
         if fit.run.status == Status::Interrupted {
-            eprintln!("interrupted; continue with the same command and --resume");
+            note("interrupted; continue with the same command and --resume");
             return Ok(Exit::Interrupted);
         }
         if common.json {
-            say_json(out, &fit.summary)?;
+            out.json(&fit.summary)?;
         } else {
-            say(out, &format!("{}\nin {}", fit.summary, folder.display()))?;
+            out.line(&format!("{}\nin {}", fit.summary, folder.display()))?;
         }
         Ok(Exit::of_runs(
             fit.summary.converged || self.allow_unconverged,

@@ -3,9 +3,9 @@
 use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::options::Common;
+use super::output::Output;
 use crate::error::Result;
 use crate::run::merge;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Flags of `oblate merge`.
@@ -22,7 +22,7 @@ pub struct Args {
 }
 
 /// Merges fits.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
     args.folder
         .fill("merge", command, common, out, |destination, monitor| {
             merge(&args.runs, destination, monitor)

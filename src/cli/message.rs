@@ -1,48 +1,141 @@
-//! The message of an error on the command line: the library's own, and which flags help.
+//! The message of an error on the command line: the library's own, and which flags of the verb help.
 
 use crate::error::{Error, Rejection};
+use clap::Command;
+use clap::parser::ValueSource;
 use oblate_samplers::error::CheckpointFault;
+use std::ffi::OsString;
 
-/// The message of an error, with the flags that help where there are any.
-#[must_use]
-pub fn message(error: &Error) -> String {
-    match flags(error) {
-        Some(flags) => format!("{error}; {flags}"),
+/// The message of an error, with the flags that help. Only flags that the verb has are named, and a switch that was given is not
+/// proposed again.
+pub fn with_flags(error: &Error, flags: &Flags) -> String {
+    match hint(error, flags) {
+        Some(hint) => format!("{error}; {hint}"),
         None => error.to_string(),
     }
 }
 
-fn flags(error: &Error) -> Option<&'static str> {
-    use oblate_samplers::Error as S;
-    Some(match error {
-        Error::Exists { path } if path.is_file() => {
-            "choose another --out, or replace it with --force"
+/// The flags of a command line's verb.
+#[derive(Default)]
+pub struct Flags {
+    /// All that the verb has.
+    known: Vec<String>,
+    /// Those that were given.
+    given: Vec<String>,
+}
+
+impl Flags {
+    /// Those of the command line `args` of a command; none if it is not valid.
+    pub fn of(mut command: Command, args: &[OsString]) -> Self {
+        let mut flags = Self::default();
+        let Ok(matches) = command.try_get_matches_from_mut(args) else {
+            return flags;
+        };
+        let Some((verb, given)) = matches.subcommand() else {
+            return flags;
+        };
+        for argument in command
+            .find_subcommand(verb)
+            .into_iter()
+            .flat_map(Command::get_arguments)
+        {
+            if let Some(flag) = argument.get_long() {
+                flags.known.push(format!("--{flag}"));
+                if given.value_source(argument.get_id().as_str()) == Some(ValueSource::CommandLine)
+                {
+                    flags.given.push(format!("--{flag}"));
+                }
+            }
         }
-        Error::Exists { .. } => {
-            "choose another --out, continue the run with --resume, or replace it with --force"
+        flags
+    }
+
+    /// Whether the verb has a flag.
+    fn has(&self, flag: &str) -> bool {
+        self.known.iter().any(|known| known == flag)
+    }
+
+    /// Whether the verb has a switch that was not given.
+    fn offers(&self, switch: &str) -> bool {
+        self.has(switch) && !self.given.iter().any(|given| given == switch)
+    }
+
+    /// Those of some flags that the verb has.
+    fn among<'a>(&self, flags: &[&'a str]) -> Vec<&'a str> {
+        let of = flags.iter().copied();
+        of.filter(|flag| self.has(flag)).collect()
+    }
+}
+
+fn hint(error: &Error, flags: &Flags) -> Option<String> {
+    use oblate_samplers::Error as S;
+    let some = |words: &str| Some(words.to_owned());
+    match error {
+        Error::InFile { source, .. } | Error::InTable { source, .. } => hint(source, flags),
+        Error::Exists { path } => {
+            let is_run = flags.has("--resume");
+            let mut ways = Vec::new();
+            if let Some(to) = flags.among(&["--particles-out", "--out"]).first() {
+                ways.push(format!("choose another {to}"));
+            }
+            if path.is_dir() && flags.offers("--resume") {
+                ways.push("continue the run with --resume".to_owned());
+            }
+            // Verbs that fill a run folder replace folders, the others files.
+            if path.is_dir() == is_run && flags.offers("--force") {
+                ways.push("replace it with --force".to_owned());
+            }
+            alternatives(&ways)
+        }
+        Error::OtherInputs { .. } if flags.offers("--force") => {
+            some("resume with the settings in its config.toml, or start again with --force")
         }
         Error::OtherInputs { .. } => {
-            "resume with the settings in its config.toml, or start again with --force"
+            some("choose another folder with --out").filter(|_| flags.has("--out"))
         }
-        Error::NotConverged { .. } => "--allow-unconverged uses it all the same",
-        Error::SameModel => "give --profile fast, or more --particles or --steps",
-        Error::NotAFit { .. } => "give a run folder that `oblate fit` made",
-        Error::NotNested { .. } => "`oblate bridge` makes one",
+        Error::NotConverged { .. } => some("--allow-unconverged uses it all the same")
+            .filter(|_| flags.offers("--allow-unconverged")),
+        Error::SameModel => {
+            let finer = flags.among(&["--particles", "--steps"]);
+            let mut ways: Vec<String> = flags
+                .has("--profile")
+                .then(|| "give --profile fast".to_owned())
+                .into_iter()
+                .collect();
+            ways.extend(finer.iter().map(|flag| format!("more {flag}")));
+            alternatives(&ways)
+        }
+        Error::NotAFit { .. } => some("give a run folder that `oblate fit` made"),
+        Error::NotNested { .. } => some("`oblate bridge` makes one"),
         Error::Syntax { path, .. } if path.extension().is_some_and(|e| e == "toml") => {
-            "`oblate fit --print-config` shows every key and its default"
+            some("`oblate fit --print-config` shows every key and its default")
+                .filter(|_| flags.has("--config") && flags.has("--profile"))
         }
         Error::Io { path, .. } if path.ends_with(crate::run::SUMMARY_FILE) => {
-            "`oblate fit` with --resume continues it"
+            some("`oblate fit --resume` continues it")
         }
         Error::Io { path, .. } if path.ends_with("config.toml") => {
-            "`oblate fit` and `oblate population` make run folders"
+            some("`oblate fit` and `oblate population` make run folders")
         }
-        Error::NoTrack(Rejection::UnresolvedOrbit) => "give more --steps",
+        Error::NoTrack(Rejection::UnresolvedOrbit) => {
+            some("give more --steps").filter(|_| flags.has("--steps"))
+        }
         Error::Sampler(S::Checkpoint {
             fault: CheckpointFault::OtherSettings | CheckpointFault::OtherTarget,
             ..
-        }) => "start again with --force",
-        Error::Sampler(S::Interrupted) => "the same command with --resume continues it",
-        _ => return None,
-    })
+        }) if flags.offers("--force") => some("start again with --force"),
+        Error::Sampler(S::Interrupted) if flags.has("--resume") => {
+            some("the same command with --resume continues it")
+        }
+        _ => None,
+    }
+}
+
+/// Some remedies in words: `a`, `a, or b`, `a, b, or c`.
+fn alternatives(ways: &[String]) -> Option<String> {
+    let (last, others) = ways.split_last()?;
+    if others.is_empty() {
+        return Some(last.clone());
+    }
+    Some(format!("{}, or {last}", others.join(", ")))
 }

@@ -1,13 +1,13 @@
 //! `oblate mock`.
 
 use super::exit::Exit;
-use super::options::{Common, ModelFlags, output, refuse_existing, say, say_json, write_file};
+use super::options::{Common, ModelFlags, finite, refuse_existing, write_file};
+use super::output::{Output, shown};
 use crate::config::to_toml;
 use crate::data::{MockSettings, QPopulation, mocks};
 use crate::error::{Error, Result};
 use crate::params::{PriorSettings, StreamPrior};
 use serde_json::json;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Flags of `oblate mock`.
@@ -29,7 +29,7 @@ pub struct Args {
     #[arg(long, value_name = "MU,SIGMA", value_parser = population)]
     population: Option<QPopulation>,
     /// Relative noise of each radius
-    #[arg(long)]
+    #[arg(long, value_parser = finite)]
     noise: Option<f64>,
     /// Replace files that exist
     #[arg(long)]
@@ -39,18 +39,17 @@ pub struct Args {
 }
 
 fn population(text: &str) -> std::result::Result<QPopulation, String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .filter_map(|t| t.trim().parse().ok())
-        .collect();
-    match numbers[..] {
-        [mu, sigma] if text.split(',').count() == 2 => Ok(QPopulation { mu, sigma }),
-        _ => Err("give two numbers, such as 0.8,0.1".to_owned()),
+    match text
+        .split_once(',')
+        .map(|(mu, sigma)| (finite(mu.trim()), finite(sigma.trim())))
+    {
+        Some((Ok(mu), Ok(sigma))) => Ok(QPopulation { mu, sigma }),
+        _ => Err("give two finite numbers, such as 0.8,0.1".to_owned()),
     }
 }
 
 /// Makes the mocks.
-pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let mut settings = MockSettings {
         population: args.population,
         ..MockSettings::default()
@@ -87,7 +86,7 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
         let parameters = args.out.join(format!("{}.toml", mock.track.name));
         write_file(&parameters, to_toml(&mock.params)?.as_bytes())?;
         rows.push(json!({
-            "name": mock.track.name, "track": file, "q": mock.q, "bins": mock.track.len(),
+            "name": mock.track.name, "track": shown(&file), "q": mock.q, "bins": mock.track.len(),
             "length_kpc": mock.length_kpc, "truth": mock.params,
         }));
     }
@@ -95,32 +94,25 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
         "seed": args.seed, "tried": found.tried, "accepted": found.mocks.len(),
         "acceptance": found.acceptance(), "settings": settings, "mocks": rows,
     });
-    let listing = serde_json::to_vec_pretty(&all).map_err(|e| output(std::io::Error::other(e)))?;
-    write_file(&args.out.join("mocks.json"), &listing)?;
+    write_file(&args.out.join("mocks.json"), format!("{all:#}").as_bytes())?;
     if common.json {
-        say_json(out, &all)?;
+        out.json(&all)?;
     } else {
         for mock in &found.mocks {
-            say(
-                out,
-                &format!(
-                    "{}: {} bins, {:.0} kpc, q = {:.3}",
-                    mock.track.name,
-                    mock.track.len(),
-                    mock.length_kpc,
-                    mock.q
-                ),
-            )?;
+            out.line(&format!(
+                "{}: {} bins, {:.0} kpc, q = {:.3}",
+                mock.track.name,
+                mock.track.len(),
+                mock.length_kpc,
+                mock.q
+            ))?;
         }
-        say(
-            out,
-            &format!(
-                "{} of {} prior draws meet the criteria: {:.1} %",
-                found.mocks.len(),
-                found.tried,
-                100.0 * found.acceptance()
-            ),
-        )?;
+        out.line(&format!(
+            "{} of {} prior draws meet the criteria: {:.1} %",
+            found.mocks.len(),
+            found.tried,
+            100.0 * found.acceptance()
+        ))?;
     }
     Ok(Exit::Done)
 }

@@ -1,4 +1,4 @@
-//! The command line, one file per verb. A verb parses its flags, calls the library and writes to the given writer.
+//! The command line, one file per verb. A verb parses its flags, calls the library and writes its results to standard output.
 
 mod bridge;
 mod compare;
@@ -10,6 +10,7 @@ mod merge;
 mod message;
 mod mock;
 mod options;
+mod output;
 mod population;
 mod progress;
 mod report;
@@ -17,11 +18,13 @@ mod stream;
 mod study;
 
 pub use exit::Exit;
-pub use message::message;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use clap::{CommandFactory, Parser, Subcommand};
+use message::{Flags, with_flags};
 use options::Common;
+use output::{Output, note};
+use std::ffi::OsString;
 use std::io::Write;
 
 /// The shapes of dark-matter haloes from the projected tracks of stellar streams.
@@ -65,43 +68,63 @@ enum Verb {
     Man,
 }
 
-/// Runs the command line `args` (the first is the program's name) with `out` as standard output.
-///
-/// # Errors
-/// Those of the verb's library function; the caller prints the error and exits with [`Exit::of`].
-pub fn run(args: &[String], out: &mut dyn Write) -> Result<Exit> {
+/// The command line as clap knows it: every verb with its flags.
+#[must_use]
+pub fn command() -> clap::Command {
+    Cli::command()
+}
+
+/// The message of an error of the command line `args`: the library's own, and which flags help.
+#[must_use]
+pub fn message(error: &Error, args: &[OsString]) -> String {
+    with_flags(error, &Flags::of(command(), args))
+}
+
+/// Runs the command line `args` (the first is the program's name) with `out` as standard output. An error is told on standard error.
+pub fn run(args: &[OsString], out: &mut dyn Write) -> Exit {
+    answer(args, &mut Output::new(out)).unwrap_or_else(|error| {
+        note(&format!("error: {}", message(&error, args)));
+        Exit::of(&error)
+    })
+}
+
+fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
-        Err(e) => {
-            let exit = if e.use_stderr() {
-                Exit::Usage
-            } else {
-                Exit::Done
-            };
-            // Clap writes help to standard output and errors to standard error; a closed pipe is no failure.
-            let _ = e.print();
-            return Ok(exit);
+        Err(wrong) if wrong.use_stderr() => {
+            let _ = wrong.print();
+            return Ok(Exit::Usage);
+        }
+        // Help and the version are results.
+        Err(asked) => {
+            out.settle(asked.print())?;
+            return Ok(Exit::Done);
         }
     };
-    let command = args.get(1..).unwrap_or_default().join(" ");
+    let words: Vec<_> = args.iter().skip(1).map(|a| a.to_string_lossy()).collect();
+    let line = words.join(" ");
     cli.common.in_pool(|| match &cli.verb {
         Verb::Mock(a) => mock::run(a, &cli.common, out),
         Verb::Stream(a) => stream::run(a, &cli.common, out),
         Verb::Evaluate(a) => evaluate::run(a, &cli.common, &mut std::io::stdin().lock(), out),
-        Verb::Fit(a) => fit::run(a, &cli.common, &command, out),
-        Verb::Bridge(a) => bridge::run(a, &cli.common, &command, out),
-        Verb::Merge(a) => merge::run(a, &cli.common, &command, out),
+        Verb::Fit(a) => fit::run(a, &cli.common, &line, out),
+        Verb::Bridge(a) => bridge::run(a, &cli.common, &line, out),
+        Verb::Merge(a) => merge::run(a, &cli.common, &line, out),
         Verb::Compare(a) => compare::run(a, &cli.common, out),
-        Verb::Population(a) => population::run(a, &cli.common, &command, out),
+        Verb::Population(a) => population::run(a, &cli.common, &line, out),
         Verb::Report(a) => report::run(a, &cli.common, out),
-        Verb::Run(a) => study::run(a, &cli.common, &command, out),
+        Verb::Run(a) => study::run(a, &cli.common, &line, out),
         Verb::Completions { shell } => {
-            clap_complete::generate(*shell, &mut Cli::command(), "oblate", &mut *out);
+            // Into memory first: clap's generator panics where it cannot write.
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut command(), "oblate", &mut script);
+            out.bytes(&script)?;
             Ok(Exit::Done)
         }
         Verb::Man => {
-            let page = clap_mangen::Man::new(Cli::command());
-            page.render(&mut *out).map_err(options::output)?;
+            let mut page = Vec::new();
+            out.settle(clap_mangen::Man::new(command()).render(&mut page))?;
+            out.bytes(&page)?;
             Ok(Exit::Done)
         }
     })

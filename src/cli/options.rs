@@ -1,5 +1,6 @@
 //! Flags that verbs share, and how they change settings.
 
+use super::output::note;
 use crate::config::read;
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, Profile, Sampler};
@@ -7,7 +8,6 @@ use crate::spray::SamplingScheme;
 use crate::stream::ModelSettings;
 use clap::{Args, ValueEnum};
 use oblate_samplers::limits::{Memory, in_range};
-use std::io::Write;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -58,8 +58,7 @@ impl Common {
     /// Tells on standard error how much memory will be taken, if it is much.
     pub fn tell_memory(&self, memory: &Memory) {
         if let Some(warning) = memory.warning().filter(|_| !self.quiet) {
-            // Output is no reason to stop.
-            let _ = writeln!(std::io::stderr(), "warning: {warning}");
+            note(&format!("warning: {warning}"));
         }
     }
 }
@@ -191,24 +190,12 @@ pub fn sampler(text: &str) -> std::result::Result<Sampler, String> {
     text.parse::<Sampler>().map_err(|e| e.to_string())
 }
 
-/// A failed write to standard output.
-pub fn output(source: std::io::Error) -> Error {
-    Error::Io {
-        path: PathBuf::from("standard output"),
-        source,
-        remedy: "check what reads it",
+/// A finite number on the command line.
+pub fn finite(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err("give a finite number".to_owned()),
     }
-}
-
-/// Writes one line.
-pub fn say(out: &mut dyn Write, line: &str) -> Result<()> {
-    writeln!(out, "{line}").map_err(output)
-}
-
-/// Writes a value as JSON on one line.
-pub fn say_json(out: &mut dyn Write, value: &impl serde::Serialize) -> Result<()> {
-    let text = serde_json::to_string(value).map_err(|e| output(std::io::Error::other(e)))?;
-    say(out, &text)
 }
 
 /// Fails if a file exists, unless `force` is given.

@@ -3,11 +3,11 @@
 use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::options::{Common, sampler};
+use super::output::Output;
 use crate::config::{PopulationConfig, read};
 use crate::error::Result;
 use crate::inference::Sampler;
 use crate::run::population;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Flags of `oblate population`.
@@ -33,7 +33,7 @@ pub struct Args {
 }
 
 /// Samples the population of finished fits: a truncated Gaussian of q.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
     let mut config: PopulationConfig = match &args.config {
         Some(path) => read(path)?,
         None => PopulationConfig::default(),

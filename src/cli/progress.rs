@@ -1,6 +1,7 @@
 //! Progress of long work on standard error: a bar on a terminal, plain lines otherwise.
 
 use super::options::{Common, LimitFlags};
+use super::output::note;
 use crate::run::Monitor;
 use indicatif::{ProgressBar, ProgressStyle};
 use oblate_samplers::{Event, Observer};
@@ -64,10 +65,9 @@ impl Progress {
         Monitor {
             interrupt: interrupt(),
             checkpoint_every: Duration::from_secs(self.limits.checkpoint_every),
-            max_wall: self
-                .limits
-                .max_minutes
-                .map_or(Duration::MAX, |minutes| Duration::from_secs(60 * minutes)),
+            max_wall: self.limits.max_minutes.map_or(Duration::MAX, |minutes| {
+                Duration::from_secs(minutes.saturating_mul(60))
+            }),
             observer: self,
         }
     }
@@ -82,7 +82,7 @@ impl Progress {
             }
         } else if self.plain && (always || self.last.elapsed() >= LINE_EVERY) {
             self.last = Instant::now();
-            eprintln!("{}: {message}", self.label);
+            note(&format!("{}: {message}", self.label));
         }
     }
 }

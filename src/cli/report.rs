@@ -1,10 +1,10 @@
 //! `oblate report`.
 
 use super::exit::Exit;
-use super::options::{Common, refuse_existing, say, say_json};
+use super::options::{Common, refuse_existing};
+use super::output::{Output, shown};
 use crate::error::Result;
 use crate::run::render_report;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Flags of `oblate report`.
@@ -29,13 +29,13 @@ pub struct Args {
 }
 
 /// Writes the page.
-pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     refuse_existing(&args.out, args.force)?;
     render_report(&args.title, &args.runs, &args.out)?;
     if common.json {
-        say_json(out, &serde_json::json!({"report": args.out}))?;
+        out.json(&serde_json::json!({"report": shown(&args.out)}))?;
     } else {
-        say(out, &format!("{}", args.out.display()))?;
+        out.line(&format!("{}", args.out.display()))?;
     }
     Ok(Exit::Done)
 }

@@ -1,7 +1,8 @@
 //! `oblate stream`.
 
 use super::exit::Exit;
-use super::options::{Common, ModelFlags, refuse_existing, say, say_json, write_file};
+use super::options::{Common, ModelFlags, finite, refuse_existing, write_file};
+use super::output::Output;
 use crate::config::read;
 use crate::error::{Error, Result};
 use crate::inference::Profile;
@@ -10,7 +11,6 @@ use crate::stream::{Model, Particles, System};
 use crate::track::{BIN_WIDTHS_DEG, BinEdges, Track};
 use oblate_samplers::limits::in_range;
 use serde_json::json;
-use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -21,13 +21,13 @@ pub struct Args {
     /// The 13 parameters as TOML
     params: PathBuf,
     /// Bin width in degrees
-    #[arg(long, default_value_t = 10.0)]
+    #[arg(long, default_value_t = 10.0, value_parser = finite)]
     bin_width: f64,
     /// Half-width of soft bin edges in degrees; 0: hard edges
-    #[arg(long, default_value_t = 2.0)]
+    #[arg(long, default_value_t = 2.0, value_parser = finite)]
     edge: f64,
     /// Minimum fraction of all particles that a bin of the track must have
-    #[arg(long, default_value_t = 0.005)]
+    #[arg(long, default_value_t = 0.005, value_parser = finite)]
     min_fraction: f64,
     /// Write the particles to this CSV file
     #[arg(long, value_name = "FILE")]
@@ -40,7 +40,7 @@ pub struct Args {
 }
 
 /// Computes one stream.
-pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let params: StreamParams<f64> = read(&args.params)?;
     let prior = StreamPrior::new(&PriorSettings::default())?;
     prior.check_inside(&params).map_err(|e| Error::InFile {
@@ -81,43 +81,36 @@ pub fn run(args: &Args, common: &Common, out: &mut dyn Write) -> Result<Exit> {
     if common.json {
         let column =
             |f: fn(&crate::track::TrackBin) -> f64| track.bins.iter().map(f).collect::<Vec<f64>>();
-        say_json(
-            out,
-            &json!({
-                "track": {
-                    "phi_deg": column(|b| b.phi_deg), "r_kpc": column(|b| b.r_kpc),
-                    "r_err_kpc": column(|b| b.r_err_kpc), "n": column(|b| b.n),
-                },
-                "q": shape.q,
-                "axis": shape.axis.to_array(),
-                "diagnostics": {
-                    "bounded_tidal_radius": particles.tally.bounded_tidal_radius,
-                    "ambiguous_windings": particles.tally.ambiguous_windings,
-                    "orbit_energy_error": solution.orbit.energy_error(&solution.host),
-                    "particles": particles.len(),
-                },
-                "seconds": seconds,
-            }),
-        )?;
+        out.json(&json!({
+            "track": {
+                "phi_deg": column(|b| b.phi_deg), "r_kpc": column(|b| b.r_kpc),
+                "r_err_kpc": column(|b| b.r_err_kpc), "n": column(|b| b.n),
+            },
+            "q": shape.q,
+            "axis": shape.axis.to_array(),
+            "diagnostics": {
+                "bounded_tidal_radius": particles.tally.bounded_tidal_radius,
+                "ambiguous_windings": particles.tally.ambiguous_windings,
+                "orbit_energy_error": solution.orbit.energy_error(&solution.host),
+                "particles": particles.len(),
+            },
+            "seconds": seconds,
+        }))?;
     } else {
-        say(
-            out,
-            &format!("q = {:.4}, axis = {:.3?}", shape.q, shape.axis.to_array()),
-        )?;
-        say(out, " phi/deg     r/kpc   +-/kpc        n")?;
+        out.line(&format!(
+            "q = {:.4}, axis = {:.3?}",
+            shape.q,
+            shape.axis.to_array()
+        ))?;
+        out.line(" phi/deg     r/kpc   +-/kpc        n")?;
         for b in &track.bins {
-            say(
-                out,
-                &format!(
-                    "{:8.1} {:9.3} {:8.3} {:8.1}",
-                    b.phi_deg, b.r_kpc, b.r_err_kpc, b.n
-                ),
-            )?;
+            out.line(&format!(
+                "{:8.1} {:9.3} {:8.3} {:8.1}",
+                b.phi_deg, b.r_kpc, b.r_err_kpc, b.n
+            ))?;
         }
         if particles.tally.ambiguous_windings > 0 {
-            say(
-                out,
-                &format!(
+            out.line(&format!(
                     "{} particle steps cover more than 90 degrees, so that windings are ambiguous: give more --steps",
                     particles.tally.ambiguous_windings
                 ),

@@ -1,14 +1,14 @@
 //! `oblate run`.
 
 use super::exit::Exit;
-use super::options::{Common, LimitFlags, say, say_json};
+use super::options::{Common, LimitFlags};
+use super::output::{Output, note, shown};
 use super::progress::Progress;
 use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
 use crate::posterior::{Summary, compare};
 use crate::run::{RunFolder, StudyResult, StudyRun, render_report, study};
 use serde_json::json;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Flags of `oblate run`.
@@ -29,7 +29,7 @@ pub struct Args {
 }
 
 /// Runs a study and writes its report.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> Result<Exit> {
+pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
     args.limits.check()?;
     let mut config: StudyConfig = read(&args.study)?;
     if let Some(folder) = &args.out {
@@ -47,9 +47,17 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
     let result = study(&config, files_from, command, &mut |label, work| {
         let mut progress = Progress::new(label, common, args.limits);
         work(&mut progress.monitor())
+    })
+    .map_err(|error| match error {
+        Error::InTable { .. } => Error::InFile {
+            path: args.study.clone(),
+            line: None,
+            source: Box::new(error),
+        },
+        other => other,
     })?;
     if result.interrupted {
-        eprintln!("interrupted; continue with the same command");
+        note("interrupted; continue with the same command");
         return Ok(Exit::Interrupted);
     }
     let page = config.out.join("report.html");
@@ -57,15 +65,12 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
     render_report(&config.title, &folders, &page)?;
     if common.json {
         let rows: Vec<_> = result.runs()
-            .map(|p| json!({"name": p.name, "sampler": p.sampler, "folder": p.folder, "summary": p.summary}))
+            .map(|p| json!({"name": p.name, "sampler": p.sampler, "folder": shown(&p.folder), "summary": p.summary}))
             .collect();
-        say_json(
-            out,
-            &json!({"runs": rows, "acceptance": result.acceptance, "report": page}),
-        )?;
+        out.json(&json!({"runs": rows, "acceptance": result.acceptance, "report": shown(&page)}))?;
     } else {
         print(&result, out)?;
-        say(out, &format!("report: {}", page.display()))?;
+        out.line(&format!("report: {}", page.display()))?;
     }
     let converged = result.runs().all(|p| p.summary.converged);
     Ok(Exit::of_runs(
@@ -73,22 +78,17 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut dyn Write) -> 
     ))
 }
 
-fn print(result: &StudyResult, out: &mut dyn Write) -> Result<()> {
-    say(
-        out,
-        "run                               ln Z              result                      ESS   calls  gradients  CPU/s",
+fn print(result: &StudyResult, out: &mut Output<'_>) -> Result<()> {
+    out.line("run                               ln Z              result                      ESS   calls  gradients  CPU/s",
     )?;
     for run in result.runs() {
-        say(out, &row(run))?;
+        out.line(&row(run))?;
     }
     if let Some(acceptance) = result.acceptance {
-        say(
-            out,
-            &format!(
-                "{:.1} % of prior draws met the criteria of a mock",
-                100.0 * acceptance
-            ),
-        )?;
+        out.line(&format!(
+            "{:.1} % of prior draws met the criteria of a mock",
+            100.0 * acceptance
+        ))?;
     }
     // Runs of different samplers on one track are compared.
     for group in [&result.tracks, &result.mocks, &result.populations] {
@@ -99,20 +99,17 @@ fn print(result: &StudyResult, out: &mut dyn Write) -> Result<()> {
                     RunFolder::open(&b.folder)?.read()?,
                 );
                 let c = compare(&ra.name, &ra.run, &rb.name, &rb.run)?;
-                say(out, &format!("{}: {}", a.name, c.verdict()))?;
+                out.line(&format!("{}: {}", a.name, c.verdict()))?;
             }
         }
     }
     for run in result.runs().filter(|p| !p.summary.converged) {
-        say(
-            out,
-            &format!(
-                "{} {}: {}",
-                run.name,
-                run.sampler.name(),
-                run.summary.verdict()
-            ),
-        )?;
+        out.line(&format!(
+            "{} {}: {}",
+            run.name,
+            run.sampler.name(),
+            run.summary.verdict()
+        ))?;
     }
     Ok(())
 }

@@ -9,6 +9,9 @@ use std::path::Path;
 /// Kiloparsecs per arcsecond and megaparsec: 1000 / 206264.806...
 const KPC_PER_ARCSEC_MPC: f64 = 1000.0 * std::f64::consts::PI / (180.0 * 3600.0);
 
+/// What some editors put at the beginning of a text file.
+pub(crate) const BYTE_ORDER_MARK: char = '\u{feff}';
+
 /// The body of a file: columns by name, each row with its line.
 struct Table {
     names: Vec<String>,
@@ -22,6 +25,7 @@ fn track(path: &Path) -> Result<ObservedTrack> {
         source,
         remedy: "give the path of a readable ECSV or CSV track (UTF-8 text)",
     })?;
+    let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&text);
     let lines: Vec<&str> = text.lines().collect();
     let comments = lines.iter().take_while(|l| l.starts_with('#')).count();
     let header = if lines.first().is_some_and(|l| l.starts_with("# %ECSV")) {
@@ -34,7 +38,7 @@ fn track(path: &Path) -> Result<ObservedTrack> {
         Some(h) => h.delimiter.unwrap_or(b' '),
         None => b',',
     };
-    let table = Table::parse(path, &text, delimiter)?;
+    let table = Table::parse(path, text, delimiter)?;
     let mut header = header.unwrap_or_default();
 
     let (phi, phi_unit) = (table.need(path, "phi")?, header.units.get("phi"));

@@ -1,5 +1,11 @@
 //! The command itself: machine-readable output, exit codes, and one clear error for each bad input.
 
+mod arguments;
+mod exit;
+mod message;
+mod output;
+mod study;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -2,10 +2,15 @@
 
 use crate::runs;
 use oblate::Error;
-use oblate::cli::message;
 use oblate::data::ObservedTrack;
 use oblate::posterior::{Summary, SummaryContext, zarr};
 use oblate::run::{RunFolder, Versions};
+
+/// The message of an error of `oblate fit`.
+fn message(error: &Error) -> String {
+    let args = ["oblate", "fit", "track.ecsv", "--out", "run"];
+    oblate::cli::message(error, &args.map(Into::into))
+}
 
 fn finished(path: &std::path::Path) -> RunFolder {
     let run = runs::nested(200, 1);

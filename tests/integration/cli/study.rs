@@ -1,0 +1,110 @@
+//! A study with a setting that no run could use is refused before its first fit, with file, table, key and remedy.
+
+use super::{oblate, refused, write};
+
+/// A study of three mocks that would take hours.
+const STUDY: &str = r#"
+title = "a study"
+out = "OUT"
+[tracks]
+files = ["track.csv"]
+samplers = ["nested"]
+[mocks]
+count = 1
+seed = 7
+samplers = ["pt-hmc"]
+mock = { model = { releases = { particles = 2000 } } }
+[population]
+samplers = ["nested"]
+"#;
+
+const TRACK: &str = "phi,r\n-15,60\n-5,61\n5,62\n15,63\n";
+
+#[test]
+fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "track.csv", TRACK);
+    let out = folder.path().join("results");
+    let study = STUDY.replace("OUT", &out.display().to_string());
+    let with = |table: &str, more: &str| {
+        let header = format!("[{table}]\n");
+        if study.contains(&header) {
+            study.replace(&header, &format!("{header}{more}\n"))
+        } else {
+            format!("{study}[{table}]\n{more}\n")
+        }
+    };
+    for (text, words) in [
+        (
+            with("population.settings", "family = { q_min = 2.0 }"),
+            &["[population.settings]", "family.q_min = 2", "q_min < q_max"][..],
+        ),
+        (
+            with("population.settings", "reweighting = { max_draws = 0 }"),
+            &["[population.settings]", "reweighting.max_draws"],
+        ),
+        (
+            with("population.settings", "sampling.nested = { n_live = 2 }"),
+            &["[population.settings]", "n_live"],
+        ),
+        (
+            study.replace(
+                "[population]\nsamplers = [\"nested\"]",
+                "[population]\nsamplers = []",
+            ),
+            &["[population]", "samplers", "pt-hmc"],
+        ),
+        (
+            study.replace("samplers = [\"pt-hmc\"]", "samplers = []"),
+            &["[mocks]", "samplers"],
+        ),
+        (
+            with("mocks", "fit = { sampling = { pt_hmc = { rounds = 0 } } }"),
+            &["[mocks.fit]", "rounds"],
+        ),
+        (
+            with("mocks", "fit = { likelihood = { min_fraction = 2.0 } }"),
+            &["[mocks.fit]", "min_fraction"],
+        ),
+        (
+            // The posterior of q needs the prior of q.
+            with("mocks", "fit = { prior = { fixed = { dir_x = 0.0 } } }"),
+            &["[mocks.fit]", "prior of q"],
+        ),
+        (
+            with("mocks", "fit = { prior = { q_min = 0.7 } }"),
+            &["[mocks.fit]", "wider range of q"],
+        ),
+        (
+            study.replace("mock = {", "mock = { noise = nan,"),
+            &["[mocks.mock]", "noise"],
+        ),
+        (
+            with(
+                "tracks",
+                "fit = { model = { releases = { particles = 1001 } } }",
+            ),
+            &["[tracks.fit]", "particles = 1001"],
+        ),
+        (
+            study.replace("[\"track.csv\"]", "[\"track.csv\", \"track.csv\"]"),
+            &["[tracks]", "track", "`name`"],
+        ),
+        (
+            study
+                .split("[mocks]")
+                .next()
+                .expect("a beginning")
+                .to_owned()
+                + "[population]\nsamplers = [\"nested\"]\n",
+            &["[population]", "at least 1"],
+        ),
+    ] {
+        let path = write(folder.path(), "study.toml", &text);
+        let output = oblate(&["run", &path], "");
+        let mut all = vec!["study.toml"];
+        all.extend(words);
+        refused(&output, &all);
+        assert!(!out.exists(), "{text}");
+    }
+}
