@@ -80,7 +80,7 @@ fn a_run_has_the_same_bits_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_run_resumed_after_any_replacement_has_the_bits_of_one_never_stopped() {
+fn a_run_resumed_after_any_iteration_has_the_bits_of_one_never_stopped() {
     let folder = tempfile::tempdir().unwrap();
     for (kernel, target) in [
         (Kernel::Uniform, smooth::shells(2)),
@@ -326,7 +326,7 @@ impl Target for Fails {
 }
 
 #[test]
-fn a_fatal_target_stops_the_run_after_a_checkpoint_of_the_last_whole_replacement() {
+fn a_fatal_target_stops_the_run_after_a_checkpoint_of_the_last_whole_iteration() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("run");
     let settings = small(Kernel::RandomSlice);

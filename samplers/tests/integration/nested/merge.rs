@@ -4,7 +4,7 @@ use super::{sample, settings};
 use crate::targets::{hard, smooth};
 use oblate_samplers::nested::{Kernel, merge};
 use oblate_samplers::output::History;
-use oblate_samplers::{Run, Target};
+use oblate_samplers::{Error, Run, Target};
 
 fn runs(target: &dyn Target, n_live: usize, seeds: std::ops::RangeInclusive<u64>) -> Vec<Run> {
     seeds
@@ -76,11 +76,14 @@ fn a_mode_that_one_run_missed_fails_the_merged_run() {
 fn what_does_not_belong_together_is_refused() {
     let target = hard::power();
     let parts = runs(&target, 50, 1..=2);
-    let why = |runs: &[&Run]| merge(&target, runs).unwrap_err().to_string();
-    assert!(why(&[&parts[0]]).contains("two or more"));
-    assert!(why(&[&parts[0], &parts[0]]).contains("same seed"));
+    let refused = |runs: &[&Run]| merge(&target, runs).unwrap_err();
+    let alone = refused(&[&parts[0]]);
+    assert!(matches!(alone, Error::TooFewRuns { given: 1 }), "{alone}");
+    let twice = refused(&[&parts[0], &parts[0]]);
+    assert!(matches!(twice, Error::SameSeed { seed: 1 }), "{twice}");
     let other = sample(&hard::quarter(), &settings(50, Kernel::Uniform), 3);
-    assert!(why(&[&parts[0], &other]).contains("ln L of its best draw"));
+    let other = refused(&[&parts[0], &other]);
+    assert!(matches!(other, Error::OtherLikelihood { .. }), "{other}");
     let mut tempered = parts[1].clone();
     tempered.history = History::Bridge {
         fraction: Vec::new(),
@@ -88,5 +91,6 @@ fn what_does_not_belong_together_is_refused() {
         ancestors: Vec::new(),
         correlation: Vec::new(),
     };
-    assert!(why(&[&parts[0], &tempered]).contains("births and deaths"));
+    let bridged = refused(&[&parts[0], &tempered]);
+    assert!(matches!(bridged, Error::NotNested { seed: 2 }), "{bridged}");
 }
