@@ -74,7 +74,7 @@ fn main() {
                 run.cost.calls,
                 check(&run, "seed-rank-correlation"),
                 check(&run, "relative-jump-distance"),
-                check(&run, "lineages-left"),
+                check(&run, "effective-lineages"),
                 run.ess.quoted,
             );
         }

@@ -22,7 +22,7 @@ pub enum Event {
     Nested {
         /// Iterations so far.
         iteration: u64,
-        /// Estimated log prior volume left.
+        /// Expected log prior volume of the live points.
         ln_x: f64,
         /// Evidence so far.
         ln_z: f64,
@@ -32,7 +32,7 @@ pub enum Event {
         delta_ln_z: f64,
         /// Likelihood calls so far.
         calls: u64,
-        /// Accepted points per call, lately.
+        /// New points per call in the last iteration.
         efficiency: f64,
     },
     /// A dynamic nested run has not reached its target, and adds a batch of live points.
@@ -85,7 +85,7 @@ pub enum Event {
     },
     /// A checkpoint was written.
     Checkpointed,
-    /// Something the user should know, with its remedy.
+    /// A warning, with its remedy.
     Warning {
         /// What it is, and its remedy.
         message: String,
@@ -94,7 +94,7 @@ pub enum Event {
     Finished,
 }
 
-/// Watches a run; the library itself prints nothing.
+/// Receives the events of a run; the library itself prints nothing.
 pub trait Observer {
     /// Called at safe points; `Break` stops the run there, as an interrupt does.
     fn event(&mut self, event: &Event) -> ControlFlow<()>;
@@ -133,7 +133,7 @@ impl Default for Budget {
 pub struct CheckpointPlan {
     /// The file.
     pub path: PathBuf,
-    /// Least time between two of them.
+    /// Minimum time between two of them.
     pub every: Duration,
     /// Continue from the file if it exists.
     pub resume: bool,
@@ -143,7 +143,7 @@ pub struct CheckpointPlan {
 
 /// A caller's control of a run.
 pub struct Control<'a> {
-    /// Is told what happens.
+    /// Receives the events.
     pub observer: &'a mut dyn Observer,
     /// Limits.
     pub budget: Budget,
@@ -169,7 +169,7 @@ impl<'a> Control<'a> {
         }
     }
 
-    /// Tells the observer; true if the run should stop here.
+    /// Sends an event to the observer; true if the run should stop here.
     pub fn tell(&mut self, event: &Event) -> bool {
         self.observer.event(event).is_break()
     }
@@ -180,7 +180,7 @@ impl<'a> Control<'a> {
         warning.is_some_and(|message| self.tell(&Event::Warning { message }))
     }
 
-    /// Whether someone asked to stop.
+    /// Whether an interrupt was requested.
     #[must_use]
     pub fn interrupted(&self) -> bool {
         self.interrupt.load(Ordering::Relaxed)

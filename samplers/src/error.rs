@@ -1,4 +1,4 @@
-//! What can end a run: every variant says what, where, and what to do next.
+//! Errors that end a run: every message says what, where, and what to do next.
 
 use crate::limits::{OutOfRange, TooMuchMemory};
 use std::path::PathBuf;
@@ -71,8 +71,8 @@ pub enum Error {
         "the kernel `galilean` needs gradients, and this target offers none; use `differential` or `random-slice`, which need values alone"
     )]
     GalileanWithoutGradient,
-    /// The target failed in a way that no other point can mend.
-    #[error("the target failed: {0}; mend the cause and resume from the checkpoint")]
+    /// The target failed in a way that does not depend on the point.
+    #[error("the target failed: {0}; remove the cause and resume from the checkpoint")]
     Fatal(String),
     /// The target returned plus infinity.
     #[error(
@@ -90,7 +90,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// The operating system's word.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// A checkpoint cannot be written or used.

@@ -13,7 +13,7 @@ const DEGREES_OF_FREEDOM: u32 = 5;
 /// Rows of each half, per dimension, below which no mixture is fitted.
 const MIN_ROWS_PER_DIM: usize = 10;
 
-/// Rounds of expectation and maximisation.
+/// Maximum number of iterations of expectation-maximisation.
 const MAX_ROUNDS: usize = 100;
 
 /// The fit has settled when the mean log density grows by less than this.
@@ -38,7 +38,7 @@ impl Rows {
         self.values.chunks_exact(self.dim)
     }
 
-    /// These rows and those.
+    /// The rows of both.
     pub fn with(&self, other: &Self) -> Self {
         Self {
             dim: self.dim,
@@ -127,7 +127,7 @@ pub(crate) struct Mixture {
     components: Vec<Component>,
 }
 
-/// What maximisation learns of one component.
+/// The result of the M step for one component.
 struct Learned {
     /// Draws that belong to it.
     count: f64,
@@ -136,9 +136,9 @@ struct Learned {
 }
 
 impl Mixture {
-    /// The mixture of at most this many components that fits the rows best, by expectation and maximisation from centres chosen
-    /// far apart. Covariances are drawn towards their common mean by as much as one draw per dimension would. None if the rows
-    /// do not span their space.
+    /// The mixture of at most this many components that fits the rows best, by expectation-maximisation from centres chosen far
+    /// apart. Covariances are shrunk towards their common mean with the weight of one draw per dimension. None if the rows do not
+    /// span their space.
     pub fn fit(rows: &Rows, count: usize, rng: &mut Stream) -> Option<Self> {
         let dim = rows.dim;
         let n = rows.len() as f64;
@@ -159,7 +159,8 @@ impl Mixture {
         mixture.in_units(&whole.mean, &units)
     }
 
-    /// The mixture whose size, a power of 2 up to `most`, is chosen by the rows that did not fit it, fitted again to all of them;
+    /// The mixture whose size, a power of 2 up to `max`, is chosen by the rows that were not used to fit it, then fitted again to
+    /// all of them;
     /// `rng` gives the stream of each size. None if the rows do not span their space, or are fewer than ten per dimension in
     /// either half.
     pub fn choose(
@@ -173,7 +174,7 @@ impl Mixture {
         }
         let mut best: Option<(f64, usize)> = None;
         let mut count = 1;
-        // A component needs draws to have a shape.
+        // A component needs draws to have a covariance.
         while count <= most && count * dim <= few {
             if let Some(mixture) = Self::fit(first, count, &mut rng(count)) {
                 let score = mixture.mean_ln_density(second);
@@ -200,8 +201,8 @@ impl Mixture {
         })
     }
 
-    /// How much every row belongs to every component, with the weight that Student's tails give it there; and the mean log
-    /// density.
+    /// E step: the responsibility of every component for every row, with the weight that Student's tails give the row there; and
+    /// the mean log density.
     fn expect(&self, rows: &Rows) -> (Vec<Vec<(f64, f64)>>, f64) {
         let degrees_of_freedom = f64::from(DEGREES_OF_FREEDOM);
         let heavy = degrees_of_freedom + rows.dim as f64;
@@ -234,7 +235,7 @@ impl Mixture {
         (belongs, total / rows.len() as f64)
     }
 
-    /// The components that fit best, given how much every row belongs to each. One that less than a row belongs to ends.
+    /// M step: the best components, given the responsibilities. A component responsible for less than one row is dropped.
     fn maximise(rows: &Rows, belongs: &[Vec<(f64, f64)>], n: f64) -> Option<Self> {
         let dim = rows.dim;
         let learned: Vec<Learned> = belongs
@@ -303,7 +304,7 @@ impl Mixture {
         gradient.fill(0.0);
         for (component, ln_density) in self.components.iter().zip(here) {
             let belongs = (ln_density - sum).exp();
-            // What is less than rounding of the whole is not felt.
+            // Components below the rounding of the sum are skipped.
             if belongs > f64::EPSILON {
                 let distance2 = component.distance2(x);
                 let pull = belongs * (degrees_of_freedom + x.len() as f64)
@@ -346,7 +347,7 @@ impl Mixture {
     }
 }
 
-/// Weighted mean and covariance of the rows: `weigh` says how much a row belongs, and how much it counts there.
+/// Weighted mean and covariance of the rows: `weigh` gives the responsibility for a row and the weight of the row.
 fn learn(rows: &Rows, weigh: impl Fn(usize) -> (f64, f64)) -> Learned {
     let dim = rows.dim;
     let (mut count, mut sum) = (0.0, 0.0);

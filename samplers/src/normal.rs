@@ -1,4 +1,4 @@
-//! The standard normal distribution with digits in both tails.
+//! The standard normal distribution, with full relative precision in both tails.
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 

@@ -21,11 +21,11 @@ pub enum Method {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
-    /// Its own stopping rule.
+    /// Its own stopping rule was met.
     Complete,
-    /// The caller asked; resumable.
+    /// The caller interrupted it; it can be resumed.
     Interrupted,
-    /// The budget ran out; resumable.
+    /// The budget was spent; it can be resumed.
     BudgetSpent,
 }
 
@@ -52,7 +52,7 @@ pub struct Draws {
     pub cluster: Vec<u32>,
 }
 
-/// Where a row of draws stands.
+/// Chain and cluster of a row of draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Origin {
     /// See [`Draws::chain`].
@@ -219,11 +219,11 @@ pub struct Evidence {
 /// Effective sample sizes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ess {
-    /// 1 / sum of squared weights.
+    /// ESS (Kish), 1 / sum of squared weights.
     pub kish: f64,
-    /// Bulk effective size per parameter (for weighted draws: by bootstrap, where available).
+    /// Bulk ESS per parameter; for weighted draws by the scatter of clusters (design effect).
     pub bulk: Vec<f64>,
-    /// Tail effective size per parameter; empty for weighted draws.
+    /// Tail ESS per parameter; empty for weighted draws.
     pub tail: Vec<f64>,
     /// Rank-normalised split R-hat per parameter; empty where there are no chains.
     pub r_hat: Vec<f64>,
@@ -318,7 +318,7 @@ impl Cost {
     }
 }
 
-/// How the run went from prior to posterior.
+/// How the run went from the prior to the posterior.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum History {
@@ -328,8 +328,8 @@ pub enum History {
         ln_x: Vec<f64>,
         /// Log-likelihood at death; minus infinity for rejected points.
         ln_likelihood: Vec<f64>,
-        /// Log-likelihood contour above which the point was born: minus infinity for draws of the prior, the smallest number
-        /// above rejected points.
+        /// Likelihood bound above which the point was born: minus infinity for draws of the prior, the smallest number above
+        /// rejected points.
         ln_likelihood_birth: Vec<f64>,
         /// Number of live points.
         live: Vec<u32>,
@@ -346,11 +346,11 @@ pub enum History {
         variance_ln_likelihood: Vec<f64>,
         /// Mean swap rejection of the gap above each temperature (one fewer than temperatures).
         swap_rejection: Vec<f64>,
-        /// Mean acceptance of the local moves.
+        /// Mean acceptance of the HMC transitions.
         acceptance: Vec<f64>,
-        /// Step size of the local moves, in metric units.
+        /// Step size of the HMC transitions, in metric units.
         step_size: Vec<f64>,
-        /// Mean number of leapfrog steps of a local move.
+        /// Mean number of leapfrog steps of an HMC transition.
         mean_leapfrogs: Vec<f64>,
         /// Local moves given up as divergent, all chain sets.
         divergences: Vec<u64>,
@@ -365,7 +365,7 @@ pub enum History {
     Bridge {
         /// The fraction of the fine likelihood in ln L.
         fraction: Vec<f64>,
-        /// ln Z over that of the coarse run.
+        /// ln Z minus that of the coarse run.
         ln_ratio: Vec<f64>,
         /// Effective number of draws of the coarse run that are ancestors.
         ancestors: Vec<f64>,
@@ -449,7 +449,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// Whether the run ended by its own rule and every check passed.
+    /// Whether the run ended by its stopping rule and every check passed.
     #[must_use]
     pub fn converged(&self) -> bool {
         self.status == Status::Complete && self.checks.iter().all(|g| g.pass)

@@ -26,15 +26,15 @@ pub enum Domain {
     PtSwap = 17,
     /// One SMC particle of an annealed SMC sampler; task = chain set * 2^20 + SMC particle, index = MCMC step.
     PtSmc = 18,
-    /// The mixture that a tempered run begins its path at; task = scan, index = components.
+    /// The reference of a tempered run; task = scan, index = components.
     PtReference = 19,
     /// SMC bridge to a finer model; task = level, index = particle.
     Bridge = 25,
-    /// Post-processing: simulated weights, bootstraps, resampling; task says which.
+    /// Post-processing: simulated weights, bootstraps, resampling; `task` distinguishes them.
     Post = 32,
     /// Draws of the prior outside any sampler (mocks, checks).
     Prior = 48,
-    /// Tables of normals and other designs.
+    /// Tables of releases and other fixed random numbers.
     Design = 64,
     /// Tests.
     Test = 255,

@@ -553,7 +553,7 @@ fn fits_from_several_seeds_are_merged_into_one() {
         .iter()
         .filter_map(|check| check["name"].as_str())
         .collect();
-    assert!(names.contains(&"seeds agree on the means"), "{names:?}");
+    assert!(names.contains(&"mean-agreement-of-seeds"), "{names:?}");
     refused(&merge(&[&one, &two], &both), &["exists already"]);
     // It is a fit like any other.
     let page = path("page.html");

@@ -59,7 +59,7 @@ fn main() {
                     x1.push(mean / (own / run.ess.bulk[0]).sqrt());
                     square += mean * mean / variance.unwrap_or(own) / 30.0;
                     kish += run.ess.kish / 30.0;
-                    let check = run.checks.iter().find(|g| g.name == "lineages-left");
+                    let check = run.checks.iter().find(|g| g.name == "effective-lineages");
                     left += check.unwrap().value / 30.0;
                 }
                 let ((z, z_sd), (x, x_sd)) = (scatter(&ln_z), scatter(&x1));

@@ -14,7 +14,7 @@ pub struct Both {
 }
 
 impl Both {
-    /// ln L of the fine likelihood over the coarse one.
+    /// ln L of the fine likelihood minus that of the coarse one.
     pub fn gap(self) -> f64 {
         self.fine - self.coarse
     }

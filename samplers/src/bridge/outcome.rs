@@ -108,7 +108,7 @@ fn of_lineage_weights(draws: &Draws, parent: &Draws) -> f64 {
     moved.map(|m| m * m).sum::<f64>().sqrt()
 }
 
-/// Effective sizes of means by the scatter of lineages.
+/// ESS of means by the scatter of lineages (design effect).
 fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
     let weights = draws.weights();
     // An effective size is at most the number of draws, also if lineages agree by chance.
@@ -129,13 +129,13 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
     let failed = parent.checks.iter().filter(|g| !g.pass).count();
     vec![
         Check::at_most(
-            "parent-checks",
+            "coarse-run-checks",
             failed as f64,
             0.0,
             "checks that the coarse run failed; a bridge finds nothing that the coarse run has missed: make that run converge first",
         ),
         Check::at_least(
-            "ancestors-left",
+            "effective-ancestors",
             ess.kish,
             100.0,
             "effective number of draws of the coarse run from which the result descends; if too few, raise `smc_particles` or `mcmc_steps`, or take a coarse likelihood nearer to the fine one",

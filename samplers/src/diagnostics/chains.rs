@@ -53,8 +53,8 @@ pub fn mean_ess(chains: &[&[f64]]) -> f64 {
     ess_of(&split(chains))
 }
 
-/// Standard error of the mean of the chains as they are, from their scatter and [`mean_ess`]: not a number, or infinite, where
-/// too few draws tell neither.
+/// Standard error of the mean of the chains as they are, from their standard deviation and [`mean_ess`]: NaN or infinite for too
+/// few draws.
 #[must_use]
 pub fn error_of_mean(chains: &[&[f64]]) -> f64 {
     let count = chains.iter().map(|c| c.len()).sum::<usize>() as f64;

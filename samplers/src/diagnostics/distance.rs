@@ -7,7 +7,7 @@ use std::f64::consts::FRAC_2_PI;
 pub struct Distance {
     /// First Wasserstein distance: the area between the two cumulative distributions.
     pub distance: f64,
-    /// Its mean for independent draws of one distribution, as many as the effective sizes say.
+    /// Its expectation for independent draws of one distribution, as many as the effective sizes.
     pub expected: f64,
 }
 

@@ -43,7 +43,7 @@ pub fn weighted_moments(values: &[f64], weights: &[f64]) -> (f64, f64) {
     (mean, variance)
 }
 
-/// Sums over each group of one number per row; `groups` says of which each row is, counted from 0.
+/// Sums of one number per row over the rows of each cluster; `clusters` has the cluster of each row, counted from 0.
 #[must_use]
 pub fn sums_by_group(groups: &[u32], numbers: impl Iterator<Item = f64>) -> Vec<f64> {
     let count = groups.iter().max().map_or(0, |last| *last as usize + 1);
@@ -72,18 +72,18 @@ pub fn size_of_mean(values: &[f64], weights: &[f64], groups: &[u32]) -> f64 {
     variance * degrees_of_freedom / scatter
 }
 
-/// Probability that the scatter of `count` values about their common mean, in chi-square, is at least this by chance.
+/// p-value of the chi-square `chi2` of `count` values about their common mean.
 #[must_use]
 pub fn chi2_p_value(chi2: f64, count: usize) -> f64 {
     let degrees_of_freedom = (count as f64 - 1.0).max(1.0);
     ChiSquared::new(degrees_of_freedom).map_or(0.0, |law| law.sf(chi2))
 }
 
-/// The standard-normal deviate that is as rare as `t`, a difference over an error that itself comes from few numbers, with so many
-/// degrees of freedom (Student); as it is where they are no number.
+/// The standard-normal deviate with the tail probability of Student's `t`, a difference over a standard error that is itself
+/// estimated with these degrees of freedom. `t` itself where the degrees of freedom are NaN.
 #[must_use]
 pub fn normal_deviate(t: f64, degrees_of_freedom: f64) -> f64 {
-    // Never rarer than `t` of the normal law itself, whose tail ends where doubles do.
+    // The tail probability is at least that of the normal distribution at `t`, so that its quantile is finite.
     let rare = |law: StudentsT| normal::quantile(law.cdf(-t.abs())).abs().min(t.abs());
     StudentsT::new(0.0, 1.0, degrees_of_freedom).map_or(t, |law| rare(law).copysign(t))
 }
@@ -101,7 +101,7 @@ pub fn effective_number(weights: impl IntoIterator<Item = f64>) -> f64 {
     }
 }
 
-/// The effective number of kinds among labels, each of which weighs as often as it occurs.
+/// Effective number of different labels, each weighted by how often it occurs (Kish).
 #[must_use]
 pub fn effective_kinds<T: Ord>(labels: impl IntoIterator<Item = T>) -> f64 {
     let mut labels: Vec<T> = labels.into_iter().collect();

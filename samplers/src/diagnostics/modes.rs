@@ -58,8 +58,8 @@ pub fn two_means(draws: &[f64], dim: usize) -> Vec<bool> {
 /// p-value of the hypothesis that all chains give a label the same weight: chi-square over chains of the differences
 /// from the common weight, each with the binomial error of the effective size of its own label.
 ///
-/// A chain that never changes its label claims the effective size of `trace`, some other quantity of the same chains
-/// (ln L): it says that it mixes, so it has to agree. 1 if no chain ever changes and all agree.
+/// For a chain that never changes its label the ESS of `trace` is taken, some other quantity of the same chains (ln L): such a
+/// chain has to agree with the others as well. 1 if no chain ever changes and all agree.
 #[must_use]
 pub fn mode_agreement(labels: &[&[bool]], traces: &[&[f64]]) -> f64 {
     let weights: Vec<f64> = labels

@@ -12,16 +12,16 @@ use crate::target::Target;
 /// magnitude; without the bound such a point would end every trajectory through it.
 const LONGEST_FORCE: f64 = 100.0;
 
-/// How long and how fine a move is. All of it is fixed before the move and independent of the state.
+/// Step size and length of a transition, fixed before it and independent of the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
     /// Step in metric units.
     pub step: f64,
     /// Mean length of a trajectory in metric units; pi/2 is a quarter period of a Gaussian.
     pub length: f64,
-    /// Most leapfrog steps.
+    /// Maximum number of leapfrog steps.
     pub max_leapfrogs: usize,
-    /// Energies along a path may differ by this much before it is given up as divergent.
+    /// Maximum range of the energies along a trajectory; a trajectory beyond it is stopped as divergent.
     pub max_energy_range: f64,
     /// 0 for the exact Metropolis test. Above, a rise in energy is divided by this fraction of the depth that the trajectory
     /// fell: while a chain still falls from the prior by thousands of units its energy errors are large though small for the
@@ -36,7 +36,7 @@ pub enum End {
     Arrived {
         /// Energy at the end less energy at the start.
         rise: f64,
-        /// Potential energy at the start less the lowest on the path.
+        /// Potential energy at the start minus the lowest one on the trajectory.
         fall: f64,
     },
     /// At a point without a likelihood.
@@ -45,14 +45,14 @@ pub enum End {
     Diverged,
 }
 
-/// What a move did.
+/// The outcome of a transition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moved {
     /// Probability of acceptance.
     pub acceptance: f64,
     /// Whether it was accepted.
     pub accepted: bool,
-    /// Leapfrog steps planned (a move that ended early took fewer).
+    /// Leapfrog steps planned (a transition that ended early took fewer).
     pub leapfrogs: usize,
     /// Whether the length was cut by the largest number of steps.
     pub capped: bool,
@@ -61,7 +61,7 @@ pub struct Moved {
 }
 
 impl Moved {
-    /// A point whose gradient cannot be had stays where it is.
+    /// A point without a gradient is not moved.
     const NOWHERE: Self = Self {
         acceptance: 0.0,
         accepted: false,
@@ -86,7 +86,7 @@ pub struct LocalSampler<'t, 'm> {
     velocity: Vec<f64>,
 }
 
-/// What one leapfrog step came to.
+/// The outcome of one leapfrog step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Step {
     /// A point with a likelihood and a gradient.
@@ -120,12 +120,12 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         }
     }
 
-    /// Follows the leapfrog path from `from` with the present momentum; it ends in [`end`](Self::end) and
+    /// Follows the leapfrog trajectory from `from` with the present momentum; it ends in [`end`](Self::end) and
     /// [`momentum`](Self::momentum).
     ///
-    /// The path is given up at the first point without a likelihood and as soon as the energies on it, ends
-    /// included, span more than `max_energy_range`. The path backwards has the same points, so both rules treat the
-    /// two directions alike and a Metropolis test on arrivals is exact.
+    /// The trajectory is stopped at the first point without a likelihood and as soon as the energies on it, ends included, span
+    /// more than `max_energy_range`. The reversed trajectory has the same points, so both rules treat the two directions alike
+    /// and a Metropolis test at the end is exact.
     ///
     /// # Errors
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
@@ -199,7 +199,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         Ok(at.has_gradient)
     }
 
-    /// One move: a fresh momentum, a trajectory of jittered length and step, a Metropolis test.
+    /// One HMC transition: a new momentum, a trajectory of random length and step, a Metropolis test.
     ///
     /// # Errors
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
@@ -225,7 +225,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
             End::Arrived { rise, fall } => (-rise / (plan.slack * fall).max(1.0)).exp().min(1.0),
             End::Rejected | End::Diverged => 0.0,
         };
-        // Drawn in any case: the stream's use must not depend on the outcome.
+        // Always drawn: the use of the random stream must not depend on the outcome.
         let accepted = unit_open(rng) < acceptance;
         if accepted {
             at.copy_from(&self.end);

@@ -106,7 +106,7 @@ impl Metric {
         Self::from_covariance(&symmetric(&(&l * mean * l.transpose())))
     }
 
-    /// The metric at the fraction `t` of the way to `other`, along the geodesic; this one if either is unusable.
+    /// The metric at the fraction `t` of the geodesic to `other`; this one if either cannot be used.
     #[must_use]
     pub fn between(&self, other: &Self, t: f64) -> Self {
         geodesic(&self.covariance(), &other.covariance(), t)

@@ -20,7 +20,7 @@ pub struct Point {
     pub has_gradient: bool,
     /// [`Reference::ln_over_prior`] there.
     pub ln_over_prior: f64,
-    /// Its gradient; empty on a path from the prior, and of no meaning unless [`has_gradient`](Self::has_gradient).
+    /// Its gradient; empty on a path from the prior, and meaningless unless [`has_gradient`](Self::has_gradient).
     pub ln_over_prior_gradient: Vec<f64>,
 }
 
@@ -77,13 +77,13 @@ pub struct Evaluator<'a> {
 }
 
 impl<'a> Evaluator<'a> {
-    /// An evaluator with counts at zero, for a path from the prior.
+    /// An evaluator with counts at zero, for an annealing path from the prior.
     #[must_use]
     pub fn new(target: &'a dyn Target) -> Self {
         Self::from_reference(target, PRIOR)
     }
 
-    /// An evaluator with counts at zero, for a path from `reference`.
+    /// An evaluator with counts at zero, for an annealing path from `reference`.
     #[must_use]
     pub fn from_reference(target: &'a dyn Target, reference: &'a Reference) -> Self {
         Self {

@@ -19,14 +19,14 @@ const PRIOR_WEIGHT: f64 = 0.05;
 /// the posterior of five parameters of a stream had 386 effective draws with this factor and 146 without, for as many calls.
 const WIDER: f64 = 1.3;
 
-/// Most components of a mixture.
+/// Maximum number of components of a mixture.
 const MAX_COMPONENTS: usize = 64;
 
 /// The distribution at beta = 0.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reference(Option<Mixture>);
 
-/// A path from the prior.
+/// The prior as reference.
 pub(super) const PRIOR: &Reference = &Reference(None);
 
 impl Reference {
@@ -55,7 +55,7 @@ impl Reference {
         self.0.as_ref().map_or(0, Mixture::len)
     }
 
-    /// Logarithm of its density over the prior's; 0 for the prior.
+    /// Log ratio of the reference to the prior; 0 for the prior.
     #[must_use]
     pub fn ln_over_prior(&self, z: &[f64]) -> f64 {
         self.0
@@ -78,7 +78,7 @@ impl Reference {
         ln_over_prior
     }
 
-    /// A draw.
+    /// Draws `z` from the reference.
     pub fn draw(&self, z: &mut [f64], rng: &mut Stream) {
         match &self.0 {
             Some(mixture) if unit_open(rng) >= PRIOR_WEIGHT => {

@@ -20,7 +20,7 @@ const MAX_CALLS: usize = 100;
 /// Fraction of directions that are differences of the pool's points, if it has two for each dimension.
 const DIFFERENCE_FRACTION: f64 = 0.75;
 
-/// A direction about as long as its slice: the difference of two of the pool's points near `at`, with the pair, or a random
+/// A direction about as long as the slice: the difference of two of the pool's points near `at`, with the pair, or a random
 /// one in `metric`.
 fn direction(
     pool: &DifferencePool,
@@ -46,7 +46,8 @@ fn direction(
     None
 }
 
-/// Moves `at` to a draw from a slice of the density at `beta` on a line through it: a level under the present density,
+/// One slice update: moves `at` to a draw from a slice of the density at `beta` on a line through it: a level under the present
+/// density,
 /// an interval about the point at a random offset, then draws from it, which shrinks to each draw that lies below the
 /// level. Along a pair of the pool's points it stays in the pair's cell ([`DifferencePool`]); the pool does not change while a
 /// chain uses it. The gradient at the new point is unknown.
@@ -165,7 +166,7 @@ pub fn slice_updates(
     Ok(())
 }
 
-/// The position along every orbit, afresh.
+/// Redraws the position along every orbit.
 fn redraw(evaluator: &Evaluator<'_>, beta: f64, at: &mut Point, rng: &mut Stream) {
     for symmetry in evaluator.target().symmetries() {
         if let Symmetry::Orbit(orbit) = symmetry {

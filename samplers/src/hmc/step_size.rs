@@ -34,9 +34,9 @@ impl StepSize {
         self.ln_step.exp()
     }
 
-    /// Learns from the mean acceptance of scan number `scan` of a round of `scans`. The gain starts at 1.5, so that
-    /// a few scans of no acceptance at all shorten the step by orders of magnitude, and falls as `scan^-0.6`. In the
-    /// first half of a round, which the result does not see, an acceptance of almost 1 lengthens it as fast.
+    /// Updates the step by the mean acceptance of scan number `scan` of a round of `scans` (Robbins-Monro). The gain starts at
+    /// 1.5, so that a few scans without any acceptance shorten the step by orders of magnitude, and falls as `scan^-0.6`. In the
+    /// first half of a round, which does not enter the result, an acceptance near 1 lengthens the step as fast.
     pub fn learn(&mut self, acceptance: f64, target: f64, scan: usize, scans: usize) {
         let gain = 1.5 / ((scan + 1) as f64).powf(0.6);
         let counts = 2 * (scan + 1) > scans;
@@ -52,7 +52,7 @@ impl StepSize {
         }
     }
 
-    /// The logarithm of the step this round has found: the average over its second half.
+    /// The logarithm of this round's step: the average over its second half.
     #[must_use]
     pub fn ln_found(&self) -> f64 {
         if self.count > 0 {

@@ -7,7 +7,7 @@ use super::tuning::{MAX_SEED_CORRELATION, mean};
 use crate::output::Check;
 use crate::rng::{Domain, stream};
 
-/// Task number of the stream that spreads ranks over their places.
+/// Task number of the random stream that turns insertion ranks into continuous numbers.
 const SPREAD: u64 = 3;
 
 /// Largest error of ln Z by the scatter of recent lineages, in units of that of independent draws. The larger of the two is
@@ -30,13 +30,13 @@ pub(super) fn judge(context: &Context<'_>, state: &State, measured: &Measured) -
             "remaining-evidence",
             state.delta_ln_z(settings),
             settings.dlnz,
-            "what the live points could still add to ln Z; if too much, resume the run with a larger budget",
+            "how much the live points could still add to ln Z; if too much, resume the run with more time",
         ),
         Check::at_most(
             "insertion-rank",
             state.ranks.z_score(0).abs(),
             3.0,
-            "normal deviate of the insertion ranks; if too large, new points are not drawn evenly: double `steps`, or use `differential`",
+            "normal deviate of the mean insertion rank; if too large, new points are not uniform above the likelihood bound: double `steps`, or use `kernel = \"differential\"`",
         ),
     ];
     let mut rng = stream(context.seed, Domain::Post, SPREAD, 0);
@@ -53,7 +53,7 @@ pub(super) fn judge(context: &Context<'_>, state: &State, measured: &Measured) -
             "target-ess",
             measured.kish,
             target,
-            "effective draws that were asked for; if too few, resume the run with a larger budget",
+            "ESS (Kish), with the target as its limit; if too small, resume the run with more time",
         ));
     }
     if let Some(target) = settings.target_ln_z_error {
@@ -61,7 +61,7 @@ pub(super) fn judge(context: &Context<'_>, state: &State, measured: &Measured) -
             "target-ln-z-error",
             measured.errors.simulated,
             target,
-            "error of ln Z that was asked for; if too large, resume the run with a larger budget",
+            "simulated error of ln Z, with the target as its limit; if too large, resume the run with more time",
         ));
     }
     if state.bounded_points > 0 {
@@ -88,7 +88,7 @@ pub(super) fn by_lineages(measured: &Measured) -> [Check; 3] {
     let difference = (even - odd).abs();
     [
         Check::at_least(
-            "lineages-left",
+            "effective-lineages",
             measured.lineages,
             MIN_LINEAGES,
             "effective number of lineages among the posterior's draws; if fewer, effective sizes and errors of modes' weights are guesses: double `n_live`, or merge runs of several seeds",
@@ -120,7 +120,7 @@ fn of_kernel(context: &Context<'_>, state: &State) -> Vec<Check> {
             "bound-efficiency",
             points / state.bounded_calls.max(1) as f64,
             1e-3,
-            "points per call drawn from the bound; if too small, the bound does not fit: use `differential`",
+            "new points per call drawn from the ellipsoids; if too small, the ellipsoids do not fit the posterior: use `kernel = \"differential\"`",
         )),
         Kernel::RandomWalk
         | Kernel::RandomSlice
@@ -137,7 +137,7 @@ fn of_kernel(context: &Context<'_>, state: &State) -> Vec<Check> {
                     "seed-rank-correlation",
                     mean(&state.tuning.seed_correlations),
                     MAX_SEED_CORRELATION,
-                    "correlation of a new point's likelihood rank with its seed's; if too large, live points are fewer than they seem and ln Z is too high: double `steps`",
+                    "rank correlation of a new point's likelihood with its seed's; if too large, ln Z is too high: double `steps`",
                 ));
             }
         }

@@ -1,4 +1,4 @@
-//! Where a dynamic run adds live points, and when it has enough (Higson et al. 2019).
+//! Dynamic nested sampling: where batches of live points are added, and when the targets are met (Higson et al. 2019).
 //!
 //! A batch is a run of its own in a range of likelihoods: its points begin as draws of the prior above the floor, and it
 //! ends when the lowest of them is above the ceiling. All points of all batches weigh together as those of one run do.
@@ -21,7 +21,7 @@ const LEFT: f64 = 0.01;
 pub(super) struct LikelihoodRange {
     /// Its points are born above this one; minus infinity: draws of the prior.
     pub floor: f64,
-    /// It ends when its lowest point is above this one.
+    /// It ends when its lowest point is above this log-likelihood.
     pub ceiling: f64,
     /// Log prior volume above the floor.
     pub ln_x: f64,
@@ -57,7 +57,7 @@ impl LikelihoodRange {
             Some(before) => history.ln_l[before],
             None => f64::NEG_INFINITY,
         };
-        // Above this contour next to nothing of the posterior is left.
+        // Above this bound less than [`LEFT`] of the posterior remains.
         let mut above = 0.0;
         let top = (0..count).rev().find(|i| {
             above += weighted.p[*i];
@@ -78,7 +78,7 @@ pub(super) struct RunSummary {
     pub points: Points,
     pub history: DeadPoints,
     pub weighted: Weighted,
-    /// Error of ln Z: to first order while it is above its target, then simulated, as the run will be judged by.
+    /// Error of ln Z: to first order while that is above the target, then simulated, as in the convergence check.
     pub ln_z_error: f64,
     /// Kish's effective number of draws.
     pub ess: f64,
@@ -187,7 +187,7 @@ mod tests {
         let ln_l: Vec<f64> = (0..10).map(f64::from).collect();
         let history = history(&ln_l);
         let mut weighted = history.weigh();
-        // With as many alive all along, the first death matters most: everything follows from it.
+        // With a constant number of live points the first death matters most, because all later volumes depend on it.
         weighted.p = vec![0.65 / 7.0; 10];
         weighted.p[..3].copy_from_slice(&[0.05, 0.05, 0.25]);
         let mut even = history.clone();

@@ -1,6 +1,6 @@
 //! From births and deaths to weights, evidence and its errors.
 //!
-//! Everything follows from two numbers per point, the contour above which it was born and its own log-likelihood:
+//! Everything follows from two numbers per point, the likelihood bound above which it was born and its own log-likelihood:
 //! the number n of points alive when it died, and with it the shrinkage of the prior volume, `t ~ Beta(n, 1)`, of
 //! which `ln t` has mean `-1/n` and variance `1/n^2`. With `E ln t` the estimate of ln Z is unbiased; with `ln E t`
 //! the one of Z is.
@@ -19,7 +19,7 @@ const BOOTSTRAP: u64 = 2;
 pub(super) struct DeadPoints {
     /// Log-likelihoods, ascending.
     pub ln_l: Vec<f64>,
-    /// Contours of birth.
+    /// Likelihood bounds above which the points were born.
     pub birth: Vec<f64>,
     /// Lineages, for what chains never forget: which mode a point is in.
     pub lineages: Groups,
@@ -33,10 +33,10 @@ pub(super) struct DeadPoints {
     pub live: Vec<u32>,
 }
 
-/// Points in groups: those of one group are related.
+/// A partition of the points into clusters of dependent points.
 #[derive(Clone, Debug)]
 pub(super) struct Groups {
-    /// The number of each point's group.
+    /// The cluster of each point.
     pub of: Vec<u32>,
     /// One more than the largest number.
     count: usize,
@@ -102,7 +102,8 @@ impl DeadPoints {
         history
     }
 
-    /// Weight of those alive at each death if group k counts `weights[k]`: births strictly below, less earlier deaths.
+    /// Weight of the live points at each death if cluster k has the weight `weights[k]`: births strictly below, minus earlier
+    /// deaths.
     fn alive(&self, groups: &Groups, weights: &[f64]) -> Vec<f64> {
         let weight_of = |i: usize| weights[groups.of[i] as usize];
         let mut born = self.by_birth.iter().peekable();
@@ -202,7 +203,7 @@ impl DeadPoints {
         })
     }
 
-    /// Rows that are there at all, and their posterior weights, if group k counts `weights[k]`.
+    /// The rows with a positive weight, and their posterior weights, if cluster k has the weight `weights[k]`.
     fn weigh_groups(&self, groups: &Groups, weights: &[f64]) -> (Vec<usize>, Weighted) {
         let alive = self.alive(groups, weights);
         let mut rows = Vec::with_capacity(alive.len());

@@ -29,7 +29,7 @@ pub(super) fn finish(
     let checks = checks::judge(context, state, &results.measured(ess.kish));
     if state.tuning.steps > context.first_steps() {
         warnings.push(format!(
-            "steps per new point were raised from {} to {} because new points resembled their seeds; start the next run with `steps = {}`",
+            "steps per new point were raised from {} to {} because new points depended on their seeds; set `steps = {}` in the next run",
             context.first_steps(),
             state.tuning.steps,
             state.tuning.steps

@@ -3,8 +3,8 @@
 use crate::diagnostics::effective_kinds;
 use serde::{Deserialize, Serialize};
 
-/// Log-likelihood of a rejected point: below every likelihood, yet above minus infinity, the contour on which the
-/// first points are born. So a point born above the plateau of rejected points can be told from a first one.
+/// Log-likelihood of a rejected point: below every likelihood, and above minus infinity, the bound of the first points. So a
+/// point born above the plateau of rejected points is distinguished from a first point.
 pub(super) const REJECTED: f64 = f64::MIN;
 
 /// Number of lineages of this many live points: even, so that each lies in one half.
@@ -51,7 +51,7 @@ pub(super) struct Points {
     pub ln_l: Vec<f64>,
     /// Log-likelihood of the contour above which each was drawn; minus infinity for the prior itself.
     pub birth: Vec<f64>,
-    /// Whom each is related to.
+    /// The genealogy of each.
     pub genealogy: Vec<Genealogy>,
 }
 
@@ -143,14 +143,14 @@ impl Points {
     }
 }
 
-/// The points that die together, and the contour that their successors must exceed.
+/// The points that die together, and the likelihood bound that their successors must exceed.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Replacement {
-    /// The largest log-likelihood among the dying.
+    /// The largest log-likelihood among the dying points.
     pub contour: f64,
     /// Rows that die, lowest first, ties in row order.
     pub dying: Vec<usize>,
-    /// Rows that live on, in row order.
+    /// Rows that stay, in row order.
     pub kept: Vec<usize>,
 }
 

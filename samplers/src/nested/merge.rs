@@ -1,4 +1,4 @@
-//! Runs of several seeds as one.
+//! Merges nested runs with different seeds into one run.
 //!
 //! Births and deaths of independent runs weigh together as those of one run with as many live points as all of them had (Skilling
 //! 2006; Higson et al. 2019). Their evidences and means are compared first: a mode that one run has missed shows as a difference.
@@ -14,7 +14,7 @@ use crate::output::{Check, Cost, Draws, History, Method, Run, Status};
 use crate::target::Target;
 use std::collections::BTreeSet;
 
-/// Least probability that runs of one posterior differ as these do.
+/// Minimum p-value of the differences between the runs.
 const MIN_PROBABILITY: f64 = 0.01;
 
 /// One nested run out of several on the same `target`, of different seeds, without further likelihood calls. Its checks are the worst of theirs and
@@ -101,7 +101,7 @@ impl<'a> Part<'a> {
         })
     }
 
-    /// Deaths without a likelihood, of which there are no draws.
+    /// Number of dead points without a likelihood, which are not among the draws.
     fn rejected(&self) -> usize {
         self.ln_l.len() - self.draws.len()
     }
@@ -124,7 +124,7 @@ struct Together {
 }
 
 impl Together {
-    /// Adds a run, its lineages after those there are: even ones stay even.
+    /// Adds a run; its lineages are numbered after those before, even ones stay even.
     fn add(&mut self, part: &Part<'_>, dim: usize) {
         self.ln_l.extend(part.ln_l.iter().map(|l| l.max(REJECTED)));
         self.birth.extend(part.birth);
@@ -142,10 +142,10 @@ impl Together {
     }
 }
 
-/// Of every check that all runs have, and that does not depend on their number, one that failed, or else the first.
+/// For each check that all runs have, and whose value does not depend on the number of runs: a failed one, or else the first.
 fn worst(runs: &[&Run]) -> Vec<Check> {
     const NOT_OF_ONE: [&str; 5] = [
-        "lineages-left",
+        "effective-lineages",
         "bootstrap-to-simulated",
         "lineage-halves",
         "target-ess",
@@ -176,13 +176,13 @@ fn agreement(runs: &[&Run]) -> [Check; 2] {
         .fold(1.0, f64::min);
     [
         Check::at_least(
-            "seeds agree on the evidence",
+            "ln-z-agreement-of-seeds",
             probability(ln_z),
             MIN_PROBABILITY,
             "probability that ln Z of the runs differ by chance as they do; if too small, some run misses a mode or its error is too small: double `n_live` or `steps`",
         ),
         Check::at_least(
-            "seeds agree on the means",
+            "mean-agreement-of-seeds",
             least,
             MIN_PROBABILITY / dim as f64,
             "smallest probability, over parameters, that their means differ by chance as they do; if too small, some run misses a mode: double `n_live`",
@@ -210,8 +210,8 @@ fn mean(run: &Run, parameter: usize) -> (f64, f64) {
     (mean, (variance / run.ess.bulk[parameter]).sqrt())
 }
 
-/// Probability that values with these errors differ from their weighted mean by at least as much, in chi-square. Values without an
-/// error are the same or nothing is.
+/// p-value that values with these standard errors differ from their weighted mean by at least as much (chi-square). Values with
+/// an error of zero must be equal.
 fn probability(values: impl Iterator<Item = (f64, f64)>) -> f64 {
     let values: Vec<(f64, f64)> = values.collect();
     let weight = |error: f64| error.max(f64::MIN_POSITIVE.sqrt()).powi(-2);
@@ -227,7 +227,7 @@ fn probability(values: impl Iterator<Item = (f64, f64)>) -> f64 {
     chi2_p_value(chi2, values.len())
 }
 
-/// Complete if all are; else why the first other one ended.
+/// Complete if all are, otherwise the status of the first that is not.
 fn status(runs: &[&Run]) -> Status {
     let ends = runs.iter().map(|run| run.status);
     ends.into_iter()

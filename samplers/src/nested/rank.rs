@@ -48,7 +48,7 @@ impl Ranks {
     }
 
     /// Kolmogorov-Smirnov probabilities of the ranks in windows of `window` insertions (the last one may be up to
-    /// twice as long). Ranks are spread uniformly over their places, since the law of the test is that of continuous
+    /// twice as long). Ranks are turned into continuous numbers at random, because the test is for continuous
     /// numbers.
     pub fn ks_windows(&self, window: usize, rng: &mut Stream) -> Vec<f64> {
         let values: Vec<f64> = self

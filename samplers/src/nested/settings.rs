@@ -30,9 +30,10 @@ pub enum Kernel {
     Auto,
     /// Independent draws from the bound.
     Uniform,
-    /// Slices along random directions of the local ellipsoid (hit and run).
+    /// Slice updates along random directions of the local ellipsoid (hit and run).
     RandomSlice,
-    /// Slices, half of them along the difference of two live points, half along random directions of the local ellipsoid.
+    /// Slice updates, half of them along the difference of two live points (differential evolution), half along random directions
+    /// of the local ellipsoid.
     Differential,
     /// Metropolis steps in the metric of the local ellipsoid.
     RandomWalk,
@@ -77,10 +78,10 @@ pub struct Settings {
     /// Effective draws (Kish) that a dynamic run goes on for: it adds batches of live points where they reduce the error most, as
     /// long as there are fewer. None: no such target.
     pub target_ess: Option<f64>,
-    /// Error of ln Z that a dynamic run goes on for. None: no such target.
+    /// Error of ln Z that a dynamic run aims at. None: no such target.
     pub target_ln_z_error: Option<f64>,
-    /// What added live points aim at: 1, the posterior; 0, the evidence; a mix between. Of two targets the one that is left
-    /// alone counts once the other is met.
+    /// What added live points are for: 1, the posterior; 0, the evidence; a mixture between. Of two targets, only the one that is
+    /// not yet met counts.
     pub posterior_fraction: f64,
     /// Fraction of the live points replaced in one iteration.
     pub replaced_fraction: f64,
@@ -151,7 +152,7 @@ impl Settings {
                 remedy: "give at least four per parameter and four more, better 25 per parameter",
             });
         }
-        // Points at the peak alone never bring the volumes above it nearer.
+        // Points at the peak alone do not reduce the uncertainty of the volumes above it.
         if self.target_ln_z_error.is_some() && self.posterior_fraction >= 1.0 {
             return Err(Error::Setting {
                 name: "posterior_fraction",

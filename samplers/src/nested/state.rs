@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 /// Prior draws without a likelihood after which a run gives up.
 const MAX_FIRST_DRAWS: usize = 100_000;
 
-/// Prior volume from which on bounds are used; plain draws of the prior above it cost less than any chain.
+/// Prior volume below which ellipsoids are used; above it, draws of the prior cost less than any chain.
 const FIRST_BOUND: f64 = 0.1;
 
 /// Fraction of the recent lineages below which, as an effective number, they are begun anew. Random replacement makes more
@@ -59,7 +59,7 @@ impl Context<'_> {
 
 /// Where the chains of new points start, and above which bound.
 struct Source<'a> {
-    /// Points above the contour, where chains start.
+    /// Points above the bound, where chains start.
     kept: &'a Points,
     contour: f64,
     bounds: &'a [Bound],
@@ -233,7 +233,7 @@ impl State {
         if self.live.effective_recent_lineages() < MIN_RECENT_LINEAGES * context.lineages() as f64 {
             self.begin_recent_lineages(context);
         }
-        // Steps that the user chose stay.
+        // A number of steps in the settings is not changed.
         if context.settings.steps.is_none() {
             let window = 5 * context.settings.n_live;
             self.tuning
@@ -393,7 +393,7 @@ impl State {
         self.ln_x - fall
     }
 
-    /// New bounds around the survivors if they are due. `None`: keep the old ones, or go on with the prior.
+    /// New ellipsoids around the surviving points if they are due. `None`: keep the old ones, or continue with the prior.
     fn refit_if_due(&self, context: &Context<'_>, kept: &Points, ln_x: f64) -> Option<Vec<Bound>> {
         let due = if self.bounds.is_empty() {
             ln_x < FIRST_BOUND.ln()
@@ -481,7 +481,7 @@ impl State {
             let top = before.max(ln_w);
             self.ln_z = top + ((before - top).exp() + (ln_w - top).exp()).ln();
             let p = (ln_w - self.ln_z).exp();
-            // H = <l> - ln Z, so the mean of l is carried along.
+            // H = <l> - ln Z, so the mean of l is updated as well.
             let mean = if before > f64::NEG_INFINITY {
                 self.information + before
             } else {

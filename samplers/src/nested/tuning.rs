@@ -1,4 +1,4 @@
-//! Length and number of the steps of chains, learned from how the chains moved.
+//! Adaptation of the length and number of a chain's steps to how chains moved.
 
 use super::bound::Bound;
 use super::kernel::{self, NewPoint, Pace};
@@ -8,9 +8,9 @@ use super::settings::Kernel;
 use crate::rng::{Stream, below};
 use serde::{Deserialize, Serialize};
 
-/// Step length in units of the local ellipsoid before anything is learned; a walk's is its longest. A step of the ellipsoid's radius
-/// times 1.35 over the root of the dimension leaves a ball of many dimensions half of the time; what a contour fills of its ellipsoid is
-/// left more often.
+/// First step length in units of the local ellipsoid; for a walk the longest. A step of the ellipsoid's radius times 1.35 over
+/// the root of the dimension leaves a ball of many dimensions half of the time; it leaves the region above a likelihood bound
+/// within the ellipsoid more often.
 fn first_scale(kernel: Kernel, dim: usize) -> f64 {
     match kernel {
         Kernel::RandomWalk => 2.0 / (dim as f64).sqrt(),
@@ -75,7 +75,7 @@ impl Tuning {
         self.stride = FIRST_STRIDE;
     }
 
-    /// Rescales the step length so that a refit of the ellipsoids, its unit, leaves steps as long as they were.
+    /// Rescales the step length so that new ellipsoids, its unit, leave steps as long as they were.
     pub fn keep_step_length(&mut self, old: &[Bound], new: &[Bound], kept: &Points) {
         let mean_unit = |bounds: &[Bound]| -> Option<f64> {
             let units: Option<Vec<f64>> = (0..kept.len())
@@ -159,7 +159,7 @@ impl Tuning {
     }
 }
 
-/// What a width is multiplied by so that slices step outward as often as inward.
+/// Factor of a width so that slice updates step outwards as often as inwards.
 fn balance(slices: Pace) -> f64 {
     slices
         .fraction()
@@ -204,7 +204,7 @@ fn relative_jump(
     (typical > 0.0).then(|| median(jump_distances) / typical)
 }
 
-/// Correlation of the ranks of chains' ends with those of their starts, among the survivors.
+/// Correlation of the likelihood ranks of chains' ends with those of their starts, among the surviving points.
 fn seed_correlation(kept: &Points, seeds: &[usize], born: &[NewPoint]) -> f64 {
     let mut sorted = kept.ln_l.clone();
     sorted.sort_by(f64::total_cmp);

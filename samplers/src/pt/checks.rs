@@ -52,25 +52,25 @@ fn index_processes(run: &Evidenced<'_>) -> Vec<Check> {
     let expected = round_trip_rate(&extension.mean_rejection());
     vec![
         Check::at_least(
-            "round trips, worst chain set",
+            "round-trips-worst-chain-set",
             fewest as f64,
             10.0,
             "prior to posterior and back, in each chain set; if too few, allow `extensions`, or add rounds: each doubles them",
         ),
         Check::at_least(
-            "round trips, all chain sets",
+            "round-trips",
             trips,
             100.0,
-            "independent restarts behind the evidence; if too few, allow `extensions`, or add rounds",
+            "round trips of all chain sets; if too few, allow more `extensions`, or add rounds",
         ),
         Check::at_least(
-            "restarts per replica",
+            "restarts-per-replica",
             restarts as f64 / replicas,
             1.0,
-            "fresh prior draws that reached the posterior; if too few, allow `extensions`, or add rounds",
+            "arrivals at the posterior from a new draw of the reference, per replica; if too few, allow more `extensions`, or add rounds",
         ),
         Check::at_least(
-            "round-trip rate",
+            "round-trip-rate",
             rate / expected,
             0.3,
             "fraction of the rate that perfect local samplers would have; if low, local moves are too slow: raise `slice_updates`, `hmc_transitions` or `max_leapfrogs`",
@@ -91,16 +91,16 @@ fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
     let change = if run.history.is_empty() { 1.0 } else { change };
     vec![
         Check::at_most(
-            "swap rejection, worst gap",
+            "swap-rejection",
             worst,
             0.75,
             "if above, the chain set has a gap: raise `temperatures` or `max_temperatures`, or add rounds so that it can adapt",
         ),
         Check::at_most(
-            "change of communication barrier",
+            "communication-barrier-change",
             change,
             0.1,
-            "relative change of the communication barrier since the round before; if above, the run has not settled: add rounds",
+            "relative change of the communication barrier since the round before; if too large, temperatures are not adapted yet: add rounds",
         ),
     ]
 }
@@ -120,19 +120,19 @@ fn evidence(estimate: &Estimate) -> Vec<Check> {
     let p = chi2_p_value(chi2, estimate.chain_sets.len());
     vec![
         Check::at_most(
-            "evidence error",
+            "ln-z-error",
             error,
             0.5,
-            "standard error of ln Z in nats; if above, allow `extensions`, or add rounds",
+            "standard error of ln Z in nats; if too large, allow more `extensions`, or add rounds",
         ),
         Check::at_most(
-            "forward-backward gap",
+            "forward-backward-difference",
             if gap.is_finite() { gap } else { f64::INFINITY },
             (3.0 * error).max(0.2),
-            "stepping stones from both sides must agree; if not, add rounds or temperatures",
+            "difference of the two one-sided (stepping-stone) estimates of ln Z; if too large, add rounds or temperatures",
         ),
         Check::at_least(
-            "chain sets agree on the evidence",
+            "ln-z-agreement-of-chain-sets",
             if error.is_finite() { p } else { 0.0 },
             0.01,
             "p-value of the scatter of chain sets against the error that each has by its own scans; if below, some chain set misses a part of the posterior: allow `extensions`, or add rounds",
@@ -144,25 +144,25 @@ fn draws(run: &Evidenced<'_>) -> Vec<Check> {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     vec![
         Check::at_most(
-            "R-hat",
+            "r-hat",
             run.worst_r_hat,
             1.01,
             "largest rank-normalised split R-hat of coordinates, their squares and ln L; if above, chain sets have not converged: allow `extensions`, or add rounds",
         ),
         Check::at_least(
-            "bulk ESS",
+            "ess-bulk",
             least(&run.ess.bulk),
             400.0,
             "smallest over parameters; if below, allow `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
         ),
         Check::at_least(
-            "tail ESS",
+            "ess-tail",
             least(&run.ess.tail),
             400.0,
             "smallest over parameters; if below, allow `extensions`, add rounds, or raise `hmc_transitions`",
         ),
         Check::at_least(
-            "chain sets agree on the modes",
+            "mode-agreement-of-chain-sets",
             run.mode_agreement,
             0.01,
             "p-value that all chain sets give the two halves or modes of the posterior the same weight; if below, allow `extensions`, or add rounds",
@@ -174,7 +174,7 @@ fn moves(run: &Evidenced<'_>) -> Vec<Check> {
     let locals = &run.record.telling_extension().locals[1..];
     let acceptance = |local: &super::record::Local| local.mean_acceptance();
     let lowest = locals.iter().map(acceptance).fold(1.0, f64::min);
-    // A step at its largest cannot get longer, whatever the acceptance.
+    // The acceptance at the maximum step is not tested, because such a step cannot be lengthened.
     let highest = locals
         .iter()
         .zip(&run.steps[1..])
@@ -188,29 +188,29 @@ fn moves(run: &Evidenced<'_>) -> Vec<Check> {
             .fold(0.0, f64::max)
     };
     let rejected = Check::at_most(
-        "HMC transitions lost to rejected points",
+        "rejected-transitions",
         worst_fraction(|local| local.rejected),
         0.2,
-        "share at the worst temperature of moves that met a point without likelihood; if above, give the target a smooth penalty in place of a cliff",
+        "fraction of HMC transitions that met a rejected point, at the worst temperature; if too large, replace rejection by a smooth penalty (of a stream: `coverage = \"penalty\"`)",
     );
     if run.slices {
         return vec![rejected];
     }
     vec![
         Check::at_least(
-            "acceptance, lowest",
+            "lowest-acceptance",
             lowest,
             0.5,
-            "of local moves, over temperatures; if below, steps have not adapted: add rounds",
+            "mean acceptance of HMC transitions at the worst temperature; if too small, step sizes are not adapted yet: add rounds",
         ),
         Check::at_most(
-            "acceptance, highest",
+            "highest-acceptance",
             highest,
             0.95,
-            "if above, steps are shorter than they need to be: add rounds",
+            "mean acceptance of HMC transitions at the best temperature; if too large, steps are shorter than needed: add rounds",
         ),
         Check::at_most(
-            "cut trajectories",
+            "truncated-trajectories",
             worst_fraction(|local| local.capped),
             0.01,
             "fraction of moves stopped by `max_leapfrogs` at the worst temperature; if above, raise it",
@@ -245,7 +245,7 @@ mod tests {
 
     #[test]
     fn chain_sets_that_disagree_on_the_evidence_are_refused() {
-        let name = "chain sets agree on the evidence";
+        let name = "ln-z-agreement-of-chain-sets";
         assert!(passes(name, &estimate(vec![-3.0, -3.1, -2.9, -3.05], 0.1)));
         // One chain set missed a mode that holds half of the mass.
         assert!(!passes(name, &estimate(vec![-3.0, -3.1, -2.9, -3.7], 0.1)));
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn one_sided_estimates_that_disagree_are_refused() {
-        let name = "forward-backward gap";
+        let name = "forward-backward-difference";
         let mut apart = estimate(vec![-3.0; 4], 0.1);
         assert!(passes(name, &apart));
         apart.forward -= 0.5;

@@ -74,7 +74,7 @@ impl Traces {
 pub struct Estimate {
     /// Bennett's estimate of ln Z from all chain sets together: the one to quote.
     pub ln_z: f64,
-    /// Stepping stones from the hot side: the sum of `ln <exp(db l)>` at the hotter of each pair.
+    /// Stepping-stone estimate from the side of the reference: the sum of `ln <exp(db l)>` at the smaller beta of each pair.
     pub forward: f64,
     /// From the cold side: minus the sum of `ln <exp(-db l)>` at the colder, with the fraction of the prior that has a
     /// likelihood.
@@ -289,7 +289,7 @@ fn bennett_of_extension(
     (ln_z, influence)
 }
 
-/// Hot less cold sums of Bennett's equation, and minus their slope.
+/// The sum at the smaller beta minus that at the larger one in Bennett's equation, and minus their slope.
 #[derive(Clone, Copy, Debug, Default)]
 struct Balance {
     excess: f64,
@@ -309,7 +309,7 @@ fn logistic(x: f64) -> f64 {
 }
 
 /// The root `C` of `sum_hot sigma(db l - C) = sum_cold sigma(C - db l)`: Newton steps kept inside a bracket.
-/// Minus infinity if no hot value is finite.
+/// Minus infinity if no value at the smaller beta is finite.
 fn solve(hot: &[&[f64]], cold: &[&[f64]], step: f64) -> f64 {
     let finite = |side: &[&[f64]]| -> Vec<f64> {
         side.iter()
@@ -355,7 +355,7 @@ fn solve(hot: &[&[f64]], cold: &[&[f64]], step: f64) -> f64 {
     }
     for _ in 0..200 {
         let now = balance(at);
-        // Two sides so far apart that every term underflows: the middle is the root of the leading terms.
+        // The two sides are so different that every term underflows: the middle is the root of the leading terms.
         if now.slope <= 0.0 {
             break;
         }
@@ -384,7 +384,7 @@ mod tests {
     use super::*;
     use crate::rng::{Domain, standard_normal, stream};
 
-    /// Exact draws of `l = -4.5 |z|^2` at each temperature, of which each `z` remembers this much of that of the scan before.
+    /// Exact draws of `l = -4.5 |z|^2` at each temperature, with autocorrelation `memory` of `z` from scan to scan.
     fn toy(dim: usize, beta: &[f64], scans: usize, memory: f64, seed: u64) -> Traces {
         let mut traces = Traces::new(4, beta.len());
         let fresh = (1.0 - memory * memory).sqrt();
@@ -469,7 +469,7 @@ mod tests {
 
     #[test]
     fn prior_draws_without_likelihood_count_as_zeros() {
-        // L = 1 on a quarter of the prior: every estimate is the logarithm of the counted share.
+        // L = 1 on a quarter of the prior: every estimate is the logarithm of the counted fraction.
         let mut traces = Traces::new(2, 3);
         for scan in 0..400 {
             for chain_set in 0..2 {

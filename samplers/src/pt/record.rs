@@ -18,17 +18,17 @@ const MIN_PART: usize = 10;
 /// What happened at one temperature in one extension, all chain sets together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Local {
-    /// Local moves.
+    /// HMC transitions.
     pub(super) moves: u64,
     /// Sum of their acceptance probabilities.
     pub(super) acceptance: f64,
     /// Leapfrog steps planned.
     pub(super) leapfrogs: u64,
-    /// Moves cut short by the largest number of steps.
+    /// Transitions cut short by the maximum number of steps.
     pub(super) capped: u64,
-    /// Moves given up as divergent.
+    /// Transitions stopped as divergent.
     pub(super) diverged: u64,
-    /// Moves that met a point without likelihood.
+    /// Transitions that met a point without a likelihood.
     pub(super) rejected: u64,
 }
 
@@ -77,7 +77,7 @@ pub(super) struct Extension {
     pub(super) index_processes: Vec<IndexProcess>,
     /// States at each temperature, of the chain sets of each cluster, one after the other: the pools of directions to come.
     pub(super) visits: Vec<Vec<Vec<f64>>>,
-    /// Scans from one remembered state to the next.
+    /// Scans between two recorded states.
     visit_every: usize,
     /// One per temperature.
     pub(super) locals: Vec<Local>,

@@ -46,7 +46,7 @@ pub struct Settings {
     /// Fewest temperatures later on: gaps stay narrow enough for one-sided estimates of the evidence to serve as a check. If
     /// equal to `temperatures` and `max_temperatures`, the number is fixed.
     pub min_temperatures: usize,
-    /// Most temperatures later on.
+    /// Maximum number of temperatures later on.
     pub max_temperatures: usize,
     /// Mean acceptance of HMC transitions to which step sizes are adapted.
     pub target_acceptance: f64,

@@ -1,5 +1,4 @@
-//! What a sampler is given: a likelihood over a product prior, its gradient where it has one, and the symmetries
-//! that its author knows.
+//! The input of a sampler: a likelihood over a product prior, its gradient where it has one, and its symmetries.
 
 mod prior;
 mod symmetry;
@@ -19,7 +18,7 @@ pub enum Outcome {
     Value(f64),
     /// The likelihood is zero here, and why.
     Reject(Cause),
-    /// The run cannot go on, whatever the point.
+    /// The run cannot continue, whatever the point.
     Fatal(String),
 }
 
@@ -31,7 +30,7 @@ impl Outcome {
         value.cause().map_or(value, Self::Reject)
     }
 
-    /// Why there is no likelihood; none if there is one, or if the target failed.
+    /// The cause of a rejection; none if there is a likelihood, or if the target failed.
     #[must_use]
     pub fn cause(&self) -> Option<Cause> {
         match self {
@@ -76,14 +75,14 @@ pub trait Target: Sync {
     /// ln L at the physical parameters `theta`, of length [`dim`](Self::dim).
     fn ln_likelihood(&self, theta: &[f64]) -> Outcome;
 
-    /// What ln L is nowhere above, if that is known. Samplers do not ask for a likelihood that could not matter however large it
-    /// was: a tight bound saves calls and changes no result.
+    /// An upper bound of ln L, if one is known. Samplers do not evaluate points that could not be accepted even at this bound: a
+    /// tight bound saves calls and changes no result.
     fn ln_likelihood_bound(&self) -> Option<f64> {
         None
     }
 
-    /// ln L at many points, in their order, each the outcome that it has alone: over all threads of the present rayon
-    /// pool. Samplers ask so wherever points do not wait for each other.
+    /// ln L at many points, in their order, each the outcome that it has alone; over all threads of the present rayon pool.
+    /// Samplers use it where points do not depend on each other.
     fn ln_likelihoods(&self, thetas: &[Vec<f64>]) -> Vec<Outcome> {
         thetas.par_iter().map(|t| self.ln_likelihood(t)).collect()
     }
@@ -101,7 +100,7 @@ pub trait Target: Sync {
         None
     }
 
-    /// Moves that the author knows to be symmetries, exact or approximate.
+    /// Symmetry moves, exact or approximate.
     fn symmetries(&self) -> &[Symmetry] {
         &[]
     }

@@ -11,8 +11,8 @@ pub trait Involution: Sync + Send {
     fn apply(&self, z: &mut [f64]) -> Option<f64>;
 }
 
-/// A continuous group that leaves the likelihood exactly unchanged: the position along an orbit of it can be drawn
-/// afresh from the prior's conditional, without a likelihood call, at any temperature.
+/// A continuous group that leaves the likelihood exactly unchanged: the position along its orbit can be redrawn from the prior's
+/// conditional distribution, without a likelihood call, at any temperature.
 pub trait Orbit: Sync + Send {
     /// A short name for reports.
     fn name(&self) -> &str;
@@ -25,14 +25,14 @@ pub trait Orbit: Sync + Send {
         let _ = (z, to);
         false
     }
-    /// Writes as many numbers as there are coordinates, which tell `z` from points on other orbits and are the same for all
-    /// points on its own, in any units: how near two orbits are. Those of `z` itself where an orbit has none to offer.
+    /// Writes as many numbers as there are coordinates that are constant along an orbit and differ between orbits, in any units:
+    /// a measure of how close two orbits are. `z` itself where an orbit offers none.
     fn invariants(&self, z: &[f64], out: &mut [f64]) {
         out.copy_from_slice(z);
     }
 }
 
-/// A known move.
+/// A symmetry move.
 pub enum Symmetry {
     /// A map with a Metropolis test.
     Involution(Box<dyn Involution>),

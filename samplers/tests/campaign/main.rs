@@ -1,4 +1,4 @@
-//! Thirty seeds of every target whose evidence is known: does ln Z scatter about the truth as its errors say?
+//! Thirty seeds of every target with known evidence: whether ln Z scatters about the truth as its errors say.
 //!
 //! ```text
 //! cargo test -p oblate-samplers --release --test campaign -- --ignored --nocapture --test-threads 1 nested

@@ -107,7 +107,7 @@ fn random_walks() {
     chains(Kernel::RandomWalk);
 }
 
-/// On those of the targets that have gradients.
+/// The targets that have gradients.
 #[test]
 #[ignore = "minutes: before a release"]
 fn reflected_galilean_trajectories() {

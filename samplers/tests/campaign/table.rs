@@ -1,4 +1,4 @@
-//! Thirty runs become a row, and rows a verdict.
+//! A row of thirty runs of one target, and the limits that rows must meet.
 
 use crate::pulls::{pull, scatter};
 use crate::targets::hard::Hard;
@@ -125,7 +125,7 @@ impl Table {
         }
     }
 
-    /// Prints what a failed check said of ln Z.
+    /// Prints the mean and the rms of z of the runs that failed each check.
     ///
     /// # Panics
     /// If a row was outside its limits.

@@ -1,4 +1,4 @@
-//! The import order of `src`: a module may use what stands to its left, never what stands to its right.
+//! The import order of `src`: a module may use those before it in the list, never those after it.
 
 use crate::files::{circles, imports};
 use crate::modules::{modules_used, wrong_arrows};
@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-/// From the lowest layer up. `checkpoint` stands before `output`, whose hash of a run is the checkpoints' hash; `nested`
-/// and `hmc` do not know each other, which the order alone cannot say (see the second test).
+/// From the lowest layer up. `checkpoint` stands before `output`, whose hash of a run is that of checkpoints; `nested` and `hmc`
+/// do not import each other, which the order alone cannot say (see the second test).
 const ORDER: [&str; 17] = [
     "limits",
     "error",

@@ -1,4 +1,4 @@
-//! Points that do not wait for each other are asked for together, and what a target makes of that is its own affair.
+//! Points that do not depend on each other are evaluated together, in whatever order the target chooses.
 
 use crate::targets::smooth::{self, Smooth};
 use oblate_samplers::control::Silent;

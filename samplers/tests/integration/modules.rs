@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// The arrows that point to the right in `order`, and modules without a place, as sentences; and the number of arrows seen.
+/// The imports against the order, and modules missing from it, as sentences; and the number of imports seen.
 pub fn wrong_arrows(src: &Path, order: &[&str]) -> (Vec<String>, usize) {
     let front = fs::read_to_string(src.join("lib.rs")).unwrap();
     let exports = exports(&front);

@@ -1,5 +1,4 @@
-//! What encloses the live points: as many ellipsoids as they ask for, each of which is also the local metric of the
-//! step kernels.
+//! Ellipsoids that enclose the live points; each is also the local metric of the step kernels.
 
 mod ellipsoid;
 mod split;
@@ -13,13 +12,13 @@ use serde::{Deserialize, Serialize};
 /// Bootstraps behind the enlargement for independent draws.
 const BOOTSTRAPS: usize = 20;
 
-/// Largest enlargement of an axis for independent draws. A new point of a cluster of 2 d or more lies within this many
-/// times the fitted extent for all practical ends (Hotelling's law); where a bootstrap asks for more, it has lost the
-/// shape of a small cluster, or all of one of two distant groups between which the ellipsoid spans anyway.
+/// Maximum enlargement of an axis for independent draws. A new point of a cluster of 2 d or more lies within this multiple of the
+/// fitted extent with a probability near 1 (Hotelling's T^2). A bootstrap that asks for more has left out most of a small
+/// cluster, or one of two distant groups between which the ellipsoid extends anyway.
 const MAX_REACH: f64 = 3.0;
 
-/// Enlargement of every axis for kernels that walk, where ellipsoids say which metric belongs to which region: points
-/// that did not take part in the fit shall find themselves inside too.
+/// Enlargement of every axis for step kernels, where ellipsoids say which metric belongs to which region: points that did not
+/// take part in the fit should lie inside too.
 const STEP_ENLARGEMENT: f64 = 1.5;
 
 /// A set of ellipsoids.
@@ -32,12 +31,11 @@ pub(super) struct Bound {
 }
 
 impl Bound {
-    /// Bounds for kernels that walk: the first for chains from points of even lineages, the second for odd ones, each
-    /// fitted to the points of the other half. A half with too few points, or all alike, gives the cube's metric.
+    /// Ellipsoids for step kernels: the first for chains from points of even lineages, the second for odd ones, each fitted to
+    /// the points of the other half. A half with too few points, or all alike, gives the cube's metric.
     ///
-    /// A metric fitted to the very points that chains start from favours the directions in which each of them happens
-    /// to lie far out, and so moves inward: a bias of ln Z of order d H / n, seen at d = 13 as 0.4 for n = 200 and
-    /// gone with the halves.
+    /// A metric fitted to the points that the chains start from is correlated with them and biases ln Z by the order of d H / n
+    /// (0.4 at d = 13 and n = 200); fitted to the other half it does not.
     pub fn for_steps(points: &Points) -> Vec<Self> {
         let [even, odd] = points.halves();
         [odd, even]
@@ -53,10 +51,9 @@ impl Bound {
             .collect()
     }
 
-    /// A bound to draw from: every ellipsoid enlarged until, in each bootstrap of its points, the one fitted to them
-    /// holds those left out. Splits are judged by the enlarged volumes, so that two distant clusters, one of them
-    /// small, do not share an ellipsoid that only the bootstrap would blow up. `None` if the
-    /// points are too few or all alike.
+    /// Ellipsoids to draw from: each is enlarged until, in each bootstrap of its points, the one fitted to the points taken
+    /// contains those left out. Splits are compared by the enlarged volumes, so that two distant clusters, one of them small, do
+    /// not share an ellipsoid that the bootstrap would enlarge. `None` if the points are too few or all alike.
     pub fn for_draws(points: &Points, seed: u64, number: u64) -> Option<Self> {
         let mut rng = stream(seed, Domain::NestedBound, 0, number);
         let all: Vec<usize> = (0..points.len()).collect();
@@ -101,8 +98,8 @@ impl Bound {
 
     /// The metric region of `x`: the first ellipsoid that holds it, or the whole.
     ///
-    /// A step law must not depend on where in a region the step starts. So the region of a point is fixed by the
-    /// point alone, and a chain treats other regions as outside (samplers: metric rule); that is exactly invariant.
+    /// The proposal of a step must not depend on where in a region it starts. So the region of a point is fixed by the point
+    /// alone, and a chain treats other regions as outside; this leaves the uniform distribution invariant.
     pub fn label(&self, x: &[f64]) -> usize {
         self.parts
             .iter()
@@ -156,7 +153,7 @@ impl Bound {
 }
 
 /// The farthest of the points that a resampling of `rows` leaves out, from the ellipsoid of those that it takes. 1 if
-/// it takes fewer different ones than an ellipsoid needs, d + 1: then it says nothing of the rest.
+/// it takes fewer different ones than an ellipsoid needs, d + 1, and so has no information on the rest.
 fn reach(points: &Points, rows: &[usize], rng: &mut Stream) -> f64 {
     let mut taken = vec![false; rows.len()];
     let sample: Vec<usize> = (0..rows.len())

@@ -69,7 +69,7 @@ fn labels_agree_with_their_test() {
     }
 }
 
-/// Two ellipsoids that share a good part of their area, whatever the fit of their points would say.
+/// Two ellipsoids with a large overlap.
 pub(in crate::nested) fn overlapping() -> Bound {
     let points = blobs(&[[0.4, 0.5], [0.58, 0.5]], 0.05, 60);
     let rows: Vec<usize> = (0..120).collect();

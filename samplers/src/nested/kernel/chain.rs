@@ -21,8 +21,8 @@ pub(in crate::nested) struct Setting<'a> {
     /// None: draw from the prior, whatever the kernel. One: draw from it. Two: the metrics of chains from even and
     /// odd lineages.
     pub bounds: &'a [Bound],
-    /// The survivors of even and of odd lineages: a chain moves along differences of points of the half that its seed is not
-    /// in. Empty but for the kernel that asks for them.
+    /// The surviving points of even and of odd lineages: a chain moves along differences of points of the half that does not
+    /// contain its seed. Empty unless the kernel uses them.
     pub halves: &'a [DifferencePool; 2],
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
@@ -64,7 +64,7 @@ impl Pace {
     }
 }
 
-/// The steps of a chain.
+/// How the chain moved.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::nested) struct Motion {
     /// Those in units of the local ellipsoid.
@@ -88,7 +88,7 @@ pub(in crate::nested) struct NewPoint {
 pub(super) struct Chain<'a> {
     pub(super) setting: &'a Setting<'a>,
     pub(super) bound: &'a Bound,
-    /// The survivors of the half that the seed is not in.
+    /// The surviving points of the half that does not contain the seed.
     pub(super) others: &'a DifferencePool,
     pub(super) likelihood: Likelihood<'a>,
     pub(super) x: Vec<f64>,
@@ -141,7 +141,7 @@ impl<'a> Chain<'a> {
         in_cube && self.inside(partition)
     }
 
-    /// Puts `x + t direction` into `trial`; its log-likelihood if the chain may go there and it is above the contour.
+    /// Writes `x + t direction` into `trial`; its log-likelihood if the chain may go there and it is above the bound.
     pub(super) fn look(&mut self, t: f64, partition: Partition) -> Result<Option<f64>> {
         if !self.aim(t, partition) {
             return Ok(None);

@@ -1,8 +1,8 @@
-//! Slices along differences of live points near the chain, between slices along random directions of the local ellipsoid
-//! (ter Braak 2006, as the directions of slices; Goodman & Weare 2010 for the use of the other half).
+//! Slice updates along differences of live points near the chain, alternating with random directions of the local ellipsoid (ter
+//! Braak 2006; Goodman & Weare 2010 for the use of the other half).
 //!
-//! Live points lie along whatever the region above the contour extends along, ridges within one ellipsoid and other
-//! modes among it, and their differences point there.
+//! Live points lie along whatever the region above the likelihood bound extends along, ridges within one ellipsoid as well as
+//! other modes, and their differences point along it.
 //!
 //! # Why the prior above the contour stays invariant
 //!
@@ -15,13 +15,13 @@
 //!    without a look at the chain's present state. The pair is of the cell where the chain is, and the slice does not leave
 //!    that cell ([`DifferencePool`](crate::difference_pool::DifferencePool)), so that it keeps the uniform law on what of the cell is
 //!    above the contour (Neal 2003). At the largest scale all space is one cell: a slice may end in another mode.
-//! 3. A slice in the local metric keeps the uniform law in each metric region by itself, hence on all of them together,
-//!    however much of it is in each: a move between regions needs no more than that the next such slice goes by
-//!    the region where the chain then is.
-//! 4. If the target has an exact symmetry whose orbits can be aligned, pairs are first moved along it until they are
-//!    level with the chain's present point. Their law then depends on the present state, but by its level alone, which is
-//!    a coordinate that both ends of the pair share and so every point of the line keeps: the way back has the same law.
-//!    Steps across orbits no longer have to follow the bends of the orbit, and the way along it is redrawn at the end.
+//! 3. A slice update in the local metric leaves the uniform distribution in each metric region invariant, hence everywhere,
+//! however much of it is in each: after a move between regions, the next such update only has to use the region of the present
+//! state.
+//! 4. If the target has an exact symmetry whose orbits can be aligned, the two points are first moved along it to the invariant
+//! level of the chain's present state. Their distribution then depends on the present state through its level alone, which is
+//! constant on the line: the reverse move has the same distribution. Steps across orbits need not follow the curvature of the
+//! orbit, and the position along it is redrawn at the end.
 //!
 //! So a new point has the right law and does not depend on the other half. It resembles its own seed until enough slice
 //! updates have been made, which the scatter of lineages measures and the checks limit; and two points drawn in one

@@ -25,7 +25,7 @@ pub(super) fn bound_of(bounds: &[Bound], lineage: u32) -> Option<&Bound> {
     bounds.get(index)
 }
 
-/// Draws a point above the contour. Chains start at row `seed` of the survivors.
+/// Draws a point above the likelihood bound. Chains start at row `seed` of the surviving points.
 pub(super) fn draw(
     setting: &Setting<'_>,
     kept: &Points,
@@ -59,7 +59,7 @@ pub(super) fn draw(
     })
 }
 
-/// The survivors of even and of odd lineages, for chains of the other half.
+/// The surviving points of even and of odd lineages, for chains of the other half.
 pub(super) fn halves(target: &dyn Target, kept: &Points) -> [DifferencePool; 2] {
     let orbit = Symmetry::first_orbit(target.symmetries());
     kept.halves().map(|rows| {

@@ -10,7 +10,7 @@ use crate::rng::{Stream, below, unit_open};
 /// the slice exact (Neal's `m`); a width this much too small is doubled from one iteration to the next.
 const MAX_OUTWARD: usize = 200;
 
-/// Most steps inward: far more than it takes to shrink an interval to nothing.
+/// Maximum number of steps inwards: far more than it takes to shrink an interval to rounding.
 const MAX_INWARD: u64 = 2000;
 
 /// Moves the chain along a random direction of its ellipsoid, inside its metric region.

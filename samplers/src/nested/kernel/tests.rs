@@ -64,7 +64,7 @@ fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> 
     points
 }
 
-/// A function of a point by name: the distribution function of some value of it, uniform if the law holds.
+/// A named function of a point: the distribution function of one of its values, uniform under the null hypothesis.
 type Law<'a> = (&'a str, &'a (dyn Fn(&[f64]) -> f64 + Sync));
 
 /// Starts many chains from uniform points above the contour; their ends must be uniform there too.
@@ -173,8 +173,8 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
     // A million steps on the whole square, whose regions are two ellipsoids that overlap and the rest.
     let target = Square::new(2, |_| 0.0);
     let bounds = [overlapping()];
-    // 10^4 walkers on the even lineages. On the odd ones just six points, far from evenly spread: for no fixed other half
-    // may its differences take walkers of the first half from the uniform law.
+    // 10^4 chains on the even lineages; on the odd ones six points, unevenly spread, because for every fixed other half its
+    // differences must leave the uniform distribution of chains of the first half invariant.
     let walkers = 10_000;
     let mut kept = Points::new(2);
     for w in 0..walkers {
@@ -212,7 +212,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
             stride: 1.0,
             steps: 1,
         };
-        // Most regions do not exchange walkers: all start uniform and take 100 steps each, counted half-way and at the
+        // Most regions do not exchange chains: all start uniform and take 100 steps each, counted after half of them and at the
         // end, when all are independent of each other.
         let visits: Vec<[usize; 2]> = (0..walkers)
             .into_par_iter()
@@ -277,7 +277,7 @@ impl Orbit for Second {
 fn involutions_and_orbits_keep_the_prior_above_the_contour() {
     // Above the contour: the left three fifths of the square.
     let mut target = Square::new(2, |x| if x[0] < 0.6 { 0.0 } else { -2.0 });
-    // Not the slope of anything: no mirror is wrong, as long as it depends on its own place alone.
+    // Not a gradient of anything: any reflection is valid that depends on its own position alone.
     target.gradient = |x, gradient| gradient.copy_from_slice(&[-1.0, x[1]]);
     target.symmetries = vec![
         Symmetry::Involution(Box::new(Squeeze)),
@@ -312,7 +312,8 @@ fn a_jump_without_its_jacobian_would_be_caught() {
 
 #[test]
 fn galilean_trajectories_between_the_cube_a_mirror_and_rejected_points_stay_uniform() {
-    // Above the contour: over 0.3, where the mirror is. Beyond 0.8 all is rejected; the other two sides are those of the cube.
+    // Above the bound: over 0.3, where moves are reflected. Beyond 0.8 all is rejected; the other two sides are those of the
+    // cube.
     let target = Square {
         gradient: |_, gradient| gradient.copy_from_slice(&[0.0, 1.0]),
         ..Square::new(2, |x| if x[0] > 0.8 { f64::NAN } else { x[1] - 0.3 })
@@ -361,7 +362,7 @@ fn a_move_of_a_galilean_then_a_flip_is_its_own_inverse() {
         let velocity = chain.ball.clone();
         for turn in 0..2 {
             let moved = galilean::advance(&mut chain, 0.15).unwrap();
-            // A flip undoes the turn of a chain that cannot move.
+            // A reversal of the velocity undoes the reversal of a chain that cannot move.
             if moved {
                 chain.ball.iter_mut().for_each(|w| *w = -*w);
             }

@@ -1,14 +1,14 @@
 //! One Metropolis step in the local ellipsoid's metric: in any direction, of any length up to the longest.
 //!
-//! A ball's points are nearly all at its surface in many dimensions. Where a region is thin a step of that length is never
-//! accepted, and a chain that is there stays; short ones among the steps let it go.
+//! In many dimensions nearly all points of a ball are at its surface. Where the region is thin, a step of that length is never
+//! accepted, so shorter steps are proposed as well.
 
 use super::chain::{Chain, Partition};
 use crate::error::Result;
 use crate::nested::bound::draw_direction;
 use crate::rng::{Stream, unit_open};
 
-/// Proposes one step; the chain stays where it is if the step leaves the contour.
+/// Proposes one step; the chain stays where it is if the step ends below the bound.
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     draw_direction(rng, &mut chain.ball);
     let length = unit_open(rng);

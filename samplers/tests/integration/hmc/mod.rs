@@ -240,7 +240,7 @@ fn sliced(index: u64, beta: f64, pool_at: impl Fn(&Point) -> DifferencePool) -> 
     [point.z[0], point.z[1]]
 }
 
-/// Acceptance has no meaning for a slice; this lies within the range that the joint test asks for.
+/// A slice update has no acceptance; this value lies within the range that the joint test requires.
 const ALWAYS: f64 = 0.5;
 
 #[test]
@@ -415,7 +415,7 @@ fn energy_errors_fall_as_the_square_of_the_step() {
     assert!((coarse / fine - 4.0).abs() < 0.1, "{coarse} {fine}");
 }
 
-/// Follows a path, turns round and follows it back; the distance from the start.
+/// Follows a trajectory, reverses the momentum and follows it back; the distance from the start.
 fn way_back(
     target: &dyn Target,
     metric: &Metric,

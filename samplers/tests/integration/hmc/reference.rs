@@ -1,4 +1,4 @@
-//! Paths that begin at a mixture.
+//! Annealing paths from a mixture.
 
 use super::{DRAWS, Difference, Inversion, STEPS, datum_pair, farthest_moment, plane, tilted};
 use oblate_samplers::difference_pool::DifferencePool;

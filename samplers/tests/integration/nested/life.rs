@@ -1,4 +1,4 @@
-//! The life of a run: threads, interruptions, budgets, files, failures.
+//! Threads, interruptions, budgets, files and failures of nested runs.
 
 use super::{sample, settings};
 use crate::targets::{hard, smooth};

@@ -1,4 +1,4 @@
-//! Runs of several seeds as one run.
+//! Merged runs.
 
 use super::{sample, settings};
 use crate::targets::{hard, smooth};

@@ -161,7 +161,8 @@ fn slices_along_differences_find_the_same_evidences() {
 
 #[test]
 fn slices_too_few_to_forget_their_seeds_leave_ln_z_where_it_is() {
-    // Four slices where sixteen are the default: with chains that knew of their own relatives ln Z was four errors too high.
+    // Four slice updates where sixteen are the default: with chains that used their own half of the lineages ln Z was four errors
+    // too high.
     for kernel in [Kernel::Differential, Kernel::RandomSlice] {
         let few = Settings {
             steps: Some(4),
@@ -218,7 +219,7 @@ fn rank_power(steps: usize) -> (f64, Vec<Vec<String>>) {
 #[test]
 fn walks_too_short_fail_their_gates_and_longer_ones_pass_the_rank_test() {
     let (_, failing) = rank_power(2);
-    // The run itself raises the steps as it goes, so that the ranks alone tell nothing; its first part still counts.
+    // The run raises the steps itself, so the ranks alone do not show the problem; its first part still counts.
     for failed in &failing {
         for check in ["no-move", "seed-rank-correlation"] {
             assert!(failed.iter().any(|name| name == check), "{failed:?}");

@@ -85,7 +85,7 @@ fn evidence_after_annealing() {
     }
 }
 
-/// The last two rounds begin at a mixture of what the rounds before have drawn.
+/// The last two rounds have a mixture as reference, fitted to the draws of the rounds before.
 #[test]
 fn evidence_from_a_mixture() {
     let shorter = Settings {
@@ -122,7 +122,7 @@ fn evidence_from_a_mixture_of_smc_samplers() {
     }
 }
 
-/// A last round that goes on until the checks pass counts all of its scans, and those before it none.
+/// A last round that is extended until the checks pass counts all of its scans, and those of earlier rounds none.
 #[test]
 fn evidence_of_a_round_that_goes_on() {
     let going_on = Settings {
@@ -188,7 +188,7 @@ fn a_run_that_may_go_on_ends_when_it_passes_or_may_no_more() {
     let plain = run(&target, &with(0), 1);
     assert_eq!(failed(&plain), [""; 0]);
     assert_eq!(plain.draws.len(), run(&target, &with(3), 1).draws.len());
-    // Eight scans say nothing, sixteen neither.
+    // Eight scans are too few, sixteen too.
     let few = |extensions| Settings {
         extensions,
         ..rounds(2)
@@ -213,6 +213,6 @@ fn a_cliff_in_the_likelihood_is_counted_by_every_estimate() {
         let pull = (run.evidence.ln_z - target.ln_z) / run.evidence.error;
         assert!(pull.abs() < 4.0, "{}: {pull}", target.name);
         assert!(run.cost.rejected["outside the flat top"] > 0);
-        assert!(!super::check(&run, "HMC transitions lost to rejected points").pass);
+        assert!(!super::check(&run, "rejected-transitions").pass);
     }
 }

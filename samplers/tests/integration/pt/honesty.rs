@@ -1,4 +1,4 @@
-//! What cannot run says so.
+//! Runs that cannot start or cannot end are refused with a message.
 
 use crate::targets::smooth;
 use oblate_samplers::control::Silent;
@@ -130,7 +130,7 @@ fn settings_out_of_range_are_refused_by_name() {
     }
 }
 
-/// Writes down what it is told.
+/// Records the events.
 #[derive(Default)]
 struct Diary(Vec<Event>);
 

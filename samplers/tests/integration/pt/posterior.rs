@@ -57,7 +57,7 @@ fn likelihoods_that_cannot_matter_are_not_asked_for_and_change_nothing() {
     let bounded = run(&smooth::twins13(0.9).bounded(0.0), &settings, 1);
     assert_eq!(plain.draws, bounded.draws);
     assert_eq!(plain.evidence, bounded.evidence);
-    // A bound that asked in vain every time would save none.
+    // A bound that never rejects a point would save no call.
     let (all, asked) = (plain.cost.calls as f64, bounded.cost.calls as f64);
     assert!(asked < 0.95 * all, "{asked} of {all}");
 }
@@ -118,12 +118,12 @@ fn a_chain_set_with_a_gap_is_refused() {
     assert!(!run.converged());
     let failed = failed(&run);
     for name in [
-        "swap rejection, worst gap",
-        "round trips, worst chain set",
-        "round trips, all chain sets",
-        "restarts per replica",
-        "R-hat",
-        "chain sets agree on the modes",
+        "swap-rejection",
+        "round-trips-worst-chain-set",
+        "round-trips",
+        "restarts-per-replica",
+        "r-hat",
+        "mode-agreement-of-chain-sets",
     ] {
         assert!(failed.contains(&name), "{name} passed; failed: {failed:?}");
     }
@@ -138,13 +138,13 @@ fn a_chain_set_with_a_gap_is_refused() {
 fn a_run_that_is_too_short_is_refused_with_a_remedy() {
     let run = run(&smooth::iso(13), &rounds(4), 1);
     assert!(!run.converged());
-    assert!(!check(&run, "round trips, worst chain set").pass);
+    assert!(!check(&run, "round-trips-worst-chain-set").pass);
     assert!(
-        check(&run, "round trips, worst chain set")
+        check(&run, "round-trips-worst-chain-set")
             .message
             .contains("add rounds")
     );
-    assert!(!check(&run, "bulk ESS").pass);
+    assert!(!check(&run, "ess-bulk").pass);
 }
 
 #[test]

@@ -52,7 +52,7 @@ impl Smooth {
         }
     }
 
-    /// The same target, which says that ln L is nowhere above `bound`.
+    /// The same target with an upper bound of ln L.
     pub fn bounded(mut self, bound: f64) -> Self {
         self.bound = Some(bound);
         self
