@@ -9,7 +9,7 @@ use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLik
 use oblate::params::{DIM, QRange, StreamParams};
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::TableSettings;
-use oblate::stream::{Model, ModelSettings, Particles, StepSchedules, StepsPer};
+use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepSchedules, StepsPer};
 use oblate::track::{BinEdges, Track};
 use std::hint::black_box;
 
@@ -27,6 +27,7 @@ fn likelihood(particles: usize) -> StreamLikelihood {
         },
         steps: 100,
         steps_per: StepsPer::Particle,
+        step_rule: StepRule::Uniform,
         ..ModelSettings::default()
     })
     .expect("a model");

@@ -10,7 +10,9 @@ use oblate::potential::{FlattenedNfw, Plummer};
 use oblate::scalar::Level;
 use oblate::scalar::Vec3;
 use oblate::spray::TableSettings;
-use oblate::stream::{Model, ModelSettings, Particles, StepSchedules, StepsPer, System};
+use oblate::stream::{
+    Halvings, Model, ModelSettings, Particles, StepRule, StepSchedules, StepsPer, System,
+};
 use std::hint::black_box;
 
 /// A typical prior draw: an oblate halo, a progenitor at 60 kpc.
@@ -38,6 +40,7 @@ fn model(particles: usize) -> Model {
         releases,
         steps: 100,
         steps_per: StepsPer::Particle,
+        step_rule: StepRule::Uniform,
         ..ModelSettings::default()
     })
     .expect("a model")
@@ -71,7 +74,7 @@ fn particles(c: &mut Criterion) {
         // One by one, large numbers take seconds and give no new information.
         if n <= 10_000 {
             group.bench_function(format!("particles/f64/n{n}_s100"), |b| {
-                b.iter(|| model.integrate_one_by_one(black_box(&solution)));
+                b.iter(|| model.integrate_one_by_one(black_box(&solution), &Halvings::default()));
             });
         }
     }

@@ -30,8 +30,6 @@ fn main() -> oblate::Result<()> {
 
     let mut settings = FitSettings::default();
     settings.model.releases.particles = 256;
-    settings.model.steps = 40;
-    settings.model.orbit_steps = 256;
     for (name, value) in KNOWN {
         settings.prior.fix(name, value)?;
     }

@@ -304,8 +304,8 @@ pub enum Rejection {
     BadParameter,
     /// The progenitor's orbit is infinite or NaN.
     BadOrbit,
-    /// The progenitor's orbit turns faster somewhere than its particles' steps can follow
-    /// ([`ModelSettings::min_steps_per_orbit`](crate::stream::ModelSettings::min_steps_per_orbit)); more `model.steps` resolve it.
+    /// The progenitor's orbit turns faster somewhere than its particles' shortest steps can follow
+    /// ([`ModelSettings::max_halvings`](crate::stream::ModelSettings::max_halvings)); more `model.max_halvings` resolve it.
     UnresolvedOrbit,
     /// A particle's state is NaN or infinite.
     BadParticle,
@@ -335,8 +335,7 @@ impl Rejection {
         match self {
             Self::BadParameter => "give finite parameters, masses, radii and an age above zero",
             Self::UnresolvedOrbit => {
-                "its progenitor comes too close to the centre for the leapfrog's steps: increase `model.steps`, \
-                 or set `model.min_steps_per_orbit = 0` to have it all the same"
+                "its progenitor comes too close to the centre for the shortest steps allowed: increase `model.max_halvings`"
             }
             Self::Uncovered => "change the parameters, or take coverage = \"penalty\"",
             Self::BadOrbit | Self::BadParticle | Self::BadLikelihood => "change the parameters",

@@ -51,6 +51,9 @@ fn main() {
             likelihood.model(),
             likelihood.system(&target.params(&theta)),
         );
+        let intervals = model
+            .progenitor_solution(&system)
+            .map_or(1, |solution| solution.orbit.intervals());
         let (mut schedules, mut particles) = (StepSchedules::default(), Particles::default());
         let [mut orbit, mut solution_ms, mut particles_ms, mut whole] = [const { Vec::new() }; 4];
         for _ in 0..TURNS {
@@ -61,7 +64,7 @@ fn main() {
                     age_gyr,
                     ..
                 } = black_box(&system);
-                let (steps, method) = (config.model.orbit_steps, config.model.orbit);
+                let (steps, method) = (intervals, config.model.orbit);
                 black_box(DenseOrbit::integrate(host, *today, *age_gyr, steps, method));
             }));
             let mut solution = None;

@@ -8,9 +8,6 @@ use super::settings::FitSettings;
 use crate::likelihood::Coverage;
 use crate::track::BinEdges;
 
-/// Maximum number of steps of the coarse model's progenitor orbit; more of them do not improve it.
-const MAX_ORBIT_STEPS: usize = 128;
-
 /// Maximum residual of an uncovered bin in the coarse model, in standard deviations: with few particles, bins are often uncovered by
 /// chance.
 const MAX_Z_MISS: f64 = 5.0;
@@ -32,7 +29,6 @@ impl FitSettings {
             // 0: the number of release times follows from the number of particles.
             releases.release_times = 0;
             releases.particles = self.coarse_particles;
-            coarse.model.orbit_steps = self.model.orbit_steps.min(MAX_ORBIT_STEPS);
             coarse.likelihood.edges = BinEdges::Soft {
                 half_width_deg: 0.5 * bin_width_deg,
             };

@@ -7,8 +7,8 @@ use crate::params::{DIM, QRange, StreamParams};
 use crate::potential::Nfw;
 use crate::scalar::{Dual, Real, gradient_of, lift};
 use crate::stream::{
-    Adjoint, CompiledHalo, Model, Particles, ProgenitorSolution, SolutionMemory, System, Threads,
-    Workspace,
+    Adjoint, CompiledHalo, Model, Particles, ProgenitorSolution, SolutionMemory, StepSchedules,
+    System, Threads, Workspace,
 };
 use crate::track::{PartialSums, Sums, Track};
 use rayon::prelude::*;
@@ -233,8 +233,16 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
     pub fn ln_likelihood_on<S: Real>(&self, params: &StreamParams<S>) -> Result<S, Rejection> {
+        // The steps are those of the fast path.
+        let numbers = params.map(Real::re);
+        let mut fast = Particles::default();
+        self.model.integrate(
+            &self.model.progenitor_solution(&self.system(&numbers))?,
+            &mut StepSchedules::default(),
+            &mut fast,
+        )?;
         let solution = self.model.progenitor_solution(&self.system(params))?;
-        let particles = self.model.integrate_one_by_one(&solution)?;
+        let particles = self.model.integrate_one_by_one(&solution, &fast.halvings)?;
         let mut sums = Sums::default();
         let neighbour_offset = self.model.table().neighbour_offset;
         self.track

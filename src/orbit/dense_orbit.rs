@@ -10,11 +10,7 @@ use crate::scalar::{Real, Scalar, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Lower limit of the squared radius, kpc^2, in the orbital frequency, which stays finite for a progenitor at the very centre.
-pub(super) const CORE2: f64 = 1e-4;
-
-/// Added to the square of an acceleration times the squared spacing, kpc^2: at the very centre, where the acceleration is zero, a rate of
-/// turning then has a derivative, and anywhere else this is below rounding.
-pub(super) const TINY_DDX2: f64 = 1e-40;
+const CORE2: f64 = 1e-4;
 
 /// How the progenitor is integrated back in time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -68,11 +64,11 @@ impl<S: Scalar> Node<S> {
         self.vector(2)
     }
 
-    /// The fourth power of the angle that a circular orbit through this node turns by until the next: of omega times the
-    /// spacing, with omega^2 = acceleration / radius.
+    /// The square of the phase of an interval: of spacing (v^2 - x.a)^(1/2) / |x|.
     #[inline(always)]
-    pub(super) fn turn4(&self) -> S {
-        (self.ddx().norm2() + TINY_DDX2) / (self.x().norm2() + CORE2)
+    fn phase2(&self) -> S {
+        let (x, dx) = (self.x(), self.vector(1));
+        (dx.norm2() - x.dot(self.ddx())) / (x.norm2() + CORE2)
     }
 
     /// Adds a vector to a row.
@@ -87,7 +83,7 @@ impl<S: Scalar> Node<S> {
 
 /// Clears a vector and reserves memory for `n` elements.
 #[inline(always)]
-pub(super) fn clear_and_reserve<T>(vector: &mut Vec<T>, n: usize) {
+fn clear_and_reserve<T>(vector: &mut Vec<T>, n: usize) {
     vector.clear();
     vector.reserve_exact(n);
 }
@@ -125,15 +121,6 @@ impl HermiteWeights {
     }
 }
 
-/// A time on an orbit: in the interval after `node`, at this fraction in [0, 1] of it.
-#[derive(Clone, Copy, Debug)]
-pub struct OrbitTime<S> {
-    /// The earlier node.
-    pub node: usize,
-    /// Fraction of the interval, from the earlier node to the later one.
-    pub share: S,
-}
-
 /// Adds the derivative with respect to an interpolated position to those with respect to the two nodes around it.
 #[inline]
 pub fn add_weighted(nodes: &mut [Node<f64>], place: &HermiteWeights, by: Vec3<f64>) {
@@ -149,7 +136,7 @@ pub fn add_weighted(nodes: &mut [Node<f64>], place: &HermiteWeights, by: Vec3<f6
 
 /// The interval of `tau` and the fraction within it.
 #[inline]
-pub(super) fn locate(tau: f64, steps: usize) -> (usize, f64) {
+fn locate(tau: f64, steps: usize) -> (usize, f64) {
     let position = (tau + 1.0).clamp(0.0, 1.0) * steps as f64;
     #[allow(
         clippy::cast_possible_truncation,
@@ -274,28 +261,6 @@ impl<S: Real> DenseOrbit<S> {
         )
     }
 
-    /// Position, as a row, at a time that may have derivatives of its own; and its interpolation weights.
-    #[inline(always)]
-    pub fn position_at(&self, orbit_time: OrbitTime<S>) -> ([S; 4], HermiteWeights) {
-        let OrbitTime { node, share } = orbit_time;
-        let numbers = quintic(share);
-        let mut weights = [0.0; 6];
-        for k in 0..6 {
-            weights[k] = numbers[k].re();
-        }
-        (
-            self.combine(node, numbers),
-            HermiteWeights { node, weights },
-        )
-    }
-
-    /// Derivative of the position at a time with respect to the time as a fraction of the age.
-    #[inline(always)]
-    pub fn slope(&self, orbit_time: OrbitTime<f64>) -> Vec3<S> {
-        let weights = constants(quintic_slope(orbit_time.share));
-        vector(&self.combine(orbit_time.node, weights)) * S::from_f64(self.intervals() as f64)
-    }
-
     /// Position at given interpolation weights, as a row.
     #[inline(always)]
     pub fn position(&self, place: &HermiteWeights) -> [S; 4] {
@@ -320,12 +285,12 @@ impl<S: Real> DenseOrbit<S> {
         self.nodes.len() - 1
     }
 
-    /// The largest angle, in radians, that a circular orbit through a node turns by in the whole age; in `n` even steps it
-    /// turns by the `n`-th part of it in each.
+    /// The largest phase of an interval at its ends, in radians: of its length times (v^2 - x.a)^(1/2) / |x|, where -x.a is the square
+    /// of the circular velocity.
     #[must_use]
-    pub fn max_orbital_phase(&self) -> f64 {
-        let fourth_powers = self.nodes.iter().map(|node| node.turn4().re());
-        fourth_powers.fold(0.0, f64::max).sqrt().sqrt() * self.intervals() as f64
+    pub fn max_phase(&self) -> f64 {
+        let squares = self.nodes.iter().map(|node| node.phase2().re());
+        squares.fold(0.0, f64::max).sqrt()
     }
 
     /// Largest relative difference of the energy at a node from that today, in the host that the orbit was integrated in.

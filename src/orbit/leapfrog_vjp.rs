@@ -1,4 +1,4 @@
-//! Reverse mode of the leapfrog of [`advance`](super::advance()): exact derivatives of the same discrete map, at about the cost of two
+//! Reverse mode of [`advance`](super::advance()): exact derivatives of the same discrete map, at about the cost of two
 //! values, without storing the path.
 
 use super::leapfrog::force;
@@ -6,33 +6,10 @@ use super::{Schedule, State};
 use crate::potential::{Halo, HaloCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
 
-/// Derivatives with respect to one step of a schedule.
-#[derive(Clone, Copy, Debug)]
-pub struct StepCotangent<S> {
-    /// With respect to the progenitor's position at its kick.
-    pub progenitor: Vec3<S>,
-    /// With respect to the length of its drift, times that length: no division per particle.
-    pub drift: S,
-    /// With respect to the length of its kick, per Gyr.
-    pub kick: S,
-}
-
-impl<S: Scalar> StepCotangent<S> {
-    /// All zero.
-    #[inline(always)]
-    #[must_use]
-    pub fn zero() -> Self {
-        Self {
-            progenitor: Vec3::zero(),
-            drift: S::zero(),
-            kick: S::zero(),
-        }
-    }
-}
-
 /// The vector-Jacobian product of [`advance`](super::advance()): from `position_bar`, the derivative of a result with respect to
 /// a particle's final position (per kpc), returns its derivative with respect to the particle's initial state. The derivatives
-/// with respect to host, progenitor and schedule are added to `host_bar`, `progenitor_bar` and `schedule_bar`.
+/// with respect to the host, the progenitor, the progenitor's position at each kick, and the logarithm of the length of all steps are
+/// added to theirs.
 ///
 /// The trajectory is not stored but integrated backwards from `end`, the final state of [`advance`](super::advance()): each drift
 /// and kick is undone, so it is the same trajectory except for rounding. The derivative with respect to a state is set to zero
@@ -50,7 +27,8 @@ pub fn reverse<S: Scalar, H: Halo>(
     position_bar: Vec3<S>,
     host_bar: &mut HaloCotangent<S>,
     progenitor_bar: &mut PlummerCotangent<S>,
-    schedule_bar: &mut [StepCotangent<S>],
+    path_bar: &mut [Vec3<S>],
+    ln_time_bar: &mut S,
     limit2: S,
 ) -> State<S> {
     let steps = schedule.steps();
@@ -67,8 +45,7 @@ pub fn reverse<S: Scalar, H: Halo>(
         let drift = at.v * schedule.drift_gyr(j);
         at.x = at.x - drift;
         by.v = by.v.add_scaled(by.x, schedule.drift_gyr(j));
-        let step_bar = &mut schedule_bar[j];
-        step_bar.drift += by.x.dot(drift);
+        *ln_time_bar += by.x.dot(drift);
         // Kick v += c a(x_j).
         let lambda = by.v * schedule.kick_gyr(j);
         let (a_host, x_host) = H::vjp(host, at.x, lambda, host_bar);
@@ -76,8 +53,8 @@ pub fn reverse<S: Scalar, H: Halo>(
             progenitor.vjp(at.x - schedule.progenitor_at(j), lambda, progenitor_bar);
         let a = a_host + a_progenitor;
         at.v = at.v.add_scaled(a, -schedule.kick_gyr(j));
-        step_bar.kick += by.v.dot(a);
-        step_bar.progenitor = step_bar.progenitor - x_progenitor;
+        *ln_time_bar += lambda.dot(a);
+        path_bar[j] = path_bar[j] - x_progenitor;
         by.x = by.x + x_host + x_progenitor;
         by = within(by, limit2);
     }

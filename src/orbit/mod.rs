@@ -1,16 +1,16 @@
-//! The orbit of the progenitor and the leapfrog integration of particles, with its adjoint (docs/physics.md, sections 3, 5 and 8).
+//! The orbit of the progenitor and the integration of particles, with its adjoint (docs/physics.md, sections 3, 5 and 8).
 
-mod adaptive_grid;
+mod adaptive;
 mod dense_orbit;
 mod leapfrog;
 mod leapfrog_vjp;
 mod schedule;
 mod winding;
 
-pub use adaptive_grid::AdaptiveGrid;
-pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, OrbitTime, add_weighted};
+pub use adaptive::{AdaptiveSteps, DRIFTS, KICKS, STAGES, TIMES, advance_adaptively, length};
+pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, add_weighted};
 pub use leapfrog::{FinalParticle, advance};
-pub use leapfrog_vjp::{StepCotangent, reverse};
+pub use leapfrog_vjp::reverse;
 pub use schedule::{InterleavedSchedules, Schedule, StepSchedule};
 pub use winding::crossing;
 

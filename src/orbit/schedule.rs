@@ -1,7 +1,7 @@
 //! The step schedule of the leapfrog: where the progenitor is at each force evaluation, and the lengths of drifts and kicks.
 
+use super::HermiteWeights;
 use super::dense_orbit::vector;
-use super::{HermiteWeights, OrbitTime};
 use crate::scalar::{Isa, Lanes, Scalar, Vec3};
 
 /// A step schedule.
@@ -25,9 +25,7 @@ pub struct StepSchedule<S> {
     pub drift_gyr: Vec<S>,
     /// Lengths of the kicks, Gyr.
     pub kick_gyr: Vec<S>,
-    /// Times of the force evaluations, if they depend on the parameters.
-    pub orbit_times: Vec<OrbitTime<S>>,
-    /// Their interpolation weights on the orbit.
+    /// Interpolation weights of the positions on the orbit, if the steps are adaptive.
     pub places: Vec<HermiteWeights>,
 }
 
@@ -37,7 +35,6 @@ impl<S> Default for StepSchedule<S> {
             path: Vec::new(),
             drift_gyr: Vec::new(),
             kick_gyr: Vec::new(),
-            orbit_times: Vec::new(),
             places: Vec::new(),
         }
     }

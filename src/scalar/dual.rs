@@ -204,6 +204,11 @@ impl<I: Isa, const K: usize> Scalar for LaneDual<I, K> {
     }
 
     #[inline(always)]
+    fn any(mask: bool) -> bool {
+        mask
+    }
+
+    #[inline(always)]
     fn select(mask: bool, a: Self, b: Self) -> Self {
         if mask { a } else { b }
     }

@@ -107,6 +107,15 @@ impl<I: Isa, const K: usize> Scalar for Lanes<I, K> {
     }
 
     #[inline(always)]
+    fn any(mask: LaneMask<I, K>) -> bool {
+        let mut any = false;
+        for i in 0..K {
+            any |= I::any(mask.0[i]);
+        }
+        any
+    }
+
+    #[inline(always)]
     fn select(mask: LaneMask<I, K>, mut a: Self, b: Self) -> Self {
         for i in 0..K {
             a.0[i] = I::select(mask.0[i], a.0[i], b.0[i]);

@@ -2,7 +2,8 @@
 //! lanes and on dual numbers.
 //!
 //! Generic code must not branch on the value of a scalar: a comparison gives a mask, [`Scalar::select`] chooses by it, and
-//! the number of iterations of a loop never depends on a scalar. Comparisons of dual numbers use the real parts only, so
+//! the number of iterations of a loop never depends on a scalar. The one exception is the length of adaptive steps, which all lanes share
+//! ([`Scalar::any`]). Comparisons of dual numbers use the real parts only, so
 //! every number type executes the same operations.
 
 mod dispatch;
@@ -62,6 +63,9 @@ pub trait Scalar:
 
     /// `self < other`, on the real parts.
     fn lt(self, other: Self) -> Self::Mask;
+
+    /// Whether the mask is set in any lane.
+    fn any(mask: Self::Mask) -> bool;
 
     /// `a` where the mask is set, `b` elsewhere.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
@@ -140,6 +144,11 @@ where
     #[inline(always)]
     fn lt(self, other: Self) -> bool {
         self < other
+    }
+
+    #[inline(always)]
+    fn any(mask: bool) -> bool {
+        mask
     }
 
     #[inline(always)]

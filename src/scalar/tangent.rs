@@ -201,6 +201,11 @@ impl<S: Scalar, const N: usize> Scalar for Tangent<S, N> {
     }
 
     #[inline(always)]
+    fn any(mask: S::Mask) -> bool {
+        S::any(mask)
+    }
+
+    #[inline(always)]
     fn select(mask: S::Mask, a: Self, b: Self) -> Self {
         let mut eps = a.eps;
         for k in 0..N {

@@ -16,10 +16,6 @@ pub(super) struct Cotangents {
     pub release_frames: Vec<ReleaseFrame<f64>>,
     /// With respect to the nodes of the orbit.
     pub nodes: Vec<Node<f64>>,
-    /// With respect to the phases of the adaptive grid at the nodes.
-    pub phases: Vec<f64>,
-    /// With respect to the times of the present step schedule.
-    pub times: Vec<f64>,
     /// With respect to the potentials and the age.
     pub shared: SharedCotangent,
 }
@@ -39,8 +35,6 @@ impl Cotangents {
         self.release_frames.resize(release_times.len(), no_frame);
         self.nodes.clear();
         self.nodes.resize(nodes, Node::zero());
-        self.phases.clear();
-        self.phases.resize(nodes, 0.0);
         self.shared = SharedCotangent::zero();
     }
 }
@@ -112,9 +106,6 @@ impl Cotangents {
     /// Adds those of the release times that follow.
     pub fn append(&mut self, next: &mut Self) {
         self.shared.add(&next.shared);
-        for (sum, by) in self.phases.iter_mut().zip(&next.phases) {
-            *sum += by;
-        }
         for (sum, by) in self.nodes.iter_mut().zip(&next.nodes) {
             for row in 0..3 {
                 sum.add(row, by.vector(row));

@@ -1,16 +1,19 @@
 //! The particles of a stream today, on one thread or many.
 
 use super::compiled::CompiledHalo;
+use super::halvings::Halvings;
 use super::integrate::IntegrateKernel;
-use super::lane_groups::{StepSchedules, UNROLL};
+use super::lane_groups::StepSchedules;
 use super::model::Model;
 use super::particles::Particles;
 use super::progenitor_solution::ProgenitorSolution;
+use super::settings::StepRule;
 use super::system::System;
 use crate::error::{Error, Rejection, Result, Tally};
 use crate::potential::Halo;
 use crate::scalar::Level;
 use rayon::prelude::*;
+use std::ops::Range;
 
 impl Model {
     /// The particles of a stream today, over the threads of the present rayon pool: of a [`System`] with any kind of halo, or of 13
@@ -51,12 +54,15 @@ impl Model {
         schedules: &mut StepSchedules,
         out: &mut Particles,
     ) -> std::result::Result<(), Rejection> {
+        let (columns, halvings) = out.columns(self.table.len());
+        halvings.reset(self.pairs.len(), self.most_halvings());
         let forward = IntegrateKernel {
             model: self,
             solution,
-            groups: &self.groups,
+            pairs: &self.pairs,
             schedules,
-            out: out.columns(self.table.len()),
+            halvings,
+            out: columns,
         };
         let ambiguous_windings = (H::kernels().integrate)(forward, level);
         out.neighbour_offset = self.table.neighbour_offset;
@@ -73,33 +79,58 @@ impl Model {
         solution: &ProgenitorSolution<f64, H>,
         out: &mut Particles,
     ) -> std::result::Result<(), Rejection> {
-        // More parts than threads, because some may take longer; whole pairs of groups, because those are integrated together.
+        // More parts than threads, because some may take longer.
         let parts = 4 * rayon::current_num_threads();
-        let per_part = self.groups.len().div_ceil(parts).next_multiple_of(UNROLL);
-        let mut left = out.columns(self.table.len());
+        let per_part = self.pairs.len().div_ceil(parts);
+        let (mut left, halvings) = out.columns(self.table.len());
+        halvings.reset(self.pairs.len(), 0);
         let mut work = Vec::with_capacity(parts);
-        for groups in self.groups.chunks(per_part) {
-            let end = groups.last().map_or(0, |group| group.first + group.len);
+        for pairs in self.pairs.chunks(per_part) {
+            let end = pairs.last().map_or(0, |pair| {
+                let group = &self.groups[pair.end - 1];
+                group.first + group.len
+            });
             let (part, rest) = left.split(end);
-            work.push((groups, part));
+            work.push((pairs, part));
             left = rest;
         }
-        let ambiguous_windings: Vec<f64> = work
+        let parts: Vec<(f64, Halvings)> = work
             .into_par_iter()
-            .map(|(groups, out)| {
+            .map(|(pairs, out)| {
+                let mut halvings = Halvings::default();
                 let forward = IntegrateKernel {
                     model: self,
                     solution,
-                    groups,
+                    pairs,
                     schedules: &mut StepSchedules::default(),
+                    halvings: &mut halvings,
                     out,
                 };
-                (H::kernels().integrate)(forward, Level::best())
+                let ambiguous_windings = (H::kernels().integrate)(forward, Level::best());
+                (ambiguous_windings, halvings)
             })
             .collect();
+        let mut ambiguous_windings = 0.0;
+        for (count, part) in &parts {
+            ambiguous_windings += count;
+            halvings.append(part);
+        }
         out.neighbour_offset = self.table.neighbour_offset;
-        out.tally = tally(solution, ambiguous_windings.iter().sum())?;
+        out.tally = tally(solution, ambiguous_windings)?;
         Ok(())
+    }
+}
+
+impl Model {
+    /// Number of adaptive steps of all pairs, if all are halved as often as possible; with equal steps, none are recorded.
+    fn most_halvings(&self) -> usize {
+        match self.settings.step_rule {
+            StepRule::Uniform => 0,
+            StepRule::Adaptive => {
+                let steps = |pair: &Range<usize>| self.steps[self.groups[pair.start].release_time];
+                self.pairs.iter().map(steps).sum::<usize>() << self.settings.max_halvings
+            }
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 
 use super::compiled::CompiledHalo;
 use super::integrate_vjp::{Ends, Part, VjpKernel};
-use super::lane_groups::StepSchedules;
+use super::lane_groups::{StepSchedules, release_times_per_part};
 use super::model::Model;
 use super::particles::Particles;
 use super::progenitor_solution::ProgenitorSolution;
@@ -45,10 +45,6 @@ pub struct Workspace {
     pub y_bar: Vec<f64>,
     parts: Vec<Part>,
 }
-
-/// Number of parts that the release times are divided into. Each part sums its own derivatives, and the parts are added in order: the
-/// bits do not depend on the number of threads.
-pub(super) const PARTS: usize = 8;
 
 impl Model {
     /// The gradient, with respect to the [vector](System::to_vector) of a system, of a result whose derivatives with respect to the
@@ -105,9 +101,6 @@ impl Model {
         for part in others {
             total.append(&mut part.cotangents);
         }
-        if let Some(grid) = &solution.grid {
-            grid.vjp(&solution.orbit, &total.phases, &mut total.nodes);
-        }
         let kernel = SolutionVjpKernel {
             model: self,
             system,
@@ -119,15 +112,17 @@ impl Model {
     /// Divides the release times into parts, whose derivatives are zero.
     fn prepare<H: Halo>(&self, solution: &ProgenitorSolution<f64, H>, work: &mut Workspace) {
         let release_times = self.table.taus.len();
-        let groups_per_release_time = self.groups.len() / release_times;
-        let per_part = release_times.div_ceil(PARTS);
+        let per_part = release_times_per_part(release_times);
+        let first_pair = |release_time: usize| {
+            self.pairs
+                .partition_point(|pair| self.groups[pair.start].release_time < release_time)
+        };
         work.parts
             .resize_with(release_times.div_ceil(per_part), Part::default);
         for (k, part) in work.parts.iter_mut().enumerate() {
             let range = k * per_part..release_times.min((k + 1) * per_part);
             part.cotangents.reset(&range, solution.orbit.nodes.len());
-            part.groups =
-                range.start * groups_per_release_time..range.end * groups_per_release_time;
+            part.pairs = first_pair(range.start)..first_pair(range.end);
         }
     }
 }

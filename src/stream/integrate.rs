@@ -1,45 +1,64 @@
 //! Integration of particles from their release to today: in SIMD lanes, and one by one on any number type.
 
-use super::lane_groups::{Group, Interleaved, Pair, StepSchedules};
+use super::halvings::Halvings;
+use super::lane_groups::{Interleaved, Pair, StepSchedules};
 use super::model::Model;
 use super::particles::Columns;
 use super::progenitor_solution::ProgenitorSolution;
-use super::step_schedules::Planner;
+use super::settings::StepRule;
+use super::step_schedules::{PairSteps, Planner};
 use crate::error::Rejection;
-use crate::orbit::{FinalParticle, StepSchedule, advance};
+use crate::orbit::{FinalParticle, StepSchedule, advance, advance_adaptively};
 use crate::potential::{Halo, Plummer};
 use crate::scalar::{Isa, Kernel, Level, Real, compile_kernel};
+use std::ops::Range;
 
-/// The integration of some lane groups.
+/// The integration of some pairs of lane groups.
 pub struct IntegrateKernel<'a, H: Halo> {
     pub(super) model: &'a Model,
     pub(super) solution: &'a ProgenitorSolution<f64, H>,
-    pub(super) groups: &'a [Group],
+    pub(super) pairs: &'a [Range<usize>],
     pub(super) schedules: &'a mut StepSchedules,
+    pub(super) halvings: &'a mut Halvings,
     pub(super) out: Columns<'a>,
 }
 
 impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
     type Output = f64;
 
-    /// Integrates every group. Returns the number of ambiguous windings, NaN if any state is not finite.
+    /// Integrates every pair. Returns the number of ambiguous windings, NaN if any state is not finite.
     #[inline(always)]
     fn run<I: Isa>(self) -> f64 {
         let Self {
             model,
             solution,
-            groups,
+            pairs,
             schedules,
+            halvings,
             mut out,
         } = self;
         let host = H::broadcast::<Interleaved<I>>(&solution.host);
         let progenitor = Plummer::<Interleaved<I>>::broadcast(&solution.progenitor);
         let mut planner = Planner::new(model, solution, schedules);
         let mut ambiguous_windings = 0.0;
-        for pair in Pair::all(&model.steps, groups) {
+        for range in pairs {
+            let pair = Pair::of(&model.groups, range);
             let release_frame = pair.release_frames::<I, H>(solution);
             let (start, turns) = release_frame.release(pair.position(), pair.velocity());
-            let particle = advance(&host, &progenitor, &planner.schedules(&pair), start, turns);
+            let particle = match model.settings.step_rule {
+                StepRule::Uniform => advance(
+                    &host,
+                    &progenitor,
+                    &planner.schedules(&pair, &[]),
+                    start,
+                    turns,
+                ),
+                StepRule::Adaptive => {
+                    halvings.begin();
+                    let mut steps = PairSteps::new(model, solution, &pair, halvings);
+                    advance_adaptively(&host, &progenitor, &mut steps, start, turns)
+                }
+            };
             ambiguous_windings += out.store(&pair, &particle);
         }
         ambiguous_windings
@@ -55,38 +74,46 @@ pub(super) fn integrate<H: Halo>(kernel: IntegrateKernel<'_, H>, level: Level) -
 
 impl Model {
     /// Every particle today, one by one, in the order of the table, on any number type: the reference that the fast path
-    /// is tested against.
+    /// is tested against. Adaptive steps are those of `halvings`, which the fast path has recorded.
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a state is not finite.
     pub fn integrate_one_by_one<S: Real, H: Halo>(
         &self,
         solution: &ProgenitorSolution<S, H>,
+        halvings: &Halvings,
     ) -> std::result::Result<Vec<FinalParticle<S>>, Rejection> {
         let mut particles = Vec::with_capacity(self.table.len());
         let mut schedule = StepSchedule::default();
-        for (release_time, release_frame) in solution.release_frames.iter().enumerate() {
-            self.plan(release_time, solution, &mut schedule);
-            let first = release_time * self.table.per_release_time;
-            for release in &self.table.releases[first..first + self.table.per_release_time] {
-                let (start, turns) = release_frame.release(
-                    release.offset.position.map(S::from_f64),
-                    release.offset.velocity.map(S::from_f64),
+        for (number, range) in self.pairs.iter().enumerate() {
+            for group in &self.groups[range.clone()] {
+                self.plan(
+                    group.release_time,
+                    halvings.of(number),
+                    solution,
+                    &mut schedule,
                 );
-                let particle = advance(
-                    &solution.host,
-                    &solution.progenitor,
-                    &schedule,
-                    start,
-                    turns,
-                );
-                if !(particle.state.x.norm2() + particle.state.v.norm2())
-                    .re()
-                    .is_finite()
-                {
-                    return Err(Rejection::BadParticle);
+                let release_frame = &solution.release_frames[group.release_time];
+                for release in &self.table.releases[group.first..group.first + group.len] {
+                    let (start, turns) = release_frame.release(
+                        release.offset.position.map(S::from_f64),
+                        release.offset.velocity.map(S::from_f64),
+                    );
+                    let particle = advance(
+                        &solution.host,
+                        &solution.progenitor,
+                        &schedule,
+                        start,
+                        turns,
+                    );
+                    if !(particle.state.x.norm2() + particle.state.v.norm2())
+                        .re()
+                        .is_finite()
+                    {
+                        return Err(Rejection::BadParticle);
+                    }
+                    particles.push(particle);
                 }
-                particles.push(particle);
             }
         }
         Ok(particles)

@@ -8,8 +8,9 @@ use super::lane_groups::{Interleaved, Pair, StepSchedules, UNROLL};
 use super::model::Model;
 use super::particles::Particles;
 use super::progenitor_solution::ProgenitorSolution;
+use super::settings::StepRule;
 use super::step_schedules::Planner;
-use crate::orbit::{State, StepCotangent, reverse};
+use crate::orbit::{State, reverse};
 use crate::potential::{Halo, HaloCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, Scalar, Vec3, compile_kernel};
 use std::ops::Range;
@@ -17,12 +18,12 @@ use std::ops::Range;
 /// The particles of some release times, and the derivatives that they give.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Part {
-    /// Their lane groups.
-    pub groups: Range<usize>,
+    /// Their pairs of lane groups.
+    pub pairs: Range<usize>,
     /// Their step schedules.
     schedules: StepSchedules,
-    /// Derivatives with respect to the step schedules of the present pair.
-    sums: [Vec<StepCotangent<f64>>; UNROLL],
+    /// Derivatives with respect to the progenitor's positions at the kicks of the present pair.
+    paths: [Vec<Vec3<f64>>; UNROLL],
     /// Derivatives with respect to the progenitor solution.
     pub cotangents: Cotangents,
 }
@@ -107,20 +108,22 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
         let progenitor = Plummer::<Interleaved<I>>::broadcast(&solution.progenitor);
         let mut host_bar = HaloCotangent::<Interleaved<I>>::zero();
         let mut progenitor_bar = PlummerCotangent::<Interleaved<I>>::zero();
-        let mut schedule_bar = vec![StepCotangent::<Interleaved<I>>::zero(); model.settings.steps];
+        let mut path_bar: Vec<Vec3<Interleaved<I>>> = Vec::new();
+        let mut ln_time_bar = Interleaved::<I>::zero();
         let Part {
             schedules,
-            sums,
+            paths,
             cotangents,
             ..
         } = part;
         let mut planner = Planner::new(model, solution, schedules);
-        let mut pairs = Pair::all(&model.steps, &model.groups[part.groups.clone()]).peekable();
-        while let Some(pair) = pairs.next() {
+        let adaptive = model.settings.step_rule == StepRule::Adaptive;
+        for number in part.pairs.clone() {
+            let pair = Pair::of(&model.groups, &model.pairs[number]);
             let (end, position_bar) = ends.of::<I>(&pair);
             let limit2 = position_bar.norm2() * max_stretch2;
-            let schedules = planner.schedules(&pair);
-            let schedule_bar = &mut schedule_bar[..model.steps[pair.groups[0].release_time]];
+            let schedules = planner.schedules(&pair, ends.particles.halvings.of(number));
+            path_bar.resize(schedules.0.drift_gyr.len(), Vec3::zero());
             let start_bar = reverse::<_, H>(
                 &host,
                 &progenitor,
@@ -129,24 +132,26 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
                 position_bar,
                 &mut host_bar,
                 &mut progenitor_bar,
-                schedule_bar,
+                &mut path_bar,
+                &mut ln_time_bar,
                 limit2,
             );
             cotangents.add_release_frames(&pair, &start_bar);
-            // Pairs of the same release times are summed together.
-            if pairs
-                .peek()
-                .is_none_or(|next| next.release_times() != pair.release_times())
-            {
-                sum_lanes(schedule_bar, sums);
-                // A half without particles adds no derivatives, but may hold those of an earlier pair.
+            // Pairs of the same release times and of equal steps are summed together.
+            let [a, b] = pair.release_times();
+            let next = (number + 1 < part.pairs.end)
+                .then(|| Pair::of(&model.groups, &model.pairs[number + 1]).release_times());
+            if adaptive || next != Some([a, b]) {
+                sum_lanes(&mut path_bar, a == b, paths);
                 let both = [schedules.0, schedules.1];
-                for k in 0..UNROLL {
-                    let release_time = pair.groups[k].release_time;
-                    cotangents.add_schedule(model, solution, release_time, both[k], &sums[k]);
+                // A half without particles adds no derivatives, but may hold those of an earlier pair.
+                let halves = if a == b { 1 } else { UNROLL };
+                for k in 0..halves {
+                    cotangents.add_path(model.places([a, b][k], both[k]), &paths[k]);
                 }
             }
         }
+        cotangents.shared.age_gyr = ln_time_bar.sum() / solution.age_gyr;
         cotangents.shared.host = HaloCotangent {
             ln_mass: host_bar.ln_mass.sum(),
             ln_r_s: host_bar.ln_r_s.sum(),
@@ -173,23 +178,23 @@ fn sum_vector<I: Isa>(v: Vec3<Interleaved<I>>) -> Vec3<f64> {
     Vec3::new(v.x.sum(), v.y.sum(), v.z.sum())
 }
 
-/// Sums the derivatives with respect to step schedules over the lanes of each half, and sets them to zero.
+/// Sums derivatives over the lanes of each half, or over those of both, and sets them to zero.
 #[inline(always)]
 fn sum_lanes<I: Isa>(
-    lanes: &mut [StepCotangent<Interleaved<I>>],
-    out: &mut [Vec<StepCotangent<f64>>; UNROLL],
+    lanes: &mut Vec<Vec3<Interleaved<I>>>,
+    both: bool,
+    out: &mut [Vec<Vec3<f64>>; UNROLL],
 ) {
     out.iter_mut().for_each(Vec::clear);
-    for by in lanes {
-        let progenitor = sums_of_vector(by.progenitor);
-        let (drift, kick) = (by.drift.sums(), by.kick.sums());
-        for k in 0..UNROLL {
-            out[k].push(StepCotangent {
-                progenitor: progenitor[k],
-                drift: drift[k],
-                kick: kick[k],
-            });
+    for &by in lanes.iter() {
+        if both {
+            out[0].push(sum_vector(by));
+        } else {
+            let halves = sums_of_vector(by);
+            for k in 0..UNROLL {
+                out[k].push(halves[k]);
+            }
         }
-        *by = StepCotangent::zero();
     }
+    lanes.clear();
 }

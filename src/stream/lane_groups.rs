@@ -5,6 +5,7 @@ use crate::orbit::{State, StepSchedule};
 use crate::potential::Halo;
 use crate::scalar::{Isa, LANES, LaneArray, Lanes, Vec3};
 use crate::spray::ReleaseTable;
+use std::ops::Range;
 
 /// Particles of one release time that are integrated in the lanes of one vector; short groups repeat their last particle.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +53,32 @@ pub(super) fn groups(table: &ReleaseTable) -> Vec<Group> {
     groups
 }
 
+/// Number of parts that the release times are divided into. Each part sums its own derivatives, and the parts are added in order: the
+/// bits do not depend on the number of threads.
+pub(super) const PARTS: usize = 8;
+
+/// Release times in a part; the last part may have fewer.
+pub(super) fn release_times_per_part(release_times: usize) -> usize {
+    release_times.div_ceil(PARTS)
+}
+
+/// Divides groups into pairs of equally many steps, each in one part of the release times: a range of two, or of one that is left over.
+pub(super) fn pairs(groups: &[Group], steps: &[usize]) -> Vec<Range<usize>> {
+    let per_part = release_times_per_part(steps.len());
+    let key = |group: &Group| (group.release_time / per_part, steps[group.release_time]);
+    let mut pairs = Vec::with_capacity(groups.len() / UNROLL);
+    let mut first = 0;
+    while first < groups.len() {
+        let two = groups
+            .get(first + 1)
+            .is_some_and(|next| key(next) == key(&groups[first]));
+        let end = first + 1 + usize::from(two);
+        pairs.push(first..end);
+        first = end;
+    }
+    pairs
+}
+
 /// Two groups of equally many steps, or one twice: then the second has no particles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair<'a> {
@@ -60,36 +87,14 @@ pub(super) struct Pair<'a> {
     pub lens: [usize; UNROLL],
 }
 
-/// The pairs of a run of groups.
-pub(super) struct Pairs<'a> {
-    steps: &'a [usize],
-    left: &'a [Group],
-}
-
-impl<'a> Iterator for Pairs<'a> {
-    type Item = Pair<'a>;
-
-    #[inline]
-    fn next(&mut self) -> Option<Pair<'a>> {
-        let (a, rest) = self.left.split_first()?;
-        let partner = rest
-            .first()
-            .filter(|b| self.steps[b.release_time] == self.steps[a.release_time]);
-        self.left = &rest[usize::from(partner.is_some())..];
-        Some(Pair {
-            groups: [a, partner.unwrap_or(a)],
-            lens: [a.len, partner.map_or(0, |b| b.len)],
-        })
-    }
-}
-
 impl<'a> Pair<'a> {
-    /// All pairs of a run of groups, whose particles take `steps` by release time.
+    /// The pair of a range of groups.
     #[inline]
-    pub fn all(steps: &'a [usize], groups: &'a [Group]) -> Pairs<'a> {
-        Pairs {
-            steps,
-            left: groups,
+    pub fn of(groups: &'a [Group], range: &Range<usize>) -> Self {
+        let (a, b) = (&groups[range.start], &groups[range.end - 1]);
+        Self {
+            groups: [a, b],
+            lens: [a.len, if range.len() == UNROLL { b.len } else { 0 }],
         }
     }
 

@@ -1,11 +1,10 @@
 //! How much memory a model and its streams take, before any of it is taken.
 
-use super::gradient::PARTS;
-use super::lane_groups::{Group, UNROLL};
+use super::lane_groups::{Group, PARTS, UNROLL};
 use super::progenitor_solution::ReleaseFrame;
-use super::settings::{ModelSettings, StepsPer};
+use super::settings::{ModelSettings, StepRule, StepsPer};
 use super::system::SYSTEM_LEN;
-use crate::orbit::{HermiteWeights, Node, OrbitTime, StepCotangent};
+use crate::orbit::{HermiteWeights, Node, STAGES};
 use crate::scalar::LANES;
 use crate::spray::{Release, ReleaseOffset};
 use oblate_samplers::limits::Memory;
@@ -20,15 +19,21 @@ impl ModelSettings {
     /// computed at once.
     ///
     /// The model has, for each particle, its release (its release offset besides, while the table is made) and its place in a lane group,
-    /// and the interpolation weights of every step of every release time. Each thread has nine numbers per particle (state, winding number,
-    /// two derivatives), the orbit and its derivatives, and the step schedules of the gradient's parts. Paths are not stored.
+    /// and the interpolation weights of every equal step of every release time. Each thread has nine numbers per particle (state, winding
+    /// number, two derivatives), the orbit and its derivatives, and the step schedules of the gradient's parts. Trajectories are not stored.
+    /// Adaptive steps count as if all were halved as often as they may be.
     #[must_use]
     pub fn memory(&self, threads: usize) -> Memory {
-        let (n, steps, nodes) = (
-            self.releases.particles as f64,
-            self.steps as f64,
-            self.orbit_steps as f64,
-        );
+        let n = self.releases.particles as f64;
+        let (given, nodes) = (self.steps as f64, self.orbit_steps as f64);
+        let (steps, nodes) = match self.step_rule {
+            StepRule::Uniform => (given, nodes),
+            StepRule::Adaptive => {
+                let shortest = given * f64::from(self.max_halvings).exp2();
+                // Orbit steps are doubled until their phase is at most half of that of the shortest steps.
+                (STAGES as f64 * shortest, nodes.max(4.0 * shortest))
+            }
+        };
         let release_times = self.releases.number_of_release_times() as f64;
         let groups = release_times * (n / release_times / LANES as f64).ceil();
         let mean_steps = match self.steps_per {
@@ -37,13 +42,14 @@ impl ModelSettings {
         };
         let threads = threads as f64;
         let table = bytes::<Release>(n) + bytes::<ReleaseOffset>(n) + bytes::<Group>(groups);
-        let weights = bytes::<HermiteWeights>(release_times * (mean_steps + 1.0));
+        let weights = match self.step_rule {
+            StepRule::Uniform => bytes::<HermiteWeights>(release_times * (mean_steps + 1.0)),
+            StepRule::Adaptive => threads * bytes::<u8>(groups * steps / STAGES as f64),
+        };
         let parts = PARTS as f64;
-        let schedule = bytes::<StepCotangent<f64>>((LANES * UNROLL + UNROLL) as f64)
-            + UNROLL as f64
-                * (bytes::<[f64; 6]>(1.0)
-                    + bytes::<OrbitTime<f64>>(1.0)
-                    + bytes::<HermiteWeights>(1.0));
+        // The derivative by the progenitor's position in lanes and summed; position, drift and kick, and the interpolation weights.
+        let schedule = bytes::<[f64; 3]>((LANES * UNROLL + UNROLL) as f64)
+            + UNROLL as f64 * (bytes::<[f64; 6]>(1.0) + bytes::<HermiteWeights>(1.0));
         // The orbit of the value, its derivatives in each part, and the orbit on dual numbers.
         let node =
             bytes::<Node<f64>>(2.0 + parts + (1 + SYSTEM_LEN.next_multiple_of(LANES)) as f64);

@@ -11,6 +11,7 @@ mod compiled;
 mod cotangents;
 mod forward;
 mod gradient;
+mod halvings;
 mod integrate;
 mod integrate_vjp;
 mod lane_groups;
@@ -27,6 +28,7 @@ mod threads;
 
 pub use compiled::{CompiledHalo, Kernels};
 pub use gradient::{Adjoint, MAX_STRETCH, Workspace};
+pub use halvings::Halvings;
 pub use integrate::IntegrateKernel;
 pub use integrate_vjp::VjpKernel;
 pub use lane_groups::{Group, StepSchedules};

@@ -1,14 +1,15 @@
 //! The stream generator, and everything in it that no parameter enters.
 
-use super::lane_groups::{Group, groups};
+use super::lane_groups::{Group, groups, pairs};
 use super::progenitor_solution::{ProgenitorSolution, SolutionMemory};
-use super::settings::ModelSettings;
+use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Result};
 use crate::orbit::HermiteWeights;
 use crate::potential::Halo;
 use crate::scalar::Real;
 use crate::spray::ReleaseTable;
+use std::ops::Range;
 
 /// A stream generator with its table of releases: made once, used for every point of a fit.
 #[derive(Clone, Debug)]
@@ -16,9 +17,12 @@ pub struct Model {
     pub(super) settings: ModelSettings,
     pub(super) table: ReleaseTable,
     pub(super) groups: Vec<Group>,
-    /// Steps of the particles of each release time.
+    /// The groups that are integrated together.
+    pub(super) pairs: Vec<Range<usize>>,
+    /// Steps of the particles of each release time; of adaptive ones, if none is halved.
     pub(super) steps: Vec<usize>,
-    /// Interpolation weights of the progenitor's position at every force evaluation, one more than steps for each release time.
+    /// Interpolation weights of the progenitor's position at every force evaluation, one more than steps for each release time; none if
+    /// the steps are adaptive.
     pub(super) path: Vec<HermiteWeights>,
     /// Index of the first weights of each release time.
     pub(super) path_starts: Vec<usize>,
@@ -43,6 +47,7 @@ impl Model {
     pub fn with_twice_the_steps(&self) -> Self {
         let settings = ModelSettings {
             steps: 2 * self.settings.steps,
+            step_phase: 0.5 * self.settings.step_phase,
             orbit_steps: 2 * self.settings.orbit_steps,
             ..self.settings
         };
@@ -57,9 +62,10 @@ impl Model {
             .iter()
             .map(|tau| settings.steps_per.of(settings.steps, *tau))
             .collect();
-        let mut path = Vec::with_capacity(steps.iter().map(|steps| steps + 1).sum());
-        let mut path_starts = Vec::with_capacity(steps.len());
-        for (tau, steps) in table.taus.iter().zip(&steps) {
+        let mut path = Vec::new();
+        let mut path_starts = Vec::new();
+        let equal = settings.step_rule == StepRule::Uniform;
+        for (tau, steps) in table.taus.iter().zip(&steps).filter(|_| equal) {
             path_starts.push(path.len());
             path.extend((0..=*steps).map(|j| {
                 // The last one is today, whatever the rounding of the fractions.
@@ -70,6 +76,7 @@ impl Model {
         Self {
             settings,
             table,
+            pairs: pairs(&groups, &steps),
             groups,
             steps,
             path,
@@ -81,6 +88,12 @@ impl Model {
     #[must_use]
     pub fn settings(&self) -> &ModelSettings {
         &self.settings
+    }
+
+    /// Mean number of steps of a particle; of adaptive ones, if none is halved.
+    #[must_use]
+    pub fn mean_steps(&self) -> f64 {
+        self.steps.iter().sum::<usize>() as f64 / self.steps.len() as f64
     }
 
     /// Its table of releases.

@@ -1,5 +1,6 @@
 //! The particles of a stream today, as columns.
 
+use super::halvings::Halvings;
 use super::lane_groups::{Interleaved, Pair, UNROLL};
 use crate::error::Tally;
 use crate::orbit::{FinalParticle, State};
@@ -21,6 +22,8 @@ pub struct Particles {
     pub turns: Vec<f64>,
     /// Index of each particle's neighbour in release space minus its own; 0 if they have none.
     pub neighbour_offset: usize,
+    /// How often their steps were halved.
+    pub halvings: Halvings,
     /// The approximations made for them.
     pub tally: Tally,
 }
@@ -44,8 +47,8 @@ impl Particles {
         angle(self.y[i], self.x[i]) + TAU * self.turns[i]
     }
 
-    /// All columns at the length `n`, to be written.
-    pub(super) fn columns(&mut self, n: usize) -> Columns<'_> {
+    /// All columns at the length `n`, to be written, and the record of halvings.
+    pub(super) fn columns(&mut self, n: usize) -> (Columns<'_>, &mut Halvings) {
         let [vx, vy, vz] = &mut self.v;
         let columns = [
             &mut self.x,
@@ -56,13 +59,14 @@ impl Particles {
             vz,
             &mut self.turns,
         ];
-        Columns {
+        let columns = Columns {
             first: 0,
             columns: columns.map(|column| {
                 column.resize(n, 0.0);
                 column.as_mut_slice()
             }),
-        }
+        };
+        (columns, &mut self.halvings)
     }
 }
 

@@ -3,11 +3,10 @@
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Tally};
-use crate::orbit::{AdaptiveGrid, DenseOrbit, State, crossing};
+use crate::orbit::{DenseOrbit, State, crossing};
 use crate::potential::{Halo, Nfw, Plummer, Potential};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
-use std::f64::consts::TAU;
 
 /// The progenitor at one release time, and the scaled tidal frame in which release offsets are given.
 #[derive(Clone, Copy, Debug)]
@@ -67,6 +66,46 @@ pub(super) fn release_frame<S: Real>(
     (release_frame, tidal.bounded)
 }
 
+/// The progenitor's orbit; with adaptive steps, in as many intervals as it needs.
+fn resolved_orbit<S: Real>(
+    host: &impl Potential<S>,
+    today: State<S>,
+    age_gyr: S,
+    settings: &ModelSettings,
+    mut spare: Option<DenseOrbit<S>>,
+) -> Result<DenseOrbit<S>, Rejection> {
+    // Between nodes and from node to node the orbit must be more accurate than its particles, which all share it.
+    let max_phase = 0.5 * settings.step_phase;
+    // The phase of the age in the shortest steps that particles may take.
+    let most = settings.step_phase * (settings.steps << settings.max_halvings) as f64;
+    let mut intervals = settings.orbit_steps;
+    loop {
+        let orbit = DenseOrbit::integrate_reusing(
+            host,
+            today,
+            age_gyr,
+            intervals,
+            settings.orbit,
+            spare.take(),
+        );
+        if !orbit.is_finite() {
+            return Err(Rejection::BadOrbit);
+        }
+        if settings.step_rule == StepRule::Uniform {
+            return Ok(orbit);
+        }
+        let phase = orbit.max_phase();
+        if phase <= max_phase && phase * intervals as f64 <= most {
+            return Ok(orbit);
+        }
+        if max_phase * intervals as f64 >= most {
+            return Err(Rejection::UnresolvedOrbit);
+        }
+        intervals *= 2;
+        spare = Some(orbit);
+    }
+}
+
 /// Everything that the particles of one parameter set share.
 #[derive(Clone, Debug)]
 pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
@@ -78,8 +117,6 @@ pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
     pub age_gyr: S,
     /// The progenitor's orbit.
     pub orbit: DenseOrbit<S>,
-    /// The adaptive grid, if steps are not equal in time.
-    pub grid: Option<AdaptiveGrid<S>>,
     /// One release frame per release time.
     pub release_frames: Vec<ReleaseFrame<S>>,
     /// The approximations made.
@@ -90,7 +127,6 @@ pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
 #[derive(Clone, Debug)]
 pub struct SolutionMemory<S> {
     orbit: DenseOrbit<S>,
-    grid: Option<AdaptiveGrid<S>>,
     release_frames: Vec<ReleaseFrame<S>>,
 }
 
@@ -100,7 +136,6 @@ impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
     pub fn into_memory(self) -> SolutionMemory<S> {
         SolutionMemory {
             orbit: self.orbit,
-            grid: self.grid,
             release_frames: self.release_frames,
         }
     }
@@ -136,34 +171,9 @@ impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
         {
             return Err(Rejection::BadParameter);
         }
-        let (old_orbit, old_grid, mut release_frames) = memory
-            .map_or((None, None, Vec::new()), |m| {
-                (Some(m.orbit), m.grid, m.release_frames)
-            });
-        let orbit = DenseOrbit::integrate_reusing(
-            &host,
-            today,
-            age_gyr,
-            settings.orbit_steps,
-            settings.orbit,
-            old_orbit,
-        );
-        if !orbit.is_finite() {
-            return Err(Rejection::BadOrbit);
-        }
-        let grid = match settings.step_rule {
-            StepRule::Uniform => None,
-            StepRule::Dynamical => Some(AdaptiveGrid::of(&orbit, old_grid)),
-        };
-        if settings.min_steps_per_orbit > 0 {
-            let turn = grid.as_ref().map_or_else(
-                || orbit.max_orbital_phase(),
-                AdaptiveGrid::max_orbital_phase,
-            );
-            if turn * settings.min_steps_per_orbit as f64 > TAU * settings.steps as f64 {
-                return Err(Rejection::UnresolvedOrbit);
-            }
-        }
+        let (spare, mut release_frames) =
+            memory.map_or((None, Vec::new()), |m| (Some(m.orbit), m.release_frames));
+        let orbit = resolved_orbit(&host, today, age_gyr, settings, spare)?;
         let mut tally = Tally::default();
         release_frames.clear();
         for tau in &table.taus {
@@ -173,7 +183,6 @@ impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
             release_frames.push(release_frame);
         }
         Ok(Self {
-            grid,
             host,
             progenitor,
             age_gyr,

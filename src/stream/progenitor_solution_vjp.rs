@@ -4,7 +4,6 @@
 use super::cotangents::{Cotangents, SharedCotangent};
 use super::model::Model;
 use super::progenitor_solution::release_frame;
-use super::settings::ModelSettings;
 use super::system::{SYSTEM_LEN, System};
 use crate::orbit::DenseOrbit;
 use crate::potential::{Halo, Potential};
@@ -37,15 +36,12 @@ impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
             numbers[i] = LaneDual::variable(number, i);
         }
         let system = System::<_, H>::from_vector(numbers);
-        let ModelSettings {
-            orbit_steps, orbit, ..
-        } = model.settings;
         let orbit = DenseOrbit::integrate(
             &OutOfLine::<I, _>::new(&system.host),
             system.today,
             system.age_gyr,
-            orbit_steps,
-            orbit,
+            total.nodes.len() - 1,
+            model.settings.orbit,
         );
         let mut sum = Contraction::<I>(Lanes::zero());
         for (node, by) in orbit.nodes.iter().zip(&total.nodes) {

@@ -10,11 +10,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StepRule {
-    /// Equal steps: the paper.
-    #[default]
+    /// Equal leapfrog steps, and an orbit of the progenitor in equal steps: the paper.
     Uniform,
-    /// Shorter where the progenitor's orbital frequency is higher, see [`AdaptiveGrid`](crate::orbit::AdaptiveGrid).
-    Dynamical,
+    /// Fourth-order steps that are halved where the particles need it, see
+    /// [`advance_adaptively`](crate::orbit::advance_adaptively), and an orbit in as many steps as it needs.
+    #[default]
+    Adaptive,
 }
 
 /// What the number of steps refers to.
@@ -45,12 +46,12 @@ impl StepsPer {
 }
 
 /// How a stream is made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModelSettings {
     /// The releases.
     pub releases: TableSettings,
-    /// Leapfrog steps.
+    /// Number of steps; of adaptive ones, if none is halved.
     pub steps: usize,
     /// What this number refers to.
     pub steps_per: StepsPer,
@@ -58,24 +59,26 @@ pub struct ModelSettings {
     pub step_rule: StepRule,
     /// How the progenitor is integrated.
     pub orbit: OrbitMethod,
-    /// Steps of the progenitor's orbit.
+    /// Steps of the progenitor's orbit; with adaptive steps, their number is doubled until their phase is at most half of `step_phase`.
     pub orbit_steps: usize,
-    /// Minimum number of leapfrog steps per orbital period where the progenitor's period is shortest (that of a circular orbit there,
-    /// 2 pi / omega); a system with fewer is rejected. With six the energy of a plunging orbit still holds to 1e-4; with two or three its
-    /// particles are scattered by the integration error, and the track is random. 0: none is rejected.
-    pub min_steps_per_orbit: usize,
+    /// Largest phase of an adaptive step, radians: on a circular orbit 1.4 times the angle. The error grows with its fourth power.
+    pub step_phase: f64,
+    /// How often an adaptive step is halved at most. A system whose progenitor would need shorter steps is rejected, because its price
+    /// would have no bound.
+    pub max_halvings: u8,
 }
 
 impl Default for ModelSettings {
     fn default() -> Self {
         Self {
             releases: TableSettings::default(),
-            steps: 120,
+            steps: 8,
             steps_per: StepsPer::default(),
             step_rule: StepRule::default(),
             orbit: OrbitMethod::default(),
-            orbit_steps: 192,
-            min_steps_per_orbit: 6,
+            orbit_steps: 64,
+            step_phase: 1.2,
+            max_halvings: 7,
         }
     }
 }
@@ -89,8 +92,8 @@ impl ModelSettings {
         self.releases.check()?;
         in_range("model.steps", self.steps, 1..=100_000)?;
         in_range("model.orbit_steps", self.orbit_steps, 1..=100_000)?;
-        let least = self.min_steps_per_orbit;
-        in_range("model.min_steps_per_orbit", least, 0..=10_000)?;
+        in_range("model.step_phase", self.step_phase, 0.01..=10.0)?;
+        in_range("model.max_halvings", self.max_halvings, 0..=16)?;
         Ok(())
     }
 }

@@ -1,62 +1,169 @@
 //! The step schedules of the release times: where the progenitor is at each force evaluation, and how long the steps are.
 
-use super::lane_groups::{Pair, StepSchedules, UNROLL};
+use super::halvings::Halvings;
+use super::lane_groups::{Interleaved, Pair, StepSchedules, UNROLL};
 use super::model::Model;
 use super::progenitor_solution::ProgenitorSolution;
-use crate::orbit::{HermiteWeights, InterleavedSchedules, StepSchedule};
+use super::settings::StepRule;
+use crate::orbit::{
+    AdaptiveSteps, DRIFTS, HermiteWeights, InterleavedSchedules, KICKS, STAGES, StepSchedule,
+    TIMES, length,
+};
 use crate::potential::Halo;
-use crate::scalar::Real;
+use crate::scalar::{Isa, Lanes, Real, Vec3};
 
 impl Model {
-    /// Interpolation weights of the progenitor's position for the particles of one release time.
+    /// Interpolation weights of the progenitor's position for the particles of one release time, if the steps are equal.
     #[inline(always)]
-    pub(super) fn path_of(&self, release_time: usize) -> &[HermiteWeights] {
+    fn path_of(&self, release_time: usize) -> &[HermiteWeights] {
         let start = self.path_starts[release_time];
         &self.path[start..=start + self.steps[release_time]]
     }
 
-    /// Writes the step schedule of the particles of one release time.
+    /// The interpolation weights of a schedule that [`plan`](Self::plan) has written.
+    #[inline(always)]
+    pub(super) fn places<'a>(
+        &'a self,
+        release_time: usize,
+        schedule: &'a StepSchedule<f64>,
+    ) -> &'a [HermiteWeights] {
+        match self.settings.step_rule {
+            StepRule::Uniform => self.path_of(release_time),
+            StepRule::Adaptive => &schedule.places,
+        }
+    }
+
+    /// Writes the step schedule of the particles of one release time, whose adaptive steps were halved so often.
     #[inline(always)]
     pub(super) fn plan<S: Real, H: Halo>(
         &self,
         release_time: usize,
+        halvings: &[u8],
         solution: &ProgenitorSolution<S, H>,
         schedule: &mut StepSchedule<S>,
     ) {
         let (tau, steps) = (self.table.taus[release_time], self.steps[release_time]);
+        let step = solution.age_gyr * (-tau / steps as f64);
         schedule.path.clear();
-        let Some(grid) = &solution.grid else {
+        schedule.drift_gyr.clear();
+        if self.settings.step_rule == StepRule::Uniform {
             for place in self.path_of(release_time) {
                 schedule.path.push(solution.orbit.position(place));
             }
-            let step = solution.age_gyr * (-tau / steps as f64);
-            schedule.drift_gyr.clear();
             schedule.drift_gyr.resize(steps, step);
             schedule.set_kicks();
             return;
-        };
-        grid.orbit_times(tau, steps, &mut schedule.orbit_times);
-        schedule.places.clear();
-        schedule.drift_gyr.clear();
-        let mut before = schedule.orbit_times[0];
-        for (j, orbit_time) in schedule.orbit_times.iter().enumerate() {
-            let (row, place) = solution.orbit.position_at(*orbit_time);
-            schedule.path.push(row);
-            schedule.places.push(place);
-            if j > 0 {
-                let nodes = (orbit_time.node - before.node) as f64;
-                let intervals = orbit_time.share - before.share + nodes;
-                schedule
-                    .drift_gyr
-                    .push(intervals * solution.orbit.spacing_gyr);
-                before = *orbit_time;
-            }
         }
-        schedule.set_kicks();
+        schedule.places.clear();
+        schedule.kick_gyr.clear();
+        let intervals = solution.orbit.intervals();
+        let place = |time: f64| HermiteWeights::at(tau * (1.0 - time / steps as f64), intervals);
+        schedule.places.push(place(0.0));
+        let (mut start, mut kick_before) = (0.0, S::zero());
+        for &halvings in halvings {
+            let (h, share) = (length(step, halvings), length(1.0, halvings));
+            schedule.kick_gyr.push(kick_before + h * KICKS[0]);
+            for stage in 0..STAGES {
+                schedule.drift_gyr.push(h * DRIFTS[stage]);
+                if stage + 1 < STAGES {
+                    schedule.kick_gyr.push(h * KICKS[stage + 1]);
+                }
+                schedule
+                    .places
+                    .push(place(start + TIMES[stage + 1] * share));
+            }
+            kick_before = h * KICKS[STAGES];
+            start += share;
+        }
+        schedule.kick_gyr.push(kick_before);
+        for place in &schedule.places {
+            schedule.path.push(solution.orbit.position(place));
+        }
     }
 }
 
-/// Writes the step schedules of one pair after the other, those of each release time once.
+/// The adaptive steps of one pair.
+pub(super) struct PairSteps<'a, H: Halo> {
+    solution: &'a ProgenitorSolution<f64, H>,
+    halvings: &'a mut Halvings,
+    taus: [f64; UNROLL],
+    steps: usize,
+    max_phase: f64,
+    max_halvings: u8,
+}
+
+impl<'a, H: Halo> PairSteps<'a, H> {
+    #[inline(always)]
+    pub fn new(
+        model: &'a Model,
+        solution: &'a ProgenitorSolution<f64, H>,
+        pair: &Pair<'_>,
+        halvings: &'a mut Halvings,
+    ) -> Self {
+        let [a, b] = pair.release_times();
+        Self {
+            solution,
+            halvings,
+            taus: [model.table.taus[a], model.table.taus[b]],
+            steps: model.steps[a],
+            max_phase: model.settings.step_phase,
+            max_halvings: model.settings.max_halvings,
+        }
+    }
+
+    /// The progenitor at a time of one half of the pair.
+    #[inline(always)]
+    fn position(&self, half: usize, time: f64) -> Vec3<f64> {
+        let orbit = &self.solution.orbit;
+        let tau = self.taus[half] * (1.0 - time / self.steps as f64);
+        let [x, y, z, _] = orbit.position(&HermiteWeights::at(tau, orbit.intervals()));
+        Vec3::new(x, y, z)
+    }
+}
+
+impl<I: Isa, H: Halo> AdaptiveSteps<Interleaved<I>> for PairSteps<'_, H> {
+    #[inline(always)]
+    fn steps(&self) -> usize {
+        self.steps
+    }
+
+    #[inline(always)]
+    fn max_halvings(&self) -> u8 {
+        self.max_halvings
+    }
+
+    #[inline(always)]
+    fn max_phase(&self) -> f64 {
+        self.max_phase
+    }
+
+    #[inline(always)]
+    fn step_gyr(&self) -> Interleaved<I> {
+        let (age, [a, b]) = (self.solution.age_gyr, self.taus);
+        Lanes::halves(
+            age * (-a / self.steps as f64),
+            age * (-b / self.steps as f64),
+        )
+    }
+
+    #[inline(always)]
+    fn progenitor_at(&self, time: f64) -> Vec3<Interleaved<I>> {
+        let [a, b] = self.taus;
+        let one = self.position(0, time);
+        // Bits, not values: the same release time.
+        if a.to_bits() == b.to_bits() {
+            return Vec3::from_f64(one);
+        }
+        Lanes::vectors(one, self.position(1, time))
+    }
+
+    #[inline(always)]
+    fn record(&mut self, halvings: u8) {
+        self.halvings.push(halvings);
+    }
+}
+
+/// Writes the step schedules of one pair after the other, those of each release time once if the steps are equal.
 pub(super) struct Planner<'a, H: Halo> {
     model: &'a Model,
     solution: &'a ProgenitorSolution<f64, H>,
@@ -81,21 +188,22 @@ impl<'a, H: Halo> Planner<'a, H> {
         }
     }
 
-    /// The step schedules of a pair.
+    /// The step schedules of a pair whose adaptive steps were halved so often.
     #[inline(always)]
-    pub fn schedules(&mut self, pair: &Pair<'_>) -> InterleavedSchedules<'_> {
+    pub fn schedules(&mut self, pair: &Pair<'_>, halvings: &[u8]) -> InterleavedSchedules<'_> {
         let [a, b] = pair.release_times();
         let [one, other] = &mut *self.schedules;
-        if self.planned[0] != a {
+        let adaptive = self.model.settings.step_rule == StepRule::Adaptive;
+        if adaptive || self.planned[0] != a {
             self.planned[0] = a;
-            self.model.plan(a, self.solution, one);
+            self.model.plan(a, halvings, self.solution, one);
         }
         if a == b {
             return InterleavedSchedules(one, one);
         }
-        if self.planned[1] != b {
+        if adaptive || self.planned[1] != b {
             self.planned[1] = b;
-            self.model.plan(b, self.solution, other);
+            self.model.plan(b, halvings, self.solution, other);
         }
         InterleavedSchedules(one, other)
     }

@@ -16,7 +16,7 @@ use std::time::Duration;
 fn target(coverage: Coverage) -> StreamTarget {
     let mut config: FitSettings = toml::from_str(
         r#"
-        model = { steps = 60, orbit_steps = 128, releases = { particles = 512 } }
+        model = { releases = { particles = 512 } }
         [prior.fixed]
         r_s_halo_kpc = 15.0
         log10_m_prog = 7.7
@@ -130,7 +130,7 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
     let mut settings: FitSettings = toml::from_str(
         r#"
         coarse_particles = 64
-        model = { steps = 30, orbit_steps = 64, releases = { particles = 128 } }
+        model = { releases = { particles = 128 } }
         prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
         "#,
     )
@@ -181,20 +181,17 @@ fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
         Coverage::Reject => f64::INFINITY,
     };
     assert!(z_miss(&coarse) < z_miss(&fine));
-    assert!(coarse.model.orbit_steps < fine.model.orbit_steps);
     // Everything else is the fit's, and it has no coarse model of its own.
     assert_eq!((&coarse.prior, coarse.seed), (&fine.prior, fine.seed));
     assert_eq!(coarse.sampling, fine.sampling);
     assert_eq!(coarse.coarse(8.0), None);
-    // What is gentle or short already stays so.
+    // What is gentle already stays so.
     let mut gentle = fine.clone();
-    gentle.model.orbit_steps = 64;
     gentle.likelihood.coverage = Coverage::Penalty {
         z_miss: 3.0,
         lambda: 10.0,
     };
     let coarse = gentle.coarse(8.0).expect("as many particles");
-    assert_eq!(coarse.model.orbit_steps, 64);
     assert_eq!(coarse.likelihood.coverage, gentle.likelihood.coverage);
 }
 

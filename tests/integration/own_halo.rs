@@ -18,7 +18,6 @@ const THETA: [f64; DIM] = [
 fn a_likelihood_in_an_own_halo_has_an_exact_gradient() {
     let mut settings = ModelSettings::default();
     settings.releases.particles = 256;
-    settings.steps = 60;
     let model = Model::new(&settings).unwrap();
     let system =
         System::<f64, NfwWithDisc>::with_halo(&StreamParams::from_array(THETA), QRange::default());

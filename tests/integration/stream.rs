@@ -9,7 +9,6 @@ use oblate::scalar::Vec3;
 use oblate::spray::{Recipe, SamplingScheme, TableSettings, Tail, Tidal};
 use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepSchedules, System};
 use rayon::prelude::*;
-use std::f64::consts::TAU;
 
 /// Steps of the test orbits: the golden streams were made at a tolerance of 1e-10.
 const ORBIT_STEPS: usize = 8_000;
@@ -164,11 +163,13 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
         let model = model(sampling_scheme, 1_000);
         for name in NAMES {
             let solution = model.progenitor_solution(&system(name)).expect("a setup");
-            let reference = model.integrate_one_by_one(&solution).expect("particles");
             for &level in Level::available() {
                 let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
                 model
                     .integrate_at(level, &solution, &mut schedules, &mut out)
+                    .expect("particles");
+                let reference = model
+                    .integrate_one_by_one(&solution, &out.halvings)
                     .expect("particles");
                 let mut differences: Vec<f64> = reference
                     .iter()
@@ -220,8 +221,8 @@ fn a_stream_over_many_threads_has_the_bits_of_one_thread() {
 }
 
 #[test]
-fn an_orbit_that_turns_too_fast_for_the_steps_is_rejected_by_name() {
-    // A circular orbit in a round halo turns by omega = sqrt(a / r), whatever the rule of the steps.
+fn an_orbit_that_needs_shorter_steps_than_the_shortest_is_rejected_by_name() {
+    // A circular orbit in a round halo: v^2 - x.a is twice the square of the circular velocity.
     let base = system("s2_spherical");
     let x = Vec3::new(30.0, 0.0, 0.0);
     let omega = (base.host.acceleration(x).norm2().sqrt() / 30.0).sqrt();
@@ -232,46 +233,65 @@ fn an_orbit_that_turns_too_fast_for_the_steps_is_rejected_by_name() {
         },
         ..base
     };
-    let turns = omega * base.age_gyr / TAU;
-    let result = |system: &System<f64>, steps, min_steps_per_orbit, step_rule| {
+    let phase = 2.0_f64.sqrt() * omega * base.age_gyr;
+    let result = |step_phase, max_halvings, step_rule| {
         let settings = ModelSettings {
-            steps,
-            min_steps_per_orbit,
+            steps: 4,
+            step_phase,
+            max_halvings,
             step_rule,
-            orbit_steps: 1_024,
             ..ModelSettings::default()
         };
         let model = Model::new(&settings).expect("a model");
-        model.progenitor_solution(system).map(|_| ())
+        model.progenitor_solution(&circular).map(|_| ())
     };
-    for rule in [StepRule::Uniform, StepRule::Dynamical] {
-        let per_turn = 10;
-        let limit = turns * f64::from(per_turn);
-        #[allow(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a small positive number"
-        )]
-        let (below, above) = ((0.99 * limit) as usize, (1.01 * limit).ceil() as usize);
-        let per_turn = per_turn as usize;
+    for max_halvings in [0, 3] {
+        let limit = phase / f64::from(4_u32 << max_halvings);
+        let (below, above) = (0.99 * limit, 1.01 * limit);
         assert_eq!(
-            result(&circular, below, per_turn, rule),
+            result(below, max_halvings, StepRule::Adaptive),
             Err(Rejection::UnresolvedOrbit)
         );
-        assert_eq!(result(&circular, above, per_turn, rule), Ok(()));
-        assert_eq!(result(&circular, below, 0, rule), Ok(()));
+        assert_eq!(result(above, max_halvings, StepRule::Adaptive), Ok(()));
+        assert_eq!(result(below, max_halvings, StepRule::Uniform), Ok(()));
     }
-    // Almost through the centre: steps that are shorter there need to be fewer.
-    let mut plunging = circular;
-    plunging.today.v = Vec3::new(0.0, 3.0 * omega, 0.0);
-    let fewest = |rule| {
-        (1..200)
-            .find(|k| result(&plunging, 20 * k, 6, rule).is_ok())
-            .expect("enough steps")
+}
+
+#[test]
+fn adaptive_steps_converge_at_fourth_order_and_at_the_phase_asked_for() {
+    let releases = TableSettings {
+        particles: 256,
+        ..TableSettings::default()
     };
-    let (uniform, dynamical) = (fewest(StepRule::Uniform), fewest(StepRule::Dynamical));
-    assert!(
-        2 * dynamical < uniform && dynamical > 1,
-        "{dynamical} {uniform}"
-    );
+    let particles = |name: &str, step_phase: f64| {
+        let settings = ModelSettings {
+            releases,
+            step_phase,
+            max_halvings: 12,
+            ..ModelSettings::default()
+        };
+        let model = Model::new(&settings).expect("a model");
+        model.stream(system(name)).expect("a stream")
+    };
+    for name in NAMES {
+        let exact = particles(name, 0.1);
+        let error = |step_phase: f64| {
+            let ours = particles(name, step_phase);
+            let mut errors: Vec<f64> = (0..ours.len())
+                .map(|i| {
+                    let d = (ours.x[i] - exact.x[i]).hypot(ours.y[i] - exact.y[i]);
+                    d / exact.x[i].hypot(exact.y[i])
+                })
+                .collect();
+            errors.sort_by(f64::total_cmp);
+            errors[errors.len() / 2]
+        };
+        let (coarse, fine) = (error(1.2), error(0.6));
+        println!("{name}: {coarse:e} {fine:e}");
+        // Steps are halved, so that halving the phase may halve none of them or all; the mean gain is 2^4.
+        assert!(
+            coarse < 2e-3 && fine < 0.15 * coarse,
+            "{name}: {coarse:e} {fine:e}"
+        );
+    }
 }

@@ -31,8 +31,8 @@ fn converged(name: &str) -> Particles {
         name,
         &ModelSettings {
             releases,
-            steps: 2_400,
-            orbit_steps: 4_000,
+            step_phase: 0.4,
+            max_halvings: 9,
             ..ModelSettings::default()
         },
     )

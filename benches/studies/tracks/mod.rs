@@ -14,6 +14,7 @@ pub fn systems(count: usize) -> Vec<System<f64>> {
 }
 
 /// The track of a system: bins with at least one per cent of the particles.
+#[allow(dead_code, reason = "the study of steps bins particles itself")]
 pub fn track(model: &Model, system: &System<f64>) -> Option<Track> {
     Some(binned(&particles(model, system)?, BinEdges::default()))
 }

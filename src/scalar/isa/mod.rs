@@ -68,6 +68,8 @@ pub trait Isa: Copy + Debug + Send + Sync + 'static {
     fn lt(a: Self::Vector, b: Self::Vector) -> Self::Mask;
     /// Where both masks are set.
     fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Whether the mask is set anywhere.
+    fn any(mask: Self::Mask) -> bool;
     /// `a` where the mask is set, `b` elsewhere.
     fn select(mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// The sum of the eight, by halves: fours, then pairs, then one.
@@ -174,6 +176,14 @@ impl Isa for Portable {
     #[inline(always)]
     fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask {
         lane_by_lane!(i => a[i] & b[i])
+    }
+    #[inline(always)]
+    fn any(mask: Self::Mask) -> bool {
+        let mut bits = 0;
+        for lane in 0..LANES {
+            bits |= mask[lane];
+        }
+        bits != 0
     }
     #[inline(always)]
     fn select(mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector {

@@ -98,6 +98,10 @@ impl Isa for Avx512 {
         a & b
     }
     #[inline(always)]
+    fn any(mask: __mmask8) -> bool {
+        mask != 0
+    }
+    #[inline(always)]
     fn select(mask: __mmask8, a: __m512d, b: __m512d) -> __m512d {
         cpu! { _mm512_mask_blend_pd(mask, b, a) }
     }
@@ -225,6 +229,10 @@ impl Isa for Avx2 {
     #[inline(always)]
     fn both(a: Two, b: Two) -> Two {
         cpu! { [_mm256_and_pd(a[0], b[0]), _mm256_and_pd(a[1], b[1])] }
+    }
+    #[inline(always)]
+    fn any(mask: Two) -> bool {
+        cpu! { _mm256_movemask_pd(_mm256_or_pd(mask[0], mask[1])) != 0 }
     }
     #[inline(always)]
     fn select(mask: Two, a: Two, b: Two) -> Two {

@@ -31,13 +31,14 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             steps: 30,
             steps_per: StepsPer::Particle,
             orbit_steps: 128,
-            min_steps_per_orbit: 0,
+            step_rule: StepRule::Uniform,
             orbit,
             ..ModelSettings::default()
         }
     };
-    let dynamical = |settings| ModelSettings {
-        step_rule: StepRule::Dynamical,
+    let adaptive = |settings| ModelSettings {
+        step_rule: StepRule::Adaptive,
+        steps: 3,
         ..settings
     };
     let per_age = |settings: ModelSettings| ModelSettings {
@@ -80,11 +81,11 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             ),
             noisy,
         ),
-        (dynamical(small()), noisy),
+        (adaptive(small()), noisy),
         (per_age(small()), soft),
-        (per_age(dynamical(small())), noisy),
+        (per_age(adaptive(small())), noisy),
         (
-            dynamical(with(
+            adaptive(with(
                 SamplingScheme::Random,
                 Recipe::default(),
                 OrbitMethod::Leapfrog,

@@ -70,7 +70,7 @@ fn small() -> ModelSettings {
         steps: 40,
         steps_per: StepsPer::Particle,
         orbit_steps: 256,
-        min_steps_per_orbit: 0,
+        step_rule: StepRule::Uniform,
         ..ModelSettings::default()
     }
 }
@@ -146,13 +146,14 @@ fn rounding(likelihood: &StreamLikelihood, theta: &Theta) -> f64 {
 #[test]
 fn a_value_does_not_allocate_after_the_first() {
     let likelihood = likelihood_at(&BASE, &model(small()), &LikelihoodSettings::default());
-    let dynamical = ModelSettings {
-        step_rule: StepRule::Dynamical,
+    let adaptive = ModelSettings {
+        step_rule: StepRule::Adaptive,
+        steps: 4,
         ..small()
     };
     for likelihood in [
         likelihood.expect("a likelihood"),
-        likelihood_at(&BASE, &model(dynamical), &LikelihoodSettings::default()).expect("another"),
+        likelihood_at(&BASE, &model(adaptive), &LikelihoodSettings::default()).expect("another"),
     ] {
         let value = || likelihood.ln_likelihood(&BASE).expect("a value");
         let first = value();
@@ -266,7 +267,7 @@ fn a_nan_parameter_is_a_counted_rejection() {
 /// A progenitor at the very centre today, where the halo's acceleration has no direction.
 #[test]
 fn at_the_very_centre_the_value_has_a_gradient() {
-    for step_rule in [StepRule::Uniform, StepRule::Dynamical] {
+    for step_rule in [StepRule::Uniform, StepRule::Adaptive] {
         for orbit in [OrbitMethod::Accurate, OrbitMethod::Leapfrog] {
             let settings = ModelSettings {
                 step_rule,
@@ -296,7 +297,7 @@ fn a_value_has_the_same_bits_with_and_without_its_gradient() {
     let mut values = 0;
     for (likelihood_settings, step_rule) in [
         (LikelihoodSettings::default(), StepRule::Uniform),
-        (LikelihoodSettings::default(), StepRule::Dynamical),
+        (LikelihoodSettings::default(), StepRule::Adaptive),
         (hard, StepRule::Uniform),
     ] {
         let model = model(ModelSettings {
@@ -326,7 +327,8 @@ fn a_value_has_the_same_bits_with_and_without_its_gradient() {
 #[test]
 fn values_and_gradients_have_the_same_bits_over_many_threads_and_in_batches() {
     let settings = ModelSettings {
-        step_rule: StepRule::Dynamical,
+        step_rule: StepRule::Adaptive,
+        steps: 4,
         ..small()
     };
     for settings in [small(), settings] {
@@ -414,8 +416,9 @@ proptest! {
         age_gyr in extreme(1.0, 4.0),
         (particles, release_times) in prop_oneof![Just((8, 4)), Just((2, 1)), Just((64, 32)), Just((128, 8))],
         steps in prop_oneof![Just(1_usize), Just(2), Just(60)],
-        step_rule in prop_oneof![Just(StepRule::Uniform), Just(StepRule::Dynamical)],
+        step_rule in prop_oneof![Just(StepRule::Uniform), Just(StepRule::Adaptive)],
         steps_per in prop_oneof![Just(StepsPer::Particle), Just(StepsPer::Age)],
+        (step_phase, max_halvings) in prop_oneof![Just((1.2, 4)), Just((0.3, 0)), Just((3.0, 6))],
         orbit in prop_oneof![Just(OrbitMethod::Accurate), Just(OrbitMethod::Leapfrog)],
     ) {
         let settings = ModelSettings {
@@ -425,7 +428,8 @@ proptest! {
             step_rule,
             orbit,
             orbit_steps: 64,
-            min_steps_per_orbit: 0,
+            step_phase,
+            max_halvings,
         };
         let bin = |bin| DataBin { bin, r_kpc: 50.0, r_err_kpc: 1.0 };
         let data = [bin(-1), bin(0), bin(1)];
