@@ -31,6 +31,7 @@ fn likelihood(particles: usize) -> StreamLikelihood {
         ..ModelSettings::default()
     })
     .expect("a model");
+    let releases = model.settings().releases;
     let settings = LikelihoodSettings::default();
     let q_range = QRange {
         q_min: 0.5,
@@ -42,7 +43,7 @@ fn likelihood(particles: usize) -> StreamLikelihood {
         r_err_kpc: 1.0,
     };
     let track =
-        |data: &[DataBin]| TrackLikelihood::new(&settings, 10.0, data, particles).expect("a track");
+        |data: &[DataBin]| TrackLikelihood::new(&settings, 10.0, data, &releases).expect("a track");
     let solution = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
         .system(&StreamParams::from_array(THETA));
     let solution = model.progenitor_solution(&solution).expect("an orbit");

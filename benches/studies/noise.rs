@@ -7,14 +7,17 @@
 //!
 //! A second table gives the effect of soft edges: the same difference between soft and hard bins of the reference's particles.
 //!
+//! A third table compares the scatter of a bin's mean over tables of releases with its Monte-Carlo variance for independent particles: the
+//! factor that the model noise needs.
+//!
 //! The recorded tables are in benches/RESULTS.md.
 
 mod tracks;
 
 use oblate::inference::Profile;
 use oblate::spray::{SamplingScheme, TableSettings};
-use oblate::stream::{Model, ModelSettings, Particles, StepRule};
-use oblate::track::{BinEdges, Track};
+use oblate::stream::{Model, ModelSettings, Particles, StepRule, System};
+use oblate::track::{BinEdges, Track, TrackBin};
 use rayon::prelude::*;
 use std::time::Instant;
 use tracks::{binned, distance, particles, systems, track};
@@ -166,4 +169,45 @@ fn main() {
         let (median, p95) = median_and_95(shifts.collect());
         println!("| {half_width_deg} | {median:.3} | {p95:.2} |");
     }
+    println!("\n| setting | scatter / Monte-Carlo variance: median | mean |\n|---|---|---|");
+    for row in rows
+        .iter()
+        .filter(|row| row.settings.step_rule == StepRule::Adaptive)
+    {
+        let models = self::models(&row.settings, TABLES);
+        let mut ratios: Vec<f64> = systems
+            .par_iter()
+            .flat_map_iter(|system| variance_ratios(&models, system))
+            .collect();
+        ratios.sort_by(f64::total_cmp);
+        let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+        println!(
+            "| {} | {:.3} | {mean:.3} |",
+            row.name,
+            ratios[ratios.len() / 2]
+        );
+    }
+}
+
+/// Tables of releases for the scatter.
+const TABLES: u64 = 12;
+
+/// For every bin that all tables have: the variance of its mean over tables, over the mean of the variance for independent particles.
+fn variance_ratios(models: &[Model], system: &System<f64>) -> Vec<f64> {
+    let tracks: Vec<Track> = models.iter().filter_map(|m| track(m, system)).collect();
+    let Some(first) = tracks.first() else {
+        return Vec::new();
+    };
+    let ratio = |bin: &TrackBin| {
+        let found = tracks
+            .iter()
+            .map(|t| t.bins.iter().find(|b| b.bin == bin.bin));
+        let same = found.collect::<Option<Vec<&TrackBin>>>()?;
+        let n = same.len() as f64;
+        let mean = same.iter().map(|b| b.r_kpc).sum::<f64>() / n;
+        let scatter = same.iter().map(|b| (b.r_kpc - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let expected = same.iter().map(|b| b.r_err_kpc.powi(2)).sum::<f64>() / n;
+        Some(scatter / expected)
+    };
+    first.bins.iter().filter_map(ratio).collect()
 }

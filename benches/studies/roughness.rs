@@ -85,7 +85,7 @@ fn main() {
     let fast = Profile::Fast.model();
     let paper = ModelSettings {
         orbit: fast.orbit,
-        orbit_steps: fast.orbit_steps,
+        orbit_steps: 192,
         ..Profile::Paper.model()
     };
     let soft = Profile::Fast.likelihood();
@@ -109,33 +109,36 @@ fn main() {
         ("fast, a missing bin 30 sigma", fast, harsh),
         ("fast, edges of 5 degrees", fast, wide),
         (
-            "fast, 400 steps per age",
-            ModelSettings { steps: 400, ..fast },
+            "fast, step_phase 0.4",
+            ModelSettings {
+                step_phase: 0.4,
+                ..fast
+            },
             soft,
         ),
         (
-            "fast, without segments",
+            "fast, without neighbours",
             with(fast, fast.releases.particles, SamplingScheme::Sobol),
             soft,
         ),
         (
-            "3,584 particles, no segments",
+            "3,584 particles, no neighbours",
             with(fast, 3_584, SamplingScheme::Sobol),
             soft,
         ),
         (
-            "1,024 particles, segments",
-            with(fast, 1_024, SamplingScheme::SobolSegments),
+            "1,024 particles, smeared",
+            with(fast, 1_024, SamplingScheme::SobolSmeared),
             soft,
         ),
         (
-            "1,024 particles, no segments",
+            "1,024 particles, no neighbours",
             with(fast, 1_024, SamplingScheme::Sobol),
             soft,
         ),
         ("coarse model of a fit", coarse.model, coarse.likelihood),
         (
-            "the same, without segments",
+            "the same, without neighbours",
             with(coarse.model, 512, SamplingScheme::Sobol),
             coarse.likelihood,
         ),
@@ -148,12 +151,12 @@ fn main() {
             },
         ),
         (
-            "512 particles, segments",
-            with(fast, 512, SamplingScheme::SobolSegments),
+            "512 particles, smeared",
+            with(fast, 512, SamplingScheme::SobolSmeared),
             soft,
         ),
         (
-            "512 particles, no segments",
+            "512 particles, no neighbours",
             with(fast, 512, SamplingScheme::Sobol),
             soft,
         ),
@@ -161,7 +164,7 @@ fn main() {
         ("10,000 random x 100, edges of 5 degrees", paper, wide),
         ("10,000 random x 100, a missing bin 30 sigma", paper, harsh),
         (
-            "10,000 particles, no segments",
+            "10,000 particles, no neighbours",
             with(fast, 10_000, SamplingScheme::Sobol),
             soft,
         ),

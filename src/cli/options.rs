@@ -88,7 +88,7 @@ impl LimitFlags {
 /// Flags of the model, shared by `stream`, `evaluate`, `mock` and `fit`.
 #[derive(Args, Debug, Default)]
 pub struct ModelFlags {
-    /// Named settings: `fast` (Sobol segments, soft bin edges, a penalty) or `paper` (10,000 random particles, hard edges, rejection)
+    /// Named settings: `fast` (smeared Sobol particles, soft bin edges, a penalty) or `paper` (10,000 random particles, hard edges, rejection)
     #[arg(long, value_enum)]
     profile: Option<ProfileName>,
     /// Number of particles, both tails together
@@ -115,7 +115,7 @@ enum ProfileName {
 enum SchemeName {
     Random,
     Sobol,
-    SobolSegments,
+    SobolSmeared,
 }
 
 impl ModelFlags {
@@ -142,7 +142,7 @@ impl ModelFlags {
             model.releases.sampling_scheme = match scheme {
                 SchemeName::Random => SamplingScheme::Random,
                 SchemeName::Sobol => SamplingScheme::Sobol,
-                SchemeName::SobolSegments => SamplingScheme::SobolSegments,
+                SchemeName::SobolSmeared => SamplingScheme::SobolSmeared,
             };
             model.releases.release_times = 0;
         }

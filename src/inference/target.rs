@@ -39,9 +39,12 @@ impl StreamTarget {
                 r_err_kpc: *e,
             })
             .collect();
-        let particles = model.table().len();
-        let likelihood =
-            TrackLikelihood::new(&settings.likelihood, track.bin_width_deg, &data, particles)?;
+        let likelihood = TrackLikelihood::new(
+            &settings.likelihood,
+            track.bin_width_deg,
+            &data,
+            &model.settings().releases,
+        )?;
         let q_range = prior.q_range();
         Ok(Self::new(
             StreamLikelihood::new(model, likelihood, q_range),

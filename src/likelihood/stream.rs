@@ -244,10 +244,10 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         let solution = self.model.progenitor_solution(&self.system(params))?;
         let particles = self.model.integrate_one_by_one(&solution, &fast.halvings)?;
         let mut sums = Sums::default();
-        let neighbour_offset = self.model.table().neighbour_offset;
+        let neighbourhood = self.model.table().neighbourhood.as_deref();
         self.track
             .grid()
-            .sum_final_particles(&particles, neighbour_offset, &mut sums);
+            .sum_final_particles(&particles, neighbourhood, &mut sums);
         self.track.ln_likelihood(&sums)
     }
 

@@ -3,6 +3,7 @@
 use crate::data::{RADII_KPC, RADIUS_ERRORS_KPC};
 use crate::error::{Error, Rejection, Result};
 use crate::scalar::{Dual, Real, gradient_of, lift, smooth_step};
+use crate::spray::TableSettings;
 use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, BinGrid, Sums};
 use oblate_samplers::limits::{Memory, in_range};
 use oblate_samplers::normal::LN_SQRT_2PI;
@@ -102,6 +103,8 @@ pub struct TrackLikelihood {
     count: usize,
     /// The weight that a bin must have.
     threshold: f64,
+    /// The model's variance of a bin's mean over that of independent particles.
+    variance_factor: f64,
 }
 
 /// One bin's contribution: its log-likelihood, times its cover, and the cover.
@@ -111,7 +114,7 @@ struct Part<S> {
 }
 
 impl TrackLikelihood {
-    /// A likelihood of data in bins of `width_deg`, for models of `particles` particles.
+    /// A likelihood of data in bins of `width_deg`, for models with these releases.
     ///
     /// # Errors
     /// As of [`LikelihoodSettings::check`]; [`Error::OutOfRange`] for a width, an edge, an angle, a radius or an error out of its range;
@@ -120,7 +123,7 @@ impl TrackLikelihood {
         settings: &LikelihoodSettings,
         width_deg: f64,
         data: &[DataBin],
-        particles: usize,
+        releases: &TableSettings,
     ) -> Result<Self> {
         let fail = |key: &str, value: String, remedy: &str| {
             Err(Error::Setting {
@@ -175,7 +178,8 @@ impl TrackLikelihood {
             },
             data: slots,
             count: data.len(),
-            threshold: settings.min_fraction * particles as f64,
+            threshold: settings.min_fraction * releases.particles as f64,
+            variance_factor: releases.sampling_scheme.variance_factor(),
         })
     }
 
@@ -293,7 +297,8 @@ impl TrackLikelihood {
         let mean = r / safe;
         let mut variance = S::from_f64(d.r_err_kpc * d.r_err_kpc);
         if self.settings.model_noise {
-            variance += (r2 / safe - mean * mean).max(S::zero()) / safe;
+            let scatter2 = (r2 / safe - mean * mean).max(S::zero());
+            variance += scatter2 * self.variance_factor / safe;
         }
         let residual = mean - d.r_kpc;
         let hit = -(residual * residual / variance + variance.ln()) * 0.5 - LN_SQRT_2PI;

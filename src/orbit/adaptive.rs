@@ -37,7 +37,7 @@ pub const KICKS: [f64; STAGES + 1] = [
 ];
 
 /// Times of the kicks in steps: the sums of the drifts before them.
-pub const TIMES: [f64; STAGES + 1] = [0.0, A[0], A[0] + A[1], 0.5, 0.5 - A_3, 1.0 - A[0], 1.0];
+pub const TIMES: [f64; STAGES + 1] = [0.0, A[0], A[0] + A[1], 0.5, 0.5 + A_3, 1.0 - A[0], 1.0];
 
 /// What an integration by adaptive steps is given, and where it records how often it halved them.
 pub trait AdaptiveSteps<S> {

@@ -4,10 +4,12 @@
 //! numbers per particle, its [`ReleaseOffset`], that depend on random numbers alone. A release is then linear in the offset, so the
 //! table is made once for a whole fit (common random numbers).
 
+mod neighbourhood;
 mod recipe;
 mod table;
 mod tidal;
 
-pub use recipe::{Recipe, ReleaseOffset, Tail};
+pub use neighbourhood::Neighbourhood;
+pub use recipe::{MAX_NORMALS, Recipe, ReleaseOffset, Tail};
 pub use table::{Release, ReleaseTable, SamplingScheme, TableSettings};
 pub use tidal::Tidal;

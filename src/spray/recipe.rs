@@ -5,6 +5,9 @@ use crate::scalar::Real;
 use crate::units::G;
 use serde::{Deserialize, Serialize};
 
+/// Most standard normals of a particle in any recipe.
+pub const MAX_NORMALS: usize = 5;
+
 /// The side a star leaves from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -73,7 +76,7 @@ impl Recipe {
     /// The release offset made of standard normals `xi` (the first [`normals`](Self::normals) are used). `None` if the recipe has
     /// no offset for them (a radius of Chen et al. at or below zero, probability 2.4e-6): then other normals must be drawn.
     #[must_use]
-    pub fn kick(self, xi: &[f64; 5], tail: Tail) -> Option<ReleaseOffset> {
+    pub fn kick(self, xi: &[f64; MAX_NORMALS], tail: Tail) -> Option<ReleaseOffset> {
         let sign = tail.sign();
         match self {
             Self::Fardal2015 => {
@@ -106,7 +109,7 @@ impl Recipe {
 }
 
 /// `(k_r, k_z, k_vphi, k_vz)` with means (2, 0, 0.3, 0), dispersion `planar` in the plane and 0.5 out of it.
-fn fardal(xi: &[f64; 5], planar: f64) -> [f64; 4] {
+fn fardal(xi: &[f64; MAX_NORMALS], planar: f64) -> [f64; 4] {
     [
         2.0 + planar * xi[0],
         0.5 * xi[1],
@@ -117,7 +120,7 @@ fn fardal(xi: &[f64; 5], planar: f64) -> [f64; 4] {
 
 /// Chen et al. 2025: means and covariance of (r, phi, theta, alpha, beta) with r and alpha correlated, by its lower
 /// Cholesky factor; r in tidal radii, angles in degrees. The leading tail is a half turn about the pole.
-fn chen(xi: &[f64; 5], sign: f64) -> Option<ReleaseOffset> {
+fn chen(xi: &[f64; MAX_NORMALS], sign: f64) -> Option<ReleaseOffset> {
     let r = 1.6 + 0.35 * xi[0];
     if r <= 0.0 {
         return None;

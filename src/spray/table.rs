@@ -1,12 +1,14 @@
 //! The table of releases: release time, tail and release offset of each particle. Made once from a seed; all later steps up to
 //! the likelihood use no random numbers.
 
-use super::{Recipe, ReleaseOffset, Tail};
+use super::neighbourhood::{Neighbourhood, smearing};
+use super::{MAX_NORMALS, Recipe, ReleaseOffset, Tail};
 use crate::error::{Error, Result};
 use oblate_samplers::limits::{MAX_SEED, in_range};
 use oblate_samplers::normal::quantile;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// How the random numbers of the releases are spread (docs/physics.md, section 4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -17,10 +19,24 @@ pub enum SamplingScheme {
     /// One Owen-scrambled Sobol set per tail over release time and normals, sorted by time. Release times are the middles of
     /// equal intervals.
     Sobol,
-    /// The Sobol set. Each particle has a neighbour with nearly the same release offset at the next release time, and on the sky
-    /// it is smeared along the segment to that neighbour. benches/RESULTS.md, `noise` and `roughness`, compares the schemes.
+    /// The Sobol set, each particle smeared over the stream around it, whose shape follows from its neighbours in the space of the random
+    /// numbers and from a partner with nearly the same ones at the next release time ([`Neighbourhood`]). benches/RESULTS.md, `noise` and
+    /// `roughness`, compares the schemes.
     #[default]
-    SobolSegments,
+    SobolSmeared,
+}
+
+impl SamplingScheme {
+    /// The mean square error of a bin's mean radius, over the Monte-Carlo variance of independent particles: measured on mocks and posterior draws
+    /// (`cargo bench --bench noise`).
+    #[must_use]
+    pub fn variance_factor(self) -> f64 {
+        match self {
+            Self::Random => 1.0,
+            Self::Sobol => 0.5,
+            Self::SobolSmeared => 0.35,
+        }
+    }
 }
 
 /// What a table is made from.
@@ -73,9 +89,9 @@ impl TableSettings {
     pub fn number_of_release_times(&self) -> usize {
         match (self.release_times, self.sampling_scheme) {
             (0, SamplingScheme::Random) => 100,
-            (0, SamplingScheme::Sobol | SamplingScheme::SobolSegments) => {
-                sobol_release_times(self.particles)
-            }
+            (0, SamplingScheme::Sobol) => sobol_release_times(self.particles, 2_048),
+            // With more particles of a tail at one release time, neighbours are nearer.
+            (0, SamplingScheme::SobolSmeared) => sobol_release_times(self.particles, 0),
             (given, _) => given,
         }
     }
@@ -104,9 +120,8 @@ pub struct ReleaseTable {
     pub per_release_time: usize,
     /// Recipe of the release offsets.
     pub recipe: Recipe,
-    /// Index of each particle's neighbour minus its own ([`SamplingScheme::SobolSegments`]; of those released last, how much before them); 0 if they
-    /// have none.
-    pub neighbour_offset: usize,
+    /// The neighbours of each particle ([`SamplingScheme::SobolSmeared`] with several release times).
+    pub neighbourhood: Option<Arc<Neighbourhood>>,
 }
 
 impl ReleaseTable {
@@ -137,29 +152,37 @@ impl ReleaseTable {
         }
         let per_tail = n / (2 * release_times);
         let tails = [Tail::Leading, Tail::Trailing];
-        let offsets = |tail| {
+        let smeared = settings.sampling_scheme == SamplingScheme::SobolSmeared && release_times > 1;
+        let smearing = if smeared { smearing(n) } else { 0.0 };
+        let draws = |tail| {
             Ok::<_, Error>(match settings.sampling_scheme {
-                SamplingScheme::Random => random_offsets(settings, tail, n / 2)?,
-                SamplingScheme::Sobol => sobol_offsets(settings, tail, n / 2)?,
-                SamplingScheme::SobolSegments => {
-                    linked(sobol_offsets(settings, tail, n / 2)?, per_tail)
+                SamplingScheme::Random => random_draws(settings, tail, n / 2)?,
+                SamplingScheme::Sobol => sobol_draws(settings, tail, n / 2, 0.0)?,
+                SamplingScheme::SobolSmeared => {
+                    linked(sobol_draws(settings, tail, n / 2, smearing)?, per_tail)
                 }
             })
         };
-        let kicks = [offsets(tails[0])?, offsets(tails[1])?];
+        let draws = [draws(tails[0])?, draws(tails[1])?];
         let mut releases = Vec::with_capacity(n);
+        let mut xi = Vec::with_capacity(n);
         for release_time in 0..release_times {
-            for (tail, kicks) in tails.iter().zip(&kicks) {
-                let these = &kicks[release_time * per_tail..(release_time + 1) * per_tail];
-                releases.extend(these.iter().map(|kick| Release {
+            for (tail, draws) in tails.iter().zip(&draws) {
+                let these = &draws[release_time * per_tail..(release_time + 1) * per_tail];
+                xi.extend(these.iter().map(|draw| draw.xi));
+                releases.extend(these.iter().map(|draw| Release {
                     tail: *tail,
-                    offset: *kick,
+                    offset: draw.offset,
                 }));
             }
         }
+        let neighbourhood = smeared.then(|| {
+            let numbers = settings.recipe.normals();
+            Arc::new(Neighbourhood::new(&xi, numbers, per_tail, smearing))
+        });
         let middle = match settings.sampling_scheme {
             SamplingScheme::Random => 0.0,
-            SamplingScheme::Sobol | SamplingScheme::SobolSegments => 0.5,
+            SamplingScheme::Sobol | SamplingScheme::SobolSmeared => 0.5,
         };
         let taus = (0..release_times)
             .map(|k| (k as f64 + middle) / release_times as f64 - 1.0)
@@ -169,10 +192,7 @@ impl ReleaseTable {
             releases,
             per_release_time: 2 * per_tail,
             recipe: settings.recipe,
-            neighbour_offset: match settings.sampling_scheme {
-                SamplingScheme::SobolSegments if release_times > 1 => 2 * per_tail,
-                SamplingScheme::Random | SamplingScheme::Sobol | SamplingScheme::SobolSegments => 0,
-            },
+            neighbourhood,
         })
     }
 
@@ -191,10 +211,10 @@ impl ReleaseTable {
 
 /// Default number of release times of `n` particles of a Sobol scheme. More do not lower the noise of a track, and 16 particles
 /// of one time fill the lanes.
-fn sobol_release_times(n: usize) -> usize {
+fn sobol_release_times(n: usize, least_for_32: usize) -> usize {
     let per_release_time = [32, 16, 8]
         .into_iter()
-        .find(|k| n.is_multiple_of(*k) && (*k < 32 || n >= 2_048));
+        .find(|k| n.is_multiple_of(*k) && (*k < 32 || n >= least_for_32));
     (n / per_release_time.unwrap_or(8)).max(1)
 }
 
@@ -204,8 +224,15 @@ const SOBOL_LIMIT: usize = 1 << 16;
 /// Largest number of tries for one release offset. A try fails with a probability of 2.4e-6 at most.
 const MAX_DRAWS: u64 = 64;
 
+/// The random numbers of a particle and what follows from them.
+#[derive(Clone, Copy)]
+struct Draw {
+    xi: [f64; MAX_NORMALS],
+    offset: ReleaseOffset,
+}
+
 /// The first try that gives a release offset; `draw` is given the number of the try, from 0.
-fn first_valid(draw: impl FnMut(u64) -> Option<ReleaseOffset>) -> Result<ReleaseOffset> {
+fn first_valid(draw: impl FnMut(u64) -> Option<Draw>) -> Result<Draw> {
     (0..MAX_DRAWS).find_map(draw).ok_or_else(|| Error::Setting {
         key: "model.releases.seed".to_owned(),
         value: format!("{MAX_DRAWS} draws without a release offset"),
@@ -214,27 +241,31 @@ fn first_valid(draw: impl FnMut(u64) -> Option<ReleaseOffset>) -> Result<Release
 }
 
 /// Independent release offsets; where a recipe has no offset, the next normals of the same random stream are used.
-fn random_offsets(
-    settings: &TableSettings,
-    tail: Tail,
-    count: usize,
-) -> Result<Vec<ReleaseOffset>> {
+fn random_draws(settings: &TableSettings, tail: Tail, count: usize) -> Result<Vec<Draw>> {
     let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 0);
-    let mut offset = || {
+    let mut draw = || {
         first_valid(|_| {
-            let mut xi = [0.0; 5];
+            let mut xi = [0.0; MAX_NORMALS];
             for x in xi.iter_mut().take(settings.recipe.normals()) {
                 *x = standard_normal(&mut rng);
             }
-            settings.recipe.kick(&xi, tail)
+            let offset = settings.recipe.kick(&xi, tail);
+            offset.map(|offset| Draw { xi, offset })
         })
     };
-    (0..count).map(|_| offset()).collect()
+    (0..count).map(|_| draw()).collect()
 }
 
 /// A scrambled Sobol set, sorted by its first coordinate, the release time: its index must not choose the time, nor the
-/// tail, because its low bits are the first coordinates of the points.
-fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Result<Vec<ReleaseOffset>> {
+/// tail, because its low bits are the first coordinates of the points. Random numbers that particles are smeared over have their variance less
+/// that of the smearing.
+fn sobol_draws(
+    settings: &TableSettings,
+    tail: Tail,
+    count: usize,
+    smearing: f64,
+) -> Result<Vec<Draw>> {
+    let narrower = (1.0 - smearing * smearing).sqrt();
     // Scrambles are 32-bit seeds; the two tails and the repetitions have sets of their own.
     let scramble = |round: u64| {
         let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 1 + round);
@@ -254,35 +285,36 @@ fn sobol_offsets(settings: &TableSettings, tail: Tail, count: usize) -> Result<V
         f64::from(sobol_burley::sample(i as u32, dimension as u32, seed))
             + 0.5 / f64::from(1_u32 << 24)
     };
-    let mut rows: Vec<(f64, ReleaseOffset)> = Vec::with_capacity(count);
+    let mut rows: Vec<(f64, Draw)> = Vec::with_capacity(count);
     for i in 0..count {
-        let offset = first_valid(|round| {
+        let draw = first_valid(|round| {
             let seed = scramble(round);
-            let mut xi = [0.0; 5];
+            let mut xi = [0.0; MAX_NORMALS];
             for (d, x) in xi.iter_mut().enumerate().take(settings.recipe.normals()) {
-                *x = quantile(point(i, d + 1, seed));
+                *x = narrower * quantile(point(i, d + 1, seed));
             }
-            settings.recipe.kick(&xi, tail)
+            let offset = settings.recipe.kick(&xi, tail);
+            offset.map(|offset| Draw { xi, offset })
         })?;
-        rows.push((point(i, 0, scramble(0)), offset));
+        rows.push((point(i, 0, scramble(0)), draw));
     }
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(rows.into_iter().map(|(_, kick)| kick).collect())
+    Ok(rows.into_iter().map(|(_, draw)| draw).collect())
 }
 
 /// Number of release offsets of one release time that are compared with each other to find neighbours: the cost grows with its square.
 const LINKED_TOGETHER: usize = 64;
 
-/// Reorders the release offsets of each release time, `per_release_time` of them, so that each follows one that is nearly equal:
-/// within [`COMPARED_TOGETHER`] of them no exchange of two lowers the sum of squared differences to those before.
-fn linked(mut kicks: Vec<ReleaseOffset>, per_release_time: usize) -> Vec<ReleaseOffset> {
+/// Reorders the draws of each release time, `per_release_time` of them, so that the release offset of each is nearly that of the one
+/// before: within [`LINKED_TOGETHER`] of them no exchange of two lowers the sum of squared differences to those before.
+fn linked(mut kicks: Vec<Draw>, per_release_time: usize) -> Vec<Draw> {
     for first in (per_release_time..kicks.len()).step_by(per_release_time) {
         let (before, rest) = kicks.split_at_mut(first);
         let (before, now) = (
             &before[first - per_release_time..],
             &mut rest[..per_release_time],
         );
-        let apart = |i: usize, kick: &ReleaseOffset| before[i].squared_distance(kick);
+        let apart = |i: usize, draw: &Draw| before[i].offset.squared_distance(&draw.offset);
         let mut moved = true;
         while moved {
             moved = false;

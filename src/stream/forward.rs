@@ -65,7 +65,7 @@ impl Model {
             out: columns,
         };
         let ambiguous_windings = (H::kernels().integrate)(forward, level);
-        out.neighbour_offset = self.table.neighbour_offset;
+        out.neighbourhood = self.table.neighbourhood.clone();
         out.tally = tally(solution, ambiguous_windings)?;
         Ok(())
     }
@@ -115,7 +115,7 @@ impl Model {
             ambiguous_windings += count;
             halvings.append(part);
         }
-        out.neighbour_offset = self.table.neighbour_offset;
+        out.neighbourhood = self.table.neighbourhood.clone();
         out.tally = tally(solution, ambiguous_windings)?;
         Ok(())
     }

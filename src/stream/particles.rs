@@ -5,7 +5,9 @@ use super::lane_groups::{Interleaved, Pair, UNROLL};
 use crate::error::Tally;
 use crate::orbit::{FinalParticle, State};
 use crate::scalar::{Isa, LaneArray, angle};
+use crate::spray::Neighbourhood;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Present-day particles, component by component, in the order of the table.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,8 +22,8 @@ pub struct Particles {
     pub v: [Vec<f64>; 3],
     /// Winding counts.
     pub turns: Vec<f64>,
-    /// Index of each particle's neighbour in release space minus its own; 0 if they have none.
-    pub neighbour_offset: usize,
+    /// Their neighbours in release space, if they are smeared.
+    pub neighbourhood: Option<Arc<Neighbourhood>>,
     /// How often their steps were halved.
     pub halvings: Halvings,
     /// The approximations made for them.

@@ -2,7 +2,7 @@
 //!
 //! Angles are counted from the progenitor and unwrapped; the leading tail is at positive angles. Bin b covers [b, b + 1) bin widths.
 
-use super::segment::SkyPoint;
+use super::smear::Sky;
 use crate::error::Result;
 use crate::scalar::{Scalar, angle, smooth_step};
 use oblate_samplers::limits::in_range;
@@ -75,6 +75,16 @@ pub(super) struct Placed<S> {
     pub above: S,
 }
 
+/// Where a particle is on the sky: its angle in bin widths from the progenitor, turns counted, and its direction and radius.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SkyPoint<S> {
+    pub position: S,
+    pub sky: Sky<S>,
+}
+
+/// Smallest radius on the sky, kpc: a particle in front of the centre has a direction.
+const TINY_R: f64 = 1e-9;
+
 impl BinGrid {
     /// Bin widths per radian.
     #[inline]
@@ -82,15 +92,39 @@ impl BinGrid {
         180.0 / (PI * self.width_deg)
     }
 
+    /// Half-width of an edge in radians.
+    #[inline(always)]
+    pub(super) fn soft(&self) -> f64 {
+        match self.edges {
+            BinEdges::Hard => 0.0,
+            BinEdges::Soft { half_width_deg } => half_width_deg.to_radians(),
+        }
+    }
+
     /// Where a particle is on the sky.
     #[inline(always)]
     pub(super) fn sky_point<S: Scalar>(&self, x: S, y: S, turns: S) -> SkyPoint<S> {
-        let r2 = x * x + y * y;
+        let r = (x * x + y * y).sqrt().max(S::from_f64(TINY_R));
+        let inverse = S::one() / r;
         SkyPoint {
             position: (angle(y, x) + turns * TAU) * self.per_radian(),
-            r: r2.sqrt(),
-            r2,
+            sky: Sky {
+                x: x * inverse,
+                y: y * inverse,
+                r,
+            },
         }
+    }
+
+    /// The edge nearest to a position, and how many edges to each side of it a kernel of this half-width, in radians, can reach.
+    #[inline(always)]
+    pub(super) fn edges_within(&self, position: f64, half_width: f64) -> (f64, i32) {
+        #[allow(
+            clippy::cast_possible_truncation,
+            reason = "a kernel reaches a few bins"
+        )]
+        let reach = (half_width * self.per_radian() + 0.5) as i32;
+        (position.round_ties_even(), reach)
     }
 
     /// The bins of a particle at a position.
@@ -105,15 +139,6 @@ impl BinGrid {
             }
         };
         Placed { edge, above }
-    }
-
-    /// Index of the bin above an edge: -1 or one more than there are bins where that is far outside.
-    #[inline(always)]
-    pub(super) fn row<S: Scalar>(&self, edge: S) -> S {
-        let (lo, hi) = (-S::one(), S::one() * (self.len as f64 + 1.0));
-        let row = edge - self.first as f64;
-        let row = S::select(row.lt(hi), row, hi);
-        S::select(lo.lt(row), row, lo)
     }
 
     /// The index of a bin, if it is in the grid.

@@ -1,7 +1,7 @@
 //! From particles to one mean radius per angle from the progenitor.
 
 mod grid;
-mod segment;
+mod smear;
 mod sums;
 mod sums_lanes;
 mod sums_vjp;
@@ -37,6 +37,16 @@ pub struct Track {
     pub width_deg: f64,
     /// The bins.
     pub bins: Vec<TrackBin>,
+}
+
+/// Bins that a smeared particle or a soft edge reaches to each side, at most.
+fn bins_within_reach(width_deg: f64) -> i64 {
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "a width above a millionth of a degree"
+    )]
+    let bins = (smear::MAX_REACH_DEG / width_deg).ceil() as i64;
+    bins + 1
 }
 
 /// Weight of a bin of [`Particles::track`], as a fraction of all particles: the paper's threshold for mock tracks.
@@ -90,9 +100,10 @@ impl Track {
                 bins: Vec::new(),
             };
         }
-        // Three more bins at each end: a segment reaches at most two bins, and a soft edge one more.
-        let first = lo - 3;
-        let len = usize::try_from(hi - lo + 7).unwrap_or(0);
+        // More bins at each end, as far as a smeared particle reaches.
+        let beyond = bins_within_reach(width_deg);
+        let first = lo - beyond;
+        let len = usize::try_from(hi - lo + 1 + 2 * beyond).unwrap_or(0);
         let grid = BinGrid {
             width_deg,
             first,

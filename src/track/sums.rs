@@ -1,14 +1,15 @@
 //! Sums over the particles of each bin, on any number type.
 
-use super::grid::{BinGrid, Placed};
-use super::segment::{SegmentRun, SkyPoint};
+use super::grid::{BinGrid, Placed, SkyPoint};
+use super::smear::{Sky, Smear, Surroundings, WHOLE, below};
 use crate::orbit::FinalParticle;
-use crate::scalar::{Real, Scalar};
+use crate::scalar::{LANES, Real, Scalar};
+use crate::spray::Neighbourhood;
 
 /// Sums over the particles of each bin: weight, weight times radius, weight times radius squared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sums<S> {
-    /// Total weight: the number of particles, those in two bins counted in parts.
+    /// Total weight: the number of particles, those in several bins counted in parts.
     pub weight: Vec<S>,
     /// Sum of r, kpc.
     pub r: Vec<S>,
@@ -34,51 +35,94 @@ impl<S: Scalar> Sums<S> {
             column.resize(len, S::zero());
         }
     }
+
+    /// Adds to the bin of this number, if it is in the grid.
+    fn add(&mut self, bin: Option<usize>, [weight, r, r2]: [S; 3]) {
+        if let Some(i) = bin {
+            self.weight[i] += weight;
+            self.r[i] += r;
+            self.r2[i] += r2;
+        }
+    }
 }
 
 impl BinGrid {
-    /// Adds a weight at a quadrature point beside an edge.
-    #[inline(always)]
-    fn add<S: Scalar>(
-        &self,
-        edge: f64,
-        above: S,
-        [r, r2]: [S; 2],
-        weight: f64,
-        sums: &mut Sums<S>,
-    ) {
-        for (i, share) in self.beside(edge).into_iter().zip([S::one() - above, above]) {
-            if let Some(i) = i {
-                let weight = share * weight;
-                sums.weight[i] += weight;
-                sums.r[i] += weight * r;
-                sums.r2[i] += weight * r2;
-            }
-        }
-    }
-
-    /// Bins particles of any number type; the neighbour of each is `neighbour_offset` after it, 0 if there are none.
+    /// Bins particles of any number type, smeared if they have neighbours.
     pub fn sum_final_particles<S: Real>(
         &self,
         particles: &[FinalParticle<S>],
-        neighbour_offset: usize,
+        neighbourhood: Option<&Neighbourhood>,
         sums: &mut Sums<S>,
     ) {
         sums.reset(self.len);
-        let sky_point = |i: usize| {
-            let FinalParticle { state, turns, .. } = &particles[i];
-            self.sky_point(state.x.x, state.x.y, *turns)
-        };
-        for run in SegmentRun::all(0..particles.len(), particles.len(), neighbour_offset) {
-            for i in run.particles.clone() {
-                let here = sky_point(i);
-                let segment = here.segment(sky_point(run.neighbour(i))).limited(here.r);
-                for k in 0..run.points {
-                    let SkyPoint { position, r, r2 } = run.sky_point(here, segment, k);
-                    let Placed { edge, above } = self.place(position);
-                    self.add(edge.re(), above, [r, r2], run.weight(), sums);
+        let points: Vec<SkyPoint<S>> = particles
+            .iter()
+            .map(|FinalParticle { state, turns, .. }| self.sky_point(state.x.x, state.x.y, *turns))
+            .collect();
+        for (i, point) in points.iter().enumerate() {
+            let SkyPoint { position, sky } = *point;
+            let Some(neighbourhood) = neighbourhood else {
+                let Placed { edge, above } = self.place(position);
+                let bins = self.beside(edge.re());
+                for (bin, share) in bins.into_iter().zip([S::one() - above, above]) {
+                    sums.add(bin, [share, share * sky.r, share * sky.r * sky.r]);
                 }
-            }
+                continue;
+            };
+            let smear = smear(neighbourhood, i, |j| points[j].sky);
+            self.sum_smeared(position, sky, smear, sums);
         }
     }
+
+    /// Adds one smeared particle.
+    fn sum_smeared<S: Real>(&self, position: S, sky: Sky<S>, smear: Smear<S>, sums: &mut Sums<S>) {
+        let half_width = smear.half_width(self.soft());
+        let (middle, reach) = self.edges_within(position.re(), half_width.re());
+        let scale = S::one() / (half_width * self.per_radian());
+        let rise = smear.slope * half_width;
+        let mut before = [S::zero(); 3];
+        for k in -reach..=reach + 1 {
+            let edge = middle + f64::from(k);
+            let here = if k > reach {
+                WHOLE.map(S::from_f64)
+            } else {
+                below((-position + edge) * scale)
+            };
+            let [share, offset, offset2]: [S; 3] = std::array::from_fn(|c| here[c] - before[c]);
+            let r = share * sky.r + rise * offset;
+            let r2 = sky.r * (r * 2.0 - share * sky.r) + rise * rise * offset2;
+            sums.add(self.beside(edge)[0], [share, r, r2]);
+            before = here;
+        }
+    }
+}
+
+/// What particle number `i` is smeared over.
+pub(super) fn surroundings<S: Scalar>(
+    neighbourhood: &Neighbourhood,
+    i: usize,
+    sky: impl Fn(usize) -> Sky<S>,
+) -> Surroundings<S> {
+    let (block, lane) = (i / LANES, i % LANES);
+    let here = sky(i);
+    let partner = neighbourhood.partners[block][lane] as usize;
+    let mut around = Surroundings::of_partner(here.apart(sky(partner)));
+    for j in 0..neighbourhood.count {
+        let at = block * neighbourhood.count + j;
+        let apart = here.apart(sky(neighbourhood.indices[at][lane] as usize));
+        for k in 0..neighbourhood.numbers {
+            let weight = neighbourhood.weights[at * neighbourhood.numbers + k][lane];
+            around.add(k, S::from_f64(weight), apart);
+        }
+    }
+    around
+}
+
+fn smear<S: Scalar>(
+    neighbourhood: &Neighbourhood,
+    i: usize,
+    sky: impl Fn(usize) -> Sky<S>,
+) -> Smear<S> {
+    let r = sky(i).r;
+    Smear::new(surroundings(neighbourhood, i, sky).moments(), r)
 }

@@ -39,7 +39,13 @@ fn a_likelihood_in_an_own_halo_has_an_exact_gradient() {
             r_err_kpc: 0.02 * bin.r_kpc,
         })
         .collect();
-    let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, 256).unwrap();
+    let track = TrackLikelihood::new(
+        &LikelihoodSettings::default(),
+        10.0,
+        &data,
+        &settings.releases,
+    )
+    .unwrap();
     let likelihood = StreamLikelihood::<NfwWithDisc>::with_halo(model, track, QRange::default());
     let (value, gradient) = likelihood.gradient(&THETA).unwrap();
     let alone = likelihood.ln_likelihood(&THETA).unwrap();

@@ -3,7 +3,7 @@
 use crate::golden::{cases, json, number, numbers};
 use oblate::orbit::State;
 use oblate::potential::FlattenedNfw;
-use oblate::scalar::{Dual, Real, Vec3, gradient_of, lift};
+use oblate::scalar::{Dual, LANES, Real, Vec3, gradient_of, lift};
 use oblate::spray::{
     Recipe, ReleaseOffset, ReleaseTable, SamplingScheme, TableSettings, Tail, Tidal,
 };
@@ -238,80 +238,95 @@ fn tables_are_even_and_reproducible() {
 }
 
 #[test]
-fn linked_particles_are_the_sobol_set_beside_kicks_like_theirs() {
+fn a_smeared_table_has_the_moments_of_its_random_numbers() {
+    // What a particle stands for has a variance of its own, and the rest is that of the particles.
     for (recipe, particles) in [(Recipe::default(), 2_560), (Recipe::Chen2025, 512)] {
-        let [sobol, linked] =
-            [SamplingScheme::Sobol, SamplingScheme::SobolSegments].map(|sampling_scheme| {
-                ReleaseTable::new(&TableSettings {
-                    particles,
-                    sampling_scheme,
-                    recipe,
-                    ..TableSettings::default()
-                })
-                .expect("a table")
-            });
-        assert_eq!(
-            (sobol.neighbour_offset, linked.neighbour_offset),
-            (0, linked.per_release_time)
-        );
-        assert_eq!(sobol.taus, linked.taus);
-        // The same particles at every release time, in another order.
-        let release_times = |table: &ReleaseTable| -> Vec<Vec<String>> {
-            let sorted = |release_time: &[oblate::spray::Release]| {
-                let mut names: Vec<String> =
-                    release_time.iter().map(|p| format!("{p:?}")).collect();
-                names.sort();
-                names
-            };
-            table
+        let table = ReleaseTable::new(&TableSettings {
+            particles,
+            recipe,
+            ..TableSettings::default()
+        })
+        .expect("a table");
+        assert_eq!(table.per_release_time, 32);
+        let around = table.neighbourhood.expect("neighbours");
+        assert_eq!((around.count, around.numbers), (8, recipe.normals()));
+        if recipe == Recipe::default() {
+            let k_r: Vec<f64> = table
                 .releases
-                .chunks(table.per_release_time)
-                .map(sorted)
-                .collect()
-        };
-        assert_eq!(release_times(&sobol), release_times(&linked));
-        // Neighbours are of one tail, and nearer than in the order of the Sobol set: of 16 normal points in four dimensions the
-        // nearest
-        let mean_square = |table: &ReleaseTable| {
-            let (ours, n) = (&table.releases, table.per_release_time);
-            let squares = ours.iter().zip(&ours[n..]).map(|(a, b)| {
-                assert_eq!(a.tail, b.tail);
-                let differences = (0..3).flat_map(|i| {
-                    [
-                        a.offset.position[i] - b.offset.position[i],
-                        a.offset.velocity[i] - b.offset.velocity[i],
-                    ]
-                });
-                differences.map(|d| d * d).sum::<f64>()
-            });
-            squares.sum::<f64>() / (ours.len() - n) as f64
-        };
-        let ratio = mean_square(&linked) / mean_square(&sobol);
-        assert!(ratio < 0.6, "{recipe:?} {ratio}");
+                .iter()
+                .map(|p| p.offset.position[0] * p.tail.sign())
+                .collect();
+            let mean = k_r.iter().sum::<f64>() / k_r.len() as f64;
+            let variance = k_r.iter().map(|k| (k - mean).powi(2)).sum::<f64>() / k_r.len() as f64;
+            let smearing2 = 1.0 - variance / 0.25;
+            assert!((mean - 2.0).abs() < 1e-3, "{mean}");
+            assert!((smearing2.sqrt() - 0.3).abs() < 0.02, "{smearing2}");
+        }
     }
 }
 
 #[test]
-fn many_particles_of_one_release_time_are_linked_in_no_time() {
-    // All pairs of 32,768 are half a billion; comparing them all would take too long.
+fn neighbours_are_near_and_give_linear_maps_exactly_but_for_their_ridge() {
+    let table = ReleaseTable::new(&TableSettings::default()).expect("a table");
+    let around = table.neighbourhood.as_deref().expect("neighbours");
+    let k_r = |i: usize| {
+        (table.releases[i].offset.position[0] * table.releases[i].tail.sign() - 2.0) / 0.5
+    };
+    let mut sums = [0.0; 2];
+    for i in 0..table.len() {
+        let (block, lane) = (i / LANES, i % LANES);
+        let partner = around.partners[block][lane] as usize;
+        assert_eq!(table.releases[i].tail, table.releases[partner].tail);
+        assert_eq!(partner.abs_diff(i), table.per_release_time);
+        let mut along = [0.0; 2];
+        for j in 0..around.count {
+            let row = block * around.count + j;
+            let neighbour = around.indices[row][lane] as usize;
+            assert!(neighbour != i);
+            assert_eq!(table.releases[i].tail, table.releases[neighbour].tail);
+            assert_eq!(
+                i / table.per_release_time,
+                neighbour / table.per_release_time
+            );
+            // The derivatives of the first random number by the first and by the second.
+            for (k, sum) in along.iter_mut().enumerate() {
+                *sum += around.weights[row * around.numbers + k][lane] * (k_r(neighbour) - k_r(i));
+            }
+        }
+        for (sum, one) in sums.iter_mut().zip(along) {
+            *sum += one / table.len() as f64;
+        }
+    }
+    let [along, across] = sums;
+    // s = 0.3, less what the ridge takes.
+    assert!(
+        (0.25..0.3).contains(&along) && across.abs() < 0.01,
+        "{sums:?}"
+    );
+}
+
+#[test]
+fn many_particles_of_one_release_time_find_neighbours_in_no_time() {
+    // All pairs of 32,768 are half a billion, and would be compared until nothing moves.
     let table = ReleaseTable::new(&TableSettings {
         particles: 131_072,
         release_times: 2,
         ..TableSettings::default()
     })
     .expect("a table");
-    assert_eq!((table.neighbour_offset, table.len()), (65_536, 131_072));
+    let reach = table.neighbourhood.map(|around| around.reach);
+    assert_eq!((reach, table.releases.len()), (Some(65_536), 131_072));
 }
 
 #[test]
-fn one_release_time_links_nothing() {
+fn one_release_time_has_no_neighbours() {
     let table = ReleaseTable::new(&TableSettings {
         particles: 64,
         release_times: 1,
         ..TableSettings::default()
     })
     .expect("a table");
-    assert_eq!(table.neighbour_offset, 0);
+    assert_eq!(table.neighbourhood, None);
 }
 
 #[test]

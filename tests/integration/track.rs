@@ -2,12 +2,12 @@
 
 use crate::gala::{NAMES, system, track};
 use oblate::orbit::{FinalParticle, State};
-use oblate::scalar::Level;
-use oblate::scalar::{Dual, Vec3, gradient_of, lift};
-use oblate::spray::{SamplingScheme, TableSettings};
+use oblate::scalar::{Dual, LANES, Level, Vec3, gradient_of, lift};
+use oblate::spray::{Neighbourhood, SamplingScheme, TableSettings};
 use oblate::stream::{Model, ModelSettings, Particles, StepSchedules};
 use oblate::track::{BinEdges, BinGrid, PartialSums, Sums, Track};
 use proptest::prelude::*;
+use std::sync::Arc;
 
 fn particles(name: &str, settings: &ModelSettings) -> Particles {
     let model = Model::new(settings).expect("a model");
@@ -102,7 +102,7 @@ fn soft_bins_become_hard_ones_as_their_edges_narrow() {
     assert!(difference(0.1) < 0.02 && difference(0.1) > 0.0);
 }
 
-/// The default, particles smeared along segments, and the same as points.
+/// The default, smeared particles, and the same for themselves.
 fn sampling_schemes() -> [ModelSettings; 2] {
     let alone = TableSettings {
         sampling_scheme: SamplingScheme::Sobol,
@@ -136,61 +136,102 @@ fn the_shares_of_all_particles_add_up_to_their_number() {
     }
 }
 
-#[test]
-fn a_linked_particle_is_spread_along_the_way_to_its_partner() {
-    // From (5 degrees, 10 kpc) the neighbour is the root of two half-lengths away in angle, and one half-length in radius: half
-    // of the distance is kept, and the same on the other side. The neighbour is too far to reach the bins below 10 degrees.
-    let across: f64 = 15.0 * 2.0_f64.sqrt();
-    let at = |degrees: f64, r: f64| {
-        let (sin, cos) = degrees.to_radians().sin_cos();
-        (r * cos, r * sin)
-    };
-    let places = [at(5.0, 10.0), at(5.0 + across, 13.0)];
-    let two = Particles {
-        x: places.iter().map(|p| p.0).collect(),
-        y: places.iter().map(|p| p.1).collect(),
-        turns: vec![0.0; 2],
-        neighbour_offset: 1,
-        ..Particles::default()
-    };
-    let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0).expect("a track");
-    // At 5 -+ 2.65 and 7.95 degrees, 10 -+ 0.375 and 1.125 kpc.
-    for (bin, n, r) in [(-1, 0.25, 8.875), (0, 0.5, 10.0)] {
-        let there = track.bins.iter().find(|b| b.bin == bin).expect("a bin");
-        assert!((there.n - n).abs() < 1e-12, "{there:?}");
-        assert!((there.r_kpc - r).abs() < 1e-12, "{there:?}");
+/// Particles whose neighbours are each other: `count` of them, after the partner, with these weights by neighbour and random number.
+fn neighbourhood(n: usize, count: usize, weights: &[[f64; 4]]) -> Neighbourhood {
+    let lanes = |offset: usize| std::array::from_fn(|lane| ((lane + offset) % n) as u32);
+    Neighbourhood {
+        count,
+        numbers: 4,
+        reach: n,
+        indices: (0..count).map(|j| lanes(j + 2)).collect(),
+        partners: vec![lanes(1)],
+        weights: weights
+            .iter()
+            .take(count)
+            .flat_map(|of_one| of_one.map(|weight| [weight; LANES]))
+            .collect(),
     }
-    // The neighbour of the last particle is the one before it: it is smeared as well.
-    let last = track.bins.iter().find(|b| b.bin == 3).expect("a bin");
-    assert!(last.r_kpc > 13.0 && last.n < 0.5, "{last:?}");
 }
 
-proptest! {
-    /// However far their neighbours are, particles stay within two bins and a third of their radius.
-    #[test]
-    fn links_do_not_reach_far(places in prop::array::uniform2((1.0..200.0_f64, -3.1..3.1_f64)), turns in -3..4_i32) {
-        let two = Particles {
-            x: places.iter().map(|(r, angle)| r * angle.cos()).collect(),
-            y: places.iter().map(|(r, angle)| r * angle.sin()).collect(),
-            turns: vec![0.0, f64::from(turns)],
-            neighbour_offset: 1,
-            ..Particles::default()
-        };
-        let track = Track::of(&two, 10.0, BinEdges::Hard, 0.0).expect("a track");
-        let total: f64 = track.bins.iter().map(|b| b.n).sum();
-        prop_assert!((total - 2.0).abs() < 1e-12);
-        let of = |i: usize| (two.angle(i).to_degrees() / 10.0, places[i].0);
-        for bin in &track.bins {
-            let near = [of(0), of(1)].iter().any(|(position, r)| {
-                (bin.bin as f64 + 0.5 - position).abs() < 2.0 && (bin.r_kpc / r - 1.0).abs() < 0.3
-            });
-            let both = bin.n > 0.25 - 1e-9 && {
-                let (lo, hi) = (places[0].0.min(places[1].0), places[0].0.max(places[1].0));
-                bin.r_kpc > 0.7 * lo && bin.r_kpc < 1.3 * hi
-            };
-            prop_assert!(near || both, "{bin:?}");
+/// Particles at these radii and angles.
+fn at_places(places: &[(f64, f64)], neighbourhood: Neighbourhood) -> Particles {
+    Particles {
+        x: places.iter().map(|(r, angle)| r * angle.cos()).collect(),
+        y: places.iter().map(|(r, angle)| r * angle.sin()).collect(),
+        turns: vec![0.0; places.len()],
+        neighbourhood: Some(Arc::new(neighbourhood)),
+        ..Particles::default()
+    }
+}
+
+#[test]
+fn a_smeared_particle_has_the_width_and_slope_that_its_partner_gives() {
+    // Ten degrees and two kpc apart; what is wider than that is bounded.
+    let (apart, rise) = (10.0_f64.to_radians(), 2.0);
+    let two = at_places(
+        &[(50.0, 0.05), (50.0 + rise, 0.05 + apart)],
+        neighbourhood(2, 0, &[]),
+    );
+    let grid = BinGrid {
+        width_deg: 10.0,
+        first: -9,
+        len: 18,
+        edges: BinEdges::Soft {
+            half_width_deg: 2.0,
+        },
+    };
+    let mut sums = Sums::default();
+    grid.sum(&two, &mut sums, &mut PartialSums::default());
+    let mut expected = [[0.0; 18]; 2];
+    for (angle, r, rise, apart) in [
+        (0.05, 50.0, rise, apart),
+        (0.05 + apart, 50.0 + rise, -rise, -apart),
+    ] {
+        let reach = 30.0_f64.to_radians();
+        let far = (2.0 * (apart / 2.0).sin() / reach).powi(2) + (rise / (0.3 * r)).powi(2);
+        let (a, b) = (apart.sin() / (1.0 + far).sqrt(), rise / (1.0 + far).sqrt());
+        let variance = a * a / 3.0 + 0.1_f64.to_radians().powi(2);
+        let width2 = variance / (1.0 + variance / 10.0_f64.to_radians().powi(2));
+        let slope = a * b / 3.0 / variance;
+        let slope = slope / (1.0 + width2 * (slope / (0.1 * r)).powi(2)).sqrt();
+        let half = (7.0 * width2 + 2.0_f64.to_radians().powi(2)).sqrt();
+        // The biweight kernel, by the midpoint rule.
+        let points = 200_000;
+        for k in 0..points {
+            let u = (2 * k + 1) as f64 / f64::from(points) - 1.0;
+            let weight = 15.0 / 16.0 * (1.0 - u * u).powi(2) * 2.0 / f64::from(points);
+            let bin = ((angle + u * half).to_degrees() / 10.0 + 9.0).floor() as usize;
+            expected[0][bin] += weight;
+            expected[1][bin] += weight * (r + slope * u * half);
         }
     }
+    for bin in 0..18 {
+        assert!(
+            (sums.weight[bin] - expected[0][bin]).abs() < 1e-4,
+            "{bin}: {} {}",
+            sums.weight[bin],
+            expected[0][bin]
+        );
+        assert!(
+            (sums.r[bin] - expected[1][bin]).abs() < 5e-3,
+            "{bin}: {} {}",
+            sums.r[bin],
+            expected[1][bin]
+        );
+    }
+}
+
+#[test]
+fn neighbours_half_a_turn_away_do_not_count_and_those_a_whole_turn_away_do() {
+    let width = |angle: f64, turns: f64| {
+        let mut two = at_places(&[(50.0, 0.0), (50.0, angle)], neighbourhood(2, 0, &[]));
+        two.turns[1] = turns;
+        let track = Track::of(&two, 1.0, BinEdges::Hard, 1e-6).expect("a track");
+        track.bins.iter().filter(|b| b.bin.abs() < 60).count()
+    };
+    let (near, turned) = (width(0.1, 0.0), width(0.1, 5.0));
+    assert!(near > 10 && turned >= 10, "{near} {turned}");
+    assert!(width(std::f64::consts::PI, 0.0) <= 2);
 }
 
 #[test]
@@ -218,7 +259,7 @@ fn every_level_bins_as_the_reference_does() {
                 edges,
             };
             let (mut by_reference, mut by_level) = (Sums::default(), Sums::default());
-            grid.sum_final_particles(&reference, ours.neighbour_offset, &mut by_reference);
+            grid.sum_final_particles(&reference, ours.neighbourhood.as_deref(), &mut by_reference);
             for level in Level::available() {
                 grid.sum_at(*level, &ours, &mut by_level, &mut PartialSums::default());
                 for (a, b) in [
@@ -238,16 +279,23 @@ fn every_level_bins_as_the_reference_does() {
 }
 
 proptest! {
-    /// Reverse mode of particles smeared along segments, against dual numbers.
+    /// Reverse mode of smeared particles against duals.
     #[test]
-    fn pulling_back_sums_of_linked_particles_matches_duals(places in prop::array::uniform4((1.0..80.0_f64, -3.0..3.0_f64)), neighbour_offset in 0..3_usize) {
+    fn pulling_back_sums_of_smeared_particles_matches_duals(
+        places in prop::array::uniform4((1.0..80.0_f64, -3.0..3.0_f64)),
+        weights in prop::array::uniform2(prop::array::uniform4(-0.5..0.5_f64)),
+        count in 0..3_usize,
+        hard: bool,
+    ) {
+        let edges = if hard { BinEdges::Hard } else { BinEdges::default() };
         let n = places.len();
         let numbers: [f64; 8] = std::array::from_fn(|k| {
             let (r, angle) = places[k / 2];
             if k % 2 == 0 { r * angle.cos() } else { r * angle.sin() }
         });
         let duals: [Dual<8>; 8] = lift(&numbers);
-        let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges: BinEdges::default() };
+        let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges };
+        let around = neighbourhood(n, count, &weights);
         let zero = Dual::<8>::from_re(0.0);
         let reference: Vec<FinalParticle<Dual<8>>> = (0..n)
             .map(|i| FinalParticle {
@@ -257,7 +305,7 @@ proptest! {
             })
             .collect();
         let mut sums = Sums::default();
-        grid.sum_final_particles(&reference, neighbour_offset, &mut sums);
+        grid.sum_final_particles(&reference, Some(&around), &mut sums);
         let mut total = zero;
         let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };
         for i in 0..180 {
@@ -265,13 +313,7 @@ proptest! {
             total += sums.weight[i] * a + sums.r[i] * b + sums.r2[i] * c;
             (by.weight[i], by.r[i], by.r2[i]) = (a, b, c);
         }
-        let particles = Particles {
-            x: numbers.iter().step_by(2).copied().collect(),
-            y: numbers.iter().skip(1).step_by(2).copied().collect(),
-            turns: vec![0.0; n],
-            neighbour_offset,
-            ..Particles::default()
-        };
+        let particles = at_places(&places, around);
         let (mut x_bar, mut y_bar) = (Vec::new(), Vec::new());
         grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
         let expected: [f64; 8] = gradient_of(&total);
@@ -310,7 +352,7 @@ proptest! {
             ambiguous_windings: Dual::from_re(0.0),
         };
         let mut duals = Sums::default();
-        grid.sum_final_particles(&[particle], 0, &mut duals);
+        grid.sum_final_particles(&[particle], None, &mut duals);
         // A scalar that weighs every sum differently.
         let weigh = |i: usize| (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
         let mut total = Dual::<2>::from_re(0.0);

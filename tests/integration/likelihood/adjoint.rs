@@ -75,7 +75,7 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
         ),
         (
             with(
-                SamplingScheme::SobolSegments,
+                SamplingScheme::SobolSmeared,
                 Recipe::Chen2025,
                 OrbitMethod::Accurate,
             ),

@@ -101,7 +101,7 @@ fn likelihood_at(
     if data.len() < 3 {
         return None;
     }
-    let track = TrackLikelihood::new(settings, 10.0, &data, out.len()).ok()?;
+    let track = TrackLikelihood::new(settings, 10.0, &data, &model.settings().releases).ok()?;
     Some(StreamLikelihood::new(model.clone(), track, Q))
 }
 
@@ -210,7 +210,8 @@ fn an_uncovered_track_is_rejected_by_name_or_penalised_smoothly() {
         ..last
     });
     let build = |settings: &LikelihoodSettings| {
-        let track = TrackLikelihood::new(settings, 10.0, &data, 256).expect("a likelihood");
+        let track = TrackLikelihood::new(settings, 10.0, &data, &model.settings().releases)
+            .expect("a likelihood");
         StreamLikelihood::new(model.clone(), track, Q)
     };
     let reject = LikelihoodSettings {
@@ -381,9 +382,10 @@ proptest! {
             .zip(0..)
             .map(|((_, _, _, r_err_kpc), bin)| DataBin { bin, r_kpc: 50.0, r_err_kpc: *r_err_kpc })
             .collect();
+        let releases = TableSettings { particles: 300, ..TableSettings::default() };
         let coverage = if reject { Coverage::Reject } else { LikelihoodSettings::default().coverage };
         let settings = LikelihoodSettings { model_noise, coverage, ..LikelihoodSettings::default() };
-        let track = TrackLikelihood::new(&settings, 10.0, &data, 300).expect("a track");
+        let track = TrackLikelihood::new(&settings, 10.0, &data, &releases).expect("a track");
         let mut sums = Sums::default();
         for (weight, off, scatter, r_err_kpc) in bins {
             let (weight, off, scatter) = if best { (100.0, 0.0, 0.0) } else { (weight, off, scatter) };
@@ -433,7 +435,7 @@ proptest! {
         };
         let bin = |bin| DataBin { bin, r_kpc: 50.0, r_err_kpc: 1.0 };
         let data = [bin(-1), bin(0), bin(1)];
-        let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, particles)
+        let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, &settings.releases)
             .expect("a track");
         let likelihood = StreamLikelihood::new(model(settings), track, Q);
         let theta = [
