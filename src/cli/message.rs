@@ -114,9 +114,6 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
         Error::Io { path, .. } if path.ends_with(crate::run::SUMMARY_FILE) => {
             some("`oblate fit --resume` continues it")
         }
-        Error::Io { path, .. } if path.ends_with("config.toml") => {
-            some("`oblate fit` and `oblate population` make run folders")
-        }
         Error::NoTrack(Rejection::UnresolvedOrbit) => {
             some("give more --steps").filter(|_| flags.has("--steps"))
         }

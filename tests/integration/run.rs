@@ -85,7 +85,7 @@ fn an_unfinished_or_foreign_folder_is_refused_with_a_remedy() {
     let temporary = tempfile::tempdir().unwrap();
     let words = message(&RunFolder::open(temporary.path()).unwrap_err());
     assert!(
-        words.contains("config.toml") && words.contains("oblate fit"),
+        words.contains("config.toml") && words.contains("run folder"),
         "{words}"
     );
     let folder = RunFolder::create(&temporary.path().join("new"), false).unwrap();
