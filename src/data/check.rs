@@ -6,7 +6,6 @@ use super::observed::{
 use crate::error::{Error, Result, TrackFault};
 use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG};
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
 
 /// How far a centre may sit from its place, as a fraction of the bin width: files round their angles.
 const SLACK: f64 = 1e-3;
@@ -65,24 +64,23 @@ fn row_fault(track: &ObservedTrack, row: usize) -> Option<Fault> {
             return Fault::at(row, TrackFault::NotPositive { column, value });
         }
     }
-    let in_range = |column: &'static str, value: f64, range: RangeInclusive<f64>| {
-        let (lo, hi) = range.into_inner();
-        let fault = TrackFault::OutOfRange {
-            column,
-            value,
-            lo,
-            hi,
-        };
-        (!(lo..=hi).contains(&value)).then_some(Fault {
-            row: Some(row),
-            fault,
-        })
-    };
-    if let Some(found) = in_range("phi", phi, ANGLES_DEG)
-        .or_else(|| in_range("r", r, RADII_KPC))
-        .or_else(|| in_range("r_err", r_err, RADIUS_ERRORS_KPC))
-    {
-        return Some(found);
+    let columns = [
+        ("phi", phi, ANGLES_DEG, "deg"),
+        ("r", r, RADII_KPC, "kpc"),
+        ("r_err", r_err, RADIUS_ERRORS_KPC, "kpc"),
+    ];
+    for (column, value, range, unit) in columns {
+        if !range.contains(&value) {
+            let (lo, hi) = range.into_inner();
+            let fault = TrackFault::OutOfRange {
+                column,
+                value,
+                lo,
+                hi,
+                unit,
+            };
+            return Fault::at(row, fault);
+        }
     }
     if let Some(value) = track.n.as_ref().map(|n| n[row])
         && !STARS.contains(&value)

@@ -287,8 +287,8 @@ impl ObservedTrack {
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read; [`Error::TrackFile`] with line and column if it is not a table, a column
-    /// is missing, a unit is unknown, a value is not finite or not positive, bins are fewer than three, not
-    /// increasing, not equally wide, or do not have their edges at multiples of the bin width from the progenitor.
+    /// is missing, a unit is unknown, a value is not finite, not positive or out of its range, bins are fewer than three or more
+    /// than 10,000, not increasing, not equally wide, or do not have their edges at multiples of the bin width from the progenitor.
     pub fn read(path: &Path) -> Result<Self> {
         track(path)
     }

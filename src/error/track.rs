@@ -104,17 +104,19 @@ pub enum TrackFault {
     },
     /// A value is out of its range.
     #[error(
-        "column `{column}` is {value:?} (in degrees or kpc); give a value from {lo:?} to {hi:?}, or drop the row"
+        "column `{column}` is {value:?} {unit}; give a value from {lo:?} to {hi:?} {unit}, or drop the row"
     )]
     OutOfRange {
         /// The column.
         column: &'static str,
-        /// The value, in degrees or kpc.
+        /// The value.
         value: f64,
         /// The smallest that is allowed.
         lo: f64,
         /// The largest that is allowed.
         hi: f64,
+        /// The unit of all three.
+        unit: &'static str,
     },
     /// A value is NaN or infinite.
     #[error("column `{column}` is {value}; give a finite number, or drop the row")]

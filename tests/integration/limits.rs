@@ -2,15 +2,18 @@
 
 use oblate::Error;
 use oblate::config::{PopulationConfig, StudyConfig, to_toml};
-use oblate::data::{MockSettings, ObservedTrack, QPopulation};
+use oblate::data::{MockSettings, ObservedTrack, QPopulation, mocks};
 use oblate::inference::FitSettings;
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
-use oblate::params::{NAMES, PARAMETERS, PriorSettings, QRange, StreamParams};
-use oblate::samplers::Marginal;
+use oblate::params::{NAMES, PARAMETERS, PriorSettings, QRange, StreamParams, StreamPrior};
+use oblate::potential::log10_m200;
+use oblate::samplers::control::Silent;
 use oblate::samplers::limits::OutOfRange;
+use oblate::samplers::{Control, Marginal, Outcome, Prior, Run, Target, nested, pt};
 use oblate::spray::{SamplingScheme, TableSettings};
 use oblate::stream::{Model, ModelSettings, StepRule};
 use oblate::track::{BinEdges, Track};
+use proptest::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
@@ -556,5 +559,162 @@ fn the_memory_of_a_model_and_its_gradient_is_what_was_estimated() {
         let adaptive = settings.step_rule == StepRule::Adaptive;
         let least = if adaptive { 0.0 } else { 0.5 };
         assert!((least..1.05).contains(&ratio), "{measured} of {estimate}");
+    }
+}
+
+/// A normal likelihood in the middle of a wide normal prior.
+struct Bell(Prior);
+
+impl Bell {
+    fn new() -> Self {
+        let wide = Marginal::Normal {
+            mean: 0.0,
+            sd: 10.0,
+        };
+        Self(Prior::new(["a", "b", "c"].map(|name| (name, "", wide))).expect("a prior"))
+    }
+}
+
+impl Target for Bell {
+    fn prior(&self) -> &Prior {
+        &self.0
+    }
+
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        Outcome::from_ln_likelihood(-0.5 * theta.iter().map(|x| x * x).sum::<f64>())
+    }
+
+    fn ln_likelihood_and_gradient(&self, theta: &[f64], gradient: &mut [f64]) -> Outcome {
+        for (slot, x) in gradient.iter_mut().zip(theta) {
+            *slot = -x;
+        }
+        self.ln_likelihood(theta)
+    }
+
+    fn gradient_cost(&self) -> Option<f64> {
+        Some(1.0)
+    }
+}
+
+/// The most memory that a run of one thread holds at once.
+fn peak_of_run(work: impl FnOnce() -> Run + Send) -> f64 {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.expect("a pool").install(|| peak(|| drop(work())))
+}
+
+#[test]
+fn the_memory_of_samplers_is_within_what_was_estimated() {
+    let bell = Bell::new();
+    let nested = nested::Settings {
+        n_live: 400,
+        steps: Some(3),
+        ..nested::Settings::default()
+    };
+    let dynamic = nested::Settings {
+        target_ess: Some(4_000.0),
+        ..nested.clone()
+    };
+    let many = pt::Settings {
+        smc_particles: 400,
+        rounds: 3,
+        ..pt::Settings::default()
+    };
+    let long = pt::Settings {
+        rounds: 7,
+        slice_updates: 2,
+        mixture_rounds: 7,
+        ..pt::Settings::default()
+    };
+    let control = |work: &dyn Fn(&mut Control<'_>) -> Run| work(&mut Control::new(&mut Silent));
+    let run_nested = |settings: &nested::Settings| {
+        peak_of_run(|| {
+            control(&|control| nested::run(&Bell::new(), settings, 1, control).expect("a run"))
+        })
+    };
+    let run_pt = |settings: &pt::Settings| {
+        peak_of_run(|| {
+            control(&|control| pt::run(&Bell::new(), settings, 1, control).expect("a run"))
+        })
+    };
+    let dim = bell.dim();
+    for (name, measured, estimate) in [
+        ("nested", run_nested(&nested), nested.memory(dim)),
+        ("dynamic", run_nested(&dynamic), dynamic.memory(dim)),
+        ("many", run_pt(&many), many.memory(dim)),
+        ("long", run_pt(&long), long.memory(dim)),
+    ] {
+        let ratio = measured / estimate.bytes();
+        assert!(
+            (0.05..1.0).contains(&ratio),
+            "{name}: {measured} {estimate:?}"
+        );
+    }
+}
+
+#[test]
+fn criteria_that_no_draw_meets_end_the_search_for_mocks() {
+    let mut settings = MockSettings {
+        min_length_kpc: 100_000.0,
+        ..MockSettings::default()
+    };
+    let model = &mut settings.model;
+    (model.releases.particles, model.releases.release_times) = (2, 1);
+    (model.steps, model.orbit_steps) = (1, 1);
+    let prior = StreamPrior::new(&PriorSettings::default()).expect("the prior");
+    let error = mocks(&prior, &settings, 1, 1).unwrap_err();
+    assert!(
+        matches!(error, Error::TooFewMocks { found: 0, .. }),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_population_of_q_beyond_the_prior_is_at_its_nearer_end() {
+    let prior = StreamPrior::new(&PriorSettings::default()).expect("the prior");
+    for (mu, sigma, q) in [(0.0, 1e-3, 0.5), (3.0, 1e-3, 1.5), (1.2, 1e-300, 1.2)] {
+        let mut settings = MockSettings {
+            population: Some(QPopulation { mu, sigma }),
+            ..MockSettings::default()
+        };
+        settings.model.releases.particles = 200;
+        let found = mocks(&prior, &settings, 1, 1).expect("a mock");
+        assert!(
+            (found.mocks[0].q - q).abs() < 1e-6,
+            "{mu}: {}",
+            found.mocks[0].q
+        );
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn at_the_ends_of_all_ranges_a_point_has_a_likelihood_or_a_cause(
+        ends in prop::array::uniform13(0.0_f64..=1.0),
+        corners in prop::array::uniform13(0..4),
+    ) {
+        let params: [f64; 13] = std::array::from_fn(|i| {
+            let (lo, hi) = (*PARAMETERS[i].range.start(), *PARAMETERS[i].range.end());
+            match corners[i] {
+                0 => lo,
+                1 => hi,
+                _ => lo + (hi - lo) * ends[i],
+            }
+        });
+        let mut settings = ModelSettings::default();
+        settings.releases.particles = 64;
+        let data = [-1, 0, 1].map(|bin| DataBin { bin, r_kpc: 60.0, r_err_kpc: 1e-9 });
+        let model = Model::new(&settings).unwrap();
+        let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, &settings.releases).unwrap();
+        let likelihood = StreamLikelihood::new(model, track, QRange::default());
+        if let Ok(value) = likelihood.ln_likelihood(&params) {
+            prop_assert!(value.ln_likelihood.is_finite());
+        }
+        if let Ok((value, gradient)) = likelihood.gradient(&params) {
+            prop_assert!(value.ln_likelihood.is_finite());
+            prop_assert!(gradient.iter().all(|g| g.is_finite()));
+        }
+        prop_assert!(log10_m200(params[0], params[1]).is_finite());
     }
 }

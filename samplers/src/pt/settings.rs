@@ -23,6 +23,11 @@ const NUMBERS_PER_DRAW: f64 = 16.0;
 /// States of the pools of one temperature.
 const POOL: f64 = 2_048.0;
 
+/// Draws that a mixture is fitted to, copies of them while it is, and its components.
+const TRAINING: f64 = 15_000.0;
+const COPIES_OF_TRAINING: f64 = 4.0;
+const COMPONENTS: f64 = 64.0;
+
 /// Settings of a tempered run; the defaults suit smooth posteriors of up to a few dozen parameters.
 ///
 /// The cost in gradients is about `2^rounds first_scans x chain_sets x temperatures x hmc_transitions x leapfrogs`, where leapfrogs
@@ -188,7 +193,8 @@ impl Settings {
     }
 
     /// An estimate of the memory of a run of `dim` parameters: the levels of its SMC samplers, or its last round with all extensions, or
-    /// the trails of the longest round that a mixture is fitted to, whichever is largest; they are not held together.
+    /// the trails of the longest round that a mixture is fitted to, whichever is largest, since they are not held together; and the mixture's
+    /// fit.
     #[must_use]
     pub fn memory(&self, dim: usize) -> Memory {
         const NUMBER: f64 = size_of::<f64>() as f64;
@@ -221,8 +227,15 @@ impl Settings {
             .max_by(|a, b| a.bytes().total_cmp(&b.bytes()));
         // At every temperature two matrices, and the states of its pools.
         let temperature = NUMBER * dim * (2.0 * dim + POOL);
-        most.unwrap_or_default()
-            .with("max_temperatures", temperature * temperatures)
+        let memory = most
+            .unwrap_or_default()
+            .with("max_temperatures", temperature * temperatures);
+        if mixes {
+            let row = NUMBER * (COPIES_OF_TRAINING * dim + COMPONENTS);
+            memory.with("mixture_rounds", TRAINING * row)
+        } else {
+            memory
+        }
     }
 }
 
