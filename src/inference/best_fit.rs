@@ -60,7 +60,7 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     found.insert("step_shift_sigma", shift);
     if shift > 1.0 {
         found.warnings.push(format!(
-            "twice as many steps move the best fit's track by up to {shift:.1} standard deviations of the data: increase `model.steps`"
+            "twice as many steps move the best fit's track by up to {shift:.1} standard deviations of the data: decrease `model.step_phase`, or with equal steps increase `model.steps`"
         ));
     }
     let system = likelihood.system(&params);
