@@ -1,8 +1,9 @@
 //! Checkpoints: a versioned, checksummed, atomically replaced file; the one before it is kept beside it.
 
 use crate::error::{CheckpointFault, Error, Result};
+use crate::files::Pending;
 use serde::{Serialize, de::DeserializeOwned};
-use std::io::Write;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"oblateck";
@@ -16,44 +17,15 @@ const HEADER: usize = 8 + 4 + 8 + 8 + 8 + 8;
 /// FNV-1a, 64 bits: the same on every machine and version.
 #[must_use]
 pub fn hash(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| {
-        (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3)
-    })
+    hash_on(0xcbf2_9ce4_8422_2325, bytes)
 }
 
-/// What the names of temporary files begin with.
-pub const TEMPORARY: &str = ".tmp";
-
-/// Writes `bytes` to `path` so that the file is either whole or as it was: temporary file beside it, sync, rename.
-///
-/// # Errors
-/// [`Error::Io`] if the folder is missing, not writable or full; the old file is untouched then.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    let io = |source| Error::Io {
-        path: path.to_path_buf(),
-        source,
-    };
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(TEMPORARY);
-    #[cfg(unix)]
-    {
-        // Readable as any other new file: temporary files are private by default, and the rename would keep that.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder).map_err(io)?;
-    file.write_all(bytes).map_err(io)?;
-    file.as_file().sync_all().map_err(io)?;
-    file.persist(path).map_err(|e| io(e.error))?;
-    // The rename itself is durable once the folder is synced; some file systems refuse that, harmlessly.
-    if let Ok(dir) = std::fs::File::open(folder) {
-        let _ = dir.sync_all();
-    }
-    Ok(())
+/// The hash of some bytes and then of these, where `before` is the [`hash`] of the former.
+#[must_use]
+pub fn hash_on(before: u64, bytes: &[u8]) -> u64 {
+    bytes.iter().fold(before, |h, b| {
+        (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3)
+    })
 }
 
 /// The checkpoint before the last one.
@@ -64,11 +36,18 @@ pub fn previous(path: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
+/// Whether there is a checkpoint, at `path` or [`previous`] to it.
+#[must_use]
+pub fn exists(path: &Path) -> bool {
+    path.exists() || previous(path).exists()
+}
+
 /// Saves `state`; `fingerprint` identifies the target (a hash of ln L at a few fixed points). The last file becomes
-/// the [`previous`] one.
+/// the [`previous`] one, once the new one is whole on the disk.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be written, [`Error::Checkpoint`] if the state cannot be encoded.
+/// [`Error::Io`] if the file cannot be written, [`Error::Checkpoint`] if the state cannot be encoded; the last file is untouched
+/// then, or the previous one.
 pub fn save<T: Serialize>(
     path: &Path,
     config_hash: u64,
@@ -93,17 +72,21 @@ pub fn save<T: Serialize>(
         bytes.extend_from_slice(&word.to_le_bytes());
     }
     bytes.extend_from_slice(&payload);
-    if path.exists() {
-        std::fs::rename(path, previous(path)).map_err(|source| Error::Io {
-            path: path.to_path_buf(),
-            source,
-        })?;
+    let fresh = Pending::write(path, &bytes)?;
+    match std::fs::rename(path, previous(path)) {
+        Err(source) if source.kind() != ErrorKind::NotFound => {
+            return Err(Error::Io {
+                path: path.to_path_buf(),
+                source,
+            });
+        }
+        _ => fresh.replace(),
     }
-    write_atomically(path, &bytes)
 }
 
 /// Loads a state saved with the same hashes; a damaged file is skipped for the [`previous`] one, with a warning
-/// returned beside the state.
+/// returned beside the state. Where the file is missing, a process was killed while it [saved](save) the next one, and the previous
+/// one is the last: no warning then.
 ///
 /// # Errors
 /// [`Error::Io`] if neither file can be read; [`Error::Checkpoint`] if both are damaged, or if the file belongs to
@@ -113,15 +96,18 @@ pub fn load<T: DeserializeOwned>(
     config_hash: u64,
     fingerprint: u64,
 ) -> Result<(T, Option<String>)> {
-    match load_one(path, config_hash, fingerprint) {
-        Ok(state) => Ok((state, None)),
-        Err(first) => match load_one(&previous(path), config_hash, fingerprint) {
-            Ok(state) => Ok((
-                state,
-                Some(format!("{first}; the checkpoint before it is used")),
-            )),
-            Err(_) => Err(first),
-        },
+    let first = match load_one(path, config_hash, fingerprint) {
+        Ok(state) => return Ok((state, None)),
+        Err(first) => first,
+    };
+    let missing =
+        matches!(&first, Error::Io { source, .. } if source.kind() == ErrorKind::NotFound);
+    match load_one(&previous(path), config_hash, fingerprint) {
+        Ok(state) => {
+            let warning = (!missing).then(|| format!("{first}; the checkpoint before it is used"));
+            Ok((state, warning))
+        }
+        Err(second) => Err(if missing { second } else { first }),
     }
 }
 
@@ -162,21 +148,4 @@ fn load_one<T: DeserializeOwned>(path: &Path, config_hash: u64, fingerprint: u64
             message: e.to_string(),
         })
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[cfg(unix)]
-    #[test]
-    fn a_written_file_has_the_rights_of_any_new_file() {
-        use std::os::unix::fs::PermissionsExt;
-        let folder = tempfile::tempdir().unwrap();
-        let (ours, plain) = (folder.path().join("ours"), folder.path().join("plain"));
-        write_atomically(&ours, b"x").unwrap();
-        std::fs::write(&plain, b"x").unwrap();
-        let mode = |p: &Path| std::fs::metadata(p).unwrap().permissions().mode();
-        assert_eq!(mode(&ours), mode(&plain));
-    }
 }

@@ -3,7 +3,7 @@
 use crate::checkpoint;
 use crate::control::{Control, Event};
 use crate::error::{CheckpointFault, Error, Result};
-use crate::output::Cost;
+use crate::output::{Cost, Status};
 use crate::rng;
 use crate::target::Target;
 use cpu_time::ProcessTime;
@@ -55,7 +55,8 @@ impl Checkpointer {
         Ok(checkpointer)
     }
 
-    /// The state of the checkpoint to resume, if there is one; a warning about a damaged file is an event, and returned.
+    /// The state of the checkpoint to resume, if there is one. A warning about a damaged file is an event; it is no part of the result,
+    /// which has the same bits from any checkpoint.
     ///
     /// # Errors
     /// As of [`checkpoint::load`].
@@ -63,23 +64,21 @@ impl Checkpointer {
         &mut self,
         control: &mut Control<'_>,
         cost: impl Fn(&S) -> &Cost,
-    ) -> Result<Option<(S, Option<String>)>> {
+    ) -> Result<Option<S>> {
         let Some(plan) = control.checkpoint.as_ref().filter(|plan| plan.resume) else {
             return Ok(None);
         };
-        if !plan.path.exists() && !checkpoint::previous(&plan.path).exists() {
+        if !checkpoint::exists(&plan.path) {
             return Ok(None);
         }
         let (state, warning) =
             checkpoint::load::<S>(&plan.path, self.config_hash, self.fingerprint)?;
         let spent = cost(&state);
         self.before = [spent.wall_seconds, spent.cpu_seconds];
-        if let Some(text) = &warning {
-            control.tell(&Event::Warning {
-                message: text.clone(),
-            });
+        if let Some(message) = warning {
+            control.tell(&Event::Warning { message });
         }
-        Ok(Some((state, warning)))
+        Ok(Some(state))
     }
 
     /// Writes the planned checkpoint, if any; true if there was one.
@@ -92,6 +91,32 @@ impl Checkpointer {
         };
         checkpoint::save(&plan.path, self.config_hash, self.fingerprint, state)?;
         Ok(true)
+    }
+
+    /// As [`save`](Self::save) at a run's end, for a result that can be computed again without sampling. Where the run is complete, a
+    /// checkpoint that cannot be written is a warning event and no error: the result itself may still be written.
+    ///
+    /// # Errors
+    /// As of [`save`](Self::save), for a run that is not complete.
+    pub fn save_at_end(
+        &self,
+        status: Status,
+        state: &impl Serialize,
+        control: &mut Control<'_>,
+    ) -> Result<()> {
+        match self.save(state, control) {
+            Ok(false) => {}
+            Ok(true) => {
+                control.tell(&Event::Checkpointed);
+            }
+            Err(error) if status == Status::Complete => {
+                control.tell(&Event::Warning {
+                    message: error.to_string(),
+                });
+            }
+            Err(error) => return Err(error),
+        }
+        Ok(())
     }
 
     /// As [`save`](Self::save) after an error, which is returned: a second error, of the disk, is a warning event.

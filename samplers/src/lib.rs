@@ -39,7 +39,7 @@
 //! ```
 //!
 //! Modules, each of which may only import the ones before it: [`limits`], [`error`], [`normal`], [`rng`], [`target`],
-//! [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`difference_pool`], [`smc_weights`], mixtures, then the samplers: [`hmc`], [`nested`] and
+//! [`files`], [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`difference_pool`], [`smc_weights`], mixtures, then the samplers: [`hmc`], [`nested`] and
 //! [`pt`], and [`bridge`], the SMC bridge from a finished run to a finer likelihood.
 #![cfg_attr(
     test,
@@ -66,6 +66,7 @@ pub mod control;
 pub mod diagnostics;
 pub mod difference_pool;
 pub mod error;
+pub mod files;
 pub mod hmc;
 pub mod limits;
 mod mixture;

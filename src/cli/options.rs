@@ -210,6 +210,6 @@ pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
 
 /// Writes a whole file or none.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    oblate_samplers::checkpoint::write_atomically(path, bytes)?;
+    oblate_samplers::files::write_atomically(path, bytes)?;
     Ok(())
 }

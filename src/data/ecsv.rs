@@ -191,7 +191,7 @@ impl ObservedTrack {
     /// # Errors
     /// [`Error::Sampler`] with the file's name if it cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        oblate_samplers::checkpoint::write_atomically(path, text(self).as_bytes())?;
+        oblate_samplers::files::write_atomically(path, text(self).as_bytes())?;
         Ok(())
     }
 }

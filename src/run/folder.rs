@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::inference::Fit;
 use crate::posterior::{Summary, run_from_parts, zarr};
 use oblate_samplers::Run;
-use oblate_samplers::checkpoint::{TEMPORARY, write_atomically};
+use oblate_samplers::files::{TEMPORARY, write_atomically};
 use oblate_samplers::output::{Method, Status};
 use serde::Serialize;
 use std::path::{Path, PathBuf};

@@ -12,7 +12,7 @@ use crate::report::{
     CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, health, page,
     population_density, q_posterior,
 };
-use oblate_samplers::checkpoint::write_atomically;
+use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -19,7 +19,7 @@ pub use settings::Settings;
 use crate::checkpointer::Checkpointer;
 use crate::control::{Control, Event};
 use crate::error::{Error, Result};
-use crate::output::Run;
+use crate::output::{Run, Status};
 use crate::target::Target;
 use state::{Bridge, State};
 
@@ -63,7 +63,7 @@ pub fn run(
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     stop |= control.tell_memory(&settings.memory(target.dim()));
     match checkpointer.load(control, |state: &State| &state.cost)? {
-        Some((state, _)) => bridge.state = state,
+        Some(state) => bridge.state = state,
         None => bridge.begin(parent)?,
     }
     while !bridge.finished() {
@@ -87,6 +87,7 @@ pub fn run(
             stop |= control.tell(&Event::Checkpointed);
         }
     }
+    checkpointer.save_at_end(Status::Complete, &bridge.state, control)?;
     let run = outcome::assemble(&bridge, parent)?;
     control.tell(&Event::Finished);
     Ok(run)

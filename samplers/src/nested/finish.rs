@@ -10,12 +10,7 @@ use crate::output::{Method, Run, Status};
 use crate::rng::STREAM_VERSION;
 
 /// Builds the result. The live points count as dead in the order of their likelihoods.
-pub(super) fn finish(
-    context: &Context<'_>,
-    state: &State,
-    status: Status,
-    mut warnings: Vec<String>,
-) -> Result<Run> {
+pub(super) fn finish(context: &Context<'_>, state: &State, status: Status) -> Result<Run> {
     let points = state.points();
     let theta = physical(context, &points);
     let results = Results::of(
@@ -27,6 +22,7 @@ pub(super) fn finish(
     let draws = results.draws(context.target, &theta)?;
     let ess = results.ess(&draws);
     let checks = checks::judge(context, state, &results.measured(ess.kish));
+    let mut warnings = Vec::new();
     if state.tuning.steps > context.first_steps() {
         warnings.push(format!(
             "steps per new point were raised from {} to {} because new points depended on their seeds; set `steps = {}` in the next run",

@@ -37,9 +37,9 @@ pub fn run(
         return Err(Error::GalileanWithoutGradient);
     }
     let mut checkpointer = Checkpointer::new(&[target], &(settings, seed), control)?;
-    let (mut state, warnings) = match checkpointer.load(control, |state: &State| &state.cost)? {
-        Some((saved, warning)) => (saved, warning.into_iter().collect()),
-        None => (State::new(&context), Vec::new()),
+    let mut state = match checkpointer.load(control, |state: &State| &state.cost)? {
+        Some(saved) => saved,
+        None => State::new(&context),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     stop |= control.tell_memory(&settings.memory(target.dim()));
@@ -82,11 +82,9 @@ pub fn run(
             stop |= control.tell(&Event::Checkpointed);
         }
     };
-    if status != Status::Complete {
-        checkpointer.save(&state, control)?;
-    }
     checkpointer.note_times(&mut state.cost);
-    let run = finish(&context, &state, status, warnings)?;
+    checkpointer.save_at_end(status, &state, control)?;
+    let run = finish(&context, &state, status)?;
     control.tell(&Event::Finished);
     Ok(run)
 }

@@ -92,7 +92,7 @@ pub fn run(
     };
     let mut checkpointer = Checkpointer::new(&[target], &(drawing, seed), control)?;
     let mut state = match checkpointer.load(control, |state: &State| &state.cost)? {
-        Some((state, _)) => state.allowed(settings.extensions),
+        Some(state) => state.allowed(settings.extensions),
         None => State::start(target, settings, seed)?,
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
@@ -129,9 +129,7 @@ pub fn run(
         }
     };
     // A finished run writes its checkpoint too: resumed, it gives the same result, or is extended if it now may.
-    if checkpointer.save(&state, control)? {
-        control.tell(&Event::Checkpointed);
-    }
+    checkpointer.save_at_end(status, &state, control)?;
     let run = outcome::assemble(target, &state, status)?;
     for warning in &run.warnings {
         control.tell(&Event::Warning {

@@ -4,10 +4,11 @@ use crate::pulls::pull;
 use crate::stops::{StopAt, plan};
 use crate::targets::bell::Bell;
 use crate::targets::smooth;
-use oblate_samplers::control::{Control, Silent};
+use oblate_samplers::control::{CheckpointPlan, Control, Silent};
 use oblate_samplers::output::{History, Method};
 use oblate_samplers::{Error, Event, Observer, Outcome, Prior, Run, Target, bridge, nested, pt};
 use std::ops::{ControlFlow, RangeInclusive};
+use std::time::Duration;
 
 fn parent(target: &dyn Target, seed: u64) -> Run {
     let settings = nested::Settings {
@@ -241,6 +242,26 @@ fn a_bridge_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped() {
         resumed(u64::MAX, 2),
         Err(Error::Checkpoint { .. })
     ));
+}
+
+#[test]
+fn a_finished_bridge_is_had_again_from_its_checkpoint_without_sampling() {
+    let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
+    let parent = parent(&coarse, 1);
+    let folder = tempfile::tempdir().unwrap();
+    let at_most = |events: u64| {
+        let mut observer = StopAt(events);
+        let mut control = Control::new(&mut observer);
+        control.checkpoint = Some(CheckpointPlan {
+            every: Duration::MAX,
+            ..plan(&folder.path().join("bridge.ckpt"))
+        });
+        let settings = bridge::Settings::default();
+        bridge::run(&fine, &coarse, &parent, &settings, 1, &mut control)
+    };
+    let whole = at_most(u64::MAX).unwrap();
+    // Stopped at its first event, a run with anything left to sample has no result.
+    assert_eq!(at_most(1).unwrap().bits(), whole.bits());
 }
 
 /// The same parameters without a likelihood.

@@ -7,6 +7,7 @@
 mod arrows;
 mod batch;
 mod bridge;
+mod checkpoint;
 mod exact;
 mod files;
 mod hmc;

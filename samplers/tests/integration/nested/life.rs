@@ -199,11 +199,59 @@ fn a_damaged_checkpoint_names_its_file_and_the_one_before_it_serves() {
     with_file(&target, &settings, &file, false, 3).unwrap();
     with_file(&target, &settings, &file, true, 9).unwrap();
     damage(&file);
-    let run = with_file(&target, &settings, &file, true, u64::MAX).unwrap();
-    assert!(run.warnings.iter().any(|w| w.contains("checksum")));
-    let whole = sample(&target, &settings, 1);
-    assert_eq!(run.evidence, whole.evidence);
-    assert_eq!(run.draws, whole.draws);
+    let mut warned = Warned::default();
+    let mut control = Control::new(&mut warned);
+    control.checkpoint = Some(plan(file, true));
+    let resumed = run(&target, &settings, 1, &mut control).unwrap();
+    // Told, and no part of the result: that has the bits of a run never stopped.
+    assert!(
+        warned.0.iter().any(|w| w.contains("checksum")),
+        "{:?}",
+        warned.0
+    );
+    assert_eq!(resumed.bits(), sample(&target, &settings, 1).bits());
+}
+
+/// Keeps the warnings that it is told.
+#[derive(Default)]
+struct Warned(Vec<String>);
+
+impl Observer for Warned {
+    fn event(&mut self, event: &Event) -> ControlFlow<()> {
+        if let Event::Warning { message } = event {
+            self.0.push(message.clone());
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+#[test]
+fn a_finished_run_is_had_again_from_its_checkpoint_without_sampling() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("run");
+    let settings = small(Kernel::RandomSlice);
+    let target = Fails {
+        inner: smooth::shells(5),
+        calls: AtomicU64::new(0),
+        at: u64::MAX,
+    };
+    let whole = with_file(&target, &settings, &file, false, u64::MAX).unwrap();
+    let calls = target.calls.swap(0, Ordering::Relaxed);
+    let again = with_file(&target, &settings, &file, true, u64::MAX).unwrap();
+    assert_eq!(again.bits(), whole.bits());
+    // The three points that tell whether it is the same target.
+    assert!(calls > 1000 && target.calls.into_inner() == 3, "{calls}");
+    // Without a place for it the run ends all the same, and says so.
+    let mut warned = Warned::default();
+    let mut control = Control::new(&mut warned);
+    control.checkpoint = Some(plan(folder.path().join("nowhere/run"), false));
+    let unsaved = run(&target.inner, &settings, 1, &mut control).unwrap();
+    assert_eq!(unsaved.bits(), whole.bits());
+    assert!(
+        warned.0.iter().any(|w| w.contains("nowhere")),
+        "{:?}",
+        warned.0
+    );
 }
 
 /// Answers every point alike.
