@@ -154,7 +154,15 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
         source,
         remedy: "give the path of a readable settings file (UTF-8 text)",
     })?;
-    toml::from_str(&text).map_err(|e| Error::Syntax {
+    parse(&text, path)
+}
+
+/// Reads the text of a settings file; `path` is for messages.
+///
+/// # Errors
+/// [`Error::Syntax`] as of [`read`].
+pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T> {
+    toml::from_str(text).map_err(|e| Error::Syntax {
         path: path.to_path_buf(),
         line: e.span().map(|span| {
             let start = span.start.min(text.len());

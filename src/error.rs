@@ -2,10 +2,12 @@
 //! [`Tally`]: approximations made on the way to a track, counted.
 
 mod array;
+mod output;
 mod population;
 mod track;
 
 pub use array::ArrayFault;
+pub use output::{NameFault, OutputFault};
 pub use population::PosteriorFault;
 pub use track::TrackFault;
 
@@ -106,6 +108,20 @@ pub enum Error {
         /// The file or folder.
         path: PathBuf,
     },
+    /// Nothing can be written to a path, or nothing at it may be removed.
+    #[error("{} {fault}", path.display())]
+    OutputPath {
+        /// The file or folder.
+        path: PathBuf,
+        /// Why.
+        fault: OutputFault,
+    },
+    /// A run has ended, and its result could not be written.
+    #[error("{source}; no work is lost, the run can be continued where it ended")]
+    Unwritten {
+        /// Why not.
+        source: Box<Error>,
+    },
     /// A file could not be read or written.
     #[error("{}: {source}; {remedy}", path.display())]
     Io {
@@ -155,6 +171,46 @@ pub enum Error {
         "posterior.zarr and summary.json belong to different runs; restore the run folder from one copy, or fit again"
     )]
     MixedFolder,
+    /// The draws of a run are not those that its summary was written with.
+    #[error(
+        "{} does not have the checksum in summary.json: the two are of different runs, or a file is damaged; restore the run folder from \
+         one copy, or run again",
+        path.display()
+    )]
+    Checksum {
+        /// The Zarr folder.
+        path: PathBuf,
+    },
+    /// A parameter or derived quantity has a name that no array can have.
+    #[error(
+        "`{}` cannot be the name of an array: another parameter has it, or it is empty, `.`, `..`, `chain` or `draw`, or it has a slash; \
+         choose another name",
+        name.escape_debug()
+    )]
+    ArrayName {
+        /// The name.
+        name: String,
+    },
+    /// Two tracks of a study have one name.
+    #[error(
+        "the track `{}` would have the run folder of `{}`; give each track of a study a name of its own in its header",
+        name.escape_debug(),
+        other.escape_debug()
+    )]
+    SameName {
+        /// Name of the later track.
+        name: String,
+        /// Name of the earlier one.
+        other: String,
+    },
+    /// A name cannot be made into that of a file.
+    #[error("the name `{}` is {fault}", name.escape_debug())]
+    Name {
+        /// The name.
+        name: String,
+        /// Why.
+        fault: NameFault,
+    },
     /// No draw of the prior gives the data's track.
     #[error(
         "none of {tries} prior draws covers the data's bin at phi = {phi_deg} deg within a factor of five of its radius, {r_kpc} kpc; \
@@ -221,8 +277,8 @@ pub enum Error {
     /// A bridge would lead to the model that it starts from.
     #[error("the model is that of the fit itself; choose a finer one")]
     SameModel,
-    /// The output is one of the inputs.
-    #[error("{} is one of the runs to merge; choose another folder", path.display())]
+    /// The output is one of the inputs, is in one or holds one.
+    #[error("{} is, is in or holds one of the runs that are to be read; choose another folder", path.display())]
     OutputIsInput {
         /// The folder.
         path: PathBuf,

@@ -1,6 +1,7 @@
 //! Exit codes (docs/files.md, section 9).
 
 use crate::error::Error;
+use std::io::ErrorKind;
 
 /// How a command ended: the exit code of the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,12 +42,28 @@ impl Exit {
             Error::Sampler(S::Interrupted) => Self::Interrupted,
             Error::Sampler(S::Fatal(_) | S::Infinite { .. } | S::Io { .. })
             | Error::NoTrack(_)
+            | Error::Unwritten { .. }
             | Error::Output { .. } => Self::Failed,
             Error::InFile { source, .. } | Error::InTable { source, .. } => Self::of(source),
-            Error::Io { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
-                Self::Failed
-            }
+            Error::Io { source, .. } if !is_of_the_path(source.kind()) => Self::Failed,
             _ => Self::Usage,
         }
     }
+}
+
+/// Whether a file could not be read or written because of the path that was given, and not because of the disk or the machine.
+fn is_of_the_path(kind: ErrorKind) -> bool {
+    use ErrorKind as K;
+    matches!(
+        kind,
+        K::NotFound
+            | K::PermissionDenied
+            | K::AlreadyExists
+            | K::NotADirectory
+            | K::IsADirectory
+            | K::InvalidFilename
+            | K::InvalidInput
+            | K::InvalidData
+            | K::ReadOnlyFilesystem
+    )
 }

@@ -50,10 +50,11 @@ impl FolderFlags {
                 remedy: "name the run folder to make".to_owned(),
             });
         };
+        let command = without_folder_flags(command);
         let destination = Destination {
             folder,
             if_exists: self.if_exists(),
-            command,
+            command: &command,
         };
         let mut progress = Progress::new(label, common, self.limits);
         let fit = work(destination, &mut progress.monitor())?;
@@ -80,4 +81,12 @@ impl FolderFlags {
             IfExists::Refuse
         }
     }
+}
+
+/// A command line without the flags that say how the folder is treated: they change no result, and a resumed run has the summary of one
+/// that was never stopped.
+fn without_folder_flags(command: &str) -> String {
+    let kept = |word: &&str| !["--force", "--resume"].contains(word);
+    let words: Vec<&str> = command.split(' ').filter(kept).collect();
+    words.join(" ")
 }

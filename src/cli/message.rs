@@ -90,6 +90,9 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
         Error::OtherInputs { .. } if flags.offers("--force") => {
             some("resume with the settings in its config.toml, or start again with --force")
         }
+        Error::Unwritten { .. } => some(
+            "make room if the disk is full; then the same command, with --resume for a single run, writes the result",
+        ),
         Error::OtherInputs { .. } => {
             some("choose another folder with --out").filter(|_| flags.has("--out"))
         }
@@ -121,6 +124,9 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
             fault: CheckpointFault::OtherSettings | CheckpointFault::OtherTarget,
             ..
         }) if flags.offers("--force") => some("start again with --force"),
+        Error::Sampler(S::Io { path, .. }) if path.ends_with("checkpoint") => some(
+            "make room if the disk is full; then the same command, with --resume for a single run, continues from the checkpoint before",
+        ),
         Error::Sampler(S::Interrupted) if flags.has("--resume") => {
             some("the same command with --resume continues it")
         }

@@ -69,10 +69,10 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     common.tell_memory(&settings.model.memory(threads));
     let found = mocks(&prior, &settings, args.count, args.seed)?;
     for mock in &found.mocks {
-        refuse_existing(
-            &args.out.join(format!("{}.ecsv", mock.track.name)),
-            args.force,
-        )?;
+        for extension in ["ecsv", "toml"] {
+            let file = format!("{}.{extension}", mock.track.name);
+            refuse_existing(&args.out.join(file), args.force)?;
+        }
     }
     std::fs::create_dir_all(&args.out).map_err(|source| Error::Io {
         path: args.out.clone(),
@@ -84,7 +84,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
         let file = args.out.join(format!("{}.ecsv", mock.track.name));
         mock.track.write(&file)?;
         let parameters = args.out.join(format!("{}.toml", mock.track.name));
-        write_file(&parameters, to_toml(&mock.params)?.as_bytes())?;
+        write_file(&parameters, to_toml(&mock.params)?.as_bytes(), args.force)?;
         rows.push(json!({
             "name": mock.track.name, "track": shown(&file), "q": mock.q, "bins": mock.track.len(),
             "length_kpc": mock.length_kpc, "truth": mock.params,
@@ -94,7 +94,8 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
         "seed": args.seed, "tried": found.tried, "accepted": found.mocks.len(),
         "acceptance": found.acceptance(), "settings": settings, "mocks": rows,
     });
-    write_file(&args.out.join("mocks.json"), format!("{all:#}").as_bytes())?;
+    let listing = format!("{all:#}");
+    write_file(&args.out.join("mocks.json"), listing.as_bytes(), args.force)?;
     if common.json {
         out.json(&all)?;
     } else {

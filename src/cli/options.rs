@@ -2,12 +2,14 @@
 
 use super::output::note;
 use crate::config::read;
-use crate::error::{Error, Result};
+use crate::error::{Error, OutputFault, Result};
 use crate::inference::{FitSettings, Profile, Sampler};
 use crate::spray::SamplingScheme;
 use crate::stream::ModelSettings;
 use clap::{Args, ValueEnum};
+use oblate_samplers::files::{create_atomically, write_atomically};
 use oblate_samplers::limits::{Memory, in_range};
+use std::io::ErrorKind;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -198,18 +200,48 @@ pub fn finite(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// Fails if a file exists, unless `force` is given.
+/// Fails if a file cannot be written to a path: without `force` if there is one, and always if there is anything but a regular file.
 pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
-    if path.exists() && !force {
-        return Err(Error::Exists {
-            path: path.to_path_buf(),
-        });
+    let kind = match std::fs::symlink_metadata(path) {
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(source) => {
+            return Err(Error::Io {
+                path: path.to_path_buf(),
+                source,
+                remedy: "choose a path in a folder that is there and readable",
+            });
+        }
+        Ok(found) => found.file_type(),
+    };
+    if kind.is_file() && force {
+        return Ok(());
     }
-    Ok(())
+    let path = path.to_path_buf();
+    let kind = match () {
+        () if kind.is_file() => return Err(Error::Exists { path }),
+        () if kind.is_dir() => "a folder",
+        () if kind.is_symlink() => "a symbolic link",
+        () => "a device or a pipe",
+    };
+    Err(Error::OutputPath {
+        path,
+        fault: OutputFault::NotAFile { kind },
+    })
 }
 
-/// Writes a whole file or none.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    oblate_samplers::files::write_atomically(path, bytes)?;
-    Ok(())
+/// Writes a whole file or none; without `force` only where there is none, and never in the place of anything but a regular file.
+pub fn write_file(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
+    refuse_existing(path, force)?;
+    if force {
+        write_atomically(path, bytes)?;
+        return Ok(());
+    }
+    create_atomically(path, bytes).map_err(|e| match e {
+        oblate_samplers::Error::Io { source, .. } if source.kind() == ErrorKind::AlreadyExists => {
+            Error::Exists {
+                path: path.to_path_buf(),
+            }
+        }
+        other => other.into(),
+    })
 }

@@ -53,6 +53,9 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     in_range("--min-fraction", args.min_fraction, 0.0..=1.0)?;
     let mut settings = args.model.profile().unwrap_or(Profile::Fast).model();
     args.model.apply(&mut settings);
+    if let Some(file) = &args.particles_out {
+        refuse_existing(file, args.force)?;
+    }
     let model = Model::new(&settings)?;
     common.tell_memory(&settings.memory(1));
     let begin = Instant::now();
@@ -74,8 +77,8 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let track = Track::of(&particles, args.bin_width, edges, min_n)?;
     let seconds = begin.elapsed().as_secs_f64();
     if let Some(file) = &args.particles_out {
-        refuse_existing(file, args.force)?;
-        write_file(file, particles_csv(&particles, &model).as_bytes())?;
+        let csv = particles_csv(&particles, &model);
+        write_file(file, csv.as_bytes(), args.force)?;
     }
     let shape = prior.shape(&params);
     if common.json {

@@ -7,7 +7,7 @@ use super::progress::Progress;
 use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
 use crate::posterior::{Summary, compare};
-use crate::run::{RunFolder, StudyResult, StudyRun, render_report, study};
+use crate::run::{RunFolder, StudyResult, StudyRun, render_report, report_path, study};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -60,7 +60,7 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
         note("interrupted; continue with the same command");
         return Ok(Exit::Interrupted);
     }
-    let page = config.out.join("report.html");
+    let page = report_path(&config.out);
     let folders: Vec<PathBuf> = result.runs().map(|p| p.folder.clone()).collect();
     render_report(&config.title, &folders, &page)?;
     if common.json {

@@ -3,6 +3,7 @@
 use super::columns::{Column, columns};
 use super::json;
 use super::modes::{ModeWeight, mode_weights};
+use super::zarr::Checksum;
 use crate::params::QPrior;
 use oblate_samplers::Run;
 use oblate_samplers::diagnostics::weighted_quantile;
@@ -11,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Version of the layout of `summary.json`; a changed meaning raises it.
-pub const SUMMARY_FORMAT: u32 = 1;
+pub const SUMMARY_FORMAT: u32 = 2;
 
 /// A value with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -151,6 +152,9 @@ pub struct Summary {
     pub command: String,
     /// Hash of the inputs, in hexadecimal.
     pub input_hash: String,
+    /// Checksum of the draws that were written with this summary; none before they are.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub posterior: Option<Checksum>,
 }
 
 /// The intervals of some columns, by name.
@@ -204,6 +208,7 @@ impl Summary {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             command: context.command.clone(),
             input_hash: context.input_hash.clone(),
+            posterior: None,
         }
     }
 

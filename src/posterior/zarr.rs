@@ -14,15 +14,24 @@
 //! weight, systematically, to as many rows as their ESS (Kish). Evidence and weights belong to `weighted`. Names and units are
 //! attributes of the variables and of the root.
 
+mod checksum;
+mod entries;
 mod layout;
 mod store;
+
+pub use checksum::Checksum;
+pub use entries::Entries;
 
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use layout::Table;
 use oblate_samplers::Run;
+use oblate_samplers::files::{folder_of, sync_folder};
 use oblate_samplers::output::{Draws, History, Method};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io;
 use std::path::Path;
 use store::Store;
 
@@ -64,12 +73,13 @@ struct Root {
     derived_names: Vec<(String, String)>,
 }
 
-/// Writes a run into the folder `path`. The folder appears whole (written beside it, then renamed); one that was there
-/// is replaced.
+/// Writes a run into the new folder `path`, and syncs it. A folder that is not whole, because the writing failed, stays for the caller to
+/// remove.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder's parent is missing, not writable or full; [`Error::DrawColumns`] if prior draws have
-/// other columns than the run.
+/// [`Error::Exists`] if there is something at `path`; [`Error::Io`] if the folder's parent is missing, not writable or full;
+/// [`Error::DrawColumns`] if prior draws have other columns than the run; [`Error::ArrayName`] if two parameters or derived quantities have
+/// one name, or one of them a name that no array can have.
 pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
     if let Some(prior) = beside.prior
         && (prior.dim, prior.derived_dim) != (run.draws.dim, run.draws.derived_dim)
@@ -79,21 +89,19 @@ pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
             needed: run.draws.dim + run.draws.derived_dim,
         });
     }
-    let io = |source| Error::Io {
+    check_names(run)?;
+    let failed = |source| Error::Io {
         path: path.to_path_buf(),
         source,
         remedy: "check that the run folder exists, is writable and has space left",
     };
-    let parent = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    let fresh = tempfile::Builder::new()
-        .prefix(".posterior-")
-        .tempdir_in(parent)
-        .map_err(io)?;
-    let inside = fresh.path().join("zarr");
-    let store = Store::create(&inside);
+    std::fs::create_dir(path).map_err(|source| match source.kind() {
+        io::ErrorKind::AlreadyExists => Error::Exists {
+            path: path.to_path_buf(),
+        },
+        _ => failed(source),
+    })?;
+    let store = Store::create(path);
     let root = Root {
         inference_library: "oblate".to_owned(),
         inference_library_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -119,12 +127,45 @@ pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
     }
     layout::write_weighted(&store, &run.draws)?;
     layout::write_history(&store, &run.history)?;
-    store::sync(&inside).map_err(io)?;
-    // A folder cannot be renamed onto one with content: the old one is moved into the temporary folder, which is deleted.
-    if path.exists() {
-        std::fs::rename(path, fresh.path().join("old")).map_err(io)?;
+    sync(path).map_err(failed)
+}
+
+/// Checks that the arrays of a run have names of their own, and lie in their groups.
+fn check_names(run: &Run) -> Result<()> {
+    let mut taken = BTreeSet::from(["", ".", "..", "chain", "draw"]);
+    let derived = run.derived_names.iter().map(|(name, _)| name);
+    for name in run.names.iter().chain(derived) {
+        if name.contains(['/', '\\', '\0']) || !taken.insert(name) {
+            return Err(Error::ArrayName { name: name.clone() });
+        }
     }
-    std::fs::rename(&inside, path).map_err(io)
+    Ok(())
+}
+
+/// Syncs every file and every folder of a posterior, and the folder that it is in.
+fn sync(path: &Path) -> io::Result<()> {
+    let entries = entries(path)?;
+    for file in &entries.files {
+        File::open(path.join(file))?.sync_all()?;
+    }
+    for folder in &entries.folders {
+        sync_folder(&path.join(folder))?;
+    }
+    sync_folder(path)?;
+    sync_folder(folder_of(path))
+}
+
+/// What is in the folder of a posterior: the files and folders that [`write`] makes, and others.
+///
+/// # Errors
+/// The operating system's, with which the folder cannot be read.
+pub fn entries(path: &Path) -> io::Result<Entries> {
+    let root: Option<Root> = Store::open(path).and_then(|s| s.attributes("/")).ok();
+    let names = root.map(|root| {
+        let derived = root.derived_names.into_iter().map(|(name, _)| name);
+        root.names.into_iter().chain(derived).collect()
+    });
+    Entries::of(path, names.as_ref())
 }
 
 /// Reads a run's arrays.

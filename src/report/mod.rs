@@ -17,6 +17,6 @@ mod q_posterior;
 pub use corner::{CornerColumn, corner};
 pub use fit::{FitPicture, ModelTrack};
 pub use health::health;
-pub use page::{PageRun, Section, page};
+pub use page::{PageRun, Section, is_page, page};
 pub use population_density::population_density;
 pub use q_posterior::{QCurve, q_posterior};

@@ -38,6 +38,15 @@ svg{max-width:100%;height:auto}pre{background:#f3f3f3;padding:.6rem;overflow-x:a
 white-space:pre-wrap}@media print{body{margin:0;max-width:none;font-size:10pt}h2{break-after:avoid}\
 details{display:block}}";
 
+/// The head of every page, by which a page is known as ours.
+const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta name=\"generator\" content=\"oblate\">\n";
+
+/// Whether a file is a [`page`], by how it begins.
+#[must_use]
+pub fn is_page(file: &[u8]) -> bool {
+    file.starts_with(HEAD.as_bytes())
+}
+
 /// Appends to the page; writing to a string cannot fail.
 macro_rules! put {
     ($out:expr, $($arg:tt)*) => {
@@ -48,11 +57,7 @@ macro_rules! put {
 /// The page of some runs: verdict, comparison (of two or more), sections of shared figures, then each run in full.
 #[must_use]
 pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
-    let mut out = String::new();
-    put!(
-        out,
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-    );
+    let mut out = HEAD.to_owned();
     put!(
         out,
         "<meta name=\"viewport\" content=\"width=device-width\">"

@@ -1,6 +1,6 @@
 //! The SMC bridge from a finished fit to a finer model, into another run folder.
 
-use super::folder::RunState;
+use super::locked::RunState;
 use super::monitor::Monitor;
 use super::session::{Destination, RunSession};
 use super::stored_fit::StoredFit;
@@ -14,13 +14,16 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::SameModel`] if `change` leaves model and likelihood as they are; [`Error::Setting`] or [`Error::Sampler`] for a setting out
-/// of its range, as of [`FitSettings::check`]; [`Error::TooMuchMemory`] if both models need too much; [`Error::NotAFit`] if `parent` is not a fit; those of reading `parent` and of the folder as for [`fit`](super::fit).
+/// of its range, as of [`FitSettings::check`]; [`Error::TooMuchMemory`] if both models need too much; [`Error::NotAFit`] if `parent` is not
+/// a fit; [`Error::OutputIsInput`] if the destination is not apart from it; those of reading `parent` and of the folder as for
+/// [`fit`](super::fit).
 pub fn bridge(
     parent: &Path,
     change: impl FnOnce(&mut FitSettings),
     destination: Destination<'_>,
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
+    destination.is_apart_from(&[parent.to_path_buf()])?;
     let StoredFit {
         stored,
         track,

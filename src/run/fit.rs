@@ -1,11 +1,12 @@
 //! A fit of a track into a run folder: what `oblate fit` and a study do.
 
-use super::folder::{IfExists, RunState};
+use super::locked::{IfExists, RunState};
 use super::monitor::Monitor;
 use super::session::{Destination, RunSession};
 use crate::data::ObservedTrack;
 use crate::error::Result;
 use crate::inference::{Coarse, Fit, FitPlan, FitSettings, bridge_from, sample};
+use oblate_samplers::checkpoint;
 use oblate_samplers::output::Status;
 use std::time::Instant;
 
@@ -50,9 +51,7 @@ fn from_coarse(
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
     let (started, max_wall) = (Instant::now(), monitor.max_wall);
-    // The open log locks the folder, so that no other process replaces it during the coarse fit.
-    let lock = session.folder().log()?;
-    let coarse_settings = if session.folder().checkpoint().exists() {
+    let coarse_settings = if checkpoint::exists(&session.folder().checkpoint()) {
         // A bridge that has begun is one from the coarse fit as it was: that fit must not be extended.
         &coarse.settings.without_extensions()
     } else {
@@ -67,7 +66,6 @@ fn from_coarse(
     if parent.run.status != Status::Complete {
         return Ok(parent);
     }
-    drop(lock);
     monitor.max_wall = max_wall.saturating_sub(started.elapsed());
     let bridged = session.complete_fit(&plan.target, track, monitor, |control| {
         bridge_from(plan, coarse, &parent.run, settings, control)

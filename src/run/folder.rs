@@ -1,45 +1,24 @@
-//! The run folder: its files, what is written when, how a folder that exists is treated, and reading a finished run back.
+//! The run folder as its readers see it: its files, and a finished run read back from them.
 
-use super::log::Log;
-use super::versions::Versions;
+use super::contents::{
+    CHECKPOINT_FILE, COARSE_FOLDER, CONFIG_FILE, LOG_FILE, POSTERIOR_FOLDER, RESULT_FOLDER,
+    SUMMARY_FILE, TRACK_FILE,
+};
+use super::versions::{FOLDER_FORMAT, VERSIONS_FILE, Versions};
 use crate::data::ObservedTrack;
-use crate::error::{Error, Result};
+use crate::error::{Error, OutputFault, Result};
 use crate::inference::Fit;
-use crate::posterior::{Summary, run_from_parts, zarr};
+use crate::posterior::{SUMMARY_FORMAT, Summary, run_from_parts, zarr};
 use oblate_samplers::Run;
-use oblate_samplers::files::{TEMPORARY, write_atomically};
-use oblate_samplers::output::{Method, Status};
-use serde::Serialize;
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
-
-/// The file that is written last: a folder that has it holds a result.
-pub const SUMMARY_FILE: &str = "summary.json";
-
-const VERSIONS: &str = "versions.json";
+use std::time::SystemTime;
 
 /// A folder of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunFolder {
     path: PathBuf,
-}
-
-/// How to treat a run folder that exists already.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum IfExists {
-    /// It is an error.
-    Refuse,
-    /// It is replaced.
-    Replace,
-    /// A run with the same inputs is continued, or read back if it has finished.
-    Resume,
-}
-
-/// What [`RunFolder::prepare`] finds or makes.
-pub(super) enum RunState<Unfinished> {
-    /// A run with the same inputs that ended by its stopping rule.
-    Finished(Box<StoredRun>),
-    /// A run to begin or to continue.
-    Unfinished(Unfinished),
 }
 
 /// A run read back from its folder.
@@ -64,7 +43,7 @@ impl From<Box<StoredRun>> for Fit {
     }
 }
 
-fn io(path: &Path, remedy: &'static str) -> impl FnOnce(std::io::Error) -> Error {
+fn io(path: &Path, remedy: &'static str) -> impl FnOnce(io::Error) -> Error {
     let path = path.to_path_buf();
     move |source| Error::Io {
         path,
@@ -74,74 +53,18 @@ fn io(path: &Path, remedy: &'static str) -> impl FnOnce(std::io::Error) -> Error
 }
 
 impl RunFolder {
-    /// Makes the folder of a run ready to be worked in.
+    /// The folder at a path, whether or not there is one.
     ///
     /// # Errors
-    /// [`Error::Exists`] if there is one that must not be replaced; [`Error::OtherInputs`] if it is to be resumed and was made from other
-    /// inputs; [`Error::Io`] or [`Error::Syntax`] if its files cannot be made, read or understood.
-    pub(super) fn prepare(
-        path: &Path,
-        if_exists: IfExists,
-        versions: &Versions,
-    ) -> Result<RunState<Self>> {
-        if if_exists != IfExists::Resume || Self::is_unstarted(path) {
-            let folder = Self::create(path, if_exists == IfExists::Replace)?;
-            return Ok(RunState::Unfinished(folder));
+    /// [`Error::OutputPath`] for an empty path, which would be the working directory.
+    pub(super) fn at(path: &Path) -> Result<Self> {
+        // Without a slash at the end, so that a link is seen as one.
+        let path: PathBuf = path.components().collect();
+        if path.as_os_str().is_empty() {
+            let fault = OutputFault::Empty;
+            return Err(Error::OutputPath { path, fault });
         }
-        let folder = Self::open(path)?;
-        if folder.read_versions()?.input_hash != versions.input_hash {
-            return Err(Error::OtherInputs {
-                path: path.to_path_buf(),
-            });
-        }
-        if folder.finished() {
-            let stored = folder.read()?;
-            if stored.run.status == Status::Complete {
-                return Ok(RunState::Finished(Box::new(stored)));
-            }
-        }
-        Ok(RunState::Unfinished(folder))
-    }
-
-    /// Whether there is nothing at this path, or only files of a run that was killed before it had written its settings.
-    #[must_use]
-    pub fn is_unstarted(path: &Path) -> bool {
-        let Ok(entries) = std::fs::read_dir(path) else {
-            return !path.exists();
-        };
-        let leftover = |entry: std::io::Result<std::fs::DirEntry>| {
-            entry.is_ok_and(|entry| {
-                let name = entry.file_name();
-                name == VERSIONS || name.to_string_lossy().starts_with(TEMPORARY)
-            })
-        };
-        entries.into_iter().all(leftover)
-    }
-
-    /// Makes a new folder. With `force`, a run folder that exists is removed first; a folder of anything else never is.
-    ///
-    /// # Errors
-    /// [`Error::Exists`] if something is there and `force` is false, or it is no run folder; [`Error::FolderInUse`] if a run works in it;
-    /// [`Error::Io`] if the folder cannot be made.
-    pub fn create(path: &Path, force: bool) -> Result<Self> {
-        const REMEDY: &str = "choose a folder whose parent is writable";
-        let folder = Self {
-            path: path.to_path_buf(),
-        };
-        if !Self::is_unstarted(path) {
-            // Only a run folder is removed, so that a mistyped path does no harm.
-            let ours = folder.config().is_file() && folder.versions().is_file();
-            if !(force && ours) {
-                return Err(Error::Exists {
-                    path: path.to_path_buf(),
-                });
-            }
-            // The lock of the log fails if another run works here.
-            drop(folder.log()?);
-            std::fs::remove_dir_all(path).map_err(io(path, REMEDY))?;
-        }
-        std::fs::create_dir_all(path).map_err(io(path, REMEDY))?;
-        Ok(folder)
+        Ok(Self { path })
     }
 
     /// Opens a run folder, finished or not.
@@ -149,10 +72,8 @@ impl RunFolder {
     /// # Errors
     /// [`Error::Io`] if it has no `config.toml`.
     pub fn open(path: &Path) -> Result<Self> {
-        let folder = Self {
-            path: path.to_path_buf(),
-        };
-        std::fs::metadata(folder.config()).map_err(io(
+        let folder = Self::at(path)?;
+        fs::metadata(folder.config()).map_err(io(
             &folder.config(),
             "give a run folder, as fits and populations make them",
         ))?;
@@ -168,13 +89,65 @@ impl RunFolder {
     /// Path of the settings.
     #[must_use]
     pub fn config(&self) -> PathBuf {
-        self.path.join("config.toml")
+        self.piece(CONFIG_FILE)
     }
 
     /// Path of the versions.
     #[must_use]
     pub fn versions(&self) -> PathBuf {
-        self.path.join(VERSIONS)
+        self.piece(VERSIONS_FILE)
+    }
+
+    /// Path of the summary.
+    #[must_use]
+    pub fn summary(&self) -> PathBuf {
+        self.piece(SUMMARY_FILE)
+    }
+
+    /// Path of the draws.
+    #[must_use]
+    pub fn posterior(&self) -> PathBuf {
+        self.piece(POSTERIOR_FOLDER)
+    }
+
+    /// Path of a piece of the result. A result is replaced by one switch, the appearance of its folder, from which the pieces are then
+    /// moved to their places: as long as a piece is there, it is the one that belongs to the others.
+    fn piece(&self, name: &str) -> PathBuf {
+        let moving = self.path.join(RESULT_FOLDER).join(name);
+        if moving.exists() {
+            return moving;
+        }
+        self.path.join(name)
+    }
+
+    /// Path of the track that was fitted; a population has none.
+    #[must_use]
+    pub fn track(&self) -> PathBuf {
+        self.path.join(TRACK_FILE)
+    }
+
+    /// Path of the checkpoint.
+    #[must_use]
+    pub fn checkpoint(&self) -> PathBuf {
+        self.path.join(CHECKPOINT_FILE)
+    }
+
+    /// Path of the log.
+    #[must_use]
+    pub fn log(&self) -> PathBuf {
+        self.path.join(LOG_FILE)
+    }
+
+    /// Path of the run folder of the coarse fit that came first.
+    #[must_use]
+    pub fn coarse(&self) -> PathBuf {
+        self.path.join(COARSE_FOLDER)
+    }
+
+    /// Path of a figure, an SVG file.
+    #[must_use]
+    pub fn figure(&self, name: &str) -> PathBuf {
+        self.path.join(format!("{name}.svg"))
     }
 
     /// Reads the versions.
@@ -183,26 +156,24 @@ impl RunFolder {
     /// [`Error::Io`] or [`Error::Syntax`] if `versions.json` cannot be read or understood.
     pub fn read_versions(&self) -> Result<Versions> {
         let path = self.versions();
-        let text = std::fs::read_to_string(&path)
-            .map_err(io(&path, "restore the run folder from a copy"))?;
-        serde_json::from_str(&text).map_err(|e| Error::Syntax {
-            path,
-            line: Some(e.line()),
-            message: format!("not a version file ({e})"),
+        let text =
+            fs::read_to_string(&path).map_err(io(&path, "restore the run folder from a copy"))?;
+        let not_understood = |line: Option<usize>, message: String| Error::Syntax {
+            path: path.clone(),
+            line,
+            message,
             remedy: "restore the run folder from a copy, or begin the run again",
-        })
-    }
-
-    /// Path of the summary.
-    #[must_use]
-    pub fn summary(&self) -> PathBuf {
-        self.path.join(SUMMARY_FILE)
-    }
-
-    /// Path of the track that was fitted; a population has none.
-    #[must_use]
-    pub fn track(&self) -> PathBuf {
-        self.path.join("track.ecsv")
+        };
+        let versions: Versions = serde_json::from_str(&text)
+            .map_err(|e| not_understood(Some(e.line()), format!("not a version file ({e})")))?;
+        if versions.format != FOLDER_FORMAT {
+            let message = format!(
+                "format {} of run folders, and this version of oblate has {FOLDER_FORMAT}",
+                versions.format
+            );
+            return Err(not_understood(None, message));
+        }
+        Ok(versions)
     }
 
     /// Reads the track that was fitted.
@@ -218,112 +189,107 @@ impl RunFolder {
         ObservedTrack::read(&self.track())
     }
 
-    /// Path of the draws.
-    #[must_use]
-    pub fn posterior(&self) -> PathBuf {
-        self.path.join("posterior.zarr")
-    }
-
-    /// Path of the checkpoint.
-    #[must_use]
-    pub fn checkpoint(&self) -> PathBuf {
-        self.path.join("checkpoint")
-    }
-
-    /// Path of the run folder of the coarse fit that came first.
-    #[must_use]
-    pub fn coarse(&self) -> PathBuf {
-        self.path.join("coarse")
-    }
-
-    /// Path of a figure, an SVG file.
-    #[must_use]
-    pub fn figure(&self, name: &str) -> PathBuf {
-        self.path.join(format!("{name}.svg"))
-    }
-
-    /// The log, open for appending.
-    ///
-    /// # Errors
-    /// [`Error::FolderInUse`] if another run has it open; [`Error::Io`] if it cannot be opened.
-    pub fn log(&self) -> Result<Log> {
-        Log::append_to(&self.path.join("log.jsonl"))
-    }
-
-    /// Whether the run has written its summary, its last file.
+    /// Whether the run has written a result.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.summary().is_file()
-    }
-
-    /// Writes `config.toml` and `versions.json` before the work starts.
-    ///
-    /// # Errors
-    /// [`Error::Sampler`] with the file's name if one cannot be written.
-    pub fn begin(&self, config_toml: &str, versions: &Versions) -> Result<()> {
-        self.json(&self.versions(), versions)?;
-        write_atomically(&self.config(), config_toml.as_bytes())?;
-        Ok(())
-    }
-
-    /// Writes the draws, then the summary, so that a folder with a summary is complete, then removes the checkpoint. The checkpoint stays
-    /// if the run can be continued: because its time was up, or because it is a tempered one that has not converged.
-    ///
-    /// # Errors
-    /// As of [`zarr::write`]; [`Error::Sampler`] or [`Error::Io`] if the summary cannot be written or the checkpoint
-    /// not removed.
-    pub fn finish(&self, run: &Run, summary: &Summary, beside: zarr::Extras<'_>) -> Result<()> {
-        zarr::write(&self.posterior(), run, beside)?;
-        self.json(&self.summary(), summary)?;
-        if run.status != Status::Complete || (run.method == Method::PtHmc && !run.converged()) {
-            return Ok(());
-        }
-        let checkpoint = self.checkpoint();
-        for path in [
-            oblate_samplers::checkpoint::previous(&checkpoint),
-            checkpoint,
-        ] {
-            if path.exists() {
-                std::fs::remove_file(&path)
-                    .map_err(io(&path, "remove it by hand; the run itself is complete"))?;
-            }
-        }
-        Ok(())
     }
 
     /// Reads a finished run back.
     ///
     /// # Errors
     /// [`Error::Io`] if the run has not finished or a file is missing; [`Error::Syntax`] with the line if
-    /// `summary.json` cannot be understood; [`Error::MixedFolder`] if its parts do not belong together.
+    /// `summary.json` cannot be understood; [`Error::Checksum`] if the draws are damaged or of another run; [`Error::Array`] or
+    /// [`Error::MixedFolder`] if they cannot be read or do not fit the summary.
     pub fn read(&self) -> Result<StoredRun> {
-        let text = std::fs::read_to_string(self.summary())
-            .map_err(io(&self.summary(), "finish the run first"))?;
-        let summary: Summary = serde_json::from_str(&text).map_err(|e| Error::Syntax {
-            path: self.summary(),
-            line: Some(e.line()),
-            message: format!("not a summary ({e})"),
-            remedy: "restore the file, or fit again with this version of oblate",
-        })?;
-        let run = run_from_parts(&summary, zarr::read(&self.posterior())?)?;
-        let config = std::fs::read_to_string(self.config())
-            .map_err(io(&self.config(), "restore the run folder from a copy"))?;
+        loop {
+            let before = self.state();
+            let read = self.read_once();
+            // Otherwise a run has replaced its result meanwhile, and the files read were not all of one.
+            if self.state() == before {
+                return read;
+            }
+        }
+    }
+
+    /// Where the pieces of the result are, which files they are, and when they were written.
+    fn state(&self) -> [(PathBuf, Option<(u64, SystemTime)>); 3] {
+        [self.summary(), self.posterior(), self.config()].map(|path| {
+            let found = fs::metadata(&path).and_then(|m| Ok((number(&m), m.modified()?)));
+            (path, found.ok())
+        })
+    }
+
+    fn read_once(&self) -> Result<StoredRun> {
+        let summary = self.read_summary()?;
+        let path = self.posterior();
+        let remedy = "restore the run folder from a whole copy, or run again";
+        let entries = zarr::entries(&path).map_err(io(&path, remedy))?;
+        let agrees = match &summary.posterior {
+            Some(checksum) => checksum
+                .agrees(&path, &entries)
+                .map_err(io(&path, remedy))?,
+            None => false,
+        };
+        if !agrees {
+            return Err(Error::Checksum { path });
+        }
+        let run = run_from_parts(&summary, zarr::read(&path)?)?;
+        let config = self.config();
+        let config = fs::read_to_string(&config)
+            .map_err(io(&config, "restore the run folder from a copy"))?;
         Ok(StoredRun {
-            name: self
-                .path
-                .file_name()
-                .map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
+            name: self.name(),
             summary,
             run,
             config,
         })
     }
 
-    fn json(&self, path: &Path, value: &impl Serialize) -> Result<()> {
-        let mut text = serde_json::to_vec_pretty(value)
-            .map_err(|e| io(path, "report this as a bug")(std::io::Error::other(e)))?;
-        text.push(b'\n');
-        write_atomically(path, &text)?;
-        Ok(())
+    fn read_summary(&self) -> Result<Summary> {
+        let path = self.summary();
+        let text = fs::read_to_string(&path).map_err(io(&path, "finish the run first"))?;
+        let not_understood = |line: Option<usize>, message: String| Error::Syntax {
+            path: path.clone(),
+            line,
+            message,
+            remedy: "restore the file, or fit again with this version of oblate",
+        };
+        let summary: Summary = serde_json::from_str(&text)
+            .map_err(|e| not_understood(Some(e.line()), format!("not a summary ({e})")))?;
+        if summary.format != SUMMARY_FORMAT {
+            let message = format!(
+                "format {} of summaries, and this version of oblate has {SUMMARY_FORMAT}",
+                summary.format
+            );
+            return Err(not_understood(None, message));
+        }
+        Ok(summary)
+    }
+
+    /// The folder's name, also of `.` and `..`.
+    fn name(&self) -> String {
+        let own = self.path.file_name().map(ToOwned::to_owned);
+        let real = || {
+            fs::canonicalize(&self.path)
+                .ok()?
+                .file_name()
+                .map(ToOwned::to_owned)
+        };
+        own.or_else(real)
+            .map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+    }
+}
+
+/// The number of a file on its file system; zero where there is none.
+fn number(file: &fs::Metadata) -> u64 {
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::MetadataExt::ino(file)
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        0
     }
 }

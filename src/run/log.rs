@@ -2,8 +2,9 @@
 
 use crate::error::{Error, Result};
 use serde::Serialize;
+use std::cell::Cell;
 use std::fs::{File, TryLockError};
-use std::io::Write;
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// An open log. It is locked, so that no two runs work in one folder. Each line is written with one call, so that a killed run leaves
@@ -12,6 +13,9 @@ use std::path::{Path, PathBuf};
 pub struct Log {
     path: PathBuf,
     file: File,
+    locked: bool,
+    /// Whether the last line is incomplete.
+    torn: Cell<bool>,
 }
 
 impl Log {
@@ -22,33 +26,71 @@ impl Log {
     pub fn append_to(path: &Path) -> Result<Self> {
         let file = File::options()
             .create(true)
+            .read(true)
             .append(true)
             .open(path)
             .map_err(|source| io(path, source))?;
-        // Some file systems have no locks; there nothing prevents two runs in one folder.
-        if let Err(TryLockError::WouldBlock) = file.try_lock() {
-            return Err(Error::FolderInUse {
-                path: path.to_path_buf(),
-            });
-        }
+        let locked = match file.try_lock() {
+            Ok(()) => true,
+            Err(TryLockError::WouldBlock) => {
+                return Err(Error::FolderInUse {
+                    path: path.to_path_buf(),
+                });
+            }
+            // Some file systems have no locks.
+            Err(TryLockError::Error(_)) => false,
+        };
+        let torn = Cell::new(is_torn(&file));
         Ok(Self {
             path: path.to_path_buf(),
             file,
+            locked,
+            torn,
         })
+    }
+
+    /// Whether it keeps other runs out of the folder; some file systems cannot.
+    #[must_use]
+    pub fn locked(&self) -> bool {
+        self.locked
     }
 
     /// Appends one event.
     ///
     /// # Errors
     /// [`Error::Io`] if the event cannot be encoded or written.
-    pub fn write(&mut self, event: &impl Serialize) -> Result<()> {
-        let mut line =
-            serde_json::to_vec(event).map_err(|e| io(&self.path, std::io::Error::other(e)))?;
+    pub fn write(&self, event: &impl Serialize) -> Result<()> {
+        let mut line = Vec::new();
+        if self.torn.get() {
+            line.push(b'\n');
+        }
+        serde_json::to_writer(&mut line, event)
+            .map_err(|e| io(&self.path, std::io::Error::other(e)))?;
         line.push(b'\n');
+        let written = (&self.file).write_all(&line);
+        self.torn.set(written.is_err() && is_torn(&self.file));
+        written.map_err(|source| io(&self.path, source))
+    }
+
+    /// Empties it.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be written.
+    pub fn clear(&self) -> Result<()> {
+        self.torn.set(false);
         self.file
-            .write_all(&line)
+            .set_len(0)
             .map_err(|source| io(&self.path, source))
     }
+}
+
+/// Whether the last line has no end.
+fn is_torn(mut file: &File) -> bool {
+    let mut last = [0];
+    let read = file
+        .seek(SeekFrom::End(-1))
+        .and_then(|_| file.read_exact(&mut last));
+    read.is_ok() && last != [b'\n']
 }
 
 fn io(path: &Path, source: std::io::Error) -> Error {

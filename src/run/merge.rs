@@ -1,6 +1,6 @@
 //! Several nested fits of one track, merged into one fit.
 
-use super::folder::RunState;
+use super::locked::RunState;
 use super::monitor::Monitor;
 use super::session::{Destination, RunSession};
 use super::stored_fit::StoredFit;
@@ -8,20 +8,21 @@ use crate::error::{Error, Result};
 use crate::inference::{self, Fit, StreamTarget};
 use oblate_samplers::Run;
 use oblate_samplers::output::Method;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Merges finished nested fits of one track, which differ in the seed and the sampler's settings only. The settings of the result are
 /// those of the first.
 ///
 /// # Errors
 /// [`Error::TooFewRuns`] for no `parts`; [`Error::NotAFit`] or [`Error::NotNested`] if one is not a nested fit;
-/// [`Error::OtherPosterior`] if one is of another track or model; [`Error::OutputIsInput`] if the destination is one of them;
+/// [`Error::OtherPosterior`] if one is of another track or model; [`Error::OutputIsInput`] if the destination is not apart from them;
 /// [`Error::Sampler`] if two have the same seed; those of reading `parts` and of the folder as for [`fit`](super::fit).
 pub fn merge(
     parts: &[PathBuf],
     destination: Destination<'_>,
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
+    destination.is_apart_from(parts)?;
     let fits = parts
         .iter()
         .map(|p| StoredFit::read(p))
@@ -44,12 +45,6 @@ pub fn merge(
     // Merged before anything is written: fits that do not belong together leave no folder behind.
     let runs: Vec<&Run> = fits.iter().map(|f| &f.stored.run).collect();
     let run = inference::merge(&target, &runs)?;
-    let out = destination.folder;
-    if parts.iter().any(|part| same(part, out)) {
-        return Err(Error::OutputIsInput {
-            path: out.to_path_buf(),
-        });
-    }
     let mut inputs = vec![b"merge".as_slice()];
     inputs.extend(fits.iter().map(|f| f.stored.summary.input_hash.as_bytes()));
     match RunSession::begin_fit(destination, &first.track, &first.settings, &inputs)? {
@@ -58,12 +53,6 @@ pub fn merge(
             session.complete_fit(&target, &first.track, monitor, |_| Ok(run))
         }
     }
-}
-
-/// Whether two paths lead to one folder.
-fn same(one: &Path, other: &Path) -> bool {
-    let real = |path: &Path| std::fs::canonicalize(path).ok();
-    real(one).is_some_and(|path| real(other) == Some(path))
 }
 
 impl StoredFit {

@@ -2,11 +2,14 @@
 //! that reports them.
 
 mod bridge;
+mod contents;
 mod fit;
 mod folder;
+mod locked;
 mod log;
 mod merge;
 mod monitor;
+mod names;
 mod population;
 mod render;
 mod session;
@@ -16,13 +19,16 @@ mod study_inputs;
 mod versions;
 
 pub use bridge::bridge;
+pub use contents::SUMMARY_FILE;
 pub use fit::fit;
-pub use folder::{IfExists, RunFolder, SUMMARY_FILE, StoredRun};
+pub use folder::{RunFolder, StoredRun};
+pub use locked::{Beginning, IfExists, LockedFolder};
 pub use log::Log;
 pub use merge::merge;
 pub use monitor::Monitor;
+pub use names::file_name;
 pub use population::{population, q_posterior};
 pub use render::render_report;
 pub use session::Destination;
-pub use study::{StudyResult, StudyRun, study};
-pub use versions::Versions;
+pub use study::{StudyResult, StudyRun, report_path, study};
+pub use versions::{FolderKind, Versions};

@@ -30,7 +30,7 @@ impl Monitor<'_> {
     }
 
     /// The observer, with every event also written to a log.
-    pub(super) fn with_log(&mut self, log: Log) -> Logged<'_> {
+    pub(super) fn with_log<'b>(&'b mut self, log: &'b Log) -> Logged<'b> {
         Logged {
             observer: self.observer,
             log,
@@ -41,7 +41,7 @@ impl Monitor<'_> {
 /// An observer that also writes `log.jsonl`.
 pub(super) struct Logged<'a> {
     observer: &'a mut dyn Observer,
-    log: Log,
+    log: &'a Log,
 }
 
 impl Observer for Logged<'_> {

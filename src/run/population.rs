@@ -1,6 +1,7 @@
 //! The population of finished fits, from their run folders into another one.
 
-use super::folder::{RunFolder, RunState, StoredRun};
+use super::folder::{RunFolder, StoredRun};
+use super::locked::RunState;
 use super::monitor::Monitor;
 use super::session::{Destination, RunSession};
 use crate::config::{PopulationConfig, to_toml};
@@ -41,7 +42,7 @@ pub(super) fn check(config: &PopulationConfig) -> Result<TruncatedGaussian> {
 ///
 /// # Errors
 /// [`Error::NotConverged`] if a fit has not converged and `allow_unconverged` is false; [`Error::Posterior`] if its posterior of q
-/// cannot be used; [`Error::TooFewRuns`] for no fits;
+/// cannot be used; [`Error::TooFewRuns`] for no fits; [`Error::OutputIsInput`] if the destination is not apart from them;
 /// those of [`PopulationConfig::check`], before anything is read; [`Error::Setting`] or [`Error::Sampler`] for settings that do not go
 /// together; those of reading the fits and of the folder as for
 /// [`fit`](super::fit).
@@ -53,6 +54,7 @@ pub fn population(
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
     let family = check(config)?;
+    destination.is_apart_from(fits)?;
     let stored: Vec<StoredRun> = fits
         .iter()
         .map(|path| RunFolder::open(path)?.read())

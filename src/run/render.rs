@@ -15,6 +15,7 @@ use crate::report::{
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Number of posterior draws whose tracks are shown.
@@ -46,7 +47,7 @@ pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()>
     let drawn: Vec<Drawn> = folders.iter().map(|f| draw(f)).collect::<Result<_>>()?;
     for d in &drawn {
         for (name, _, svg) in &d.figures {
-            write_atomically(&d.folder.figure(name), svg.as_bytes())?;
+            write_figure(&d.folder.figure(name), svg)?;
         }
     }
     let names = unique_names(&drawn, folders);
@@ -87,6 +88,18 @@ pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()>
     Ok(())
 }
 
+/// Writes a figure into a run folder.
+fn write_figure(path: &Path, svg: &str) -> Result<()> {
+    use oblate_samplers::Error::Io;
+    match write_atomically(path, svg.as_bytes()) {
+        // A run that begins in the folder at this moment removes what it takes for a leftover: written once more then.
+        Err(Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
+            Ok(write_atomically(path, svg.as_bytes())?)
+        }
+        written => Ok(written?),
+    }
+}
+
 /// Names of the runs on the page: that of the folder, or its whole path where two folders have the same name.
 fn unique_names(drawn: &[Drawn], folders: &[PathBuf]) -> Vec<String> {
     drawn
@@ -118,7 +131,7 @@ fn draw(path: &Path) -> Result<Drawn> {
     let truth = track.as_ref().map(truths).unwrap_or_default();
     let mut figures = Vec::new();
     if let Some(track) = &track {
-        let settings: FitSettings = crate::config::read(&folder.config())?;
+        let settings: FitSettings = crate::config::parse(&stored.config, &folder.config())?;
         let target = StreamTarget::from_track(track, &settings)?;
         if let Some(svg) = overlay(&target, track, &stored) {
             let caption = "Data (black), tracks of posterior draws, and the best fit; residuals in units of the data's errors; \

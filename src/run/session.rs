@@ -1,17 +1,18 @@
 //! One run in its folder, from beginning to end: what fits, bridges, mergers and populations share.
 
-use super::folder::{IfExists, RunFolder, RunState};
+use super::folder::{RunFolder, StoredRun};
+use super::locked::{Beginning, IfExists, LockedFolder, RunState};
 use super::monitor::Monitor;
 use super::versions::Versions;
-use crate::config::{read, to_toml};
+use crate::config::{parse, to_toml};
 use crate::data::ObservedTrack;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::inference::{Fit, FitSettings, StreamTarget, prior_draws, summarize};
 use crate::posterior::{Summary, zarr};
 use oblate_samplers::control::CheckpointPlan;
 use oblate_samplers::output::Status;
-use oblate_samplers::{Control, Run, Target};
-use std::path::Path;
+use oblate_samplers::{Control, Event, Run, Target};
+use std::path::{Path, PathBuf};
 
 /// Number of prior draws that are kept with those of the posterior.
 const PRIOR_DRAWS: usize = 2_000;
@@ -27,77 +28,98 @@ pub struct Destination<'a> {
     pub command: &'a str,
 }
 
-/// A run whose folder is ready.
+impl Destination<'_> {
+    /// Checks that the folder neither is, nor is in, nor holds one of the runs that are read for this one: with
+    /// [`Replace`](IfExists::Replace) they would be removed.
+    ///
+    /// # Errors
+    /// [`Error::OutputIsInput`] if it does.
+    pub(super) fn is_apart_from(&self, inputs: &[PathBuf]) -> Result<()> {
+        let real = |path: &Path| std::fs::canonicalize(path).ok();
+        let Some(out) = real(self.folder) else {
+            return Ok(());
+        };
+        let mut inputs = inputs.iter().filter_map(|path| real(path));
+        if inputs.any(|input| input.starts_with(&out) || out.starts_with(&input)) {
+            return Err(Error::OutputIsInput {
+                path: self.folder.to_path_buf(),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// A run whose folder is ready, and this process's alone.
 pub(super) struct RunSession<'a> {
-    folder: RunFolder,
+    folder: LockedFolder,
     destination: Destination<'a>,
-    versions: Versions,
-    config_toml: String,
+    beginning: Beginning<'a>,
 }
 
 impl<'a> RunSession<'a> {
     /// Makes the folder ready and writes the settings into it. `inputs` are the bytes that determine the result.
     ///
     /// # Errors
-    /// As of [`RunFolder::prepare`].
+    /// As of [`LockedFolder::prepare`] and [`LockedFolder::begin`].
     pub fn begin(
         destination: Destination<'a>,
         config_toml: String,
         inputs: &[&[u8]],
     ) -> Result<RunState<Self>> {
-        let versions = Versions::new(inputs);
-        let folder = match RunFolder::prepare(destination.folder, destination.if_exists, &versions)?
-        {
-            RunState::Finished(stored) => return Ok(RunState::Finished(stored)),
-            RunState::Unfinished(folder) => folder,
-        };
-        folder.begin(&config_toml, &versions)?;
-        Ok(RunState::Unfinished(Self {
-            folder,
-            destination,
-            versions,
+        let beginning = Beginning {
             config_toml,
-        }))
+            versions: Versions::new(inputs),
+            track: None,
+        };
+        Self::begin_unless(destination, beginning, &|_| Ok(false))
     }
 
     /// As [`begin`](Self::begin), for a fit of a track. `inputs` are those beside the settings. A finished fit that may be extended
     /// ([`FitSettings::may_extend`]) is unfinished again.
     ///
     /// # Errors
-    /// As of [`RunFolder::prepare`]; [`Error::Setting`](crate::Error::Setting) for settings that TOML cannot hold.
+    /// As of [`begin`](Self::begin); [`Error::Setting`](crate::Error::Setting) for settings that TOML cannot hold.
     pub fn begin_fit(
         destination: Destination<'a>,
-        track: &ObservedTrack,
+        track: &'a ObservedTrack,
         settings: &FitSettings,
         inputs: &[&[u8]],
     ) -> Result<RunState<Self>> {
         let key = to_toml(&settings.without_extensions())?;
         let mut all = vec![key.as_bytes()];
         all.extend(inputs);
-        let config_toml = to_toml(settings)?;
-        match Self::begin(destination, config_toml.clone(), &all)? {
-            RunState::Finished(stored) => {
-                let folder = RunFolder::open(destination.folder)?;
-                if stored.run.converged() || !settings.may_extend(&read(&folder.config())?) {
-                    return Ok(RunState::Finished(stored));
-                }
-                Ok(RunState::Unfinished(Self {
-                    folder,
-                    destination,
-                    versions: Versions::new(&all),
-                    config_toml,
-                }))
-            }
-            RunState::Unfinished(session) => {
-                track.write(&session.folder.track())?;
-                Ok(RunState::Unfinished(session))
-            }
-        }
+        let beginning = Beginning {
+            config_toml: to_toml(settings)?,
+            versions: Versions::new(&all),
+            track: Some(track),
+        };
+        Self::begin_unless(destination, beginning, &|stored| {
+            let before = parse(&stored.config, destination.folder)?;
+            Ok(!stored.run.converged() && settings.may_extend(&before))
+        })
+    }
+
+    fn begin_unless(
+        destination: Destination<'a>,
+        beginning: Beginning<'a>,
+        goes_on: &dyn Fn(&StoredRun) -> Result<bool>,
+    ) -> Result<RunState<Self>> {
+        let (path, if_exists) = (destination.folder, destination.if_exists);
+        let folder = match LockedFolder::prepare(path, if_exists, &beginning.versions, goes_on)? {
+            RunState::Finished(stored) => return Ok(RunState::Finished(stored)),
+            RunState::Unfinished(folder) => folder,
+        };
+        folder.begin(&beginning)?;
+        Ok(RunState::Unfinished(Self {
+            folder,
+            destination,
+            beginning,
+        }))
     }
 
     /// The folder.
     pub fn folder(&self) -> &RunFolder {
-        &self.folder
+        self.folder.folder()
     }
 
     /// Where the run is written.
@@ -105,10 +127,10 @@ impl<'a> RunSession<'a> {
         self.destination
     }
 
-    /// Works and writes the result. An interrupted run leaves its checkpoint and no summary.
+    /// Works and writes the result. An interrupted run leaves its checkpoint and no new result.
     ///
     /// # Errors
-    /// Those of `work`; [`Error::Io`](crate::Error::Io) or [`Error::Sampler`](crate::Error::Sampler) if a file cannot be written.
+    /// Those of `work`; [`Error::Unwritten`](crate::Error::Unwritten) if the result cannot be written.
     pub fn complete(
         &self,
         target: &dyn Target,
@@ -118,16 +140,18 @@ impl<'a> RunSession<'a> {
         summarize: impl FnOnce(&Run, &str, &str) -> Summary,
     ) -> Result<Fit> {
         let run = self.work(monitor, work)?;
-        let summary = summarize(&run, self.destination.command, &self.versions.input_hash);
+        let hash = &self.beginning.versions.input_hash;
+        let mut summary = summarize(&run, self.destination.command, hash);
         if run.status != Status::Interrupted {
             let prior = prior_draws(target, PRIOR_DRAWS, run.seed);
             let beside = zarr::Extras {
                 track,
                 prior: Some(&prior),
             };
-            self.folder.finish(&run, &summary, beside)?;
-            // Until here the settings of an extended run were those of its last result.
-            self.folder.begin(&self.config_toml, &self.versions)?;
+            let written = self.folder.finish(&run, summary, beside, &self.beginning);
+            summary = written.map_err(|source| Error::Unwritten {
+                source: Box::new(source),
+            })?;
         }
         Ok(Fit { run, summary })
     }
@@ -156,12 +180,19 @@ impl<'a> RunSession<'a> {
     ) -> Result<Run> {
         let (interrupt, max_wall) = (monitor.interrupt.clone(), monitor.max_wall);
         let plan = CheckpointPlan {
-            path: self.folder.checkpoint(),
+            path: self.folder().checkpoint(),
             every: monitor.checkpoint_every,
             resume: self.destination.if_exists == IfExists::Resume,
-            config_hash: u64::from_str_radix(&self.versions.input_hash, 16).unwrap_or(0),
+            config_hash: u64::from_str_radix(&self.beginning.versions.input_hash, 16).unwrap_or(0),
         };
-        let mut observer = monitor.with_log(self.folder.log()?);
+        let log = self.folder.log();
+        if !log.locked() {
+            let message = "this file system has no locks: let no other run work in the same folder";
+            let message = message.to_owned();
+            // It does not stop a run that an observer stops: the run asks again.
+            let _ = monitor.observer.event(&Event::Warning { message });
+        }
+        let mut observer = monitor.with_log(log);
         let mut control = Control::new(&mut observer);
         control.interrupt = interrupt;
         control.budget.max_wall = max_wall;

@@ -1,7 +1,7 @@
 //! A finished fit with its track and settings, read back from its folder.
 
 use super::folder::{RunFolder, StoredRun};
-use crate::config::read;
+use crate::config::parse;
 use crate::data::ObservedTrack;
 use crate::error::Result;
 use crate::inference::FitSettings;
@@ -24,7 +24,7 @@ impl StoredFit {
         let stored = folder.read()?;
         Ok(Self {
             track: folder.read_track()?,
-            settings: read(&folder.config())?,
+            settings: parse(&stored.config, &folder.config())?,
             stored,
         })
     }

@@ -2,17 +2,23 @@
 //! back, and interrupted ones are continued.
 
 use super::fit::fit;
-use super::folder::IfExists;
+use super::folder::RunFolder;
+use super::locked::IfExists;
 use super::monitor::Monitor;
+use super::names::file_name;
 use super::population::population;
 use super::session::Destination;
 use super::study_inputs::StudyInputs;
 use crate::config::StudyConfig;
 use crate::data::ObservedTrack;
-use crate::error::{Error, Result};
+use crate::error::{Error, OutputFault, Result};
 use crate::inference::{Fit, FitSettings, Sampler};
 use crate::posterior::Summary;
+use crate::report::is_page;
 use oblate_samplers::output::Status;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// A finished run of a study.
@@ -60,8 +66,9 @@ pub type Monitored<'a> =
 /// Runs a study. Track files are relative to `files_from`; `monitored` does the work of one run under a monitor of the caller's.
 ///
 /// # Errors
-/// Before the first fit: [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read, and [`Error::InTable`] for settings out of
-/// their range, in whichever table they are. Later those of [`fit`] and [`population`].
+/// Before the first fit: [`Error::OutputPath`] for an empty `out` or one with a `report.html` that is not a report; [`Error::Io`] or
+/// [`Error::TrackFile`] for a track that cannot be read; [`Error::Name`] for one whose name is empty or too long; [`Error::SameName`] for two of one
+/// name; [`Error::InTable`] for settings out of their range, in whichever table they are. Later those of [`fit`] and [`population`].
 pub fn study(
     config: &StudyConfig,
     files_from: &Path,
@@ -69,7 +76,12 @@ pub fn study(
     monitored: &mut Monitored<'_>,
 ) -> Result<StudyResult> {
     config.check()?;
+    RunFolder::at(&config.out)?;
+    check_report(&report_path(&config.out))?;
     let inputs = StudyInputs::new(config, files_from)?;
+    if let Some(tracks) = &config.tracks {
+        apart(&inputs.tracks, &tracks.samplers)?;
+    }
     let mut result = StudyResult {
         acceptance: inputs.acceptance,
         ..StudyResult::default()
@@ -137,6 +149,54 @@ impl StudyResult {
     }
 }
 
+/// Where a study has its report.
+#[must_use]
+pub fn report_path(out: &Path) -> PathBuf {
+    out.join("report.html")
+}
+
+/// Checks that the report can be written: there is nothing, or an earlier one.
+fn check_report(path: &Path) -> Result<()> {
+    let fault = match std::fs::symlink_metadata(path) {
+        Err(_) => return Ok(()),
+        Ok(found) if !found.is_file() => true,
+        Ok(_) => {
+            let mut head = Vec::new();
+            let file = File::open(path).and_then(|file| file.take(1 << 10).read_to_end(&mut head));
+            file.is_err() || !is_page(&head)
+        }
+    };
+    if fault {
+        return Err(Error::OutputPath {
+            path: path.to_path_buf(),
+            fault: OutputFault::NotAReport,
+        });
+    }
+    Ok(())
+}
+
+/// The name of the run folder of a track.
+fn folder_name(track: &ObservedTrack, sampler: Sampler) -> Result<String> {
+    file_name(&track.name, &format!("_{}", sampler.name()))
+}
+
+/// Checks that each track has a run folder of its own, also where upper and lower case are the same.
+fn apart(tracks: &[ObservedTrack], samplers: &[Sampler]) -> Result<()> {
+    let mut taken = BTreeMap::new();
+    for (i, track) in tracks.iter().enumerate() {
+        for sampler in samplers {
+            let folder = folder_name(track, *sampler)?.to_lowercase();
+            if let Some(other) = taken.insert(folder, i).filter(|other| *other != i) {
+                return Err(Error::SameName {
+                    name: track.name.clone(),
+                    other: tracks[other].name.clone(),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Does the runs of a study, one after the other.
 struct Runner<'a, 'b> {
     command: &'a str,
@@ -153,7 +213,7 @@ impl Runner<'_, '_> {
         under: &Path,
     ) -> Result<Option<StudyRun>> {
         let settings = settings.with_sampler(sampler);
-        let folder = under.join(format!("{}_{}", track.name, sampler.name()));
+        let folder = under.join(folder_name(track, sampler)?);
         self.run(&track.name, sampler, folder, |destination, monitor| {
             fit(track, &settings, destination, monitor)
         })

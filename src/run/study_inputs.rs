@@ -7,7 +7,6 @@ use crate::error::{Error, Result};
 use crate::inference::{FitPlan, FitSettings, Sampler};
 use crate::params::StreamPrior;
 use crate::population::{Family, QPosterior};
-use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The streams of a study.
@@ -50,7 +49,6 @@ impl StudyInputs {
                     .tracks
                     .push(ObservedTrack::read(&files_from.join(file))?);
             }
-            different_names(&inputs.tracks).map_err(|e| e.within("tracks"))?;
             for track in &inputs.tracks {
                 check(track, &study.fit, &study.samplers).map_err(|e| e.within("tracks.fit"))?;
             }
@@ -87,20 +85,6 @@ fn some(samplers: &[Sampler]) -> Result<()> {
         });
     }
     Ok(())
-}
-
-/// Refuses two tracks of one name, whose results would be in one folder.
-fn different_names(tracks: &[ObservedTrack]) -> Result<()> {
-    let mut names = BTreeSet::new();
-    match tracks.iter().find(|track| !names.insert(&track.name)) {
-        None => Ok(()),
-        Some(twin) => Err(Error::Setting {
-            key: "files".to_owned(),
-            value: format!("two tracks called {}", twin.name),
-            remedy: "give each its own `name`, because results are in folders of these names"
-                .to_owned(),
-        }),
-    }
 }
 
 /// Checks the settings of the fits of a track by some samplers.

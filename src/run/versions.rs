@@ -1,17 +1,48 @@
-//! `versions.json`: what made a run, and from which inputs.
+//! `versions.json`: what a folder is, what made it, and from which inputs.
 
 use oblate_samplers::checkpoint::hash;
 use serde::{Deserialize, Serialize};
+use std::fs;
+use std::io;
+use std::path::Path;
+
+/// The file's name.
+pub(super) const VERSIONS_FILE: &str = "versions.json";
+
+/// Version of the layout of run folders.
+pub(super) const FOLDER_FORMAT: u32 = 1;
+
+/// Most bytes that a file of versions has; a longer one is of something else.
+const MAX_BYTES: u64 = 1 << 16;
+
+/// What a folder is. This is its marker: only a folder whose `versions.json` has it is one of ours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FolderKind {
+    /// The folder of one run.
+    #[serde(rename = "oblate run folder")]
+    Run,
+}
 
 /// What made a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Versions {
+    /// What the folder is.
+    pub kind: FolderKind,
+    /// Version of the layout of run folders.
+    pub format: u32,
     /// Version of oblate.
     pub oblate: String,
     /// Version of the random streams.
     pub stream_version: u32,
     /// Hash of the settings and of every input, in hexadecimal.
     pub input_hash: String,
+}
+
+/// The part of the file that all versions of it have.
+#[derive(Deserialize)]
+struct Marker {
+    #[serde(rename = "kind")]
+    _kind: FolderKind,
 }
 
 impl Versions {
@@ -25,9 +56,28 @@ impl Versions {
             bytes.extend_from_slice(&hash(input).to_le_bytes());
         }
         Self {
+            kind: FolderKind::Run,
+            format: FOLDER_FORMAT,
             oblate: env!("CARGO_PKG_VERSION").to_owned(),
             stream_version: oblate_samplers::rng::STREAM_VERSION,
             input_hash: format!("{:016x}", hash(&bytes)),
         }
     }
+}
+
+/// Whether a folder has the marker of a run: by what is in its `versions.json`, not by that name.
+///
+/// # Errors
+/// The operating system's, with which a file of that name cannot be read.
+pub(super) fn marked(folder: &Path) -> io::Result<bool> {
+    let path = folder.join(VERSIONS_FILE);
+    let found = match fs::symlink_metadata(&path) {
+        Ok(found) => found,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(false),
+        Err(e) => return Err(e),
+    };
+    if !found.is_file() || found.len() > MAX_BYTES {
+        return Ok(false);
+    }
+    Ok(serde_json::from_slice::<Marker>(&fs::read(&path)?).is_ok())
 }

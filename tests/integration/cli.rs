@@ -10,13 +10,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-fn example(name: &str) -> PathBuf {
+pub fn example(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("examples")
         .join(name)
 }
 
-fn oblate(args: &[&str], input: &str) -> Output {
+pub fn oblate(args: &[&str], input: &str) -> Output {
     let mut child = Command::new(env!("CARGO_BIN_EXE_oblate"))
         .args(args)
         .stdin(Stdio::piped())
@@ -33,12 +33,12 @@ fn oblate(args: &[&str], input: &str) -> Output {
     child.wait_with_output().expect("the command ends")
 }
 
-fn json(bytes: &[u8]) -> serde_json::Value {
+pub fn json(bytes: &[u8]) -> serde_json::Value {
     serde_json::from_slice(bytes).expect("JSON on standard output")
 }
 
 /// Asserts exit 2 and one error line that holds all `words`.
-fn refused(output: &Output, words: &[&str]) {
+pub fn refused(output: &Output, words: &[&str]) {
     let text = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{text}");
     assert_eq!(text.matches("error: ").count(), 1, "{text}");
@@ -248,7 +248,7 @@ fn bad_tracks_name_file_line_and_remedy_and_leave_nothing_behind() {
 }
 
 /// Three free parameters, few particles: a fit of seconds.
-const SMALL: &str = r#"
+pub const SMALL: &str = r#"
 model = { releases = { particles = 128 } }
 prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
 sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6 }
@@ -536,7 +536,7 @@ fn fits_from_several_seeds_are_merged_into_one() {
     };
     refused(&merge(&[&one, &one], &both), &["same seed"]);
     refused(&merge(&[&one, &other], &both), &["differ in their track"]);
-    refused(&merge(&[&one, &two], &two), &["one of the runs to merge"]);
+    refused(&merge(&[&one, &two], &two), &["one of the runs"]);
     assert!(!Path::new(&both).exists(), "nothing is left behind");
     let output = merge(&[&one, &two], &both);
     assert_eq!(output.status.code(), Some(0));

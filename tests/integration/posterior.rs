@@ -186,7 +186,9 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
                 track: Some(&track),
                 prior: Some(&run.draws),
             };
-            zarr::write(&kept.join(format!("{name}.zarr")), &run, beside).unwrap();
+            let path = kept.join(format!("{name}.zarr"));
+            let _ = std::fs::remove_dir_all(&path);
+            zarr::write(&path, &run, beside).unwrap();
             track.write(&kept.join("track.ecsv")).unwrap();
         }
         let path = folder.path().join(name);
@@ -200,8 +202,66 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
         assert!(same(&back, &run));
         assert_eq!(back.cost, run.cost);
     }
-    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
-    assert_eq!(left.len(), 3, "temporary folders are gone");
+}
+
+#[test]
+fn draws_are_written_to_a_new_folder_and_their_arrays_into_their_groups() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.zarr");
+    let run = runs::nested(100, 1);
+    let refused = |run: &Run| {
+        let error = zarr::write(&path, run, zarr::Extras::default()).unwrap_err();
+        error.to_string()
+    };
+    for name in ["../../escaped", "/escaped", "..", "", "chain", "q", "dir_x"] {
+        let mut named = run.clone();
+        named.names[0] = name.to_owned();
+        let words = refused(&named);
+        assert!(words.contains("the name of an array"), "{words}");
+        assert!(!path.exists());
+    }
+    zarr::write(&path, &run, zarr::Extras::default()).unwrap();
+    assert!(refused(&run).contains("exists already"));
+    assert_eq!(zarr::read(&path).unwrap().draws, run.draws);
+}
+
+#[test]
+fn every_file_that_is_written_is_known_as_our_own_and_in_the_checksum() {
+    let folder = tempfile::tempdir().unwrap();
+    let track =
+        ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
+    for (name, run) in [
+        ("n", runs::nested(90, 1)),
+        ("t", runs::tempered(40, 2)),
+        ("r", runs::refined(40, 4)),
+    ] {
+        let path = folder.path().join(name);
+        let beside = zarr::Extras {
+            track: Some(&track),
+            prior: Some(&run.draws),
+        };
+        zarr::write(&path, &run, beside).unwrap();
+        let entries = zarr::entries(&path).unwrap();
+        assert_eq!(entries.foreign, Vec::<std::path::PathBuf>::new());
+        let checksum = zarr::Checksum::of(&path, &entries).unwrap();
+        assert!(checksum.agrees(&path, &entries).unwrap());
+        let mut bytes = 0;
+        for file in &entries.files {
+            let file = path.join(file);
+            let content = std::fs::read(&file).unwrap();
+            bytes += content.len() as u64;
+            // Every one of them counts, by its content and by its name.
+            let mut damaged = content.clone();
+            damaged[content.len() / 2] ^= 1;
+            std::fs::write(&file, damaged).unwrap();
+            assert!(!checksum.agrees(&path, &entries).unwrap(), "{file:?}");
+            std::fs::write(&file, content).unwrap();
+        }
+        assert_eq!(checksum.bytes, bytes);
+        std::fs::remove_file(path.join("weighted/zarr.json")).unwrap();
+        let fewer = zarr::entries(&path).unwrap();
+        assert!(!checksum.agrees(&path, &fewer).unwrap());
+    }
 }
 
 #[test]
@@ -261,6 +321,7 @@ fn an_array_that_is_damaged_or_not_ours_is_refused_by_name_and_cause() {
     ];
     for (damage, cause) in damages {
         let run = runs::nested(100, 1);
+        let _ = std::fs::remove_dir_all(&path);
         zarr::write(&path, &run, zarr::Extras::default()).unwrap();
         damage();
         let message = zarr::read(&path).unwrap_err().to_string();

@@ -12,7 +12,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The file that holds the metadata of a group or an array.
-const METADATA: &str = "zarr.json";
+pub const METADATA: &str = "zarr.json";
 
 /// An open Zarr hierarchy.
 pub struct Store {
@@ -313,17 +313,4 @@ impl Store {
         })?;
         Ok(bytes.chunks_exact(T::SIZE).map(T::get).collect())
     }
-}
-
-/// Syncs every file below a folder.
-pub fn sync(folder: &Path) -> std::io::Result<()> {
-    for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            sync(&path)?;
-        } else {
-            fs::File::open(&path)?.sync_all()?;
-        }
-    }
-    Ok(())
 }

@@ -1,33 +1,89 @@
-//! The run folder: complete or absent, and never overwritten unless asked.
+//! The run folder: whole or absent, never overwritten unasked, and never cleared of what no run has written.
+
+#[cfg(unix)]
+mod disk;
+mod force;
+mod log;
+mod names;
+mod result;
+mod study;
 
 use crate::runs;
 use oblate::Error;
 use oblate::data::ObservedTrack;
 use oblate::posterior::{Summary, SummaryContext, zarr};
-use oblate::run::{RunFolder, Versions};
+use oblate::run::{Beginning, LockedFolder, RunFolder, Versions};
+use oblate_samplers::Run;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// The message of an error of `oblate fit`.
-fn message(error: &Error) -> String {
+pub fn message(error: &Error) -> String {
     let args = ["oblate", "fit", "track.ecsv", "--out", "run"];
     oblate::cli::message(error, &args.map(Into::into))
 }
 
-fn finished(path: &std::path::Path) -> RunFolder {
-    let run = runs::nested(200, 1);
-    let folder = RunFolder::create(path, false).unwrap();
-    folder
-        .begin("seed = 1\n", &Versions::new(&[b"seed = 1\n", b"phi,r\n"]))
-        .unwrap();
-    std::fs::write(folder.checkpoint(), b"state").unwrap();
-    let summary = Summary::new(&run, &SummaryContext::default());
-    let track =
-        ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
+fn track() -> ObservedTrack {
+    ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap()
+}
+
+fn beginning(track: &ObservedTrack) -> Beginning<'_> {
+    Beginning {
+        config_toml: "seed = 1\n".to_owned(),
+        versions: Versions::new(&[b"seed = 1\n", b"phi,r\n"]),
+        track: Some(track),
+    }
+}
+
+/// Writes the result of `run` into a folder, with draws of a prior.
+fn finish(folder: &LockedFolder, run: &Run) -> Summary {
+    let track = track();
+    let summary = Summary::new(run, &SummaryContext::default());
     let beside = zarr::Extras {
         track: Some(&track),
-        prior: None,
+        prior: Some(&run.draws),
     };
-    folder.finish(&run, &summary, beside).unwrap();
     folder
+        .finish(run, summary, beside, &beginning(&track))
+        .unwrap()
+}
+
+/// A run folder with all that a run leaves.
+fn finished(path: &Path) -> RunFolder {
+    let folder = LockedFolder::create(path, false).unwrap();
+    folder.begin(&beginning(&track())).unwrap();
+    std::fs::write(folder.folder().checkpoint(), b"state").unwrap();
+    finish(&folder, &runs::nested(200, 1));
+    folder.folder().clone()
+}
+
+/// Every file below a folder with its content, every other entry with none; links are not followed.
+fn tree(folder: &Path) -> BTreeMap<PathBuf, Option<Vec<u8>>> {
+    let mut found = BTreeMap::new();
+    let mut next = vec![folder.to_path_buf()];
+    while let Some(path) = next.pop() {
+        for entry in std::fs::read_dir(&path).unwrap() {
+            let entry = entry.unwrap();
+            let (path, kind) = (entry.path(), entry.file_type().unwrap());
+            let content = kind.is_file().then(|| std::fs::read(&path).unwrap());
+            if kind.is_dir() {
+                next.push(path.clone());
+            }
+            found.insert(path.strip_prefix(folder).unwrap().to_path_buf(), content);
+        }
+    }
+    found
+}
+
+/// Copies a folder and all in it.
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for (path, content) in tree(from) {
+        match content {
+            Some(bytes) => std::fs::write(to.join(path), bytes).unwrap(),
+            None => std::fs::create_dir_all(to.join(path)).unwrap(),
+        }
+    }
 }
 
 #[test]
@@ -41,43 +97,48 @@ fn a_finished_run_is_read_back_and_leaves_no_checkpoint() {
         (stored.name.as_str(), stored.config.as_str()),
         ("fit", "seed = 1\n")
     );
+    // Nothing is left of the way there.
+    let names: Vec<PathBuf> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into())
+        .collect();
+    assert_eq!(names.len(), 6, "{names:?}");
 }
 
 #[test]
 fn an_existing_folder_is_refused_without_force_and_stays_as_it_was() {
     let temporary = tempfile::tempdir().unwrap();
     let path = temporary.path().join("fit");
-    let folder = finished(&path);
-    let before = std::fs::read(folder.summary()).unwrap();
-    let error = RunFolder::create(&path, false).unwrap_err();
+    finished(&path);
+    let before = tree(&path);
+    let error = LockedFolder::create(&path, false).unwrap_err();
     assert!(matches!(error, Error::Exists { .. }));
     assert!(message(&error).contains("--force"), "{error}");
-    assert_eq!(std::fs::read(folder.summary()).unwrap(), before);
-    let again = RunFolder::create(&path, true).unwrap();
-    assert!(!again.finished());
-}
-
-#[test]
-fn force_never_removes_a_folder_that_is_not_a_run() {
-    let temporary = tempfile::tempdir().unwrap();
-    let thesis = temporary.path().join("thesis.tex");
-    std::fs::write(&thesis, "chapter one").unwrap();
-    assert!(matches!(
-        RunFolder::create(temporary.path(), true),
-        Err(Error::Exists { .. })
-    ));
-    assert!(thesis.exists());
+    assert_eq!(tree(&path), before);
+    let again = LockedFolder::create(&path, true).unwrap();
+    assert!(!again.folder().finished());
 }
 
 #[test]
 fn a_folder_whose_run_was_killed_before_its_settings_is_as_good_as_none() {
     let temporary = tempfile::tempdir().unwrap();
-    let folder = temporary.path();
-    std::fs::write(folder.join("versions.json"), "{").unwrap();
-    std::fs::write(folder.join(".tmpQ1w2E3"), "see").unwrap();
-    assert!(RunFolder::is_unstarted(folder) && RunFolder::create(folder, false).is_ok());
-    std::fs::write(folder.join("config.toml"), "").unwrap();
-    assert!(!RunFolder::is_unstarted(folder) && RunFolder::create(folder, false).is_err());
+    let path = temporary.path();
+    // In the order in which they come: the log, a temporary file, the marker.
+    std::fs::write(path.join("log.jsonl"), "").unwrap();
+    drop(LockedFolder::create(path, false).unwrap());
+    std::fs::write(path.join(".oblate-tmp-Q1w2E3"), "see").unwrap();
+    let folder = LockedFolder::create(path, false).unwrap();
+    assert_eq!(tree(path).len(), 1, "the temporary file is gone");
+    folder.begin(&beginning(&track())).unwrap();
+    std::fs::remove_file(path.join("config.toml")).unwrap();
+    std::fs::remove_file(path.join("track.ecsv")).unwrap();
+    drop(folder);
+    drop(LockedFolder::create(path, false).unwrap());
+    std::fs::write(path.join("config.toml"), "").unwrap();
+    assert!(matches!(
+        LockedFolder::create(path, false),
+        Err(Error::Exists { .. })
+    ));
 }
 
 #[test]
@@ -88,9 +149,9 @@ fn an_unfinished_or_foreign_folder_is_refused_with_a_remedy() {
         words.contains("config.toml") && words.contains("run folder"),
         "{words}"
     );
-    let folder = RunFolder::create(&temporary.path().join("new"), false).unwrap();
-    folder.begin("", &Versions::new(&[])).unwrap();
-    let words = message(&folder.read().unwrap_err());
+    let folder = LockedFolder::create(&temporary.path().join("new"), false).unwrap();
+    folder.begin(&beginning(&track())).unwrap();
+    let words = message(&folder.folder().read().unwrap_err());
     assert!(
         words.contains("summary.json") && words.contains("--resume"),
         "{words}"
@@ -102,29 +163,30 @@ fn a_damaged_summary_is_refused_with_its_line() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = finished(&temporary.path().join("fit"));
     let text = std::fs::read_to_string(folder.summary()).unwrap();
-    std::fs::write(
-        folder.summary(),
-        text.replacen("\"converged\"", "converged", 1),
-    )
-    .unwrap();
-    let words = folder.read().unwrap_err().to_string();
+    let damaged = |from: &str, to: &str| {
+        std::fs::write(folder.summary(), text.replacen(from, to, 1)).unwrap();
+        folder.read().unwrap_err().to_string()
+    };
+    let words = damaged("\"converged\"", "converged");
     assert!(words.contains("summary.json, line 3"), "{words}");
+    let words = damaged("\"format\": 2", "\"format\": 1");
+    assert!(words.contains("format 1 of summaries"), "{words}");
 }
 
 #[test]
 fn a_folder_in_use_is_neither_shared_nor_replaced() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = finished(&temporary.path().join("fit"));
-    let log = folder.log().unwrap();
+    let log = oblate::run::Log::append_to(&folder.log()).unwrap();
     for error in [
-        folder.log().unwrap_err(),
-        RunFolder::create(folder.path(), true).unwrap_err(),
+        oblate::run::Log::append_to(&folder.log()).unwrap_err(),
+        LockedFolder::create(folder.path(), true).unwrap_err(),
     ] {
         assert!(error.to_string().contains("another run works"), "{error}");
     }
     assert!(folder.finished());
     drop(log);
-    assert!(RunFolder::create(folder.path(), true).is_ok());
+    assert!(LockedFolder::create(folder.path(), true).is_ok());
 }
 
 #[test]
@@ -136,17 +198,15 @@ fn inputs_are_told_apart_by_their_hash() {
 }
 
 #[test]
-fn the_log_appends_one_object_per_line() {
+fn a_folder_of_another_format_is_named() {
     let temporary = tempfile::tempdir().unwrap();
-    let folder = RunFolder::create(&temporary.path().join("fit"), false).unwrap();
-    for step in 0..2 {
-        // Opened twice, as a resumed run does.
-        folder
-            .log()
-            .unwrap()
-            .write(&serde_json::json!({"step": step}))
-            .unwrap();
-    }
-    let text = std::fs::read_to_string(folder.path().join("log.jsonl")).unwrap();
-    assert_eq!(text, "{\"step\":0}\n{\"step\":1}\n");
+    let folder = finished(&temporary.path().join("fit"));
+    let text = std::fs::read_to_string(folder.versions()).unwrap();
+    std::fs::write(
+        folder.versions(),
+        text.replace("\"format\": 1", "\"format\": 9"),
+    )
+    .unwrap();
+    let words = folder.read_versions().unwrap_err().to_string();
+    assert!(words.contains("format 9 of run folders"), "{words}");
 }
