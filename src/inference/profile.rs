@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
-    /// For fits, the default: 2,560 Sobol particles smeared along segments, adaptive steps, soft bin edges, a smooth penalty for
-    /// uncovered bins, and the model's own noise added to that of the data. docs/validation.md, section 2, compares its accuracy and time
-    /// with [`Paper`](Self::Paper).
+    /// For fits, the default: 2,560 smeared Sobol particles, adaptive steps, soft bin edges, a smooth penalty for uncovered bins, and the
+    /// model's own noise added to that of the data. docs/validation.md, section 2, compares its accuracy and time with
+    /// [`Paper`](Self::Paper).
     #[default]
     Fast,
     /// The choices of Chemaly et al. 2026: 10,000 random particles, 100 uniform steps, a leapfrog orbit, hard bin edges, and zero

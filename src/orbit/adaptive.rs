@@ -1,7 +1,7 @@
 //! Fourth-order steps that are halved where particles need it (docs/physics.md, section 5).
 //!
-//! A step is a composition of six kicks and drifts (Blanes & Moan 2002, J. Comput. Appl. Math. 142, 313: their SRKN 6, fourth order). All particles that are integrated together take
-//! the same steps. How often each step is halved is recorded: with its record the integration is a fixed sequence of kicks and drifts,
+//! A step is a composition of six kicks and drifts (Blanes & Moan 2002, J. Comput. Appl. Math. 142, 313: a Runge-Kutta-Nyström method of
+//! fourth order). All particles that are integrated together take the same steps. How often each step is halved is recorded: with its record the integration is a fixed sequence of kicks and drifts,
 //! a [`StepSchedule`](super::StepSchedule), and its derivative is that of this sequence.
 
 use super::leapfrog::force;
