@@ -2,6 +2,8 @@
 
 use crate::error::{CheckpointFault, Error, Result};
 use crate::files::Pending;
+use crate::read;
+use crate::valid::Valid;
 use serde::{Serialize, de::DeserializeOwned};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -10,6 +12,9 @@ const MAGIC: &[u8; 8] = b"oblateck";
 
 /// Version of the file's layout. A change is a changelogged event, and older files are refused by name.
 pub const FORMAT_VERSION: u32 = 11;
+
+/// Largest size of a file. A run of ten thousand live points takes some tens of megabytes.
+pub const MAX_BYTES: u64 = 16 << 30;
 
 /// Header: magic, format version, config hash, fingerprint, checksum, payload length.
 const HEADER: usize = 8 + 4 + 8 + 8 + 8 + 8;
@@ -46,8 +51,8 @@ pub fn exists(path: &Path) -> bool {
 /// the [`previous`] one, once the new one is whole on the disk.
 ///
 /// # Errors
-/// [`Error::Io`] if the file cannot be written, [`Error::Checkpoint`] if the state cannot be encoded; the last file is untouched
-/// then, or the previous one.
+/// [`Error::Io`] if the file cannot be written, [`Error::Checkpoint`] if the state cannot be encoded or is larger than [`MAX_BYTES`];
+/// the last file is untouched then, or the previous one.
 pub fn save<T: Serialize>(
     path: &Path,
     config_hash: u64,
@@ -72,6 +77,15 @@ pub fn save<T: Serialize>(
         bytes.extend_from_slice(&word.to_le_bytes());
     }
     bytes.extend_from_slice(&payload);
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err(Error::Checkpoint {
+            path: path.to_path_buf(),
+            fault: CheckpointFault::TooLarge {
+                gib: bytes.len() >> 30,
+                max_gib: MAX_BYTES >> 30,
+            },
+        });
+    }
     let fresh = Pending::write(path, &bytes)?;
     match std::fs::rename(path, previous(path)) {
         Err(source) if source.kind() != ErrorKind::NotFound => {
@@ -86,7 +100,7 @@ pub fn save<T: Serialize>(
 
 /// Loads a state saved with the same hashes; a damaged file is skipped for the [`previous`] one, with a warning
 /// returned beside the state. Where the file is missing, a process was killed while it [saved](save) the next one, and the previous
-/// one is the last: no warning then.
+/// one is the last: no warning then. `check` says what is wrong with a state that can be decoded, but that no run can have saved.
 ///
 /// # Errors
 /// [`Error::Io`] if neither file can be read; [`Error::Checkpoint`] if both are damaged, or if the file belongs to
@@ -95,14 +109,15 @@ pub fn load<T: DeserializeOwned>(
     path: &Path,
     config_hash: u64,
     fingerprint: u64,
+    check: impl Fn(&T) -> Valid,
 ) -> Result<(T, Option<String>)> {
-    let first = match load_one(path, config_hash, fingerprint) {
+    let first = match load_one(path, config_hash, fingerprint, &check) {
         Ok(state) => return Ok((state, None)),
         Err(first) => first,
     };
     let missing =
         matches!(&first, Error::Io { source, .. } if source.kind() == ErrorKind::NotFound);
-    match load_one(&previous(path), config_hash, fingerprint) {
+    match load_one(&previous(path), config_hash, fingerprint, &check) {
         Ok(state) => {
             let warning = (!missing).then(|| format!("{first}; the checkpoint before it is used"));
             Ok((state, warning))
@@ -111,8 +126,13 @@ pub fn load<T: DeserializeOwned>(
     }
 }
 
-fn load_one<T: DeserializeOwned>(path: &Path, config_hash: u64, fingerprint: u64) -> Result<T> {
-    let bytes = std::fs::read(path).map_err(|source| Error::Io {
+fn load_one<T: DeserializeOwned>(
+    path: &Path,
+    config_hash: u64,
+    fingerprint: u64,
+    check: impl Fn(&T) -> Valid,
+) -> Result<T> {
+    let bytes = read::bytes(path, MAX_BYTES).map_err(|source| Error::Io {
         path: path.to_path_buf(),
         source,
     })?;
@@ -143,9 +163,16 @@ fn load_one<T: DeserializeOwned>(path: &Path, config_hash: u64, fingerprint: u64
     if word(20) != fingerprint {
         return Err(fail(CheckpointFault::OtherTarget));
     }
-    postcard::from_bytes(payload).map_err(|e| {
-        fail(CheckpointFault::Undecodable {
-            message: e.to_string(),
+    let undecodable = |message: String| fail(CheckpointFault::Undecodable { message });
+    let (state, rest) =
+        postcard::take_from_bytes(payload).map_err(|e| undecodable(e.to_string()))?;
+    if !rest.is_empty() {
+        return Err(undecodable("bytes are left over".to_owned()));
+    }
+    check(&state).map_err(|fault| {
+        fail(CheckpointFault::Inconsistent {
+            message: fault.to_owned(),
         })
-    })
+    })?;
+    Ok(state)
 }

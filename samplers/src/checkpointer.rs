@@ -6,6 +6,7 @@ use crate::error::{CheckpointFault, Error, Result};
 use crate::output::{Cost, Status};
 use crate::rng;
 use crate::target::Target;
+use crate::valid::Valid;
 use cpu_time::ProcessTime;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -56,7 +57,7 @@ impl Checkpointer {
     }
 
     /// The state of the checkpoint to resume, if there is one. A warning about a damaged file is an event; it is no part of the result,
-    /// which has the same bits from any checkpoint.
+    /// which has the same bits from any checkpoint. `check` says whether a state is one of this run.
     ///
     /// # Errors
     /// As of [`checkpoint::load`].
@@ -64,6 +65,7 @@ impl Checkpointer {
         &mut self,
         control: &mut Control<'_>,
         cost: impl Fn(&S) -> &Cost,
+        check: impl Fn(&S) -> Valid,
     ) -> Result<Option<S>> {
         let Some(plan) = control.checkpoint.as_ref().filter(|plan| plan.resume) else {
             return Ok(None);
@@ -72,7 +74,7 @@ impl Checkpointer {
             return Ok(None);
         }
         let (state, warning) =
-            checkpoint::load::<S>(&plan.path, self.config_hash, self.fingerprint)?;
+            checkpoint::load::<S>(&plan.path, self.config_hash, self.fingerprint, check)?;
         let spent = cost(&state);
         self.before = [spent.wall_seconds, spent.cpu_seconds];
         if let Some(message) = warning {

@@ -13,6 +13,7 @@
 
 use crate::rng::{Stream, below};
 use crate::target::Orbit;
+use crate::valid::{Valid, ensure, moderate, rows};
 use serde::{Deserialize, Serialize};
 
 /// Most points kept: more take time, and pairs are plenty.
@@ -45,6 +46,20 @@ struct Cells {
     centres: Vec<usize>,
     /// Numbers of the points in each cell.
     members: Vec<Vec<usize>>,
+}
+
+impl Cells {
+    /// Checks a division of so many points that was read from a file. A pair is drawn from any cell.
+    fn check(&self, count: usize) -> Valid {
+        let known = |numbers: &[usize]| numbers.iter().all(|i| *i < count);
+        ensure(
+            !self.centres.is_empty()
+                && self.centres.len() == self.members.len()
+                && known(&self.centres)
+                && self.members.iter().all(|m| m.len() >= 2 && known(m)),
+            "a cell has fewer than two points, or one that does not exist",
+        )
+    }
 }
 
 /// Two points, and the cell that they are from.
@@ -100,6 +115,23 @@ impl DifferencePool {
             .map(|size| difference_pool.divide(size))
             .collect();
         difference_pool
+    }
+
+    /// Checks points of `dim` coordinates that were read from a file.
+    pub(crate) fn check(&self, dim: usize) -> Valid {
+        let count = self.len();
+        let none = self.dim == 0 && self.rows.is_empty() && self.scales.is_empty();
+        ensure(
+            none || self.dim == dim
+                && count <= MAX_POINTS
+                && rows(self.rows.len(), count, dim)
+                && self.places.len() == self.rows.len()
+                && self.inverse_sd.len() == dim,
+            "a pool has other numbers of coordinates and places",
+        )?;
+        let all = self.rows.iter().chain(&self.places).chain(&self.inverse_sd);
+        ensure(moderate(all), "a pool is not finite")?;
+        self.scales.iter().try_for_each(|cells| cells.check(count))
     }
 
     /// Number of points.

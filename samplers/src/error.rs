@@ -117,6 +117,14 @@ pub enum Error {
         /// Which run: of a bridge or a merge.
         run: &'static str,
     },
+    /// The arrays and numbers of a run do not belong together.
+    #[error("{run}: {message}; give the run as the sampler returned it")]
+    Inconsistent {
+        /// Which run: of a bridge or a merge.
+        run: &'static str,
+        /// What does not belong together.
+        message: String,
+    },
     /// A run has no draws.
     #[error("{run} has no draws; resume it until it has")]
     NoDraws {
@@ -154,6 +162,14 @@ pub enum Error {
         /// The seed.
         seed: u64,
     },
+    /// Runs to merge have more lineages than labels.
+    #[error("the runs to merge have too many lineages to be told apart; merge fewer runs")]
+    TooManyLineages,
+    /// A run to merge has no effective sample sizes of its parameters.
+    #[error(
+        "one of the runs to merge has no effective sample sizes of its parameters; fit it again"
+    )]
+    NoEss,
     /// A run to merge is not a nested one.
     #[error(
         "the run with seed {seed} is not a nested run, and only those can be merged; leave it out"
@@ -199,6 +215,22 @@ pub enum CheckpointFault {
     Undecodable {
         /// The decoder's message.
         message: String,
+    },
+    /// The state can be decoded, but is none of this run.
+    #[error("its state is of no run: {message}; remove it and start again, or restore a good copy")]
+    Inconsistent {
+        /// What is wrong with it.
+        message: String,
+    },
+    /// The state is larger than what can be read back.
+    #[error(
+        "the state has {gib} GiB, and at most {max_gib} can be read back; use fewer live points, chain sets or scans"
+    )]
+    TooLarge {
+        /// Its size.
+        gib: usize,
+        /// The largest size.
+        max_gib: u64,
     },
     /// The state has no encoding.
     #[error("the state cannot be encoded ({message}); report this as a bug")]

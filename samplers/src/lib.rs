@@ -39,7 +39,8 @@
 //! ```
 //!
 //! Modules, each of which may only import the ones before it: [`limits`], [`error`], [`normal`], [`rng`], [`target`],
-//! [`files`], [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`difference_pool`], [`smc_weights`], mixtures, then the samplers: [`hmc`], [`nested`] and
+//! [`files`], [`read`], checks of states, [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`difference_pool`],
+//! [`smc_weights`], mixtures, then the samplers: [`hmc`], [`nested`] and
 //! [`pt`], and [`bridge`], the SMC bridge from a finished run to a finer likelihood.
 #![cfg_attr(
     test,
@@ -74,9 +75,11 @@ pub mod nested;
 pub mod normal;
 pub mod output;
 pub mod pt;
+pub mod read;
 pub mod rng;
 pub mod smc_weights;
 pub mod target;
+mod valid;
 
 pub use control::{Budget, Control, Event, Observer};
 pub use error::{Error, Result};

@@ -2,9 +2,11 @@
 
 use crate::diagnostics::ln_sum_exp;
 use crate::rng::{Stream, below, standard_normal, unit_open};
+use crate::valid::{Valid, ensure, moderate, triangle};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::f64::consts::PI;
 
 /// Degrees of degrees of freedom of every component: tails heavy enough for importance weights, a centre still close to a Gaussian's.
@@ -53,6 +55,7 @@ struct Component {
     weight: f64,
     mean: DVector<f64>,
     /// `L` of the scale matrix `L L'`.
+    #[serde(deserialize_with = "matrix")]
     lower: DMatrix<f64>,
     /// Its inverse, row by row up to the diagonal.
     inverse: Vec<f64>,
@@ -60,7 +63,35 @@ struct Component {
     ln_peak: f64,
 }
 
+/// A matrix from its numbers and its shape, in nalgebra's form, which itself multiplies the two sides without a bound.
+fn matrix<'de, D: Deserializer<'de>>(source: D) -> Result<DMatrix<f64>, D::Error> {
+    let (numbers, rows, columns): (Vec<f64>, usize, usize) = Deserialize::deserialize(source)?;
+    if rows.checked_mul(columns) == Some(numbers.len()) {
+        Ok(DMatrix::from_vec(rows, columns, numbers))
+    } else {
+        Err(D::Error::custom("a matrix of another shape"))
+    }
+}
+
 impl Component {
+    /// Checks a component that was read from a file.
+    fn check(&self, dim: usize) -> Valid {
+        ensure(
+            self.mean.len() == dim
+                && self.lower.shape() == (dim, dim)
+                && self.inverse.len() == triangle(dim),
+            "a component of the mixture has another dimension",
+        )?;
+        let all = (self.mean.iter())
+            .chain(self.lower.iter())
+            .chain(&self.inverse)
+            .chain([&self.ln_peak]);
+        ensure(
+            moderate(all) && self.weight > 0.0 && self.weight <= 1.0,
+            "a component of the mixture is not finite",
+        )
+    }
+
     /// None unless the scale matrix is positive definite.
     fn new(weight: f64, mean: DVector<f64>, scale: DMatrix<f64>) -> Option<Self> {
         let lower = Cholesky::new(scale)?.unpack();
@@ -278,6 +309,12 @@ impl Mixture {
         Some(Self {
             components: components.collect::<Option<_>>()?,
         })
+    }
+
+    /// Checks a mixture that was read from a file.
+    pub fn check(&self, dim: usize) -> Valid {
+        ensure(!self.components.is_empty(), "a mixture has no component")?;
+        self.components.iter().try_for_each(|c| c.check(dim))
     }
 
     /// Number of components.

@@ -1,7 +1,12 @@
 //! What every sampler returns: weighted draws, the evidence with its error, the cost and the convergence checks.
 
+mod check;
+
+pub use check::RunFault;
+
 use crate::error::{Error, Result};
 use crate::target::{Cause, Outcome, Target};
+use crate::valid::{Valid, countable, ensure};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -290,6 +295,20 @@ impl Cost {
         self.calls + self.gradients
     }
 
+    /// Checks a cost that was read from a file.
+    pub(crate) fn check(&self) -> Valid {
+        let counts = [self.calls, self.gradients].into_iter();
+        ensure(
+            countable(counts.chain(self.rejected.values().copied())),
+            "a count is too large",
+        )?;
+        let time = |x: f64| x >= 0.0 && x.is_finite();
+        ensure(
+            time(self.wall_seconds) && time(self.cpu_seconds),
+            "a time is not finite, or negative",
+        )
+    }
+
     /// Adds the calls of a task.
     pub fn count(&mut self, calls: &Calls) {
         self.calls += calls.values;
@@ -308,12 +327,13 @@ impl Cost {
 
     /// Adds what another part of the work cost.
     pub fn add(&mut self, other: &Self) {
-        self.calls += other.calls;
-        self.gradients += other.gradients;
+        self.calls = self.calls.saturating_add(other.calls);
+        self.gradients = self.gradients.saturating_add(other.gradients);
         self.cpu_seconds += other.cpu_seconds;
         self.wall_seconds += other.wall_seconds;
         for (cause, count) in &other.rejected {
-            *self.rejected.entry(cause.clone()).or_default() += count;
+            let sum = self.rejected.entry(cause.clone()).or_default();
+            *sum = sum.saturating_add(*count);
         }
     }
 }
@@ -455,12 +475,19 @@ impl Run {
         self.status == Status::Complete && self.checks.iter().all(|g| g.pass)
     }
 
-    /// Whether it is a run on this target: parameters have the same names, and the best draw the same ln L. `run` names it in errors.
+    /// Whether it is a consistent run ([`check`](Self::check)) on this target: parameters have the same names, and the best draw the same
+    /// ln L. `run` names it in errors.
     ///
     /// # Errors
-    /// [`Error::OtherParameters`], [`Error::NoDraws`] or [`Error::OtherLikelihood`] if it is not; [`Error::Fatal`] and
+    /// [`Error::Inconsistent`], [`Error::OtherParameters`], [`Error::NoDraws`] or [`Error::OtherLikelihood`] if it is not; [`Error::Fatal`] and
     /// [`Error::Infinite`] from the target.
     pub fn check_belongs(&self, target: &dyn Target, run: &'static str) -> Result<()> {
+        if let Err(fault) = self.check() {
+            return Err(Error::Inconsistent {
+                run,
+                message: fault.to_string(),
+            });
+        }
         if self.names != target.prior().names() {
             return Err(Error::OtherParameters { run });
         }

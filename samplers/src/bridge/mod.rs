@@ -10,6 +10,7 @@
 //! of odd ones and the reverse: directions from the own lineage would not leave the distribution invariant.
 
 mod between;
+mod check;
 mod outcome;
 mod settings;
 mod state;
@@ -62,7 +63,12 @@ pub fn run(
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     stop |= control.tell_memory(&settings.memory(target.dim()));
-    match checkpointer.load(control, |state: &State| &state.cost)? {
+    let saved = checkpointer.load(
+        control,
+        |state: &State| &state.cost,
+        |state| state.check(settings, &parent.draws, target.dim()),
+    )?;
+    match saved {
         Some(state) => bridge.state = state,
         None => bridge.begin(parent)?,
     }

@@ -15,7 +15,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 /// linear interpolation between the mid-points of the weights. Weights need not be normalised. NaN without values.
 #[must_use]
 pub fn weighted_quantile(values: &[f64], weights: &[f64], p: f64) -> f64 {
-    let mut order: Vec<usize> = (0..values.len()).filter(|&i| weights[i] > 0.0).collect();
+    let rows = values.len().min(weights.len());
+    let mut order: Vec<usize> = (0..rows).filter(|&i| weights[i] > 0.0).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
     let total: f64 = order.iter().map(|&i| weights[i]).sum();
     let mut below = 0.0;

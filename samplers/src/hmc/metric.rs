@@ -6,6 +6,7 @@
 //! and `(P C P)^-1` is `P^-1`. So a temperature finds its scales before its states are in equilibrium.
 
 use super::Moments;
+use crate::valid::{Valid, ensure, moderate, triangle};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +42,14 @@ impl Metric {
             covariance += &away * away.transpose() / n;
         }
         Self::from_covariance(&covariance).unwrap_or_else(|| Self::identity(dim))
+    }
+
+    /// Checks a metric that was read from a file.
+    pub(crate) fn check(&self, dim: usize) -> Valid {
+        ensure(
+            self.0.len() == triangle(dim) && moderate(&self.0),
+            "a metric has another shape, or is not finite",
+        )
     }
 
     /// `out = L r`.

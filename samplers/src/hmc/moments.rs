@@ -1,5 +1,6 @@
 //! Running first and second moments of positions and scores: what a metric is estimated from.
 
+use crate::valid::{Valid, ensure, moderate, rows};
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +29,14 @@ impl Scatter {
             sum: vec![0.0; dim * dim],
             deviation: vec![0.0; dim],
         }
+    }
+
+    fn check(&self, dim: usize) -> Valid {
+        ensure(
+            self.mean.len() == dim && self.deviation.len() == dim && rows(self.sum.len(), dim, dim),
+            "moments have another dimension",
+        )?;
+        ensure(moderate(&self.mean), "moments are not finite")
     }
 
     fn push(&mut self, x: &[f64], count: f64) {
@@ -69,6 +78,16 @@ impl Moments {
             position: Scatter::new(dim),
             score: Scatter::new(dim),
         }
+    }
+
+    /// Checks moments that were read from a file.
+    pub(crate) fn check(&self, dim: usize) -> Valid {
+        ensure(
+            self.weight >= 0.0 && self.weight.is_finite(),
+            "moments are of no number of draws",
+        )?;
+        self.position.check(dim)?;
+        self.score.check(dim)
     }
 
     /// Takes in one draw.

@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::output::Calls;
 use crate::rng::Stream;
 use crate::target::Target;
+use crate::valid::{Valid, ensure, moderate};
 use serde::{Deserialize, Serialize};
 
 /// A state of a chain.
@@ -36,6 +37,29 @@ impl Point {
             ln_over_prior: 0.0,
             ln_over_prior_gradient: Vec::new(),
         }
+    }
+
+    /// Checks a point that was read from a file, of a path from `reference`; only at some temperatures may it have no likelihood.
+    pub(crate) fn check(&self, dim: usize, reference: &Reference, rejected: bool) -> Valid {
+        ensure(
+            self.z.len() == dim && self.gradient.len() == dim && moderate(&self.z),
+            "a point has another dimension, or is not finite",
+        )?;
+        ensure(
+            self.ln_likelihood.is_finite() || rejected && self.ln_likelihood == f64::NEG_INFINITY,
+            "a point has no likelihood",
+        )?;
+        let tilts = if reference.is_prior() { 0 } else { dim };
+        let mut all = self.gradient.iter().chain(&self.ln_over_prior_gradient);
+        ensure(
+            !self.has_gradient
+                || self.ln_over_prior_gradient.len() == tilts && all.all(|g| g.is_finite()),
+            "a gradient has another dimension, or is not finite",
+        )?;
+        ensure(
+            self.ln_over_prior.is_finite(),
+            "a point has no density of the reference",
+        )
     }
 
     /// Log density at an inverse temperature, up to a constant of the temperature.

@@ -9,6 +9,7 @@ use crate::diagnostics::ln_sum_exp;
 use crate::mixture::{Mixture, Rows};
 use crate::normal;
 use crate::rng::{Stream, standard_normal, unit_open};
+use crate::valid::Valid;
 use serde::{Deserialize, Serialize};
 
 /// Weight of the prior in a reference: it bounds the ratio of prior to reference by its inverse, and no mode is out of
@@ -41,6 +42,11 @@ impl Reference {
         let [first, second] = halves.clone().map(|values| Rows { dim, values });
         let mixture = Mixture::choose([&first, &second], MAX_COMPONENTS, rng)?;
         Some(Self(Some(mixture.widened(WIDER)?)))
+    }
+
+    /// Checks a reference that was read from a file.
+    pub(crate) fn check(&self, dim: usize) -> Valid {
+        self.0.as_ref().map_or(Ok(()), |mixture| mixture.check(dim))
     }
 
     /// Whether it is the prior.

@@ -1,5 +1,6 @@
 //! The step size of one temperature, steered toward an acceptance while a round adapts and frozen when it does not.
 
+use crate::valid::{Valid, ensure};
 use serde::{Deserialize, Serialize};
 
 /// Largest step in metric units: a leapfrog on a Gaussian is unstable beyond 2, and inefficient well below.
@@ -26,6 +27,15 @@ impl StepSize {
             sum: 0.0,
             count: 0,
         }
+    }
+
+    /// Checks a controller that was read from a file.
+    pub(crate) fn check(&self) -> Valid {
+        let allowed = MIN_STEP.ln()..=MAX_STEP.ln();
+        ensure(
+            allowed.contains(&self.ln_step) && self.sum.is_finite() && self.count < u32::MAX / 2,
+            "a step size is out of its range",
+        )
     }
 
     /// The step to use now.

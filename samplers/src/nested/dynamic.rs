@@ -53,7 +53,9 @@ impl LikelihoodRange {
         let within = |i: &usize| importance[*i] >= enough;
         let first = (0..count).find(within).unwrap_or(0);
         let last = (0..count).rev().find(within).unwrap_or(0);
-        let floor = match first.checked_sub(1) {
+        // Points of one likelihood are all above the floor or none of them is.
+        let before = history.ln_l.partition_point(|l| *l < history.ln_l[first]);
+        let floor = match before.checked_sub(1) {
             Some(before) => history.ln_l[before],
             None => f64::NEG_INFINITY,
         };
@@ -155,6 +157,18 @@ mod tests {
         // Four of ten have died below it.
         let ln_x: f64 = (7..=10).map(|n| -1.0 / f64::from(n)).sum();
         assert!((range.ln_x - ln_x).abs() < 1e-12, "{range:?}");
+    }
+
+    #[test]
+    fn a_batch_for_a_plateau_begins_below_it() {
+        let ln_l: Vec<f64> = (0..10).map(|i| f64::from(i.min(4))).collect();
+        let history = history(&ln_l);
+        let mut weighted = history.weigh();
+        // More of the plateau's weight lies with its later points.
+        weighted.p = vec![0.19; 10];
+        weighted.p[..5].copy_from_slice(&[0.01; 5]);
+        let range = LikelihoodRange::of(&history, &weighted, 1.0);
+        assert_eq!((range.floor, range.ceiling), (ln_l[3], ln_l[9]));
     }
 
     #[test]

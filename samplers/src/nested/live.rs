@@ -1,6 +1,7 @@
 //! Points of a nested run, and the choice of those that die next.
 
 use crate::diagnostics::effective_kinds;
+use crate::valid::{Valid, ensure, rows};
 use serde::{Deserialize, Serialize};
 
 /// Log-likelihood of a rejected point: below every likelihood, and above minus infinity, the bound of the first points. So a
@@ -61,6 +62,34 @@ impl Points {
             dim,
             ..Self::default()
         }
+    }
+
+    /// Checks points that were read from a file: of `dim` coordinates inside the open cube, each above its contour of birth, of so
+    /// many lineages and recent lineages at most.
+    pub fn check(&self, dim: usize, lineages: usize, recent_lineages: u32) -> Valid {
+        ensure(
+            self.dim == dim
+                && rows(self.u.len(), self.len(), dim)
+                && self.birth.len() == self.len()
+                && self.genealogy.len() == self.len(),
+            "points have other numbers of coordinates, likelihoods, births or lineages",
+        )?;
+        ensure(
+            self.u.iter().all(|u| *u > 0.0 && *u < 1.0),
+            "a coordinate is outside the unit cube",
+        )?;
+        let above = |(ln_l, birth): (&f64, &f64)| birth < ln_l && ln_l.is_finite();
+        ensure(
+            self.ln_l.iter().zip(&self.birth).all(above),
+            "a log-likelihood is not finite, or not above the contour of its birth",
+        )?;
+        ensure(
+            (self.genealogy.iter()).all(|genealogy| {
+                (genealogy.lineage as usize) < lineages
+                    && genealogy.recent_lineage < recent_lineages
+            }),
+            "a lineage or recent lineage does not exist",
+        )
     }
 
     pub fn len(&self) -> usize {

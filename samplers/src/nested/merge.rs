@@ -40,6 +40,9 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     for part in &parts {
         all.add(part, dim);
     }
+    if all.lineages > Draws::MAX_LABEL {
+        return Err(Error::TooManyLineages);
+    }
     let history = DeadPoints::new(&all.ln_l, &all.birth, &all.genealogy);
     let results = Results::of(history, &all.theta, dim, |history, _| Errors {
         simulated: simulated(history, &Settings::default(), first.seed),
@@ -82,6 +85,9 @@ struct Part<'a> {
 impl<'a> Part<'a> {
     fn of(target: &dyn Target, run: &'a Run) -> Result<Self> {
         run.check_belongs(target, "a run to merge")?;
+        if run.ess.bulk.len() != target.dim() {
+            return Err(Error::NoEss);
+        }
         let History::Nested {
             ln_likelihood,
             ln_likelihood_birth,

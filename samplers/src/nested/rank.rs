@@ -2,6 +2,7 @@
 //! probability (Buchner 2014; Fowlie, Handley & Su 2020). A kernel that moves too little does not.
 
 use crate::rng::{Stream, unit_open};
+use crate::valid::{Valid, ensure};
 use serde::{Deserialize, Serialize};
 
 /// Ranks in order of insertion.
@@ -16,6 +17,15 @@ impl Ranks {
     pub fn push(&mut self, rank: u32, size: u32) {
         self.rank.push(rank);
         self.size.push(size);
+    }
+
+    /// Checks ranks that were read from a file.
+    pub fn check(&self) -> Valid {
+        let within = |(rank, size): (&u32, &u32)| rank <= size;
+        ensure(
+            self.rank.len() == self.size.len() && self.rank.iter().zip(&self.size).all(within),
+            "an insertion rank is above the number of live points",
+        )
     }
 
     pub fn len(&self) -> usize {

@@ -37,7 +37,12 @@ pub fn run(
         return Err(Error::GalileanWithoutGradient);
     }
     let mut checkpointer = Checkpointer::new(&[target], &(settings, seed), control)?;
-    let mut state = match checkpointer.load(control, |state: &State| &state.cost)? {
+    let saved = checkpointer.load(
+        control,
+        |state: &State| &state.cost,
+        |state| state.check(&context),
+    )?;
+    let mut state = match saved {
         Some(saved) => saved,
         None => State::new(&context),
     };

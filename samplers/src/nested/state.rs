@@ -1,5 +1,7 @@
 //! A nested run between two iterations: everything that a checkpoint holds, and the step from one iteration to the next.
 
+mod check;
+
 use super::bound::Bound;
 use super::dynamic::{LikelihoodRange, RunSummary};
 use super::kernel::{self, NewPoint, Setting};
@@ -54,6 +56,19 @@ impl Context<'_> {
     pub fn first_steps(&self) -> usize {
         let default = self.settings.kernel.default_steps(self.target.dim());
         self.settings.steps.unwrap_or(default)
+    }
+
+    /// Number of steps from which on it is not raised, if the user has not chosen one.
+    fn raised_below(&self) -> usize {
+        10 * self.first_steps()
+    }
+
+    /// Largest number of steps that a run can come to: that which [`Tuning::watch`] raises last, by half.
+    fn most_steps(&self) -> usize {
+        match self.settings.steps {
+            Some(chosen) => chosen,
+            None => self.raised_below() + self.raised_below().div_ceil(2),
+        }
     }
 }
 
@@ -237,7 +252,7 @@ impl State {
         if context.settings.steps.is_none() {
             let window = 5 * context.settings.n_live;
             self.tuning
-                .watch(&self.ranks, window, 10 * context.first_steps());
+                .watch(&self.ranks, window, context.raised_below());
         }
         Ok(())
     }

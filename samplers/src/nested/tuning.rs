@@ -6,6 +6,7 @@ use super::live::Points;
 use super::rank::Ranks;
 use super::settings::Kernel;
 use crate::rng::{Stream, below};
+use crate::valid::{Valid, countable, ensure};
 use serde::{Deserialize, Serialize};
 
 /// First step length in units of the local ellipsoid; for a walk the longest. A step of the ellipsoid's radius times 1.35 over
@@ -69,7 +70,28 @@ impl Tuning {
         }
     }
 
-    /// Resets the step lengths for another bound: those of one are not those of's.
+    /// Checks what was read from a file, beside so many insertions: steps are from `first_steps` on and at most `most`.
+    pub fn check(&self, insertions: usize, first_steps: usize, most: usize) -> Valid {
+        let length = |x: f64| x >= 0.0 && x.is_finite();
+        ensure(
+            length(self.scale) && length(self.stride),
+            "a step length is not finite, or negative",
+        )?;
+        ensure(
+            (first_steps..=most).contains(&self.steps),
+            "the number of steps is not one that the settings allow",
+        )?;
+        let (inserted, seed_correlations, stayed) = self.window;
+        ensure(
+            inserted <= insertions
+                && seed_correlations <= self.seed_correlations.len()
+                && stayed <= self.stayed,
+            "the window of the steps begins after the last insertion",
+        )?;
+        ensure(countable([self.stayed]), "a count is too large")
+    }
+
+    /// Resets the step lengths, for another likelihood bound.
     pub fn forget_lengths(&mut self, kernel: Kernel, dim: usize) {
         self.scale = first_scale(kernel, dim);
         self.stride = FIRST_STRIDE;

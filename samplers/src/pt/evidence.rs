@@ -1,6 +1,7 @@
 //! ln Z of a chain set from its log-likelihoods alone: Bennett's estimate, its error, and three checks.
 
 use crate::diagnostics::{error_of_mean, ln_sum_exp};
+use crate::valid::{Valid, ensure, rows};
 use serde::{Deserialize, Serialize};
 
 /// Blocks over which scans are averaged before their correlation is estimated: a weak correlation over hundreds of scans
@@ -23,6 +24,26 @@ impl Traces {
             temperatures,
             values: vec![Vec::new(); chain_sets * temperatures],
         }
+    }
+
+    /// Checks traces that were read from a file: as many scans in every chain, all with a likelihood at the coldest.
+    pub(super) fn check(&self, chain_sets: usize, temperatures: usize) -> Valid {
+        let scans = self.scans();
+        ensure(
+            self.temperatures == temperatures
+                && rows(self.values.len(), chain_sets, temperatures)
+                && self.values.iter().all(|trace| trace.len() == scans),
+            "traces of other chain sets, temperatures or scans",
+        )?;
+        let sound = |(chain, trace): (usize, &Vec<f64>)| {
+            let cold = (chain + 1).is_multiple_of(temperatures);
+            let mut values = trace.iter();
+            values.all(|l| l.is_finite() || !cold && *l == f64::NEG_INFINITY)
+        };
+        ensure(
+            self.values.iter().enumerate().all(sound),
+            "a trace is not finite",
+        )
     }
 
     /// Adds one value to one chain.

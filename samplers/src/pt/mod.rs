@@ -41,6 +41,7 @@
 //! ```
 
 mod adapt;
+mod check;
 mod checks;
 mod evidence;
 mod outcome;
@@ -91,7 +92,12 @@ pub fn run(
         ..settings.clone()
     };
     let mut checkpointer = Checkpointer::new(&[target], &(drawing, seed), control)?;
-    let mut state = match checkpointer.load(control, |state: &State| &state.cost)? {
+    let saved = checkpointer.load(
+        control,
+        |state: &State| &state.cost,
+        |state| state.check(settings, seed, target.dim()),
+    )?;
+    let mut state = match saved {
         Some(state) => state.allowed(settings.extensions),
         None => State::start(target, settings, seed)?,
     };

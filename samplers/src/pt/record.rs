@@ -1,8 +1,10 @@
 //! What is recorded of one round.
 
 use super::evidence::Traces;
+use super::settings::Settings;
 use super::swap::{self, IndexProcess};
 use crate::hmc::{End, Moments, Moved, Point, shorten};
+use crate::valid::{Valid, countable, ensure, moderate, rows};
 use serde::{Deserialize, Serialize};
 
 /// Longest score that enters a metric, in units of sqrt(d): that of a posterior a thousand times narrower than its prior.
@@ -40,6 +42,21 @@ impl Local {
         self.capped += u64::from(moved.capped);
         self.diverged += u64::from(moved.end == End::Diverged);
         self.rejected += u64::from(moved.end == End::Rejected);
+    }
+
+    /// Checks counts that were read from a file.
+    fn check(&self) -> Valid {
+        let counts = [
+            self.moves,
+            self.leapfrogs,
+            self.capped,
+            self.diverged,
+            self.rejected,
+        ];
+        ensure(
+            countable(counts) && self.rejected <= self.moves && self.acceptance.is_finite(),
+            "a count of moves is too large, or acceptance is not finite",
+        )
     }
 
     pub(super) fn add(&mut self, other: &Self) {
@@ -103,6 +120,49 @@ impl Extension {
             moments: vec![Moments::new(dim); temperatures],
             rejection: vec![0.0; temperatures - 1],
         }
+    }
+
+    /// Checks an extension of `scans` that was read from a file.
+    fn check(&self, dim: usize, chain_sets: usize, clusters: usize, scans: usize) -> Valid {
+        let temperatures = self.beta.len();
+        ensure(
+            temperatures >= 2
+                && self.scans == scans
+                && self.index_processes.len() == chain_sets
+                && self.locals.len() == temperatures
+                && self.moments.len() == temperatures
+                && self.rejection.len() == temperatures - 1,
+            "an extension has other chain sets, temperatures or scans",
+        )?;
+        self.traces.check(chain_sets, temperatures)?;
+        let noted = self.traces.scans();
+        let draws = (self.draws.iter()).all(|z| rows(z.len(), noted, dim) && moderate(z));
+        let values = |l: &Vec<f64>| l.len() == noted && l.iter().all(|l| l.is_finite());
+        ensure(
+            self.draws.len() == chain_sets
+                && draws
+                && self.ln_likelihood.len() == chain_sets
+                && self.ln_likelihood.iter().all(values),
+            "draws and their likelihoods differ in number, or are not finite",
+        )?;
+        let visited = |z: &Vec<f64>| z.len().is_multiple_of(dim) && moderate(z);
+        ensure(
+            self.visit_every > 0
+                && self.visits.len() == temperatures
+                && self
+                    .visits
+                    .iter()
+                    .all(|v| v.len() == clusters && v.iter().all(visited)),
+            "remembered states are of other temperatures or clusters",
+        )?;
+        ensure(
+            self.rejection.iter().all(|s| *s >= 0.0 && s.is_finite()),
+            "a sum of rejections is negative, or not finite",
+        )?;
+        (self.index_processes.iter())
+            .try_for_each(|index_processes| index_processes.check(temperatures))?;
+        self.locals.iter().try_for_each(Local::check)?;
+        (self.moments.iter()).try_for_each(|moments| moments.check(dim))
     }
 
     /// Notes one chain set's states, hottest first, after exploration and before swaps.
@@ -185,6 +245,49 @@ impl Record {
             trails: vec![Vec::new(); chain_sets],
             clusters,
         }
+    }
+
+    /// Checks a record that was read from a file: of at most so many extensions, each of so many scans, of which so many are done in all.
+    pub(super) fn check(
+        &self,
+        dim: usize,
+        settings: &Settings,
+        beta: &[f64],
+        [extensions, scans, done]: [usize; 3],
+    ) -> Valid {
+        let (chain_sets, clusters) = (settings.chain_sets, settings.clusters());
+        ensure(
+            (1..=extensions).contains(&self.extensions.len())
+                && self.trails.len() == chain_sets
+                && self.clusters == clusters,
+            "a record has other extensions, chain sets or clusters",
+        )?;
+        let whole = |z: &Vec<f64>| z.len().is_multiple_of(dim) && moderate(z);
+        ensure(
+            self.trails.iter().all(whole),
+            "a trail has another dimension, or is not finite",
+        )?;
+        (self.extensions.iter())
+            .try_for_each(|extension| extension.check(dim, chain_sets, clusters, scans))?;
+        let noted: usize = self
+            .extensions
+            .iter()
+            .map(|extension| extension.traces.scans())
+            .sum();
+        let before = &self.extensions[..self.extensions.len() - 1];
+        ensure(
+            noted == done
+                && before
+                    .iter()
+                    .all(|extension| extension.traces.scans() == scans),
+            "a record has other scans than the round",
+        )?;
+        let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
+        let last = &self.extension().beta;
+        ensure(
+            last.len() == beta.len() && last.iter().zip(beta).all(same),
+            "the present extension is at other temperatures",
+        )
     }
 
     /// Begins another extension of `scans`, with the same replicas.

@@ -105,6 +105,9 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// Most extensions of the last round.
+    pub(super) const MAX_EXTENSIONS: usize = 1024;
+
     /// Scans of a round, the first of which is 0.
     #[must_use]
     pub fn scans(&self, round: usize) -> usize {

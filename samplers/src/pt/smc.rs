@@ -10,14 +10,16 @@
 //! invariant.
 
 use super::schedule::{communication_barrier, locate, respaced};
+use super::settings::Settings;
 use super::swap;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
-use crate::hmc::{Evaluator, Metric, Point, involutions_and_slice_updates};
+use crate::hmc::{Evaluator, Metric, Point, Reference, involutions_and_slice_updates};
 use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::{SmcWeights, after_step};
 use crate::target::{Symmetry, Target};
+use crate::valid::{Valid, countable, ensure, moderate, rows};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -37,6 +39,18 @@ impl Level {
             z: points.iter().flat_map(|p| p.z.iter().copied()).collect(),
             ln_likelihood: points.iter().map(|p| p.ln_likelihood).collect(),
         }
+    }
+
+    /// Checks a level of so many SMC particles that was read from a file.
+    fn check(&self, particles: usize, dim: usize) -> Valid {
+        ensure(
+            self.ln_likelihood.len() == particles && rows(self.z.len(), particles, dim),
+            "a level has another number of SMC particles",
+        )?;
+        ensure(
+            moderate(&self.z) && self.ln_likelihood.iter().all(|l| l.is_finite()),
+            "an SMC particle is not finite, or has no likelihood",
+        )
     }
 
     /// SMC particle number `i`.
@@ -124,6 +138,23 @@ struct SmcSampler {
 }
 
 impl SmcSampler {
+    /// Checks an SMC sampler that was read from a file, which passed these inverse temperatures.
+    fn check(&self, particles: usize, dim: usize, beta: &[f64]) -> Valid {
+        ensure(
+            self.points.len() == particles && !self.ln_z.is_nan(),
+            "an SMC sampler has another number of SMC particles, or no evidence",
+        )?;
+        let prior = Reference::default();
+        (self.points.iter()).try_for_each(|point| point.check(dim, &prior, false))?;
+        let same = |level: &Level, beta: &f64| level.beta.to_bits() == beta.to_bits();
+        ensure(
+            self.levels.len() == beta.len()
+                && self.levels.iter().zip(beta).all(|(l, b)| same(l, b)),
+            "SMC samplers passed other temperatures",
+        )?;
+        (self.levels.iter()).try_for_each(|level| level.check(particles, dim))
+    }
+
     /// Weights of the particles at colder temperatures.
     fn smc_weights(&self) -> SmcWeights {
         SmcWeights::new(self.points.iter().map(|p| p.ln_likelihood).collect())
@@ -169,6 +200,34 @@ impl SmcSamplers {
             pools: Default::default(),
             clock: 0,
         }
+    }
+
+    /// Checks SMC samplers that were read from a file: on their way from the prior, at least one short of the posterior.
+    pub(super) fn check(&self, settings: &Settings, dim: usize) -> Valid {
+        ensure(
+            self.smc_samplers.len() == settings.clusters(),
+            "another number of SMC samplers",
+        )?;
+        let levels = self.smc_samplers.first().map(|p| &p.levels);
+        let beta: Vec<f64> = levels.into_iter().flatten().map(|l| l.beta).collect();
+        ensure(
+            beta.first() == Some(&0.0)
+                && beta.windows(2).all(|b| b[0] <= b[1])
+                && beta
+                    .last()
+                    .is_some_and(|last| *last < 1.0 && *last <= self.beta)
+                && self.beta <= 1.0,
+            "SMC samplers whose temperatures do not fall from the prior on",
+        )?;
+        let particles = settings.particles_per_sampler();
+        (self.smc_samplers.iter()).try_for_each(|p| p.check(particles, dim, &beta))?;
+        ensure(
+            self.mcmc_steps <= settings.mcmc_steps(dim),
+            "more MCMC steps than the settings allow",
+        )?;
+        ensure(countable([self.clock]), "a count is too large")?;
+        (self.metrics.iter()).try_for_each(|metric| metric.check(dim))?;
+        self.pools.iter().try_for_each(|pool| pool.check(dim))
     }
 
     /// Whether all have reached the posterior.

@@ -1,5 +1,6 @@
 //! Swaps between neighbouring temperatures, and the index processes of the replicas that they move.
 
+use crate::valid::{Valid, countable, ensure};
 use serde::{Deserialize, Serialize};
 
 /// `min(1, exp{(b_cold - b_hot)(l_hot - l_cold)})`, computed in logarithms; 0 for a hot state without a likelihood.
@@ -37,6 +38,14 @@ impl IndexProcess {
             round_trips: 0,
             restarts: 0,
         }
+    }
+
+    /// Checks index processes that were read from a file.
+    pub(super) fn check(&self, replicas: usize) -> Valid {
+        ensure(
+            self.phase.len() == replicas && countable([self.round_trips, self.restarts]),
+            "a chain set has another number of replicas, or a count is too large",
+        )
     }
 
     /// The same replicas, with counts at zero.

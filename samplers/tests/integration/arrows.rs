@@ -8,13 +8,15 @@ use std::path::Path;
 
 /// From the lowest layer up. `checkpoint` stands before `output`, whose hash of a run is that of checkpoints; `nested` and `hmc`
 /// do not import each other, which the order alone cannot say (see the second test).
-const ORDER: [&str; 18] = [
+const ORDER: [&str; 20] = [
     "limits",
     "error",
     "normal",
     "rng",
     "target",
     "files",
+    "read",
+    "valid",
     "checkpoint",
     "output",
     "control",

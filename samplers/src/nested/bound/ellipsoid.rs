@@ -2,6 +2,7 @@
 
 use crate::nested::live::Points;
 use crate::rng::{Stream, standard_normal, unit_open};
+use crate::valid::{Valid, ensure, moderate, triangle};
 use nalgebra::{DMatrix, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
@@ -93,6 +94,21 @@ impl Ellipsoid {
         };
         ball.enlarge(0.5 * d.sqrt());
         ball
+    }
+
+    /// Checks an ellipsoid that was read from a file.
+    pub fn check(&self, dim: usize) -> Valid {
+        ensure(
+            self.center.len() == dim
+                && self.axes.len() == triangle(dim)
+                && self.inverse.len() == triangle(dim),
+            "an ellipsoid has another number of axes",
+        )?;
+        let all = (self.center.iter())
+            .chain(&self.axes)
+            .chain(&self.inverse)
+            .chain([&self.ln_volume]);
+        ensure(moderate(all), "an ellipsoid is not finite")
     }
 
     fn dim(&self) -> usize {

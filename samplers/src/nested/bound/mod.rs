@@ -7,6 +7,7 @@ pub(super) use ellipsoid::{Ellipsoid, draw_direction};
 
 use super::live::Points;
 use crate::rng::{Domain, Stream, below, stream, unit_open};
+use crate::valid::Valid;
 use serde::{Deserialize, Serialize};
 
 /// Bootstraps behind the enlargement for independent draws.
@@ -85,6 +86,12 @@ impl Bound {
             whole: Ellipsoid::around_cube(dim),
             parts: Vec::new(),
         }
+    }
+
+    /// Checks a bound that was read from a file.
+    pub fn check(&self, dim: usize) -> Valid {
+        self.whole.check(dim)?;
+        self.parts.iter().try_for_each(|part| part.check(dim))
     }
 
     /// The ellipsoids to draw from.

@@ -1,0 +1,126 @@
+//! Whether a state that was read from a checkpoint is one that this bridge can have come to.
+
+use super::settings::Settings;
+use super::state::{Particle, State};
+use crate::output::Draws;
+use crate::valid::{Valid, countable, ensure, moderate};
+
+impl State {
+    /// Checks all that the next MCMC step, the next step and the result rely on; `parent` are the draws that the SMC particles began as.
+    pub(super) fn check(&self, settings: &Settings, parent: &Draws, dim: usize) -> Valid {
+        ensure(
+            (0.0..=1.0).contains(&self.fraction) && self.ln_ratio.is_finite(),
+            "it is not between its two likelihoods",
+        )?;
+        ensure(
+            (1..=settings.smc_particles).contains(&self.particles.len()),
+            "another number of SMC particles than the settings allow",
+        )?;
+        (self.particles.iter()).try_for_each(|particle| particle.check(parent, dim))?;
+        let fine = |particle: &Particle| particle.both.fine.is_finite();
+        // The first step leaves out whoever has no fine likelihood.
+        ensure(
+            self.particles.iter().any(fine)
+                && (self.fraction <= 0.0 || self.particles.iter().all(fine)),
+            "an SMC particle has no likelihood",
+        )?;
+        ensure(
+            self.mcmc_steps == settings.mcmc_steps
+                || self.mcmc_steps < settings.mcmc_steps
+                    && self.metrics.len() == 2
+                    && self.pools.len() == 2
+                    && self.gaps_before.len() == self.particles.len(),
+            "it has no metric or pool to move by, or too many MCMC steps",
+        )?;
+        for metric in &self.metrics {
+            metric.check(dim)?;
+        }
+        self.pools.iter().try_for_each(|pool| pool.check(dim))?;
+        ensure(
+            countable([self.levels.len() as u64]) && self.gaps_before.iter().all(|g| !g.is_nan()),
+            "a difference of likelihoods is not a number",
+        )?;
+        self.cost.check()
+    }
+}
+
+impl Particle {
+    fn check(&self, parent: &Draws, dim: usize) -> Valid {
+        ensure(
+            self.z.len() == dim && moderate(&self.z),
+            "an SMC particle has another dimension, or is not finite",
+        )?;
+        ensure(
+            self.both.coarse.is_finite() && self.both.fine < f64::INFINITY,
+            "an SMC particle has no likelihood",
+        )?;
+        ensure(
+            self.eve < parent.len() && self.lineage <= Draws::MAX_LABEL,
+            "an SMC particle descends from no draw",
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::between::Both;
+    use super::super::state::Level;
+    use super::*;
+    use crate::difference_pool::DifferencePool;
+    use crate::hmc::Metric;
+
+    #[test]
+    fn a_state_of_a_bridge_is_sound_and_a_forged_one_is_refused() {
+        let settings = Settings {
+            smc_particles: 30,
+            mcmc_steps: 3,
+        };
+        let parent = Draws {
+            ln_likelihood: vec![-1.0; 50],
+            ..Draws::default()
+        };
+        let particle = |row: usize| Particle {
+            z: vec![0.1 * row as f64, 1.0],
+            both: Both {
+                coarse: -1.0,
+                fine: -2.0,
+            },
+            eve: row,
+            lineage: 0,
+        };
+        let sound = State {
+            fraction: 0.5,
+            particles: (0..30).map(particle).collect(),
+            mcmc_steps: 1,
+            gaps_before: vec![-1.0; 30],
+            metrics: vec![Metric::identity(2); 2],
+            pools: vec![DifferencePool::default(); 2],
+            levels: Vec::<Level>::new(),
+            ..State::default()
+        };
+        assert_eq!(sound.check(&settings, &parent, 2), Ok(()));
+        let damages: [(&dyn Fn(&mut State), &str); 9] = [
+            (&|s| s.fraction = f64::NAN, "between"),
+            (&|s| s.particles.clear(), "number of SMC particles"),
+            (&|s| s.particles[3].z = vec![0.0; 3], "another dimension"),
+            (&|s| s.particles[3].z[0] = f64::INFINITY, "not finite"),
+            (
+                &|s| s.particles[3].both.fine = f64::NEG_INFINITY,
+                "no likelihood",
+            ),
+            (&|s| s.particles[3].eve = 50, "no draw"),
+            (&|s| s.metrics.clear(), "no metric"),
+            (&|s| s.mcmc_steps = 4, "too many MCMC steps"),
+            (&|s| s.cost.calls = u64::MAX, "too large"),
+        ];
+        for (damage, expected) in damages {
+            let mut state = sound.clone();
+            damage(&mut state);
+            let found = state.check(&settings, &parent, 2).err();
+            assert!(
+                found.is_some_and(|f| f.contains(expected)),
+                "{expected}: {found:?}"
+            );
+        }
+    }
+}
