@@ -5,10 +5,14 @@ use crate::error::{Error, Result};
 use crate::inference::{FitSettings, Sampler, SamplerSettings, over_defaults};
 use crate::population::{PopulationSettings, TruncatedGaussianSettings};
 use oblate_samplers::limits::{MAX_SEED, in_range};
+use oblate_samplers::read::text;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::{Path, PathBuf};
 use std::result::Result as StdResult;
+
+/// Largest size of a settings file.
+const MAX_BYTES: u64 = 1 << 20;
 
 /// Settings of a population: with the posteriors of q of its streams, they determine its result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -143,13 +147,13 @@ pub struct StudyPopulation {
     pub settings: PopulationConfig,
 }
 
-/// Reads a settings file.
+/// Reads a settings file, of at most 1 MiB.
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be read; [`Error::Syntax`] with file, line and the parser's message for an unknown key, a
 /// wrong type or broken syntax.
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::Io {
+    let text = text(path, MAX_BYTES).map_err(|source| Error::Io {
         path: path.to_path_buf(),
         source,
         remedy: "give the path of a readable settings file (UTF-8 text)",

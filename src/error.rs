@@ -12,6 +12,7 @@ pub use population::PosteriorFault;
 pub use track::TrackFault;
 
 use oblate_samplers::limits::{OutOfRange, TooMuchMemory};
+use oblate_samplers::output::RunFault;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -166,6 +167,9 @@ pub enum Error {
         /// What is wrong.
         fault: ArrayFault,
     },
+    /// Arrays and numbers of a run do not belong together.
+    #[error("{0}; restore the run folder from a whole copy, or fit again")]
+    UnsoundRun(#[from] RunFault),
     /// A run folder has the files of two runs.
     #[error(
         "posterior.zarr and summary.json belong to different runs; restore the run folder from one copy, or fit again"

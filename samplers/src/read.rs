@@ -22,18 +22,25 @@ pub fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The content of a file of UTF-8 text of at most `limit` bytes.
+/// What some editors put at the beginning of a text file.
+pub const BYTE_ORDER_MARK: &str = "\u{feff}";
+
+/// The content of a file of UTF-8 text of at most `limit` bytes, without a [`BYTE_ORDER_MARK`].
 ///
 /// # Errors
 /// As [`bytes`]; [`ErrorKind::InvalidData`] for a file that is not UTF-8.
 pub fn text(path: &Path, limit: u64) -> Result<String> {
-    String::from_utf8(bytes(path, limit)?).map_err(|error| {
+    let mut text = String::from_utf8(bytes(path, limit)?).map_err(|error| {
         let place = error.utf8_error().valid_up_to();
         Error::new(
             ErrorKind::InvalidData,
             format!("not UTF-8 text (at byte {place})"),
         )
-    })
+    })?;
+    if text.starts_with(BYTE_ORDER_MARK) {
+        text.drain(..BYTE_ORDER_MARK.len());
+    }
+    Ok(text)
 }
 
 fn too_long(limit: u64) -> Error {

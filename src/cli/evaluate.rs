@@ -3,10 +3,10 @@
 use super::exit::Exit;
 use super::options::{Common, FitFlags};
 use super::output::Output;
-use crate::data::{BYTE_ORDER_MARK, ObservedTrack};
+use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::StreamTarget;
-use crate::params::{NAMES, StreamParams};
+use crate::params::{NAMES, ParameterLines};
 use serde_json::json;
 use std::io::BufRead;
 use std::path::PathBuf;
@@ -40,30 +40,15 @@ pub fn run(
     let track = ObservedTrack::read(&args.track)?;
     let target = StreamTarget::from_track(&track, &settings)?;
     common.tell_memory(&target.memory(1));
-    for (number, line) in input.lines().enumerate() {
-        let stdin = PathBuf::from("standard input");
-        let line = line.map_err(|source| Error::Io {
-            path: stdin.clone(),
-            source,
-            remedy: "give UTF-8 text",
-        })?;
-        let line = line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&line);
-        let number = Some(number + 1);
-        if line.trim().is_empty() {
-            continue;
-        }
-        let params: StreamParams<f64> = serde_json::from_str(line).map_err(|e| Error::Syntax {
-            path: stdin.clone(),
-            line: number,
-            message: e.to_string(),
-            remedy: "give one JSON object with the 13 parameters per line",
-        })?;
+    let stdin = PathBuf::from("standard input");
+    for line in ParameterLines::new(input, stdin.clone()) {
+        let (number, params) = line?;
         target
             .stream_prior()
             .check_inside(&params)
             .map_err(|e| Error::InFile {
-                path: stdin,
-                line: number,
+                path: stdin.clone(),
+                line: Some(number),
                 source: Box::new(e),
             })?;
         let begin = Instant::now();

@@ -4,10 +4,18 @@
 use super::observed::ObservedTrack;
 use crate::error::{Error, Result, TrackFault};
 use saphyr::{LoadableYamlNode, Scalar, Yaml};
+use saphyr_parser::{Event, Parser};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
+
+/// Largest size of a header in bytes, and its deepest nesting: loaded YAML is cloned and dropped recursively.
+const MAX_BYTES: usize = 256 << 10;
+const MAX_DEPTH: usize = 32;
+
+/// Most nodes that a header may have under anchors, counted once for each anchor above them: the loader keeps a copy of each.
+const MAX_ANCHORED: usize = 100_000;
 
 /// The contents of a header.
 #[derive(Default)]
@@ -37,6 +45,13 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
         line: Some(line),
         fault: TrackFault::Header { message },
     };
+    if yaml.len() > MAX_BYTES {
+        let message = format!("longer than {} KiB", MAX_BYTES >> 10);
+        return Err(fail(2, message));
+    }
+    if let Err((line, message)) = bounded(&yaml) {
+        return Err(fail(line + 1, message));
+    }
     let documents = Yaml::load_from_str(&yaml)
         .map_err(|e| fail(e.marker().line() + 1, format!("not YAML: {}", e.info())))?;
     let Some(Value::Object(top)) = documents.first().map(json) else {
@@ -72,6 +87,39 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
         _ => {}
     }
     Ok(header)
+}
+
+/// Refuses YAML that is nested too deeply or has too much under anchors, with the line; what else is wrong with it, the loader says.
+fn bounded(yaml: &str) -> std::result::Result<(), (usize, String)> {
+    // Of each collection that is open: its nodes so far, and whether it has an anchor.
+    let mut open: Vec<(usize, bool)> = Vec::new();
+    let mut anchored = 0;
+    for (event, span) in Parser::new_from_str(yaml).map_while(|event| event.ok()) {
+        let nodes = match event {
+            Event::SequenceStart(anchor, _) | Event::MappingStart(anchor, _) => {
+                open.push((1, anchor > 0));
+                0
+            }
+            Event::SequenceEnd | Event::MappingEnd => {
+                let (nodes, anchor) = open.pop().unwrap_or_default();
+                anchored += if anchor { nodes } else { 0 };
+                nodes
+            }
+            Event::Scalar(..) | Event::Alias(_) => 1,
+            _ => 0,
+        };
+        if let Some((parent, _)) = open.last_mut() {
+            *parent += nodes;
+        }
+        if open.len() > MAX_DEPTH {
+            let message = format!("nested more than {MAX_DEPTH} levels deep");
+            return Err((span.start.line(), message));
+        }
+        if anchored > MAX_ANCHORED {
+            return Err((span.start.line(), "too much under anchors".to_owned()));
+        }
+    }
+    Ok(())
 }
 
 /// A YAML node as JSON; tags are dropped (astropy's quantities become maps with `value` and `unit`).

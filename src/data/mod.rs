@@ -18,4 +18,3 @@ pub use mock::{Mock, MockSettings, Mocks, NUMBERS_OF_MOCKS, QPopulation, mocks};
 pub use observed::{
     DEFAULT_RELATIVE_ERROR, NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS,
 };
-pub(crate) use read::BYTE_ORDER_MARK;

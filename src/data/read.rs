@@ -3,14 +3,15 @@
 use super::observed::{NUMBERS_OF_BINS, ObservedTrack, default_errors};
 use super::{check, ecsv};
 use crate::error::{Error, Result, TrackFault};
+use oblate_samplers::read;
 use serde_json::Value;
 use std::path::Path;
 
+/// Largest size of a track file.
+const MAX_BYTES: u64 = 4 << 20;
+
 /// Kiloparsecs per arcsecond and megaparsec: 1000 / 206264.806...
 const KPC_PER_ARCSEC_MPC: f64 = 1000.0 * std::f64::consts::PI / (180.0 * 3600.0);
-
-/// What some editors put at the beginning of a text file.
-pub(crate) const BYTE_ORDER_MARK: char = '\u{feff}';
 
 /// The body of a file: columns by name, each row with its line.
 struct Table {
@@ -20,12 +21,11 @@ struct Table {
 }
 
 fn track(path: &Path) -> Result<ObservedTrack> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::Io {
+    let text = read::text(path, MAX_BYTES).map_err(|source| Error::Io {
         path: path.to_path_buf(),
         source,
         remedy: "give the path of a readable ECSV or CSV track (UTF-8 text)",
     })?;
-    let text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&text);
     let lines: Vec<&str> = text.lines().collect();
     let comments = lines.iter().take_while(|l| l.starts_with('#')).count();
     let header = if lines.first().is_some_and(|l| l.starts_with("# %ECSV")) {
@@ -38,7 +38,7 @@ fn track(path: &Path) -> Result<ObservedTrack> {
         Some(h) => h.delimiter.unwrap_or(b' '),
         None => b',',
     };
-    let table = Table::parse(path, text, delimiter)?;
+    let table = Table::parse(path, &text, delimiter)?;
     let mut header = header.unwrap_or_default();
 
     let (phi, phi_unit) = (table.need(path, "phi")?, header.units.get("phi"));

@@ -20,6 +20,22 @@ pub enum ArrayFault {
         /// What posterior files have.
         needed: String,
     },
+    /// It has another shape than the other arrays of the file ask for.
+    #[error("its shape is {found} where {needed} is needed")]
+    Shape {
+        /// Its shape.
+        found: String,
+        /// The shape that follows from the other arrays; `any` for a side that does not.
+        needed: String,
+    },
+    /// Lengths of traces do not add up to their number of values.
+    #[error("its lengths add up to {sum}, and the traces have {needed} values")]
+    TraceLengths {
+        /// The sum.
+        sum: u128,
+        /// The number of values.
+        needed: usize,
+    },
     /// Its chunk is not there.
     #[error("its chunk is missing")]
     MissingChunk,

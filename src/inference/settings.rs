@@ -229,18 +229,23 @@ pub fn over_defaults<'de, T: Serialize + DeserializeOwned, D: Deserializer<'de>>
     defaults: T,
     given: D,
 ) -> StdResult<T, D::Error> {
-    fn merge(base: &mut toml::Table, given: toml::Table) {
+    fn merge(base: &mut toml::Table, given: toml::Table) -> StdResult<(), String> {
         for (key, value) in given {
             match (base.get_mut(&key), value) {
-                (Some(toml::Value::Table(inner)), toml::Value::Table(more)) => merge(inner, more),
+                (Some(toml::Value::Table(inner)), toml::Value::Table(more)) => merge(inner, more)?,
+                // A list of values would replace the defaults of all that it does not name.
+                (Some(toml::Value::Table(_)), other) => {
+                    return Err(format!("`{key}` is {}, not a table", other.type_str()));
+                }
                 (_, value) => {
                     base.insert(key, value);
                 }
             }
         }
+        Ok(())
     }
     let given = toml::Table::deserialize(given)?;
     let mut all = toml::Table::try_from(defaults).map_err(D::Error::custom)?;
-    merge(&mut all, given);
+    merge(&mut all, given).map_err(D::Error::custom)?;
     T::deserialize(all).map_err(D::Error::custom)
 }

@@ -3,10 +3,12 @@
 //! posterior that samplers use ([`symmetry`]).
 
 mod layout;
+mod lines;
 mod prior;
 mod shape;
 pub mod symmetry;
 
 pub use layout::{DIM, NAMES, PARAMETERS, Parameter, StreamParams, index_of};
+pub use lines::ParameterLines;
 pub use prior::{PriorSettings, StreamPrior};
 pub use shape::{AXIS_RATIOS, QPrior, QRange, Shape, length_cdf, length_quantile, length_sf};

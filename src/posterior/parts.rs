@@ -6,16 +6,21 @@ use crate::error::{Error, Result};
 use oblate_samplers::Run;
 use oblate_samplers::output::{Ess, Evidence};
 
-/// The run that was split into a summary and stored arrays: equal to the original in every bit.
+/// The run that was split into a summary and stored arrays: equal to the original in every bit. This is where all that is read from a
+/// run folder is checked.
 ///
 /// # Errors
-/// [`Error::MixedFolder`] if the two were not written together.
+/// [`Error::MixedFolder`] if the two were not written together; [`Error::UnsoundRun`] if arrays or numbers are damaged.
 pub fn run_from_parts(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
     let names: Vec<String> = summary.parameters.iter().map(|p| p.0.clone()).collect();
-    if names != stored.names || summary.seed != stored.seed {
+    let derived = summary.derived.iter().map(|d| &d.0);
+    if names != stored.names
+        || summary.seed != stored.seed
+        || !derived.eq(stored.derived_names.iter().map(|d| &d.0))
+    {
         return Err(Error::MixedFolder);
     }
-    Ok(Run {
+    let run = Run {
         method: summary.method,
         status: summary.status,
         seed: summary.seed,
@@ -42,5 +47,7 @@ pub fn run_from_parts(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
         history: stored.history,
         checks: summary.checks.clone(),
         warnings: summary.warnings.clone(),
-    })
+    };
+    run.check()?;
+    Ok(run)
 }

@@ -4,15 +4,20 @@ use super::columns::{Column, columns};
 use super::json;
 use super::modes::{ModeWeight, mode_weights};
 use super::zarr::Checksum;
+use crate::error::{Error, Result};
 use crate::params::QPrior;
-use oblate_samplers::Run;
 use oblate_samplers::diagnostics::weighted_quantile;
 use oblate_samplers::output::{Check, Cost, Method, Status};
+use oblate_samplers::{Run, read};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Version of the layout of `summary.json`; a changed meaning raises it.
 pub const SUMMARY_FORMAT: u32 = 2;
+
+/// Largest size of `summary.json`.
+const MAX_BYTES: u64 = 4 << 20;
 
 /// A value with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -210,6 +215,44 @@ impl Summary {
             input_hash: context.input_hash.clone(),
             posterior: None,
         }
+    }
+
+    /// Reads `summary.json`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it is missing or cannot be read; [`Error::Syntax`] with the line if it cannot be understood, or is of another
+    /// version.
+    pub fn read(path: &Path) -> Result<Self> {
+        #[derive(Deserialize)]
+        struct Version {
+            format: u32,
+        }
+        let text = read::text(path, MAX_BYTES).map_err(|source| Error::Io {
+            path: path.to_path_buf(),
+            source,
+            remedy: "finish the run first",
+        })?;
+        let fail = |line, message| Error::Syntax {
+            path: path.to_path_buf(),
+            line,
+            message,
+            remedy: "restore the file, or fit again with this version of oblate",
+        };
+        let broken = |e: serde_json::Error| fail(Some(e.line()), format!("not a summary ({e})"));
+        let Version { format } = serde_json::from_str(&text).map_err(broken)?;
+        if format != SUMMARY_FORMAT {
+            let message =
+                format!("a summary of version {format}, where {SUMMARY_FORMAT} can be read");
+            return Err(fail(None, message));
+        }
+        let summary: Self = serde_json::from_str(&text).map_err(broken)?;
+        if let Some(QPrior::Uniform { lo, hi }) = summary.q_prior
+            && lo >= hi
+        {
+            let message = format!("its prior of q is uniform from {lo} to {hi}");
+            return Err(fail(None, message));
+        }
+        Ok(summary)
     }
 
     /// The verdict: why the run has not converged, or that it has.

@@ -168,10 +168,11 @@ pub fn entries(path: &Path) -> io::Result<Entries> {
     Entries::of(path, names.as_ref())
 }
 
-/// Reads a run's arrays.
+/// Reads a run's arrays. Their shapes agree with each other; their numbers are checked by
+/// [`run_from_parts`](super::run_from_parts).
 ///
 /// # Errors
-/// [`Error::Io`] if the folder or an array of it is missing; [`Error::Array`] if an array is damaged.
+/// [`Error::Io`] if the folder or an array of it is missing; [`Error::Array`] if an array is damaged or has another shape.
 pub fn read(path: &Path) -> Result<Stored> {
     let store = Store::open(path)?;
     let root: Root = store.attributes("/")?;

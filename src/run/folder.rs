@@ -8,12 +8,15 @@ use super::versions::{FOLDER_FORMAT, VERSIONS_FILE, Versions};
 use crate::data::ObservedTrack;
 use crate::error::{Error, OutputFault, Result};
 use crate::inference::Fit;
-use crate::posterior::{SUMMARY_FORMAT, Summary, run_from_parts, zarr};
-use oblate_samplers::Run;
+use crate::posterior::{Summary, run_from_parts, zarr};
+use oblate_samplers::{Run, read};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
+
+/// Largest size of the settings and the versions.
+const MAX_BYTES: u64 = 1 << 20;
 
 /// A folder of one run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -156,8 +159,8 @@ impl RunFolder {
     /// [`Error::Io`] or [`Error::Syntax`] if `versions.json` cannot be read or understood.
     pub fn read_versions(&self) -> Result<Versions> {
         let path = self.versions();
-        let text =
-            fs::read_to_string(&path).map_err(io(&path, "restore the run folder from a copy"))?;
+        let text = read::text(&path, MAX_BYTES)
+            .map_err(io(&path, "restore the run folder from a copy"))?;
         let not_understood = |line: Option<usize>, message: String| Error::Syntax {
             path: path.clone(),
             line,
@@ -199,8 +202,8 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`Error::Io`] if the run has not finished or a file is missing; [`Error::Syntax`] with the line if
-    /// `summary.json` cannot be understood; [`Error::Checksum`] if the draws are damaged or of another run; [`Error::Array`] or
-    /// [`Error::MixedFolder`] if they cannot be read or do not fit the summary.
+    /// `summary.json` cannot be understood; [`Error::Checksum`] if the draws are damaged or of another run; [`Error::Array`] if an
+    /// array cannot be read; [`Error::InFile`] if the parts do not belong together.
     pub fn read(&self) -> Result<StoredRun> {
         loop {
             let before = self.state();
@@ -221,7 +224,7 @@ impl RunFolder {
     }
 
     fn read_once(&self) -> Result<StoredRun> {
-        let summary = self.read_summary()?;
+        let summary = Summary::read(&self.summary())?;
         let path = self.posterior();
         let remedy = "restore the run folder from a whole copy, or run again";
         let entries = zarr::entries(&path).map_err(io(&path, remedy))?;
@@ -234,9 +237,13 @@ impl RunFolder {
         if !agrees {
             return Err(Error::Checksum { path });
         }
-        let run = run_from_parts(&summary, zarr::read(&path)?)?;
+        let run = run_from_parts(&summary, zarr::read(&path)?).map_err(|e| Error::InFile {
+            path: self.path.clone(),
+            line: None,
+            source: Box::new(e),
+        })?;
         let config = self.config();
-        let config = fs::read_to_string(&config)
+        let config = read::text(&config, MAX_BYTES)
             .map_err(io(&config, "restore the run folder from a copy"))?;
         Ok(StoredRun {
             name: self.name(),
@@ -244,27 +251,6 @@ impl RunFolder {
             run,
             config,
         })
-    }
-
-    fn read_summary(&self) -> Result<Summary> {
-        let path = self.summary();
-        let text = fs::read_to_string(&path).map_err(io(&path, "finish the run first"))?;
-        let not_understood = |line: Option<usize>, message: String| Error::Syntax {
-            path: path.clone(),
-            line,
-            message,
-            remedy: "restore the file, or fit again with this version of oblate",
-        };
-        let summary: Summary = serde_json::from_str(&text)
-            .map_err(|e| not_understood(Some(e.line()), format!("not a summary ({e})")))?;
-        if summary.format != SUMMARY_FORMAT {
-            let message = format!(
-                "format {} of summaries, and this version of oblate has {SUMMARY_FORMAT}",
-                summary.format
-            );
-            return Err(not_understood(None, message));
-        }
-        Ok(summary)
     }
 
     /// The folder's name, also of `.` and `..`.

@@ -1,6 +1,7 @@
 //! Settings as text.
 
-use oblate::config::to_toml;
+use oblate::FitSettings;
+use oblate::config::{read, to_toml};
 use std::collections::BTreeMap;
 
 #[test]
@@ -26,4 +27,37 @@ fn expert_tables_come_last_and_the_text_means_the_same() {
     assert!(place("# Expert settings") < place("[nested.expert]"));
     let read: BTreeMap<String, toml::Table> = toml::from_str(&text).unwrap();
     assert_eq!(read, settings);
+}
+
+/// The message about a settings file with this text.
+fn refusal(text: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fit.toml");
+    std::fs::write(&path, text).unwrap();
+    read::<FitSettings>(&path).unwrap_err().to_string()
+}
+
+#[test]
+fn settings_that_are_too_long_or_nested_too_deeply_are_refused() {
+    let long = format!("seed = 1 #{}", "x".repeat(1 << 20));
+    assert!(refusal(&long).contains("longer than 1 MiB"));
+    for deep in [
+        format!("seed = {}", "[".repeat(20_000)),
+        format!("a{} = 1", ".a".repeat(20_000)),
+        format!("[a{}]", ".a".repeat(20_000)),
+        format!("seed = {}", "{ a = ".repeat(20_000)),
+    ] {
+        let words = refusal(&deep);
+        assert!(words.contains("recurs"), "{words}");
+    }
+}
+
+#[test]
+fn a_list_in_the_place_of_a_table_is_refused() {
+    // The values that it does not name would not be the defaults of streams.
+    let words = refusal("[sampling]\nnested = [500]\n");
+    assert!(
+        words.contains("nested") && words.contains("not a table"),
+        "{words}"
+    );
 }

@@ -218,6 +218,67 @@ fn a_broken_header_is_refused() {
 }
 
 #[test]
+fn a_header_that_is_nested_too_deeply_or_too_long_is_refused() {
+    let header = |meta: &str| {
+        HEADER
+            .replace("PHI", "deg")
+            .replace("unit: R", "unit: kpc")
+            .replace("# schema", &format!("# meta:\n#   {meta}\n# schema"))
+    };
+    let deep = |n: usize| "- ".repeat(n);
+    let flow = |n: usize| format!("a: {}1{}", "[".repeat(n), "]".repeat(n));
+    assert_refused(
+        "ecsv",
+        &header(&deep(20_000)),
+        &["nested more than 32 levels"],
+    );
+    assert_refused(
+        "ecsv",
+        &header(&flow(100)),
+        &["line 8", "nested more than 32 levels"],
+    );
+    assert_refused(
+        "ecsv",
+        &header(&format!("a: {}", "x".repeat(300_000))),
+        &["256 KiB"],
+    );
+    // Every anchor keeps a copy of all that is below it.
+    let anchors: String = (0..25).map(|k| format!("&a{k} [")).collect();
+    let list = format!("a: {anchors}{}{}", "1,".repeat(20_000), "]".repeat(25));
+    assert_refused("ecsv", &header(&list), &["too much under anchors"]);
+    // What is deep but not too deep is kept.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.ecsv");
+    std::fs::write(&path, header(&flow(20))).unwrap();
+    let track = ObservedTrack::read(&path).unwrap();
+    assert_eq!(
+        track.meta["a"].to_string(),
+        format!("{}1{}", "[".repeat(20), "]".repeat(20))
+    );
+}
+
+#[test]
+fn a_file_longer_than_any_track_is_refused_unread() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("t.csv");
+    let file = std::fs::File::create(&path).unwrap();
+    file.set_len(1 << 40).unwrap();
+    let words = ObservedTrack::read(&path).unwrap_err().to_string();
+    assert!(
+        words.contains("t.csv") && words.contains("longer than 4 MiB"),
+        "{words}"
+    );
+    // A device has no length.
+    #[cfg(unix)]
+    {
+        let words = ObservedTrack::read(Path::new("/dev/zero"))
+            .unwrap_err()
+            .to_string();
+        assert!(words.contains("longer than 4 MiB"), "{words}");
+    }
+}
+
+#[test]
 fn short_rows_and_empty_files_are_refused() {
     assert_refused(
         "csv",

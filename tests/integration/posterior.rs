@@ -313,7 +313,7 @@ fn an_array_that_is_damaged_or_not_ours_is_refused_by_name_and_cause() {
         (&|| replace("\"bytes\"", "\"zstd\""), "codecs"),
         (&|| replace("\"regular\"", "\"rectangular\""), "chunk_grid"),
         (&|| replace("\"default\"", "\"v2\""), "chunk_key_encoding"),
-        (&|| replace("100", "1000000000000"), "has"),
+        (&|| replace("100", "1000000000000"), "shape"),
         (
             &|| std::fs::write(&metadata, [0xff; 100]).unwrap(),
             "zarr.json cannot be read",
@@ -329,6 +329,193 @@ fn an_array_that_is_damaged_or_not_ours_is_refused_by_name_and_cause() {
             message.contains("weighted/theta") && message.contains(cause),
             "{cause}: {message}"
         );
+    }
+}
+
+/// What is wrong with a run that is put together from a summary and from stored arrays.
+fn fault_of_parts(summary: &Summary, run: &Run) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.zarr");
+    zarr::write(&path, run, zarr::Extras::default()).unwrap();
+    let error = zarr::read(&path).and_then(|stored| run_from_parts(summary, stored));
+    error.unwrap_err().to_string()
+}
+
+#[test]
+fn numbers_that_no_run_has_are_refused_by_array_and_place() {
+    let damages: [(&dyn Fn(&mut Run), &str); 12] = [
+        (
+            &|r| r.draws.theta[5] = f64::NAN,
+            "`theta` is NaN in place 5",
+        ),
+        (
+            &|r| r.draws.derived[3] = f64::INFINITY,
+            "`derived` is inf in place 3",
+        ),
+        (
+            &|r| r.draws.ln_likelihood[2] = f64::NAN,
+            "`ln_likelihood` is NaN",
+        ),
+        (&|r| r.draws.ln_weight[4] = f64::NAN, "`ln_weight` is NaN"),
+        (&|r| r.draws.ln_weight[4] = 1.0, "`ln_weight` is 1"),
+        (&|r| r.draws.ln_weight.fill(-30.0), "weights add up to"),
+        (
+            &|r| r.draws.chain[7] = u32::MAX,
+            "`chain` is 4294967295 in place 7",
+        ),
+        (
+            &|r| r.draws.cluster[7] = u32::MAX,
+            "`cluster` is 4294967295",
+        ),
+        (&|r| r.seed += 1, "different runs"),
+        (
+            &|r| history(r, |ln_x, _, _| ln_x[0] = f64::NAN),
+            "`ln_x` is NaN",
+        ),
+        (
+            &|r| history(r, |_, birth, _| birth[9] = 1e9),
+            "`ln_likelihood_birth` is 1000000000 in place 9",
+        ),
+        (
+            &|r| history(r, |_, _, rank| rank[0] = 1.5),
+            "`insertion_rank` is 1.5",
+        ),
+    ];
+    let sound = runs::nested(100, 1);
+    for (damage, expected) in damages {
+        let mut run = sound.clone();
+        damage(&mut run);
+        let found = fault_of_parts(&summary(&sound), &run);
+        assert!(
+            found.contains(expected) && found.contains("restore"),
+            "{expected}: {found}"
+        );
+    }
+}
+
+/// Changes volumes, births and ranks of a nested run.
+fn history(run: &mut Run, change: impl Fn(&mut Vec<f64>, &mut Vec<f64>, &mut Vec<f64>)) {
+    if let History::Nested {
+        ln_x,
+        ln_likelihood_birth,
+        insertion_rank,
+        ..
+    } = &mut run.history
+    {
+        change(ln_x, ln_likelihood_birth, insertion_rank);
+    }
+}
+
+#[test]
+fn a_summary_of_other_arrays_is_refused() {
+    let run = runs::nested(100, 1);
+    let damages: [(&dyn Fn(&mut Summary), &str); 5] = [
+        (
+            &|s| s.ess_bulk = vec![1.0; 3],
+            "`ess_bulk` has 3 values where 13 are needed",
+        ),
+        (&|s| s.r_hat = vec![1.0; 14], "`r_hat` has 14"),
+        (
+            &|s| s.method = oblate_samplers::output::Method::PtHmc,
+            "history",
+        ),
+        (&|s| drop(s.derived.pop()), "different runs"),
+        (&|s| s.ess = f64::NAN, "`ess` is NaN"),
+    ];
+    for (damage, expected) in damages {
+        let mut summary = summary(&run);
+        damage(&mut summary);
+        let found = fault_of_parts(&summary, &run);
+        assert!(found.contains(expected), "{expected}: {found}");
+    }
+}
+
+#[test]
+fn arrays_of_other_shapes_are_refused_before_memory_is_taken_for_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.zarr");
+    // Array, its shape, another shape, and the bytes that a chunk of that shape has; the file itself takes no space.
+    for (array, from, to, bytes) in [
+        ("chain", "[100]", "[99]", 4 * 99),
+        ("ln_weight", "[100]", "[101]", 8 * 101),
+        ("cluster", "[100]", "[100,1]", 4 * 100),
+        ("theta", "[100,13]", "[13,100]", 8 * 1300),
+        ("derived", "[100,2]", "[100,3]", 8 * 300),
+        ("chain", "[100]", "[1000000000000]", 4_000_000_000_000),
+        ("ln_likelihood", "[100]", "[1000000000]", 8_000_000_000),
+    ] {
+        let run = runs::nested(100, 1);
+        zarr::write(&path, &run, zarr::Extras::default()).unwrap();
+        let array = path.join("weighted").join(array);
+        let metadata = array.join("zarr.json");
+        let mut json: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(&metadata).unwrap()).unwrap();
+        assert_eq!(json["shape"].to_string(), from);
+        json["shape"] = serde_json::from_str(to).unwrap();
+        json["chunk_grid"]["configuration"]["chunk_shape"] = json["shape"].clone();
+        std::fs::write(&metadata, json.to_string()).unwrap();
+        let chunk = match from.matches(',').count() {
+            0 => array.join("c/0"),
+            _ => array.join("c/0/0"),
+        };
+        let file = std::fs::File::options().write(true).open(&chunk).unwrap();
+        if file.set_len(bytes).is_err() {
+            continue;
+        }
+        let mut words = String::new();
+        let memory = allocation_counter::measure(|| {
+            words = zarr::read(&path).unwrap_err().to_string();
+        });
+        assert!(
+            words.contains("its shape is") || words.contains("longer than"),
+            "{words}"
+        );
+        assert!(
+            memory.bytes_max < 1 << 20,
+            "{} bytes: {words}",
+            memory.bytes_max
+        );
+    }
+}
+
+#[test]
+fn a_chunk_that_is_missing_is_an_error_in_every_array() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, run) in [
+        ("n", runs::nested(100, 1)),
+        ("t", runs::tempered(40, 2)),
+        ("r", runs::refined(40, 4)),
+    ] {
+        let path = folder.path().join(name);
+        zarr::write(&path, &run, zarr::Extras::default()).unwrap();
+        let mut seen = 0;
+        for group in ["weighted", "history"] {
+            for array in std::fs::read_dir(path.join(group)).unwrap() {
+                let chunks = array.unwrap().path().join("c");
+                if chunks.exists() {
+                    std::fs::remove_dir_all(chunks).unwrap();
+                    let words = zarr::read(&path).unwrap_err().to_string();
+                    assert!(words.contains("chunk is missing"), "{words}");
+                    zarr::write(&path, &run, zarr::Extras::default()).unwrap();
+                    seen += 1;
+                }
+            }
+        }
+        assert!(seen >= 10, "{name}: {seen}");
+    }
+}
+
+#[test]
+fn lengths_of_traces_that_do_not_add_up_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.zarr");
+    let run = runs::tempered(40, 2);
+    for lengths in [[10_u64, 10, 10, 9], [10, 10, 10, 11], [u64::MAX, 0, 0, 0]] {
+        zarr::write(&path, &run, zarr::Extras::default()).unwrap();
+        let bytes: Vec<u8> = lengths.iter().flat_map(|n| n.to_le_bytes()).collect();
+        std::fs::write(path.join("history/trace_length/c/0"), bytes).unwrap();
+        let words = zarr::read(&path).unwrap_err().to_string();
+        assert!(words.contains("traces have 40 values"), "{words}");
     }
 }
 

@@ -490,3 +490,15 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
         assert!(html.contains(name), "{name}");
     }
 }
+
+#[test]
+fn an_axis_of_numbers_that_doubles_cannot_count_has_an_end() {
+    let mut run = runs::nested(100, 1);
+    if let oblate_samplers::output::History::Nested { ln_x, .. } = &mut run.history {
+        // Two neighbouring doubles.
+        for (k, x) in ln_x.iter_mut().enumerate() {
+            *x = if k < 50 { -1e17 } else { -1e17 - 16.0 };
+        }
+    }
+    sound("far", health(&run));
+}

@@ -2,7 +2,7 @@
 
 use super::store::{Store, text};
 use crate::data::ObservedTrack;
-use crate::error::Result;
+use crate::error::{ArrayFault, Result};
 use oblate_samplers::Run;
 use oblate_samplers::output::{Draws, History, Method};
 use oblate_samplers::rng::{Domain, stream, unit_open};
@@ -152,15 +152,17 @@ pub fn write_weighted(store: &Store, draws: &Draws) -> Result<()> {
 
 /// Reads `weighted`.
 pub fn read_weighted(store: &Store, dim: usize, derived_dim: usize) -> Result<Draws> {
+    let ln_likelihood: Vec<f64> = store.read("/weighted/ln_likelihood", &[None])?;
+    let row = Some(ln_likelihood.len());
     Ok(Draws {
         dim,
         derived_dim,
-        theta: store.read("/weighted/theta")?,
-        derived: store.read("/weighted/derived")?,
-        ln_likelihood: store.read("/weighted/ln_likelihood")?,
-        ln_weight: store.read("/weighted/ln_weight")?,
-        chain: store.read("/weighted/chain")?,
-        cluster: store.read("/weighted/cluster")?,
+        theta: store.read("/weighted/theta", &[row, Some(dim)])?,
+        derived: store.read("/weighted/derived", &[row, Some(derived_dim)])?,
+        ln_weight: store.read("/weighted/ln_weight", &[row])?,
+        chain: store.read("/weighted/chain", &[row])?,
+        cluster: store.read("/weighted/cluster", &[row])?,
+        ln_likelihood,
     })
 }
 
@@ -249,46 +251,68 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
 
 /// Reads `history`.
 pub fn read_history(store: &Store, method: Method) -> Result<History> {
-    let floats = |name: &str| store.read::<f64>(&format!("/history/{name}"));
+    let array = |name: &str, length| store.read::<f64>(&format!("/history/{name}"), &[length]);
     Ok(match method {
-        Method::Nested => History::Nested {
-            ln_x: floats("ln_x")?,
-            ln_likelihood: floats("ln_likelihood")?,
-            ln_likelihood_birth: floats("ln_likelihood_birth")?,
-            live: store.read("/history/live")?,
-            insertion_rank: floats("insertion_rank")?,
-        },
-        Method::PtHmc => {
-            let flat = floats("trace")?;
-            let mut rest = flat.as_slice();
-            let mut trace = Vec::new();
-            for length in store.read::<u64>("/history/trace_length")? {
-                let length = usize::try_from(length)
-                    .unwrap_or(usize::MAX)
-                    .min(rest.len());
-                let (head, tail) = rest.split_at(length);
-                trace.push(head.to_vec());
-                rest = tail;
-            }
-            History::Tempered {
-                beta: floats("beta")?,
-                mean_ln_likelihood: floats("mean_ln_likelihood")?,
-                variance_ln_likelihood: floats("variance_ln_likelihood")?,
-                swap_rejection: floats("swap_rejection")?,
-                acceptance: floats("acceptance")?,
-                step_size: floats("step_size")?,
-                mean_leapfrogs: floats("mean_leapfrogs")?,
-                divergences: store.read("/history/divergences")?,
-                communication_barrier: floats("communication_barrier")?,
-                round_trips: store.read("/history/round_trips")?,
-                trace,
+        Method::Nested => {
+            let ln_x = array("ln_x", None)?;
+            let step = Some(ln_x.len());
+            History::Nested {
+                ln_x,
+                ln_likelihood: array("ln_likelihood", step)?,
+                ln_likelihood_birth: array("ln_likelihood_birth", step)?,
+                live: store.read("/history/live", &[step])?,
+                insertion_rank: array("insertion_rank", None)?,
             }
         }
-        Method::Bridge => History::Bridge {
-            fraction: floats("fraction")?,
-            ln_ratio: floats("ln_ratio")?,
-            ancestors: floats("ancestors")?,
-            correlation: floats("correlation")?,
-        },
+        Method::PtHmc => {
+            let beta = array("beta", None)?;
+            let (temperature, gap) = (Some(beta.len()), Some(beta.len().saturating_sub(1)));
+            History::Tempered {
+                beta,
+                mean_ln_likelihood: array("mean_ln_likelihood", temperature)?,
+                variance_ln_likelihood: array("variance_ln_likelihood", temperature)?,
+                swap_rejection: array("swap_rejection", gap)?,
+                acceptance: array("acceptance", temperature)?,
+                step_size: array("step_size", temperature)?,
+                mean_leapfrogs: array("mean_leapfrogs", temperature)?,
+                divergences: store.read("/history/divergences", &[temperature])?,
+                communication_barrier: array("communication_barrier", temperature)?,
+                round_trips: store.read("/history/round_trips", &[None])?,
+                trace: read_traces(store)?,
+            }
+        }
+        Method::Bridge => {
+            let fraction = array("fraction", None)?;
+            let step = Some(fraction.len());
+            History::Bridge {
+                fraction,
+                ln_ratio: array("ln_ratio", step)?,
+                ancestors: array("ancestors", step)?,
+                correlation: array("correlation", step)?,
+            }
+        }
     })
+}
+
+/// The traces of all chain sets, from one flat array and the length of each.
+fn read_traces(store: &Store) -> Result<Vec<Vec<f64>>> {
+    const LENGTHS: &str = "/history/trace_length";
+    let flat: Vec<f64> = store.read("/history/trace", &[None])?;
+    let lengths: Vec<u64> = store.read(LENGTHS, &[None])?;
+    let mut rest = flat.as_slice();
+    let mut traces = Vec::with_capacity(lengths.len());
+    for length in &lengths {
+        let split = usize::try_from(*length)
+            .ok()
+            .and_then(|n| rest.split_at_checked(n));
+        let Some((trace, after)) = split else { break };
+        traces.push(trace.to_vec());
+        rest = after;
+    }
+    if traces.len() < lengths.len() || !rest.is_empty() {
+        let sum: u128 = lengths.iter().map(|length| u128::from(*length)).sum();
+        let needed = flat.len();
+        return Err(store.fault(LENGTHS, ArrayFault::TraceLengths { sum, needed }));
+    }
+    Ok(traces)
 }

@@ -5,6 +5,7 @@
 //! misread. Source: the Zarr core specification, version 3.0.
 
 use crate::error::{ArrayFault, Error, Result};
+use oblate_samplers::read;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value, json};
 use std::fs;
@@ -13,6 +14,10 @@ use std::path::{Path, PathBuf};
 
 /// The file that holds the metadata of a group or an array.
 pub const METADATA: &str = "zarr.json";
+
+/// Largest size of a file of metadata, and of the chunk of an array.
+const MAX_METADATA_BYTES: u64 = 1 << 20;
+const MAX_ARRAY_BYTES: u64 = 4 << 30;
 
 /// An open Zarr hierarchy.
 pub struct Store {
@@ -134,6 +139,22 @@ impl ArrayMetadata {
         Ok(())
     }
 
+    /// Refuses an array of another shape.
+    fn check_shape(&self, sides: &[Option<usize>]) -> std::result::Result<(), ArrayFault> {
+        let fits = |(side, found): (&Option<usize>, &u64)| side.is_none_or(|n| n as u64 == *found);
+        if self.shape.len() == sides.len() && sides.iter().zip(&self.shape).all(fits) {
+            return Ok(());
+        }
+        let side = |n: &Option<usize>| n.map_or_else(|| "any".to_owned(), |n| n.to_string());
+        Err(ArrayFault::Shape {
+            found: format!("{:?}", self.shape),
+            needed: format!(
+                "[{}]",
+                sides.iter().map(side).collect::<Vec<_>>().join(", ")
+            ),
+        })
+    }
+
     /// Bytes of the chunk, `None` if the shape is beyond any file.
     fn bytes<T: Item>(&self) -> Option<u64> {
         self.shape
@@ -177,7 +198,8 @@ impl Store {
         self.path.join(at.trim_start_matches('/'))
     }
 
-    fn fault(&self, at: &str, fault: ArrayFault) -> Error {
+    /// The error that something is wrong with a group or an array.
+    pub fn fault(&self, at: &str, fault: ArrayFault) -> Error {
         Error::Array {
             path: self.path.clone(),
             array: at.to_owned(),
@@ -207,7 +229,7 @@ impl Store {
 
     fn read_metadata<T: DeserializeOwned>(&self, at: &str) -> Result<T> {
         let file = self.node(at).join(METADATA);
-        let text = fs::read(&file).map_err(|source| Error::Io {
+        let text = read::bytes(&file, MAX_METADATA_BYTES).map_err(|source| Error::Io {
             path: file,
             source,
             remedy: "restore the run folder from a whole copy, or fit again",
@@ -286,14 +308,17 @@ impl Store {
         self.write(&self.chunk(at, dims.len()), &bytes)
     }
 
-    /// Reads a whole array, row-major.
+    /// Reads a whole array, row-major. `sides` are its dimensions; `None`: of any length.
     ///
     /// # Errors
-    /// [`Error::Io`] if it is missing or cannot be read; [`Error::Array`] if it is not an array of this type in one uncompressed
-    /// chunk of the size that its shape says. The size is compared with the file before memory is taken for it.
-    pub fn read<T: Item>(&self, at: &str) -> Result<Vec<T>> {
+    /// [`Error::Io`] if it is missing or cannot be read; [`Error::Array`] if it is not an array of this type and shape in one
+    /// uncompressed chunk of the size that its shape says. The size is compared with the file before memory is taken for it.
+    pub fn read<T: Item>(&self, at: &str, sides: &[Option<usize>]) -> Result<Vec<T>> {
         let metadata: ArrayMetadata = self.read_metadata(at)?;
-        metadata.check::<T>().map_err(|e| self.fault(at, e))?;
+        metadata
+            .check_shape(sides)
+            .and_then(|()| metadata.check::<T>())
+            .map_err(|e| self.fault(at, e))?;
         let needed = metadata.bytes::<T>();
         if needed == Some(0) {
             return Ok(Vec::new());
@@ -306,7 +331,7 @@ impl Store {
             let needed = needed.map_or_else(|| "more than any file".to_owned(), |n| n.to_string());
             return Err(self.fault(at, ArrayFault::ChunkSize { found, needed }));
         }
-        let bytes = fs::read(&file).map_err(|source| Error::Io {
+        let bytes = read::bytes(&file, MAX_ARRAY_BYTES).map_err(|source| Error::Io {
             path: file,
             source,
             remedy: "restore the run folder from a whole copy, or fit again",

@@ -1,6 +1,7 @@
 //! The thirteen parameters: their table, their prior, the halo's shape, and the symmetries of the prior.
 
 mod layout;
+mod lines;
 mod prior;
 mod shape;
 mod symmetry;

@@ -210,3 +210,45 @@ fn a_folder_of_another_format_is_named() {
     let words = folder.read_versions().unwrap_err().to_string();
     assert!(words.contains("format 9 of run folders"), "{words}");
 }
+
+#[test]
+fn a_summary_of_another_version_is_refused_by_its_number() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = finished(&temporary.path().join("fit"));
+    let text = std::fs::read_to_string(folder.summary()).unwrap();
+    let other = text.replacen("\"format\": 2", "\"format\": 99", 1);
+    assert_ne!(text, other);
+    std::fs::write(folder.summary(), other).unwrap();
+    let words = folder.read().unwrap_err().to_string();
+    assert!(
+        words.contains("summary.json") && words.contains("version 99"),
+        "{words}"
+    );
+}
+
+#[test]
+fn files_longer_than_any_of_their_kind_are_refused_unread() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = finished(&temporary.path().join("fit"));
+    for (path, limit) in [
+        (folder.summary(), "4 MiB"),
+        (folder.config(), "1 MiB"),
+        (folder.versions(), "1 MiB"),
+    ] {
+        let before = std::fs::read(&path).unwrap();
+        let file = std::fs::File::options().write(true).open(&path).unwrap();
+        file.set_len(1 << 40).unwrap();
+        let read = folder
+            .read()
+            .map(|_| ())
+            .and(folder.read_versions().map(|_| ()));
+        let words = read.unwrap_err().to_string();
+        assert!(words.contains(&format!("longer than {limit}")), "{words}");
+        std::fs::write(&path, before).unwrap();
+    }
+    // A chunk of another size is no longer what the checksum was taken of, and is not read to find that out.
+    let chunk = folder.posterior().join("weighted/theta/c/0/0");
+    let file = std::fs::File::options().write(true).open(chunk).unwrap();
+    file.set_len(1 << 40).unwrap();
+    assert!(matches!(folder.read(), Err(Error::Checksum { .. })));
+}

@@ -1,0 +1,63 @@
+//! Parameter sets line by line.
+
+use oblate::params::{NAMES, ParameterLines};
+use std::io::{BufReader, Read};
+use std::path::PathBuf;
+
+fn line() -> String {
+    let pairs: Vec<String> = NAMES
+        .iter()
+        .map(|name| format!("\"{name}\": 1.5"))
+        .collect();
+    format!("{{{}}}", pairs.join(", "))
+}
+
+/// The numbers of the lines that were read, and the message about the first that was not.
+fn read(input: impl Read) -> (Vec<usize>, Option<String>) {
+    let mut input = BufReader::new(input);
+    let mut numbers = Vec::new();
+    for line in ParameterLines::new(&mut input, PathBuf::from("standard input")) {
+        match line {
+            Ok((number, params)) => {
+                assert_eq!(params.to_array(), [1.5; 13]);
+                numbers.push(number);
+            }
+            Err(error) => return (numbers, Some(error.to_string())),
+        }
+    }
+    (numbers, None)
+}
+
+#[test]
+fn lines_are_numbered_and_empty_ones_are_left_out() {
+    let text = format!("{}\n\n  \r\n{}\n{}", line(), line(), line());
+    assert_eq!(read(text.as_bytes()), (vec![1, 4, 5], None));
+}
+
+#[test]
+fn a_line_that_is_not_thirteen_numbers_is_refused_by_its_number() {
+    for bad in [
+        "{}".to_owned(),
+        line().replace("1.5", "1e999"),
+        line().replace("age_gyr", "age"),
+        "[".repeat(20_000),
+        "\u{feff}".to_owned() + &line(),
+    ] {
+        let (numbers, error) = read(format!("{}\n{bad}\n", line()).as_bytes());
+        let words = error.unwrap();
+        assert_eq!(numbers, [1]);
+        assert!(
+            words.starts_with("standard input, line 2: ") && words.contains("; give one"),
+            "{words}"
+        );
+    }
+    let (_, error) = read(&b"\xff\xfe\n"[..]);
+    assert!(error.unwrap().contains("line 1"));
+}
+
+#[test]
+fn a_line_without_an_end_is_refused_after_64_kib() {
+    // A quintillion spaces.
+    let (numbers, error) = read(std::io::repeat(b' '));
+    assert!(numbers.is_empty() && error.unwrap().contains("line 1: longer than 64 KiB"));
+}
