@@ -160,7 +160,7 @@ pub fn nested_seeds() -> Vec<Seed> {
         (settings(Uniform, None), 1),
         (settings(Uniform, None), 60),
         (settings(Differential, None), 40),
-        (settings(Reflective, None), 50),
+        (settings(Galilean, None), 50),
         (settings(RandomWalk, Some(5_000.0)), 260),
         (settings(Uniform, Some(5_000.0)), 260),
     ];
@@ -170,7 +170,7 @@ pub fn nested_seeds() -> Vec<Seed> {
 
 pub fn pt_seeds() -> Vec<Seed> {
     let plain = pt::Settings {
-        ladders: 2,
+        chain_sets: 2,
         rounds: 3,
         first_scans: 4,
         temperatures: 4,
@@ -179,20 +179,16 @@ pub fn pt_seeds() -> Vec<Seed> {
         ..pt::Settings::default()
     };
     let mixed = pt::Settings {
-        annealing: 40,
-        populations: 2,
-        sweeps: 2,
-        slices: 1,
+        smc_particles: 40,
+        smc_samplers: 2,
+        mcmc_steps: 2,
+        slice_updates: 1,
         extensions: 3,
         mixture_rounds: 3,
-        no_u_turn: true,
         max_leapfrogs: 4,
         ..plain.clone()
     };
-    let diagonal = pt::Settings {
-        metric: oblate_samplers::hmc::MetricKind::Diagonal,
-        ..plain.clone()
-    };
+    let diagonal = pt::Settings { ..plain.clone() };
     let all = [
         (plain.clone(), 3),
         (plain, 10),
@@ -222,8 +218,8 @@ pub fn bridge_seeds() -> Vec<Seed> {
         .unwrap()
     };
     let settings = bridge::Settings {
-        members: 50,
-        sweeps: 3,
+        smc_particles: 50,
+        mcmc_steps: 3,
     };
     [0, 1, 2, 8]
         .map(|steps| seed(Work::Bridge(settings.clone(), Box::new(parent())), steps))

@@ -12,7 +12,9 @@ use oblate::population::{
 };
 use oblate::posterior::{Summary, SummaryContext, column, columns, compare, zarr};
 use oblate::report::{CornerColumn, PageRun, QCurve, corner, health, page};
-use oblate::run::{RunFolder, StoredRun, Versions, q_posterior, render_report};
+use oblate::run::{
+    Beginning, LockedFolder, RunFolder, StoredRun, Versions, q_posterior, render_report,
+};
 use oblate_samplers::Run;
 use oblate_samplers::rng::{Stream, below};
 use rand::Rng;
@@ -49,27 +51,28 @@ pub fn seeds(parent: &Path, part: Part) -> Vec<Seed> {
 fn seed(path: &Path, run: Run, part: Part) -> Seed {
     let mut settings = FitSettings::default();
     settings.model.releases.particles = 64;
-    settings.model.steps = 20;
-    settings.model.orbit_steps = 32;
     let config = to_toml(&settings).unwrap();
-    let folder = RunFolder::create(path, false).unwrap();
-    folder
-        .begin(&config, &Versions::new(&[config.as_bytes()]))
-        .unwrap();
     let context = SummaryContext {
         q_prior: Some(QPrior::Uniform { lo: 0.5, hi: 1.5 }),
         ..SummaryContext::default()
     };
     let track =
         ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
-    track.write(&folder.track()).unwrap();
+    let beginning = Beginning {
+        versions: Versions::new(&[config.as_bytes()]),
+        config_toml: config,
+        track: Some(&track),
+    };
+    let locked = LockedFolder::create(path, false).unwrap();
+    locked.begin(&beginning).unwrap();
     let beside = zarr::Extras {
         track: Some(&track),
         prior: None,
     };
-    folder
-        .finish(&run, &Summary::new(&run, &context), beside)
+    locked
+        .finish(&run, Summary::new(&run, &context), beside, &beginning)
         .unwrap();
+    let folder = locked.folder().clone();
     let arrays = || {
         let mut files = Vec::new();
         collect(&folder.posterior().join("weighted"), &mut files);
@@ -126,12 +129,29 @@ pub fn case(rng: &mut Stream, seeds: &[Seed], part: Part) -> Verdict {
         }
         damaged.push((file, bytes));
     }
+    let summary = std::fs::read(seed.folder.summary()).unwrap_or_default();
+    if matches!(part, Part::Metadata | Part::Chunks) {
+        seal(&seed.folder, &summary);
+    }
     let verdict = std::panic::catch_unwind(|| outcome(seed, part));
     for (file, bytes) in damaged {
         // Also where the same file was damaged twice.
         std::fs::write(file, bytes).unwrap();
     }
+    if matches!(part, Part::Metadata | Part::Chunks) {
+        std::fs::write(seed.folder.summary(), summary).unwrap();
+    }
     verdict.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+/// Writes the checksum of the damaged arrays into the summary, so that they are read.
+fn seal(folder: &RunFolder, summary: &[u8]) {
+    let path = folder.posterior();
+    let entries = zarr::entries(&path).unwrap();
+    let mut value: serde_json::Value = serde_json::from_slice(summary).unwrap();
+    let checksum = zarr::Checksum::of(&path, &entries).unwrap();
+    value["posterior"] = serde_json::to_value(checksum).unwrap();
+    std::fs::write(folder.summary(), serde_json::to_vec(&value).unwrap()).unwrap();
 }
 
 fn outcome(seed: &Seed, part: Part) -> Verdict {

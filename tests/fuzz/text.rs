@@ -129,7 +129,7 @@ fn inside(params: &StreamParams<f64>) -> Verdict {
     if prior.check_inside(params).is_err() {
         return Verdict::Refused;
     }
-    let theta = prior.free_of(params);
+    let theta = params.to_array();
     let mut z = vec![0.0; theta.len()];
     prior.prior().z_from_theta(&theta, &mut z);
     assert!(z.iter().all(|z| !z.is_nan()), "{params:?}");
