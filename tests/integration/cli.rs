@@ -366,7 +366,7 @@ fn a_fit_is_bridged_to_another_model_of_its_stream() {
     refused(&bridge(&[]), &["that of the fit itself", "--particles"]);
     refused(
         &bridge(&["--particles", "200", "--smc-particles", "10"]),
-        &["members", "ten per parameter"],
+        &["smc_particles", "ten per parameter"],
     );
     assert!(!Path::new(&out).exists(), "nothing is left behind");
     let output = bridge(&[
@@ -480,7 +480,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
         &["fit", &track, "--config", &settings, "--out", &five, "-q"],
         "",
     );
-    refused(&early, &["members", "ten per parameter"]);
+    refused(&early, &["smc_particles", "ten per parameter"]);
     assert!(!Path::new(&five).exists(), "nothing is left behind");
     refused(
         &oblate(&["merge", &one, &three, "--out", &path("merged")], ""),

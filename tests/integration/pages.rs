@@ -5,12 +5,13 @@ use oblate::inference::FitSettings;
 use oblate::params::NAMES;
 use std::path::{Path, PathBuf};
 
-const PAGES: [&str; 13] = [
+const PAGES: [&str; 14] = [
     "README.md",
     "CHANGELOG.md",
     "docs/files.md",
     "docs/glossary.md",
     "docs/limits.md",
+    "docs/reliability.md",
     "docs/physics.md",
     "docs/samplers.md",
     "docs/validation.md",

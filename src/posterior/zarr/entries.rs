@@ -41,15 +41,15 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "step_size",
             "mean_leapfrogs",
             "divergences",
-            "barrier",
+            "communication_barrier",
             "round_trips",
             "trace",
             "trace_length",
             // of a bridge
-            "share",
+            "fraction",
             "ln_ratio",
             "ancestors",
-            "echo",
+            "correlation",
         ],
     ),
 ];

@@ -51,7 +51,7 @@ fn a_number_out_of_its_range_is_refused_with_the_range() {
     for number in ["-0.1", "1", "1.5"] {
         let fraction = format!("--min-fraction={number}");
         let output = oblate(&["stream", &stream, "--particles", "200", &fraction], "");
-        refused(&output, &["--min-fraction", "[0, 1)"]);
+        refused(&output, &["--min-fraction", "allowed 0.0 to 1.0"]);
     }
 }
 
