@@ -63,6 +63,9 @@ impl Iterator for ParameterLines<'_> {
             let mark = read::BYTE_ORDER_MARK.as_bytes();
             let first = self.line == 1;
             let json = bytes.strip_prefix(mark).filter(|_| first).unwrap_or(&bytes);
+            if std::str::from_utf8(json).is_err() {
+                return Some(Err(self.fail("not UTF-8 text".to_owned())));
+            }
             if !json.trim_ascii().is_empty() {
                 let params = serde_json::from_slice(json);
                 return Some(match params {

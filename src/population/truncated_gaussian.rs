@@ -68,7 +68,7 @@ impl TruncatedGaussianSettings {
             mu_pop,
             sigma_pop,
         } = self;
-        in_range("family.q_min", *q_min, AXIS_RATIOS)?;
+        in_range("family.q_min", *q_min, 0.0..=*AXIS_RATIOS.end())?;
         in_range("family.q_max", *q_max, AXIS_RATIOS)?;
         mu_pop.check_range("family.mu_pop", &MEANS)?;
         sigma_pop.check_range("family.sigma_pop", &DEVIATIONS)?;

@@ -445,6 +445,7 @@ fn arrays_of_other_shapes_are_refused_before_memory_is_taken_for_them() {
         ("ln_likelihood", "[100]", "[1000000000]", 8_000_000_000),
     ] {
         let run = runs::nested(100, 1);
+        let _ = std::fs::remove_dir_all(&path);
         zarr::write(&path, &run, zarr::Extras::default()).unwrap();
         let array = path.join("weighted").join(array);
         let metadata = array.join("zarr.json");
@@ -490,12 +491,15 @@ fn a_chunk_that_is_missing_is_an_error_in_every_array() {
         zarr::write(&path, &run, zarr::Extras::default()).unwrap();
         let mut seen = 0;
         for group in ["weighted", "history"] {
-            for array in std::fs::read_dir(path.join(group)).unwrap() {
-                let chunks = array.unwrap().path().join("c");
+            let arrays = std::fs::read_dir(path.join(group)).unwrap();
+            let arrays: Vec<_> = arrays.map(|array| array.unwrap().path()).collect();
+            for array in arrays {
+                let chunks = array.join("c");
                 if chunks.exists() {
                     std::fs::remove_dir_all(chunks).unwrap();
                     let words = zarr::read(&path).unwrap_err().to_string();
                     assert!(words.contains("chunk is missing"), "{words}");
+                    std::fs::remove_dir_all(&path).unwrap();
                     zarr::write(&path, &run, zarr::Extras::default()).unwrap();
                     seen += 1;
                 }
@@ -511,6 +515,7 @@ fn lengths_of_traces_that_do_not_add_up_are_refused() {
     let path = folder.path().join("p.zarr");
     let run = runs::tempered(40, 2);
     for lengths in [[10_u64, 10, 10, 9], [10, 10, 10, 11], [u64::MAX, 0, 0, 0]] {
+        let _ = std::fs::remove_dir_all(&path);
         zarr::write(&path, &run, zarr::Extras::default()).unwrap();
         let bytes: Vec<u8> = lengths.iter().flat_map(|n| n.to_le_bytes()).collect();
         std::fs::write(path.join("history/trace_length/c/0"), bytes).unwrap();

@@ -37,7 +37,7 @@ fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
     for (text, words) in [
         (
             with("population.settings", "family = { q_min = 2.0 }"),
-            &["[population.settings]", "family.q_min = 2", "q_min < q_max"][..],
+            &["[population.settings]", "family.q_min = 2", "below q_max"][..],
         ),
         (
             with("population.settings", "reweighting = { max_draws = 0 }"),

@@ -170,7 +170,7 @@ fn a_damaged_summary_is_refused_with_its_line() {
     let words = damaged("\"converged\"", "converged");
     assert!(words.contains("summary.json, line 3"), "{words}");
     let words = damaged("\"format\": 2", "\"format\": 1");
-    assert!(words.contains("format 1 of summaries"), "{words}");
+    assert!(words.contains("a summary of version 1"), "{words}");
 }
 
 #[test]

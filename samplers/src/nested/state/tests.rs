@@ -95,7 +95,7 @@ fn perfect_sampling_has_no_bias_and_the_known_scatter_for_any_replaced_fraction(
 }
 
 #[test]
-#[ignore = "the long form: run before a release with --ignored"]
+#[ignore = "the long form: run before a release"]
 fn perfect_sampling_has_no_bias_and_the_known_scatter_for_more_runs() {
     perfect_sampling(600);
 }
