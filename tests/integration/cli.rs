@@ -380,7 +380,7 @@ fn a_fit_is_bridged_to_another_model_of_its_stream() {
     let summary = json(&output.stdout);
     assert_eq!(summary["method"], "bridge");
     let parts = &summary["ln_z_error_parts"];
-    for part in ["parent", "weights", "shares"] {
+    for part in ["parent", "weights", "lineage-weights"] {
         assert!(parts[part].as_f64().expect("a number") >= 0.0, "{parts}");
     }
     // The settings that it leaves are those of the model that it came to.

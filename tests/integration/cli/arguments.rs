@@ -48,7 +48,7 @@ fn no_number_of_any_verb_may_be_infinite_or_nan() {
 #[test]
 fn a_number_out_of_its_range_is_refused_with_the_range() {
     let stream = example("stream.toml").display().to_string();
-    for number in ["-0.1", "1", "1.5"] {
+    for number in ["-0.1", "1.01", "1.5"] {
         let fraction = format!("--min-fraction={number}");
         let output = oblate(&["stream", &stream, "--particles", "200", &fraction], "");
         refused(&output, &["--min-fraction", "allowed 0.0 to 1.0"]);
