@@ -298,7 +298,10 @@ fn a_study_is_refused_as_a_whole_for_settings_that_it_uses_late() {
                 settings = { reweighting = { max_draws = 0 } }";
     let config: StudyConfig = toml::from_str(text).expect("a study");
     let error = config.check().unwrap_err().to_string();
-    assert!(error.starts_with("reweighting.max_draws = 0"), "{error}");
+    assert!(
+        error.starts_with("[population.settings] reweighting.max_draws = 0"),
+        "{error}"
+    );
 }
 
 #[test]
