@@ -88,12 +88,10 @@ pub fn save<T: Serialize>(
     }
     let fresh = Pending::write(path, &bytes)?;
     match std::fs::rename(path, previous(path)) {
-        Err(source) if source.kind() != ErrorKind::NotFound => {
-            return Err(Error::Io {
-                path: path.to_path_buf(),
-                source,
-            });
-        }
+        Err(source) if source.kind() != ErrorKind::NotFound => Err(Error::Io {
+            path: path.to_path_buf(),
+            source,
+        }),
         _ => fresh.replace(),
     }
 }

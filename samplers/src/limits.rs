@@ -30,6 +30,10 @@ impl OutOfRange {
 ///
 /// # Errors
 /// [`OutOfRange`] with the key, the value and the range.
+#[allow(
+    clippy::needless_pass_by_value,
+    reason = "numbers are given as they are, most of them literals"
+)]
 pub fn in_range<T: PartialOrd + Debug>(
     key: &str,
     value: T,

@@ -475,34 +475,6 @@ impl Run {
         self.status == Status::Complete && self.checks.iter().all(|g| g.pass)
     }
 
-    /// Whether it is a consistent run ([`check`](Self::check)) on this target: parameters have the same names, and the best draw the same
-    /// ln L. `run` names it in errors.
-    ///
-    /// # Errors
-    /// [`Error::Inconsistent`], [`Error::OtherParameters`], [`Error::NoDraws`] or [`Error::OtherLikelihood`] if it is not; [`Error::Fatal`] and
-    /// [`Error::Infinite`] from the target.
-    pub fn check_belongs(&self, target: &dyn Target, run: &'static str) -> Result<()> {
-        if let Err(fault) = self.check() {
-            return Err(Error::Inconsistent {
-                run,
-                message: fault.to_string(),
-            });
-        }
-        if self.names != target.prior().names() {
-            return Err(Error::OtherParameters { run });
-        }
-        let Some(best) = self.draws.best() else {
-            return Err(Error::NoDraws { run });
-        };
-        let theta = self.draws.theta_row(best);
-        let there = self.draws.ln_likelihood[best];
-        let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
-        if (here - there).abs() > 1e-9 * (1.0 + here.abs()) {
-            return Err(Error::OtherLikelihood { run, here, there });
-        }
-        Ok(())
-    }
-
     /// A hash of everything but times: equal for runs with the same bits.
     ///
     /// # Panics

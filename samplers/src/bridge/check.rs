@@ -66,6 +66,9 @@ mod tests {
     use super::super::between::Both;
     use super::super::state::Level;
     use super::*;
+
+    /// What is done to a state.
+    type Damage<'a> = &'a dyn Fn(&mut State);
     use crate::difference_pool::DifferencePool;
     use crate::hmc::Metric;
 
@@ -99,7 +102,7 @@ mod tests {
             ..State::default()
         };
         assert_eq!(sound.check(&settings, &parent, 2), Ok(()));
-        let damages: [(&dyn Fn(&mut State), &str); 9] = [
+        let damages: [(Damage<'_>, &str); 9] = [
             (&|s| s.fraction = f64::NAN, "between"),
             (&|s| s.particles.clear(), "number of SMC particles"),
             (&|s| s.particles[3].z = vec![0.0; 3], "another dimension"),

@@ -2,6 +2,8 @@
 //! files or by hand need not be.
 
 use super::{Draws, History, Method, Run};
+use crate::error::Error;
+use crate::target::Target;
 
 /// What is wrong with a run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -160,7 +162,8 @@ impl History {
                 for (place, (birth, l)) in ln_likelihood_birth.iter().zip(ln_likelihood).enumerate()
                 {
                     // A rejected point has minus infinity, and may be born there too.
-                    if !(*birth < l.max(f64::MIN)) {
+                    let below = *birth < l.max(f64::MIN);
+                    if !below {
                         return Err(RunFault::Value {
                             array: "ln_likelihood_birth",
                             place,
@@ -287,6 +290,34 @@ impl Run {
                     needed,
                 });
             }
+        }
+        Ok(())
+    }
+
+    /// Whether it is a consistent run ([`check`](Self::check)) on this target: parameters have the same names, and the best draw the same
+    /// ln L. `run` names it in errors.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`], [`Error::OtherParameters`], [`Error::NoDraws`] or [`Error::OtherLikelihood`] if it is not; [`Error::Fatal`] and
+    /// [`Error::Infinite`] from the target.
+    pub fn check_belongs(&self, target: &dyn Target, run: &'static str) -> crate::Result<()> {
+        if let Err(fault) = self.check() {
+            return Err(Error::Inconsistent {
+                run,
+                message: fault.to_string(),
+            });
+        }
+        if self.names != target.prior().names() {
+            return Err(Error::OtherParameters { run });
+        }
+        let Some(best) = self.draws.best() else {
+            return Err(Error::NoDraws { run });
+        };
+        let theta = self.draws.theta_row(best);
+        let there = self.draws.ln_likelihood[best];
+        let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
+        if (here - there).abs() > 1e-9 * (1.0 + here.abs()) {
+            return Err(Error::OtherLikelihood { run, here, there });
         }
         Ok(())
     }

@@ -104,6 +104,9 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What is done to a state.
+    type Damage<'a> = &'a dyn Fn(&mut State);
     use crate::target::{Marginal, Outcome, Prior, Target};
 
     struct Bell(Prior);
@@ -162,7 +165,7 @@ mod tests {
         // Two rounds of 4 and 8 scans after the SMC samplers, the last of 16, and one extension of it.
         let (early, late) = (2, 50);
         assert_eq!(fault(late, |s| assert!(s.extensions > 0)), None);
-        let damages: [(usize, &dyn Fn(&mut State), &str); 15] = [
+        let damages: [(usize, Damage<'_>, &str); 15] = [
             (
                 early,
                 &|s| s.settings.hmc_transitions += 1,

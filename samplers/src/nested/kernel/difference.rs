@@ -16,12 +16,12 @@
 //!    that cell ([`DifferencePool`](crate::difference_pool::DifferencePool)), so that it keeps the uniform law on what of the cell is
 //!    above the contour (Neal 2003). At the largest scale all space is one cell: a slice may end in another mode.
 //! 3. A slice update in the local metric leaves the uniform distribution in each metric region invariant, hence everywhere,
-//! however much of it is in each: after a move between regions, the next such update only has to use the region of the present
-//! state.
+//!    however much of it is in each: after a move between regions, the next such update only has to use the region of the present
+//!    state.
 //! 4. If the target has an exact symmetry whose orbits can be aligned, the two points are first moved along it to the invariant
-//! level of the chain's present state. Their distribution then depends on the present state through its level alone, which is
-//! constant on the line: the reverse move has the same distribution. Steps across orbits need not follow the curvature of the
-//! orbit, and the position along it is redrawn at the end.
+//!    level of the chain's present state. Their distribution then depends on the present state through its level alone, which is
+//!    constant on the line: the reverse move has the same distribution. Steps across orbits need not follow the curvature of the
+//!    orbit, and the position along it is redrawn at the end.
 //!
 //! So a new point has the right law and does not depend on the other half. It resembles its own seed until enough slice
 //! updates have been made, which the scatter of lineages measures and the checks limit; and two points drawn in one

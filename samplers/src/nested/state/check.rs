@@ -102,6 +102,9 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What is done to a state.
+    type Damage<'a> = &'a dyn Fn(&mut State);
     use crate::nested::live::Genealogy;
     use crate::nested::settings::Settings;
     use crate::target::{Marginal, Outcome, Prior, Target};
@@ -145,7 +148,7 @@ mod tests {
         for kernel in [Kernel::Uniform, Kernel::Differential] {
             assert_eq!(fault(kernel, |_| ()), None);
         }
-        let damages: [(&dyn Fn(&mut State), &str); 16] = [
+        let damages: [(Damage<'_>, &str); 16] = [
             (&|s| s.live.ln_l.truncate(3), "other numbers"),
             (&|s| s.live = s.live.select(&[]), "too few live points"),
             (&|s| s.live.ln_l[3] = f64::NAN, "not finite"),

@@ -3,7 +3,7 @@
 use super::{sample, settings};
 use crate::targets::{hard, smooth};
 use oblate_samplers::nested::{Kernel, merge};
-use oblate_samplers::output::History;
+use oblate_samplers::output::{History, Method};
 use oblate_samplers::{Error, Run, Target};
 
 fn runs(target: &dyn Target, n_live: usize, seeds: std::ops::RangeInclusive<u64>) -> Vec<Run> {
@@ -56,7 +56,10 @@ fn a_mode_that_one_run_missed_fails_the_merged_run() {
     let mut parts = runs(&target, 200, 1..=3);
     let verdict = |parts: &[Run]| -> Vec<bool> {
         let whole = merged(&target, parts);
-        let seeds = whole.checks.iter().filter(|g| g.name.starts_with("seeds"));
+        let seeds = whole
+            .checks
+            .iter()
+            .filter(|g| g.name.ends_with("-of-seeds"));
         seeds.map(|g| g.pass).collect()
     };
     assert_eq!(verdict(&parts), [true, true]);
@@ -85,6 +88,7 @@ fn what_does_not_belong_together_is_refused() {
     let other = refused(&[&parts[0], &other]);
     assert!(matches!(other, Error::OtherLikelihood { .. }), "{other}");
     let mut tempered = parts[1].clone();
+    tempered.method = Method::Bridge;
     tempered.history = History::Bridge {
         fraction: Vec::new(),
         ln_ratio: Vec::new(),
