@@ -19,7 +19,7 @@ fn read(input: impl Read) -> (Vec<usize>, Option<String>) {
     for line in ParameterLines::new(&mut input, PathBuf::from("standard input")) {
         match line {
             Ok((number, params)) => {
-                assert_eq!(params.to_array(), [1.5; 13]);
+                assert!(params.to_array().iter().all(|x| (x - 1.5).abs() < 1e-15));
                 numbers.push(number);
             }
             Err(error) => return (numbers, Some(error.to_string())),
