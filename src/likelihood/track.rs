@@ -195,7 +195,7 @@ impl TrackLikelihood {
     pub fn memory(&self, threads: usize) -> Memory {
         let per_bin = 14 * size_of::<f64>();
         let bytes = (per_bin * self.grid.len * threads) as f64;
-        Memory::default().with("--threads", bytes)
+        Memory::default().with("threads", bytes)
     }
 
     /// The weight that a bin must have to count as covered.
