@@ -70,6 +70,8 @@ fn a_mode_that_one_run_missed_fails_the_merged_run() {
             draws.ln_weight[row] = f64::NEG_INFINITY;
         }
     }
+    let ln_sum = draws.weights().iter().sum::<f64>().ln();
+    draws.ln_weight.iter_mut().for_each(|w| *w -= ln_sum);
     assert_eq!(verdict(&parts), [true, false]);
     parts[2].evidence.ln_z -= 5.0 * parts[2].evidence.error;
     assert_eq!(verdict(&parts), [false, false]);
