@@ -155,7 +155,7 @@ fn sync(path: &Path) -> io::Result<()> {
     sync_folder(folder_of(path))
 }
 
-/// What is in the folder of a posterior: the files and folders that [`write`] makes, and others.
+/// What is in the folder of a posterior: the files and folders that [`write()`] makes, and others.
 ///
 /// # Errors
 /// The operating system's, with which the folder cannot be read.

@@ -165,7 +165,7 @@ impl Settings {
     }
 
     /// An estimate of the memory of a run of `dim` parameters: its points at the end, and what is computed of them. A run of one batch
-    /// has [`NATS`] points per live point, one with a target as many more as the target needs at [`INFORMATION`] nats.
+    /// has `NATS` points per live point, one with a target as many more as the target needs at `INFORMATION` nats.
     #[must_use]
     pub fn memory(&self, dim: usize) -> Memory {
         let point = BYTES_PER_POINT + BYTES_PER_COORDINATE * dim as f64;
