@@ -178,40 +178,16 @@ pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T> {
     })
 }
 
-/// Writes all settings as TOML. The tables called `expert` come last, after a comment that says what they are.
+/// Writes all settings as TOML.
 ///
 /// # Errors
 /// [`Error::Setting`] for a value that TOML cannot hold (a seed of 2^63 or more).
 pub fn to_toml<T: Serialize>(settings: &T) -> Result<String> {
-    let text = toml::to_string_pretty(settings).map_err(|e| Error::Setting {
+    toml::to_string_pretty(settings).map_err(|e| Error::Setting {
         key: "settings".to_owned(),
         value: e.to_string(),
         remedy: "give numbers that a settings file can hold, seeds below 2^63".to_owned(),
-    })?;
-    Ok(expert_last(&text))
-}
-
-/// Moves the tables called `expert`, and the tables inside them, to the end of a TOML text.
-fn expert_last(text: &str) -> String {
-    let (mut usual, mut expert) = (String::new(), String::new());
-    let mut in_expert = false;
-    for line in text.lines() {
-        if let Some(header) = line.strip_prefix('[') {
-            let path = header.split(']').next().unwrap_or_default();
-            in_expert = path.split('.').any(|key| key == "expert");
-        }
-        let part = if in_expert { &mut expert } else { &mut usual };
-        part.push_str(line);
-        part.push('\n');
-    }
-    if expert.is_empty() {
-        return usual;
-    }
-    format!(
-        "{}\n\n# Expert settings of the samplers. The defaults suit almost every fit; change them only if a convergence check says so.\n\n{}\n",
-        usual.trim_end(),
-        expert.trim_end()
-    )
+    })
 }
 
 /// Position of an unknown key in `text`, the table that the parser's error points at. Tables that are merged with defaults are checked

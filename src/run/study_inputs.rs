@@ -32,7 +32,12 @@ impl StudyInputs {
         if let Some(study) = &config.population {
             some(&study.samplers).map_err(|e| e.within("population"))?;
             if config.mocks.is_none() {
-                return Err(Error::TooFewRuns { given: 0, min: 1 }.within("population"));
+                return Err(Error::Setting {
+                    key: "mocks".to_owned(),
+                    value: "{}".to_owned(),
+                    remedy: "add a table `[mocks]`: the population is that of the mocks".to_owned(),
+                }
+                .within("population"));
             }
             for sampler in &study.samplers {
                 let mut settings = study.settings.clone();

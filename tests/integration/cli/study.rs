@@ -97,8 +97,9 @@ fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
                 .expect("a beginning")
                 .to_owned()
                 + "[population]\nsamplers = [\"nested\"]\n",
-            &["[population]", "at least 1"],
+            &["[population]", "mocks", "add a table `[mocks]`"],
         ),
+        (study.replace("count = ", "count = 0 # "), &["mocks.count"]),
     ] {
         let path = write(folder.path(), "study.toml", &text);
         let output = oblate(&["run", &path], "");
