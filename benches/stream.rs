@@ -11,7 +11,7 @@ use oblate::scalar::Level;
 use oblate::scalar::Vec3;
 use oblate::spray::TableSettings;
 use oblate::stream::{
-    Halvings, Model, ModelSettings, Particles, StepRule, StepSchedules, StepsPer, System,
+    Model, ModelSettings, Particles, StepRule, StepSchedules, StepSizes, StepsPer, System,
 };
 use std::hint::black_box;
 
@@ -74,7 +74,7 @@ fn particles(c: &mut Criterion) {
         // One by one, large numbers take seconds and give no new information.
         if n <= 10_000 {
             group.bench_function(format!("particles/f64/n{n}_s100"), |b| {
-                b.iter(|| model.integrate_one_by_one(black_box(&solution), &Halvings::default()));
+                b.iter(|| model.integrate_one_by_one(black_box(&solution), &StepSizes::default()));
             });
         }
     }

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::path::Path;
 use tracks::{binned, distance, particles, systems, track};
 
-const MOCKS: usize = 60;
+const MOCKS: usize = 240;
 const PARTICLES: usize = 2_048;
 
 fn model(settings: ModelSettings) -> Model {
@@ -50,7 +50,7 @@ fn track_and_price(model: &Model, system: &System<f64>) -> Option<(Track, f64)> 
     let forces = match model.settings().step_rule {
         StepRule::Uniform => model.mean_steps(),
         StepRule::Adaptive => {
-            (STAGES * particles.halvings.steps()) as f64 / particles.halvings.pairs() as f64
+            (STAGES * particles.step_sizes.steps()) as f64 / particles.step_sizes.pairs() as f64
         }
     };
     Some((binned(&particles, BinEdges::default()), forces))
@@ -85,7 +85,7 @@ fn table(name: &str, systems: &[System<f64>]) {
     ]
     .into_iter()
     .chain(
-        [0.6, 0.9, 1.2, 1.5, 2.0]
+        [0.8, 0.9, 1.0, 1.1, 1.2]
             .map(|phase| (format!("adaptive, phase {phase}"), adaptive(phase))),
     );
     for (name, settings) in rows {

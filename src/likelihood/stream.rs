@@ -242,7 +242,9 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
             &mut fast,
         )?;
         let solution = self.model.progenitor_solution(&self.system(params))?;
-        let particles = self.model.integrate_one_by_one(&solution, &fast.halvings)?;
+        let particles = self
+            .model
+            .integrate_one_by_one(&solution, &fast.step_sizes)?;
         let mut sums = Sums::default();
         let neighbourhood = self.model.table().neighbourhood.as_deref();
         self.track

@@ -1,8 +1,9 @@
-//! Fourth-order steps that are halved where particles need it (docs/physics.md, section 5).
+//! Fourth-order steps that are as short as particles need (docs/physics.md, section 5).
 //!
 //! A step is a composition of six kicks and drifts (Blanes & Moan 2002, J. Comput. Appl. Math. 142, 313: a Runge-Kutta-Nyström method of
-//! fourth order). All particles that are integrated together take the same steps. How often each step is halved is recorded: with its record the integration is a fixed sequence of kicks and drifts,
-//! a [`StepSchedule`](super::StepSchedule), and its derivative is that of this sequence.
+//! fourth order). All particles that are integrated together take the same steps. The size of each step is recorded: with this record the
+//! integration is a fixed sequence of kicks and drifts, a [`StepSchedule`](super::StepSchedule), and its derivative is that of this
+//! sequence.
 
 use super::leapfrog::force;
 use super::winding::{crossing, is_negative};
@@ -39,20 +40,47 @@ pub const KICKS: [f64; STAGES + 1] = [
 /// Times of the kicks in steps: the sums of the drifts before them.
 pub const TIMES: [f64; STAGES + 1] = [0.0, A[0], A[0] + A[1], 0.5, 0.5 + A_3, 1.0 - A[0], 1.0];
 
-/// What an integration by adaptive steps is given, and where it records how often it halved them.
+/// Sizes between the size of a step and its half.
+const PER_HALVING: u8 = 4;
+
+/// The sizes of steps down to, and not with, the half: 2^(-number / 4).
+const SIZES: [f64; PER_HALVING as usize] = [
+    1.0,
+    0.840_896_415_253_714_5,
+    std::f64::consts::FRAC_1_SQRT_2,
+    0.594_603_557_501_360_5,
+];
+
+/// The length of the next step, of a size with this number, where `left` is what is left until today; both in longest steps. The size is
+/// 2^(-number / 4): so few sizes that a change of the parameters seldom changes the steps, which the derivative takes as fixed. The last
+/// two steps are equal, and end today.
+#[inline(always)]
+#[must_use]
+pub fn length(number: u8, left: f64) -> f64 {
+    let size = SIZES[usize::from(number % PER_HALVING)] / (1_u64 << (number / PER_HALVING)) as f64;
+    if left <= size {
+        left
+    } else if left < 2.0 * size {
+        0.5 * left
+    } else {
+        size
+    }
+}
+
+/// What an integration by adaptive steps is given, and where it records the sizes of the steps.
 pub trait AdaptiveSteps<S> {
-    /// Number of steps if none is halved.
+    /// Number of steps if all are as long as possible.
     fn steps(&self) -> usize;
-    /// How often a step may be halved at most.
+    /// The shortest step is the longest one halved so often.
     fn max_halvings(&self) -> u8;
     /// Largest phase of a step in radians, see [`advance_adaptively`].
     fn max_phase(&self) -> f64;
-    /// Length of a step that is not halved, Gyr.
+    /// Length of the longest step, Gyr.
     fn step_gyr(&self) -> S;
-    /// The progenitor's position at a time that is counted in steps from the release.
-    fn progenitor_at(&self, time: f64) -> Vec3<S>;
-    /// Records how often the next step is halved.
-    fn record(&mut self, halvings: u8);
+    /// The progenitor's position at a time that is counted in longest steps before today.
+    fn progenitor_at(&self, left: f64) -> Vec3<S>;
+    /// Records the size of the next step, as [`length()`] numbers it.
+    fn record(&mut self, number: u8);
 }
 
 /// Integrates particles, one in each lane, from their release to today; as [`advance`](super::advance()) along the schedule that
@@ -70,61 +98,53 @@ pub fn advance_adaptively<S: Scalar>(
     start: State<S>,
     turns: S,
 ) -> FinalParticle<S> {
-    let max_halvings = steps.max_halvings();
+    let shortest = steps.max_halvings() * PER_HALVING;
     let phase2 = steps.max_phase() * steps.max_phase();
     // Squared, over the square of the largest phase: no root, and no division for each particle.
     let pull = progenitor.mass * (G / phase2);
     let pull2 = pull * pull;
     let core2 = progenitor.r_s * progenitor.r_s;
-    // Times are counted in steps halved most often.
-    let finest = 1_usize << max_halvings;
-    let shortest = 1.0 / finest as f64;
-    let end = steps.steps() * finest;
     let step = steps.step_gyr();
-    let (mut at, mut halvings) = (0, 0_u8);
+    let (mut left, mut number) = (steps.steps() as f64, 0_u8);
     let (mut turns, mut ambiguous_windings) = (turns, S::zero());
     let mut x = start.x;
     // Velocities without the last kick of the step before, which is joined with the first of the next.
     let mut v = start.v;
     let mut kick_before = S::zero();
-    let mut centre = steps.progenitor_at(0.0);
+    let mut centre = steps.progenitor_at(left);
     let mut a = force(host, progenitor, x, centre);
-    while at < end {
+    while left > 0.0 {
         let now = Now::new(x, v.add_scaled(a, kick_before), a, phase2);
         let d2 = (x - centre).norm2() + core2;
         let d6 = d2 * d2 * d2;
-        if halvings < max_halvings && now.is_too_long(length(step, halvings), d6, pull2) {
-            halvings += 1;
-            while halvings < max_halvings && now.is_too_long(length(step, halvings), d6, pull2) {
-                halvings += 1;
+        let is_too_long = |number: u8| now.is_too_long(step * length(number, left), d6, pull2);
+        if number < shortest && is_too_long(number) {
+            number += 1;
+            while number < shortest && is_too_long(number) {
+                number += 1;
             }
         } else {
-            // A longer step begins where its predecessors of the same length would have ended.
-            while halvings > 0
-                && at % (finest >> (halvings - 1)) == 0
-                && !now.is_too_long(length(step, halvings - 1), d6, pull2)
-            {
-                halvings -= 1;
+            while number > 0 && !is_too_long(number - 1) {
+                number -= 1;
             }
         }
-        let h = length(step, halvings);
-        let ticks = finest >> halvings;
+        let length = length(number, left);
+        let h = step * length;
         v = v.add_scaled(a, kick_before + h * KICKS[0]);
         for stage in 0..STAGES {
             let before = x;
             x = x.add_scaled(v, h * DRIFTS[stage]);
             turns += crossing(before, x);
             ambiguous_windings += is_negative(before.x * x.x + before.y * x.y);
-            let time = (at as f64 + TIMES[stage + 1] * ticks as f64) * shortest;
-            centre = steps.progenitor_at(time);
+            centre = steps.progenitor_at(left - TIMES[stage + 1] * length);
             a = force(host, progenitor, x, centre);
             if stage + 1 < STAGES {
                 v = v.add_scaled(a, h * KICKS[stage + 1]);
             }
         }
         kick_before = h * KICKS[STAGES];
-        at += ticks;
-        steps.record(halvings);
+        left -= length;
+        steps.record(number);
     }
     FinalParticle {
         state: State {
@@ -134,12 +154,6 @@ pub fn advance_adaptively<S: Scalar>(
         turns,
         ambiguous_windings,
     }
-}
-
-/// The length of a step that is halved some times.
-#[inline(always)]
-pub fn length<S: Scalar>(step: S, halvings: u8) -> S {
-    step * (1.0 / (1_usize << halvings) as f64)
 }
 
 /// Particles at the start of a step.

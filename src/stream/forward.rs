@@ -1,13 +1,13 @@
 //! The particles of a stream today, on one thread or many.
 
 use super::compiled::CompiledHalo;
-use super::halvings::Halvings;
 use super::integrate::IntegrateKernel;
 use super::lane_groups::StepSchedules;
 use super::model::Model;
 use super::particles::Particles;
 use super::progenitor_solution::ProgenitorSolution;
 use super::settings::StepRule;
+use super::step_sizes::StepSizes;
 use super::system::System;
 use crate::error::{Error, Rejection, Result, Tally};
 use crate::potential::Halo;
@@ -54,14 +54,14 @@ impl Model {
         schedules: &mut StepSchedules,
         out: &mut Particles,
     ) -> std::result::Result<(), Rejection> {
-        let (columns, halvings) = out.columns(self.table.len());
-        halvings.reset(self.pairs.len(), self.most_halvings());
+        let (columns, step_sizes) = out.columns(self.table.len());
+        step_sizes.reset(self.pairs.len(), self.most_steps());
         let forward = IntegrateKernel {
             model: self,
             solution,
             pairs: &self.pairs,
             schedules,
-            halvings,
+            step_sizes,
             out: columns,
         };
         let ambiguous_windings = (H::kernels().integrate)(forward, level);
@@ -82,8 +82,8 @@ impl Model {
         // More parts than threads, because some may take longer.
         let parts = 4 * rayon::current_num_threads();
         let per_part = self.pairs.len().div_ceil(parts);
-        let (mut left, halvings) = out.columns(self.table.len());
-        halvings.reset(self.pairs.len(), 0);
+        let (mut left, step_sizes) = out.columns(self.table.len());
+        step_sizes.reset(self.pairs.len(), 0);
         let mut work = Vec::with_capacity(parts);
         for pairs in self.pairs.chunks(per_part) {
             let end = pairs.last().map_or(0, |pair| {
@@ -94,26 +94,26 @@ impl Model {
             work.push((pairs, part));
             left = rest;
         }
-        let parts: Vec<(f64, Halvings)> = work
+        let parts: Vec<(f64, StepSizes)> = work
             .into_par_iter()
             .map(|(pairs, out)| {
-                let mut halvings = Halvings::default();
+                let mut step_sizes = StepSizes::default();
                 let forward = IntegrateKernel {
                     model: self,
                     solution,
                     pairs,
                     schedules: &mut StepSchedules::default(),
-                    halvings: &mut halvings,
+                    step_sizes: &mut step_sizes,
                     out,
                 };
                 let ambiguous_windings = (H::kernels().integrate)(forward, Level::best());
-                (ambiguous_windings, halvings)
+                (ambiguous_windings, step_sizes)
             })
             .collect();
         let mut ambiguous_windings = 0.0;
         for (count, part) in &parts {
             ambiguous_windings += count;
-            halvings.append(part);
+            step_sizes.append(part);
         }
         out.neighbourhood = self.table.neighbourhood.clone();
         out.tally = tally(solution, ambiguous_windings)?;
@@ -122,13 +122,15 @@ impl Model {
 }
 
 impl Model {
-    /// Number of adaptive steps of all pairs, if all are halved as often as possible; with equal steps, none are recorded.
-    fn most_halvings(&self) -> usize {
+    /// Number of adaptive steps of all pairs, if all are as short as possible; with equal steps, none are recorded.
+    fn most_steps(&self) -> usize {
         match self.settings.step_rule {
             StepRule::Uniform => 0,
             StepRule::Adaptive => {
                 let steps = |pair: &Range<usize>| self.steps[self.groups[pair.start].release_time];
-                self.pairs.iter().map(steps).sum::<usize>() << self.settings.max_halvings
+                let shortest =
+                    self.pairs.iter().map(steps).sum::<usize>() << self.settings.max_halvings;
+                shortest + self.pairs.len()
             }
         }
     }

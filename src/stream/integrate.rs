@@ -1,12 +1,12 @@
 //! Integration of particles from their release to today: in SIMD lanes, and one by one on any number type.
 
-use super::halvings::Halvings;
 use super::lane_groups::{Interleaved, Pair, StepSchedules};
 use super::model::Model;
 use super::particles::Columns;
 use super::progenitor_solution::ProgenitorSolution;
 use super::settings::StepRule;
 use super::step_schedules::{PairSteps, Planner};
+use super::step_sizes::StepSizes;
 use crate::error::Rejection;
 use crate::orbit::{FinalParticle, StepSchedule, advance, advance_adaptively};
 use crate::potential::{Halo, Plummer};
@@ -19,7 +19,7 @@ pub struct IntegrateKernel<'a, H: Halo> {
     pub(super) solution: &'a ProgenitorSolution<f64, H>,
     pub(super) pairs: &'a [Range<usize>],
     pub(super) schedules: &'a mut StepSchedules,
-    pub(super) halvings: &'a mut Halvings,
+    pub(super) step_sizes: &'a mut StepSizes,
     pub(super) out: Columns<'a>,
 }
 
@@ -34,7 +34,7 @@ impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
             solution,
             pairs,
             schedules,
-            halvings,
+            step_sizes,
             mut out,
         } = self;
         let host = H::broadcast::<Interleaved<I>>(&solution.host);
@@ -54,8 +54,8 @@ impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
                     turns,
                 ),
                 StepRule::Adaptive => {
-                    halvings.begin();
-                    let mut steps = PairSteps::new(model, solution, &pair, halvings);
+                    step_sizes.begin();
+                    let mut steps = PairSteps::new(model, solution, &pair, step_sizes);
                     advance_adaptively(&host, &progenitor, &mut steps, start, turns)
                 }
             };
@@ -74,14 +74,14 @@ pub(super) fn integrate<H: Halo>(kernel: IntegrateKernel<'_, H>, level: Level) -
 
 impl Model {
     /// Every particle today, one by one, in the order of the table, on any number type: the reference that the fast path
-    /// is tested against. Adaptive steps are those of `halvings`, which the fast path has recorded.
+    /// is tested against. Adaptive steps are those of `step_sizes`, which the fast path has recorded.
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a state is not finite.
     pub fn integrate_one_by_one<S: Real, H: Halo>(
         &self,
         solution: &ProgenitorSolution<S, H>,
-        halvings: &Halvings,
+        step_sizes: &StepSizes,
     ) -> std::result::Result<Vec<FinalParticle<S>>, Rejection> {
         let mut particles = Vec::with_capacity(self.table.len());
         let mut schedule = StepSchedule::default();
@@ -89,7 +89,7 @@ impl Model {
             for group in &self.groups[range.clone()] {
                 self.plan(
                     group.release_time,
-                    halvings.of(number),
+                    step_sizes.of(number),
                     solution,
                     &mut schedule,
                 );

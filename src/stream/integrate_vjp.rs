@@ -122,7 +122,7 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
             let pair = Pair::of(&model.groups, &model.pairs[number]);
             let (end, position_bar) = ends.of::<I>(&pair);
             let limit2 = position_bar.norm2() * max_stretch2;
-            let schedules = planner.schedules(&pair, ends.particles.halvings.of(number));
+            let schedules = planner.schedules(&pair, ends.particles.step_sizes.of(number));
             path_bar.resize(schedules.0.drift_gyr.len(), Vec3::zero());
             let start_bar = reverse::<_, H>(
                 &host,

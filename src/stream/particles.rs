@@ -1,7 +1,7 @@
 //! The particles of a stream today, as columns.
 
-use super::halvings::Halvings;
 use super::lane_groups::{Interleaved, Pair, UNROLL};
+use super::step_sizes::StepSizes;
 use crate::error::Tally;
 use crate::orbit::{FinalParticle, State};
 use crate::scalar::{Isa, LaneArray, angle};
@@ -25,7 +25,7 @@ pub struct Particles {
     /// Their neighbours in release space, if they are smeared.
     pub neighbourhood: Option<Arc<Neighbourhood>>,
     /// How often their steps were halved.
-    pub halvings: Halvings,
+    pub step_sizes: StepSizes,
     /// The approximations made for them.
     pub tally: Tally,
 }
@@ -49,8 +49,8 @@ impl Particles {
         angle(self.y[i], self.x[i]) + TAU * self.turns[i]
     }
 
-    /// All columns at the length `n`, to be written, and the record of halvings.
-    pub(super) fn columns(&mut self, n: usize) -> (Columns<'_>, &mut Halvings) {
+    /// All columns at the length `n`, to be written, and the record of step sizes.
+    pub(super) fn columns(&mut self, n: usize) -> (Columns<'_>, &mut StepSizes) {
         let [vx, vy, vz] = &mut self.v;
         let columns = [
             &mut self.x,
@@ -68,7 +68,7 @@ impl Particles {
                 column.as_mut_slice()
             }),
         };
-        (columns, &mut self.halvings)
+        (columns, &mut self.step_sizes)
     }
 }
 

@@ -51,7 +51,7 @@ impl StepsPer {
 pub struct ModelSettings {
     /// The releases.
     pub releases: TableSettings,
-    /// Number of steps; of adaptive ones, if none is halved.
+    /// Number of steps; of adaptive ones, if all are as long as possible.
     pub steps: usize,
     /// What this number refers to.
     pub steps_per: StepsPer,
@@ -61,9 +61,10 @@ pub struct ModelSettings {
     pub orbit: OrbitMethod,
     /// Steps of the progenitor's orbit; with adaptive steps, their number is doubled until their phase is at most half of `step_phase`.
     pub orbit_steps: usize,
-    /// Largest phase of an adaptive step, radians: on a circular orbit 1.4 times the angle. The error grows with its fourth power.
+    /// Largest phase of an adaptive step, radians: on a circular orbit 1.4 times the angle. The error grows with its fourth power. For
+    /// systems that live long in their own time it is less (docs/physics.md, section 5).
     pub step_phase: f64,
-    /// How often an adaptive step is halved at most. A system whose progenitor would need shorter steps is rejected, because its price
+    /// How often the longest adaptive step is halved to make the shortest. A system whose progenitor would need shorter steps is rejected, because its price
     /// would have no bound.
     pub max_halvings: u8,
 }
@@ -77,7 +78,7 @@ impl Default for ModelSettings {
             step_rule: StepRule::default(),
             orbit: OrbitMethod::default(),
             orbit_steps: 64,
-            step_phase: 1.2,
+            step_phase: 1.0,
             max_halvings: 7,
         }
     }

@@ -1,10 +1,10 @@
 //! The step schedules of the release times: where the progenitor is at each force evaluation, and how long the steps are.
 
-use super::halvings::Halvings;
 use super::lane_groups::{Interleaved, Pair, StepSchedules, UNROLL};
 use super::model::Model;
 use super::progenitor_solution::ProgenitorSolution;
 use super::settings::StepRule;
+use super::step_sizes::StepSizes;
 use crate::orbit::{
     AdaptiveSteps, DRIFTS, HermiteWeights, InterleavedSchedules, KICKS, STAGES, StepSchedule,
     TIMES, length,
@@ -33,12 +33,12 @@ impl Model {
         }
     }
 
-    /// Writes the step schedule of the particles of one release time, whose adaptive steps were halved so often.
+    /// Writes the step schedule of the particles of one release time, whose adaptive steps have these sizes.
     #[inline(always)]
     pub(super) fn plan<S: Real, H: Halo>(
         &self,
         release_time: usize,
-        halvings: &[u8],
+        step_sizes: &[u8],
         solution: &ProgenitorSolution<S, H>,
         schedule: &mut StepSchedule<S>,
     ) {
@@ -57,11 +57,12 @@ impl Model {
         schedule.places.clear();
         schedule.kick_gyr.clear();
         let intervals = solution.orbit.intervals();
-        let place = |time: f64| HermiteWeights::at(tau * (1.0 - time / steps as f64), intervals);
-        schedule.places.push(place(0.0));
-        let (mut start, mut kick_before) = (0.0, S::zero());
-        for &halvings in halvings {
-            let (h, share) = (length(step, halvings), length(1.0, halvings));
+        let place = |left: f64| HermiteWeights::at(tau * (left / steps as f64), intervals);
+        let (mut left, mut kick_before) = (steps as f64, S::zero());
+        schedule.places.push(place(left));
+        for &number in step_sizes {
+            let length = length(number, left);
+            let h = step * length;
             schedule.kick_gyr.push(kick_before + h * KICKS[0]);
             for stage in 0..STAGES {
                 schedule.drift_gyr.push(h * DRIFTS[stage]);
@@ -70,10 +71,10 @@ impl Model {
                 }
                 schedule
                     .places
-                    .push(place(start + TIMES[stage + 1] * share));
+                    .push(place(left - TIMES[stage + 1] * length));
             }
             kick_before = h * KICKS[STAGES];
-            start += share;
+            left -= length;
         }
         schedule.kick_gyr.push(kick_before);
         for place in &schedule.places {
@@ -85,7 +86,7 @@ impl Model {
 /// The adaptive steps of one pair.
 pub(super) struct PairSteps<'a, H: Halo> {
     solution: &'a ProgenitorSolution<f64, H>,
-    halvings: &'a mut Halvings,
+    step_sizes: &'a mut StepSizes,
     taus: [f64; UNROLL],
     steps: usize,
     max_phase: f64,
@@ -98,24 +99,24 @@ impl<'a, H: Halo> PairSteps<'a, H> {
         model: &'a Model,
         solution: &'a ProgenitorSolution<f64, H>,
         pair: &Pair<'_>,
-        halvings: &'a mut Halvings,
+        step_sizes: &'a mut StepSizes,
     ) -> Self {
         let [a, b] = pair.release_times();
         Self {
             solution,
-            halvings,
+            step_sizes,
             taus: [model.table.taus[a], model.table.taus[b]],
             steps: model.steps[a],
-            max_phase: model.settings.step_phase,
+            max_phase: solution.max_step_phase,
             max_halvings: model.settings.max_halvings,
         }
     }
 
-    /// The progenitor at a time of one half of the pair.
+    /// The progenitor at a time of one half of the pair, in longest steps before today.
     #[inline(always)]
-    fn position(&self, half: usize, time: f64) -> Vec3<f64> {
+    fn position(&self, half: usize, left: f64) -> Vec3<f64> {
         let orbit = &self.solution.orbit;
-        let tau = self.taus[half] * (1.0 - time / self.steps as f64);
+        let tau = self.taus[half] * (left / self.steps as f64);
         let [x, y, z, _] = orbit.position(&HermiteWeights::at(tau, orbit.intervals()));
         Vec3::new(x, y, z)
     }
@@ -147,19 +148,19 @@ impl<I: Isa, H: Halo> AdaptiveSteps<Interleaved<I>> for PairSteps<'_, H> {
     }
 
     #[inline(always)]
-    fn progenitor_at(&self, time: f64) -> Vec3<Interleaved<I>> {
+    fn progenitor_at(&self, left: f64) -> Vec3<Interleaved<I>> {
         let [a, b] = self.taus;
-        let one = self.position(0, time);
+        let one = self.position(0, left);
         // Bits, not values: the same release time.
         if a.to_bits() == b.to_bits() {
             return Vec3::from_f64(one);
         }
-        Lanes::vectors(one, self.position(1, time))
+        Lanes::vectors(one, self.position(1, left))
     }
 
     #[inline(always)]
-    fn record(&mut self, halvings: u8) {
-        self.halvings.push(halvings);
+    fn record(&mut self, number: u8) {
+        self.step_sizes.push(number);
     }
 }
 
@@ -188,22 +189,22 @@ impl<'a, H: Halo> Planner<'a, H> {
         }
     }
 
-    /// The step schedules of a pair whose adaptive steps were halved so often.
+    /// The step schedules of a pair whose adaptive steps have these sizes.
     #[inline(always)]
-    pub fn schedules(&mut self, pair: &Pair<'_>, halvings: &[u8]) -> InterleavedSchedules<'_> {
+    pub fn schedules(&mut self, pair: &Pair<'_>, step_sizes: &[u8]) -> InterleavedSchedules<'_> {
         let [a, b] = pair.release_times();
         let [one, other] = &mut *self.schedules;
         let adaptive = self.model.settings.step_rule == StepRule::Adaptive;
         if adaptive || self.planned[0] != a {
             self.planned[0] = a;
-            self.model.plan(a, halvings, self.solution, one);
+            self.model.plan(a, step_sizes, self.solution, one);
         }
         if a == b {
             return InterleavedSchedules(one, one);
         }
         if adaptive || self.planned[1] != b {
             self.planned[1] = b;
-            self.model.plan(b, halvings, self.solution, other);
+            self.model.plan(b, step_sizes, self.solution, other);
         }
         InterleavedSchedules(one, other)
     }

@@ -169,7 +169,7 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
                     .integrate_at(level, &solution, &mut schedules, &mut out)
                     .expect("particles");
                 let reference = model
-                    .integrate_one_by_one(&solution, &out.halvings)
+                    .integrate_one_by_one(&solution, &out.step_sizes)
                     .expect("particles");
                 let mut differences: Vec<f64> = reference
                     .iter()

@@ -1,15 +1,15 @@
-//! How often the steps of each pair of lane groups were halved.
+//! The sizes of the steps of each pair of lane groups.
 
-/// How often each adaptive step of each pair of lane groups was halved, in the order of the pairs; nothing for equal steps. With it, the
-/// integration is a fixed sequence of kicks and drifts.
+/// The size of each adaptive step of each pair of lane groups, as [`length`](crate::orbit::length()) numbers them, in the order of the pairs;
+/// nothing for equal steps. With it, the integration is a fixed sequence of kicks and drifts.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Halvings {
+pub struct StepSizes {
     steps: Vec<u8>,
     /// Index of the first step of each pair.
     starts: Vec<usize>,
 }
 
-impl Halvings {
+impl StepSizes {
     /// None, with memory for this many pairs and steps.
     pub(super) fn reset(&mut self, pairs: usize, steps: usize) {
         self.steps.clear();
@@ -26,8 +26,8 @@ impl Halvings {
 
     /// Adds a step to the present pair.
     #[inline]
-    pub(super) fn push(&mut self, halvings: u8) {
-        self.steps.push(halvings);
+    pub(super) fn push(&mut self, number: u8) {
+        self.steps.push(number);
     }
 
     /// Adds the pairs that follow.
