@@ -47,11 +47,11 @@ fn likelihood(particles: usize) -> StreamLikelihood {
     let solution = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
         .system(&StreamParams::from_array(THETA));
     let solution = model.progenitor_solution(&solution).expect("an orbit");
-    let (mut schedules, mut stars) = (StepSchedules::default(), Particles::default());
+    let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
     model
-        .integrate(&solution, &mut schedules, &mut stars)
+        .integrate(&solution, &mut schedules, &mut out)
         .expect("particles");
-    let data: Vec<DataBin> = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * particles as f64)
+    let data: Vec<DataBin> = Track::of(&out, 10.0, BinEdges::default(), 0.01 * particles as f64)
         .expect("a track")
         .bins
         .iter()
@@ -83,7 +83,7 @@ fn gradient(c: &mut Criterion) {
         group.bench_function(format!("adjoint13/n{n}_s100"), |b| {
             b.iter(|| likelihood.gradient(black_box(&THETA)));
         });
-        group.bench_function(format!("smooth13/n{n}_s100"), |b| {
+        group.bench_function(format!("truncated13/n{n}_s100"), |b| {
             b.iter(|| likelihood.truncated_gradient(black_box(&THETA)));
         });
         // The reference is slow: once is enough to know by how much.

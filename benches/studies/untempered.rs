@@ -41,10 +41,10 @@ const FIRST_STEP: f64 = 0.1;
 const ACCEPTANCE: f64 = 0.8;
 
 /// Transitions between two updates of the step: the acceptance of a single one is near 0 or 1, whatever the step.
-const MOVES_PER_LESSON: usize = 5;
+const TRANSITIONS_PER_UPDATE: usize = 5;
 
 /// Longest score that a metric is estimated from, in units of sqrt(d): one chaotic point would outweigh all others.
-const LONGEST_SCORE: f64 = 1_000.0;
+const MAX_SCORE: f64 = 1_000.0;
 
 /// Transitions while a chain descends from the prior: short ones, with energies that may vary with the descent.
 const FALLING: Plan = Plan {
@@ -125,15 +125,15 @@ impl<'a> Chain<'a> {
     fn run(mut self, schedule: &Schedule) -> Record {
         let mut moments = Moments::new(DIM);
         for (plan, moves) in schedule.warm_up {
-            self.refine(&moments);
-            moments = self.learn(plan, *moves);
+            self.update_metric(&moments);
+            moments = self.adapt(plan, *moves);
         }
         self.record(schedule.frozen)
     }
 
     /// Updates the metric from the moments of a window, if they allow it, and the step so that it is no longer than before in any
     /// direction.
-    fn refine(&mut self, moments: &Moments) {
+    fn update_metric(&mut self, moments: &Moments) {
         if let Some(metric) = self.metric.refined(moments) {
             self.step /= self.metric.ln_stretch(&metric).exp();
             self.metric = metric;
@@ -141,18 +141,18 @@ impl<'a> Chain<'a> {
     }
 
     /// A window of warm-up, in which the step is adapted; its moments are for the metric.
-    fn learn(&mut self, plan: &Plan, moves: usize) -> Moments {
+    fn adapt(&mut self, plan: &Plan, moves: usize) -> Moments {
         let mut step = StepSize::new(self.step);
         let mut moments = Moments::new(DIM);
         let mut local_sampler = LocalSampler::new(self.target, 1.0, &self.metric);
-        let lessons = moves / MOVES_PER_LESSON;
-        for lesson in 0..lessons {
+        let updates = moves / TRANSITIONS_PER_UPDATE;
+        for update in 0..updates {
             let plan = Plan {
                 step: step.step(),
                 ..*plan
             };
             let mut met = Vec::new();
-            for _ in 0..MOVES_PER_LESSON {
+            for _ in 0..TRANSITIONS_PER_UPDATE {
                 let moved = local_sampler
                     .transition(&mut self.at, &plan, &mut self.rng)
                     .expect("a target that never fails");
@@ -164,12 +164,12 @@ impl<'a> Chain<'a> {
                 if self.at.has_gradient {
                     let slopes = self.at.gradient.iter().zip(&self.at.z);
                     let mut score: Vec<f64> = slopes.map(|(g, z)| g - z).collect();
-                    shorten(&mut score, LONGEST_SCORE);
+                    shorten(&mut score, MAX_SCORE);
                     moments.push(&self.at.z, &score);
                 }
             }
             if !met.is_empty() {
-                step.learn(mean(&met), ACCEPTANCE, lesson, lessons);
+                step.learn(mean(&met), ACCEPTANCE, update, updates);
             }
         }
         self.calls.add(&local_sampler.evaluator.calls);

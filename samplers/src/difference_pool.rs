@@ -24,7 +24,7 @@ const MAX_POINTS: usize = 1024;
 const SIZES: [usize; 2] = [8, 32];
 
 /// Fewest points of a cell.
-const MIN_MEMBERS: usize = 4;
+const MIN_POINTS: usize = 4;
 
 /// Points in standard-normal coordinates, and the cells about them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -45,7 +45,7 @@ struct Cells {
     /// Numbers of the points that cells are about.
     centres: Vec<usize>,
     /// Numbers of the points in each cell.
-    members: Vec<Vec<usize>>,
+    points: Vec<Vec<usize>>,
 }
 
 impl Cells {
@@ -54,9 +54,9 @@ impl Cells {
         let known = |numbers: &[usize]| numbers.iter().all(|i| *i < count);
         ensure(
             !self.centres.is_empty()
-                && self.centres.len() == self.members.len()
+                && self.centres.len() == self.points.len()
                 && known(&self.centres)
-                && self.members.iter().all(|m| m.len() >= 2 && known(m)),
+                && self.points.iter().all(|m| m.len() >= 2 && known(m)),
             "a cell has fewer than two points, or one that does not exist",
         )
     }
@@ -155,12 +155,12 @@ impl DifferencePool {
         let scale = below(rng, self.scales.len());
         let cells = &self.scales[scale];
         let cell = self.cell(cells, at, orbit);
-        let members = &cells.members[cell];
-        let i = below(rng, members.len());
-        let j = (i + 1 + below(rng, members.len() - 1)) % members.len();
+        let points = &cells.points[cell];
+        let i = below(rng, points.len());
+        let j = (i + 1 + below(rng, points.len() - 1)) % points.len();
         Some(Pair {
-            first: members[i],
-            second: members[j],
+            first: points[i],
+            second: points[j],
             scale,
             cell,
         })
@@ -200,23 +200,23 @@ impl DifferencePool {
         &self.places[i * self.dim..(i + 1) * self.dim]
     }
 
-    /// Cells of about `size` points each, none of fewer than [`MIN_MEMBERS`] unless it is the only one.
+    /// Cells of about `size` points each, none of fewer than [`MIN_POINTS`] unless it is the only one.
     fn divide(&self, size: usize) -> Cells {
         let count = self.len();
         let mut centres: Vec<usize> = (0..count / size)
             .map(|k| k * count / (count / size))
             .collect();
         loop {
-            let mut members = vec![Vec::new(); centres.len()];
+            let mut points = vec![Vec::new(); centres.len()];
             for i in 0..count {
-                members[self.nearest(&centres, self.place(i))].push(i);
+                points[self.nearest(&centres, self.place(i))].push(i);
             }
-            let smallest = (0..centres.len()).min_by_key(|c| members[*c].len());
+            let smallest = (0..centres.len()).min_by_key(|c| points[*c].len());
             match smallest {
-                Some(c) if centres.len() > 1 && members[c].len() < MIN_MEMBERS => {
+                Some(c) if centres.len() > 1 && points[c].len() < MIN_POINTS => {
                     centres.remove(c);
                 }
-                _ => return Cells { centres, members },
+                _ => return Cells { centres, points },
             }
         }
     }
@@ -278,20 +278,20 @@ mod tests {
         let near = DifferencePool::new(&normals(3 * 500, 0), 3, None);
         assert_eq!(near.scales.len(), 3);
         for cells in &near.scales {
-            let mut all = cells.members.concat();
+            let mut all = cells.points.concat();
             all.sort_unstable();
             assert_eq!(all, (0..500).collect::<Vec<_>>());
-            assert!(cells.members.iter().all(|m| m.len() >= MIN_MEMBERS));
-            for (c, members) in cells.members.iter().enumerate() {
+            assert!(cells.points.iter().all(|m| m.len() >= MIN_POINTS));
+            for (c, points) in cells.points.iter().enumerate() {
                 assert!(
-                    members
+                    points
                         .iter()
                         .all(|i| near.cell(cells, near.row(*i), None) == c)
                 );
             }
         }
-        assert_eq!(near.scales[2].members.len(), 1);
-        assert!(near.scales[0].members.len() > 20);
+        assert_eq!(near.scales[2].points.len(), 1);
+        assert!(near.scales[0].points.len() > 20);
     }
 
     #[test]

@@ -67,7 +67,7 @@ impl FolderFlags {
         } else {
             out.line(&format!("{}\nin {}", fit.summary, folder.display()))?;
         }
-        Ok(Exit::of_runs(
+        Ok(Exit::from_converged(
             fit.summary.converged || self.allow_unconverged,
         ))
     }

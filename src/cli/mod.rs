@@ -84,7 +84,7 @@ pub fn message(error: &Error, args: &[OsString]) -> String {
 pub fn run(args: &[OsString], out: &mut dyn Write) -> Exit {
     answer(args, &mut Output::new(out)).unwrap_or_else(|error| {
         note(&format!("error: {}", message(&error, args)));
-        Exit::of(&error)
+        Exit::from_error(&error)
     })
 }
 

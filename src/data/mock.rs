@@ -118,7 +118,7 @@ pub const NUMBERS_OF_MOCKS: RangeInclusive<usize> = 1..=100_000;
 const MOCK_TABLE_SEED: u64 = 0x6d6f_636b;
 
 /// Maximum number of prior draws per mock.
-const MOST_TRIES: u64 = 20_000;
+const MAX_TRIES: u64 = 20_000;
 
 /// Draws looked at together.
 const BATCH: u64 = 64;
@@ -188,7 +188,7 @@ pub fn mocks(
     };
     let mut first = 0;
     while found.mocks.len() < count {
-        if first >= MOST_TRIES * (found.mocks.len() as u64 + 1) {
+        if first >= MAX_TRIES * (found.mocks.len() as u64 + 1) {
             return Err(Error::TooFewMocks {
                 tries: first,
                 found: found.mocks.len(),

@@ -110,12 +110,12 @@ fn track(path: &Path) -> Result<ObservedTrack> {
 
 /// The smallest positive step, or 0 where there is none (the checks then name the row).
 fn smallest_step(phi_deg: &[f64]) -> f64 {
-    let least = phi_deg
+    let min = phi_deg
         .windows(2)
         .map(|w| w[1] - w[0])
         .filter(|step| *step > 0.0)
         .fold(f64::INFINITY, f64::min);
-    if least.is_finite() { least } else { 0.0 }
+    if min.is_finite() { min } else { 0.0 }
 }
 
 /// The factor from a column's unit to degrees or kpc.

@@ -108,7 +108,7 @@ pub struct TrackLikelihood {
 }
 
 /// One bin's contribution: its log-likelihood, times its cover, and the cover.
-struct Part<S> {
+struct BinTerm<S> {
     ln_likelihood: S,
     covered: S,
 }
@@ -228,9 +228,9 @@ impl TrackLikelihood {
         let mut overlap = S::zero();
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let part = self.part(d, sums.weight[i], sums.r[i], sums.r2[i])?;
-                total += part.ln_likelihood;
-                overlap += part.covered / self.count as f64;
+                let term = self.bin_term(d, sums.weight[i], sums.r[i], sums.r2[i])?;
+                total += term.ln_likelihood;
+                overlap += term.covered / self.count as f64;
             }
         }
         let total = total - self.length_penalty(overlap);
@@ -256,11 +256,11 @@ impl TrackLikelihood {
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
                 let [weight, r, r2]: [Dual<3>; 3] = lift(&[sums.weight[i], sums.r[i], sums.r2[i]]);
-                let part = self.part(d, weight, r, r2)?;
-                overlap += part.covered.re / self.count as f64;
-                [by.weight[i], by.r[i], by.r2[i]] = gradient_of(&part.ln_likelihood);
+                let term = self.bin_term(d, weight, r, r2)?;
+                overlap += term.covered.re / self.count as f64;
+                [by.weight[i], by.r[i], by.r2[i]] = gradient_of(&term.ln_likelihood);
                 // The cover depends on the weight alone.
-                cover_bar[i] = gradient_of(&part.covered)[0];
+                cover_bar[i] = gradient_of(&term.covered)[0];
             }
         }
         let penalty = self.length_penalty(crate::scalar::variable::<1>(overlap, 0));
@@ -272,13 +272,13 @@ impl TrackLikelihood {
     }
 
     /// One bin.
-    fn part<S: Real>(
+    fn bin_term<S: Real>(
         &self,
         d: &DataBin,
         weight: S,
         r: S,
         r2: S,
-    ) -> std::result::Result<Part<S>, Rejection> {
+    ) -> std::result::Result<BinTerm<S>, Rejection> {
         let covered = match self.settings.coverage {
             Coverage::Reject => {
                 // No bin without a particle has a mean, whatever the threshold.
@@ -309,7 +309,7 @@ impl TrackLikelihood {
                 covered * (hit - miss) + miss
             }
         };
-        Ok(Part {
+        Ok(BinTerm {
             ln_likelihood,
             covered,
         })

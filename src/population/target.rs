@@ -57,7 +57,7 @@ impl PopulationSettings {
 
 /// One stream, ready for evaluation.
 #[derive(Clone, Debug)]
-struct Stream {
+struct WeightedStream {
     q: Vec<f64>,
     /// `ln (w_i / pi(q_i))`.
     ln_factor: Vec<f64>,
@@ -71,7 +71,7 @@ struct Stream {
 pub struct PopulationTarget<F, const N: usize> {
     family: F,
     prior: Prior,
-    streams: Vec<Stream>,
+    streams: Vec<WeightedStream>,
 }
 
 impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
@@ -106,7 +106,7 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
                     fault: PosteriorFault::OutsideSupport { lo, hi },
                 });
             }
-            prepared.push(Stream { q, ln_factor });
+            prepared.push(WeightedStream { q, ln_factor });
         }
         let prior = Prior::new(
             family
@@ -174,7 +174,7 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
 
 /// `ln sum_i exp(ln_factor_i + ln_pdf(q_i))`, with the largest term taken out.
 fn ln_sum_exp<S: Real>(
-    stream: &Stream,
+    stream: &WeightedStream,
     plain: &impl Fn(f64) -> f64,
     ln_pdf: &impl Fn(f64) -> S,
 ) -> S {

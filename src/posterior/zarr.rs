@@ -80,8 +80,8 @@ struct Root {
 /// [`Error::Exists`] if there is something at `path`; [`Error::Io`] if the folder's parent is missing, not writable or full;
 /// [`Error::DrawColumns`] if prior draws have other columns than the run; [`Error::ArrayName`] if two parameters or derived quantities have
 /// one name, or one of them a name that no array can have.
-pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
-    if let Some(prior) = beside.prior
+pub fn write(path: &Path, run: &Run, extras: Extras<'_>) -> Result<()> {
+    if let Some(prior) = extras.prior
         && (prior.dim, prior.derived_dim) != (run.draws.dim, run.draws.derived_dim)
     {
         return Err(Error::DrawColumns {
@@ -113,7 +113,7 @@ pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
     };
     store.group("/", &root)?;
     layout::write_posterior(&store, run)?;
-    if let Some(prior) = beside.prior {
+    if let Some(prior) = extras.prior {
         let rows: Vec<Vec<usize>> = vec![(0..prior.len()).collect()];
         Table {
             draws: prior,
@@ -122,7 +122,7 @@ pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
         }
         .write(&store, "/prior")?;
     }
-    if let Some(track) = beside.track {
+    if let Some(track) = extras.track {
         layout::write_track(&store, track)?;
     }
     layout::write_weighted(&store, &run.draws)?;
@@ -169,7 +169,7 @@ pub fn entries(path: &Path) -> io::Result<Entries> {
 }
 
 /// Reads a run's arrays. Their shapes agree with each other; their numbers are checked by
-/// [`run_from_parts`](super::run_from_parts).
+/// [`assemble_run`](super::assemble_run).
 ///
 /// # Errors
 /// [`Error::Io`] if the folder or an array of it is missing; [`Error::Array`] if an array is damaged or has another shape.

@@ -132,7 +132,7 @@ impl Canvas {
     }
 
     /// Text of a size in points, turned by `angle` degrees about its anchor.
-    pub fn text(&mut self, at: (f64, f64), words: &str, size: f64, anchor: Anchor, angle: f64) {
+    pub fn text(&mut self, at: (f64, f64), text: &str, size: f64, anchor: Anchor, angle: f64) {
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
@@ -146,7 +146,7 @@ impl Canvas {
         };
         self.put(format_args!(
             "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{turn}>{}</text>",
-            escape(words)
+            escape(text)
         ));
     }
 

@@ -8,7 +8,7 @@ use super::versions::{FOLDER_FORMAT, VERSIONS_FILE, Versions};
 use crate::data::ObservedTrack;
 use crate::error::{Error, OutputFault, Result};
 use crate::inference::Fit;
-use crate::posterior::{Summary, run_from_parts, zarr};
+use crate::posterior::{Summary, assemble_run, zarr};
 use oblate_samplers::{Run, read};
 use std::fs;
 use std::io;
@@ -237,7 +237,7 @@ impl RunFolder {
         if !agrees {
             return Err(Error::Checksum { path });
         }
-        let run = run_from_parts(&summary, zarr::read(&path)?).map_err(|e| Error::InFile {
+        let run = assemble_run(&summary, zarr::read(&path)?).map_err(|e| Error::InFile {
             path: self.path.clone(),
             line: None,
             source: Box::new(e),

@@ -187,13 +187,13 @@ impl LockedFolder {
         &self,
         run: &Run,
         summary: Summary,
-        beside: zarr::Extras<'_>,
+        extras: zarr::Extras<'_>,
         beginning: &Beginning<'_>,
     ) -> Result<Summary> {
         let path = self.folder.path();
         let fresh = temporary_folder(path).map_err(io(path, WRITABLE))?;
         let draws = fresh.path().join(POSTERIOR_FOLDER);
-        zarr::write(&draws, run, beside)?;
+        zarr::write(&draws, run, extras)?;
         let checksum = zarr::entries(&draws)
             .and_then(|entries| zarr::Checksum::of(&draws, &entries))
             .map_err(io(&draws, WRITABLE))?;

@@ -144,11 +144,11 @@ impl<'a> RunSession<'a> {
         let mut summary = summarize(&run, self.destination.command, hash);
         if run.status != Status::Interrupted {
             let prior = prior_draws(target, PRIOR_DRAWS, run.seed);
-            let beside = zarr::Extras {
+            let extras = zarr::Extras {
                 track,
                 prior: Some(&prior),
             };
-            let written = self.folder.finish(&run, summary, beside, &self.beginning);
+            let written = self.folder.finish(&run, summary, extras, &self.beginning);
             summary = written.map_err(|source| Error::Unwritten {
                 source: Box::new(source),
             })?;

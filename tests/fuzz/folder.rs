@@ -11,7 +11,7 @@ use oblate::population::{
     PopulationSettings, PopulationTarget, TruncatedGaussian, TruncatedGaussianSettings,
 };
 use oblate::posterior::{Summary, SummaryContext, column, columns, compare, zarr};
-use oblate::report::{CornerColumn, PageRun, QCurve, corner, health, page};
+use oblate::report::{CornerColumn, PageRun, QCurve, corner, diagnostics, page};
 use oblate::run::{
     Beginning, LockedFolder, RunFolder, StoredRun, Versions, q_posterior, render_report,
 };
@@ -42,7 +42,7 @@ pub fn seeds(parent: &Path, part: Part) -> Vec<Seed> {
     [
         ("nested", runs::nested(120, 1)),
         ("tempered", runs::tempered(120, 2)),
-        ("refined", runs::refined(120, 3)),
+        ("refined", runs::bridged(120, 3)),
     ]
     .map(|(name, run)| seed(&parent.join(name), run, part))
     .into()
@@ -195,7 +195,7 @@ fn used(seed: &Seed, stored: &StoredRun) {
         })
         .collect();
     let mut figures = vec![
-        ("health".to_owned(), health(run)),
+        ("health".to_owned(), diagnostics(run)),
         ("corner".to_owned(), corner(&shown, &weights, "corner")),
     ];
     if let Ok(q) = column(run, "q") {

@@ -562,7 +562,7 @@ fn fits_from_several_seeds_are_merged_into_one() {
 }
 
 #[test]
-fn a_tempered_fit_that_ended_too_soon_goes_on_with_more_extensions() {
+fn a_tempered_fit_that_ended_too_soon_is_extended() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);
     let track = example("tracks/s2_spherical.ecsv").display().to_string();

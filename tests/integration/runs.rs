@@ -165,7 +165,7 @@ pub fn tempered(rows: usize, seed: u64) -> Run {
 }
 
 /// A bridged run: equal weights, three steps.
-pub fn refined(rows: usize, seed: u64) -> Run {
+pub fn bridged(rows: usize, seed: u64) -> Run {
     let history = History::Bridge {
         fraction: vec![0.3, 0.7, 1.0],
         ln_ratio: vec![1.0, 1.8, 2.1],

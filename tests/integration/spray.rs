@@ -149,7 +149,7 @@ fn a_radial_orbit_and_a_negative_bracket_give_finite_releases() {
 }
 
 #[test]
-fn kicks_have_the_published_moments() {
+fn release_offsets_have_the_published_moments() {
     let settings = TableSettings {
         particles: 40_000,
         sampling_scheme: SamplingScheme::Random,

@@ -10,7 +10,7 @@ use crate::target::Target;
 /// A trajectory may follow any field that depends on the position alone and stays reversible and volume-preserving, so that
 /// the bound keeps transitions exact. Gradients of a chaotic target can exceed what any finite step sees by ten orders of
 /// magnitude; without the bound such a point would end every trajectory through it.
-const LONGEST_FORCE: f64 = 100.0;
+const MAX_FORCE: f64 = 100.0;
 
 /// Step size and length of a transition, fixed before it and independent of the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +47,7 @@ pub enum End {
 
 /// The outcome of a transition.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moved {
+pub struct Transition {
     /// Probability of acceptance.
     pub acceptance: f64,
     /// Whether it was accepted.
@@ -60,9 +60,9 @@ pub struct Moved {
     pub end: End,
 }
 
-impl Moved {
+impl Transition {
     /// A point without a gradient is not moved.
-    const NOWHERE: Self = Self {
+    const UNMOVED: Self = Self {
         acceptance: 0.0,
         accepted: false,
         leapfrogs: 0,
@@ -136,7 +136,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         leapfrogs: usize,
         max_energy_range: f64,
     ) -> Result<End> {
-        self.stand_at(from);
+        self.set_state(from);
         let start = self.energy();
         let (mut low, mut high, mut now) = (start, start, start);
         let top = self.potential();
@@ -162,7 +162,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
     }
 
     /// Begins at a point that has a gradient.
-    fn stand_at(&mut self, point: &Point) {
+    fn set_state(&mut self, point: &Point) {
         self.end.copy_from(point);
         self.update_force();
     }
@@ -203,9 +203,14 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
     ///
     /// # Errors
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
-    pub fn transition(&mut self, at: &mut Point, plan: &Plan, rng: &mut Stream) -> Result<Moved> {
+    pub fn transition(
+        &mut self,
+        at: &mut Point,
+        plan: &Plan,
+        rng: &mut Stream,
+    ) -> Result<Transition> {
         if !self.has_gradient(at)? {
-            return Ok(Moved::NOWHERE);
+            return Ok(Transition::UNMOVED);
         }
         for r in &mut self.momentum {
             *r = standard_normal(rng);
@@ -230,7 +235,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         if accepted {
             at.copy_from(&self.end);
         }
-        Ok(Moved {
+        Ok(Transition {
             acceptance,
             accepted,
             leapfrogs,
@@ -263,7 +268,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         }
         self.metric
             .whiten_force(&self.force, &mut self.whitened_force);
-        shorten(&mut self.whitened_force, LONGEST_FORCE);
+        shorten(&mut self.whitened_force, MAX_FORCE);
     }
 
     fn kick(&mut self, time: f64) {

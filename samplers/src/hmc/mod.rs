@@ -15,7 +15,7 @@ mod slice;
 mod step_size;
 mod symmetry;
 
-pub use leapfrog::{End, LocalSampler, Moved, Plan, shorten};
+pub use leapfrog::{End, LocalSampler, Plan, Transition, shorten};
 pub use metric::Metric;
 pub use moments::Moments;
 pub use point::{Evaluator, Point};

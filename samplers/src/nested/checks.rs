@@ -1,6 +1,6 @@
 //! Convergence checks of a nested run.
 
-use super::results::{Errors, Measured};
+use super::results::{CheckInputs, Errors};
 use super::settings::Kernel;
 use super::state::{Context, State};
 use super::tuning::{MAX_SEED_CORRELATION, mean};
@@ -23,7 +23,7 @@ const MAX_BOOTSTRAP_TO_SIMULATED: f64 = 2.5;
 const MIN_LINEAGES: f64 = 4.0;
 
 /// All checks that apply to a run with these targets and this kernel.
-pub(super) fn judge(context: &Context<'_>, state: &State, measured: &Measured) -> Vec<Check> {
+pub(super) fn checks(context: &Context<'_>, state: &State, measured: &CheckInputs) -> Vec<Check> {
     let settings = context.settings;
     let mut checks = vec![
         Check::at_most(
@@ -71,7 +71,7 @@ pub(super) fn judge(context: &Context<'_>, state: &State, measured: &Measured) -
 }
 
 /// Checks by lineages and recent lineages.
-pub(super) fn by_lineages(measured: &Measured) -> [Check; 3] {
+pub(super) fn by_lineages(measured: &CheckInputs) -> [Check; 3] {
     let Errors {
         simulated,
         bootstrapped,

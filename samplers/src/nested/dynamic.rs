@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 const SPANNED_IMPORTANCE: f64 = 0.5;
 
 /// Fraction of the posterior above the end of every batch.
-const LEFT: f64 = 0.01;
+const REMAINDER: f64 = 0.01;
 
 /// The range of log-likelihoods of a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,11 +59,11 @@ impl LikelihoodRange {
             Some(before) => history.ln_l[before],
             None => f64::NEG_INFINITY,
         };
-        // Above this bound less than [`LEFT`] of the posterior remains.
+        // Above this bound less than [`REMAINDER`] of the posterior remains.
         let mut above = 0.0;
         let top = (0..count).rev().find(|i| {
             above += weighted.p[*i];
-            above >= LEFT
+            above >= REMAINDER
         });
         let end = (last + 1).min(top.unwrap_or(last) + 1).min(count - 1);
         let below = history.ln_l.partition_point(|l| *l <= floor);

@@ -25,12 +25,12 @@ pub(super) struct Errors {
     pub simulated: f64,
     /// Dependence of new points on recent seeds: the scatter of recent lineages.
     pub bootstrapped: f64,
-    /// Excess coalescence: see [`of_ancestry`].
-    pub ancestral: f64,
+    /// Excess coalescence: see [`excess_coalescence`].
+    pub coalescence: f64,
 }
 
 /// Numbers on which the checks of the evidence rest.
-pub(super) struct Measured {
+pub(super) struct CheckInputs {
     pub errors: Errors,
     /// ln Z of the even and of the odd recent lineages.
     pub halves: [f64; 2],
@@ -43,15 +43,15 @@ pub(super) struct Measured {
 impl Errors {
     /// Of one run with these settings and seed.
     pub fn of(history: &DeadPoints, weighted: &Weighted, settings: &Settings, seed: u64) -> Self {
-        let founders = lineages(settings.n_live);
-        let recent_lineages = founders as f64;
+        let first_lineages = lineages(settings.n_live);
+        let recent_lineages = first_lineages as f64;
         // So few, weighted at random, scatter a little less about their own mean than about the true value.
         let degrees_of_freedom = ((recent_lineages + 1.0) / (recent_lineages - 1.0)).sqrt();
         let ln_z = history.bootstrap(seed, settings.bootstraps);
         Self {
             simulated: simulated(history, settings, seed),
             bootstrapped: degrees_of_freedom * deviation(&ln_z),
-            ancestral: of_ancestry(history, weighted, founders, settings.n_live),
+            coalescence: excess_coalescence(history, weighted, first_lineages, settings.n_live),
         }
     }
 }
@@ -91,15 +91,15 @@ impl Results {
         let Errors {
             simulated,
             bootstrapped,
-            ancestral,
+            coalescence,
         } = self.errors;
         Evidence {
             ln_z: self.weighted.ln_z,
-            error: simulated.max(bootstrapped).max(ancestral),
+            error: simulated.max(bootstrapped).max(coalescence),
             error_parts: named([
                 ("simulated", simulated),
                 ("bootstrap", bootstrapped),
-                ("ancestry", ancestral),
+                ("ancestry", coalescence),
             ]),
             estimates: named([("ln-of-mean-z", self.history.ln_of_mean_z())]),
             information: self.weighted.information,
@@ -139,8 +139,8 @@ impl Results {
         }
     }
 
-    pub fn measured(&self, kish: f64) -> Measured {
-        Measured {
+    pub fn measured(&self, kish: f64) -> CheckInputs {
+        CheckInputs {
             errors: self.errors,
             halves: self.history.halves(),
             lineages: self.history.effective_lineages(&self.weighted),
@@ -185,9 +185,14 @@ pub(super) fn simulated(history: &DeadPoints, settings: &Settings, seed: u64) ->
 /// the posterior have a common first point more often than seeds drawn at random would make them only where the descendants
 /// of few first points reached the peak; how many reach it is random, and their number measures its volume. The excess is
 /// the relative variance of Z.
-fn of_ancestry(history: &DeadPoints, weighted: &Weighted, founders: usize, n_live: usize) -> f64 {
+fn excess_coalescence(
+    history: &DeadPoints,
+    weighted: &Weighted,
+    first_lineages: usize,
+    n_live: usize,
+) -> f64 {
     let alike = 1.0 / history.effective_lineages(weighted);
-    let at_first = 1.0 / founders as f64;
+    let at_first = 1.0 / first_lineages as f64;
     // With n live points every e-fold replaces n, and each time 2 / n^2 of the pairs get a common ancestor.
     let siblings = -(-2.0 * weighted.information / n_live as f64).exp_m1();
     let by_chance = at_first + (1.0 - at_first) * siblings;
@@ -232,7 +237,7 @@ mod tests {
             .map(|i| if end.contains(&i) { 1.0 / 200.0 } else { 0.0 })
             .collect();
         weighted.information = 4.6;
-        of_ancestry(&history, &weighted, 20, 100)
+        excess_coalescence(&history, &weighted, 20, 100)
     }
 
     #[test]

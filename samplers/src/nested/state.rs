@@ -4,7 +4,7 @@ mod check;
 
 use super::bound::Bound;
 use super::dynamic::{LikelihoodRange, RunSummary};
-use super::kernel::{self, NewPoint, Setting};
+use super::kernel::{self, ChainContext, NewPoint};
 use super::likelihood::{Likelihood, draw_prior};
 use super::live::{self, Genealogy, Points, REJECTED, Replacement, narrow};
 use super::rank::Ranks;
@@ -63,7 +63,7 @@ impl Context<'_> {
         10 * self.first_steps()
     }
 
-    /// Largest number of steps that a run can come to: that which [`Tuning::watch`] raises last, by half.
+    /// Largest number of steps that a run can come to: that which [`Tuning::raise_steps_if_needed`] raises last, by half.
     fn most_steps(&self) -> usize {
         match self.settings.steps {
             Some(chosen) => chosen,
@@ -108,7 +108,7 @@ pub(super) struct State {
     /// stopping rule and for observers.
     pub ln_z: f64,
     pub information: f64,
-    /// None, one to draw from, or two metrics: see [`Setting::bounds`].
+    /// None, one to draw from, or two metrics: see [`ChainContext::bounds`].
     bounds: Vec<Bound>,
     ln_x_at_fit: f64,
     /// Recent lineages begun so far.
@@ -252,7 +252,7 @@ impl State {
         if context.settings.steps.is_none() {
             let window = 5 * context.settings.n_live;
             self.tuning
-                .watch(&self.ranks, window, context.raised_below());
+                .raise_steps_if_needed(&self.ranks, window, context.raised_below());
         }
         Ok(())
     }
@@ -271,7 +271,7 @@ impl State {
         } else {
             Default::default()
         };
-        let setting = Setting {
+        let chain_context = ChainContext {
             target: context.target,
             contour: source.contour,
             kernel: context.kernel(),
@@ -287,7 +287,7 @@ impl State {
             .enumerate()
             .map(|(i, &s)| {
                 let rng = stream(context.seed, Domain::NestedPoint, 0, first + i as u64);
-                kernel::draw(&setting, source.kept, s, rng)
+                kernel::draw(&chain_context, source.kept, s, rng)
             })
             .collect();
         born.into_iter().collect()

@@ -1,7 +1,7 @@
 //! Adaptation of the length and number of a chain's steps to how chains moved.
 
 use super::bound::Bound;
-use super::kernel::{self, NewPoint, Pace};
+use super::kernel::{self, NewPoint, StepCounts};
 use super::live::Points;
 use super::rank::Ranks;
 use super::settings::Kernel;
@@ -32,7 +32,7 @@ pub(super) const MAX_SEED_CORRELATION: f64 = 0.2;
 /// Fraction of the moves of Galilean trajectories that are to go straight on: of 0.4 to 0.85 those from 0.65 to 0.75 forgot
 /// their seeds best for the same calls, on a Gaussian and on shells in 13 dimensions. Points without a gradient turn chains
 /// round at any length of move, so that the fraction of reflected moves is no measure.
-const STRAIGHT: f64 = 0.7;
+const STRAIGHT_FRACTION: f64 = 0.7;
 
 /// Statistics of the chains, and the steps that follow from them. They are fixed within an iteration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -127,7 +127,7 @@ impl Tuning {
         self.seed_correlations
             .push(seed_correlation(kept, seeds, born));
         self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
-        let (mut local, mut differences) = (Pace::default(), Pace::default());
+        let (mut local, mut differences) = (StepCounts::default(), StepCounts::default());
         for b in born {
             local.add(b.motion.local);
             differences.add(b.motion.differences);
@@ -143,8 +143,8 @@ impl Tuning {
                 self.scale *= ((fraction - 0.5) / (0.5 * kept.dim() as f64)).exp();
             }
             Kernel::Galilean => {
-                let fraction = local.fraction().unwrap_or(STRAIGHT);
-                self.scale *= (fraction - STRAIGHT).exp();
+                let fraction = local.fraction().unwrap_or(STRAIGHT_FRACTION);
+                self.scale *= (fraction - STRAIGHT_FRACTION).exp();
             }
             Kernel::Auto | Kernel::Uniform => {}
         }
@@ -157,7 +157,7 @@ impl Tuning {
     /// long after their likelihoods are independent, and ln Z is as good. A rank correlation that the last raise has not
     /// lowered by a quarter is not for want of steps: chains that stay in their own mode, each with likelihoods of its own,
     /// keep it for ever. It is left to the check, unless it grows.
-    pub fn watch(&mut self, ranks: &Ranks, window: usize, most: usize) {
+    pub fn raise_steps_if_needed(&mut self, ranks: &Ranks, window: usize, most: usize) {
         let (insertions, seed_correlations, stayed) = self.window;
         let made = ranks.len() - insertions;
         if made < window {
@@ -182,7 +182,7 @@ impl Tuning {
 }
 
 /// Factor of a width so that slice updates step outwards as often as inwards.
-fn balance(slices: Pace) -> f64 {
+fn balance(slices: StepCounts) -> f64 {
     slices
         .fraction()
         .map_or(1.0, |fraction| (2.0 * fraction).clamp(0.5, 2.0))
@@ -256,7 +256,7 @@ mod tests {
                 ranks.push(i % 11, 10);
             }
             tuning.seed_correlations.push(seed_correlation);
-            tuning.watch(&ranks, 110, 100);
+            tuning.raise_steps_if_needed(&ranks, 110, 100);
             tuning.steps
         };
         assert_eq!(after_a_window_of(0.20), 10, "nothing to mend");

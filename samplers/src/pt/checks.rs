@@ -9,7 +9,7 @@ use crate::hmc::MAX_STEP;
 use crate::output::{Check, Ess};
 
 /// What the checks are made of.
-pub(super) struct Evidenced<'a> {
+pub(super) struct CheckInputs<'a> {
     pub(super) record: &'a Record,
     pub(super) estimate: &'a Estimate,
     /// Rounds that ended before the one judged.
@@ -27,7 +27,7 @@ pub(super) struct Evidenced<'a> {
 }
 
 /// All checks of a run.
-pub(super) fn checks(run: &Evidenced<'_>) -> Vec<Check> {
+pub(super) fn checks(run: &CheckInputs<'_>) -> Vec<Check> {
     let mut checks = index_processes(run);
     checks.extend(schedule(run));
     checks.extend(evidence(run.estimate));
@@ -36,10 +36,10 @@ pub(super) fn checks(run: &Evidenced<'_>) -> Vec<Check> {
     checks
 }
 
-fn index_processes(run: &Evidenced<'_>) -> Vec<Check> {
+fn index_processes(run: &CheckInputs<'_>) -> Vec<Check> {
     let index_processes = run.record.index_processes();
     let scans = run.record.scans();
-    let extension = run.record.telling_extension();
+    let extension = run.record.last_long_enough();
     let replicas = (index_processes.len() * extension.traces.temperatures()) as f64;
     let fewest = index_processes
         .iter()
@@ -78,8 +78,8 @@ fn index_processes(run: &Evidenced<'_>) -> Vec<Check> {
     ]
 }
 
-fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
-    let rejection = run.record.telling_extension().mean_rejection();
+fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
+    let rejection = run.record.last_long_enough().mean_rejection();
     let worst = rejection.iter().copied().fold(0.0, f64::max);
     let communication_barrier: f64 = rejection.iter().sum();
     let before = run
@@ -140,7 +140,7 @@ fn evidence(estimate: &Estimate) -> Vec<Check> {
     ]
 }
 
-fn draws(run: &Evidenced<'_>) -> Vec<Check> {
+fn draws(run: &CheckInputs<'_>) -> Vec<Check> {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     vec![
         Check::at_most(
@@ -170,8 +170,8 @@ fn draws(run: &Evidenced<'_>) -> Vec<Check> {
     ]
 }
 
-fn moves(run: &Evidenced<'_>) -> Vec<Check> {
-    let locals = &run.record.telling_extension().locals[1..];
+fn moves(run: &CheckInputs<'_>) -> Vec<Check> {
+    let locals = &run.record.last_long_enough().locals[1..];
     let acceptance = |local: &super::record::Local| local.mean_acceptance();
     let lowest = locals.iter().map(acceptance).fold(1.0, f64::min);
     // The acceptance at the maximum step is not tested, because such a step cannot be lengthened.

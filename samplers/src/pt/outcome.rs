@@ -1,8 +1,8 @@
 //! From the state of a run to its result.
 
-use super::checks::{Evidenced, checks};
+use super::checks::{CheckInputs, checks};
 use super::evidence::Estimate;
-use super::record::Cold;
+use super::record::PosteriorDraws;
 use super::schedule::communication_barrier;
 use super::state::State;
 use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
@@ -17,12 +17,12 @@ const SLOW_GAP: f64 = 0.7;
 /// The result of the round in progress: the last one, unless the run was stopped.
 pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Result<Run> {
     let cold = state.record.cold();
-    let Judged {
+    let Assessment {
         estimate,
         ess,
         steps,
         checks,
-    } = judge(state, &cold, target.dim());
+    } = assess(state, &cold, target.dim());
     let draws = draws(target, state, &cold)?;
     Ok(Run {
         method: Method::PtHmc,
@@ -43,7 +43,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
 }
 
 /// Results and checks of the round in progress.
-struct Judged {
+struct Assessment {
     estimate: Estimate,
     ess: Ess,
     /// Step of each temperature.
@@ -51,7 +51,7 @@ struct Judged {
     checks: Vec<Check>,
 }
 
-fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
+fn assess(state: &State, cold: &PosteriorDraws, dim: usize) -> Assessment {
     let estimate = state.evidence();
     let (ess, worst_r_hat) = effective_sizes(state, cold, dim);
     let steps: Vec<f64> = state
@@ -59,7 +59,7 @@ fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
         .iter()
         .map(|temperature| temperature.step.step())
         .collect();
-    let checks = checks(&Evidenced {
+    let checks = checks(&CheckInputs {
         record: &state.record,
         estimate: &estimate,
         history: &state.history,
@@ -69,7 +69,7 @@ fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
         mode_agreement: modes(cold, dim),
         slices: state.slices(),
     });
-    Judged {
+    Assessment {
         estimate,
         ess,
         steps,
@@ -80,13 +80,13 @@ fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
 /// Whether the round in progress passes all checks.
 pub(super) fn passes(state: &State, dim: usize) -> bool {
     let cold = state.record.cold();
-    judge(state, &cold, dim)
+    assess(state, &cold, dim)
         .checks
         .iter()
         .all(|check| check.pass)
 }
 
-fn draws(target: &dyn Target, state: &State, cold: &Cold) -> Result<Draws> {
+fn draws(target: &dyn Target, state: &State, cold: &PosteriorDraws) -> Result<Draws> {
     let count: usize = cold.ln_likelihood.iter().map(Vec::len).sum();
     let ln_weight = -(count as f64).ln();
     let clusters = u32::try_from(state.clusters()).unwrap_or(u32::MAX);
@@ -160,7 +160,7 @@ fn design_effect(columns: &[Vec<Vec<f64>>], bulk: &[f64], clusters: usize) -> f6
 
 /// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks see no monotone map), and the largest R-hat
 /// of all, ln L included.
-fn effective_sizes(state: &State, cold: &Cold, dim: usize) -> (Ess, f64) {
+fn effective_sizes(state: &State, cold: &PosteriorDraws, dim: usize) -> (Ess, f64) {
     let chain_sets = cold.positions.len();
     let mut ess = Ess {
         kish: (chain_sets * state.record.scans()) as f64,
@@ -204,7 +204,7 @@ fn slices(chains: &[Vec<f64>]) -> Vec<&[f64]> {
 }
 
 /// p-value that all chain sets give the two modes the same weights.
-fn modes(cold: &Cold, dim: usize) -> f64 {
+fn modes(cold: &PosteriorDraws, dim: usize) -> f64 {
     let scans = cold.ln_likelihood.first().map_or(0, Vec::len);
     let labels = two_means(&cold.positions.concat(), dim);
     let labels: Vec<&[bool]> = labels.chunks_exact(scans.max(1)).collect();
@@ -213,7 +213,7 @@ fn modes(cold: &Cold, dim: usize) -> f64 {
 
 fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History {
     let record = &state.record;
-    let extension = record.telling_extension();
+    let extension = record.last_long_enough();
     let temperatures = extension.beta.len();
     let (mean, variance) = (0..temperatures)
         .map(|temperature| extension.traces.moments(temperature))
@@ -260,7 +260,7 @@ fn warnings(state: &State) -> Vec<String> {
                 .to_owned(),
         );
     }
-    let extension = state.record.telling_extension();
+    let extension = state.record.last_long_enough();
     for (beta, rejection) in extension.beta.iter().zip(extension.mean_rejection()) {
         if state.is_last_round() && rejection > SLOW_GAP {
             warnings.push(format!(

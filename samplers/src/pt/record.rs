@@ -3,13 +3,13 @@
 use super::evidence::Traces;
 use super::settings::Settings;
 use super::swap::{self, IndexProcess};
-use crate::hmc::{End, Moments, Moved, Point, shorten};
+use crate::hmc::{End, Moments, Point, Transition, shorten};
 use crate::valid::{Valid, countable, ensure, moderate, rows};
 use serde::{Deserialize, Serialize};
 
 /// Longest score that enters a metric, in units of sqrt(d): that of a posterior a thousand times narrower than its prior.
 /// One chaotic point would otherwise outweigh all others.
-const LONGEST_SCORE: f64 = 1_000.0;
+const MAX_SCORE: f64 = 1_000.0;
 
 /// Most states of half of the chain sets that are recorded at each temperature, spread evenly over the scans of a round.
 const MAX_VISITS: usize = 256;
@@ -35,7 +35,7 @@ pub(super) struct Local {
 }
 
 impl Local {
-    pub(super) fn note(&mut self, moved: &Moved) {
+    pub(super) fn note(&mut self, moved: &Transition) {
         self.moves += 1;
         self.acceptance += moved.acceptance;
         self.leapfrogs += moved.leapfrogs as u64;
@@ -185,7 +185,7 @@ impl Extension {
                 for (score, ln_over_prior) in score.iter_mut().zip(&point.ln_over_prior_gradient) {
                     *score += (1.0 - beta) * ln_over_prior;
                 }
-                shorten(&mut score, LONGEST_SCORE);
+                shorten(&mut score, MAX_SCORE);
                 self.moments[temperature].push(&point.z, &score);
             }
             if visited {
@@ -215,7 +215,7 @@ impl Extension {
 }
 
 /// Draws at beta = 1, chain set by chain set.
-pub(super) struct Cold {
+pub(super) struct PosteriorDraws {
     /// Scan by scan.
     pub(super) positions: Vec<Vec<f64>>,
     pub(super) ln_likelihood: Vec<Vec<f64>>,
@@ -325,7 +325,7 @@ impl Record {
     }
 
     /// Those of them that are long enough for temperatures and ln Z: at least a tenth of the longest.
-    pub(super) fn telling(&self) -> impl DoubleEndedIterator<Item = &Extension> {
+    pub(super) fn long_enough(&self) -> impl DoubleEndedIterator<Item = &Extension> {
         let scans = |extension: &Extension| extension.traces.scans();
         let longest = self.counted().iter().map(scans).max().unwrap_or(0);
         let least = longest.div_ceil(MIN_PART);
@@ -334,13 +334,13 @@ impl Record {
     }
 
     /// The last extension that is long enough.
-    pub(super) fn telling_extension(&self) -> &Extension {
-        self.telling().next_back().unwrap_or(self.extension())
+    pub(super) fn last_long_enough(&self) -> &Extension {
+        self.long_enough().next_back().unwrap_or(self.extension())
     }
 
     /// What counts at beta = 1.
-    pub(super) fn cold(&self) -> Cold {
-        Cold {
+    pub(super) fn cold(&self) -> PosteriorDraws {
+        PosteriorDraws {
             positions: by_chain_set(self.counted(), |extension| &extension.draws),
             ln_likelihood: by_chain_set(self.counted(), |extension| &extension.ln_likelihood),
         }

@@ -138,7 +138,7 @@ impl State {
     }
 
     pub(super) fn evidence(&self) -> Estimate {
-        let extensions = self.record.telling();
+        let extensions = self.record.long_enough();
         let extensions: Vec<(&[f64], &Traces)> = extensions
             .map(|extension| (extension.beta.as_slice(), &extension.traces))
             .collect();

@@ -26,7 +26,7 @@ pub(super) struct IndexProcess {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Phase {
-    Nowhere,
+    Neither,
     FromPrior,
     FromPosterior,
 }
@@ -34,7 +34,7 @@ enum Phase {
 impl IndexProcess {
     pub(super) fn new(replicas: usize) -> Self {
         Self {
-            phase: vec![Phase::Nowhere; replicas],
+            phase: vec![Phase::Neither; replicas],
             round_trips: 0,
             restarts: 0,
         }

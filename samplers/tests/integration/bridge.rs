@@ -119,7 +119,7 @@ fn draws_of_tempered_chains_can_be_bridged() {
 
 /// Two likelihoods without overlap: the bridge still ends, and its checks fail.
 #[test]
-fn a_coarse_likelihood_far_from_the_fine_one_is_told() {
+fn a_coarse_likelihood_far_from_the_fine_one_fails_the_checks() {
     let coarse = Bell::new(5, 100.0, -1.0);
     let fine = Bell::new(5, 100.0, 1.0);
     // Few particles: there are many steps.

@@ -161,7 +161,7 @@ fn evaluate_ends_when_nobody_reads_its_answers() {
 }
 
 #[test]
-fn an_unreadable_standard_input_is_told_as_such() {
+fn an_unreadable_standard_input_is_named_in_the_message() {
     let track = example("tracks/s2_spherical.ecsv").display().to_string();
     let mut child = Command::new(env!("CARGO_BIN_EXE_oblate"))
         .args(["evaluate", &track])

@@ -172,7 +172,7 @@ fn mirrored_streams_have_the_same_track() {
         let params = oblate::params::StreamParams::from_array(*theta);
         let solution = model
             .progenitor_solution(&System::from_params(&params, Q))
-            .expect("a setup");
+            .expect("a progenitor solution");
         let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
         model
             .integrate(&solution, &mut schedules, &mut out)

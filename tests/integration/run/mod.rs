@@ -39,12 +39,12 @@ fn beginning(track: &ObservedTrack) -> Beginning<'_> {
 fn finish(folder: &LockedFolder, run: &Run) -> Summary {
     let track = track();
     let summary = Summary::new(run, &SummaryContext::default());
-    let beside = zarr::Extras {
+    let extras = zarr::Extras {
         track: Some(&track),
         prior: Some(&run.draws),
     };
     folder
-        .finish(run, summary, beside, &beginning(&track))
+        .finish(run, summary, extras, &beginning(&track))
         .unwrap()
 }
 

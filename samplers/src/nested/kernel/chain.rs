@@ -12,7 +12,7 @@ use crate::rng::Stream;
 use crate::target::{Symmetry, Target};
 
 /// Common data of all points of an iteration.
-pub(in crate::nested) struct Setting<'a> {
+pub(in crate::nested) struct ChainContext<'a> {
     pub target: &'a dyn Target,
     /// New points lie strictly above this log-likelihood.
     pub contour: f64,
@@ -43,14 +43,14 @@ pub(in crate::nested) enum Partition {
 
 /// Counts of steps, for the tuning of their length.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::nested) struct Pace {
+pub(in crate::nested) struct StepCounts {
     /// Slices: steps outward. Galilean trajectories: moves straight on. Walk: steps accepted.
     pub grown: u64,
     /// Slices: points that fell outside. Galilean trajectories: moves that met an edge. Walk: steps refused.
     pub shrunk: u64,
 }
 
-impl Pace {
+impl StepCounts {
     /// Adds the steps of another.
     pub fn add(&mut self, other: Self) {
         self.grown += other.grown;
@@ -68,9 +68,9 @@ impl Pace {
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::nested) struct Motion {
     /// Those in units of the local ellipsoid.
-    pub local: Pace,
+    pub local: StepCounts,
     /// Those along differences of points.
-    pub differences: Pace,
+    pub differences: StepCounts,
     /// Whether the chain ended elsewhere than it began.
     pub moved: bool,
 }
@@ -86,7 +86,7 @@ pub(in crate::nested) struct NewPoint {
 
 /// A state above the likelihood bound and the workspace of its steps.
 pub(super) struct Chain<'a> {
-    pub(super) setting: &'a Setting<'a>,
+    pub(super) context: &'a ChainContext<'a>,
     pub(super) bound: &'a Bound,
     /// The surviving points of the half that does not contain the seed.
     pub(super) others: &'a DifferencePool,
@@ -104,12 +104,12 @@ pub(super) struct Chain<'a> {
 impl<'a> Chain<'a> {
     /// A chain that starts at row `seed` of `kept`.
     pub(super) fn new(
-        setting: &'a Setting<'a>,
+        context: &'a ChainContext<'a>,
         bound: &'a Bound,
         kept: &'a Points,
         seed: usize,
     ) -> Self {
-        let [even, odd] = setting.halves;
+        let [even, odd] = context.halves;
         let others = if kept.genealogy[seed].lineage.is_multiple_of(2) {
             odd
         } else {
@@ -117,10 +117,10 @@ impl<'a> Chain<'a> {
         };
         let dim = kept.dim();
         Self {
-            setting,
+            context,
             bound,
             others,
-            likelihood: Likelihood::new(setting.target),
+            likelihood: Likelihood::new(context.target),
             x: kept.row(seed).to_vec(),
             ln_l: kept.ln_l[seed],
             label: bound.label(kept.row(seed)),
@@ -132,7 +132,7 @@ impl<'a> Chain<'a> {
     }
 
     /// Puts `x + t direction` into `trial`; whether it is in the cube and in the partition.
-    pub(super) fn aim(&mut self, t: f64, partition: Partition) -> bool {
+    pub(super) fn set_trial(&mut self, t: f64, partition: Partition) -> bool {
         let mut in_cube = true;
         for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
             *o = x + t * v;
@@ -142,12 +142,12 @@ impl<'a> Chain<'a> {
     }
 
     /// Writes `x + t direction` into `trial`; its log-likelihood if the chain may go there and it is above the bound.
-    pub(super) fn look(&mut self, t: f64, partition: Partition) -> Result<Option<f64>> {
-        if !self.aim(t, partition) {
+    pub(super) fn try_trial(&mut self, t: f64, partition: Partition) -> Result<Option<f64>> {
+        if !self.set_trial(t, partition) {
             return Ok(None);
         }
         let ln_l = self.likelihood.at(&self.trial)?;
-        Ok((ln_l > self.setting.contour).then_some(ln_l))
+        Ok((ln_l > self.context.contour).then_some(ln_l))
     }
 
     /// Whether `trial` is inside the partition.
@@ -155,7 +155,7 @@ impl<'a> Chain<'a> {
         match partition {
             Partition::Region(label) => self.bound.has_label(&self.trial, label),
             Partition::Cell(pair) => {
-                let orbit = Symmetry::first_orbit(self.setting.target.symmetries());
+                let orbit = Symmetry::first_orbit(self.context.target.symmetries());
                 self.others.is_undivided(&pair)
                     || self.others.holds(&pair, &normals(&self.trial), orbit)
             }
@@ -178,13 +178,13 @@ impl<'a> Chain<'a> {
     /// nothing above the contour. So it costs one call. A draw that rounding takes below the contour is
     /// refused.
     pub(super) fn refresh_orbits(&mut self, rng: &mut Stream) -> Result<()> {
-        for symmetry in self.setting.target.symmetries() {
+        for symmetry in self.context.target.symmetries() {
             if let Symmetry::Orbit(orbit) = symmetry {
                 let mut z = self.normals();
                 orbit.refresh(&mut z, rng);
                 cube_from_normal(&z, &mut self.trial);
                 let ln_l = self.likelihood.at(&self.trial)?;
-                if ln_l > self.setting.contour {
+                if ln_l > self.context.contour {
                     self.accept(ln_l);
                 }
             }

@@ -39,7 +39,7 @@ const DIFFERENCE_FRACTION: f64 = 0.5;
 /// Moves the chain along the difference of two points of the other half near it, or along a random direction of its
 /// ellipsoid.
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
-    let orbit = Symmetry::first_orbit(chain.setting.target.symmetries());
+    let orbit = Symmetry::first_orbit(chain.context.target.symmetries());
     if unit_open(rng) >= DIFFERENCE_FRACTION {
         return slice::step(chain, rng);
     }
@@ -61,8 +61,8 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     if !apart {
         return Ok(());
     }
-    let pace = slice::along(chain, chain.setting.stride, Partition::Cell(pair), rng)?;
-    chain.motion.differences.add(pace);
+    let counts = slice::along(chain, chain.context.stride, Partition::Cell(pair), rng)?;
+    chain.motion.differences.add(counts);
     chain.label = chain.bound.label(&chain.x);
     Ok(())
 }

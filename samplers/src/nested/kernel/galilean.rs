@@ -37,7 +37,7 @@ const MOVES: usize = 2;
 pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
     draw_direction(rng, &mut chain.ball);
     // Now and then short, or a chain in a narrow corner would never leave it.
-    let time = 2.0 * unit_open(rng) * chain.setting.scale;
+    let time = 2.0 * unit_open(rng) * chain.context.scale;
     for _ in 0..MOVES {
         if !advance(chain, time)? {
             chain.ball.iter_mut().for_each(|w| *w = -*w);
@@ -51,12 +51,12 @@ pub(super) fn advance(chain: &mut Chain<'_>, time: f64) -> Result<bool> {
     let partition = Partition::Region(chain.label);
     let metric = chain.bound.metric(chain.label);
     metric.stretch(&chain.ball, &mut chain.direction);
-    let ln_l = if chain.aim(time, partition) {
+    let ln_l = if chain.set_trial(time, partition) {
         chain.likelihood.at(&chain.trial)?
     } else {
         REJECTED
     };
-    if ln_l > chain.setting.contour {
+    if ln_l > chain.context.contour {
         chain.accept(ln_l);
         chain.motion.local.grown += 1;
         return Ok(true);
@@ -76,7 +76,7 @@ pub(super) fn advance(chain: &mut Chain<'_>, time: f64) -> Result<bool> {
         .map(|(w, m)| w + m)
         .collect();
     metric.stretch(&path, &mut chain.direction);
-    let Some(ln_l) = chain.look(time, partition)? else {
+    let Some(ln_l) = chain.try_trial(time, partition)? else {
         return Ok(false);
     };
     chain.accept(ln_l);

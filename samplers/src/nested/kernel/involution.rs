@@ -7,7 +7,7 @@ use crate::target::{Involution, Symmetry};
 
 /// Tries every declared involution with probability one half.
 pub(super) fn try_all(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
-    for symmetry in chain.setting.target.symmetries() {
+    for symmetry in chain.context.target.symmetries() {
         if let Symmetry::Involution(involution) = symmetry
             && unit_open(rng) < 0.5
         {
@@ -34,7 +34,7 @@ fn try_one(chain: &mut Chain<'_>, involution: &dyn Involution, rng: &mut Stream)
     }
     cube_from_normal(&image, &mut chain.trial);
     let ln_l = chain.likelihood.at(&chain.trial)?;
-    if ln_l > chain.setting.contour {
+    if ln_l > chain.context.contour {
         chain.accept(ln_l);
         chain.label = chain.bound.label(&chain.x);
     }

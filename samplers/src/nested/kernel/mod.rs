@@ -8,7 +8,7 @@ mod slice;
 mod uniform;
 mod walk;
 
-pub(super) use chain::{NewPoint, Pace, Setting};
+pub(super) use chain::{ChainContext, NewPoint, StepCounts};
 
 use super::bound::Bound;
 use super::live::Points;
@@ -27,19 +27,19 @@ pub(super) fn bound_of(bounds: &[Bound], lineage: u32) -> Option<&Bound> {
 
 /// Draws a point above the likelihood bound. Chains start at row `seed` of the surviving points.
 pub(super) fn draw(
-    setting: &Setting<'_>,
+    context: &ChainContext<'_>,
     kept: &Points,
     seed: usize,
     mut rng: Stream,
 ) -> Result<NewPoint> {
     let rng = &mut rng;
-    let bound = bound_of(setting.bounds, kept.genealogy[seed].lineage);
-    let Some(bound) = bound.filter(|_| setting.kernel != Kernel::Uniform) else {
-        return uniform::draw(setting, bound, rng);
+    let bound = bound_of(context.bounds, kept.genealogy[seed].lineage);
+    let Some(bound) = bound.filter(|_| context.kernel != Kernel::Uniform) else {
+        return uniform::draw(context, bound, rng);
     };
-    let mut chain = Chain::new(setting, bound, kept, seed);
-    for step in 0..setting.steps {
-        match setting.kernel {
+    let mut chain = Chain::new(context, bound, kept, seed);
+    for step in 0..context.steps {
+        match context.kernel {
             Kernel::RandomWalk => walk::step(&mut chain, rng)?,
             Kernel::Differential => difference::step(&mut chain, rng)?,
             Kernel::Galilean => galilean::step(&mut chain, rng)?,

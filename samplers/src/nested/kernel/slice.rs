@@ -1,7 +1,7 @@
 //! One slice: step out from a random offset along a line, then shrink (Neal 2003). And the plain choice of the line: a
 //! random direction of the local ellipsoid.
 
-use super::chain::{Chain, Pace, Partition};
+use super::chain::{Chain, Partition, StepCounts};
 use crate::error::{Error, Result};
 use crate::nested::bound::draw_direction;
 use crate::rng::{Stream, below, unit_open};
@@ -21,8 +21,8 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
         .metric(chain.label)
         .stretch(&chain.ball, &mut chain.direction);
     let partition = Partition::Region(chain.label);
-    let pace = along(chain, chain.setting.scale, partition, rng)?;
-    chain.motion.local.add(pace);
+    let counts = along(chain, chain.context.scale, partition, rng)?;
+    chain.motion.local.add(counts);
     Ok(())
 }
 
@@ -33,32 +33,32 @@ pub(super) fn along(
     width: f64,
     partition: Partition,
     rng: &mut Stream,
-) -> Result<Pace> {
-    let mut pace = Pace::default();
+) -> Result<StepCounts> {
+    let mut counts = StepCounts::default();
     let mut left = -width * unit_open(rng);
     let mut right = left + width;
     let leftward = below(rng, MAX_OUTWARD);
     for _ in 0..leftward {
-        if chain.look(left, partition)?.is_none() {
+        if chain.try_trial(left, partition)?.is_none() {
             break;
         }
         left -= width;
-        pace.grown += 1;
+        counts.grown += 1;
     }
     for _ in leftward..MAX_OUTWARD - 1 {
-        if chain.look(right, partition)?.is_none() {
+        if chain.try_trial(right, partition)?.is_none() {
             break;
         }
         right += width;
-        pace.grown += 1;
+        counts.grown += 1;
     }
     for _ in 0..MAX_INWARD {
         let t = left + (right - left) * unit_open(rng);
-        if let Some(ln_l) = chain.look(t, partition)? {
+        if let Some(ln_l) = chain.try_trial(t, partition)? {
             chain.accept(ln_l);
-            return Ok(pace);
+            return Ok(counts);
         }
-        pace.shrunk += 1;
+        counts.shrunk += 1;
         if t < 0.0 {
             left = t;
         } else {

@@ -1,6 +1,6 @@
 //! Independent draws: from the prior, or from the bound.
 
-use super::chain::{Motion, NewPoint, Setting};
+use super::chain::{ChainContext, Motion, NewPoint};
 use crate::error::{Error, Result};
 use crate::nested::bound::Bound;
 use crate::nested::likelihood::{Likelihood, draw_prior};
@@ -12,12 +12,12 @@ const MAX_DRAWS: u64 = 1_000_000;
 
 /// Draws, from the prior or from `bound`, until one is above the contour.
 pub(super) fn draw(
-    setting: &Setting<'_>,
+    context: &ChainContext<'_>,
     bound: Option<&Bound>,
     rng: &mut Stream,
 ) -> Result<NewPoint> {
-    let dim = setting.target.dim();
-    let mut likelihood = Likelihood::new(setting.target);
+    let dim = context.target.dim();
+    let mut likelihood = Likelihood::new(context.target);
     let mut ball = vec![0.0; dim];
     let mut u = vec![0.0; dim];
     for _ in 0..MAX_DRAWS {
@@ -32,7 +32,7 @@ pub(super) fn draw(
             }
         }
         let ln_l = likelihood.at(&u)?;
-        if ln_l > setting.contour {
+        if ln_l > context.contour {
             return Ok(NewPoint {
                 u,
                 ln_l,

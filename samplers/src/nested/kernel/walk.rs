@@ -17,7 +17,7 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
         .bound
         .metric(chain.label)
         .stretch(&chain.ball, &mut chain.direction);
-    match chain.look(chain.setting.scale, Partition::Region(chain.label))? {
+    match chain.try_trial(chain.context.scale, Partition::Region(chain.label))? {
         Some(ln_l) => {
             chain.accept(ln_l);
             chain.motion.local.grown += 1;

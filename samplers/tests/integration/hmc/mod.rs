@@ -10,7 +10,8 @@ mod reference;
 use crate::targets::smooth;
 use oblate_samplers::difference_pool::DifferencePool;
 use oblate_samplers::hmc::{
-    End, Evaluator, LocalSampler, Metric, Moved, Plan, Point, propose_involution, refresh, slice,
+    End, Evaluator, LocalSampler, Metric, Plan, Point, Transition, propose_involution, refresh,
+    slice,
 };
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
 use oblate_samplers::target::{Involution, Orbit};
@@ -141,7 +142,7 @@ fn datum_pair(rng: &mut Stream, prior: &Prior, beta: f64, only_sum: bool) -> (Po
     (point, Datum { prior, y, only_sum })
 }
 
-fn tilted() -> Metric {
+fn correlated_metric() -> Metric {
     let covariance = nalgebra::DMatrix::from_row_slice(2, 2, &[0.5, 0.2, 0.2, 0.8]);
     Metric::from_covariance(&covariance).unwrap()
 }
@@ -151,7 +152,7 @@ fn tilted() -> Metric {
 fn with_rule(index: u64, rule: impl Fn(&Point, &Point, f64) -> f64) -> ([f64; 2], f64) {
     let mut rng = stream(15, Domain::Test, 0, index);
     let (mut point, target) = binomial_pair(&mut rng);
-    let metric = tilted();
+    let metric = correlated_metric();
     let mut local_sampler = LocalSampler::new(target, 1.0, &metric);
     local_sampler.evaluator.fill(&mut point).unwrap();
     let mut acceptance = 0.0;
@@ -175,7 +176,7 @@ fn moved(
     mut local_sampler: LocalSampler<'_, '_>,
     mut point: Point,
     rng: &mut Stream,
-    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream) -> Moved,
+    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream) -> Transition,
 ) -> ([f64; 2], f64) {
     point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
     let mut acceptance = 0.0;
@@ -186,8 +187,8 @@ fn moved(
 }
 
 #[test]
-fn hamiltonian_moves_leave_the_posterior_invariant() {
-    for (metric, step) in [(tilted(), 0.36), (Metric::identity(2), 0.32)] {
+fn hmc_transitions_leave_the_posterior_invariant() {
+    for (metric, step) in [(correlated_metric(), 0.36), (Metric::identity(2), 0.32)] {
         let plan = Plan {
             step,
             length: 1.2,
@@ -207,8 +208,8 @@ fn hamiltonian_moves_leave_the_posterior_invariant() {
 }
 
 #[test]
-fn hamiltonian_moves_leave_a_tempered_posterior_invariant() {
-    let (prior, metric, beta) = (plane(), tilted(), 0.3);
+fn hmc_transitions_leave_a_tempered_posterior_invariant() {
+    let (prior, metric, beta) = (plane(), correlated_metric(), 0.3);
     let plan = Plan {
         step: 1.05,
         length: 3.0,
@@ -229,7 +230,7 @@ fn hamiltonian_moves_leave_a_tempered_posterior_invariant() {
 /// Steps of slices along directions from a pool that may depend on the point.
 fn sliced(index: u64, beta: f64, pool_at: impl Fn(&Point) -> DifferencePool) -> [f64; 2] {
     let mut rng = stream(20, Domain::Test, 0, index);
-    let (metric, prior) = (tilted(), plane());
+    let (metric, prior) = (correlated_metric(), plane());
     let (mut point, datum) = datum_pair(&mut rng, &prior, beta, true);
     let mut evaluator = Evaluator::new(&datum);
     point.ln_likelihood = evaluator.value(&point.z).unwrap();
@@ -347,7 +348,7 @@ impl Orbit for Difference {
 fn refreshed(index: u64, prior: &Prior, sd: f64) -> ([f64; 2], f64) {
     let mut rng = stream(19, Domain::Test, 0, index);
     let (mut point, target) = datum_pair(&mut rng, prior, 1.0, true);
-    let metric = tilted();
+    let metric = correlated_metric();
     let mut local_sampler = LocalSampler::new(&target, 1.0, &metric);
     point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
     let plan = Plan {

@@ -1,6 +1,8 @@
 //! Annealing paths from a mixture.
 
-use super::{DRAWS, Difference, Inversion, STEPS, datum_pair, farthest_moment, plane, tilted};
+use super::{
+    DRAWS, Difference, Inversion, STEPS, correlated_metric, datum_pair, farthest_moment, plane,
+};
 use oblate_samplers::difference_pool::DifferencePool;
 use oblate_samplers::hmc::{
     Evaluator, LocalSampler, Plan, Point, Reference, propose_involution, refresh, slice,
@@ -44,7 +46,7 @@ fn moved_from(
             break (point, datum);
         }
     };
-    let metric = tilted();
+    let metric = correlated_metric();
     let evaluator = Evaluator::from_reference(&datum, reference);
     let mut local_sampler = LocalSampler::of(evaluator, beta, &metric);
     point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
@@ -60,13 +62,13 @@ fn moved_from(
 }
 
 #[test]
-fn every_move_keeps_the_law_of_a_path_from_a_mixture_and_one_without_its_log_ratio_does_not() {
+fn every_move_leaves_a_path_from_a_mixture_invariant_and_one_without_its_log_ratio_does_not() {
     laws_of_a_path_from_a_mixture(DRAWS / 5);
 }
 
 #[test]
 #[ignore = "the long form: run before a release with --ignored"]
-fn every_move_keeps_the_law_of_a_path_from_a_mixture_for_more_draws() {
+fn every_move_leaves_a_path_from_a_mixture_invariant_for_more_draws() {
     laws_of_a_path_from_a_mixture(DRAWS);
 }
 
@@ -74,7 +76,7 @@ fn every_move_keeps_the_law_of_a_path_from_a_mixture_for_more_draws() {
 fn laws_of_a_path_from_a_mixture(draws: u64) {
     let reference = clumps();
     let beta = 0.4;
-    let metric = tilted();
+    let metric = correlated_metric();
     let plan = Plan {
         step: 0.8,
         length: 1.5,

@@ -83,7 +83,7 @@ impl Observer for Batches {
 }
 
 #[test]
-fn batches_from_the_prior_go_all_the_way() {
+fn batches_from_the_prior_reach_the_posterior() {
     let target = smooth::mvn13();
     let aimed = Settings {
         target_ln_z_error: Some(0.22),

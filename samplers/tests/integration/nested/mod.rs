@@ -9,7 +9,7 @@ use oblate_samplers::output::History;
 use oblate_samplers::{Run, Target};
 
 mod dynamic;
-mod life;
+mod interruptions;
 mod merge;
 
 fn settings(n_live: usize, kernel: Kernel) -> Settings {
@@ -160,7 +160,7 @@ fn slices_along_differences_find_the_same_evidences() {
 }
 
 #[test]
-fn slices_too_few_to_forget_their_seeds_leave_ln_z_where_it_is() {
+fn slice_updates_too_few_to_be_independent_of_their_seeds_leave_ln_z_unbiased() {
     // Four slice updates where sixteen are the default: with chains that used their own half of the lineages ln Z was four errors
     // too high.
     for kernel in [Kernel::Differential, Kernel::RandomSlice] {
@@ -217,7 +217,7 @@ fn rank_power(steps: usize) -> (f64, Vec<Vec<String>>) {
 }
 
 #[test]
-fn walks_too_short_fail_their_gates_and_longer_ones_pass_the_rank_test() {
+fn walks_too_short_fail_their_checks_and_longer_ones_pass_the_rank_test() {
     let (_, failing) = rank_power(2);
     // The run raises the steps itself, so the ranks alone do not show the problem; its first part still counts.
     for failed in &failing {

@@ -72,7 +72,7 @@ fn evidence_by_slices() {
 
 /// Three rounds fewer than from prior draws.
 #[test]
-fn evidence_after_annealing() {
+fn evidence_after_smc() {
     let from_smc = Settings {
         smc_particles: 64,
         slice_updates: 12,
@@ -124,7 +124,7 @@ fn evidence_from_a_mixture_of_smc_samplers() {
 
 /// A last round that is extended until the checks pass counts all of its scans, and those of earlier rounds none.
 #[test]
-fn evidence_of_a_round_that_goes_on() {
+fn evidence_of_an_extended_round() {
     let going_on = Settings {
         extensions: 15,
         ..rounds(6)

@@ -148,7 +148,7 @@ fn a_run_that_is_too_short_is_refused_with_a_remedy() {
 }
 
 #[test]
-fn runs_that_are_long_enough_pass_every_gate() {
+fn runs_that_are_long_enough_pass_every_check() {
     // Two checks refuse one honest run in a hundred each, by their p-values: most of three seeds must pass.
     for (target, count, seeds) in [
         (smooth::iso(13), 10, vec![1, 2, 3]),

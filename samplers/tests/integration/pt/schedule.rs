@@ -56,7 +56,7 @@ fn rejections_add_up_to_the_barrier_from_below() {
 }
 
 #[test]
-fn round_trips_come_at_a_good_share_of_the_rate_of_perfect_explorers() {
+fn round_trips_come_at_a_good_fraction_of_the_rate_of_independent_local_samples() {
     let run = fixed(8, 10);
     let (_, rejection, trips) = chain_set(&run);
     let scans = run.draws.len() as f64;

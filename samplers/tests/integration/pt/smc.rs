@@ -47,7 +47,7 @@ fn bias(target: &Smooth, mcmc_steps: usize) -> (f64, f64) {
 }
 
 #[test]
-fn smc_samplers_led_by_others_keep_ln_z() {
+fn directions_from_other_smc_samplers_leave_ln_z_unbiased() {
     // Led by their own relatives they were two nats too high, with a scatter of a tenth.
     for target in [smooth::mvn13(), smooth::shells(13), smooth::twins13(0.5)] {
         let (bias, error) = bias(&target, 16);

@@ -11,7 +11,7 @@ use oblate_samplers::output::{Ess, Evidence};
 ///
 /// # Errors
 /// [`Error::MixedFolder`] if the two were not written together; [`Error::UnsoundRun`] if arrays or numbers are damaged.
-pub fn run_from_parts(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
+pub fn assemble_run(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
     let names: Vec<String> = summary.parameters.iter().map(|p| p.0.clone()).collect();
     let derived = summary.derived.iter().map(|d| &d.0);
     if names != stored.names
