@@ -19,7 +19,7 @@ pub const MAX_BYTES: u64 = 16 << 30;
 /// Header: magic, format version, config hash, fingerprint, checksum, payload length.
 const HEADER: usize = 8 + 4 + 8 + 8 + 8 + 8;
 
-/// FNV-1a, 64 bits: the same on every machine and version.
+/// FNV-1a, 64 bits: the same on every computer and in every version.
 #[must_use]
 pub fn hash(bytes: &[u8]) -> u64 {
     hash_on(0xcbf2_9ce4_8422_2325, bytes)
@@ -97,8 +97,9 @@ pub fn save<T: Serialize>(
 }
 
 /// Loads a state saved with the same hashes; a damaged file is skipped for the [`previous`] one, with a warning
-/// returned beside the state. Where the file is missing, a process was killed while it [saved](save) the next one, and the previous
-/// one is the last: no warning then. `check` says what is wrong with a state that can be decoded, but that no run can have saved.
+/// returned beside the state. Where the file is missing, a process was killed while it [saved](save) the next one, and
+/// the previous one is the last: no warning then. `check` returns what is wrong with a state that can be decoded, but
+/// that no run can have saved.
 ///
 /// # Errors
 /// [`Error::Io`] if neither file can be read; [`Error::Checkpoint`] if both are damaged, or if the file belongs to

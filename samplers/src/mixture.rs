@@ -9,7 +9,8 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::f64::consts::PI;
 
-/// Degrees of degrees of freedom of every component: tails heavy enough for importance weights, a centre still close to a Gaussian's.
+/// Degrees of freedom of every component: tails heavy enough for importance weights, a centre still close to a
+/// Gaussian.
 const DEGREES_OF_FREEDOM: u32 = 5;
 
 /// Rows of each half, per dimension, below which no mixture is fitted.
@@ -18,10 +19,10 @@ const MIN_ROWS_PER_DIM: usize = 10;
 /// Maximum number of iterations of expectation-maximisation.
 const MAX_ROUNDS: usize = 100;
 
-/// The fit has settled when the mean log density grows by less than this.
+/// The fit ends when the mean log density grows by less than this.
 const SETTLED: f64 = 1e-4;
 
-/// Added to the diagonal of every covariance, in units of the draws' own: draws of a chain may repeat.
+/// Added to the diagonal of every covariance, in units of the draws' own, because draws of a chain may repeat.
 const RIDGE: f64 = 1e-9;
 
 /// Draws, row by row.
@@ -144,7 +145,7 @@ impl Component {
         }
     }
 
-    /// Log density at this squared distance, its weight included.
+    /// Log of the density at this squared distance times the component's weight.
     fn ln_density(&self, distance2: f64) -> f64 {
         let degrees_of_freedom = f64::from(DEGREES_OF_FREEDOM);
         let power = 0.5 * (degrees_of_freedom + self.mean.len() as f64);
@@ -167,9 +168,9 @@ struct Learned {
 }
 
 impl Mixture {
-    /// The mixture of at most this many components that fits the rows best, by expectation-maximisation from centres chosen far
-    /// apart. Covariances are shrunk towards their common mean with the weight of one draw per dimension. None if the rows do not
-    /// span their space.
+    /// The mixture of at most this many components that fits the rows best, by expectation-maximisation from centres
+    /// that are far from each other. Covariances are shrunk towards their common mean with the weight of one draw per
+    /// dimension. None if the rows do not span their space.
     pub fn fit(rows: &Rows, count: usize, rng: &mut Stream) -> Option<Self> {
         let dim = rows.dim;
         let n = rows.len() as f64;
@@ -205,7 +206,7 @@ impl Mixture {
         }
         let mut best: Option<(f64, usize)> = None;
         let mut count = 1;
-        // A component needs draws to have a covariance.
+        // A component needs enough draws for its covariance.
         while count <= most && count * dim <= few {
             if let Some(mixture) = Self::fit(first, count, &mut rng(count)) {
                 let score = mixture.mean_ln_density(second);
@@ -322,7 +323,7 @@ impl Mixture {
         self.components.len()
     }
 
-    /// Log density of every component at a point, its weight included.
+    /// Log of the density of every component at a point times its weight.
     fn ln_densities(&self, x: &[f64]) -> Vec<f64> {
         let ln_density = |c: &Component| c.ln_density(c.distance2(x));
         self.components.iter().map(ln_density).collect()
@@ -528,7 +529,7 @@ mod tests {
         let ratios: Vec<f64> = (0..20_000)
             .map(|i| {
                 let x = mixture.draw(&mut stream(1, Domain::Test, 5, i));
-                // Where the mixture has next to nothing the ratio's variance would not be finite.
+                // Where the mixture has almost no density, the variance of the ratio would not be finite.
                 let inside = x[0].abs() < 1.5 && x[0].abs() > 0.5;
                 if inside {
                     (ln_other(&x) - ln_norm - mixture.ln_density(&x)).exp()

@@ -10,7 +10,7 @@ pub type Stream = ChaCha8Rng;
 /// changelogged event.
 pub const STREAM_VERSION: u32 = 1;
 
-/// What a stream is for. The numbers are part of [`STREAM_VERSION`].
+/// Purpose of a random stream. The numbers are part of [`STREAM_VERSION`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Domain {
@@ -20,15 +20,15 @@ pub enum Domain {
     NestedSeeds = 2,
     /// Fits of the bounding ellipsoids.
     NestedBound = 3,
-    /// One local sampler of a tempered run; task = chain set * 2^20 + slot, index = scan.
+    /// The local moves of one chain of a tempered run; task = chain set * 2^20 + temperature, index = scan.
     PtExplore = 16,
-    /// One swap of a tempered run; task = chain set * 2^20 + gap, index = scan.
+    /// One swap of a tempered run; task = chain set * 2^20 + pair of temperatures, index = scan.
     PtSwap = 17,
-    /// One SMC particle of an annealed SMC sampler; task = chain set * 2^20 + SMC particle, index = MCMC step.
+    /// One SMC particle of a tempered run; task = SMC sampler * 2^20 + SMC particle, index = MCMC step.
     PtSmc = 18,
     /// The reference of a tempered run; task = scan, index = components.
     PtReference = 19,
-    /// SMC bridge to a finer model; task = level, index = particle.
+    /// SMC bridge to a finer model; task = step, index = particle.
     Bridge = 25,
     /// Post-processing: simulated weights, bootstraps, resampling; `task` distinguishes them.
     Post = 32,

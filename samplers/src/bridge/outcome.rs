@@ -90,8 +90,8 @@ fn of_ancestry(bridge: &Bridge<'_>) -> f64 {
     (1.0 - unlike).max(0.0).sqrt()
 }
 
-/// Changes of the weights of the parent's lineages: the parent knows the weight of each to about a factor, and its own error
-/// does not include these changes.
+/// Error of ln Z from the weights that the bridge has moved between lineages of the parent: the parent knows the weight
+/// of each only to about a factor, and its own error does not include these changes.
 fn of_lineage_weights(draws: &Draws, parent: &Draws) -> f64 {
     if parent.cluster.iter().all(|g| *g == parent.cluster[0]) {
         // Independent draws: the error of the weights is the whole error.
@@ -132,13 +132,13 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
             "coarse-run-checks",
             failed as f64,
             0.0,
-            "checks that the coarse run failed; a bridge finds nothing that the coarse run has missed: make that run converge first",
+            "convergence checks that the coarse run failed; a bridge cannot find what the coarse run has missed: make that run converge first",
         ),
         Check::at_least(
             "effective-ancestors",
             ess.kish,
             100.0,
-            "effective number of draws of the coarse run from which the result descends; if too few, raise `smc_particles` or `mcmc_steps`, or take a coarse likelihood nearer to the fine one",
+            "effective number of draws of the coarse run from which the result descends; if too small, raise `smc_particles` or `mcmc_steps`, or use a coarse likelihood closer to the fine one",
         ),
         Check::at_most(
             "bridge-error",
@@ -146,7 +146,7 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
                 + evidence.error_parts["lineage-weights"].powi(2))
             .sqrt(),
             0.5,
-            "error in nats that the bridge adds to ln Z; if too large, raise `smc_particles`, or take a coarse likelihood nearer to the fine one",
+            "error in nats that the bridge adds to ln Z; if too large, raise `smc_particles`, or use a coarse likelihood closer to the fine one",
         ),
     ]
 }

@@ -1,7 +1,8 @@
 //! Dynamic nested sampling: where batches of live points are added, and when the targets are met (Higson et al. 2019).
 //!
-//! A batch is a run of its own in a range of likelihoods: its points begin as draws of the prior above the floor, and it
-//! ends when the lowest of them is above the ceiling. All points of all batches weigh together as those of one run do.
+//! A batch is a run of its own in a range of likelihoods: its points begin as draws of the prior above a lower bound,
+//! and it ends when its lowest point is above an upper bound. Births and deaths of all batches are weighted together,
+//! like those of one run.
 
 use super::evidence::{DeadPoints, Weighted};
 use super::live::Points;
@@ -28,9 +29,9 @@ pub(super) struct LikelihoodRange {
 }
 
 impl LikelihoodRange {
-    /// Where more points reduce the error most. The importance of a point for the posterior is its weight; for the evidence
-    /// it is the weight of all points from it on, divided by the number of live points, because they all lie in the volume
-    /// that its shrinkage makes uncertain.
+    /// The range in which more points reduce the errors most. The importance of a point for the posterior is its
+    /// weight; for the evidence it is the weight of all points from it on, divided by the number of live points,
+    /// because its shrinkage enters the volumes of all of them.
     pub fn of(history: &DeadPoints, weighted: &Weighted, posterior_fraction: f64) -> Self {
         let count = weighted.p.len();
         let mut rest = 0.0;
@@ -91,7 +92,7 @@ impl RunSummary {
         let history = DeadPoints::of(&points);
         let weighted = history.weigh();
         let expected = history.expected_error(&weighted);
-        // Simulations of the whole history cost more than a batch's worth of cheap likelihoods.
+        // Simulations of the whole history can cost more than a batch of cheap likelihoods.
         let near = |target| expected <= target;
         Self {
             ln_z_error: if settings.target_ln_z_error.is_some_and(near) {

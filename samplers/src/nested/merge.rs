@@ -1,7 +1,8 @@
 //! Merges nested runs with different seeds into one run.
 //!
-//! Births and deaths of independent runs weigh together as those of one run with as many live points as all of them had (Skilling
-//! 2006; Higson et al. 2019). Their evidences and means are compared first: a mode that one run has missed shows as a difference.
+//! Births and deaths of independent runs are weighted together like those of one run with the live points of all of
+//! them (Skilling 2006; Higson et al. 2019). Their evidences and means are compared first: a mode that one run has
+//! missed shows as a difference.
 
 use super::checks::by_lineages;
 use super::evidence::DeadPoints;
@@ -17,8 +18,8 @@ use std::collections::BTreeSet;
 /// Minimum p-value of the differences between the runs.
 const MIN_PROBABILITY: f64 = 0.01;
 
-/// One nested run out of several on the same `target`, of different seeds, without further likelihood calls. Its checks are the worst of theirs and
-/// whether they agree; it has the seed of the first.
+/// Merges nested runs on the same `target` with different seeds, without further likelihood calls. Its checks are the
+/// worst of the runs' own and those of their agreement; its seed is that of the first run.
 ///
 /// # Errors
 /// [`Error::TooFewRuns`], [`Error::SameSeed`] and [`Error::NotNested`]; [`Error::OtherParameters`], [`Error::NoDraws`] and
@@ -185,19 +186,19 @@ fn agreement(runs: &[&Run]) -> [Check; 2] {
             "ln-z-agreement-of-seeds",
             probability(ln_z),
             MIN_PROBABILITY,
-            "probability that ln Z of the runs differ by chance as they do; if too small, some run misses a mode or its error is too small: double `n_live` or `steps`",
+            "p-value of the differences of ln Z between the runs; if too small, some run misses a mode or its error is too small: double `n_live` or `steps`",
         ),
         Check::at_least(
             "mean-agreement-of-seeds",
             least,
             MIN_PROBABILITY / dim as f64,
-            "smallest probability, over parameters, that their means differ by chance as they do; if too small, some run misses a mode: double `n_live`",
+            "smallest p-value, over parameters, of the differences between the means of the runs; if too small, some run misses a mode: double `n_live`",
         ),
     ]
 }
 
-/// Error of ln Z from the runs' independent errors of this name, each weighted by its number of live points: a run keeps
-/// neither its recent lineages nor the number of its ancestors.
+/// Error of ln Z of the merged run from the runs' independent errors of this name, each weighted by its number of live
+/// points, because a finished run stores neither its recent lineages nor its number of ancestors.
 fn together(runs: &[&Run], parts: &[RunHistory<'_>], name: &str) -> f64 {
     let size = |part: &RunHistory<'_>| part.live.first().map_or(0.0, |n| f64::from(*n));
     let all: f64 = parts.iter().map(size).sum();

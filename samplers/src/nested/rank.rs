@@ -1,5 +1,5 @@
-//! Insertion ranks: a new point drawn uniformly above the contour falls at any rank among the live ones with equal
-//! probability (Buchner 2014; Fowlie, Handley & Su 2020). A kernel that moves too little does not.
+//! Insertion ranks: a new point that is uniform above the likelihood bound has every rank among the live points with
+//! equal probability (Fowlie, Handley & Su 2020). The points of a kernel with too few steps do not.
 
 use crate::rng::{Stream, unit_open};
 use crate::valid::{Valid, ensure};

@@ -34,7 +34,7 @@ pub(super) struct CheckInputs {
     pub errors: Errors,
     /// ln Z of the even and of the odd recent lineages.
     pub halves: [f64; 2],
-    /// Effective number of lineages that the posterior is of.
+    /// Effective number of lineages of the posterior.
     pub lineages: f64,
     /// Kish's effective number of draws.
     pub kish: f64,
@@ -45,7 +45,8 @@ impl Errors {
     pub fn of(history: &DeadPoints, weighted: &Weighted, settings: &Settings, seed: u64) -> Self {
         let first_lineages = lineages(settings.n_live);
         let recent_lineages = first_lineages as f64;
-        // So few, weighted at random, scatter a little less about their own mean than about the true value.
+        // So few clusters, with random weights, have a smaller standard deviation about their own mean than about the
+        // true value.
         let degrees_of_freedom = ((recent_lineages + 1.0) / (recent_lineages - 1.0)).sqrt();
         let ln_z = history.bootstrap(seed, settings.bootstraps);
         Self {
@@ -127,7 +128,7 @@ impl Results {
     /// Effective sizes of the draws: never more of a parameter than there are draws.
     pub fn ess(&self, draws: &Draws) -> Ess {
         let most = draws.len() as f64;
-        // A parameter that is the same in all draws has no scatter to speak of.
+        // A parameter that is the same in all draws has no variance.
         let of = |size: &f64| if size.is_nan() { most } else { size.min(most) };
         let bulk: Vec<f64> = self.sizes.iter().map(of).collect();
         let kish = kish_ess(&draws.ln_weight);
@@ -181,10 +182,9 @@ pub(super) fn simulated(history: &DeadPoints, settings: &Settings, seed: u64) ->
     deviation(&history.simulate(seed, settings.simulations))
 }
 
-/// Error of ln Z by excess coalescence, after the estimate of Lee & Whiteley (2018) for particle filters. Pairs of draws of
-/// the posterior have a common first point more often than seeds drawn at random would make them only where the descendants
-/// of few first points reached the peak; how many reach it is random, and their number measures its volume. The excess is
-/// the relative variance of Z.
+/// Error of ln Z by excess coalescence, after the estimate of Lee & Whiteley (2018) for particle filters. If few first
+/// points have descendants at the peak, and it is random which ones, two draws of the posterior descend from the same
+/// first point more often than random seeds imply. The excess is the relative variance of Z.
 fn excess_coalescence(
     history: &DeadPoints,
     weighted: &Weighted,
@@ -216,7 +216,8 @@ mod tests {
     use super::*;
     use crate::nested::live::Genealogy;
 
-    /// Error for want of ancestors, 20 first lineages of 100 live points, of a run whose posterior is of the last `shared` of them.
+    /// Error from excess coalescence, for 20 first lineages of 100 live points and a posterior from the last `shared`
+    /// of them.
     fn error(shared: u32) -> f64 {
         let count = 2_000;
         let ln_l: Vec<f64> = (0..count).map(f64::from).collect();
@@ -230,7 +231,7 @@ mod tests {
             .map(|i| Genealogy::from(i % shared))
             .collect();
         let history = DeadPoints::new(&ln_l, &birth, &genealogy);
-        // A hundredth of the prior, evenly: ln X = -4.6.
+        // A uniform likelihood on a hundredth of the prior: ln X = -4.6.
         let mut weighted = history.weigh();
         let end = 460..660;
         weighted.p = (0..ln_l.len())
@@ -242,9 +243,9 @@ mod tests {
 
     #[test]
     fn few_ancestors_are_an_error_where_chance_would_have_left_more() {
-        // Of 20 lineages 4.6 e-folds leave 7.5 in effect.
+        // After 4.6 e-folds the effective number of 20 lineages is 7.5.
         assert!(error(20) < 1e-12 && error(10) < 1e-12);
-        // Half of the volume by two lineages alone: 1/2 less the .13 of chance.
+        // Two lineages have half of the volume: 1/2 minus the 0.13 of random seeds.
         assert!(
             (error(2) - (0.5_f64 - 0.1335).sqrt()).abs() < 2e-3,
             "{}",

@@ -14,8 +14,8 @@ use crate::target::Target;
 /// posterior with the evidence.
 ///
 /// The same target, settings and seed give the same bits on any number of threads (those of the current rayon pool),
-/// and after any number of interruptions. A run that was interrupted or whose budget is spent returns what it has,
-/// unconverged; it can be resumed from its checkpoint, which stays after completion too.
+/// and after any number of interruptions. A run that was interrupted or whose budget is spent returns its result so
+/// far, unconverged; it can be resumed from its checkpoint, which stays after completion too.
 ///
 /// # Errors
 /// [`Error::Setting`] for settings out of range; [`Error::GalileanWithoutGradient`]; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;

@@ -23,9 +23,9 @@ const MAX_FIRST_DRAWS: usize = 100_000;
 /// Prior volume below which ellipsoids are used; above it, draws of the prior cost less than any chain.
 const FIRST_BOUND: f64 = 0.1;
 
-/// Fraction of the recent lineages below which, as an effective number, they are begun anew. Random replacement makes more
-/// and more points relatives, until the scatter of two or three recent lineages is no estimate; by then the chains have
-/// forgotten what the lineages began with.
+/// Minimum effective number of recent lineages, as a fraction of the number of lineages; below it they are begun anew.
+/// Random replacement reduces their number until the scatter of two or three is no estimate; by then the chains are
+/// independent of the points with which these lineages began, as far as they ever are.
 const MIN_RECENT_LINEAGES: f64 = 0.3;
 
 /// Shrinkage of the volume after which the bound is fitted again.
@@ -78,11 +78,11 @@ struct Source<'a> {
     kept: &'a Points,
     contour: f64,
     bounds: &'a [Bound],
-    /// Slices, Galilean trajectories or walk steps.
+    /// Slice updates, Galilean Monte Carlo trajectories or walk steps.
     steps: usize,
 }
 
-/// Whether chains draw the points, so that step lengths are learned from them.
+/// Whether chains draw the points, so that step lengths are adapted to them.
 fn learns(context: &Context<'_>, bounds: &[Bound]) -> bool {
     context.kernel() != Kernel::Uniform && !bounds.is_empty()
 }
@@ -96,7 +96,7 @@ pub(super) struct State {
     started: bool,
     /// Batches begun so far.
     pub batches: usize,
-    /// The range of the present batch; none: the first one, from the prior to the peak.
+    /// Likelihood bounds of the present batch; none for the first, from the prior to the peak.
     range: Option<LikelihoodRange>,
     /// Remaining evidence at the end of the first batch, once there are more.
     left: Option<f64>,
@@ -104,8 +104,8 @@ pub(super) struct State {
     next_point: u64,
     /// Expected log prior volume of the live points.
     pub ln_x: f64,
-    /// Evidence and information of the dead, by left Riemann sums, or of all points once there are more batches: for the
-    /// stopping rule and for observers.
+    /// Evidence and information of the dead points, by left Riemann sums, or of all points once there are more batches:
+    /// for the stopping rule and for observers.
     pub ln_z: f64,
     pub information: f64,
     /// None, one to draw from, or two metrics: see [`ChainContext::bounds`].
@@ -166,8 +166,8 @@ impl State {
         points
     }
 
-    /// How much the live points could still raise ln Z when the first batch ended, or can now; 0 on a final plateau, whose
-    /// volume the deaths already share.
+    /// How much the live points could still raise ln Z at the end of the first batch, or can now; 0 on a final plateau,
+    /// whose volume is already divided among the deaths.
     pub fn delta_ln_z(&self, settings: &Settings) -> f64 {
         self.left.unwrap_or_else(|| self.delta_ln_z_now(settings))
     }
@@ -201,7 +201,7 @@ impl State {
         }
     }
 
-    /// One iteration: the lowest points are replaced. On an error nothing has changed.
+    /// One iteration: the lowest points die, and as many are born. On an error nothing has changed.
     pub fn advance(&mut self, context: &Context<'_>) -> Result<()> {
         if !self.started {
             return self.draw_first(context);
@@ -257,7 +257,7 @@ impl State {
         Ok(())
     }
 
-    /// New points above a contour, one from each seed.
+    /// New points above the likelihood bound, one from each seed.
     fn draw(
         &self,
         context: &Context<'_>,
@@ -293,15 +293,15 @@ impl State {
         born.into_iter().collect()
     }
 
-    /// Makes all live points dead and begins a batch where, by the summary of the run, more points reduce the error most. On
-    /// an error nothing has changed.
+    /// Moves all live points to the dead ones and begins a batch where, by the summary of the run so far, more points
+    /// reduce the errors most. On an error nothing has changed.
     pub fn add_batch(&mut self, context: &Context<'_>, summary: RunSummary) -> Result<()> {
         let fraction = summary.posterior_fraction(context.settings);
         let range = LikelihoodRange::of(&summary.history, &summary.weighted, fraction);
         let RunSummary {
             points, weighted, ..
         } = summary;
-        // Points alive at the floor, of any batch, are draws of the prior above it.
+        // The points alive at the lower bound, of any batch, are draws of the prior above it.
         let alive: Vec<usize> = (0..points.len())
             .filter(|&i| points.birth[i] <= range.floor && points.ln_l[i] > range.floor)
             .collect();
@@ -386,7 +386,7 @@ impl State {
         Ok(())
     }
 
-    /// As many independent draws of the prior as there are to be live points.
+    /// Independent draws of the prior, one for each live point.
     fn draw_prior(&self, context: &Context<'_>) -> Result<(Points, Calls)> {
         let mut likelihood = Likelihood::new(context.target);
         let mut places = vec![vec![0.0; context.target.dim()]; context.settings.n_live];

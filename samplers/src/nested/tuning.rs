@@ -19,29 +19,27 @@ fn first_scale(kernel: Kernel, dim: usize) -> f64 {
     }
 }
 
-/// Step length along a difference before anything is learned: two points of a region of any dimension are about
-/// `sqrt 2` of its radius apart.
+/// First step length along a difference: the distance of two points of a region of any dimension is about `sqrt 2` of
+/// its radius.
 const FIRST_STRIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// Largest correlation of the likelihood rank of a new point with that of its seed. On a Gaussian, two shells, two narrow
-/// modes and four of different tails the mean of ln Z was within 0.6 of its error, and the standard deviation of 30 seeds up
-/// to 1.1 times it, where the correlation was below this; above, the standard deviation reached 1.9 times the error (`cargo
-/// bench -p oblate-samplers --bench seed_correlation`).
+/// Maximum rank correlation of a new point's likelihood with its seed's; docs/validation.md, section 5, has bias and
+/// scatter of ln Z for several values of it (`cargo bench -p oblate-samplers --bench seed_correlation`).
 pub(super) const MAX_SEED_CORRELATION: f64 = 0.2;
 
-/// Fraction of the moves of Galilean trajectories that are to go straight on: of 0.4 to 0.85 those from 0.65 to 0.75 forgot
-/// their seeds best for the same calls, on a Gaussian and on shells in 13 dimensions. Points without a gradient turn chains
-/// round at any length of move, so that the fraction of reflected moves is no measure.
+/// Target fraction of straight moves in Galilean Monte Carlo: near it new points depended least on their seeds for the
+/// same calls (docs/validation.md, section 5, gradients). The fraction of reflected moves cannot serve, because moves
+/// at points without a gradient reverse at any length.
 const STRAIGHT_FRACTION: f64 = 0.7;
 
-/// Statistics of the chains, and the steps that follow from them. They are fixed within an iteration.
+/// Statistics of the chains, and the steps that follow from them. Within an iteration steps are fixed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tuning {
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
     pub stride: f64,
-    /// Slices, Galilean trajectories or walk steps per point; never lowered in a run.
+    /// Slice updates, Galilean Monte Carlo trajectories or walk steps per point; never lowered in a run.
     pub steps: usize,
     /// Relative jump distance of every iteration.
     pub jump_distances: Vec<f64>,
@@ -50,9 +48,9 @@ pub(super) struct Tuning {
     pub seed_correlations: Vec<f64>,
     /// Chains that ended where they began.
     pub stayed: u64,
-    /// The rank correlation that the last raise of `steps` was to lower.
+    /// The rank correlation at the last raise of `steps`.
     seed_correlation_at_raise: Option<f64>,
-    /// Number of insertions, rank correlations and still chains when the current window of the watch began.
+    /// Numbers of insertions, rank correlations and unmoved chains when the present window began.
     window: (usize, usize, u64),
 }
 
@@ -150,13 +148,13 @@ impl Tuning {
         }
     }
 
-    /// Raises the number of steps by half, up to `most`, if the `window` insertions just made show that the likelihoods of
+    /// Raises the number of steps by half, up to `most`, if the last `window` insertions show that the likelihoods of
     /// new points depend on their seeds.
     ///
-    /// Small jump distances alone raise nothing, they are only checked: on a thin shell points stay close to their seeds for
-    /// long after their likelihoods are independent, and ln Z is as good. A rank correlation that the last raise has not
-    /// lowered by a quarter is not for want of steps: chains that stay in their own mode, each with likelihoods of its own,
-    /// keep it for ever. It is left to the check, unless it grows.
+    /// Small jump distances alone raise nothing, they are only checked: on a thin shell points stay close to their
+    /// seeds for long after their likelihoods are independent, and ln Z is as good. A rank correlation that the last
+    /// raise has not lowered by a quarter is not due to too few steps: chains that stay in their own mode, each with
+    /// likelihoods of its own, remain correlated. It is left to the check, unless it grows.
     pub fn raise_steps_if_needed(&mut self, ranks: &Ranks, window: usize, most: usize) {
         let (insertions, seed_correlations, stayed) = self.window;
         let made = ranks.len() - insertions;

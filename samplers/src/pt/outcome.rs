@@ -11,7 +11,7 @@ use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, S
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
-/// Swap rejection from which on a gap slows the round trips of the whole chain set.
+/// Swap rejection above which a pair of temperatures slows the round trips of its chain set.
 const SLOW_GAP: f64 = 0.7;
 
 /// The result of the round in progress: the last one, unless the run was stopped.
@@ -137,9 +137,9 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
     }
 }
 
-/// Design effect of clusters: the variance of their means over that expected from the effective sample sizes of their chain
-/// sets, as the mean over all parameters, at least 1. A few clusters say little of each parameter. Chain sets that started
-/// from one SMC sampler have its errors in common.
+/// Design effect of clusters: the variance of their means over that expected from the effective sample sizes of their
+/// chain sets, as the mean over all parameters, at least 1. The mean is over all parameters because a few clusters say
+/// little of each. Chain sets that started from the same SMC sampler have its errors in common.
 fn design_effect(columns: &[Vec<Vec<f64>>], bulk: &[f64], clusters: usize) -> f64 {
     let excess = columns.iter().zip(bulk).map(|(chain_sets, bulk)| {
         let of_cluster = |cluster: usize| -> Vec<f64> {
@@ -158,8 +158,8 @@ fn design_effect(columns: &[Vec<Vec<f64>>], bulk: &[f64], clusters: usize) -> f6
     if mean.is_finite() { mean.max(1.0) } else { 1.0 }
 }
 
-/// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks see no monotone map), and the largest R-hat
-/// of all, ln L included.
+/// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks do not change under a monotone map), and the
+/// largest R-hat of all, ln L included.
 fn effective_sizes(state: &State, cold: &PosteriorDraws, dim: usize) -> (Ess, f64) {
     let chain_sets = cold.positions.len();
     let mut ess = Ess {
@@ -256,7 +256,7 @@ fn warnings(state: &State) -> Vec<String> {
     }
     if state.mixture_due() && state.reference.is_prior() {
         warnings.push(
-            "too few draws for a mixture: the chain sets begin at the prior; raise `first_scans`, `rounds` or `chain_sets`"
+            "too few draws to fit a mixture, so the reference is the prior; raise `first_scans`, `rounds` or `chain_sets`"
                 .to_owned(),
         );
     }
@@ -264,7 +264,7 @@ fn warnings(state: &State) -> Vec<String> {
     for (beta, rejection) in extension.beta.iter().zip(extension.mean_rejection()) {
         if state.is_last_round() && rejection > SLOW_GAP {
             warnings.push(format!(
-                "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that the chain set can adapt",
+                "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that temperatures can adapt",
                 100.0 * rejection, beta,
             ));
         }
@@ -275,7 +275,7 @@ fn warnings(state: &State) -> Vec<String> {
         let moves: u64 = locals.iter().map(|local| local.moves).sum();
         let temperatures = locals.iter().filter(|local| local.diverged > 0).count();
         warnings.push(format!(
-            "{diverged} of {moves} moves diverged, at {temperatures} temperatures: the posterior has narrower spots than the steps; raise `target_acceptance`, or smooth the likelihood",
+            "{diverged} of {moves} HMC transitions diverged, at {temperatures} temperatures: the posterior is locally narrower than the steps; raise `target_acceptance`, or smooth the likelihood",
         ));
     }
     warnings
@@ -286,8 +286,8 @@ mod tests {
     use super::*;
     use crate::rng::{Domain, standard_normal, stream};
 
-    /// 32 chain sets of 10 independent draws in each of 13 parameters, with this deviation of what the chain sets of each of four
-    /// clusters have in common.
+    /// 32 chain sets of 10 independent draws in each of 13 parameters, with this standard deviation of the part that
+    /// the chain sets of each of four clusters have in common.
     fn columns(common: f64) -> Vec<Vec<Vec<f64>>> {
         let mut rng = stream(3, Domain::Test, 0, 0);
         (0..13)
@@ -305,7 +305,7 @@ mod tests {
 
     #[test]
     fn what_chain_sets_of_a_cluster_have_in_common_makes_their_draws_fewer() {
-        // Variance of a cluster's mean: 1 / 80 of its own draws, and what it has in common. 39 degrees of freedom in all: a
+        // Variance of a cluster's mean: 1 / 80 of its own draws, and the common part. 39 degrees of freedom in all: a
         // standard error of 23 %.
         let alone = design_effect(&columns(0.0), &[320.0; 13], 4);
         assert!((1.0..1.7).contains(&alone), "{alone}");

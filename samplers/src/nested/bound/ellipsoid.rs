@@ -6,7 +6,8 @@ use crate::valid::{Valid, ensure, moderate, triangle};
 use nalgebra::{DMatrix, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
-/// Ridge added to a covariance, relative to its mean eigenvalue: conditions beyond 1e12 mean nothing in doubles.
+/// Ridge added to a covariance, relative to its mean eigenvalue: condition numbers beyond 1e12 are lost in the rounding
+/// of doubles.
 const RIDGE: f64 = 1e-12;
 
 /// The set `{c + A y : |y| <= 1}` with a lower triangular A.
@@ -75,7 +76,7 @@ impl Ellipsoid {
             .iter()
             .map(|&i| ellipsoid.distance(points.row(i)))
             .fold(0.0, f64::max);
-        // A hair more, so that rounding leaves no point outside.
+        // Slightly more, so that rounding leaves no point outside.
         ellipsoid.enlarge(farthest * (1.0 + 1e-12));
         Some(ellipsoid)
     }

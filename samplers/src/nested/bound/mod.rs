@@ -13,13 +13,13 @@ use serde::{Deserialize, Serialize};
 /// Bootstraps behind the enlargement for independent draws.
 const BOOTSTRAPS: usize = 20;
 
-/// Maximum enlargement of an axis for independent draws. A new point of a cluster of 2 d or more lies within this multiple of the
-/// fitted extent with a probability near 1 (Hotelling's T^2). A bootstrap that asks for more has left out most of a small
-/// cluster, or one of two distant groups between which the ellipsoid extends anyway.
+/// Maximum enlargement of an axis for independent draws. A new point of a cluster of 2 d or more lies within this
+/// multiple of the fitted extent with a probability near 1 (Hotelling's T^2). A bootstrap with a larger enlargement has
+/// left out most of a small cluster, or one of two distant groups between which the ellipsoid extends anyway.
 const MAX_REACH: f64 = 3.0;
 
-/// Enlargement of every axis for step kernels, where ellipsoids say which metric belongs to which region: points that did not
-/// take part in the fit should lie inside too.
+/// Enlargement of every axis for step kernels, where ellipsoids assign a metric to each region: points that did not
+/// take part in the fit should lie inside as well.
 const STEP_ENLARGEMENT: f64 = 1.5;
 
 /// A set of ellipsoids.

@@ -1,4 +1,5 @@
-//! A chain of steps above a likelihood bound: the common data of its steps, and the partition that a step may not leave.
+//! A Markov chain above a likelihood bound: its state, what the chains of an iteration have in common, and the
+//! partition that a step may not leave.
 
 use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
@@ -28,11 +29,12 @@ pub(in crate::nested) struct ChainContext<'a> {
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
     pub stride: f64,
-    /// Slices, Galilean trajectories or walk steps.
+    /// Slice updates, Galilean trajectories or walk steps.
     pub steps: usize,
 }
 
-/// The part of the space that a step may not leave, so that its distribution does not change on the way.
+/// The part of the space that a step may not leave, so that the distribution of proposals is the same from everywhere
+/// in it.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::nested) enum Partition {
     /// The metric region of this label.
@@ -44,9 +46,9 @@ pub(in crate::nested) enum Partition {
 /// Counts of steps, for the tuning of their length.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::nested) struct StepCounts {
-    /// Slices: steps outward. Galilean trajectories: moves straight on. Walk: steps accepted.
+    /// Slice updates: steps outwards. Galilean Monte Carlo: straight moves. Random walk: accepted steps.
     pub grown: u64,
-    /// Slices: points that fell outside. Galilean trajectories: moves that met an edge. Walk: steps refused.
+    /// Slice updates: points outside. Galilean Monte Carlo: moves that met the bound. Random walk: rejected steps.
     pub shrunk: u64,
 }
 
@@ -84,7 +86,7 @@ pub(in crate::nested) struct NewPoint {
     pub motion: Motion,
 }
 
-/// A state above the likelihood bound and the workspace of its steps.
+/// A chain above the likelihood bound, and its buffers.
 pub(super) struct Chain<'a> {
     pub(super) context: &'a ChainContext<'a>,
     pub(super) bound: &'a Bound,
@@ -131,7 +133,7 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Puts `x + t direction` into `trial`; whether it is in the cube and in the partition.
+    /// Writes `x + t direction` into `trial`; returns whether that is in the cube and in the partition.
     pub(super) fn set_trial(&mut self, t: f64, partition: Partition) -> bool {
         let mut in_cube = true;
         for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
@@ -141,7 +143,8 @@ impl<'a> Chain<'a> {
         in_cube && self.inside(partition)
     }
 
-    /// Writes `x + t direction` into `trial`; its log-likelihood if the chain may go there and it is above the bound.
+    /// Writes `x + t direction` into `trial`; returns its log-likelihood if it is in the cube, in the partition and
+    /// above the bound.
     pub(super) fn try_trial(&mut self, t: f64, partition: Partition) -> Result<Option<f64>> {
         if !self.set_trial(t, partition) {
             return Ok(None);
@@ -173,10 +176,9 @@ impl<'a> Chain<'a> {
         self.ln_l = ln_l;
     }
 
-    /// Draws the position along every declared orbit afresh. The likelihood is the same there but for rounding, which a
-    /// chaotic target amplifies: a point must carry the value of its own digits, or chains that start from it may find
-    /// nothing above the contour. So it costs one call. A draw that rounding takes below the contour is
-    /// refused.
+    /// Redraws the position along every declared orbit. The likelihood is the same there except for rounding, which a
+    /// chaotic target amplifies; it is evaluated again (one call), because chains that start from a point with another
+    /// point's value may find nothing above the bound. A draw that rounding takes below the bound is rejected.
     pub(super) fn refresh_orbits(&mut self, rng: &mut Stream) -> Result<()> {
         for symmetry in self.context.target.symmetries() {
             if let Symmetry::Orbit(orbit) = symmetry {
@@ -198,7 +200,7 @@ pub(super) fn normals(u: &[f64]) -> Vec<f64> {
     u.iter().map(|u| normal::quantile(*u)).collect()
 }
 
-/// `u = Phi(z)`, kept inside the open cube where doubles would round it to its edge.
+/// `u = Phi(z)`, kept inside the open cube where doubles would round it to a face.
 pub(super) fn cube_from_normal(z: &[f64], u: &mut [f64]) {
     for (u, z) in u.iter_mut().zip(z) {
         *u = normal::cdf(*z).clamp(f64::MIN_POSITIVE, 1.0 - 0.5 * f64::EPSILON);

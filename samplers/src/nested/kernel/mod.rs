@@ -1,4 +1,5 @@
-//! Drawing a new point above a contour: directly from the bound, or by a chain of steps from a live point.
+//! Draws a new point above the likelihood bound: directly from the ellipsoids, or by a chain of steps from a live
+//! point.
 
 pub(super) mod chain;
 mod difference;
@@ -19,7 +20,7 @@ use crate::rng::Stream;
 use crate::target::{Symmetry, Target};
 use chain::{Chain, normals};
 
-/// The bound of chains that start from a point of this lineage.
+/// The ellipsoids of chains that start from a point of this lineage.
 pub(super) fn bound_of(bounds: &[Bound], lineage: u32) -> Option<&Bound> {
     let index = (lineage as usize).checked_rem(bounds.len())?;
     bounds.get(index)

@@ -1,13 +1,14 @@
-//! One slice: step out from a random offset along a line, then shrink (Neal 2003). And the plain choice of the line: a
-//! random direction of the local ellipsoid.
+//! One slice update: an interval at a random offset along a line is extended outwards, then shrunk (Neal 2003). And its
+//! simplest line: a random direction of the local ellipsoid.
 
 use super::chain::{Chain, Partition, StepCounts};
 use crate::error::{Error, Result};
 use crate::nested::bound::draw_direction;
 use crate::rng::{Stream, below, unit_open};
 
-/// Most steps outward of one slice, both ways together. Dealt to the two sides at random beforehand, a limit leaves
-/// the slice exact (Neal's `m`); a width this much too small is doubled from one iteration to the next.
+/// Maximum number of steps outwards of one slice update, both sides together. Divided between the two sides at random
+/// beforehand, the limit leaves the update exact (Neal's `m`); a width that is too small by this factor is doubled from
+/// one iteration to the next.
 const MAX_OUTWARD: usize = 200;
 
 /// Maximum number of steps inwards: far more than it takes to shrink an interval to rounding.

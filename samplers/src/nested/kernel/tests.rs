@@ -43,7 +43,7 @@ impl Target for Square {
     }
 }
 
-/// `count` independent uniform points above the contour, found by rejection.
+/// `count` independent uniform points above the likelihood bound, found by rejection.
 fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> Points {
     let context = ChainContext {
         target,
@@ -67,7 +67,7 @@ fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> 
 /// A named function of a point: the distribution function of one of its values, uniform under the null hypothesis.
 type Law<'a> = (&'a str, &'a (dyn Fn(&[f64]) -> f64 + Sync));
 
-/// Starts many chains from uniform points above the contour; their ends must be uniform there too.
+/// Starts many chains from uniform points above the likelihood bound; their ends must be uniform there too.
 fn stays_uniform(
     name: &str,
     target: &dyn Target,
@@ -104,7 +104,7 @@ fn stays_uniform(
     }
 }
 
-/// Above the contour 0: a ring of radii 0.2 to 0.4 about the centre of the square.
+/// Above the likelihood bound 0: a ring of radii 0.2 to 0.4 about the centre of the square.
 fn ring(x: &[f64]) -> f64 {
     let r = ((x[0] - 0.5).powi(2) + (x[1] - 0.5).powi(2)).sqrt();
     (0.1 - (r - 0.3).abs()).clamp(-1.0, 1.0)
@@ -275,7 +275,7 @@ impl Orbit for Second {
 
 #[test]
 fn involutions_and_orbits_keep_the_prior_above_the_contour() {
-    // Above the contour: the left three fifths of the square.
+    // Above the bound: the left three fifths of the square.
     let mut target = Square::new(2, |x| if x[0] < 0.6 { 0.0 } else { -2.0 });
     // Not a gradient of anything: any reflection is valid that depends on its own position alone.
     target.gradient = |x, gradient| gradient.copy_from_slice(&[-1.0, x[1]]);
@@ -329,7 +329,7 @@ fn galilean_trajectories_between_the_cube_a_mirror_and_rejected_points_stay_unif
     }
 }
 
-/// A context for Galilean trajectories in the ring from `kept`.
+/// The context of Galilean Monte Carlo trajectories in the ring from `kept`.
 fn in_the_ring<'a>(
     target: &'a Square,
     bounds: &'a [Bound],
@@ -381,8 +381,8 @@ fn a_move_of_a_galilean_then_a_flip_is_its_own_inverse() {
     assert!(seen.iter().all(|n| *n > 500), "{seen:?}");
 }
 
-/// Kolmogorov-Smirnov probability of the radii where Galilean trajectories of two moves end that began uniform in the ring; a chain that can
-/// neither go on nor be reflected turns round, or waits.
+/// Kolmogorov-Smirnov probability of the radii after trajectories of two moves that began uniform in the ring; a chain
+/// that can neither move nor be reflected reverses its velocity or, as the wrong rule, keeps it.
 fn radii_after_galilean_trajectories(turns: bool) -> f64 {
     let target = ring_target();
     let count = 40_000;

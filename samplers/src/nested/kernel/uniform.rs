@@ -1,4 +1,4 @@
-//! Independent draws: from the prior, or from the bound.
+//! Independent draws: from the prior, or from the ellipsoids.
 
 use super::chain::{ChainContext, Motion, NewPoint};
 use crate::error::{Error, Result};
@@ -6,11 +6,11 @@ use crate::nested::bound::Bound;
 use crate::nested::likelihood::{Likelihood, draw_prior};
 use crate::rng::Stream;
 
-/// Likelihood calls, and draws, for one point before the bound is given up.
+/// Maximum number of likelihood calls, and of draws, for one point.
 const MAX_CALLS: u64 = 100_000;
 const MAX_DRAWS: u64 = 1_000_000;
 
-/// Draws, from the prior or from `bound`, until one is above the contour.
+/// Draws, from the prior or from `bound`, until one is above the likelihood bound.
 pub(super) fn draw(
     context: &ChainContext<'_>,
     bound: Option<&Bound>,
