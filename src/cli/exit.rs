@@ -53,7 +53,8 @@ impl Exit {
     }
 }
 
-/// Whether a file could not be read or written because of the path that was given, and not because of the disk or the machine.
+/// Whether a file could not be read or written because of the path that was given, and not because of the disk or the
+/// computer.
 fn is_of_the_path(kind: ErrorKind) -> bool {
     use ErrorKind as K;
     matches!(

@@ -9,11 +9,11 @@ use oblate_samplers::limits::{Memory, in_range};
 use oblate_samplers::normal::LN_SQRT_2PI;
 use serde::{Deserialize, Serialize};
 
-/// What happens where the model does not cover a data bin.
+/// The rule for a data bin that the model does not cover.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Coverage {
-    /// The paper: the likelihood is zero, with a hard threshold on the number of particles.
+    /// The rule of Chemaly et al. (2026): the likelihood is zero, with a hard threshold on the number of particles.
     Reject,
     /// Finite and smooth everywhere: between threshold and zero weight, a bin's likelihood is interpolated to that of a residual
     /// of `z_miss` sigma, and the uncovered fraction of the bins costs `-lambda (1 - overlap)^2`.
@@ -61,8 +61,8 @@ impl Default for LikelihoodSettings {
 }
 
 impl LikelihoodSettings {
-    /// Checks every number by itself: the ranges of docs/limits.md. Soft edges are at most half of a bin wide besides, which depends on
-    /// the track ([`BinEdges::check`]).
+    /// Checks every number by itself: the ranges of docs/limits.md. In addition, soft edges are at most half of a bin
+    /// wide, which depends on the track ([`BinEdges::check`]).
     ///
     /// # Errors
     /// [`Error::OutOfRange`] with the first one that is out of its range.
@@ -107,7 +107,7 @@ pub struct TrackLikelihood {
     variance_factor: f64,
 }
 
-/// One bin's contribution: its log-likelihood, times its cover, and the cover.
+/// The contribution of one bin: the product of its cover (0 to 1) and its log-likelihood, and the cover.
 struct BinTerm<S> {
     ln_likelihood: S,
     covered: S,
@@ -315,7 +315,7 @@ impl TrackLikelihood {
         })
     }
 
-    /// What the uncovered fraction of the length costs.
+    /// The penalty on the uncovered fraction of the length.
     fn length_penalty<S: Real>(&self, overlap: S) -> S {
         match self.settings.coverage {
             Coverage::Reject => S::zero(),

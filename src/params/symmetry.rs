@@ -1,5 +1,5 @@
 //! Symmetries of the posterior that samplers use as moves: the exact degeneracy of mass, velocity and age, and two
-//! involutions between orientation modes, which a projected track barely distinguishes.
+//! involutions between orientation modes, which a projected track barely distinguishes (docs/physics.md, section 9).
 
 use super::prior::StreamPrior;
 use super::shape::{length_cdf, length_quantile, length_sf};

@@ -1,4 +1,4 @@
-//! A run put together again from its summary and its stored arrays.
+//! Assembles a run from its summary and its stored arrays.
 
 use super::summary::Summary;
 use super::zarr;
@@ -6,8 +6,8 @@ use crate::error::{Error, Result};
 use oblate_samplers::Run;
 use oblate_samplers::output::{Ess, Evidence};
 
-/// The run that was split into a summary and stored arrays: equal to the original in every bit. This is where all that is read from a
-/// run folder is checked.
+/// The run that was split into a summary and stored arrays: equal to the original in every bit. Everything that is read
+/// from a run folder is checked here.
 ///
 /// # Errors
 /// [`Error::MixedFolder`] if the two were not written together; [`Error::UnsoundRun`] if arrays or numbers are damaged.

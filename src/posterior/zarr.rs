@@ -1,5 +1,5 @@
-//! `posterior.zarr`: every array of a run, as Zarr v3 that xarray opens (docs/files.md, sections 6 and 8). Chunks are not
-//! compressed: a fit is a few megabytes, and so no C library is needed.
+//! `posterior.zarr`: every array of a run, as Zarr v3 that xarray opens (docs/files.md, sections 6 and 8). Chunks are
+//! not compressed, because a fit is a few megabytes, and no C library is needed then.
 //!
 //! | group | variables | dimensions |
 //! |---|---|---|
@@ -8,7 +8,7 @@
 //! | `observed_data` | `phi`, `r`, `r_err` (and `n`) of the track | bin |
 //! | `prior` | each parameter and derived quantity by name | chain, draw |
 //! | `weighted` | `theta`, `derived`, `ln_weight`, `ln_likelihood`, `chain`, `cluster`: the sampler's own draws, to the bit | row, ... |
-//! | `history` | how the run went from the prior to the posterior | step, insertion, temperature or chain set |
+//! | `history` | the path of the run from the prior to the posterior | step, insertion, temperature or chain set |
 //!
 //! Equal-length chains of equal weight are written to `posterior` as they are; weighted draws are resampled there to equal
 //! weight, systematically, to as many rows as their ESS (Kish). Evidence and weights belong to `weighted`. Names and units are
@@ -35,7 +35,7 @@ use std::io;
 use std::path::Path;
 use store::Store;
 
-/// What goes into the file beside the run.
+/// Further contents of the file.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Extras<'a> {
     /// The data that was fitted.
@@ -73,8 +73,8 @@ struct Root {
     derived_names: Vec<(String, String)>,
 }
 
-/// Writes a run into the new folder `path`, and syncs it. A folder that is not whole, because the writing failed, stays for the caller to
-/// remove.
+/// Writes a run into the new folder `path`, and syncs it. If the writing fails, the incomplete folder stays, and the
+/// caller must remove it.
 ///
 /// # Errors
 /// [`Error::Exists`] if there is something at `path`; [`Error::Io`] if the folder's parent is missing, not writable or full;

@@ -34,7 +34,7 @@ pub fn ticks(range: (f64, f64), max_ticks: usize) -> Vec<f64> {
     Vec::new()
 }
 
-/// A tick's text with just the digits that its step needs.
+/// The text of a tick, with as many digits as its step needs.
 #[must_use]
 pub fn tick_text(value: f64, all: &[f64]) -> String {
     let step = all.windows(2).map(|w| w[1] - w[0]).fold(f64::NAN, f64::min);

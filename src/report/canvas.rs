@@ -1,7 +1,7 @@
 //! A sheet of SVG: lines, areas and text at sub-pixel positions, in one style.
 //!
-//! Text stays text in a generic sans-serif, so that no font has to be found; lengths are in points, a printed column
-//! being 250 and a page 510 wide. Colours are Okabe and Ito's (2008), which colour-blind readers tell apart.
+//! Text is not converted to curves; its font is the generic sans-serif; lengths are in points, a printed column being
+//! 250 and a page 510 wide. Colours are Okabe and Ito's (2008), which colour-blind readers can distinguish.
 
 use std::fmt::Write;
 

@@ -78,7 +78,7 @@ pub fn q_posterior(curves: &[QCurve], prior: Option<QPrior>, truth: Option<f64>)
         canvas.line(&[(px(i.lo95), y), (px(i.hi95), y)], colour, 1.0, "");
         canvas.line(&[(px(i.lo68), y), (px(i.hi68), y)], colour, 3.2, "");
         canvas.dot((px(i.median), y), 3.0, colour, 1.0, "median");
-        // The text stands beside the bar.
+        // The text is next to the bar.
         let text = format!(
             "{}  {:.3} [{:.3}, {:.3}]",
             curve.name, i.median, i.lo68, i.hi68

@@ -41,8 +41,9 @@ struct RunFigures {
 /// Writes every figure of finished runs into their folders, and one self-contained HTML page of all of them.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Syntax`] or [`Error::MixedFolder`] if a folder cannot be read; [`Error::Io`] or [`Error::Sampler`] if a file
-/// cannot be written.
+/// [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`], [`Error::TrackFile`] or [`Error::InFile`]
+/// if a folder cannot be read; [`Error::Setting`] if its settings cannot be used; [`Error::Io`] or [`Error::Sampler`]
+/// if a file cannot be written.
 pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()> {
     let rendered: Vec<RunFigures> = folders
         .iter()
@@ -95,7 +96,8 @@ pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()>
 fn write_figure(path: &Path, svg: &str) -> Result<()> {
     use oblate_samplers::Error::Io;
     match write_atomically(path, svg.as_bytes()) {
-        // A run that begins in the folder at this moment removes what it takes for a leftover: written once more then.
+        // A run that begins in the folder at this moment may remove the temporary file as a left-over; then it is
+        // written once more.
         Err(Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
             Ok(write_atomically(path, svg.as_bytes())?)
         }

@@ -35,8 +35,8 @@ impl Bound {
     /// Ellipsoids for step kernels: the first for chains from points of even lineages, the second for odd ones, each fitted to
     /// the points of the other half. A half with too few points, or all alike, gives the cube's metric.
     ///
-    /// A metric fitted to the points that the chains start from is correlated with them and biases ln Z by the order of d H / n
-    /// (0.4 at d = 13 and n = 200); fitted to the other half it does not.
+    /// A metric fitted to the points that the chains start from is correlated with them and biases ln Z by the order of
+    /// d H / n; fitted to the other half it does not.
     pub fn for_steps(points: &Points) -> Vec<Self> {
         let [even, odd] = points.halves();
         [odd, even]
