@@ -1,8 +1,8 @@
 //! What does the gradient of ln L cost, in units of its value?
 //!
 //! One track with 100 steps per particle and a dense orbit of 512 steps. `value` runs in lanes; `adjoint13` adds all 13
-//! derivatives in reverse, `truncated13` the truncated gradient of the samplers; `dual13` is the reference, every number a dual
-//! of 13 parts, one particle after the other. All of
+//! derivatives in reverse, `truncated13` the truncated gradient of the samplers; `dual13` is the reference, every
+//! number a dual of 13 parts, one particle after the other. All do the same work on the same inputs.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
@@ -86,7 +86,7 @@ fn gradient(c: &mut Criterion) {
         group.bench_function(format!("truncated13/n{n}_s100"), |b| {
             b.iter(|| likelihood.truncated_gradient(black_box(&THETA)));
         });
-        // The reference is slow: once is enough to know by how much.
+        // The reference is slow, so it is timed with one number of particles only.
         if n == 1_000 {
             group.sample_size(10);
             group.bench_function(format!("dual13/n{n}_s100"), |b| {
@@ -97,7 +97,7 @@ fn gradient(c: &mut Criterion) {
     group.finish();
 }
 
-/// What many points gain from all cores, and one point.
+/// The gain from all cores, for many points and for one point.
 fn threads(c: &mut Criterion) {
     let mut group = c.benchmark_group("threads");
     group.sample_size(20);

@@ -37,13 +37,14 @@ const START_DRAWS: usize = 1_000;
 /// Step that a chain begins with, in units of the prior.
 const FIRST_STEP: f64 = 0.1;
 
-/// Mean acceptance that steps are steered to.
+/// Target of the mean acceptance.
 const ACCEPTANCE: f64 = 0.8;
 
 /// Transitions between two updates of the step: the acceptance of a single one is near 0 or 1, whatever the step.
 const TRANSITIONS_PER_UPDATE: usize = 5;
 
-/// Longest score that a metric is estimated from, in units of sqrt(d): one chaotic point would outweigh all others.
+/// Maximum length of a score that a metric is estimated from, in units of sqrt(d): otherwise one chaotic point would
+/// outweigh all others.
 const MAX_SCORE: f64 = 1_000.0;
 
 /// Transitions while a chain descends from the prior: short ones, with energies that may vary with the descent.
@@ -55,7 +56,7 @@ const FALLING: Plan = Plan {
     slack: 0.05,
 };
 
-/// Moves after that.
+/// Transitions after that.
 const SETTLED: Plan = Plan {
     max_leapfrogs: 64,
     max_energy_range: 1_000.0,
@@ -87,7 +88,7 @@ const QUICK: Schedule = Schedule {
     frozen: 50,
 };
 
-/// A chain: where it is, and what it has learnt.
+/// A chain: its state, its metric and its step size.
 struct Chain<'a> {
     target: &'a StreamTarget,
     rng: Stream,
@@ -97,7 +98,7 @@ struct Chain<'a> {
     calls: Calls,
 }
 
-/// What a chain did.
+/// The results of a chain.
 #[derive(Default)]
 struct Record {
     z: [Vec<f64>; DIM],

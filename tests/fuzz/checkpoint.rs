@@ -107,7 +107,7 @@ pub enum Work {
 }
 
 impl Work {
-    /// Goes on from the checkpoint for so many steps.
+    /// Continues from the checkpoint for so many steps.
     fn go_on(&self, path: &Path, steps: u64) -> oblate_samplers::Result<Run> {
         let mut observer = Steps(steps);
         let mut control = Control::new(&mut observer);
@@ -226,7 +226,7 @@ pub fn bridge_seeds() -> Vec<Seed> {
         .into()
 }
 
-/// Damages the payload of one seed, mends the checksum, and goes on from it for one step.
+/// Damages the payload of one seed, corrects the checksum, and continues from it for one step.
 pub fn case(rng: &mut Stream, seeds: &[Seed], folder: &Path) -> Verdict {
     let own = &seeds[below(rng, seeds.len())];
     let other = &seeds[below(rng, seeds.len())];

@@ -29,7 +29,7 @@ pub enum Part {
     Chunks,
 }
 
-/// A whole run folder.
+/// A complete run folder.
 pub struct Seed {
     folder: RunFolder,
     run: Run,
@@ -112,7 +112,8 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
     files.sort();
 }
 
-/// Damages one or two files of a run folder, reads it, and makes all of it that the command makes; then mends the files.
+/// Damages one or two files of a run folder, reads it, and makes all output of the command from it; then restores the
+/// files.
 pub fn case(rng: &mut Stream, seeds: &[Seed], part: Part) -> Verdict {
     let seed = &seeds[below(rng, seeds.len())];
     let mut damaged = Vec::new();
@@ -170,7 +171,7 @@ fn outcome(seed: &Seed, part: Part) -> Verdict {
     }
 }
 
-/// Everything that is made of a run that was read.
+/// All output that is made from a run that was read.
 fn used(seed: &Seed, stored: &StoredRun) {
     let (run, summary) = (&stored.run, &stored.summary);
     assert!(!summary.to_string().is_empty());
@@ -215,7 +216,7 @@ fn used(seed: &Seed, stored: &StoredRun) {
         figures: &figures,
     };
     let html = page("fuzz", &[shown, shown], &[]);
-    // What is not finite has no place on paper.
+    // Numbers that are not finite cannot be drawn.
     assert!(
         !html.contains("=\"NaN") && !html.contains("=\"inf"),
         "{}",

@@ -4,7 +4,7 @@ use oblate_samplers::rng::{Stream, below};
 use rand::Rng;
 use serde_json::{Value, json};
 
-/// Numbers and words that readers do not expect.
+/// Numbers and texts that readers do not expect.
 const NASTY: [&str; 28] = [
     "nan",
     "inf",
@@ -102,7 +102,7 @@ fn damage(rng: &mut Stream, out: &mut Vec<u8>, other: &[u8]) {
         3 => out.truncate(at),
         4 => drop(out.drain(at.min(end)..end)),
         5 => {
-            // Up to thousands of copies: deep nests and long lines.
+            // Up to thousands of copies: deep nesting and long lines.
             let part = out[at.min(end)..end].to_vec();
             let most = [2, 10, 3_000][below(rng, 3)];
             let count = 1 + below(rng, most);

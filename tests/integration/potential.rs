@@ -17,7 +17,7 @@ fn unit<S: Real>(v: Vec3<S>) -> Vec3<S> {
     v * (S::one() / v.norm2().sqrt())
 }
 
-/// Everything a potential promises, against one golden case.
+/// All functions of a potential, against one golden case.
 fn check_contract(potential: &impl Potential<f64>, case: &Value) {
     let x = Vec3::from(numbers::<3>(&case["x"]));
     let id = &case["id"];

@@ -12,7 +12,7 @@ use oblate::report::{
 use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 
-/// Every figure is checked for what no figure may have; then kept if asked.
+/// Checks a figure for what no figure may have; keeps it if `OBLATE_FIGURES` is set.
 fn sound(name: &str, svg: String) -> String {
     for bad in ["NaN", "inf", "<image", "href", "font-face"] {
         assert!(!svg.contains(bad), "{name} has {bad}");
@@ -401,7 +401,7 @@ fn a_name_of_any_characters_makes_sound_figures_and_a_sound_page() {
         .chars()
         .find(|c| c.is_control() && !['\t', '\n', '\r'].contains(c));
     assert_eq!(foreign, None);
-    // All of a name that text can hold is still there.
+    // All characters of a name that text can have are still there.
     assert!(html.contains("xyz") && html.contains("&lt;=&gt;") && html.contains('\u{1f30c}'));
 }
 
@@ -482,7 +482,7 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
     assert!(verdict < body.find("<table").unwrap() && verdict < body.find("<svg").unwrap());
     assert!(body.contains("chains &lt;disagree&gt;; run longer"));
     assert!(body.contains("resume it with a larger one") && body.contains("--seed 5"));
-    // Self-contained: no address but the name of SVG's own language.
+    // Self-contained: no address except the namespace of SVG.
     let addresses = html.matches("http").count();
     assert_eq!(
         addresses,

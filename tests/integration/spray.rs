@@ -307,7 +307,7 @@ fn neighbours_are_near_and_give_linear_maps_exactly_but_for_their_ridge() {
 
 #[test]
 fn many_particles_of_one_release_time_find_neighbours_in_no_time() {
-    // All pairs of 32,768 are half a billion, and would be compared until nothing moves.
+    // All pairs of 32,768 are half a billion; comparing them all would take too long.
     let table = ReleaseTable::new(&TableSettings {
         particles: 131_072,
         release_times: 2,

@@ -104,7 +104,7 @@ fn soft_bins_become_hard_ones_as_their_edges_narrow() {
     assert!(difference(0.1) < 0.02 && difference(0.1) > 0.0);
 }
 
-/// The default, smeared particles, and the same for themselves.
+/// The default, smeared particles, and the same particles as points.
 fn sampling_schemes() -> [ModelSettings; 2] {
     let alone = TableSettings {
         sampling_scheme: SamplingScheme::Sobol,
@@ -355,7 +355,7 @@ proptest! {
         };
         let mut duals = Sums::default();
         grid.sum_final_particles(&[particle], None, &mut duals);
-        // A scalar that weighs every sum differently.
+        // A scalar with another weight for every sum.
         let weigh = |i: usize| (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
         let mut total = Dual::<2>::from_re(0.0);
         let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };

@@ -60,8 +60,11 @@ fn evidence(bridge: &Bridge<'_>, draws: &Draws, parent: &Run) -> Evidence {
     let ln_z = parent.evidence.ln_z + bridge.state.ln_ratio;
     let parts = [
         ("parent", parent.evidence.error),
-        ("weights", of_ancestry(bridge)),
-        ("lineage-weights", of_lineage_weights(draws, &parent.draws)),
+        ("weights", coalescence_error(bridge)),
+        (
+            "lineage-weights",
+            lineage_weight_error(draws, &parent.draws),
+        ),
     ];
     let particles = bridge.state.particles.len() as f64;
     let mean = bridge
@@ -82,7 +85,7 @@ fn evidence(bridge: &Bridge<'_>, draws: &Draws, parent: &Run) -> Evidence {
 
 /// Error of the mean weights by excess coalescence: how many pairs of particles have a common ancestor beyond what
 /// resampling without weights would make (Lee & Whiteley 2018).
-fn of_ancestry(bridge: &Bridge<'_>) -> f64 {
+fn coalescence_error(bridge: &Bridge<'_>) -> f64 {
     let particles = bridge.state.particles.len() as f64;
     let alike = 1.0 / effective_kinds(bridge.state.particles.iter().map(|m| m.eve));
     let times = 1.0 + bridge.state.levels.len() as f64;
@@ -92,7 +95,7 @@ fn of_ancestry(bridge: &Bridge<'_>) -> f64 {
 
 /// Error of ln Z from the weights that the bridge has moved between lineages of the parent: the parent knows the weight
 /// of each only to about a factor, and its own error does not include these changes.
-fn of_lineage_weights(draws: &Draws, parent: &Draws) -> f64 {
+fn lineage_weight_error(draws: &Draws, parent: &Draws) -> f64 {
     if parent.cluster.iter().all(|g| *g == parent.cluster[0]) {
         // Independent draws: the error of the weights is the whole error.
         return 0.0;

@@ -225,7 +225,7 @@ fn a_bridge_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped() {
         control.checkpoint = Some(plan(&folder.path().join("bridge.ckpt")));
         bridge::run(&fine, &coarse, &parent, &settings, seed, &mut control)
     };
-    // Started, then twelve MCMC steps at each of a few levels, with a checkpoint after each.
+    // Started, then twelve MCMC steps after each of a few steps of the bridge, with a checkpoint after each.
     let mut stops = 0;
     let run = loop {
         match resumed([1, 2, 5, 12, 31][stops % 5], 1) {

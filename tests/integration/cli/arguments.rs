@@ -1,4 +1,4 @@
-//! Arguments and files as users may give them: numbers that are none, bytes that are no text.
+//! Wrong arguments and files: texts that are not numbers, bytes that are not text.
 
 use super::{SMALL, example, oblate, refused, write};
 use clap::builder::ValueParser;

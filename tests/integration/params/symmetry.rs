@@ -131,7 +131,7 @@ fn a_refresh_scales_masses_velocities_and_age_exactly_and_nothing_else() {
     assert!(largest > 2.0, "{largest}");
 }
 
-/// The prior and its symmetries, with a likelihood that sees nothing.
+/// The prior and its symmetries, with a constant likelihood.
 struct Blind {
     prior: StreamPrior,
     symmetries: Vec<Symmetry>,

@@ -1,4 +1,4 @@
-//! HMC transitions, slices and jumps: exact invariance, reversibility.
+//! HMC transitions, slice updates and symmetry moves: exact invariance, reversibility.
 //!
 //! Invariance is tested as in Geweke's joint test: draw z from the prior and data from the model, move z by a kernel
 //! on the posterior given these data, and z must still follow the prior. A kernel that accepts nearly always passes
@@ -86,7 +86,7 @@ fn kolmogorov(mut sample: Vec<f64>, cdf: impl Fn(f64) -> f64) -> f64 {
             sign * (-2.0 * f64::from(k * k) * t * t).exp()
         })
         .sum();
-    // For small distances the series does not converge; the sample is then as good as can be.
+    // For small distances the series does not converge; the p-value is then 1.
     if t < 0.2 { 1.0 } else { sum.clamp(0.0, 1.0) }
 }
 
@@ -227,7 +227,7 @@ fn hmc_transitions_leave_a_tempered_posterior_invariant() {
     });
 }
 
-/// Steps of slices along directions from a pool that may depend on the point.
+/// Slice updates along directions from a pool that may depend on the point.
 fn sliced(index: u64, beta: f64, pool_at: impl Fn(&Point) -> DifferencePool) -> [f64; 2] {
     let mut rng = stream(20, Domain::Test, 0, index);
     let (metric, prior) = (correlated_metric(), plane());
@@ -328,7 +328,8 @@ fn an_involution_with_its_jacobian_leaves_the_posterior_invariant_and_without_it
     assert_caught("no jacobian", |index| jumped(index, &prior, &wrong));
 }
 
-/// The difference `z1 - z2`, which a likelihood of the sum does not see: its prior is normal with this deviation.
+/// The difference `z1 - z2`, of which a likelihood of the sum is independent: its prior is normal with this standard
+/// deviation.
 pub struct Difference {
     pub sd: f64,
 }
@@ -390,7 +391,7 @@ fn an_orbit_redrawn_from_the_prior_leaves_the_posterior_invariant_and_from_anoth
     });
 }
 
-/// Energy error at the end of a path of fixed length from a fixed start.
+/// Energy error at the end of a trajectory of fixed length from a fixed start.
 fn energy_error(step: f64, leapfrogs: usize) -> f64 {
     let target = smooth::binomial();
     let metric = Metric::identity(2);

@@ -10,7 +10,7 @@ use oblate_samplers::hmc::{
 use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
 use rayon::prelude::*;
 
-/// A mixture of two clumps beside each other, and a little of the prior.
+/// A mixture of two neighbouring components, and a little of the prior.
 fn clumps() -> Reference {
     let mut rng = stream(24, Domain::Test, 0, 0);
     let halves = [0, 1].map(|_| {
@@ -34,7 +34,7 @@ fn moved_from(
     index: u64,
     step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream),
 ) -> ([f64; 2], [f64; 2]) {
-    // No point of the plane has a larger log ratio to the prior.
+    // No point of the plane has a larger log ratio of reference to prior.
     const HIGHEST: f64 = 2.5;
     let mut rng = stream(25, Domain::Test, 0, index);
     let prior = plane();
@@ -118,7 +118,7 @@ fn laws_of_a_path_from_a_mixture(draws: u64) {
     ] {
         assert!(apart < 4.0, "{name}: {apart}");
     }
-    // At beta = 1 the log ratio to the prior does not count.
+    // At beta = 1 the reference does not matter.
     let without = far(&|e, at, rng| refresh(&e.evaluator, &orbit, 1.0, at, rng));
     // A fixed difference, whose error falls as the root of the draws.
     let expected = 10.0 * (draws as f64 / DRAWS as f64).sqrt();
@@ -127,7 +127,8 @@ fn laws_of_a_path_from_a_mixture(draws: u64) {
 
 #[test]
 fn a_reference_draws_its_own_density() {
-    // The mean of prior over reference is 1 for draws of the reference; it is at most 20, since a twentieth is prior.
+    // The mean of prior over reference is 1 for draws of the reference; it is at most 20, because a twentieth of the
+    // reference is the prior.
     let reference = clumps();
     assert!(reference.components() > 1 && !reference.is_prior());
     let ratios: Vec<f64> = (0..DRAWS)

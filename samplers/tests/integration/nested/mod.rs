@@ -77,7 +77,7 @@ fn births_tell_the_first_draws_from_those_above_rejected_points() {
     let above = birth.iter().filter(|b| b.total_cmp(&f64::MIN).is_eq());
     let above = above.count();
     assert!(rejected > 50 && above > 50, "{rejected} {above}");
-    // From births and deaths alone anyone counts the living as the run did.
+    // The numbers of live points follow from births and deaths alone.
     let died = |i: usize| ln_likelihood[i].max(f64::MIN);
     for i in (0..birth.len()).step_by(7) {
         let born = birth.iter().filter(|b| **b < died(i)).count();
@@ -219,7 +219,8 @@ fn rank_power(steps: usize) -> (f64, Vec<Vec<String>>) {
 #[test]
 fn walks_too_short_fail_their_checks_and_longer_ones_pass_the_rank_test() {
     let (_, failing) = rank_power(2);
-    // The run raises the steps itself, so the ranks alone do not show the problem; its first part still counts.
+    // The run raises the steps itself, so the ranks alone do not show the problem; the two checks still include the
+    // first part of the run.
     for failed in &failing {
         for check in ["no-move", "seed-rank-correlation"] {
             assert!(failed.iter().any(|name| name == check), "{failed:?}");
