@@ -19,7 +19,7 @@ use std::path::PathBuf;
 /// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// A run that cannot start or cannot continue; every message says what, where, and what to do next.
+/// A run that cannot start or cannot continue; every message has the fault, its place and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {

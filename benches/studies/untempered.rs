@@ -250,7 +250,7 @@ fn posterior_draws(target: &StreamTarget, track: &str) -> Vec<Point> {
         .collect()
 }
 
-/// Time that this thread has been on a core, for a chain stays on one thread; NaN where the system does not tell (Linux does).
+/// CPU time of this thread, on which the chain stays; NaN where the system has no such clock (Linux has).
 fn cpu_seconds() -> f64 {
     let nanoseconds = std::fs::read_to_string("/proc/thread-self/schedstat")
         .ok()

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"oblateck";
 
-/// Version of the file's layout. A change is a changelogged event, and older files are refused by name.
+/// Version of the file's layout. A change is listed in the changelog, and older files are refused with a message.
 pub const FORMAT_VERSION: u32 = 11;
 
 /// Largest size of a file. A run of ten thousand live points takes some tens of megabytes.
@@ -47,8 +47,8 @@ pub fn exists(path: &Path) -> bool {
     path.exists() || previous(path).exists()
 }
 
-/// Saves `state`; `fingerprint` identifies the target (a hash of ln L at a few fixed points). The last file becomes
-/// the [`previous`] one, once the new one is whole on the disk.
+/// Saves `state`; `fingerprint` identifies the target (a hash of ln L at a few fixed points). The last file becomes the
+/// [`previous`] one, once the new one is completely on the disk.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be written, [`Error::Checkpoint`] if the state cannot be encoded or is larger than [`MAX_BYTES`];

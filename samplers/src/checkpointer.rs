@@ -56,8 +56,9 @@ impl Checkpointer {
         Ok(checkpointer)
     }
 
-    /// The state of the checkpoint to resume, if there is one. A warning about a damaged file is an event; it is no part of the result,
-    /// which has the same bits from any checkpoint. `check` says whether a state is one of this run.
+    /// The state of the checkpoint to resume, if there is one. A warning about a damaged file is an event; it is no
+    /// part of the result, which has the same bits from any checkpoint. `check` decides whether a state is one of this
+    /// run.
     ///
     /// # Errors
     /// [`Error::Io`] if neither file can be read; [`Error::Checkpoint`] if both are damaged, or if the file belongs to

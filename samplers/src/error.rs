@@ -1,4 +1,4 @@
-//! Errors that end a run: every message says what, where, and what to do next.
+//! Errors that end a run: every message has the fault, its place and the remedy.
 
 use crate::limits::{OutOfRange, TooMuchMemory};
 use std::path::PathBuf;

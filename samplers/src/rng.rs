@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 /// The generator behind every stream.
 pub type Stream = ChaCha8Rng;
 
-/// Version of the mapping from (seed, domain, task, index) to numbers. A change of it changes every result and is a
-/// changelogged event.
+/// Version of the mapping from (seed, domain, task, index) to numbers. A change of it changes every result and is
+/// listed in the changelog.
 pub const STREAM_VERSION: u32 = 1;
 
 /// Purpose of a random stream. The numbers are part of [`STREAM_VERSION`].

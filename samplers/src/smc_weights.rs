@@ -45,14 +45,14 @@ impl SmcWeights {
         Self { energies, best }
     }
 
-    /// The longest step, at most `most`, whose weights keep half of the particles as ESS (Kish).
+    /// The longest step, at most `max`, whose weights keep half of the particles as ESS (Kish).
     #[must_use]
-    pub fn longest_step(&self, most: f64) -> f64 {
+    pub fn longest_step(&self, max: f64) -> f64 {
         let enough = KEPT * self.energies.len() as f64;
-        if effective_number(self.weights(most)) >= enough {
-            return most;
+        if effective_number(self.weights(max)) >= enough {
+            return max;
         }
-        let mut bracket = (0.0, most);
+        let mut bracket = (0.0, max);
         for _ in 0..60 {
             let step = 0.5 * (bracket.0 + bracket.1);
             if effective_number(self.weights(step)) < enough {

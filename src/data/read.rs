@@ -185,7 +185,7 @@ impl Table {
         let mut names = Vec::new();
         let mut names_line = 0;
         let mut rows = Vec::new();
-        // Line by line, so that every error knows its line; a quoted field does not run over one here.
+        // Line by line, so that every error has its line; quoted fields with line breaks are not supported.
         for (line, content) in text.lines().enumerate().map(|(i, l)| (i + 1, l)) {
             if content.trim().is_empty() || content.starts_with('#') {
                 continue;

@@ -168,8 +168,8 @@ pub fn fit(track: &ObservedTrack, settings: &FitSettings) -> Result<Fit> {
 }
 
 /// As [`fit`], under a [`Control`]: with an observer, a budget and an interrupt. If the coarse fit is interrupted or
-/// its budget is spent, the result is that of the coarse fit, and its status says so. The control must have no
-/// checkpoint plan, because the stages of the fit would use the same file.
+/// its budget is spent, the result is that of the coarse fit, with its status. The control must have no checkpoint
+/// plan, because the stages of the fit would use the same file.
 ///
 /// # Errors
 /// As of [`fit`].

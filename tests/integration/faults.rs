@@ -289,8 +289,8 @@ fn counts(scenario: &Scenario) -> BTreeMap<&'static str, usize> {
         .collect()
 }
 
-/// Every file below a folder by its name. Times are taken out of summaries; files that say when and how often a run was at work are
-/// left out: logs, checkpoints, the page with the times of its runs.
+/// Every file below a folder by its name. Times are taken out of summaries; files with times and the number of
+/// processes of a run are left out: logs, checkpoints, the page with the times of its runs.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut left = vec![folder.to_path_buf()];

@@ -39,7 +39,7 @@ const COARSE: &str = "the coarse run";
 /// [`Error::Setting`] for settings out of range; [`Error::OtherParameters`], [`Error::NoDraws`] and
 /// [`Error::OtherLikelihood`] if `parent` is not a run on `coarse`, or `target` has other parameters;
 /// [`Error::NoCommonSupport`] if `target` rejects all of its draws; [`Error::Interrupted`] after a checkpoint;
-/// [`Error::Fatal`] and [`Error::Infinite`] from the targets, after a checkpoint of the last whole MCMC step;
+/// [`Error::Fatal`] and [`Error::Infinite`] from the targets, after a checkpoint of the last complete MCMC step;
 /// [`Error::Checkpoint`] and [`Error::Io`] from the file.
 pub fn run(
     target: &dyn Target,

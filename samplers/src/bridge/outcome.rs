@@ -93,8 +93,8 @@ fn coalescence_error(bridge: &Bridge<'_>) -> f64 {
     (1.0 - unlike).max(0.0).sqrt()
 }
 
-/// Error of ln Z from the weights that the bridge has moved between lineages of the parent: the parent knows the weight
-/// of each only to about a factor, and its own error does not include these changes.
+/// Error of ln Z from the weights that the bridge has moved between lineages of the parent: in the parent the weight of
+/// each is uncertain by about a factor, and the error of the parent does not include these changes.
 fn lineage_weight_error(draws: &Draws, parent: &Draws) -> f64 {
     if parent.cluster.iter().all(|g| *g == parent.cluster[0]) {
         // Independent draws: the error of the weights is the whole error.
@@ -114,7 +114,7 @@ fn lineage_weight_error(draws: &Draws, parent: &Draws) -> f64 {
 /// ESS of means by the scatter of lineages (design effect).
 fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
     let weights = draws.weights();
-    // An effective size is at most the number of draws, also if lineages agree by chance.
+    // An effective size is at most the number of draws, also if lineages agree by coincidence.
     let most = draws.len() as f64;
     let bulk: Vec<f64> = (0..draws.dim)
         .map(|k| size_of_mean(&draws.column(k), &weights, &draws.cluster).min(most))

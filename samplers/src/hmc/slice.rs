@@ -1,7 +1,7 @@
 //! Slice updates along a line through the present point (Neal 2003; hit and run): they need no gradient.
 //!
-//! Where a likelihood is rough at the scale of a leapfrog step (that of a stream of a thousand particles is), no step is
-//! short enough for a Hamiltonian trajectory. A slice update finds the width by itself, and needs values alone.
+//! Where a likelihood is rough at the scale of a leapfrog step (that of a stream of a thousand particles is), HMC
+//! transitions are rejected at any step size. A slice update finds its width by itself, and needs values only.
 
 use super::point::ln_density;
 use super::{Evaluator, Metric, Point, propose_involution, refresh};
@@ -14,7 +14,7 @@ use crate::target::{Orbit, Symmetry};
 /// costs one call more and one too narrow cannot grow.
 const WIDTH: f64 = 2.0;
 
-/// Most calls of one slice update; then the interval has shrunk to nothing, and the point stays.
+/// Maximum number of calls of one slice update; then the interval is empty to rounding, and the point stays.
 const MAX_CALLS: usize = 100;
 
 /// Fraction of directions that are differences of the pool's points, if it has two for each dimension.

@@ -1,4 +1,4 @@
-//! Moves by a target's symmetries: involutions with a Metropolis test, orbits with an exact redraw.
+//! Symmetry moves declared by the target: involutions with a Metropolis test, and exact redraws along orbits.
 
 use super::point::ln_density;
 use super::{Evaluator, Point};
@@ -44,9 +44,9 @@ pub fn propose_involution(
     Ok(accepted)
 }
 
-/// Redraws the position of `at` along an orbit from the prior. The likelihood is unchanged and not called; the gradient at
-/// the new point is computed, and counted, by the next move that needs it. On a path from a mixture the draw is accepted by
-/// its log ratio of reference to prior, and may be refused.
+/// Redraws the position of `at` along an orbit from the prior. The likelihood is unchanged and not called; the gradient
+/// at the new point is computed, and counted, by the next move that needs it. On a path from a mixture the draw is
+/// accepted by its log ratio of reference to prior, and may be rejected.
 pub fn refresh(
     evaluator: &Evaluator<'_>,
     orbit: &dyn Orbit,

@@ -80,7 +80,7 @@ pub(super) fn by_lineages(measured: &CheckInputs) -> [Check; 3] {
         0.0
     };
     let [even, odd] = measured.halves;
-    // Each half has half of the points: the difference has twice the error of the whole.
+    // Each half has half of the points: the difference has twice the error of the run.
     let error = 2.0 * simulated.max(bootstrapped);
     let difference = (even - odd).abs();
     [

@@ -83,7 +83,7 @@ impl Ranks {
 }
 
 /// Probability that `values`, if uniform on (0, 1), lie at least as far from uniform (Stephens' form of Kolmogorov's
-/// law). 1 without values.
+/// distribution). 1 without values.
 pub(super) fn ks_probability(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

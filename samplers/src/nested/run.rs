@@ -18,9 +18,10 @@ use crate::target::Target;
 /// far, unconverged; it can be resumed from its checkpoint, which stays after completion too.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::GalileanWithoutGradient`]; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;
-/// [`Error::Fatal`] and [`Error::Infinite`] from the target and [`Error::EmptySlice`] and [`Error::LooseBound`] from a kernel, after a checkpoint
-/// of the last whole iteration; [`Error::Checkpoint`] and [`Error::Io`] from the file.
+/// [`Error::Setting`] for settings out of range; [`Error::GalileanWithoutGradient`]; [`Error::NoStart`] if 100,000
+/// draws of the prior have no likelihood; [`Error::Fatal`] and [`Error::Infinite`] from the target and
+/// [`Error::EmptySlice`] and [`Error::LooseBound`] from a kernel, after a checkpoint of the last complete iteration;
+/// [`Error::Checkpoint`] and [`Error::Io`] from the file.
 pub fn run(
     target: &dyn Target,
     settings: &Settings,

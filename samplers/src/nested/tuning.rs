@@ -68,15 +68,15 @@ impl Tuning {
         }
     }
 
-    /// Checks what was read from a file, beside so many insertions: steps are from `first_steps` on and at most `most`.
-    pub fn check(&self, insertions: usize, first_steps: usize, most: usize) -> Valid {
+    /// Checks what was read from a file, beside so many insertions: steps are from `first_steps` on and at most `max_steps`.
+    pub fn check(&self, insertions: usize, first_steps: usize, max_steps: usize) -> Valid {
         let length = |x: f64| x >= 0.0 && x.is_finite();
         ensure(
             length(self.scale) && length(self.stride),
             "a step length is not finite, or negative",
         )?;
         ensure(
-            (first_steps..=most).contains(&self.steps),
+            (first_steps..=max_steps).contains(&self.steps),
             "the number of steps is not one that the settings allow",
         )?;
         let (inserted, seed_correlations, stayed) = self.window;
@@ -148,14 +148,14 @@ impl Tuning {
         }
     }
 
-    /// Raises the number of steps by half, up to `most`, if the last `window` insertions show that the likelihoods of
+    /// Raises the number of steps by half, up to `max_steps`, if the last `window` insertions show that the likelihoods of
     /// new points depend on their seeds.
     ///
-    /// Small jump distances alone raise nothing, they are only checked: on a thin shell points stay close to their
+    /// Small jump distances alone do not raise it, they are only checked: on a thin shell points stay close to their
     /// seeds for long after their likelihoods are independent, and ln Z is as good. A rank correlation that the last
     /// raise has not lowered by a quarter is not due to too few steps: chains that stay in their own mode, each with
     /// likelihoods of its own, remain correlated. It is left to the check, unless it grows.
-    pub fn raise_steps_if_needed(&mut self, ranks: &Ranks, window: usize, most: usize) {
+    pub fn raise_steps_if_needed(&mut self, ranks: &Ranks, window: usize, max_steps: usize) {
         let (insertions, seed_correlations, stayed) = self.window;
         let made = ranks.len() - insertions;
         if made < window {
@@ -170,7 +170,7 @@ impl Tuning {
             let correlated = seed_correlation > MAX_SEED_CORRELATION && helps;
             let still = (self.stayed - stayed) as f64 > 0.01 * made as f64;
             let uneven = ranks.z_score(insertions).abs() > 3.0;
-            if (correlated || still || uneven) && self.steps < most {
+            if (correlated || still || uneven) && self.steps < max_steps {
                 self.steps += self.steps.div_ceil(2);
                 self.seed_correlation_at_raise = Some(seed_correlation);
             }

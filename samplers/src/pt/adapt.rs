@@ -249,13 +249,13 @@ impl State {
     }
 
     fn enough_temperatures(&self, communication_barrier: f64) -> usize {
-        let (least, most) = (
+        let (min, max) = (
             self.settings.min_temperatures,
             self.settings.max_temperatures,
         );
-        (least..most)
+        (min..max)
             .find(|n| (*n - 1) as f64 >= 2.0 * communication_barrier)
-            .unwrap_or(most)
+            .unwrap_or(max)
     }
 
     /// The metric and the logarithm of the step that the round found for each of its temperatures.
@@ -288,9 +288,9 @@ impl State {
 }
 
 /// At most so many rows of coordinates, evenly spaced among those given.
-fn thinned(rows: &[f64], dim: usize, most: usize) -> Vec<f64> {
+fn thinned(rows: &[f64], dim: usize, max: usize) -> Vec<f64> {
     let count = rows.len() / dim;
-    let kept = count.min(most);
+    let kept = count.min(max);
     let row = |k: usize| &rows[k * count / kept * dim..][..dim];
     (0..kept).flat_map(row).copied().collect()
 }

@@ -72,10 +72,10 @@ use state::State;
 /// continued from its checkpoint if `settings` allow more `extensions`, with the same bits as if they had allowed them from the start.
 ///
 /// # Errors
-/// [`Error::TemperingWithoutGradient`]; [`Error::Setting`] for settings out of range;
-/// [`Error::NoStart`] if 100,000 prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before the first
-/// scan, after a checkpoint; [`Error::EndlessPath`] if its SMC samplers do not reach the posterior; [`Error::Fatal`] and [`Error::Infinite`] from the
-/// target, after a checkpoint of the last whole scan; [`Error::Io`] and [`Error::Checkpoint`] from checkpoints.
+/// [`Error::TemperingWithoutGradient`]; [`Error::Setting`] for settings out of range; [`Error::NoStart`] if 100,000
+/// prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before the first scan, after a checkpoint;
+/// [`Error::EndlessPath`] if its SMC samplers do not reach the posterior; [`Error::Fatal`] and [`Error::Infinite`] from
+/// the target, after a checkpoint of the last complete scan; [`Error::Io`] and [`Error::Checkpoint`] from checkpoints.
 pub fn run(
     target: &dyn Target,
     settings: &Settings,

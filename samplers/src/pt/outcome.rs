@@ -138,8 +138,8 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
 }
 
 /// Design effect of clusters: the variance of their means over that expected from the effective sample sizes of their
-/// chain sets, as the mean over all parameters, at least 1. The mean is over all parameters because a few clusters say
-/// little of each. Chain sets that started from the same SMC sampler have its errors in common.
+/// chain sets, as the mean over all parameters, at least 1. The mean is over all parameters because few clusters give a
+/// noisy estimate for each. Chain sets that started from the same SMC sampler have its errors in common.
 fn design_effect(columns: &[Vec<Vec<f64>>], bulk: &[f64], clusters: usize) -> f64 {
     let excess = columns.iter().zip(bulk).map(|(chain_sets, bulk)| {
         let of_cluster = |cluster: usize| -> Vec<f64> {

@@ -21,7 +21,7 @@ fn the_previous_checkpoint_is_the_last_one_of_a_process_killed_while_it_saved() 
         checkpoint::load(&path, 5, 7, |_: &u64| Ok(())).unwrap(),
         (2_u64, None)
     );
-    // A fault of the only file that is there is told by its name.
+    // A fault of the only existing file is reported with its name.
     std::fs::write(&previous, b"oblateck").unwrap();
     let words = checkpoint::load::<u64>(&path, 5, 7, |_| Ok(()))
         .unwrap_err()

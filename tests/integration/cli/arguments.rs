@@ -220,7 +220,7 @@ fn paths_need_not_be_utf_8() {
     let mut mock = words(&["mock", "--particles", "2000", "--json", "--out"]);
     mock.push(odd("mocks"));
     assert_eq!(run(&mock)["accepted"], 1);
-    // As a verb or a number it is refused, as any other word.
+    // As a subcommand or a number it is refused, like any other text.
     for args in [vec![odd("verb")], {
         let mut mock = words(&["mock", "--out", "x", "--count"]);
         mock.push(odd("1"));

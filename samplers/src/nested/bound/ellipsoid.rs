@@ -168,7 +168,7 @@ impl Ellipsoid {
         }
     }
 
-    /// `out = A' a`: the covector `a` as the coordinates y of [`stretch`](Self::stretch) see it.
+    /// `out = A' a`: the covector `a` in the coordinates y of [`stretch`](Self::stretch).
     pub fn whiten_covector(&self, a: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         let mut start = 0;

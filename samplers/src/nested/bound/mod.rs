@@ -27,7 +27,7 @@ const STEP_ENLARGEMENT: f64 = 1.5;
 pub(super) struct Bound {
     /// One ellipsoid around all points.
     whole: Ellipsoid,
-    /// The decomposition; empty where the whole is as good.
+    /// The decomposition; empty where one ellipsoid around all points is as good.
     parts: Vec<Ellipsoid>,
 }
 
@@ -103,7 +103,7 @@ impl Bound {
         }
     }
 
-    /// The metric region of `x`: the first ellipsoid that holds it, or the whole.
+    /// The metric region of `x`: the first ellipsoid that contains it, or the one around all points.
     ///
     /// The proposal of a step must not depend on where in a region it starts. So the region of a point is fixed by the point
     /// alone, and a chain treats other regions as outside; this leaves the uniform distribution invariant.

@@ -47,8 +47,8 @@ fn births_and_deaths_reproduce_a_run_made_by_hand() {
             .zip(sorted)
             .all(|(a, b)| (a - b).abs() < 1e-15)
     );
-    // By hand: at each death, births strictly below it less the deaths before it. Two pairs die together, each
-    // counted 4 and 3; the last four are the final live points.
+    // By hand: at each death, births strictly below it minus the deaths before it. Two pairs die together, each counted
+    // 4 and 3; the last four are the final live points.
     assert_eq!(history.live, [4, 3, 4, 4, 4, 4, 3, 4, 4, 3, 2, 1]);
 }
 
