@@ -22,7 +22,7 @@ use oblate_samplers::hmc::{
     End, Evaluator, LocalSampler, Metric, Moments, Plan, Point, StepSize, shorten,
 };
 use oblate_samplers::output::Calls;
-use oblate_samplers::rng::{Domain, Stream, stream};
+use oblate_samplers::rng::{Domain, RandomStream, stream};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
@@ -91,7 +91,7 @@ const QUICK: Schedule = Schedule {
 /// A chain: its state, its metric and its step size.
 struct Chain<'a> {
     target: &'a StreamTarget,
-    rng: Stream,
+    rng: RandomStream,
     at: Point,
     metric: Metric,
     step: f64,

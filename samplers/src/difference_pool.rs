@@ -11,7 +11,7 @@
 //! does not leave the cell. So all states that the move can connect have the same distribution of pairs, and the move
 //! leaves the density invariant within each cell, hence everywhere.
 
-use crate::rng::{Stream, below};
+use crate::rng::{RandomStream, below};
 use crate::target::Orbit;
 use crate::valid::{Valid, ensure, moderate, rows};
 use serde::{Deserialize, Serialize};
@@ -149,7 +149,12 @@ impl DifferencePool {
 
     /// Draws a scale, and two points of the cell where `at` is; `None` if there are fewer than two points.
     #[must_use]
-    pub fn pick(&self, at: &[f64], orbit: Option<&dyn Orbit>, rng: &mut Stream) -> Option<Pair> {
+    pub fn pick(
+        &self,
+        at: &[f64],
+        orbit: Option<&dyn Orbit>,
+        rng: &mut RandomStream,
+    ) -> Option<Pair> {
         if self.scales.is_empty() {
             return None;
         }

@@ -1,7 +1,7 @@
 //! A mixture of multivariate Student distributions: fitted to draws, evaluated, drawn from.
 
 use crate::diagnostics::ln_sum_exp;
-use crate::rng::{Stream, below, standard_normal, unit_open};
+use crate::rng::{RandomStream, below, standard_normal, unit_open};
 use crate::valid::{Valid, ensure, moderate, triangle};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -171,7 +171,7 @@ impl Mixture {
     /// The mixture of at most this many components that fits the rows best, by expectation-maximisation from centres
     /// that are far from each other. Covariances are shrunk towards their common mean with the weight of one draw per
     /// dimension. None if the rows do not span their space.
-    pub fn fit(rows: &Rows, count: usize, rng: &mut Stream) -> Option<Self> {
+    pub fn fit(rows: &Rows, count: usize, rng: &mut RandomStream) -> Option<Self> {
         let dim = rows.dim;
         let n = rows.len() as f64;
         // In the rows' own units every tolerance is a pure number.
@@ -198,7 +198,7 @@ impl Mixture {
     pub fn choose(
         [first, second]: [&Rows; 2],
         most: usize,
-        rng: impl Fn(usize) -> Stream,
+        rng: impl Fn(usize) -> RandomStream,
     ) -> Option<Self> {
         let (dim, few) = (first.dim, first.len().min(second.len()));
         if few < MIN_ROWS_PER_DIM * dim {
@@ -363,7 +363,7 @@ impl Mixture {
     }
 
     /// A draw.
-    pub fn draw(&self, rng: &mut Stream) -> Vec<f64> {
+    pub fn draw(&self, rng: &mut RandomStream) -> Vec<f64> {
         let mut place = unit_open(rng);
         let chosen = self.components.iter().find(|c| {
             place -= c.weight;
@@ -440,7 +440,7 @@ fn whiten(rows: &Rows, mean: &DVector<f64>, units: &DMatrix<f64>) -> Option<Rows
 }
 
 /// At most this many different rows, each new one drawn with the square of its distance from the nearest (k-means++).
-fn far_apart(rows: &Rows, count: usize, rng: &mut Stream) -> Vec<Vec<f64>> {
+fn far_apart(rows: &Rows, count: usize, rng: &mut RandomStream) -> Vec<Vec<f64>> {
     let Some(first) = rows.iter().nth(below(rng, rows.len())) else {
         return Vec::new();
     };

@@ -4,7 +4,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// The generator behind every stream.
-pub type Stream = ChaCha8Rng;
+pub type RandomStream = ChaCha8Rng;
 
 /// Version of the mapping from (seed, domain, task, index) to numbers. A change of it changes every result and is
 /// listed in the changelog.
@@ -42,7 +42,7 @@ pub enum Domain {
 
 /// The stream of one task: `task` and `index` count without bound and never collide.
 #[must_use]
-pub fn stream(seed: u64, domain: Domain, task: u64, index: u64) -> Stream {
+pub fn stream(seed: u64, domain: Domain, task: u64, index: u64) -> RandomStream {
     let mut key = [0_u8; 32];
     for (slot, word) in
         key.chunks_exact_mut(8)

@@ -3,7 +3,7 @@
 
 use super::prior::StreamPrior;
 use super::shape::{length_cdf, length_quantile, length_sf};
-use oblate_samplers::rng::{Stream, unit_open};
+use oblate_samplers::rng::{RandomStream, unit_open};
 use oblate_samplers::target::{Involution, Orbit};
 use oblate_samplers::{Marginal, Prior, Symmetry};
 
@@ -131,7 +131,7 @@ impl Orbit for MassVelocityAge {
 
     /// Always uses one random number. If rounding puts a parameter onto its bound (probability 1e-15), the point is not
     /// moved.
-    fn refresh(&self, z: &mut [f64], rng: &mut Stream) {
+    fn refresh(&self, z: &mut [f64], rng: &mut RandomStream) {
         let u = unit_open(rng);
         let mut theta = vec![0.0; z.len()];
         self.prior.theta_from_z(z, &mut theta);

@@ -3,7 +3,7 @@
 use crate::harness::Verdict;
 use crate::mutate;
 use oblate_samplers::control::CheckpointPlan;
-use oblate_samplers::rng::{Stream, below};
+use oblate_samplers::rng::{RandomStream, below};
 use oblate_samplers::target::Involution;
 use oblate_samplers::{
     Control, Error, Event, Marginal, Observer, Outcome, Prior, Run, Symmetry, Target, bridge,
@@ -227,7 +227,7 @@ pub fn bridge_seeds() -> Vec<Seed> {
 }
 
 /// Damages the payload of one seed, corrects the checksum, and continues from it for one step.
-pub fn case(rng: &mut Stream, seeds: &[Seed], folder: &Path) -> Verdict {
+pub fn case(rng: &mut RandomStream, seeds: &[Seed], folder: &Path) -> Verdict {
     let own = &seeds[below(rng, seeds.len())];
     let other = &seeds[below(rng, seeds.len())];
     let mut bytes = own.bytes.clone();
@@ -246,7 +246,7 @@ pub fn case(rng: &mut Stream, seeds: &[Seed], folder: &Path) -> Verdict {
     }
 }
 
-fn damaged(rng: &mut Stream, payload: &[u8], other: &[u8]) -> Vec<u8> {
+fn damaged(rng: &mut RandomStream, payload: &[u8], other: &[u8]) -> Vec<u8> {
     if below(rng, 3) == 0 {
         return mutate::bytes(rng, payload, other);
     }

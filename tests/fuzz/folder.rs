@@ -16,7 +16,7 @@ use oblate::run::{
     Beginning, LockedFolder, RunFolder, StoredRun, Versions, q_posterior, render_report,
 };
 use oblate_samplers::Run;
-use oblate_samplers::rng::{Stream, below};
+use oblate_samplers::rng::{RandomStream, below};
 use rand::Rng;
 use std::path::{Path, PathBuf};
 
@@ -114,7 +114,7 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
 
 /// Damages one or two files of a run folder, reads it, and makes all output of the command from it; then restores the
 /// files.
-pub fn case(rng: &mut Stream, seeds: &[Seed], part: Part) -> Verdict {
+pub fn case(rng: &mut RandomStream, seeds: &[Seed], part: Part) -> Verdict {
     let seed = &seeds[below(rng, seeds.len())];
     let mut damaged = Vec::new();
     for _ in 0..mutate::places(rng) {
@@ -225,7 +225,7 @@ fn used(seed: &Seed, stored: &StoredRun) {
 }
 
 /// The whole report of a folder whose files are damaged, from its tracks on; slow.
-pub fn report_case(rng: &mut Stream, seeds: &[Seed], out: &Path) -> Verdict {
+pub fn report_case(rng: &mut RandomStream, seeds: &[Seed], out: &Path) -> Verdict {
     let seed = &seeds[below(rng, seeds.len())];
     let (file, bytes) = &seed.files[below(rng, seed.files.len())];
     let damaged = numbers(rng, bytes, bytes).unwrap_or_default();
@@ -240,7 +240,7 @@ pub fn report_case(rng: &mut Stream, seeds: &[Seed], out: &Path) -> Verdict {
     }
 }
 
-fn json(rng: &mut Stream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
+fn json(rng: &mut RandomStream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
     if below(rng, 50) == 0 {
         return None;
     }
@@ -252,7 +252,7 @@ fn json(rng: &mut Stream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// Damages an array of numbers; none: the file is gone.
-fn numbers(rng: &mut Stream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
+fn numbers(rng: &mut RandomStream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
     let mut out = bytes.to_vec();
     for _ in 0..mutate::places(rng) {
         let at = below(rng, out.len().max(1));

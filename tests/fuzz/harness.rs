@@ -1,6 +1,6 @@
 //! Runs one reader on many damaged inputs, and counts the outcomes.
 
-use oblate_samplers::rng::{Domain, Stream, stream};
+use oblate_samplers::rng::{Domain, RandomStream, stream};
 use std::cell::RefCell;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -40,7 +40,7 @@ pub struct Counts {
 impl Reader {
     /// Runs the first `cases`; case number i is the same in every run, so that a failure can be repeated alone with
     /// `OBLATE_FUZZ_CASE=i`.
-    pub fn run(&self, cases: u64, mut case: impl FnMut(&mut Stream) -> Verdict) -> Counts {
+    pub fn run(&self, cases: u64, mut case: impl FnMut(&mut RandomStream) -> Verdict) -> Counts {
         let mut counts = Counts {
             name: self.name,
             ..Counts::default()

@@ -2,7 +2,7 @@
 
 use super::{Evaluator, Metric, Point};
 use crate::error::Result;
-use crate::rng::{Stream, standard_normal, unit_open};
+use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::target::Target;
 
 /// Maximum length of the whitened force, in units of sqrt(d); that of a Gaussian with the width of the metric is far
@@ -209,7 +209,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         &mut self,
         at: &mut Point,
         plan: &Plan,
-        rng: &mut Stream,
+        rng: &mut RandomStream,
     ) -> Result<Transition> {
         if !self.has_gradient(at)? {
             return Ok(Transition::UNMOVED);

@@ -3,7 +3,7 @@
 use super::reference::{PRIOR, Reference};
 use crate::error::Result;
 use crate::output::Calls;
-use crate::rng::Stream;
+use crate::rng::RandomStream;
 use crate::target::Target;
 use crate::valid::{Valid, ensure, moderate};
 use serde::{Deserialize, Serialize};
@@ -193,7 +193,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Draws `z` from the reference; no likelihood call.
-    pub fn draw_reference(&self, z: &mut [f64], rng: &mut Stream) {
+    pub fn draw_reference(&self, z: &mut [f64], rng: &mut RandomStream) {
         self.reference.draw(z, rng);
     }
 }

@@ -8,7 +8,7 @@
 use crate::diagnostics::ln_sum_exp;
 use crate::mixture::{Mixture, Rows};
 use crate::normal;
-use crate::rng::{Stream, standard_normal, unit_open};
+use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::valid::Valid;
 use serde::{Deserialize, Serialize};
 
@@ -37,7 +37,7 @@ impl Reference {
     pub fn resembling(
         halves: &[Vec<f64>; 2],
         dim: usize,
-        rng: impl Fn(usize) -> Stream,
+        rng: impl Fn(usize) -> RandomStream,
     ) -> Option<Self> {
         let [first, second] = halves.clone().map(|values| Rows { dim, values });
         let mixture = Mixture::choose([&first, &second], MAX_COMPONENTS, rng)?;
@@ -85,7 +85,7 @@ impl Reference {
     }
 
     /// Draws `z` from the reference.
-    pub fn draw(&self, z: &mut [f64], rng: &mut Stream) {
+    pub fn draw(&self, z: &mut [f64], rng: &mut RandomStream) {
         match &self.0 {
             Some(mixture) if unit_open(rng) >= PRIOR_WEIGHT => {
                 z.copy_from_slice(&mixture.draw(rng))

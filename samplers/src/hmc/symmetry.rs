@@ -3,7 +3,7 @@
 use super::point::ln_density;
 use super::{Evaluator, Point};
 use crate::error::Result;
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 use crate::target::{Involution, Orbit};
 
 /// Proposes the image of `at` under a self-inverse map and accepts it with probability
@@ -17,7 +17,7 @@ pub fn propose_involution(
     involution: &dyn Involution,
     beta: f64,
     at: &mut Point,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
 ) -> Result<bool> {
     let uniform = unit_open(rng);
     let mut image = at.z.clone();
@@ -52,7 +52,7 @@ pub fn refresh(
     orbit: &dyn Orbit,
     beta: f64,
     at: &mut Point,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
 ) {
     let mut image = at.z.clone();
     orbit.refresh(&mut image, rng);

@@ -3,7 +3,7 @@
 use super::live::REJECTED;
 use crate::error::Result;
 use crate::output::Calls;
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 use crate::target::{Outcome, Target};
 
 /// The target, for the calls of one task.
@@ -74,6 +74,6 @@ fn settle(calls: &mut Calls, outcome: &Outcome, theta: &[f64]) -> Result<f64> {
 }
 
 /// Writes an independent draw of the prior into `u`.
-pub(super) fn draw_prior(rng: &mut Stream, u: &mut [f64]) {
+pub(super) fn draw_prior(rng: &mut RandomStream, u: &mut [f64]) {
     u.iter_mut().for_each(|u| *u = unit_open(rng));
 }

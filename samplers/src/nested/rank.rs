@@ -1,7 +1,7 @@
 //! Insertion ranks: a new point that is uniform above the likelihood bound has every rank among the live points with
 //! equal probability (Fowlie, Handley & Su 2020). The points of a kernel with too few steps do not.
 
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 use crate::valid::{Valid, ensure};
 use serde::{Deserialize, Serialize};
 
@@ -60,7 +60,7 @@ impl Ranks {
     /// Kolmogorov-Smirnov probabilities of the ranks in windows of `window` insertions (the last one may be up to
     /// twice as long). Ranks are turned into continuous numbers at random, because the test is for continuous
     /// numbers.
-    pub fn ks_windows(&self, window: usize, rng: &mut Stream) -> Vec<f64> {
+    pub fn ks_windows(&self, window: usize, rng: &mut RandomStream) -> Vec<f64> {
         let values: Vec<f64> = self
             .rank
             .iter()

@@ -12,7 +12,7 @@ use super::settings::{Kernel, Settings};
 use super::tuning::Tuning;
 use crate::error::{Error, Result};
 use crate::output::{Calls, Cost};
-use crate::rng::{Domain, Stream, below, stream};
+use crate::rng::{Domain, RandomStream, below, stream};
 use crate::target::Target;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -450,7 +450,7 @@ impl State {
         replacement: &Replacement,
         born: &[NewPoint],
         genealogy: &[Genealogy],
-        rng: &mut Stream,
+        rng: &mut RandomStream,
     ) {
         for (i, &row) in replacement.dying.iter().enumerate() {
             let n = (self.live.len() - i) as f64;
@@ -508,7 +508,7 @@ impl State {
 }
 
 /// `count` rows out of `available`, distinct as far as there are enough.
-fn choose_seeds(rng: &mut Stream, available: usize, count: usize) -> Vec<usize> {
+fn choose_seeds(rng: &mut RandomStream, available: usize, count: usize) -> Vec<usize> {
     if count > available {
         return (0..count).map(|_| below(rng, available)).collect();
     }

@@ -5,7 +5,7 @@ use super::kernel::{self, NewPoint, StepCounts};
 use super::live::Points;
 use super::rank::Ranks;
 use super::settings::Kernel;
-use crate::rng::{Stream, below};
+use crate::rng::{RandomStream, below};
 use crate::valid::{Valid, countable, ensure};
 use serde::{Deserialize, Serialize};
 
@@ -118,7 +118,7 @@ impl Tuning {
         kept: &Points,
         seeds: &[usize],
         born: &[NewPoint],
-        rng: &mut Stream,
+        rng: &mut RandomStream,
     ) {
         self.jump_distances
             .extend(relative_jump(rng, bounds, kept, seeds, born));
@@ -198,7 +198,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// Median distance between chains' ends, over the median distance between their starts and other live points of the
 /// same metric region, in that region's metric. `None` if no start has such a neighbour.
 fn relative_jump(
-    rng: &mut Stream,
+    rng: &mut RandomStream,
     bounds: &[Bound],
     kept: &Points,
     seeds: &[usize],

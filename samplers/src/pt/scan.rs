@@ -8,7 +8,7 @@ use super::{Settings, swap};
 use crate::error::{Error, Result};
 use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Reference, StepSize};
 use crate::output::{Calls, Cost};
-use crate::rng::{Domain, Stream, stream, unit_open};
+use crate::rng::{Domain, RandomStream, stream, unit_open};
 use crate::target::Target;
 use rayon::prelude::*;
 
@@ -98,7 +98,7 @@ impl State {
     ) -> Result<Vec<Vec<Point>>> {
         let mut evaluator = Evaluator::new(target);
         let mut points = vec![Point::new(target.dim()); chain_sets * per_chain_set];
-        let mut streams: Vec<Stream> = (0..points.len())
+        let mut streams: Vec<RandomStream> = (0..points.len())
             .map(|i| {
                 let task = ((i / per_chain_set) << 20) + i % per_chain_set;
                 stream(self.seed, Domain::PtExplore, task as u64, 0)
@@ -137,7 +137,7 @@ impl State {
     }
 
     /// The random stream of chain or pair number `index` (chain-set-major over temperatures) at a scan.
-    fn stream(&self, domain: Domain, index: usize, scan: u64) -> Stream {
+    fn stream(&self, domain: Domain, index: usize, scan: u64) -> RandomStream {
         let temperatures = self.temperatures.len();
         let task = ((index / temperatures) << 20) + index % temperatures;
         stream(self.seed, domain, task as u64, scan)

@@ -1,7 +1,7 @@
 //! One ellipsoid around points of the cube.
 
 use crate::nested::live::Points;
-use crate::rng::{Stream, standard_normal, unit_open};
+use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::valid::{Valid, ensure, moderate, triangle};
 use nalgebra::{DMatrix, SymmetricEigen};
 use serde::{Deserialize, Serialize};
@@ -182,7 +182,7 @@ impl Ellipsoid {
     }
 
     /// A uniform draw from the inside.
-    pub fn draw(&self, rng: &mut Stream, ball: &mut [f64], out: &mut [f64]) {
+    pub fn draw(&self, rng: &mut RandomStream, ball: &mut [f64], out: &mut [f64]) {
         draw_in_ball(rng, ball);
         self.stretch(ball, out);
         for (o, c) in out.iter_mut().zip(&self.center) {
@@ -222,7 +222,7 @@ impl Ellipsoid {
 }
 
 /// A uniform direction: a point on the unit sphere.
-pub(in crate::nested) fn draw_direction(rng: &mut Stream, out: &mut [f64]) {
+pub(in crate::nested) fn draw_direction(rng: &mut RandomStream, out: &mut [f64]) {
     loop {
         let mut norm2 = 0.0;
         for o in out.iter_mut() {
@@ -238,7 +238,7 @@ pub(in crate::nested) fn draw_direction(rng: &mut Stream, out: &mut [f64]) {
 }
 
 /// A uniform point of the unit ball.
-fn draw_in_ball(rng: &mut Stream, out: &mut [f64]) {
+fn draw_in_ball(rng: &mut RandomStream, out: &mut [f64]) {
     draw_direction(rng, out);
     let radius = unit_open(rng).powf(1.0 / out.len() as f64);
     out.iter_mut().for_each(|o| *o *= radius);

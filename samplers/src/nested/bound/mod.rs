@@ -6,7 +6,7 @@ mod split;
 pub(super) use ellipsoid::{Ellipsoid, draw_direction};
 
 use super::live::Points;
-use crate::rng::{Domain, Stream, below, stream, unit_open};
+use crate::rng::{Domain, RandomStream, below, stream, unit_open};
 use crate::valid::Valid;
 use serde::{Deserialize, Serialize};
 
@@ -133,7 +133,7 @@ impl Bound {
     }
 
     /// A uniform draw from the union of the ellipsoids; false: drawn from an overlap and thinned out, try again.
-    pub fn draw(&self, rng: &mut Stream, ball: &mut [f64], out: &mut [f64]) -> bool {
+    pub fn draw(&self, rng: &mut RandomStream, ball: &mut [f64], out: &mut [f64]) -> bool {
         let pieces = self.pieces();
         let largest = pieces
             .iter()
@@ -161,7 +161,7 @@ impl Bound {
 
 /// The farthest of the points that a resampling of `rows` leaves out, from the ellipsoid of those that it takes. 1 if
 /// it takes fewer different ones than an ellipsoid needs, d + 1, and so has no information on the rest.
-fn reach(points: &Points, rows: &[usize], rng: &mut Stream) -> f64 {
+fn reach(points: &Points, rows: &[usize], rng: &mut RandomStream) -> f64 {
     let mut taken = vec![false; rows.len()];
     let sample: Vec<usize> = (0..rows.len())
         .map(|_| {

@@ -9,7 +9,7 @@ use crate::nested::live::Points;
 use crate::nested::settings::Kernel;
 use crate::normal;
 use crate::output::Calls;
-use crate::rng::Stream;
+use crate::rng::RandomStream;
 use crate::target::{Symmetry, Target};
 
 /// Common data of all points of an iteration.
@@ -179,7 +179,7 @@ impl<'a> Chain<'a> {
     /// Redraws the position along every declared orbit. The likelihood is the same there except for rounding, which a
     /// chaotic target amplifies; it is evaluated again (one call), because chains that start from a point with another
     /// point's value may find nothing above the bound. A draw that rounding takes below the bound is rejected.
-    pub(super) fn refresh_orbits(&mut self, rng: &mut Stream) -> Result<()> {
+    pub(super) fn refresh_orbits(&mut self, rng: &mut RandomStream) -> Result<()> {
         for symmetry in self.context.target.symmetries() {
             if let Symmetry::Orbit(orbit) = symmetry {
                 let mut z = self.normals();

@@ -33,7 +33,7 @@
 use super::chain::{Chain, Partition, cube_from_normal};
 use super::slice;
 use crate::error::Result;
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 use crate::target::Symmetry;
 
 /// Fraction of the slice updates along differences. The others reach what differences of few points do not span.
@@ -41,7 +41,7 @@ const DIFFERENCE_FRACTION: f64 = 0.5;
 
 /// Moves the chain along the difference of two points of the other half near it, or along a random direction of its
 /// ellipsoid.
-pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
+pub(super) fn step(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> {
     let orbit = Symmetry::first_orbit(chain.context.target.symmetries());
     if unit_open(rng) >= DIFFERENCE_FRACTION {
         return slice::step(chain, rng);

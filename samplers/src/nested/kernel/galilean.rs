@@ -29,14 +29,14 @@ use super::chain::{Chain, Partition};
 use crate::error::Result;
 use crate::nested::bound::draw_direction;
 use crate::nested::live::REJECTED;
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 
 /// Moves of one trajectory. More moves with one velocity decorrelate less than as many moves with new velocities, and
 /// those after a reversal revisit positions.
 const MOVES: usize = 2;
 
 /// Moves the chain along one trajectory inside its metric region.
-pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
+pub(super) fn step(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> {
     draw_direction(rng, &mut chain.ball);
     // The time per move varies, because a chain in a narrow corner needs short ones.
     let time = 2.0 * unit_open(rng) * chain.context.scale;

@@ -2,11 +2,11 @@
 
 use super::chain::{Chain, cube_from_normal};
 use crate::error::Result;
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 use crate::target::{Involution, Symmetry};
 
 /// Tries every declared involution with probability one half.
-pub(super) fn try_all(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
+pub(super) fn try_all(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> {
     for symmetry in chain.context.target.symmetries() {
         if let Symmetry::Involution(involution) = symmetry
             && unit_open(rng) < 0.5
@@ -19,7 +19,11 @@ pub(super) fn try_all(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
 
 /// Accepts the image if it is above the likelihood bound and the Jacobian of the map on the cube, `|det dz'/dz| phi(z')
 /// / phi(z)`, is larger than a uniform number. The image may be in another metric region.
-fn try_one(chain: &mut Chain<'_>, involution: &dyn Involution, rng: &mut Stream) -> Result<()> {
+fn try_one(
+    chain: &mut Chain<'_>,
+    involution: &dyn Involution,
+    rng: &mut RandomStream,
+) -> Result<()> {
     let z = chain.normals();
     let mut image = z.clone();
     let Some(ln_det) = involution.apply(&mut image) else {

@@ -16,7 +16,7 @@ use super::live::Points;
 use super::settings::Kernel;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
-use crate::rng::Stream;
+use crate::rng::RandomStream;
 use crate::target::{Symmetry, Target};
 use chain::{Chain, normals};
 
@@ -31,7 +31,7 @@ pub(super) fn draw(
     context: &ChainContext<'_>,
     kept: &Points,
     seed: usize,
-    mut rng: Stream,
+    mut rng: RandomStream,
 ) -> Result<NewPoint> {
     let rng = &mut rng;
     let bound = bound_of(context.bounds, kept.genealogy[seed].lineage);

@@ -4,7 +4,7 @@
 use super::chain::{Chain, Partition, StepCounts};
 use crate::error::{Error, Result};
 use crate::nested::bound::draw_direction;
-use crate::rng::{Stream, below, unit_open};
+use crate::rng::{RandomStream, below, unit_open};
 
 /// Maximum number of steps outwards of one slice update, both sides together. Divided between the two sides at random
 /// beforehand, the limit leaves the update exact (Neal's `m`); a width that is too small by this factor is doubled from
@@ -15,7 +15,7 @@ const MAX_OUTWARD: usize = 200;
 const MAX_INWARD: u64 = 2000;
 
 /// Moves the chain along a random direction of its ellipsoid, inside its metric region.
-pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
+pub(super) fn step(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> {
     draw_direction(rng, &mut chain.ball);
     chain
         .bound
@@ -33,7 +33,7 @@ pub(super) fn along(
     chain: &mut Chain<'_>,
     width: f64,
     partition: Partition,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
 ) -> Result<StepCounts> {
     let mut counts = StepCounts::default();
     let mut left = -width * unit_open(rng);

@@ -268,7 +268,7 @@ impl Orbit for Second {
     fn name(&self) -> &str {
         "second"
     }
-    fn refresh(&self, z: &mut [f64], rng: &mut Stream) {
+    fn refresh(&self, z: &mut [f64], rng: &mut RandomStream) {
         z[1] = standard_normal(rng);
     }
 }

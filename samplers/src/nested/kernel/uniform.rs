@@ -4,7 +4,7 @@ use super::chain::{ChainContext, Motion, NewPoint};
 use crate::error::{Error, Result};
 use crate::nested::bound::Bound;
 use crate::nested::likelihood::{Likelihood, draw_prior};
-use crate::rng::Stream;
+use crate::rng::RandomStream;
 
 /// Maximum number of likelihood calls, and of draws, for one point.
 const MAX_CALLS: u64 = 100_000;
@@ -14,7 +14,7 @@ const MAX_DRAWS: u64 = 1_000_000;
 pub(super) fn draw(
     context: &ChainContext<'_>,
     bound: Option<&Bound>,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
 ) -> Result<NewPoint> {
     let dim = context.target.dim();
     let mut likelihood = Likelihood::new(context.target);

@@ -13,7 +13,7 @@ use oblate_samplers::hmc::{
     End, Evaluator, LocalSampler, Metric, Plan, Point, Transition, propose_involution, refresh,
     slice,
 };
-use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
+use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
 use oblate_samplers::target::{Involution, Orbit};
 use oblate_samplers::{Marginal, Outcome, Prior, Target, normal};
 use rayon::prelude::*;
@@ -121,7 +121,7 @@ static BINOMIALS: LazyLock<Vec<smooth::Smooth>> =
     LazyLock::new(|| (0..=100).map(smooth::binomial_of).collect());
 
 /// A prior draw and, given it, a target with data from the model at this inverse temperature.
-fn binomial_pair(rng: &mut Stream) -> (Point, &'static smooth::Smooth) {
+fn binomial_pair(rng: &mut RandomStream) -> (Point, &'static smooth::Smooth) {
     let mut point = Point::new(2);
     point.z = vec![standard_normal(rng), standard_normal(rng)];
     let p: f64 = point.z.iter().map(|z| normal::cdf(*z)).product();
@@ -129,7 +129,7 @@ fn binomial_pair(rng: &mut Stream) -> (Point, &'static smooth::Smooth) {
     (point, &BINOMIALS[y])
 }
 
-fn datum_pair(rng: &mut Stream, prior: &Prior, beta: f64, only_sum: bool) -> (Point, Datum) {
+fn datum_pair(rng: &mut RandomStream, prior: &Prior, beta: f64, only_sum: bool) -> (Point, Datum) {
     let mut point = Point::new(2);
     point.z = vec![standard_normal(rng), standard_normal(rng)];
     let sd = (1.0 / (9.0 * beta)).sqrt();
@@ -175,8 +175,8 @@ fn with_rule(index: u64, rule: impl Fn(&Point, &Point, f64) -> f64) -> ([f64; 2]
 fn moved(
     mut local_sampler: LocalSampler<'_, '_>,
     mut point: Point,
-    rng: &mut Stream,
-    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream) -> Transition,
+    rng: &mut RandomStream,
+    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut RandomStream) -> Transition,
 ) -> ([f64; 2], f64) {
     point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
     let mut acceptance = 0.0;
@@ -338,7 +338,7 @@ impl Orbit for Difference {
     fn name(&self) -> &str {
         "difference"
     }
-    fn refresh(&self, z: &mut [f64], rng: &mut Stream) {
+    fn refresh(&self, z: &mut [f64], rng: &mut RandomStream) {
         let sum = z[0] + z[1];
         let difference = self.sd * standard_normal(rng);
         z[0] = 0.5 * (sum + difference);

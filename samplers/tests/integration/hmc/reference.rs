@@ -7,14 +7,14 @@ use oblate_samplers::difference_pool::DifferencePool;
 use oblate_samplers::hmc::{
     Evaluator, LocalSampler, Plan, Point, Reference, propose_involution, refresh, slice,
 };
-use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
+use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
 use rayon::prelude::*;
 
 /// A mixture of two neighbouring components, and a little of the prior.
 fn clumps() -> Reference {
     let mut rng = stream(24, Domain::Test, 0, 0);
     let halves = [0, 1].map(|_| {
-        let clump = |i: usize, rng: &mut Stream| {
+        let clump = |i: usize, rng: &mut RandomStream| {
             let centre = if i.is_multiple_of(3) { -0.8 } else { 0.6 };
             [
                 centre + 0.3 * standard_normal(rng),
@@ -32,7 +32,7 @@ fn moved_from(
     reference: &Reference,
     beta: f64,
     index: u64,
-    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream),
+    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut RandomStream),
 ) -> ([f64; 2], [f64; 2]) {
     // No point of the plane has a larger log ratio of reference to prior.
     const HIGHEST: f64 = 2.5;
@@ -84,7 +84,7 @@ fn laws_of_a_path_from_a_mixture(draws: u64) {
         max_energy_range: 1000.0,
         slack: 0.0,
     };
-    let far = |step: &(dyn Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream) + Sync)| {
+    let far = |step: &(dyn Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut RandomStream) + Sync)| {
         let pairs: Vec<_> = (0..draws)
             .into_par_iter()
             .map(|index| moved_from(&reference, beta, index, step))
