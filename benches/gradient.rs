@@ -1,8 +1,8 @@
 //! What does the gradient of ln L cost, in units of its value?
 //!
 //! One track with 100 steps per particle and a dense orbit of 512 steps. `value` runs in lanes; `adjoint13` adds all 13
-//! derivatives in reverse, `truncated13` the truncated gradient of the samplers; `dual13` is the reference, every number a dual
-//! of 13 parts, one particle after the other. All of
+//! derivatives in reverse, `truncated13` the truncated gradient of the samplers; `dual13` is the reference, every
+//! number a dual of 13 parts, one particle after the other. All do the same work on the same inputs.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
@@ -47,11 +47,11 @@ fn likelihood(particles: usize) -> StreamLikelihood {
     let solution = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
         .system(&StreamParams::from_array(THETA));
     let solution = model.progenitor_solution(&solution).expect("an orbit");
-    let (mut schedules, mut stars) = (StepSchedules::default(), Particles::default());
+    let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
     model
-        .integrate(&solution, &mut schedules, &mut stars)
+        .integrate(&solution, &mut schedules, &mut out)
         .expect("particles");
-    let data: Vec<DataBin> = Track::of(&stars, 10.0, BinEdges::default(), 0.01 * particles as f64)
+    let data: Vec<DataBin> = Track::of(&out, 10.0, BinEdges::default(), 0.01 * particles as f64)
         .expect("a track")
         .bins
         .iter()
@@ -83,10 +83,10 @@ fn gradient(c: &mut Criterion) {
         group.bench_function(format!("adjoint13/n{n}_s100"), |b| {
             b.iter(|| likelihood.gradient(black_box(&THETA)));
         });
-        group.bench_function(format!("smooth13/n{n}_s100"), |b| {
+        group.bench_function(format!("truncated13/n{n}_s100"), |b| {
             b.iter(|| likelihood.truncated_gradient(black_box(&THETA)));
         });
-        // The reference is slow: once is enough to know by how much.
+        // The reference is slow, so it is timed with one number of particles only.
         if n == 1_000 {
             group.sample_size(10);
             group.bench_function(format!("dual13/n{n}_s100"), |b| {
@@ -97,7 +97,7 @@ fn gradient(c: &mut Criterion) {
     group.finish();
 }
 
-/// What many points gain from all cores, and one point.
+/// The gain from all cores, for many points and for one point.
 fn threads(c: &mut Criterion) {
     let mut group = c.benchmark_group("threads");
     group.sample_size(20);

@@ -46,10 +46,10 @@ fn model(particles: usize) -> Model {
     .expect("a model")
 }
 
-fn setup(c: &mut Criterion) {
+fn progenitor_solution(c: &mut Criterion) {
     let model = model(1_000);
     let system = system();
-    c.bench_function("stream/setup/f64/n1000", |b| {
+    c.bench_function("stream/progenitor_solution/f64/n1000", |b| {
         b.iter(|| model.progenitor_solution(black_box(&system)))
     });
 }
@@ -60,11 +60,13 @@ fn particles(c: &mut Criterion) {
     group.sample_size(20);
     for n in [1_000_usize, 10_000, 100_000] {
         let model = model(n);
-        let solution = model.progenitor_solution(&system).expect("a setup");
+        let solution = model
+            .progenitor_solution(&system)
+            .expect("a progenitor solution");
         group.throughput(Throughput::Elements((n * model.settings().steps) as u64));
         for &level in Level::available() {
             let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
-            let id = format!("carry/{level:?}/n{n}_s100").to_lowercase();
+            let id = format!("integrate/{level:?}/n{n}_s100").to_lowercase();
             group.bench_function(id, |b| {
                 b.iter(|| {
                     model.integrate_at(level, black_box(&solution), &mut schedules, &mut out)
@@ -73,7 +75,7 @@ fn particles(c: &mut Criterion) {
         }
         // One by one, large numbers take seconds and give no new information.
         if n <= 10_000 {
-            group.bench_function(format!("particles/f64/n{n}_s100"), |b| {
+            group.bench_function(format!("one_by_one/f64/n{n}_s100"), |b| {
                 b.iter(|| model.integrate_one_by_one(black_box(&solution), &StepSizes::default()));
             });
         }
@@ -81,5 +83,5 @@ fn particles(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, setup, particles);
+criterion_group!(benches, progenitor_solution, particles);
 criterion_main!(benches);

@@ -1,5 +1,5 @@
-//! [`Error`]: the run cannot start or continue; [`Rejection`]: a point of parameter space has no track or no likelihood;
-//! [`Tally`]: approximations made on the way to a track, counted.
+//! [`Error`]: the run cannot start or continue; [`Rejection`]: a point of parameter space has no track or no
+//! likelihood; [`Tally`]: approximations made in the computation of a track, counted.
 
 mod array;
 mod output;
@@ -19,7 +19,7 @@ use std::path::PathBuf;
 /// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// A run that cannot start or cannot go on; every message says what, where, and what to do next.
+/// A run that cannot start or cannot continue; every message has the fault, its place and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -136,7 +136,7 @@ pub enum Error {
     /// Standard output could not be written.
     #[error("standard output: {source}; free space where it goes, or send it elsewhere")]
     Output {
-        /// The operating system's word.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// Another process works in the run folder.
@@ -195,7 +195,7 @@ pub enum Error {
         /// The name.
         name: String,
     },
-    /// Two tracks of a study have one name.
+    /// Two tracks of a study have the same name.
     #[error(
         "the track `{}` would have the run folder of `{}`; give each track of a study a name of its own in its header",
         name.escape_debug(),
@@ -389,7 +389,7 @@ impl Rejection {
         }
     }
 
-    /// What to do about it, where a person asked for this one point.
+    /// The remedy, for a user who asked for this one point.
     #[must_use]
     pub fn remedy(self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! The `oblate` command: runs the command line and passes on its exit code.
+//! The `oblate` command: runs the command line and returns its exit code.
 
 #![deny(
     clippy::unwrap_used,

@@ -1,9 +1,10 @@
-//! Error and price of a track by step rule and length of steps.
+//! Error and cost of a track by step rule and length of steps.
 //!
-//! `cargo bench --bench steps` prints tables, in per cent: for mocks that meet the paper's criteria, and for draws of the posteriors of
-//! five gala tracks (`benches/draws.csv`), the rms over bins of the relative difference of the mean radius from that of the same
-//! particles with steps of a quarter of the default's phase. The data's errors are 2 per cent. `good` is the share of streams below half
-//! a per cent, `forces` the number of force evaluations per particle. Not a timing. The recorded table is in benches/RESULTS.md.
+//! `cargo bench --bench steps` prints tables, in per cent: for mocks that meet the paper's criteria, and for draws of
+//! the posteriors of five gala tracks (`benches/draws.csv`), the rms over bins of the relative difference of the mean
+//! radius from that of the same particles with steps of a quarter of the default's phase. The data's errors are 2 per
+//! cent. `good` is the fraction of streams below half a per cent, `forces` the number of force evaluations per
+//! particle. Not a timing. The recorded table is in benches/RESULTS.md.
 
 mod tracks;
 

@@ -22,7 +22,7 @@ use oblate_samplers::hmc::{
     End, Evaluator, LocalSampler, Metric, Moments, Plan, Point, StepSize, shorten,
 };
 use oblate_samplers::output::Calls;
-use oblate_samplers::rng::{Domain, Stream, stream};
+use oblate_samplers::rng::{Domain, RandomStream, stream};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::f64::consts::FRAC_PI_2;
@@ -37,14 +37,15 @@ const START_DRAWS: usize = 1_000;
 /// Step that a chain begins with, in units of the prior.
 const FIRST_STEP: f64 = 0.1;
 
-/// Mean acceptance that steps are steered to.
+/// Target of the mean acceptance.
 const ACCEPTANCE: f64 = 0.8;
 
 /// Transitions between two updates of the step: the acceptance of a single one is near 0 or 1, whatever the step.
-const MOVES_PER_LESSON: usize = 5;
+const TRANSITIONS_PER_UPDATE: usize = 5;
 
-/// Longest score that a metric is estimated from, in units of sqrt(d): one chaotic point would outweigh all others.
-const LONGEST_SCORE: f64 = 1_000.0;
+/// Maximum length of a score that a metric is estimated from, in units of sqrt(d): otherwise one chaotic point would
+/// outweigh all others.
+const MAX_SCORE: f64 = 1_000.0;
 
 /// Transitions while a chain descends from the prior: short ones, with energies that may vary with the descent.
 const FALLING: Plan = Plan {
@@ -55,7 +56,7 @@ const FALLING: Plan = Plan {
     slack: 0.05,
 };
 
-/// Moves after that.
+/// Transitions after that.
 const SETTLED: Plan = Plan {
     max_leapfrogs: 64,
     max_energy_range: 1_000.0,
@@ -87,17 +88,17 @@ const QUICK: Schedule = Schedule {
     frozen: 50,
 };
 
-/// A chain: where it is, and what it has learnt.
+/// A chain: its state, its metric and its step size.
 struct Chain<'a> {
     target: &'a StreamTarget,
-    rng: Stream,
+    rng: RandomStream,
     at: Point,
     metric: Metric,
     step: f64,
     calls: Calls,
 }
 
-/// What a chain did.
+/// The results of a chain.
 #[derive(Default)]
 struct Record {
     z: [Vec<f64>; DIM],
@@ -125,15 +126,15 @@ impl<'a> Chain<'a> {
     fn run(mut self, schedule: &Schedule) -> Record {
         let mut moments = Moments::new(DIM);
         for (plan, moves) in schedule.warm_up {
-            self.refine(&moments);
-            moments = self.learn(plan, *moves);
+            self.update_metric(&moments);
+            moments = self.adapt(plan, *moves);
         }
         self.record(schedule.frozen)
     }
 
     /// Updates the metric from the moments of a window, if they allow it, and the step so that it is no longer than before in any
     /// direction.
-    fn refine(&mut self, moments: &Moments) {
+    fn update_metric(&mut self, moments: &Moments) {
         if let Some(metric) = self.metric.refined(moments) {
             self.step /= self.metric.ln_stretch(&metric).exp();
             self.metric = metric;
@@ -141,18 +142,18 @@ impl<'a> Chain<'a> {
     }
 
     /// A window of warm-up, in which the step is adapted; its moments are for the metric.
-    fn learn(&mut self, plan: &Plan, moves: usize) -> Moments {
+    fn adapt(&mut self, plan: &Plan, moves: usize) -> Moments {
         let mut step = StepSize::new(self.step);
         let mut moments = Moments::new(DIM);
         let mut local_sampler = LocalSampler::new(self.target, 1.0, &self.metric);
-        let lessons = moves / MOVES_PER_LESSON;
-        for lesson in 0..lessons {
+        let updates = moves / TRANSITIONS_PER_UPDATE;
+        for update in 0..updates {
             let plan = Plan {
                 step: step.step(),
                 ..*plan
             };
             let mut met = Vec::new();
-            for _ in 0..MOVES_PER_LESSON {
+            for _ in 0..TRANSITIONS_PER_UPDATE {
                 let moved = local_sampler
                     .transition(&mut self.at, &plan, &mut self.rng)
                     .expect("a target that never fails");
@@ -164,12 +165,12 @@ impl<'a> Chain<'a> {
                 if self.at.has_gradient {
                     let slopes = self.at.gradient.iter().zip(&self.at.z);
                     let mut score: Vec<f64> = slopes.map(|(g, z)| g - z).collect();
-                    shorten(&mut score, LONGEST_SCORE);
+                    shorten(&mut score, MAX_SCORE);
                     moments.push(&self.at.z, &score);
                 }
             }
             if !met.is_empty() {
-                step.learn(mean(&met), ACCEPTANCE, lesson, lessons);
+                step.learn(mean(&met), ACCEPTANCE, update, updates);
             }
         }
         self.calls.add(&local_sampler.evaluator.calls);
@@ -249,7 +250,7 @@ fn posterior_draws(target: &StreamTarget, track: &str) -> Vec<Point> {
         .collect()
 }
 
-/// Time that this thread has been on a core, for a chain stays on one thread; NaN where the system does not tell (Linux does).
+/// CPU time of this thread, on which the chain stays; NaN where the system has no such clock (Linux has).
 fn cpu_seconds() -> f64 {
     let nanoseconds = std::fs::read_to_string("/proc/thread-self/schedstat")
         .ok()

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"oblateck";
 
-/// Version of the file's layout. A change is a changelogged event, and older files are refused by name.
+/// Version of the file's layout. A change is listed in the changelog, and older files are refused with a message.
 pub const FORMAT_VERSION: u32 = 11;
 
 /// Largest size of a file. A run of ten thousand live points takes some tens of megabytes.
@@ -19,7 +19,7 @@ pub const MAX_BYTES: u64 = 16 << 30;
 /// Header: magic, format version, config hash, fingerprint, checksum, payload length.
 const HEADER: usize = 8 + 4 + 8 + 8 + 8 + 8;
 
-/// FNV-1a, 64 bits: the same on every machine and version.
+/// FNV-1a, 64 bits: the same on every computer and in every version.
 #[must_use]
 pub fn hash(bytes: &[u8]) -> u64 {
     hash_on(0xcbf2_9ce4_8422_2325, bytes)
@@ -47,8 +47,8 @@ pub fn exists(path: &Path) -> bool {
     path.exists() || previous(path).exists()
 }
 
-/// Saves `state`; `fingerprint` identifies the target (a hash of ln L at a few fixed points). The last file becomes
-/// the [`previous`] one, once the new one is whole on the disk.
+/// Saves `state`; `fingerprint` identifies the target (a hash of ln L at a few fixed points). The last file becomes the
+/// [`previous`] one, once the new one is completely on the disk.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be written, [`Error::Checkpoint`] if the state cannot be encoded or is larger than [`MAX_BYTES`];
@@ -97,8 +97,9 @@ pub fn save<T: Serialize>(
 }
 
 /// Loads a state saved with the same hashes; a damaged file is skipped for the [`previous`] one, with a warning
-/// returned beside the state. Where the file is missing, a process was killed while it [saved](save) the next one, and the previous
-/// one is the last: no warning then. `check` says what is wrong with a state that can be decoded, but that no run can have saved.
+/// returned beside the state. Where the file is missing, a process was killed while it [saved](save) the next one, and
+/// the previous one is the last: no warning then. `check` returns what is wrong with a state that can be decoded, but
+/// that no run can have saved.
 ///
 /// # Errors
 /// [`Error::Io`] if neither file can be read; [`Error::Checkpoint`] if both are damaged, or if the file belongs to

@@ -56,11 +56,13 @@ impl Checkpointer {
         Ok(checkpointer)
     }
 
-    /// The state of the checkpoint to resume, if there is one. A warning about a damaged file is an event; it is no part of the result,
-    /// which has the same bits from any checkpoint. `check` says whether a state is one of this run.
+    /// The state of the checkpoint to resume, if there is one. A warning about a damaged file is an event; it is no
+    /// part of the result, which has the same bits from any checkpoint. `check` decides whether a state is one of this
+    /// run.
     ///
     /// # Errors
-    /// As of [`checkpoint::load`].
+    /// [`Error::Io`] if neither file can be read; [`Error::Checkpoint`] if both are damaged, or if the file belongs to
+    /// another run.
     pub fn load<S: DeserializeOwned>(
         &mut self,
         control: &mut Control<'_>,
@@ -86,7 +88,8 @@ impl Checkpointer {
     /// Writes the planned checkpoint, if any; true if there was one.
     ///
     /// # Errors
-    /// As of [`checkpoint::save`].
+    /// [`Error::Io`] if the file cannot be written; [`Error::Checkpoint`] if the state cannot be encoded or is too
+    /// large.
     pub fn save(&self, state: &impl Serialize, control: &Control<'_>) -> Result<bool> {
         let Some(plan) = &control.checkpoint else {
             return Ok(false);
@@ -121,7 +124,7 @@ impl Checkpointer {
         Ok(())
     }
 
-    /// As [`save`](Self::save) after an error, which is returned: a second error, of the disk, is a warning event.
+    /// As [`save`](Self::save) after an error, which is returned; an error of the writing itself is a warning event.
     pub fn save_after(
         &self,
         error: Error,

@@ -35,7 +35,7 @@ pub enum Event {
         /// New points per call in the last iteration.
         efficiency: f64,
     },
-    /// A dynamic nested run has not reached its target, and adds a batch of live points.
+    /// A dynamic nested run has ended a batch without meeting its target, and adds another batch of live points.
     Batch {
         /// Batches so far.
         number: usize,
@@ -52,7 +52,8 @@ pub enum Event {
     Smc {
         /// Inverse temperature that all SMC samplers have reached.
         beta: f64,
-        /// Mean of their estimates of the log integral of prior times L^beta: ln Z at beta = 1.
+        /// Mean over the SMC samplers of the logarithm of the estimated integral of prior times L^beta: ln Z at beta =
+        /// 1.
         ln_z: f64,
         /// Likelihood calls so far.
         calls: u64,
@@ -76,7 +77,7 @@ pub enum Event {
     },
     /// One step of an SMC bridge.
     Bridge {
-        /// Fraction of the fine likelihood in ln L.
+        /// Exponent `s` of the fine likelihood.
         fraction: f64,
         /// Evidence there.
         ln_z: f64,
@@ -147,7 +148,7 @@ pub struct Control<'a> {
     pub observer: &'a mut dyn Observer,
     /// Limits.
     pub budget: Budget,
-    /// Set to true from anywhere (a signal handler) to stop at the next safe point.
+    /// Set to true, also from a signal handler, to stop the run at the next safe point.
     pub interrupt: Arc<AtomicBool>,
     /// Checkpoints; none if `None`.
     pub checkpoint: Option<CheckpointPlan>,
@@ -174,7 +175,7 @@ impl<'a> Control<'a> {
         self.observer.event(event).is_break()
     }
 
-    /// Tells the observer how much memory will be taken, if it is much; true if the run should stop here.
+    /// Sends the observer a warning if the run will take much memory; true if the run should stop here.
     pub fn tell_memory(&mut self, memory: &Memory) -> bool {
         let warning = memory.warning();
         warning.is_some_and(|message| self.tell(&Event::Warning { message }))

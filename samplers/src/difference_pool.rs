@@ -1,30 +1,30 @@
-//! Pairs of points near a chain, whose differences are directions to move along (ter Braak 2006, with a choice of pairs
-//! that knows where the chain is).
+//! Pairs of points near a chain, whose differences are directions of its moves (differential evolution: ter Braak 2006,
+//! here with pairs chosen near the present point).
 //!
-//! A posterior of thin, bent ridges has no single shape: the difference of two points picked anywhere points across most
-//! of them, and a slice along it shrinks to nothing. Two points of the chain's own neighbourhood lie on its ridge.
+//! A posterior of thin, curved ridges has no single shape: the difference of two arbitrary points crosses most of them,
+//! and the interval of a slice update along it becomes very short. Two points near the chain lie on its ridge.
 //!
 //! # Why a move along such a pair is exact
 //!
-//! The points, and with them the cells that divide the space about some of them, are held fixed while the chain moves. A
-//! scale is drawn without a look at the state; the pair is drawn from the points in the cell of that scale where the chain
-//! stands, and the move does not leave the cell. So all states that it can join have the same law of pairs, and it keeps
-//! the law of the chain in each cell by itself, hence on all of them together.
+//! The points, and the cells that divide the space about some of them, are held fixed while the chain moves. A scale is
+//! drawn independently of the state; the pair is drawn from the points in the chain's cell of that scale, and the move
+//! does not leave the cell. So all states that the move can connect have the same distribution of pairs, and the move
+//! leaves the density invariant within each cell, hence everywhere.
 
-use crate::rng::{Stream, below};
+use crate::rng::{RandomStream, below};
 use crate::target::Orbit;
 use crate::valid::{Valid, ensure, moderate, rows};
 use serde::{Deserialize, Serialize};
 
-/// Most points kept: more take time, and pairs are plenty.
+/// Maximum number of points kept: more take more time and add no useful directions.
 const MAX_POINTS: usize = 1024;
 
-/// Mean number of points in a cell of each scale; the last scale is one cell for all. Few: a cell should hold one bend of a
-/// ridge, and its pairs need not span the space.
+/// Mean number of points in a cell of each scale; the last scale is one cell for all. Few, because a cell should
+/// contain one bend of a ridge only, and its pairs need not span the space.
 const SIZES: [usize; 2] = [8, 32];
 
-/// Fewest points of a cell.
-const MIN_MEMBERS: usize = 4;
+/// Minimum number of points of a cell.
+const MIN_POINTS: usize = 4;
 
 /// Points in standard-normal coordinates, and the cells about them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -32,7 +32,8 @@ pub struct DifferencePool {
     dim: usize,
     /// Rows of coordinates, one after the other.
     rows: Vec<f64>,
-    /// The rows' places, which do not change along the target's orbit, in units of their standard deviations.
+    /// Coordinates of the rows that are constant along the target's orbit, in units of their standard deviations: their
+    /// places.
     places: Vec<f64>,
     /// One over the standard deviation of each coordinate of a place; 0 where it does not vary.
     inverse_sd: Vec<f64>,
@@ -45,7 +46,7 @@ struct Cells {
     /// Numbers of the points that cells are about.
     centres: Vec<usize>,
     /// Numbers of the points in each cell.
-    members: Vec<Vec<usize>>,
+    points: Vec<Vec<usize>>,
 }
 
 impl Cells {
@@ -54,9 +55,9 @@ impl Cells {
         let known = |numbers: &[usize]| numbers.iter().all(|i| *i < count);
         ensure(
             !self.centres.is_empty()
-                && self.centres.len() == self.members.len()
+                && self.centres.len() == self.points.len()
                 && known(&self.centres)
-                && self.members.iter().all(|m| m.len() >= 2 && known(m)),
+                && self.points.iter().all(|m| m.len() >= 2 && known(m)),
             "a cell has fewer than two points, or one that does not exist",
         )
     }
@@ -72,8 +73,8 @@ pub struct Pair {
 }
 
 impl DifferencePool {
-    /// Of rows of coordinates, one after the other, of which at most 1,024 are kept, evenly spread; `orbit` is the target's
-    /// exact symmetry, if it has one.
+    /// From rows of coordinates, one after the other, of which at most 1,024 are kept, evenly spaced; `orbit` is the
+    /// target's exact symmetry, if it has one.
     #[must_use]
     pub fn new(rows: &[f64], dim: usize, orbit: Option<&dyn Orbit>) -> Self {
         let count = rows.len() / dim;
@@ -91,7 +92,7 @@ impl DifferencePool {
                 let column = || places.iter().skip(c).step_by(dim);
                 let mean = column().sum::<f64>() / n;
                 let variance = column().map(|p| (p - mean).powi(2)).sum::<f64>() / n;
-                // Rounding alone is no spread.
+                // A spread of the size of rounding counts as none.
                 if variance > 1e-20 * mean * mean {
                     1.0 / variance.sqrt()
                 } else {
@@ -148,25 +149,30 @@ impl DifferencePool {
 
     /// Draws a scale, and two points of the cell where `at` is; `None` if there are fewer than two points.
     #[must_use]
-    pub fn pick(&self, at: &[f64], orbit: Option<&dyn Orbit>, rng: &mut Stream) -> Option<Pair> {
+    pub fn pick(
+        &self,
+        at: &[f64],
+        orbit: Option<&dyn Orbit>,
+        rng: &mut RandomStream,
+    ) -> Option<Pair> {
         if self.scales.is_empty() {
             return None;
         }
         let scale = below(rng, self.scales.len());
         let cells = &self.scales[scale];
         let cell = self.cell(cells, at, orbit);
-        let members = &cells.members[cell];
-        let i = below(rng, members.len());
-        let j = (i + 1 + below(rng, members.len() - 1)) % members.len();
+        let points = &cells.points[cell];
+        let i = below(rng, points.len());
+        let j = (i + 1 + below(rng, points.len() - 1)) % points.len();
         Some(Pair {
-            first: members[i],
-            second: members[j],
+            first: points[i],
+            second: points[j],
             scale,
             cell,
         })
     }
 
-    /// Whether the cell of a pair is all there is, so that no move leaves it.
+    /// Whether the cell of a pair is the whole space, so that its moves are unconstrained.
     #[must_use]
     pub fn is_undivided(&self, pair: &Pair) -> bool {
         self.scales[pair.scale].centres.len() == 1
@@ -178,8 +184,9 @@ impl DifferencePool {
         self.cell(&self.scales[pair.scale], at, orbit) == pair.cell
     }
 
-    /// The two points of a pair, moved along the orbit until they are level with `at` where both can be. The level is one
-    /// coordinate, which a line between them keeps: from wherever on that line, the pair is the same.
+    /// The two points of a pair, moved along the orbit until they have the level of `at`, if both can have it. The
+    /// level is one coordinate that is constant on the line between them, so that the pair is the same from every point
+    /// of that line.
     #[must_use]
     pub fn ends(&self, pair: &Pair, at: &[f64], orbit: Option<&dyn Orbit>) -> [Vec<f64>; 2] {
         let [mut a, mut b] = [pair.first, pair.second].map(|i| self.row(i).to_vec());
@@ -187,7 +194,7 @@ impl DifferencePool {
         if level {
             [a, b]
         } else {
-            // Both as they were, or the level of one alone would be that of `at`.
+            // Both unchanged: aligning one alone would make the pair depend on `at`.
             [pair.first, pair.second].map(|i| self.row(i).to_vec())
         }
     }
@@ -200,23 +207,23 @@ impl DifferencePool {
         &self.places[i * self.dim..(i + 1) * self.dim]
     }
 
-    /// Cells of about `size` points each, none of fewer than [`MIN_MEMBERS`] unless it is the only one.
+    /// Cells of about `size` points each, none of fewer than [`MIN_POINTS`] unless it is the only one.
     fn divide(&self, size: usize) -> Cells {
         let count = self.len();
         let mut centres: Vec<usize> = (0..count / size)
             .map(|k| k * count / (count / size))
             .collect();
         loop {
-            let mut members = vec![Vec::new(); centres.len()];
+            let mut points = vec![Vec::new(); centres.len()];
             for i in 0..count {
-                members[self.nearest(&centres, self.place(i))].push(i);
+                points[self.nearest(&centres, self.place(i))].push(i);
             }
-            let smallest = (0..centres.len()).min_by_key(|c| members[*c].len());
+            let smallest = (0..centres.len()).min_by_key(|c| points[*c].len());
             match smallest {
-                Some(c) if centres.len() > 1 && members[c].len() < MIN_MEMBERS => {
+                Some(c) if centres.len() > 1 && points[c].len() < MIN_POINTS => {
                     centres.remove(c);
                 }
-                _ => return Cells { centres, members },
+                _ => return Cells { centres, points },
             }
         }
     }
@@ -254,7 +261,7 @@ fn scale(place: &mut [f64], inverse_sd: &[f64]) {
     }
 }
 
-/// Where a point is, whatever its position along its orbit.
+/// The place of a point, which does not depend on its position along its orbit.
 fn place_of(z: &[f64], orbit: Option<&dyn Orbit>) -> Vec<f64> {
     let mut place = z.to_vec();
     if let Some(orbit) = orbit {
@@ -278,20 +285,20 @@ mod tests {
         let near = DifferencePool::new(&normals(3 * 500, 0), 3, None);
         assert_eq!(near.scales.len(), 3);
         for cells in &near.scales {
-            let mut all = cells.members.concat();
+            let mut all = cells.points.concat();
             all.sort_unstable();
             assert_eq!(all, (0..500).collect::<Vec<_>>());
-            assert!(cells.members.iter().all(|m| m.len() >= MIN_MEMBERS));
-            for (c, members) in cells.members.iter().enumerate() {
+            assert!(cells.points.iter().all(|m| m.len() >= MIN_POINTS));
+            for (c, points) in cells.points.iter().enumerate() {
                 assert!(
-                    members
+                    points
                         .iter()
                         .all(|i| near.cell(cells, near.row(*i), None) == c)
                 );
             }
         }
-        assert_eq!(near.scales[2].members.len(), 1);
-        assert!(near.scales[0].members.len() > 20);
+        assert_eq!(near.scales[2].points.len(), 1);
+        assert!(near.scales[0].points.len() > 20);
     }
 
     #[test]
@@ -323,11 +330,11 @@ mod tests {
         );
     }
 
-    /// The mean of |z1| after three moves of many chains that start in a standard-normal plane, less that of the plane, in
-    /// its errors. A move draws the position on its line afresh, again and again until it is in the cell, or once and
-    /// wherever it is.
+    /// The mean of |z1| after three moves of many chains that start in a standard-normal plane, minus its expectation,
+    /// in standard errors. A move draws the position on its line independently: repeatedly until it is in the cell, or
+    /// once wherever it is.
     fn drift(confined: bool) -> f64 {
-        // Points off the centre, so that the law of pairs differs from place to place.
+        // Points off the centre, so that the distribution of pairs depends on the position.
         let mut rows = normals(2 * 60, 4);
         for row in rows.chunks_exact_mut(2).skip(30) {
             row[0] = 2.0 + 0.2 * row[0];

@@ -1,4 +1,4 @@
-//! Errors that end a run: every message says what, where, and what to do next.
+//! Errors that end a run: every message has the fault, its place and the remedy.
 
 use crate::limits::{OutOfRange, TooMuchMemory};
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// A run that cannot start or cannot go on. A point without a likelihood is not an error but a
+/// A run that cannot start or cannot continue. A point without a likelihood is not an error but a
 /// [`Reject`](crate::Outcome::Reject).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -37,9 +37,9 @@ pub enum Error {
         /// The most frequent cause of rejection.
         cause: String,
     },
-    /// A slice shrank to nothing although it contains a point above the likelihood bound.
+    /// The interval of a slice update became empty although it contains a point above the likelihood bound.
     #[error(
-        "a slice shrank to nothing in {tries} steps; check that the likelihood gives the same number each time at the same point"
+        "the interval of a slice update became empty in {tries} steps; check that the likelihood gives the same number each time at the same point"
     )]
     EmptySlice {
         /// Number of steps inward.
@@ -47,7 +47,7 @@ pub enum Error {
     },
     /// Independent draws from the ellipsoids never exceed the likelihood bound.
     #[error(
-        "none of {calls} independent draws from the ellipsoids is above the likelihood bound; use the kernel `differential`, which does not depend on how tight the ellipsoids are"
+        "none of {calls} independent draws from the ellipsoids is above the likelihood bound; use `kernel = \"differential\"`, which does not need tight ellipsoids"
     )]
     LooseBound {
         /// Number of likelihood calls.
@@ -68,7 +68,7 @@ pub enum Error {
     TemperingWithoutGradient,
     /// The nested sampler's kernel `galilean` with a target without gradients.
     #[error(
-        "the kernel `galilean` needs gradients, and this target offers none; use `differential` or `random-slice`, which need values alone"
+        "the kernel `galilean` needs gradients, and this target offers none; use `differential` or `random-slice`, which need values only"
     )]
     GalileanWithoutGradient,
     /// The target failed in a way that does not depend on the point.
@@ -143,9 +143,9 @@ pub enum Error {
         /// ln L in the run.
         there: f64,
     },
-    /// The fine target of a bridge has a likelihood at none of the coarse run's draws.
+    /// The fine target of a bridge rejects all draws of the coarse run.
     #[error(
-        "the fine target has a likelihood at none of the coarse run's draws; choose a coarse likelihood nearer to it"
+        "the fine target rejects all draws of the coarse run; use a coarse likelihood closer to the fine one"
     )]
     NoCommonSupport,
     /// Fewer than two runs to merge.

@@ -1,4 +1,4 @@
-//! Files that are whole or as they were: written under a temporary name beside their place, synced, and renamed.
+//! Writes files completely or not at all: under a temporary name in the same folder, synced, and renamed.
 
 use crate::error::{Error, Result};
 use std::fs::File;
@@ -6,14 +6,14 @@ use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// What the names of temporary files and folders begin with. One that stays behind is of a process that was killed.
+/// Prefix of the names of temporary files and folders. One that is left over is from a process that was killed.
 pub const TEMPORARY: &str = ".oblate-tmp-";
 
 /// Writes `bytes` to `path`; a file that was there is replaced.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder is missing, not writable or full: the old file is untouched then; or if the folder cannot be
-/// synced: the new file is in place, and may be lost with the machine's power.
+/// [`Error::Io`] if the folder is missing, not writable or full: the old file is untouched then; or if the folder
+/// cannot be synced: the new file is in place, and may be lost if the computer loses power.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     Pending::write(path, bytes)?.replace()
 }
@@ -27,11 +27,11 @@ pub fn create_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     Pending::write(path, bytes)?.create()
 }
 
-/// Makes the names in a folder durable.
+/// Writes the names in a folder to the disk.
 ///
 /// # Errors
-/// The operating system's. Folders that cannot be opened for this, and systems that do not sync folders, are no error: there is
-/// nothing more to be done for them.
+/// The operating system's. Folders that cannot be opened for this, and systems that do not sync folders, are no error,
+/// because nothing more can be done there.
 pub fn sync_folder(path: &Path) -> io::Result<()> {
     if cfg!(not(unix)) {
         return Ok(());
@@ -55,14 +55,14 @@ pub fn folder_of(path: &Path) -> &Path {
         .unwrap_or(Path::new("."))
 }
 
-/// A whole and synced file that has not yet taken its place.
+/// A complete and synced file that is not yet at its path.
 pub(crate) struct Pending {
     file: NamedTempFile,
     path: PathBuf,
 }
 
 impl Pending {
-    /// Writes the file beside its place.
+    /// Writes the file under a temporary name in the folder of its path.
     pub fn write(path: &Path, bytes: &[u8]) -> Result<Self> {
         let io = |source| Error::Io {
             path: path.to_path_buf(),
@@ -85,13 +85,13 @@ impl Pending {
         })
     }
 
-    /// Takes its place, from another file if there is one.
+    /// Renames it to its path, and replaces a file there.
     pub fn replace(self) -> Result<()> {
         let placed = self.file.persist(&self.path);
         finish(self.path, placed)
     }
 
-    /// Takes its place, which must be free.
+    /// Renames it to its path, where there must be no file.
     fn create(self) -> Result<()> {
         let placed = self.file.persist_noclobber(&self.path);
         finish(self.path, placed)

@@ -1,9 +1,9 @@
-//! Nested sampling and non-reversible parallel tempering with HMC, on one [`Target`] and with one
-//! result type, [`Run`].
+//! Nested sampling and non-reversible parallel tempering with Hamiltonian Monte Carlo (HMC), on one [`Target`] and with
+//! one result type, [`Run`].
 //!
-//! A problem is a log-likelihood over a product prior ([`Prior`]). Both samplers see the prior only through unit
-//! coordinates: nested sampling through the cube `u`, tempering through standard normals `z = Φ⁻¹(u)`, so that the
-//! bounds of a prior vanish and the same target serves both.
+//! A problem is a log-likelihood over a product prior ([`Prior`]). Both samplers use the prior only through unit
+//! coordinates: nested sampling through the cube `u`, tempering through standard normals `z = Φ⁻¹(u)`, so that they
+//! need no bounds of the prior and can use the same target.
 //!
 //! Every random number comes from a counter-based stream keyed by (seed, purpose, task, index) ([`rng`]), work is
 //! mapped in order over threads, and reductions are serial: one seed gives the same bits on any number of threads.

@@ -1,4 +1,4 @@
-//! What may be asked for: ranges of numbers, and memory.
+//! Limits of inputs: ranges of numbers, and memory.
 
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
@@ -52,14 +52,14 @@ pub fn in_range<T: PartialOrd + Debug>(
     })
 }
 
-/// The largest seed. Files hold signed 64-bit numbers.
+/// The largest seed, because files store signed 64-bit numbers.
 pub const MAX_SEED: u64 = i64::MAX.cast_unsigned();
 
 /// The memory that one task may take: 16 GB. It is below the memory of one node of a cluster, and a hundred times what a fit with the
 /// default settings takes.
 pub const MAX_BYTES: f64 = 16e9;
 
-/// From this much memory on, 1 GB, a task says how much it takes.
+/// From this much memory on, 1 GB, a task warns of it.
 pub const TOLD_BYTES: f64 = 1e9;
 
 /// More memory than one task may take.
@@ -119,7 +119,7 @@ impl Memory {
         self.parts.iter().map(|(_, bytes)| bytes).sum()
     }
 
-    /// Refuses more than [`MAX_BYTES`].
+    /// Checks that it is at most [`MAX_BYTES`].
     ///
     /// # Errors
     /// [`TooMuchMemory`] with the estimate, and the setting that needs most of it.
@@ -135,7 +135,7 @@ impl Memory {
         })
     }
 
-    /// What to tell the user, from [`TOLD_BYTES`] on.
+    /// The warning for the user, from [`TOLD_BYTES`] on.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
         let most = self.parts.iter().max_by(|a, b| a.1.total_cmp(&b.1));

@@ -1,7 +1,7 @@
 //! A mixture of multivariate Student distributions: fitted to draws, evaluated, drawn from.
 
 use crate::diagnostics::ln_sum_exp;
-use crate::rng::{Stream, below, standard_normal, unit_open};
+use crate::rng::{RandomStream, below, standard_normal, unit_open};
 use crate::valid::{Valid, ensure, moderate, triangle};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -9,7 +9,8 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::f64::consts::PI;
 
-/// Degrees of degrees of freedom of every component: tails heavy enough for importance weights, a centre still close to a Gaussian's.
+/// Degrees of freedom of every component: tails heavy enough for importance weights, a centre still close to a
+/// Gaussian.
 const DEGREES_OF_FREEDOM: u32 = 5;
 
 /// Rows of each half, per dimension, below which no mixture is fitted.
@@ -18,10 +19,10 @@ const MIN_ROWS_PER_DIM: usize = 10;
 /// Maximum number of iterations of expectation-maximisation.
 const MAX_ROUNDS: usize = 100;
 
-/// The fit has settled when the mean log density grows by less than this.
+/// The fit ends when the mean log density grows by less than this.
 const SETTLED: f64 = 1e-4;
 
-/// Added to the diagonal of every covariance, in units of the draws' own: draws of a chain may repeat.
+/// Added to the diagonal of every covariance, in units of the draws' own, because draws of a chain may repeat.
 const RIDGE: f64 = 1e-9;
 
 /// Draws, row by row.
@@ -144,7 +145,7 @@ impl Component {
         }
     }
 
-    /// Log density at this squared distance, its weight included.
+    /// Log of the density at this squared distance times the component's weight.
     fn ln_density(&self, distance2: f64) -> f64 {
         let degrees_of_freedom = f64::from(DEGREES_OF_FREEDOM);
         let power = 0.5 * (degrees_of_freedom + self.mean.len() as f64);
@@ -167,10 +168,10 @@ struct Learned {
 }
 
 impl Mixture {
-    /// The mixture of at most this many components that fits the rows best, by expectation-maximisation from centres chosen far
-    /// apart. Covariances are shrunk towards their common mean with the weight of one draw per dimension. None if the rows do not
-    /// span their space.
-    pub fn fit(rows: &Rows, count: usize, rng: &mut Stream) -> Option<Self> {
+    /// The mixture of at most this many components that fits the rows best, by expectation-maximisation from centres
+    /// that are far from each other. Covariances are shrunk towards their common mean with the weight of one draw per
+    /// dimension. None if the rows do not span their space.
+    pub fn fit(rows: &Rows, count: usize, rng: &mut RandomStream) -> Option<Self> {
         let dim = rows.dim;
         let n = rows.len() as f64;
         // In the rows' own units every tolerance is a pure number.
@@ -197,7 +198,7 @@ impl Mixture {
     pub fn choose(
         [first, second]: [&Rows; 2],
         most: usize,
-        rng: impl Fn(usize) -> Stream,
+        rng: impl Fn(usize) -> RandomStream,
     ) -> Option<Self> {
         let (dim, few) = (first.dim, first.len().min(second.len()));
         if few < MIN_ROWS_PER_DIM * dim {
@@ -205,7 +206,7 @@ impl Mixture {
         }
         let mut best: Option<(f64, usize)> = None;
         let mut count = 1;
-        // A component needs draws to have a covariance.
+        // A component needs enough draws for its covariance.
         while count <= most && count * dim <= few {
             if let Some(mixture) = Self::fit(first, count, &mut rng(count)) {
                 let score = mixture.mean_ln_density(second);
@@ -322,7 +323,7 @@ impl Mixture {
         self.components.len()
     }
 
-    /// Log density of every component at a point, its weight included.
+    /// Log of the density of every component at a point times its weight.
     fn ln_densities(&self, x: &[f64]) -> Vec<f64> {
         let ln_density = |c: &Component| c.ln_density(c.distance2(x));
         self.components.iter().map(ln_density).collect()
@@ -362,7 +363,7 @@ impl Mixture {
     }
 
     /// A draw.
-    pub fn draw(&self, rng: &mut Stream) -> Vec<f64> {
+    pub fn draw(&self, rng: &mut RandomStream) -> Vec<f64> {
         let mut place = unit_open(rng);
         let chosen = self.components.iter().find(|c| {
             place -= c.weight;
@@ -439,7 +440,7 @@ fn whiten(rows: &Rows, mean: &DVector<f64>, units: &DMatrix<f64>) -> Option<Rows
 }
 
 /// At most this many different rows, each new one drawn with the square of its distance from the nearest (k-means++).
-fn far_apart(rows: &Rows, count: usize, rng: &mut Stream) -> Vec<Vec<f64>> {
+fn far_apart(rows: &Rows, count: usize, rng: &mut RandomStream) -> Vec<Vec<f64>> {
     let Some(first) = rows.iter().nth(below(rng, rows.len())) else {
         return Vec::new();
     };
@@ -528,7 +529,7 @@ mod tests {
         let ratios: Vec<f64> = (0..20_000)
             .map(|i| {
                 let x = mixture.draw(&mut stream(1, Domain::Test, 5, i));
-                // Where the mixture has next to nothing the ratio's variance would not be finite.
+                // Where the mixture has almost no density, the variance of the ratio would not be finite.
                 let inside = x[0].abs() < 1.5 && x[0].abs() > 0.5;
                 if inside {
                     (ln_other(&x) - ln_norm - mixture.ln_density(&x)).exp()

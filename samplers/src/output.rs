@@ -1,4 +1,4 @@
-//! What every sampler returns: weighted draws, the evidence with its error, the cost and the convergence checks.
+//! The result of every sampler: weighted draws, the evidence with its error, the cost and the convergence checks.
 
 mod check;
 
@@ -26,7 +26,7 @@ pub enum Method {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
-    /// Its own stopping rule was met.
+    /// The stopping rule was met.
     Complete,
     /// The caller interrupted it; it can be resumed.
     Interrupted,
@@ -49,7 +49,8 @@ pub struct Draws {
     pub ln_likelihood: Vec<f64>,
     /// Log weight of each row; their exponentials add up to 1.
     pub ln_weight: Vec<f64>,
-    /// Which Markov chain each row is of, in its order: its chain set. All 0 where there are none.
+    /// Number of the Markov chain of each row, which is its chain set, rows in the order of the chain. All 0 where
+    /// there are no chains.
     pub chain: Vec<u32>,
     /// Cluster of dependent draws that each row belongs to: the chain sets that start from one SMC sampler, the lineage in a nested run.
     /// Clusters are independent of each other, so the error of any estimate follows from their scatter; all 0 where every draw is
@@ -232,7 +233,7 @@ pub struct Ess {
     pub tail: Vec<f64>,
     /// Rank-normalised split R-hat per parameter; empty where there are no chains.
     pub r_hat: Vec<f64>,
-    /// The number to quote: the smallest of all.
+    /// The number to quote: the smallest of `kish`, `bulk` and `tail`.
     pub quoted: f64,
 }
 
@@ -338,7 +339,7 @@ impl Cost {
     }
 }
 
-/// How the run went from the prior to the posterior.
+/// The path of the run from the prior to the posterior.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum History {
@@ -364,7 +365,7 @@ pub enum History {
         mean_ln_likelihood: Vec<f64>,
         /// Its variance.
         variance_ln_likelihood: Vec<f64>,
-        /// Mean swap rejection of the gap above each temperature (one fewer than temperatures).
+        /// Mean swap rejection between each temperature and the next one (one fewer than temperatures).
         swap_rejection: Vec<f64>,
         /// Mean acceptance of the HMC transitions.
         acceptance: Vec<f64>,
@@ -372,18 +373,18 @@ pub enum History {
         step_size: Vec<f64>,
         /// Mean number of leapfrog steps of an HMC transition.
         mean_leapfrogs: Vec<f64>,
-        /// Local moves given up as divergent, all chain sets.
+        /// HMC transitions stopped as divergent, all chain sets.
         divergences: Vec<u64>,
         /// Communication barrier from beta = 0 to each temperature.
         communication_barrier: Vec<f64>,
         /// Round trips per chain set, of the scans that count.
         round_trips: Vec<u64>,
-        /// Log-likelihood of the coldest chain, every scan that counts, chain set by chain set.
+        /// Log-likelihood at beta = 1, every scan that counts, one list per chain set.
         trace: Vec<Vec<f64>>,
     },
     /// One entry per step from the coarse likelihood to the fine one.
     Bridge {
-        /// The fraction of the fine likelihood in ln L.
+        /// The exponent `s` of the fine likelihood.
         fraction: Vec<f64>,
         /// ln Z minus that of the coarse run.
         ln_ratio: Vec<f64>,
@@ -405,7 +406,7 @@ pub struct Check {
     pub limit: f64,
     /// Whether it passed.
     pub pass: bool,
-    /// What it means, and what to do if it failed.
+    /// Its meaning, and what to do if it failed.
     pub message: String,
 }
 

@@ -4,13 +4,13 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// The generator behind every stream.
-pub type Stream = ChaCha8Rng;
+pub type RandomStream = ChaCha8Rng;
 
-/// Version of the mapping from (seed, domain, task, index) to numbers. A change of it changes every result and is a
-/// changelogged event.
+/// Version of the mapping from (seed, domain, task, index) to numbers. A change of it changes every result and is
+/// listed in the changelog.
 pub const STREAM_VERSION: u32 = 1;
 
-/// What a stream is for. The numbers are part of [`STREAM_VERSION`].
+/// Purpose of a random stream. The numbers are part of [`STREAM_VERSION`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Domain {
@@ -20,15 +20,15 @@ pub enum Domain {
     NestedSeeds = 2,
     /// Fits of the bounding ellipsoids.
     NestedBound = 3,
-    /// One local sampler of a tempered run; task = chain set * 2^20 + slot, index = scan.
+    /// The local moves of one chain of a tempered run; task = chain set * 2^20 + temperature, index = scan.
     PtExplore = 16,
-    /// One swap of a tempered run; task = chain set * 2^20 + gap, index = scan.
+    /// One swap of a tempered run; task = chain set * 2^20 + pair of temperatures, index = scan.
     PtSwap = 17,
-    /// One SMC particle of an annealed SMC sampler; task = chain set * 2^20 + SMC particle, index = MCMC step.
+    /// One SMC particle of a tempered run; task = SMC sampler * 2^20 + SMC particle, index = MCMC step.
     PtSmc = 18,
     /// The reference of a tempered run; task = scan, index = components.
     PtReference = 19,
-    /// SMC bridge to a finer model; task = level, index = particle.
+    /// SMC bridge to a finer model; task = step, index = particle.
     Bridge = 25,
     /// Post-processing: simulated weights, bootstraps, resampling; `task` distinguishes them.
     Post = 32,
@@ -42,7 +42,7 @@ pub enum Domain {
 
 /// The stream of one task: `task` and `index` count without bound and never collide.
 #[must_use]
-pub fn stream(seed: u64, domain: Domain, task: u64, index: u64) -> Stream {
+pub fn stream(seed: u64, domain: Domain, task: u64, index: u64) -> RandomStream {
     let mut key = [0_u8; 32];
     for (slot, word) in
         key.chunks_exact_mut(8)

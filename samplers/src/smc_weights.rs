@@ -27,7 +27,7 @@ pub fn after_step(at: f64, step: f64, number: usize) -> Result<f64> {
     Err(Error::EndlessPath { steps: number })
 }
 
-/// Effective fraction of the particles that the weights of one step leave.
+/// ESS (Kish) of the weights of one step, as a fraction of the number of particles.
 const KEPT: f64 = 0.5;
 
 /// The energies of the particles; minus infinity where the next density is 0.
@@ -45,14 +45,14 @@ impl SmcWeights {
         Self { energies, best }
     }
 
-    /// The longest step, of at most `most`, with the effective number of particles of a step.
+    /// The longest step, at most `max`, whose weights keep half of the particles as ESS (Kish).
     #[must_use]
-    pub fn longest_step(&self, most: f64) -> f64 {
+    pub fn longest_step(&self, max: f64) -> f64 {
         let enough = KEPT * self.energies.len() as f64;
-        if effective_number(self.weights(most)) >= enough {
-            return most;
+        if effective_number(self.weights(max)) >= enough {
+            return max;
         }
-        let mut bracket = (0.0, most);
+        let mut bracket = (0.0, max);
         for _ in 0..60 {
             let step = 0.5 * (bracket.0 + bracket.1);
             if effective_number(self.weights(step)) < enough {
@@ -64,7 +64,7 @@ impl SmcWeights {
         0.5 * (bracket.0 + bracket.1)
     }
 
-    /// Logarithm of the mean weight of a step: of the integral of the next density over that of the present one.
+    /// Logarithm of the mean weight of a step: of the ratio of the integrals of the next density and the present one.
     #[must_use]
     pub fn ln_mean_weight(&self, step: f64) -> f64 {
         let sum: f64 = self.weights(step).iter().sum();
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn a_path_ends_or_says_that_it_does_not() {
         assert!((after_step(0.25, 0.5, 1).unwrap() - 0.75).abs() < 1e-15);
-        // All of what is left, but for rounding.
+        // The whole remainder, except for rounding.
         assert!(after_step(0.25, 0.75 * (1.0 - 1e-10), 1).unwrap() >= 1.0);
         for (step, number) in [(1e-20, 1), (0.0, 1), (f64::NAN, 1), (0.1, MAX_STEPS + 1)] {
             let error = after_step(0.5, step, number).unwrap_err();

@@ -29,7 +29,7 @@ pub struct Args {
     settings: FitFlags,
 }
 
-/// Answers each line before reading the next, until nobody reads the answers.
+/// Answers each line before reading the next, until the reader closes the output.
 pub fn run(
     args: &Args,
     common: &Common,

@@ -30,13 +30,13 @@ impl Exit {
 
     /// The exit of finished runs: done if all have converged, or need not.
     #[must_use]
-    pub fn of_runs(converged: bool) -> Self {
+    pub fn from_converged(converged: bool) -> Self {
         if converged { Self::Done } else { Self::Failed }
     }
 
     /// The exit of an error: [`Usage`](Self::Usage) if the user can correct it in the command or its inputs.
     #[must_use]
-    pub fn of(error: &Error) -> Self {
+    pub fn from_error(error: &Error) -> Self {
         use oblate_samplers::Error as S;
         match error {
             Error::Sampler(S::Interrupted) => Self::Interrupted,
@@ -44,14 +44,17 @@ impl Exit {
             | Error::NoTrack(_)
             | Error::Unwritten { .. }
             | Error::Output { .. } => Self::Failed,
-            Error::InFile { source, .. } | Error::InTable { source, .. } => Self::of(source),
+            Error::InFile { source, .. } | Error::InTable { source, .. } => {
+                Self::from_error(source)
+            }
             Error::Io { source, .. } if !is_of_the_path(source.kind()) => Self::Failed,
             _ => Self::Usage,
         }
     }
 }
 
-/// Whether a file could not be read or written because of the path that was given, and not because of the disk or the machine.
+/// Whether a file could not be read or written because of the path that was given, and not because of the disk or the
+/// computer.
 fn is_of_the_path(kind: ErrorKind) -> bool {
     use ErrorKind as K;
     matches!(

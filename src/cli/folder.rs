@@ -1,4 +1,5 @@
-//! What the verbs that fill a run folder share: its flags, the work under a progress display, and the printed result.
+//! The common part of the subcommands that fill a run folder: its flags, the work under a progress display, and the
+//! printed result.
 
 use super::exit::Exit;
 use super::options::{Common, LimitFlags};
@@ -67,7 +68,7 @@ impl FolderFlags {
         } else {
             out.line(&format!("{}\nin {}", fit.summary, folder.display()))?;
         }
-        Ok(Exit::of_runs(
+        Ok(Exit::from_converged(
             fit.summary.converged || self.allow_unconverged,
         ))
     }
@@ -83,8 +84,8 @@ impl FolderFlags {
     }
 }
 
-/// A command line without the flags that say how the folder is treated: they change no result, and a resumed run has the summary of one
-/// that was never stopped.
+/// A command line without the flags for an existing folder: they change no result, and a resumed run has the summary of
+/// one that was never stopped.
 fn without_folder_flags(command: &str) -> String {
     let kept = |word: &&str| !["--force", "--resume"].contains(word);
     let words: Vec<&str> = command.split(' ').filter(kept).collect();

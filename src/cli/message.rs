@@ -1,4 +1,4 @@
-//! The message of an error on the command line: the library's own, and which flags of the verb help.
+//! The message of an error on the command line: the library's own, and which flags of the subcommand help.
 
 use crate::error::{Error, Rejection};
 use clap::Command;
@@ -6,7 +6,7 @@ use clap::parser::ValueSource;
 use oblate_samplers::error::CheckpointFault;
 use std::ffi::OsString;
 
-/// The message of an error, with the flags that help. Only flags that the verb has are named, and a switch that was given is not
+/// The message of an error, with the flags that help. Only flags that the subcommand has are named, and a switch that was given is not
 /// proposed again.
 pub fn with_flags(error: &Error, flags: &Flags) -> String {
     match hint(error, flags) {
@@ -15,10 +15,10 @@ pub fn with_flags(error: &Error, flags: &Flags) -> String {
     }
 }
 
-/// The flags of a command line's verb.
+/// The flags of a command line's subcommand.
 #[derive(Default)]
 pub struct Flags {
-    /// All that the verb has.
+    /// All that the subcommand has.
     known: Vec<String>,
     /// Those that were given.
     given: Vec<String>,
@@ -50,17 +50,17 @@ impl Flags {
         flags
     }
 
-    /// Whether the verb has a flag.
+    /// Whether the subcommand has a flag.
     fn has(&self, flag: &str) -> bool {
         self.known.iter().any(|known| known == flag)
     }
 
-    /// Whether the verb has a switch that was not given.
+    /// Whether the subcommand has a switch that was not given.
     fn offers(&self, switch: &str) -> bool {
         self.has(switch) && !self.given.iter().any(|given| given == switch)
     }
 
-    /// Those of some flags that the verb has.
+    /// Those of some flags that the subcommand has.
     fn among<'a>(&self, flags: &[&'a str]) -> Vec<&'a str> {
         let of = flags.iter().copied();
         of.filter(|flag| self.has(flag)).collect()
@@ -81,7 +81,7 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
             if path.is_dir() && flags.offers("--resume") {
                 ways.push("continue the run with --resume".to_owned());
             }
-            // Verbs that fill a run folder replace folders, the others files.
+            // Subcommands that fill a run folder replace folders, the others files.
             if path.is_dir() == is_run && flags.offers("--force") {
                 ways.push("replace it with --force".to_owned());
             }
@@ -134,7 +134,7 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
     }
 }
 
-/// Some remedies in words: `a`, `a, or b`, `a, b, or c`.
+/// Some remedies as one text: `a`, `a, or b`, `a, b, or c`.
 fn alternatives(ways: &[String]) -> Option<String> {
     let (last, others) = ways.split_last()?;
     if others.is_empty() {

@@ -1,4 +1,4 @@
-//! The command line, one file per verb. A verb parses its flags, calls the library and writes its results to standard output.
+//! The command line, one file per subcommand. A subcommand parses its flags, calls the library and writes its results to standard output.
 
 mod bridge;
 mod compare;
@@ -68,7 +68,7 @@ enum Verb {
     Man,
 }
 
-/// The command line as clap knows it: every verb with its flags.
+/// The definition of the command line for clap: every subcommand with its flags.
 #[must_use]
 pub fn command() -> clap::Command {
     Cli::command()
@@ -80,11 +80,12 @@ pub fn message(error: &Error, args: &[OsString]) -> String {
     with_flags(error, &Flags::of(command(), args))
 }
 
-/// Runs the command line `args` (the first is the program's name) with `out` as standard output. An error is told on standard error.
+/// Runs the command line `args` (the first is the program's name) with `out` as standard output. An error is written to
+/// standard error.
 pub fn run(args: &[OsString], out: &mut dyn Write) -> Exit {
     answer(args, &mut Output::new(out)).unwrap_or_else(|error| {
         note(&format!("error: {}", message(&error, args)));
-        Exit::of(&error)
+        Exit::from_error(&error)
     })
 }
 

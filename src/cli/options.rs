@@ -1,4 +1,4 @@
-//! Flags that verbs share, and how they change settings.
+//! Common flags of subcommands, and how they change settings.
 
 use super::output::note;
 use crate::config::read;
@@ -13,13 +13,13 @@ use std::io::ErrorKind;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
-/// Numbers of threads: more than the cores of any machine only take memory and time to start.
+/// Allowed numbers of threads: more than the cores of any computer only take memory and time to start.
 const THREADS: RangeInclusive<usize> = 1..=1024;
 
-/// The environment variable by which rayon is told the number of threads.
+/// The environment variable with the number of threads of rayon.
 const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
 
-/// Flags of every verb.
+/// Flags of every subcommand.
 #[derive(Args, Debug)]
 pub struct Common {
     /// Number of threads, all cores by default; results do not depend on it
@@ -38,7 +38,7 @@ impl Common {
     pub(super) fn in_pool<T: Send>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
         if let Some(threads) = self.threads {
             in_range("--threads", threads, THREADS)?;
-            // The global pool: verbs call the library from the main thread, which is not one of the pool's.
+            // The global pool: subcommands call the library from the main thread, which is not one of the pool's.
             rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build_global()
@@ -51,13 +51,13 @@ impl Common {
             .ok()
             .and_then(|text| text.parse().ok())
         {
-            // 0 is rayon's word for all cores.
+            // For rayon 0 means all cores.
             in_range(THREADS_VARIABLE, threads, 0..=*THREADS.end())?;
         }
         work()
     }
 
-    /// Tells on standard error how much memory will be taken, if it is much.
+    /// Writes to standard error how much memory will be used, if it is much.
     pub fn tell_memory(&self, memory: &Memory) {
         if let Some(warning) = memory.warning().filter(|_| !self.quiet) {
             note(&format!("warning: {warning}"));
@@ -229,7 +229,8 @@ pub fn refuse_existing(path: &Path, force: bool) -> Result<()> {
     })
 }
 
-/// Writes a whole file or none; without `force` only where there is none, and never in the place of anything but a regular file.
+/// Writes a file completely or not at all; without `force` only where there is none, and never in the place of anything
+/// but a regular file.
 pub fn write_file(path: &Path, bytes: &[u8], force: bool) -> Result<()> {
     refuse_existing(path, force)?;
     if force {

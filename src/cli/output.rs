@@ -1,13 +1,14 @@
-//! The standard streams: results must arrive on standard output, or the verb fails; no message on standard error ends the work.
+//! The standard streams: a subcommand fails if its results cannot be written to standard output; a message that cannot
+//! be written to standard error does not end the work.
 
 use crate::error::{Error, Result};
 use serde::Serialize;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
-/// Standard output of a verb.
+/// Standard output of a subcommand.
 ///
-/// A reader that closes it, as `head` does, wants no more: what follows is dropped, and the exit code is that of the work.
+/// A reader such as `head` may close it early: further output is then dropped, and the exit code is that of the work.
 pub struct Output<'a> {
     to: &'a mut dyn Write,
     closed: bool,
@@ -55,7 +56,7 @@ impl<'a> Output<'a> {
         self.line(&text)
     }
 
-    /// What a write to standard output means.
+    /// The result of a write to standard output.
     ///
     /// # Errors
     /// As of [`bytes`](Self::bytes).
@@ -71,7 +72,7 @@ impl<'a> Output<'a> {
     }
 }
 
-/// Writes a line to standard error, if it can be written: the work matters more.
+/// Writes a line to standard error, if it can be written; the work continues otherwise as well.
 pub fn note(line: &str) {
     let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
 }

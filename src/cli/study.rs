@@ -73,7 +73,7 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
         out.line(&format!("report: {}", page.display()))?;
     }
     let converged = result.runs().all(|p| p.summary.converged);
-    Ok(Exit::of_runs(
+    Ok(Exit::from_converged(
         converged || args.allow_unconverged || config.allow_unconverged,
     ))
 }

@@ -7,7 +7,8 @@ use crate::error::{Error, Result, TrackFault};
 use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG};
 use std::collections::BTreeMap;
 
-/// How far a centre may sit from its place, as a fraction of the bin width: files round their angles.
+/// Maximum distance of a bin centre from its exact position, as a fraction of the bin width, because files round their
+/// angles.
 const SLACK: f64 = 1e-3;
 
 /// A fault of a track, and the row, from 0, if one row is at fault.

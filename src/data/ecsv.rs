@@ -14,7 +14,8 @@ use std::path::Path;
 const MAX_BYTES: usize = 256 << 10;
 const MAX_DEPTH: usize = 32;
 
-/// Most nodes that a header may have under anchors, counted once for each anchor above them: the loader keeps a copy of each.
+/// Maximum number of nodes that a header may have under anchors, counted once for each anchor above them: the loader
+/// keeps a copy of each.
 const MAX_ANCHORED: usize = 100_000;
 
 /// The contents of a header.
@@ -89,7 +90,8 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
     Ok(header)
 }
 
-/// Refuses YAML that is nested too deeply or has too much under anchors, with the line; what else is wrong with it, the loader says.
+/// Refuses YAML that is nested too deeply or has too much under anchors, with the line; the loader reports all other
+/// faults.
 fn bounded(yaml: &str) -> std::result::Result<(), (usize, String)> {
     // Of each collection that is open: its nodes so far, and whether it has an anchor.
     let mut open: Vec<(usize, bool)> = Vec::new();
@@ -233,8 +235,8 @@ fn yaml(value: &Value) -> String {
 }
 
 impl ObservedTrack {
-    /// Writes ECSV that astropy and [`ObservedTrack::read`] read back, floats exact to the bit. The file appears whole
-    /// or not at all, and replaces an old one.
+    /// Writes ECSV that astropy and [`ObservedTrack::read`] read back, floats exact to the bit. The file is written
+    /// completely or not at all, and replaces an old one.
     ///
     /// # Errors
     /// [`Error::Sampler`] with the file's name if it cannot be written.

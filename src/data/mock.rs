@@ -1,4 +1,5 @@
-//! Mock tracks with known truth: prior draws that meet the paper's three criteria (Chemaly et al. 2026, section 3).
+//! Mock tracks with known truth: prior draws that meet the paper's three criteria (Chemaly et al. 2026, section 3;
+//! docs/physics.md, section 11).
 
 use super::ObservedTrack;
 use super::observed::{NUMBERS_OF_BINS, RADII_KPC};
@@ -111,16 +112,16 @@ impl MockSettings {
     }
 }
 
-/// Numbers of mocks that may be asked for at once.
+/// Allowed numbers of mocks.
 pub const NUMBERS_OF_MOCKS: RangeInclusive<usize> = 1..=100_000;
 
 /// Seed of the mocks' table of releases; no default of a fit has it.
 const MOCK_TABLE_SEED: u64 = 0x6d6f_636b;
 
 /// Maximum number of prior draws per mock.
-const MOST_TRIES: u64 = 20_000;
+const MAX_TRIES: u64 = 20_000;
 
-/// Draws looked at together.
+/// Number of draws that are computed together.
 const BATCH: u64 = 64;
 
 /// A mock track and what made it.
@@ -128,7 +129,7 @@ const BATCH: u64 = 64;
 pub struct Mock {
     /// The noisy track, its truth in the header.
     pub track: ObservedTrack,
-    /// The true parameters.
+    /// The true parameters, in the order and units of [`PARAMETERS`](crate::params::PARAMETERS).
     pub params: StreamParams<f64>,
     /// The axis ratio of its halo.
     pub q: f64,
@@ -141,7 +142,7 @@ pub struct Mock {
 pub struct Mocks {
     /// Those that met the criteria, in order of the draws.
     pub mocks: Vec<Mock>,
-    /// Draws of the prior that were looked at, up to the last accepted one.
+    /// Draws of the prior up to the last accepted one.
     pub tried: u64,
 }
 
@@ -188,7 +189,7 @@ pub fn mocks(
     };
     let mut first = 0;
     while found.mocks.len() < count {
-        if first >= MOST_TRIES * (found.mocks.len() as u64 + 1) {
+        if first >= MAX_TRIES * (found.mocks.len() as u64 + 1) {
             return Err(Error::TooFewMocks {
                 tries: first,
                 found: found.mocks.len(),
@@ -311,7 +312,7 @@ fn criteria(track: &Track, settings: &MockSettings) -> std::result::Result<f64, 
     Ok(length)
 }
 
-/// The quantile `u` of the truncated Gaussian, from the tail's side.
+/// The quantile `u` of the truncated Gaussian, computed from the side of the tail.
 fn truncated(population: QPopulation, lo: f64, hi: f64, u: f64) -> f64 {
     use oblate_samplers::normal::{cdf, sf};
     let QPopulation { mu, sigma } = population;
@@ -324,7 +325,7 @@ fn truncated(population: QPopulation, lo: f64, hi: f64, u: f64) -> f64 {
     } else {
         mu + sigma * quantile(cdf(a) + u * (cdf(b) - cdf(a)))
     };
-    // Beyond 38 sigmas no probability is left in doubles, and all of it lies at the nearer end.
+    // Beyond 38 sigmas the probability is 0 in doubles; then all of it is put at the nearer end.
     let q = if q.is_finite() { q } else { mu };
     q.clamp(lo, hi.next_down())
 }

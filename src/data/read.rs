@@ -110,12 +110,12 @@ fn track(path: &Path) -> Result<ObservedTrack> {
 
 /// The smallest positive step, or 0 where there is none (the checks then name the row).
 fn smallest_step(phi_deg: &[f64]) -> f64 {
-    let least = phi_deg
+    let min = phi_deg
         .windows(2)
         .map(|w| w[1] - w[0])
         .filter(|step| *step > 0.0)
         .fold(f64::INFINITY, f64::min);
-    if least.is_finite() { least } else { 0.0 }
+    if min.is_finite() { min } else { 0.0 }
 }
 
 /// The factor from a column's unit to degrees or kpc.
@@ -185,7 +185,7 @@ impl Table {
         let mut names = Vec::new();
         let mut names_line = 0;
         let mut rows = Vec::new();
-        // Line by line, so that every error knows its line; a quoted field does not run over one here.
+        // Line by line, so that every error has its line; quoted fields with line breaks are not supported.
         for (line, content) in text.lines().enumerate().map(|(i, l)| (i + 1, l)) {
             if content.trim().is_empty() || content.starts_with('#') {
                 continue;

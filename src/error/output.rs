@@ -1,6 +1,6 @@
-//! What keeps a path from being written to, or replaced.
+//! Reasons why a path is not written to or replaced.
 
-/// Why nothing is written to a path, and nothing at it removed. The message goes on from the path, and ends with what to do.
+/// Why nothing is written to a path, and nothing at it removed. The message follows the path, and ends with what to do.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OutputFault {
@@ -48,7 +48,7 @@ pub enum OutputFault {
         /// What it is, such as `a folder`.
         kind: &'static str,
     },
-    /// There is a file where a study writes its report, and it is not one.
+    /// There is a file where a study writes its report, and it is not a report.
     #[error("is not a report; move it elsewhere, or choose another folder")]
     NotAReport,
     /// The path is empty.

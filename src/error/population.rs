@@ -1,4 +1,4 @@
-//! What keeps a posterior of q out of a population.
+//! Reasons why a posterior of q cannot be part of a population.
 
 /// A fault of a posterior of q; the message ends with what to do.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

@@ -1,4 +1,4 @@
-//! What can be wrong with a track, in a file or in memory.
+//! Faults of a track, in a file or in memory.
 
 /// A fault of a track; the message ends with what to do.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -134,7 +134,7 @@ pub enum TrackFault {
         /// The value.
         value: f64,
     },
-    /// A number of stars is negative, not a number or beyond all galaxies.
+    /// A number of stars is negative, not a number or larger than that of any galaxy.
     #[error(
         "column `n` is {value:?}; give the number of stars in the bin, 0 to 1e12, or leave the column out"
     )]

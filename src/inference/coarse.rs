@@ -13,9 +13,9 @@ use crate::track::BinEdges;
 const MAX_Z_MISS: f64 = 5.0;
 
 impl FitSettings {
-    /// Settings of the coarse fit to a track with bins of `bin_width_deg` degrees; `None` if there is none to be made
-    /// ([`FitSettings::coarse_particles`]). A likelihood with zeros has none: a coarse model has its zeros elsewhere, and the bridge
-    /// cannot recover what they exclude.
+    /// Settings of the coarse fit to a track with bins of `bin_width_deg` degrees; `None` if the fit has no coarse
+    /// stage ([`FitSettings::coarse_particles`]), or if its likelihood has zeros: a coarse model has its zeros
+    /// elsewhere, and the bridge cannot recover what they exclude.
     #[must_use]
     pub fn coarse(&self, bin_width_deg: f64) -> Option<Self> {
         let Coverage::Penalty { z_miss, lambda } = self.likelihood.coverage else {

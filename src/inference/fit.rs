@@ -1,4 +1,4 @@
-//! A fit in memory, and the plan that fits in memory and fits into a run folder share.
+//! A fit in memory, and the common plan of fits in memory and fits into a run folder.
 
 use super::best_fit::diagnose;
 use super::prior_predictive::check_prior_predictive;
@@ -28,8 +28,8 @@ pub struct FitPlan {
     pub target: StreamTarget,
     /// The coarse fit that comes first, if there is one.
     pub coarse: Option<Coarse>,
-    /// An estimate of the memory of the models and of the values that the threads of the present rayon pool compute at once. What a
-    /// sampler remembers comes in addition.
+    /// An estimate of the memory of the models and of the values that the threads of the present rayon pool compute at
+    /// once. The memory of the sampler comes in addition.
     pub memory: Memory,
 }
 
@@ -45,7 +45,7 @@ impl FitPlan {
     /// As [`of_settings`](Self::of_settings), for a track that the prior can reach.
     ///
     /// # Errors
-    /// As of [`of_settings`](Self::of_settings); [`Error::UnreachableTrack`] if no draw of the prior comes near the track.
+    /// As of [`of_settings`](Self::of_settings); [`Error::UnreachableTrack`] if no draw of the prior reaches the track.
     pub fn new(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         let plan = Self::of_settings(track, settings)?;
         check_prior_predictive(&plan.target, settings.seed)?;
@@ -103,7 +103,8 @@ fn of_coarse(error: Error) -> Error {
 /// The bridge from a finished coarse fit to the model itself; the cost of both is counted.
 ///
 /// # Errors
-/// As of [`bridge`].
+/// [`Error::Sampler`] for a setting of the bridge, a target that fails, an interrupt before the result, or a checkpoint
+/// that cannot be read or written.
 pub fn bridge_from(
     plan: &FitPlan,
     coarse: &Coarse,
@@ -166,9 +167,9 @@ pub fn fit(track: &ObservedTrack, settings: &FitSettings) -> Result<Fit> {
     fit_with(track, settings, &mut Control::new(&mut Silent))
 }
 
-/// As [`fit`], under a [`Control`]: with an observer, a budget and an interrupt. If the coarse fit is interrupted or its budget is
-/// spent, the result is that of the coarse fit, and its status says so. A checkpoint plan is not for this function, whose stages would
-/// share one file.
+/// As [`fit`], under a [`Control`]: with an observer, a budget and an interrupt. If the coarse fit is interrupted or
+/// its budget is spent, the result is that of the coarse fit, with its status. The control must have no checkpoint
+/// plan, because the stages of the fit would use the same file.
 ///
 /// # Errors
 /// As of [`fit`].

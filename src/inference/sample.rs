@@ -1,4 +1,4 @@
-//! One call for either sampler, and what may follow: the bridge to a finer model, and the merger of several nested runs.
+//! One call for either sampler; the bridge to a finer model; the merger of several nested runs.
 
 use super::settings::{Sampler, SamplerSettings};
 use crate::error::Result;

@@ -65,10 +65,10 @@ impl SamplerSettings {
     /// Defaults for the posterior of a stream: thirteen parameters, several modes, and a likelihood that is rough on the scale of a
     /// leapfrog step.
     ///
-    /// With fewer live points nested runs lose modes, and with fewer slices new points remain correlated with the points that they
-    /// started from. The tempered sampler finds the modes by SMC, starts its annealing path at a mixture fitted to them (half as long
-    /// as the path from the prior), and extends its last round until the convergence checks pass. Gradients are used for MALA only,
-    /// because longer trajectories are rejected.
+    /// With fewer live points nested runs lose modes, and with fewer slice updates new points remain correlated with
+    /// the points that they started from. The tempered sampler finds the modes by SMC, starts its annealing path at a
+    /// mixture fitted to them, which makes the path shorter than that from the prior, and extends its last round until
+    /// the convergence checks pass. Gradients are used for MALA only, because longer trajectories are rejected.
     #[must_use]
     pub fn for_streams() -> Self {
         let mut sampling = Self::default();
@@ -129,7 +129,7 @@ impl SamplerSettings {
     }
 }
 
-/// A sampler's verdict on its settings, its key as it stands in a settings file.
+/// A sampler's check of its settings, with the key as it is in a settings file.
 fn in_table(table: &str, checked: oblate_samplers::Result<()>) -> Result<()> {
     use oblate_samplers::Error as S;
     checked.map_err(|error| match error {
@@ -206,8 +206,9 @@ impl FitSettings {
         settings
     }
 
-    /// Whether a finished run with the settings `before`, which failed its convergence checks, may be extended under these settings:
-    /// the sampler is the tempered one, and these allow more extensions. Otherwise the two are taken to be equal.
+    /// Whether a finished run with the settings `before`, which failed its convergence checks, may be extended under
+    /// these settings: the sampler is the tempered one, and these allow more extensions. The two must be equal in
+    /// everything else.
     #[must_use]
     pub fn may_extend(&self, before: &Self) -> bool {
         let extensions = |settings: &Self| settings.sampling.pt_hmc.extensions;
@@ -233,7 +234,7 @@ pub fn over_defaults<'de, T: Serialize + DeserializeOwned, D: Deserializer<'de>>
         for (key, value) in given {
             match (base.get_mut(&key), value) {
                 (Some(toml::Value::Table(inner)), toml::Value::Table(more)) => merge(inner, more)?,
-                // A list of values would replace the defaults of all that it does not name.
+                // A list of values would replace also the defaults that it does not name.
                 (Some(toml::Value::Table(_)), other) => {
                     return Err(format!("`{key}` is {}, not a table", other.type_str()));
                 }

@@ -90,7 +90,7 @@ impl StreamTarget {
     }
 }
 
-/// What an evaluation is to a sampler.
+/// The result of an evaluation, for a sampler.
 fn outcome(evaluated: std::result::Result<Evaluation, Rejection>) -> Outcome {
     match evaluated {
         Ok(evaluation) => Outcome::from_ln_likelihood(evaluation.ln_likelihood),

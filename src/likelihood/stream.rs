@@ -40,8 +40,8 @@ thread_local! {
     static BUFFERS: RefCell<Buffers> = RefCell::default();
 }
 
-/// Runs `work` with this thread's buffers. A call within a call gets new ones: a thread that waits for others may be given another
-/// value to compute.
+/// Runs `work` with this thread's buffers. A call within a call gets new ones: a thread that waits for others may start
+/// to compute another value.
 fn with_buffers<T>(work: impl FnOnce(&mut Buffers) -> T) -> T {
     let mut buffers = BUFFERS.take();
     let result = work(&mut buffers);
@@ -233,7 +233,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
     pub fn ln_likelihood_on<S: Real>(&self, params: &StreamParams<S>) -> Result<S, Rejection> {
-        // The steps are those of the fast path.
+        // The steps are those of the computation in lanes.
         let numbers = params.map(Real::re);
         let mut fast = Particles::default();
         self.model.integrate(

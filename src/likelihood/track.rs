@@ -9,11 +9,11 @@ use oblate_samplers::limits::{Memory, in_range};
 use oblate_samplers::normal::LN_SQRT_2PI;
 use serde::{Deserialize, Serialize};
 
-/// What happens where the model does not cover a data bin.
+/// The rule for a data bin that the model does not cover.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Coverage {
-    /// The paper: the likelihood is zero, with a hard threshold on the number of particles.
+    /// The rule of Chemaly et al. (2026): the likelihood is zero, with a hard threshold on the number of particles.
     Reject,
     /// Finite and smooth everywhere: between threshold and zero weight, a bin's likelihood is interpolated to that of a residual
     /// of `z_miss` sigma, and the uncovered fraction of the bins costs `-lambda (1 - overlap)^2`.
@@ -61,8 +61,8 @@ impl Default for LikelihoodSettings {
 }
 
 impl LikelihoodSettings {
-    /// Checks every number by itself: the ranges of docs/limits.md. Soft edges are at most half of a bin wide besides, which depends on
-    /// the track ([`BinEdges::check`]).
+    /// Checks every number by itself: the ranges of docs/limits.md. In addition, soft edges are at most half of a bin
+    /// wide, which depends on the track ([`BinEdges::check`]).
     ///
     /// # Errors
     /// [`Error::OutOfRange`] with the first one that is out of its range.
@@ -107,8 +107,8 @@ pub struct TrackLikelihood {
     variance_factor: f64,
 }
 
-/// One bin's contribution: its log-likelihood, times its cover, and the cover.
-struct Part<S> {
+/// The contribution of one bin: the product of its cover (0 to 1) and its log-likelihood, and the cover.
+struct BinTerm<S> {
     ln_likelihood: S,
     covered: S,
 }
@@ -228,9 +228,9 @@ impl TrackLikelihood {
         let mut overlap = S::zero();
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let part = self.part(d, sums.weight[i], sums.r[i], sums.r2[i])?;
-                total += part.ln_likelihood;
-                overlap += part.covered / self.count as f64;
+                let term = self.bin_term(d, sums.weight[i], sums.r[i], sums.r2[i])?;
+                total += term.ln_likelihood;
+                overlap += term.covered / self.count as f64;
             }
         }
         let total = total - self.length_penalty(overlap);
@@ -256,11 +256,11 @@ impl TrackLikelihood {
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
                 let [weight, r, r2]: [Dual<3>; 3] = lift(&[sums.weight[i], sums.r[i], sums.r2[i]]);
-                let part = self.part(d, weight, r, r2)?;
-                overlap += part.covered.re / self.count as f64;
-                [by.weight[i], by.r[i], by.r2[i]] = gradient_of(&part.ln_likelihood);
+                let term = self.bin_term(d, weight, r, r2)?;
+                overlap += term.covered.re / self.count as f64;
+                [by.weight[i], by.r[i], by.r2[i]] = gradient_of(&term.ln_likelihood);
                 // The cover depends on the weight alone.
-                cover_bar[i] = gradient_of(&part.covered)[0];
+                cover_bar[i] = gradient_of(&term.covered)[0];
             }
         }
         let penalty = self.length_penalty(crate::scalar::variable::<1>(overlap, 0));
@@ -272,13 +272,13 @@ impl TrackLikelihood {
     }
 
     /// One bin.
-    fn part<S: Real>(
+    fn bin_term<S: Real>(
         &self,
         d: &DataBin,
         weight: S,
         r: S,
         r2: S,
-    ) -> std::result::Result<Part<S>, Rejection> {
+    ) -> std::result::Result<BinTerm<S>, Rejection> {
         let covered = match self.settings.coverage {
             Coverage::Reject => {
                 // No bin without a particle has a mean, whatever the threshold.
@@ -309,13 +309,13 @@ impl TrackLikelihood {
                 covered * (hit - miss) + miss
             }
         };
-        Ok(Part {
+        Ok(BinTerm {
             ln_likelihood,
             covered,
         })
     }
 
-    /// What the uncovered fraction of the length costs.
+    /// The penalty on the uncovered fraction of the length.
     fn length_penalty<S: Real>(&self, overlap: S) -> S {
         match self.settings.coverage {
             Coverage::Reject => S::zero(),

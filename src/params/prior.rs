@@ -6,7 +6,7 @@ use super::shape::{AXIS_RATIOS, QPrior, QRange, Shape};
 use crate::error::{Error, Result};
 use crate::scalar::{Real, Scalar};
 use oblate_samplers::limits::in_range;
-use oblate_samplers::rng::{Stream, unit_open};
+use oblate_samplers::rng::{RandomStream, unit_open};
 use oblate_samplers::{Marginal, Prior};
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -260,7 +260,7 @@ impl StreamPrior {
     }
 
     /// One draw of the prior, all thirteen parameters.
-    pub fn draw(&self, rng: &mut Stream) -> StreamParams<f64> {
+    pub fn draw(&self, rng: &mut RandomStream) -> StreamParams<f64> {
         let u: Vec<f64> = self.free.iter().map(|_| unit_open(rng)).collect();
         let mut theta = vec![0.0; u.len()];
         self.prior.theta_from_u(&u, &mut theta);

@@ -1,9 +1,9 @@
 //! Symmetries of the posterior that samplers use as moves: the exact degeneracy of mass, velocity and age, and two
-//! involutions between orientation modes, which a projected track barely distinguishes.
+//! involutions between orientation modes, which a projected track barely distinguishes (docs/physics.md, section 9).
 
 use super::prior::StreamPrior;
 use super::shape::{length_cdf, length_quantile, length_sf};
-use oblate_samplers::rng::{Stream, unit_open};
+use oblate_samplers::rng::{RandomStream, unit_open};
 use oblate_samplers::target::{Involution, Orbit};
 use oblate_samplers::{Marginal, Prior, Symmetry};
 
@@ -131,7 +131,7 @@ impl Orbit for MassVelocityAge {
 
     /// Always uses one random number. If rounding puts a parameter onto its bound (probability 1e-15), the point is not
     /// moved.
-    fn refresh(&self, z: &mut [f64], rng: &mut Stream) {
+    fn refresh(&self, z: &mut [f64], rng: &mut RandomStream) {
         let u = unit_open(rng);
         let mut theta = vec![0.0; z.len()];
         self.prior.theta_from_z(z, &mut theta);

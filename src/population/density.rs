@@ -14,7 +14,7 @@ const DRAWS: usize = 2_000;
 /// the median with pointwise bands over the hyperparameters. All arrays have the length of the grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PopulationDensity {
-    /// The grid, from one end of the family's support to the other.
+    /// The grid, from one end of the family's support to the other, equally spaced.
     pub q: Vec<f64>,
     /// Posterior mean of the density.
     pub mean: Vec<f64>,

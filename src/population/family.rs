@@ -13,7 +13,7 @@ pub trait Family<const N: usize>: Send + Sync {
 
     /// The log density for given hyperparameters, as a function of q inside the [support](Self::support).
     ///
-    /// Called once per evaluation; whatever does not depend on q belongs before the returned function. The
-    /// hyperparameters carry derivatives, q does not. A member without a density (a negative width) returns NaN.
+    /// Called once per evaluation; what does not depend on q should be computed before the returned function. The
+    /// hyperparameters have derivatives, q does not. A member without a density (a negative width) returns NaN.
     fn ln_pdf<S: Real>(&self, alpha: [S; N]) -> impl Fn(f64) -> S;
 }

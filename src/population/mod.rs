@@ -8,8 +8,8 @@
 //! (Hogg, Myers and Bovy 2010; Chemaly et al. 2026, section 4). Chemaly et al. multiply their last form once more by
 //! `p(q | d)`; on draws of that posterior this would count the data twice, so it is left out here.
 //!
-//! [`QPosterior`] is one stream, [`Family`] the shape of the population, [`PopulationTarget`] what a sampler is
-//! given, [`PopulationDensity`] what its draws say about q.
+//! docs/physics.md, section 10, has the derivation. [`QPosterior`] is one stream, [`Family`] the set of population
+//! densities, [`PopulationTarget`] the target of a sampler, [`PopulationDensity`] the density of q from its draws.
 
 mod density;
 mod family;

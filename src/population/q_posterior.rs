@@ -11,16 +11,16 @@ const WEIGHT_SUM_TOLERANCE: f64 = 1e-6;
 pub struct QPosterior {
     /// The stream's name in messages and reports.
     pub name: String,
-    /// Draws of q.
+    /// Draws of q; no unit.
     pub q: Vec<f64>,
-    /// Their log weights; the exponentials add up to 1.
+    /// Their log weights, one per draw; the exponentials add up to 1.
     pub ln_weight: Vec<f64>,
     /// The prior of q in the fit.
     pub prior: QPrior,
 }
 
 impl QPosterior {
-    /// A posterior of draws that all count the same.
+    /// A posterior of draws of equal weight.
     #[must_use]
     pub fn equal_weights(name: &str, q: Vec<f64>, prior: QPrior) -> Self {
         let ln_weight = vec![-(q.len() as f64).ln(); q.len()];
@@ -104,7 +104,7 @@ impl QPosterior {
                 thinned.push(self.q[row]);
             }
         }
-        // Weights that add up to 1 leave at least half a cell of margin; their tolerance cannot cost a draw unless
+        // Weights that add up to 1 leave at least half a cell of margin; their tolerance cannot lose a draw unless
         // count is near 1e6.
         Self::equal_weights(&self.name, thinned, self.prior)
     }

@@ -12,8 +12,7 @@ use serde::{Deserialize, Serialize};
 /// infinity, and zero times infinity is not zero.
 const LN_SMALLEST: f64 = -745.0;
 
-/// Cost of a value with its gradient in units of a value: 1.4 to 2.1, measured with 35 streams of 5000 draws, as more
-/// or fewer of the terms count.
+/// Cost of a value with its gradient in units of a value; docs/validation.md, section 6, has the measured range.
 const GRADIENT_COST: f64 = 2.0;
 
 /// No draw of some stream has any weight under the population.
@@ -57,7 +56,7 @@ impl PopulationSettings {
 
 /// One stream, ready for evaluation.
 #[derive(Clone, Debug)]
-struct Stream {
+struct WeightedStream {
     q: Vec<f64>,
     /// `ln (w_i / pi(q_i))`.
     ln_factor: Vec<f64>,
@@ -71,7 +70,7 @@ struct Stream {
 pub struct PopulationTarget<F, const N: usize> {
     family: F,
     prior: Prior,
-    streams: Vec<Stream>,
+    streams: Vec<WeightedStream>,
 }
 
 impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
@@ -106,7 +105,7 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
                     fault: PosteriorFault::OutsideSupport { lo, hi },
                 });
             }
-            prepared.push(Stream { q, ln_factor });
+            prepared.push(WeightedStream { q, ln_factor });
         }
         let prior = Prior::new(
             family
@@ -139,9 +138,9 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
         sum
     }
 
-    /// Effective number of draws that carry each stream's sum at `alpha`: `(sum x)^2 / sum x^2` over its terms. A sum
-    /// carried by a handful of draws is noise, and a narrow population seems likelier than it is; then draw more
-    /// samples in the fits, or distrust the narrow end.
+    /// Effective number of draws that carry each stream's sum at `alpha`: `(sum x)^2 / sum x^2` over its terms. With
+    /// few draws the sum is dominated by noise, and a narrow population gets too large a likelihood; then fits with
+    /// more draws are needed, or narrow populations cannot be trusted.
     #[must_use]
     pub fn effective_draws(&self, alpha: [f64; N]) -> Vec<f64> {
         let ln_pdf = self.family.ln_pdf(alpha);
@@ -174,7 +173,7 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
 
 /// `ln sum_i exp(ln_factor_i + ln_pdf(q_i))`, with the largest term taken out.
 fn ln_sum_exp<S: Real>(
-    stream: &Stream,
+    stream: &WeightedStream,
     plain: &impl Fn(f64) -> f64,
     ln_pdf: &impl Fn(f64) -> S,
 ) -> S {
@@ -186,7 +185,7 @@ fn ln_sum_exp<S: Real>(
     let mut sum = S::zero();
     for (q, w) in draws() {
         let term = ln_pdf(*q) + (w - top);
-        // A NaN is added, so that it is seen.
+        // A NaN is added, so that the result is a NaN.
         if term.re().is_nan() || term.re() >= LN_SMALLEST {
             sum += term.exp();
         }

@@ -1,4 +1,4 @@
-//! The normal distribution truncated to the range of q, with its normalisation from the tail's side.
+//! The normal distribution truncated to the range of q, with its normalisation computed from the side of the tail.
 
 use super::family::Family;
 use crate::error::{Error, Result};
@@ -166,9 +166,9 @@ impl TruncatedGaussian {
     /// `ln` of the integral of `exp(-c t - t^2 / 2)` over t from 0 to `d`, with its derivatives: the mass of a tail
     /// that begins `c >= 0` sigmas from the mean, relative to the density there.
     ///
-    /// All terms are positive, and the range ends where the integrand has fallen to `e^-40`. The rule's error,
-    /// `L^97 (48!)^4 / (97 (96!)^3)` times the 96th derivative, is 1e-52 for the exponential of a large `c` (L = 40); the
-    /// other extreme, the normal of `c = 0` (L = 9), is held to its golden values by a test.
+    /// All terms are positive, and the range ends where the integrand has fallen to `e^-40`. The rule's error, `L^97
+    /// (48!)^4 / (97 (96!)^3)` times the 96th derivative, is 1e-52 for the exponential of a large `c` (L = 40); the
+    /// other extreme, the normal of `c = 0` (L = 9), is compared with its golden values by a test.
     fn ln_tail_mass<S: Real>(&self, c: S, d: S) -> S {
         let (c0, d0) = (c.re(), d.re());
         // Where c t + t^2 / 2 = CUT, without cancellation for large c.

@@ -42,7 +42,7 @@ pub fn columns(run: &Run) -> Vec<Column> {
 /// One column of a run by name.
 ///
 /// # Errors
-/// [`Error::NoColumn`] that lists the columns there are.
+/// [`Error::NoColumn`], which lists the columns of the run.
 pub fn column(run: &Run, name: &str) -> Result<Column> {
     columns(run)
         .into_iter()

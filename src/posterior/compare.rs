@@ -12,8 +12,8 @@ use serde::Serialize;
 /// Runs disagree if they differ by more than this many combined standard errors.
 pub const SIGMA_LIMIT: f64 = 3.0;
 
-/// Mode weights are compared by their errors, but never more finely than this: a run that has not found a small mode
-/// reports an error of zero for it.
+/// Smallest error of a mode weight in a comparison, because a run that has not found a small mode gives it an error of
+/// zero.
 const MIN_MODE_ERROR: f64 = 0.01;
 
 /// One quantity in both runs.
@@ -42,8 +42,8 @@ pub struct ModeRow {
     pub weight: [f64; 2],
     /// Their standard errors.
     pub error: [f64; 2],
-    /// Difference over the combined error, as the normal deviate that is as rare: either error may be a standard deviation
-    /// of few clusters (Welch's degrees of freedom).
+    /// Difference over the combined error, as the normal deviate with the same tail probability: either error may be a
+    /// standard deviation of few clusters (Welch's degrees of freedom).
     pub sigma: f64,
 }
 

@@ -40,7 +40,7 @@ pub struct ModeWeight {
 pub struct Probability {
     /// Posterior probability.
     pub weight: f64,
-    /// Its error. A run without draws of this case has an error of 0, which is then no bound.
+    /// Its error. A run without draws of this case has an error of 0, which then says nothing about the true error.
     pub error: f64,
     /// Degrees of freedom of the error: the effective number of clusters, or of draws, minus one. Not stored, because it follows from the draws.
     #[serde(skip)]

@@ -1,4 +1,4 @@
-//! `summary.json`: every single number of a run, with the keys that scripts rely on.
+//! `summary.json`: all scalar numbers of a run, with the keys that scripts use.
 
 use super::columns::{Column, columns};
 use super::json;
@@ -88,7 +88,8 @@ pub struct SummaryContext {
 pub struct Summary {
     /// [`SUMMARY_FORMAT`].
     pub format: u32,
-    /// Whether the run ended by its stopping rule and every check passed. It is the first key of interest, so it stands first.
+    /// Whether the run ended by its stopping rule and every check passed. It is the most important key, and so the
+    /// first.
     pub converged: bool,
     /// Why it ended.
     pub status: Status,

@@ -1,5 +1,5 @@
-//! `posterior.zarr`: every array of a run, as Zarr v3 that xarray opens (docs/files.md, sections 6 and 8). Chunks are not
-//! compressed: a fit is a few megabytes, and so no C library is needed.
+//! `posterior.zarr`: every array of a run, as Zarr v3 that xarray opens (docs/files.md, sections 6 and 8). Chunks are
+//! not compressed, because a fit is a few megabytes, and no C library is needed then.
 //!
 //! | group | variables | dimensions |
 //! |---|---|---|
@@ -8,7 +8,7 @@
 //! | `observed_data` | `phi`, `r`, `r_err` (and `n`) of the track | bin |
 //! | `prior` | each parameter and derived quantity by name | chain, draw |
 //! | `weighted` | `theta`, `derived`, `ln_weight`, `ln_likelihood`, `chain`, `cluster`: the sampler's own draws, to the bit | row, ... |
-//! | `history` | how the run went from the prior to the posterior | step, insertion, temperature or chain set |
+//! | `history` | the path of the run from the prior to the posterior | step, insertion, temperature or chain set |
 //!
 //! Equal-length chains of equal weight are written to `posterior` as they are; weighted draws are resampled there to equal
 //! weight, systematically, to as many rows as their ESS (Kish). Evidence and weights belong to `weighted`. Names and units are
@@ -35,7 +35,7 @@ use std::io;
 use std::path::Path;
 use store::Store;
 
-/// What goes into the file beside the run.
+/// Further contents of the file.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Extras<'a> {
     /// The data that was fitted.
@@ -73,15 +73,15 @@ struct Root {
     derived_names: Vec<(String, String)>,
 }
 
-/// Writes a run into the new folder `path`, and syncs it. A folder that is not whole, because the writing failed, stays for the caller to
-/// remove.
+/// Writes a run into the new folder `path`, and syncs it. If the writing fails, the incomplete folder stays, and the
+/// caller must remove it.
 ///
 /// # Errors
 /// [`Error::Exists`] if there is something at `path`; [`Error::Io`] if the folder's parent is missing, not writable or full;
 /// [`Error::DrawColumns`] if prior draws have other columns than the run; [`Error::ArrayName`] if two parameters or derived quantities have
 /// one name, or one of them a name that no array can have.
-pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
-    if let Some(prior) = beside.prior
+pub fn write(path: &Path, run: &Run, extras: Extras<'_>) -> Result<()> {
+    if let Some(prior) = extras.prior
         && (prior.dim, prior.derived_dim) != (run.draws.dim, run.draws.derived_dim)
     {
         return Err(Error::DrawColumns {
@@ -113,7 +113,7 @@ pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
     };
     store.group("/", &root)?;
     layout::write_posterior(&store, run)?;
-    if let Some(prior) = beside.prior {
+    if let Some(prior) = extras.prior {
         let rows: Vec<Vec<usize>> = vec![(0..prior.len()).collect()];
         Table {
             draws: prior,
@@ -122,7 +122,7 @@ pub fn write(path: &Path, run: &Run, beside: Extras<'_>) -> Result<()> {
         }
         .write(&store, "/prior")?;
     }
-    if let Some(track) = beside.track {
+    if let Some(track) = extras.track {
         layout::write_track(&store, track)?;
     }
     layout::write_weighted(&store, &run.draws)?;
@@ -169,7 +169,7 @@ pub fn entries(path: &Path) -> io::Result<Entries> {
 }
 
 /// Reads a run's arrays. Their shapes agree with each other; their numbers are checked by
-/// [`run_from_parts`](super::run_from_parts).
+/// [`assemble_run`](super::assemble_run).
 ///
 /// # Errors
 /// [`Error::Io`] if the folder or an array of it is missing; [`Error::Array`] if an array is damaged or has another shape.

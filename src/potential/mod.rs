@@ -1,7 +1,8 @@
 //! Gravitational potentials and their derivatives, one file per mass model.
 //!
-//! In [`FlattenedNfw`] q is the axis ratio of the potential, as in the code of Chemaly et al. (2026); their text says of the
-//! density. For q below about 0.59 the density is then negative on the minor axis; see [`Potential::density`].
+//! In [`FlattenedNfw`] q is the axis ratio of the potential, as in the code of Chemaly et al. (2026); their text calls
+//! it that of the density. For q below about 0.59 the density is then negative on the minor axis; see
+//! [`Potential::density`].
 //!
 //! Units: kpc, Gyr, solar masses; a potential is in (kpc/Gyr)^2.
 

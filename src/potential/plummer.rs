@@ -52,13 +52,13 @@ impl<S: Scalar> Plummer<S> {
         (inverse, self.mass * G * (inverse * inverse.sqrt()))
     }
 
-    /// `a` plus the acceleration at `x`.
+    /// `a` plus the acceleration at `x`; both in kpc/Gyr^2.
     #[inline(always)]
     pub fn add_acceleration(&self, x: Vec3<S>, a: Vec3<S>) -> Vec3<S> {
         a.add_scaled(x, -self.slopes(x).1)
     }
 
-    /// Reverse mode, as in [`Halo::vjp`](super::Halo::vjp).
+    /// Reverse mode, as in [`Halo::vjp`](super::Halo::vjp); accelerations in kpc/Gyr^2.
     #[inline(always)]
     pub fn vjp(
         &self,

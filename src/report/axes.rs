@@ -13,20 +13,20 @@ pub struct Axes {
     pub y: (f64, f64),
 }
 
-/// Round tick values inside a range, at most `most` of them.
+/// Round tick values inside a range, at most `max_ticks` of them.
 #[must_use]
-pub fn ticks(range: (f64, f64), most: usize) -> Vec<f64> {
+pub fn ticks(range: (f64, f64), max_ticks: usize) -> Vec<f64> {
     let span = range.1 - range.0;
-    if !(span.is_finite() && span > 0.0) || most == 0 {
+    if !(span.is_finite() && span > 0.0) || max_ticks == 0 {
         return Vec::new();
     }
-    let scale = 10_f64.powf((span / most as f64).log10().floor());
+    let scale = 10_f64.powf((span / max_ticks as f64).log10().floor());
     for factor in [1.0, 2.0, 5.0, 10.0, 20.0] {
         let step = factor * scale;
         let (first, last) = ((range.0 / step).ceil(), (range.1 / step).floor());
-        if last - first < most as f64 {
+        if last - first < max_ticks as f64 {
             // Counted from the first one, because far from zero adding 1 to it may change nothing.
-            let beyond = (0..most).map(|k| k as f64);
+            let beyond = (0..max_ticks).map(|k| k as f64);
             let ticks = beyond.take_while(|k| *k <= last - first);
             return ticks.map(|k| (first + k) * step).collect();
         }
@@ -34,7 +34,7 @@ pub fn ticks(range: (f64, f64), most: usize) -> Vec<f64> {
     Vec::new()
 }
 
-/// A tick's text with just the digits that its step needs.
+/// The text of a tick, with as many digits as its step needs.
 #[must_use]
 pub fn tick_text(value: f64, all: &[f64]) -> String {
     let step = all.windows(2).map(|w| w[1] - w[0]).fold(f64::NAN, f64::min);
@@ -114,9 +114,9 @@ impl Axes {
     }
 
     /// Inward ticks and, where `label` is not empty, tick texts and the label's lines below.
-    pub fn draw_x(&self, canvas: &mut Canvas, label: &str, most: usize, size: f64) {
+    pub fn draw_x(&self, canvas: &mut Canvas, label: &str, max_ticks: usize, size: f64) {
         let (left, top, w, h) = self.rect;
-        let values = ticks(self.x, most);
+        let values = ticks(self.x, max_ticks);
         for v in &values {
             let (x, _) = self.at(*v, self.y.0);
             canvas.line(&[(x, top + h), (x, top + h - 3.0)], INK, 0.6, "");
@@ -134,9 +134,9 @@ impl Axes {
     }
 
     /// As [`Axes::draw_x`], on the left; the label stands `gap` points away from the frame.
-    pub fn draw_y(&self, canvas: &mut Canvas, label: &str, most: usize, size: f64, gap: f64) {
+    pub fn draw_y(&self, canvas: &mut Canvas, label: &str, max_ticks: usize, size: f64, gap: f64) {
         let (left, top, _, h) = self.rect;
-        let values = ticks(self.y, most);
+        let values = ticks(self.y, max_ticks);
         for v in &values {
             let (_, y) = self.at(self.x.0, *v);
             canvas.line(&[(left, y), (left + 3.0, y)], INK, 0.6, "");
@@ -160,11 +160,11 @@ impl Axes {
     }
 
     /// A text in the panel's upper left corner.
-    pub fn caption(&self, canvas: &mut Canvas, words: &str, size: f64) {
+    pub fn caption(&self, canvas: &mut Canvas, text: &str, size: f64) {
         let (left, top, ..) = self.rect;
         canvas.text(
             (left + 5.0, top + size + 4.0),
-            words,
+            text,
             size,
             Anchor::Start,
             0.0,

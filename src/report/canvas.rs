@@ -1,7 +1,7 @@
 //! A sheet of SVG: lines, areas and text at sub-pixel positions, in one style.
 //!
-//! Text stays text in a generic sans-serif, so that no font has to be found; lengths are in points, a printed column
-//! being 250 and a page 510 wide. Colours are Okabe and Ito's (2008), which colour-blind readers tell apart.
+//! Text is not converted to curves; its font is the generic sans-serif; lengths are in points, a printed column being
+//! 250 and a page 510 wide. Colours are Okabe and Ito's (2008), which colour-blind readers can distinguish.
 
 use std::fmt::Write;
 
@@ -132,7 +132,7 @@ impl Canvas {
     }
 
     /// Text of a size in points, turned by `angle` degrees about its anchor.
-    pub fn text(&mut self, at: (f64, f64), words: &str, size: f64, anchor: Anchor, angle: f64) {
+    pub fn text(&mut self, at: (f64, f64), text: &str, size: f64, anchor: Anchor, angle: f64) {
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
@@ -146,7 +146,7 @@ impl Canvas {
         };
         self.put(format_args!(
             "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{turn}>{}</text>",
-            escape(words)
+            escape(text)
         ));
     }
 

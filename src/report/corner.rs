@@ -45,14 +45,14 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
                 panel,
                 panel,
             );
-            let words = |shown: bool, at: usize| {
+            let label = |shown: bool, at: usize| {
                 if shown {
                     label::axis(&columns[at].column.name, &columns[at].column.unit, n > 6)
                 } else {
                     String::new()
                 }
             };
-            let below = words(row + 1 == columns.len(), col);
+            let below = label(row + 1 == columns.len(), col);
             let most = if n > 6 { 3 } else { 5 };
             if row == col {
                 let axes = marginal(&mut canvas, &columns[row], weights, ranges[row], rect, size);
@@ -71,7 +71,7 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
                     n,
                 );
                 axes.draw_x(&mut canvas, &below, most, size);
-                axes.draw_y(&mut canvas, &words(col == 0, row), most, size, 28.0);
+                axes.draw_y(&mut canvas, &label(col == 0, row), most, size, 28.0);
             }
         }
     }

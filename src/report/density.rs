@@ -55,11 +55,11 @@ impl Density2 {
         let mut sorted = grid.clone();
         sorted.sort_by(|a, b| b.total_cmp(a));
         let total: f64 = sorted.iter().sum();
-        let level = |share: f64| {
+        let level = |fraction: f64| {
             let mut sum = 0.0;
             for g in &sorted {
                 sum += g;
-                if sum >= share * total {
+                if sum >= fraction * total {
                     return *g;
                 }
             }

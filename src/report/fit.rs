@@ -6,7 +6,7 @@ use crate::data::ObservedTrack;
 use oblate_samplers::diagnostics::weighted_quantile;
 
 /// Width and height of the legend with the track's name above it, in points.
-const KEY: (f64, f64) = (94.0, 48.0);
+const LEGEND: (f64, f64) = (94.0, 48.0);
 
 /// One model's track: a radius per bin that it covers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -128,23 +128,23 @@ impl FitPicture<'_> {
         axes.frame(canvas);
         axes.draw_x(canvas, "", 7, 8.0);
         axes.draw_y(canvas, "projected radius r [kpc]", 6, 8.0, 32.0);
-        self.key(canvas, axes, !band.phi_deg.is_empty());
+        self.legend(canvas, axes, !band.phi_deg.is_empty());
     }
 
     /// The position of the legend where it covers the fewest data: a corner of the panel, or the middle of its upper or lower
     /// edge.
-    fn key_at(&self, axes: &Axes) -> (f64, f64) {
+    fn legend_at(&self, axes: &Axes) -> (f64, f64) {
         let (left, top, w, h) = axes.rect;
         let mut drawn = axes.all(&self.track.phi_deg, &self.track.r_kpc);
         drawn.extend(axes.all(&self.best.phi_deg, &self.best.r_kpc));
         let covered = |at: &(f64, f64)| {
             let inside = |p: &&(f64, f64)| {
-                (at.0..at.0 + KEY.0).contains(&p.0) && (at.1..at.1 + KEY.1).contains(&p.1)
+                (at.0..at.0 + LEGEND.0).contains(&p.0) && (at.1..at.1 + LEGEND.1).contains(&p.1)
             };
             drawn.iter().filter(inside).count()
         };
-        let columns = [0.0, 1.0, 0.5].map(|share| left + share * (w - KEY.0));
-        let rows = [top, top + h - KEY.1];
+        let columns = [0.0, 1.0, 0.5].map(|fraction| left + fraction * (w - LEGEND.0));
+        let rows = [top, top + h - LEGEND.1];
         rows.into_iter()
             .flat_map(|y| columns.map(|x| (x, y)))
             .min_by_key(covered)
@@ -152,17 +152,17 @@ impl FitPicture<'_> {
     }
 
     /// The track's name and the legend.
-    fn key(&self, canvas: &mut Canvas, axes: &Axes, band: bool) {
-        let (left, top) = self.key_at(axes);
-        let word = |canvas: &mut Canvas, at: (f64, f64), words: &str, size: f64| {
-            canvas.text(at, words, size, Anchor::Start, 0.0);
+    fn legend(&self, canvas: &mut Canvas, axes: &Axes, band: bool) {
+        let (left, top) = self.legend_at(axes);
+        let text = |canvas: &mut Canvas, at: (f64, f64), text: &str, size: f64| {
+            canvas.text(at, text, size, Anchor::Start, 0.0);
         };
-        word(canvas, (left + 5.0, top + 12.0), &self.track.name, 8.0);
+        text(canvas, (left + 5.0, top + 12.0), &self.track.name, 8.0);
         let (x, y) = (left + 6.0, top + 22.0);
-        canvas.dot((x + 7.0, y), 1.9, INK, 1.0, "key");
-        word(canvas, (x + 18.0, y + 2.5), "data", 7.0);
+        canvas.dot((x + 7.0, y), 1.9, INK, 1.0, "legend");
+        text(canvas, (x + 18.0, y + 2.5), "data", 7.0);
         canvas.line(&[(x, y + 9.0), (x + 14.0, y + 9.0)], COLOURS[0], 1.2, "");
-        word(canvas, (x + 18.0, y + 11.5), "best fit", 7.0);
+        text(canvas, (x + 18.0, y + 11.5), "best fit", 7.0);
         if band {
             let strip = |d: f64| {
                 vec![
@@ -174,7 +174,7 @@ impl FitPicture<'_> {
             };
             canvas.area(&[strip(4.0)], COLOURS[5], 0.30);
             canvas.area(&[strip(2.0)], COLOURS[5], 0.55);
-            word(canvas, (x + 18.0, y + 20.5), "68, 95 % of draws", 7.0);
+            text(canvas, (x + 18.0, y + 20.5), "68, 95 % of draws", 7.0);
         }
     }
 

@@ -23,7 +23,7 @@ const SIGNS: [(&str, &str); 18] = [
 ];
 
 /// A column's symbol in figures; its own name where there is none.
-fn sign(name: &str) -> &str {
+fn symbol(name: &str) -> &str {
     SIGNS.iter().find(|s| s.0 == name).map_or(name, |s| s.1)
 }
 
@@ -31,8 +31,8 @@ fn sign(name: &str) -> &str {
 #[must_use]
 pub fn axis(name: &str, unit: &str, narrow: bool) -> String {
     if unit.is_empty() {
-        return sign(name).to_owned();
+        return symbol(name).to_owned();
     }
     let gap = if narrow { '\n' } else { ' ' };
-    format!("{}{gap}[{unit}]", sign(name))
+    format!("{}{gap}[{unit}]", symbol(name))
 }

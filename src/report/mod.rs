@@ -7,16 +7,16 @@ mod axes;
 mod canvas;
 mod corner;
 mod density;
+mod diagnostics;
 mod fit;
-mod health;
 mod label;
 mod page;
 mod population_density;
 mod q_posterior;
 
 pub use corner::{CornerColumn, corner};
+pub use diagnostics::diagnostics;
 pub use fit::{FitPicture, ModelTrack};
-pub use health::health;
 pub use page::{PageRun, Section, is_page, page};
 pub use population_density::population_density;
 pub use q_posterior::{QCurve, q_posterior};

@@ -38,7 +38,7 @@ svg{max-width:100%;height:auto}pre{background:#f3f3f3;padding:.6rem;overflow-x:a
 white-space:pre-wrap}@media print{body{margin:0;max-width:none;font-size:10pt}h2{break-after:avoid}\
 details{display:block}}";
 
-/// The head of every page, by which a page is known as ours.
+/// The beginning of every page, by which a file is recognised as a page.
 const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta name=\"generator\" content=\"oblate\">\n";
 
 /// Whether a file is a [`page`], by how it begins.

@@ -78,15 +78,15 @@ pub fn q_posterior(curves: &[QCurve], prior: Option<QPrior>, truth: Option<f64>)
         canvas.line(&[(px(i.lo95), y), (px(i.hi95), y)], colour, 1.0, "");
         canvas.line(&[(px(i.lo68), y), (px(i.hi68), y)], colour, 3.2, "");
         canvas.dot((px(i.median), y), 3.0, colour, 1.0, "median");
-        // The text stands beside the bar.
-        let words = format!(
+        // The text is next to the bar.
+        let text = format!(
             "{}  {:.3} [{:.3}, {:.3}]",
             curve.name, i.median, i.lo68, i.hi68
         );
         if px(i.median) < below.rect.0 + 0.5 * below.rect.2 {
-            canvas.text((312.0, y + 2.5), &words, 7.0, Anchor::End, 0.0);
+            canvas.text((312.0, y + 2.5), &text, 7.0, Anchor::End, 0.0);
         } else {
-            canvas.text((50.0, y + 2.5), &words, 7.0, Anchor::Start, 0.0);
+            canvas.text((50.0, y + 2.5), &text, 7.0, Anchor::Start, 0.0);
         }
     }
     if let Some(truth) = truth {

@@ -13,10 +13,12 @@ use std::path::Path;
 /// and prior stay the same.
 ///
 /// # Errors
-/// [`Error::SameModel`] if `change` leaves model and likelihood as they are; [`Error::Setting`] or [`Error::Sampler`] for a setting out
-/// of its range, as of [`FitSettings::check`]; [`Error::TooMuchMemory`] if both models need too much; [`Error::NotAFit`] if `parent` is not
-/// a fit; [`Error::OutputIsInput`] if the destination is not apart from it; those of reading `parent` and of the folder as for
-/// [`fit`](super::fit).
+/// [`Error::SameModel`] if `change` leaves model and likelihood as they are; [`Error::Setting`] or [`Error::Sampler`]
+/// for a setting out of its range, as of [`FitSettings::check`]; [`Error::TooMuchMemory`] if both models need too much;
+/// [`Error::NotAFit`] if `parent` is not a fit; [`Error::OutputIsInput`] if the destination is `parent`, is in it or
+/// holds it; [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`] or [`Error::InFile`] if `parent`
+/// cannot be read; [`Error::Exists`], [`Error::OutputPath`], [`Error::OtherInputs`] or [`Error::FolderInUse`] if the
+/// destination cannot be used.
 pub fn bridge(
     parent: &Path,
     change: impl FnOnce(&mut FitSettings),

@@ -1,4 +1,4 @@
-//! What a run folder may hold: the closed list of names that runs and reports write, and the removal of these and of nothing else.
+//! The files and folders that runs and reports write into a run folder, and the removal of these and of nothing else.
 
 use super::versions::{VERSIONS_FILE, marked};
 use crate::error::{Error, OutputFault, Result};
@@ -18,10 +18,10 @@ pub(super) const CONFIG_FILE: &str = "config.toml";
 /// The track that was fitted.
 pub(super) const TRACK_FILE: &str = "track.ecsv";
 
-/// The log, whose lock keeps other runs out.
+/// The log, which is locked while a run works in the folder.
 pub(super) const LOG_FILE: &str = "log.jsonl";
 
-/// The state of an unfinished run; the one before it stands beside it.
+/// The state of an unfinished run; the state before it is in the same folder.
 pub(super) const CHECKPOINT_FILE: &str = "checkpoint";
 
 /// The draws.
@@ -30,13 +30,13 @@ pub(super) const POSTERIOR_FOLDER: &str = "posterior.zarr";
 /// The run folder of the coarse fit that came first.
 pub(super) const COARSE_FOLDER: &str = "coarse";
 
-/// A whole result whose pieces have not all taken their places.
+/// A complete result whose pieces have not all been moved to their paths.
 pub(super) const RESULT_FOLDER: &str = ".oblate-result";
 
 /// The draws of the result before it, in [`RESULT_FOLDER`].
 pub(super) const OLD_POSTERIOR_FOLDER: &str = "old.zarr";
 
-/// Files of a result beside the draws, in the order in which they take their places.
+/// Files of a result besides the draws, in the order in which they are moved.
 pub(super) const RESULT_FILES: [&str; 3] = [VERSIONS_FILE, CONFIG_FILE, SUMMARY_FILE];
 
 /// Figures that a report draws of a run, each a file `NAME.svg`.
@@ -64,7 +64,7 @@ enum Kind {
 }
 
 impl Contents {
-    /// Looks through a folder. One that does not exist is empty.
+    /// Lists a folder. One that does not exist is empty.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be read.
@@ -95,12 +95,13 @@ impl Contents {
         names.any(wanted)
     }
 
-    /// What killed processes have left under temporary names.
+    /// Temporary files and folders of killed processes.
     pub fn leftovers(self) -> Self {
         self.part(is_leftover)
     }
 
-    /// Whether a run has begun here: there is more than what a process leaves that is killed before it has written its settings.
+    /// Whether a run has begun here: there is more than the files of a process that was killed before it had written
+    /// its settings.
     pub fn is_started(&self) -> bool {
         self.has(|name| !is_leftover(name))
     }
@@ -119,8 +120,8 @@ impl Contents {
         }
     }
 
-    /// Removes all that is ours from the folder, unless there is anything that is not. One by one, and a folder only once it is empty: an
-    /// entry that came since stays.
+    /// Removes all that is ours from the folder, unless there is anything that is not. Entries are removed one by one,
+    /// and a folder only if it is empty then, so that an entry that was added meanwhile stays.
     ///
     /// # Errors
     /// [`Error::OutputPath`] if there is anything foreign; [`Error::Io`] if an entry cannot be removed.
@@ -170,7 +171,7 @@ impl Contents {
         let mut last = Vec::new();
         for (name, kind) in entries(&root.join(at))? {
             let path = at.join(&name);
-            // A name alone makes nothing ours: without the marker only what is of no use to anyone is.
+            // A name is not enough: without the marker only temporary and empty files are taken for those of a run.
             let empty = || fs::symlink_metadata(root.join(&path)).is_ok_and(|m| m.len() == 0);
             match (kind, name.to_str().unwrap_or_default()) {
                 (Kind::File, name) if is_leftover(name) => self.own.push((path, kind)),
@@ -189,14 +190,14 @@ impl Contents {
             }
         }
         if !outermost {
-            // The marker goes last: what is left of a folder is recognised as long as anything is.
+            // The marker is removed last, so that an incompletely removed folder is still recognised.
             last.sort_by(|a, b| a.0.cmp(&b.0));
             self.own.append(&mut last);
         }
         Ok(marked)
     }
 
-    /// A result that is being written, or whose pieces have not all taken their places.
+    /// A result that is being written, or whose pieces have not all been moved to their paths.
     fn result(&mut self, root: &Path, at: PathBuf) -> io::Result<()> {
         for (name, kind) in entries(&root.join(&at))? {
             let path = at.join(&name);

@@ -10,8 +10,8 @@ use oblate_samplers::checkpoint;
 use oblate_samplers::output::Status;
 use std::time::Instant;
 
-/// Fits a track into a run folder. Under [`IfExists::Resume`], a folder that has finished with the same inputs is read back. An
-/// interrupted run leaves its checkpoint and no summary; its status says so.
+/// Fits a track into a run folder. Under [`IfExists::Resume`], a folder that has finished with the same inputs is read
+/// back. An interrupted run leaves its checkpoint and no summary; its status is then `interrupted`.
 ///
 /// A coarse fit that comes first ([`FitSettings::coarse`]) is a run folder `coarse` in this one, and its cost is counted in both. If it
 /// is interrupted or its time is up, it is the result, and this folder has no summary yet.

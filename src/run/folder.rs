@@ -1,4 +1,4 @@
-//! The run folder as its readers see it: its files, and a finished run read back from them.
+//! The run folder for readers: its files, and a finished run read back from them.
 
 use super::contents::{
     CHECKPOINT_FILE, COARSE_FOLDER, CONFIG_FILE, LOG_FILE, POSTERIOR_FOLDER, RESULT_FOLDER,
@@ -8,7 +8,7 @@ use super::versions::{FOLDER_FORMAT, VERSIONS_FILE, Versions};
 use crate::data::ObservedTrack;
 use crate::error::{Error, OutputFault, Result};
 use crate::inference::Fit;
-use crate::posterior::{Summary, run_from_parts, zarr};
+use crate::posterior::{Summary, assemble_run, zarr};
 use oblate_samplers::{Run, read};
 use std::fs;
 use std::io;
@@ -113,8 +113,8 @@ impl RunFolder {
         self.piece(POSTERIOR_FOLDER)
     }
 
-    /// Path of a piece of the result. A result is replaced by one switch, the appearance of its folder, from which the pieces are then
-    /// moved to their places: as long as a piece is there, it is the one that belongs to the others.
+    /// Path of a piece of the result. A result is replaced in one step, the renaming of its folder; the pieces are then
+    /// moved from there to their paths. As long as a piece is in that folder, it is the one that belongs to the others.
     fn piece(&self, name: &str) -> PathBuf {
         let moving = self.path.join(RESULT_FOLDER).join(name);
         if moving.exists() {
@@ -237,7 +237,7 @@ impl RunFolder {
         if !agrees {
             return Err(Error::Checksum { path });
         }
-        let run = run_from_parts(&summary, zarr::read(&path)?).map_err(|e| Error::InFile {
+        let run = assemble_run(&summary, zarr::read(&path)?).map_err(|e| Error::InFile {
             path: self.path.clone(),
             line: None,
             source: Box::new(e),

@@ -1,5 +1,5 @@
-//! The run folder as the one process sees it that works in it: how a folder that exists is treated, what is written when, and how a
-//! killed process's work is put in order.
+//! The run folder for the one process that works in it: how an existing folder is treated, when files are written, and
+//! how the work of a killed process is completed.
 
 use super::contents::{
     CHECKPOINT_FILE, CONFIG_FILE, Contents, OLD_POSTERIOR_FOLDER, POSTERIOR_FOLDER, RESULT_FILES,
@@ -39,7 +39,7 @@ pub(super) enum RunState<Unfinished> {
     Unfinished(Unfinished),
 }
 
-/// A run folder that this process alone writes to: the log's lock keeps other runs out as long as this lives.
+/// A run folder that this process alone writes to: the log is locked as long as this value exists.
 #[derive(Debug)]
 pub struct LockedFolder {
     folder: RunFolder,
@@ -69,7 +69,7 @@ fn io(path: &Path, remedy: &'static str) -> impl FnOnce(io::Error) -> Error {
 const WRITABLE: &str = "check that the run folder exists, is writable and has space left";
 
 impl LockedFolder {
-    /// Makes the folder of a run ready to be worked in. A finished run with the same inputs is read back, unless it `goes_on`.
+    /// Prepares the folder of a run. A finished run with the same inputs is read back, unless it `goes_on`.
     ///
     /// # Errors
     /// As of [`create`](Self::create); [`Error::OtherInputs`] if the folder is to be resumed and was made from other inputs; [`Error::Io`] or
@@ -104,7 +104,7 @@ impl LockedFolder {
         let log = match found {
             Some(stored) if tidy(&stored) => return Ok(RunState::Finished(Box::new(stored))),
             None => Log::append_to(&folder.log())?,
-            // What is left over does no harm where nothing can be written, or while another process works.
+            // Left-over files do no harm where nothing can be written, or while another process works.
             Some(stored) => match Log::append_to(&folder.log()) {
                 Ok(log) => log,
                 Err(_) => return Ok(RunState::Finished(Box::new(stored))),
@@ -177,9 +177,10 @@ impl LockedFolder {
         }
     }
 
-    /// Writes the result, which replaces another one by one switch: first all of it into a folder of its own, synced; the renaming of that
-    /// folder is the switch; then the pieces take their places. Last, the checkpoint is removed, unless the run can be continued: because its
-    /// time was up, or because it is a tempered one that has not converged. Returns the summary, with the checksum of the draws.
+    /// Writes the result, which replaces another one in one step: first all of it into a folder of its own, synced;
+    /// this folder is then renamed, which is the step; then the pieces are moved to their paths. Last, the checkpoint
+    /// is removed, unless the run can be continued: because its time was up, or because it is a tempered one that has
+    /// not converged. Returns the summary, with the checksum of the draws.
     ///
     /// # Errors
     /// As of [`zarr::write`]; [`Error::Sampler`] or [`Error::Io`] if another file cannot be written, or the checkpoint not removed.
@@ -187,13 +188,13 @@ impl LockedFolder {
         &self,
         run: &Run,
         summary: Summary,
-        beside: zarr::Extras<'_>,
+        extras: zarr::Extras<'_>,
         beginning: &Beginning<'_>,
     ) -> Result<Summary> {
         let path = self.folder.path();
         let fresh = temporary_folder(path).map_err(io(path, WRITABLE))?;
         let draws = fresh.path().join(POSTERIOR_FOLDER);
-        zarr::write(&draws, run, beside)?;
+        zarr::write(&draws, run, extras)?;
         let checksum = zarr::entries(&draws)
             .and_then(|entries| zarr::Checksum::of(&draws, &entries))
             .map_err(io(&draws, WRITABLE))?;
@@ -215,7 +216,8 @@ impl LockedFolder {
         Ok(summary)
     }
 
-    /// Finishes what a killed process has begun: pieces of a result take their places, and temporary files are removed.
+    /// Completes the work of a killed process: pieces of a result are moved to their paths, and temporary files are
+    /// removed.
     fn tidy(&self) -> Result<()> {
         let path = self.folder.path();
         if Contents::of(path)?.has(|name| name == RESULT_FOLDER) {
@@ -224,7 +226,7 @@ impl LockedFolder {
         Contents::of(path)?.leftovers().remove(path)
     }
 
-    /// Moves the pieces of the result to their places. It can be killed anywhere, and is then done again.
+    /// Moves the pieces of the result to their paths. It can be killed at any time, and is then done again.
     fn place_result(&self) -> Result<()> {
         let path = self.folder.path();
         let result = path.join(RESULT_FOLDER);
@@ -234,7 +236,7 @@ impl LockedFolder {
         };
         let (new, place) = (result.join(POSTERIOR_FOLDER), path.join(POSTERIOR_FOLDER));
         if new.exists() {
-            // A folder cannot be renamed onto one with content: the old one steps aside first.
+            // A folder cannot be renamed onto one with content: the old one is renamed first.
             rename(&place, &result.join(OLD_POSTERIOR_FOLDER))?;
             rename(&new, &place)?;
         }
@@ -272,7 +274,7 @@ fn may_continue(run: &Run) -> bool {
     run.status != Status::Complete || (run.method == Method::PtHmc && !run.converged())
 }
 
-/// Whether a finished run has left nothing to be put in order or removed.
+/// Whether a finished run has left nothing to be moved or removed.
 fn is_tidy(contents: &Contents, run: &Run) -> bool {
     let previous = checkpoint::previous(Path::new(CHECKPOINT_FILE));
     let is_checkpoint = |name: &str| name == CHECKPOINT_FILE || Path::new(name) == previous;
@@ -357,7 +359,7 @@ fn protection(path: &Path) -> Result<Option<OutputFault>> {
     })
 }
 
-/// Makes a folder and those above it, durably.
+/// Makes a folder and those above it, synced to the disk.
 fn make(path: &Path) -> Result<()> {
     let missing: Vec<&Path> = path
         .ancestors()

@@ -1,4 +1,4 @@
-//! `log.jsonl`: one JSON object per line, appended as the run goes.
+//! `log.jsonl`: one JSON object per line, appended during the run.
 
 use crate::error::{Error, Result};
 use serde::Serialize;
@@ -49,7 +49,7 @@ impl Log {
         })
     }
 
-    /// Whether it keeps other runs out of the folder; some file systems cannot.
+    /// Whether it is locked for other runs; some file systems have no locks.
     #[must_use]
     pub fn locked(&self) -> bool {
         self.locked

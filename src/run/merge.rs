@@ -15,8 +15,10 @@ use std::path::PathBuf;
 ///
 /// # Errors
 /// [`Error::TooFewRuns`] for no `parts`; [`Error::NotAFit`] or [`Error::NotNested`] if one is not a nested fit;
-/// [`Error::OtherPosterior`] if one is of another track or model; [`Error::OutputIsInput`] if the destination is not apart from them;
-/// [`Error::Sampler`] if two have the same seed; those of reading `parts` and of the folder as for [`fit`](super::fit).
+/// [`Error::OtherPosterior`] if one is of another track or model; [`Error::OutputIsInput`] if the destination is one of
+/// them, is in one or holds one; [`Error::Sampler`] if two have the same seed; [`Error::Io`], [`Error::Syntax`],
+/// [`Error::Checksum`], [`Error::Array`] or [`Error::InFile`] if one cannot be read; [`Error::Exists`],
+/// [`Error::OutputPath`], [`Error::OtherInputs`] or [`Error::FolderInUse`] if the destination cannot be used.
 pub fn merge(
     parts: &[PathBuf],
     destination: Destination<'_>,
@@ -42,7 +44,7 @@ pub fn merge(
         first.matches(other)?;
     }
     let target = StreamTarget::from_track(&first.track, &first.settings)?;
-    // Merged before anything is written: fits that do not belong together leave no folder behind.
+    // Merged before anything is written, so that no folder is made for fits that do not belong together.
     let runs: Vec<&Run> = fits.iter().map(|f| &f.stored.run).collect();
     let run = inference::merge(&target, &runs)?;
     let mut inputs = vec![b"merge".as_slice()];

@@ -8,23 +8,23 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// How a caller follows, interrupts and limits a run.
+/// A caller's control of a run: observer, interrupt and time limits.
 pub struct Monitor<'a> {
     /// Receives the run's events.
     pub observer: &'a mut dyn Observer,
     /// Stops the run at the next safe point once it is true; it can be set from any thread.
     pub interrupt: Arc<AtomicBool>,
-    /// Time between two checkpoints: the most work that is lost if the process is killed.
+    /// Time between two checkpoints: the maximum of work that is lost if the process is killed.
     pub checkpoint_every: Duration,
     /// Wall time after which the run ends with the result so far; it can be resumed.
     pub max_wall: Duration,
 }
 
 impl Monitor<'_> {
-    /// Tells the observer how much memory will be taken, if it is much.
+    /// Sends the observer a warning if the run will take much memory.
     pub(super) fn tell_memory(&mut self, memory: &Memory) {
         if let Some(message) = memory.warning() {
-            // Nothing has begun that a `Break` could stop; the sampler's first event asks again.
+            // A `Break` is ignored here, because no work has begun; it is possible again at the sampler's first event.
             let _ = self.observer.event(&Event::Warning { message });
         }
     }

@@ -1,8 +1,8 @@
-//! The one rule by which names that users give become names of files.
+//! The rule by which names that users give become names of files.
 
 use crate::error::{Error, NameFault, Result};
 
-/// Most bytes in a file's name, on the file systems in use.
+/// Maximum number of bytes in the name of a file, on the usual file systems.
 const MAX_BYTES: usize = 255;
 
 /// Names that Windows keeps for devices, also with an extension.

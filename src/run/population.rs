@@ -13,7 +13,7 @@ use crate::posterior::{Summary, SummaryContext, column};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// The posterior of q of a finished fit, with the prior that the fit really used.
+/// The posterior of q of a finished fit, with the prior of that fit.
 ///
 /// # Errors
 /// [`Error::NoColumn`] if the run has no q.
@@ -41,11 +41,12 @@ pub(super) fn check(config: &PopulationConfig) -> Result<TruncatedGaussian> {
 /// Samples the population of finished fits into a run folder.
 ///
 /// # Errors
-/// [`Error::NotConverged`] if a fit has not converged and `allow_unconverged` is false; [`Error::Posterior`] if its posterior of q
-/// cannot be used; [`Error::TooFewRuns`] for no fits; [`Error::OutputIsInput`] if the destination is not apart from them;
-/// those of [`PopulationConfig::check`], before anything is read; [`Error::Setting`] or [`Error::Sampler`] for settings that do not go
-/// together; those of reading the fits and of the folder as for
-/// [`fit`](super::fit).
+/// [`Error::NotConverged`] if a fit has not converged and `allow_unconverged` is false; [`Error::Posterior`] if its
+/// posterior of q cannot be used; [`Error::TooFewRuns`] for no fits; [`Error::OutputIsInput`] if the destination is one
+/// of them, is in one or holds one; [`Error::OutOfRange`], [`Error::Setting`] or [`Error::Sampler`] for settings,
+/// before anything is read; [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`] or
+/// [`Error::InFile`] if a fit cannot be read; [`Error::Exists`], [`Error::OutputPath`], [`Error::OtherInputs`] or
+/// [`Error::FolderInUse`] if the destination cannot be used.
 pub fn population(
     fits: &[PathBuf],
     config: &PopulationConfig,

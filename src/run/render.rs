@@ -9,7 +9,7 @@ use crate::params::{NAMES, QPrior};
 use crate::population::{PopulationDensity, TruncatedGaussian};
 use crate::posterior::{Column, Comparison, column, columns, compare};
 use crate::report::{
-    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, health, page,
+    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, page,
     population_density, q_posterior,
 };
 use oblate_samplers::files::write_atomically;
@@ -31,7 +31,7 @@ const DENSITY_POINTS: usize = 201;
 const CHOICE_TASK: u64 = 0x7061_6765;
 
 /// A run with its figures: name, caption and SVG.
-struct Drawn {
+struct RunFigures {
     stored: StoredRun,
     folder: RunFolder,
     track: Option<ObservedTrack>,
@@ -41,17 +41,21 @@ struct Drawn {
 /// Writes every figure of finished runs into their folders, and one self-contained HTML page of all of them.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Syntax`] or [`Error::MixedFolder`] if a folder cannot be read; [`Error::Io`] or [`Error::Sampler`] if a file
-/// cannot be written.
+/// [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`], [`Error::TrackFile`] or [`Error::InFile`]
+/// if a folder cannot be read; [`Error::Setting`] if its settings cannot be used; [`Error::Io`] or [`Error::Sampler`]
+/// if a file cannot be written.
 pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()> {
-    let drawn: Vec<Drawn> = folders.iter().map(|f| draw(f)).collect::<Result<_>>()?;
-    for d in &drawn {
+    let rendered: Vec<RunFigures> = folders
+        .iter()
+        .map(|f| figures_of(f))
+        .collect::<Result<_>>()?;
+    for d in &rendered {
         for (name, _, svg) in &d.figures {
             write_figure(&d.folder.figure(name), svg)?;
         }
     }
-    let names = unique_names(&drawn, folders);
-    let captioned: Vec<Vec<(String, String)>> = drawn
+    let names = unique_names(&rendered, folders);
+    let captioned: Vec<Vec<(String, String)>> = rendered
         .iter()
         .map(|d| {
             d.figures
@@ -60,18 +64,18 @@ pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()>
                 .collect()
         })
         .collect();
-    let comparisons: Vec<Option<Comparison>> = drawn
+    let comparisons: Vec<Option<Comparison>> = rendered
         .iter()
         .zip(&names)
         .enumerate()
         .map(|(i, (d, name))| {
-            let first = &drawn[0].stored.run;
+            let first = &rendered[0].stored.run;
             let same = i > 0 && first.names == d.stored.run.names;
             same.then(|| compare(&names[0], first, name, &d.stored.run))
                 .transpose()
         })
         .collect::<Result<_>>()?;
-    let runs: Vec<PageRun<'_>> = drawn
+    let runs: Vec<PageRun<'_>> = rendered
         .iter()
         .zip(&names)
         .zip(&captioned)
@@ -84,7 +88,7 @@ pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()>
             figures,
         })
         .collect();
-    write_atomically(out, page(title, &runs, &together(&drawn)?).as_bytes())?;
+    write_atomically(out, page(title, &runs, &together(&rendered)?).as_bytes())?;
     Ok(())
 }
 
@@ -92,7 +96,8 @@ pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()>
 fn write_figure(path: &Path, svg: &str) -> Result<()> {
     use oblate_samplers::Error::Io;
     match write_atomically(path, svg.as_bytes()) {
-        // A run that begins in the folder at this moment removes what it takes for a leftover: written once more then.
+        // A run that begins in the folder at this moment may remove the temporary file as a left-over; then it is
+        // written once more.
         Err(Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
             Ok(write_atomically(path, svg.as_bytes())?)
         }
@@ -101,12 +106,12 @@ fn write_figure(path: &Path, svg: &str) -> Result<()> {
 }
 
 /// Names of the runs on the page: that of the folder, or its whole path where two folders have the same name.
-fn unique_names(drawn: &[Drawn], folders: &[PathBuf]) -> Vec<String> {
-    drawn
+fn unique_names(rendered: &[RunFigures], folders: &[PathBuf]) -> Vec<String> {
+    rendered
         .iter()
         .zip(folders)
         .map(|(d, path)| {
-            let twins = drawn
+            let twins = rendered
                 .iter()
                 .filter(|o| o.stored.name == d.stored.name)
                 .count();
@@ -119,7 +124,7 @@ fn unique_names(drawn: &[Drawn], folders: &[PathBuf]) -> Vec<String> {
         .collect()
 }
 
-fn draw(path: &Path) -> Result<Drawn> {
+fn figures_of(path: &Path) -> Result<RunFigures> {
     let folder = RunFolder::open(path)?;
     let stored = folder.read()?;
     let file = folder.track();
@@ -180,16 +185,16 @@ fn draw(path: &Path) -> Result<Drawn> {
     figures.push((
         "diagnostics",
         "Diagnostics of the sampler".to_owned(),
-        health(&stored.run),
+        diagnostics(&stored.run),
     ));
     if let Ok(coarse) = RunFolder::open(&folder.coarse()) {
         figures.push((
             "coarse-diagnostics",
             "Diagnostics of the sampler in the coarse fit that came first".to_owned(),
-            health(&coarse.read()?.run),
+            diagnostics(&coarse.read()?.run),
         ));
     }
-    Ok(Drawn {
+    Ok(RunFigures {
         stored,
         folder,
         track,
@@ -261,9 +266,9 @@ fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> 
 }
 
 /// Figures of several runs at once: posteriors of q of one track side by side.
-fn together(drawn: &[Drawn]) -> Result<Vec<Section>> {
-    let mut by_track: BTreeMap<String, Vec<&Drawn>> = BTreeMap::new();
-    for d in drawn {
+fn together(rendered: &[RunFigures]) -> Result<Vec<Section>> {
+    let mut by_track: BTreeMap<String, Vec<&RunFigures>> = BTreeMap::new();
+    for d in rendered {
         if let Some(track) = &d.track {
             by_track.entry(track.name.clone()).or_default().push(d);
         }

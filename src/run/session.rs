@@ -1,4 +1,4 @@
-//! One run in its folder, from beginning to end: what fits, bridges, mergers and populations share.
+//! One run in its folder, from beginning to end: the common part of fits, bridges, mergers and populations.
 
 use super::folder::{RunFolder, StoredRun};
 use super::locked::{Beginning, IfExists, LockedFolder, RunState};
@@ -49,7 +49,7 @@ impl Destination<'_> {
     }
 }
 
-/// A run whose folder is ready, and this process's alone.
+/// A run whose folder is prepared and locked by this process.
 pub(super) struct RunSession<'a> {
     folder: LockedFolder,
     destination: Destination<'a>,
@@ -57,7 +57,7 @@ pub(super) struct RunSession<'a> {
 }
 
 impl<'a> RunSession<'a> {
-    /// Makes the folder ready and writes the settings into it. `inputs` are the bytes that determine the result.
+    /// Prepares the folder and writes the settings into it. `inputs` are the bytes that determine the result.
     ///
     /// # Errors
     /// As of [`LockedFolder::prepare`] and [`LockedFolder::begin`].
@@ -144,11 +144,11 @@ impl<'a> RunSession<'a> {
         let mut summary = summarize(&run, self.destination.command, hash);
         if run.status != Status::Interrupted {
             let prior = prior_draws(target, PRIOR_DRAWS, run.seed);
-            let beside = zarr::Extras {
+            let extras = zarr::Extras {
                 track,
                 prior: Some(&prior),
             };
-            let written = self.folder.finish(&run, summary, beside, &self.beginning);
+            let written = self.folder.finish(&run, summary, extras, &self.beginning);
             summary = written.map_err(|source| Error::Unwritten {
                 source: Box::new(source),
             })?;
@@ -189,7 +189,7 @@ impl<'a> RunSession<'a> {
         if !log.locked() {
             let message = "this file system has no locks: let no other run work in the same folder";
             let message = message.to_owned();
-            // It does not stop a run that an observer stops: the run asks again.
+            // A `Break` is ignored here; the observer can stop the run at the next event.
             let _ = monitor.observer.event(&Event::Warning { message });
         }
         let mut observer = monitor.with_log(log);

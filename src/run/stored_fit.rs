@@ -18,7 +18,8 @@ impl StoredFit {
     /// Reads a run folder.
     ///
     /// # Errors
-    /// As of [`RunFolder::read`] and [`RunFolder::read_track`]; those of [`read`] for its settings.
+    /// `Error::Io`, `Error::Syntax`, `Error::Checksum`, `Error::Array` or `Error::InFile` if the folder
+    /// cannot be read; `Error::NotAFit` if it has no track; `Error::TrackFile` if its track cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
         let folder = RunFolder::open(path)?;
         let stored = folder.read()?;

@@ -63,12 +63,15 @@ impl StudyResult {
 pub type Monitored<'a> =
     dyn FnMut(&str, &mut dyn FnMut(&mut Monitor<'_>) -> Result<()>) -> Result<()> + 'a;
 
-/// Runs a study. Track files are relative to `files_from`; `monitored` does the work of one run under a monitor of the caller's.
+/// Runs a study. Track files are relative to `files_from`; `monitored` does the work of one run under a monitor of the
+/// caller.
 ///
 /// # Errors
-/// Before the first fit: [`Error::OutputPath`] for an empty `out` or one with a `report.html` that is not a report; [`Error::Io`] or
-/// [`Error::TrackFile`] for a track that cannot be read; [`Error::Name`] for one whose name is empty or too long; [`Error::SameName`] for two of one
-/// name; [`Error::InTable`] for settings out of their range, in whichever table they are. Later those of [`fit`] and [`population`].
+/// Before the first fit: [`Error::OutputPath`] for an empty `out` or one with a `report.html` that is not a report;
+/// [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read; [`Error::Name`] for one whose name is empty
+/// or too long; [`Error::SameName`] for two of the same name; [`Error::InTable`] for settings out of their range, in
+/// whichever table they are. Later [`Error::Exists`], [`Error::OutputPath`], [`Error::OtherInputs`],
+/// [`Error::FolderInUse`] or [`Error::Io`] for a run folder, and [`Error::Sampler`] if a sampler fails.
 pub fn study(
     config: &StudyConfig,
     files_from: &Path,

@@ -1,4 +1,4 @@
-//! The inputs of a study, read and checked before its first fit: what would be refused later is refused at once.
+//! The inputs of a study, read and checked before its first fit, so that faults are found at once.
 
 use super::population;
 use crate::config::StudyConfig;

@@ -1,4 +1,4 @@
-//! `versions.json`: what a folder is, what made it, and from which inputs.
+//! `versions.json`: the kind of a folder, the program that made it, and its inputs.
 
 use oblate_samplers::checkpoint::hash;
 use serde::{Deserialize, Serialize};
@@ -12,10 +12,10 @@ pub(super) const VERSIONS_FILE: &str = "versions.json";
 /// Version of the layout of run folders.
 pub(super) const FOLDER_FORMAT: u32 = 1;
 
-/// Most bytes that a file of versions has; a longer one is of something else.
+/// Maximum number of bytes of `versions.json`; a longer file is not one.
 const MAX_BYTES: u64 = 1 << 16;
 
-/// What a folder is. This is its marker: only a folder whose `versions.json` has it is one of ours.
+/// The kind of a folder. This is its marker: only a folder whose `versions.json` has it is treated as a run folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FolderKind {
     /// The folder of one run.
@@ -23,10 +23,10 @@ pub enum FolderKind {
     Run,
 }
 
-/// What made a run.
+/// The program and the inputs that made a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Versions {
-    /// What the folder is.
+    /// The kind of the folder.
     pub kind: FolderKind,
     /// Version of the layout of run folders.
     pub format: u32,

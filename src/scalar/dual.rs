@@ -26,8 +26,8 @@ pub fn gradient_of<const N: usize>(result: &Dual<N>) -> [f64; N] {
     result.eps.0.map_or([0.0; N], |eps| eps.data.0[0])
 }
 
-/// As [`Dual`], with its derivatives in lanes: `K` times eight of them, whether used or not. It takes about a quarter of
-/// the time of [`Dual`]. Real parts are the same as on `f64`, to the bit.
+/// As [`Dual`], with its derivatives in lanes: `K` times eight of them, whether used or not. It is faster than
+/// [`Dual`]. Real parts are the same as on `f64`, to the bit.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneDual<I: Isa, const K: usize> {
     /// The number.

@@ -3,7 +3,7 @@
 use crate::harness::Verdict;
 use crate::mutate;
 use oblate_samplers::control::CheckpointPlan;
-use oblate_samplers::rng::{Stream, below};
+use oblate_samplers::rng::{RandomStream, below};
 use oblate_samplers::target::Involution;
 use oblate_samplers::{
     Control, Error, Event, Marginal, Observer, Outcome, Prior, Run, Symmetry, Target, bridge,
@@ -107,7 +107,7 @@ pub enum Work {
 }
 
 impl Work {
-    /// Goes on from the checkpoint for so many steps.
+    /// Continues from the checkpoint for so many steps.
     fn go_on(&self, path: &Path, steps: u64) -> oblate_samplers::Result<Run> {
         let mut observer = Steps(steps);
         let mut control = Control::new(&mut observer);
@@ -226,8 +226,8 @@ pub fn bridge_seeds() -> Vec<Seed> {
         .into()
 }
 
-/// Damages the payload of one seed, mends the checksum, and goes on from it for one step.
-pub fn case(rng: &mut Stream, seeds: &[Seed], folder: &Path) -> Verdict {
+/// Damages the payload of one seed, corrects the checksum, and continues from it for one step.
+pub fn case(rng: &mut RandomStream, seeds: &[Seed], folder: &Path) -> Verdict {
     let own = &seeds[below(rng, seeds.len())];
     let other = &seeds[below(rng, seeds.len())];
     let mut bytes = own.bytes.clone();
@@ -246,7 +246,7 @@ pub fn case(rng: &mut Stream, seeds: &[Seed], folder: &Path) -> Verdict {
     }
 }
 
-fn damaged(rng: &mut Stream, payload: &[u8], other: &[u8]) -> Vec<u8> {
+fn damaged(rng: &mut RandomStream, payload: &[u8], other: &[u8]) -> Vec<u8> {
     if below(rng, 3) == 0 {
         return mutate::bytes(rng, payload, other);
     }

@@ -11,12 +11,12 @@ use oblate::population::{
     PopulationSettings, PopulationTarget, TruncatedGaussian, TruncatedGaussianSettings,
 };
 use oblate::posterior::{Summary, SummaryContext, column, columns, compare, zarr};
-use oblate::report::{CornerColumn, PageRun, QCurve, corner, health, page};
+use oblate::report::{CornerColumn, PageRun, QCurve, corner, diagnostics, page};
 use oblate::run::{
     Beginning, LockedFolder, RunFolder, StoredRun, Versions, q_posterior, render_report,
 };
 use oblate_samplers::Run;
-use oblate_samplers::rng::{Stream, below};
+use oblate_samplers::rng::{RandomStream, below};
 use rand::Rng;
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ pub enum Part {
     Chunks,
 }
 
-/// A whole run folder.
+/// A complete run folder.
 pub struct Seed {
     folder: RunFolder,
     run: Run,
@@ -42,7 +42,7 @@ pub fn seeds(parent: &Path, part: Part) -> Vec<Seed> {
     [
         ("nested", runs::nested(120, 1)),
         ("tempered", runs::tempered(120, 2)),
-        ("refined", runs::refined(120, 3)),
+        ("refined", runs::bridged(120, 3)),
     ]
     .map(|(name, run)| seed(&parent.join(name), run, part))
     .into()
@@ -112,8 +112,9 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
     files.sort();
 }
 
-/// Damages one or two files of a run folder, reads it, and makes all of it that the command makes; then mends the files.
-pub fn case(rng: &mut Stream, seeds: &[Seed], part: Part) -> Verdict {
+/// Damages one or two files of a run folder, reads it, and makes all output of the command from it; then restores the
+/// files.
+pub fn case(rng: &mut RandomStream, seeds: &[Seed], part: Part) -> Verdict {
     let seed = &seeds[below(rng, seeds.len())];
     let mut damaged = Vec::new();
     for _ in 0..mutate::places(rng) {
@@ -170,7 +171,7 @@ fn outcome(seed: &Seed, part: Part) -> Verdict {
     }
 }
 
-/// Everything that is made of a run that was read.
+/// All output that is made from a run that was read.
 fn used(seed: &Seed, stored: &StoredRun) {
     let (run, summary) = (&stored.run, &stored.summary);
     assert!(!summary.to_string().is_empty());
@@ -195,7 +196,7 @@ fn used(seed: &Seed, stored: &StoredRun) {
         })
         .collect();
     let mut figures = vec![
-        ("health".to_owned(), health(run)),
+        ("health".to_owned(), diagnostics(run)),
         ("corner".to_owned(), corner(&shown, &weights, "corner")),
     ];
     if let Ok(q) = column(run, "q") {
@@ -215,7 +216,7 @@ fn used(seed: &Seed, stored: &StoredRun) {
         figures: &figures,
     };
     let html = page("fuzz", &[shown, shown], &[]);
-    // What is not finite has no place on paper.
+    // Numbers that are not finite cannot be drawn.
     assert!(
         !html.contains("=\"NaN") && !html.contains("=\"inf"),
         "{}",
@@ -224,7 +225,7 @@ fn used(seed: &Seed, stored: &StoredRun) {
 }
 
 /// The whole report of a folder whose files are damaged, from its tracks on; slow.
-pub fn report_case(rng: &mut Stream, seeds: &[Seed], out: &Path) -> Verdict {
+pub fn report_case(rng: &mut RandomStream, seeds: &[Seed], out: &Path) -> Verdict {
     let seed = &seeds[below(rng, seeds.len())];
     let (file, bytes) = &seed.files[below(rng, seed.files.len())];
     let damaged = numbers(rng, bytes, bytes).unwrap_or_default();
@@ -239,7 +240,7 @@ pub fn report_case(rng: &mut Stream, seeds: &[Seed], out: &Path) -> Verdict {
     }
 }
 
-fn json(rng: &mut Stream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
+fn json(rng: &mut RandomStream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
     if below(rng, 50) == 0 {
         return None;
     }
@@ -251,7 +252,7 @@ fn json(rng: &mut Stream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// Damages an array of numbers; none: the file is gone.
-fn numbers(rng: &mut Stream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
+fn numbers(rng: &mut RandomStream, bytes: &[u8], other: &[u8]) -> Option<Vec<u8>> {
     let mut out = bytes.to_vec();
     for _ in 0..mutate::places(rng) {
         let at = below(rng, out.len().max(1));

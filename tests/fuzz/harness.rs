@@ -1,16 +1,16 @@
-//! Runs one reader on many damaged inputs, and counts what became of them.
+//! Runs one reader on many damaged inputs, and counts the outcomes.
 
-use oblate_samplers::rng::{Domain, Stream, stream};
+use oblate_samplers::rng::{Domain, RandomStream, stream};
 use std::cell::RefCell;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
 use std::time::{Duration, Instant};
 
-/// What a reader did with one input.
+/// The outcome of one input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It took it, and what follows in the program could use it.
+    /// It was accepted, and the following code could use it.
     Accepted,
     /// It returned an error.
     Refused,
@@ -23,7 +23,7 @@ pub struct Reader {
     pub task: u64,
 }
 
-/// What became of the cases of one reader.
+/// The outcomes of the cases of one reader.
 #[derive(Clone, Debug, Default)]
 pub struct Counts {
     pub name: &'static str,
@@ -40,13 +40,13 @@ pub struct Counts {
 impl Reader {
     /// Runs the first `cases`; case number i is the same in every run, so that a failure can be repeated alone with
     /// `OBLATE_FUZZ_CASE=i`.
-    pub fn run(&self, cases: u64, mut case: impl FnMut(&mut Stream) -> Verdict) -> Counts {
+    pub fn run(&self, cases: u64, mut case: impl FnMut(&mut RandomStream) -> Verdict) -> Counts {
         let mut counts = Counts {
             name: self.name,
             ..Counts::default()
         };
         note_panics();
-        // All work on this thread, where memory and panics are noted.
+        // All work is on this thread, where memory and panics are recorded.
         let _pool = rayon::ThreadPoolBuilder::new()
             .num_threads(1)
             .use_current_thread()
@@ -83,7 +83,8 @@ impl Reader {
 }
 
 impl Counts {
-    /// Asserts that nothing panicked, that memory stayed below a bound, and that cases of both verdicts were met.
+    /// Asserts that nothing panicked, that memory stayed below a bound, and that some cases were accepted and some
+    /// refused.
     pub fn assert(&self, bound: u64) {
         println!("{self} (cases {} and {})", self.slowest.0, self.peak.0);
         assert!(self.panics.is_empty(), "{self}");
@@ -97,7 +98,7 @@ thread_local! {
     static PANIC: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-/// Panics of cases are noted, not printed.
+/// Panics of cases are recorded, not printed.
 fn note_panics() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {

@@ -44,7 +44,7 @@ fn cases(usual: u64) -> u64 {
 }
 
 macro_rules! readers {
-    ($($test:ident, $task:literal, $name:literal, $short:literal, $share:literal, |$cases:ident, $reader:ident, $folder:ident| $run:expr;)*) => {
+    ($($test:ident, $task:literal, $name:literal, $short:literal, $fraction:literal, |$cases:ident, $reader:ident, $folder:ident| $run:expr;)*) => {
         $(
             #[test]
             fn $test() {
@@ -62,14 +62,14 @@ macro_rules! readers {
             }
         )*
 
-        /// Expensive readers have a share of the cases only.
+        /// Slow readers have a fraction of the cases only.
         #[test]
         #[ignore = "many minutes; prints the table of docs/reliability.md"]
         fn all() {
             let cases = cases(100_000);
             println!("| input | accepted | refused | panics | longest case (s) | most memory (MiB) |\n|---|---|---|---|---|---|");
             let all: Vec<Counts> = vec![$({
-                let counts = $test::counts((cases as f64 * $share) as u64);
+                let counts = $test::counts((cases as f64 * $fraction) as u64);
                 println!("{counts}");
                 counts
             }),*];

@@ -1,10 +1,10 @@
 //! Damage to valid inputs: of bytes, of numbers in a text, and of values in a tree.
 
-use oblate_samplers::rng::{Stream, below};
+use oblate_samplers::rng::{RandomStream, below};
 use rand::Rng;
 use serde_json::{Value, json};
 
-/// Numbers and words that readers do not expect.
+/// Numbers and texts that readers do not expect.
 const NASTY: [&str; 28] = [
     "nan",
     "inf",
@@ -40,12 +40,12 @@ const NASTY: [&str; 28] = [
 const BYTES: &[u8] = b"\x00\x01\x7f\x80\xff\n\r\t ,:;\"'[]{}#-&*!|>%@`.eE+0123456789aZ";
 
 /// One of a list.
-pub fn one<'a, T: ?Sized>(rng: &mut Stream, list: &[&'a T]) -> &'a T {
+pub fn one<'a, T: ?Sized>(rng: &mut RandomStream, list: &[&'a T]) -> &'a T {
     list[below(rng, list.len())]
 }
 
 /// A number that is not an ordinary one.
-pub fn nasty_float(rng: &mut Stream) -> f64 {
+pub fn nasty_float(rng: &mut RandomStream) -> f64 {
     const ALL: [f64; 16] = [
         f64::NAN,
         f64::INFINITY,
@@ -71,13 +71,13 @@ pub fn nasty_float(rng: &mut Stream) -> f64 {
 }
 
 /// How many places are damaged: mostly one, at most four.
-pub fn places(rng: &mut Stream) -> usize {
+pub fn places(rng: &mut RandomStream) -> usize {
     let most = [1, 1, 4][below(rng, 3)];
     1 + below(rng, most)
 }
 
 /// Damages bytes in one to four places; `other` is another valid input, from which parts are taken.
-pub fn bytes(rng: &mut Stream, seed: &[u8], other: &[u8]) -> Vec<u8> {
+pub fn bytes(rng: &mut RandomStream, seed: &[u8], other: &[u8]) -> Vec<u8> {
     let mut out = seed.to_vec();
     for _ in 0..places(rng) {
         damage(rng, &mut out, other);
@@ -85,7 +85,7 @@ pub fn bytes(rng: &mut Stream, seed: &[u8], other: &[u8]) -> Vec<u8> {
     out
 }
 
-fn damage(rng: &mut Stream, out: &mut Vec<u8>, other: &[u8]) {
+fn damage(rng: &mut RandomStream, out: &mut Vec<u8>, other: &[u8]) {
     let at = below(rng, out.len() + 1);
     let end = (at + 1 + below(rng, 64)).min(out.len());
     match below(rng, 12) {
@@ -102,7 +102,7 @@ fn damage(rng: &mut Stream, out: &mut Vec<u8>, other: &[u8]) {
         3 => out.truncate(at),
         4 => drop(out.drain(at.min(end)..end)),
         5 => {
-            // Up to thousands of copies: deep nests and long lines.
+            // Up to thousands of copies: deep nesting and long lines.
             let part = out[at.min(end)..end].to_vec();
             let most = [2, 10, 3_000][below(rng, 3)];
             let count = 1 + below(rng, most);
@@ -151,7 +151,7 @@ fn damage(rng: &mut Stream, out: &mut Vec<u8>, other: &[u8]) {
 }
 
 /// Puts something else in the place of the next number at or after a position.
-fn replace_number(rng: &mut Stream, out: &mut Vec<u8>, at: usize) {
+fn replace_number(rng: &mut RandomStream, out: &mut Vec<u8>, at: usize) {
     let part_of_number = |b: &u8| b.is_ascii_digit() || b".eE+-".contains(b);
     let Some(begin) = out[at..]
         .iter()
@@ -169,7 +169,7 @@ fn replace_number(rng: &mut Stream, out: &mut Vec<u8>, at: usize) {
 }
 
 /// Damages one to four values of a tree.
-pub fn tree(rng: &mut Stream, seed: &Value) -> Value {
+pub fn tree(rng: &mut RandomStream, seed: &Value) -> Value {
     let mut out = seed.clone();
     for _ in 0..places(rng) {
         let mut left = 1 + below(rng, count(&out));
@@ -187,7 +187,7 @@ fn count(value: &Value) -> usize {
 }
 
 /// Damages the node that is `left` nodes away, in depth-first order.
-fn damage_node(rng: &mut Stream, value: &mut Value, left: &mut usize) {
+fn damage_node(rng: &mut RandomStream, value: &mut Value, left: &mut usize) {
     *left -= 1;
     if *left == 0 {
         *value = other_value(rng, value);
@@ -206,7 +206,7 @@ fn damage_node(rng: &mut Stream, value: &mut Value, left: &mut usize) {
     }
 }
 
-fn other_value(rng: &mut Stream, old: &Value) -> Value {
+fn other_value(rng: &mut RandomStream, old: &Value) -> Value {
     match (old, below(rng, 4)) {
         (Value::Object(map), 0) if !map.is_empty() => {
             let mut map = map.clone();
@@ -260,7 +260,7 @@ fn other_value(rng: &mut Stream, old: &Value) -> Value {
     }
 }
 
-fn integer(rng: &mut Stream, n: u64) -> Value {
+fn integer(rng: &mut RandomStream, n: u64) -> Value {
     json!(
         [
             n.wrapping_add(1),

@@ -8,7 +8,7 @@ use oblate::data::ObservedTrack;
 use oblate::inference::StreamTarget;
 use oblate::params::{ParameterLines, PriorSettings, StreamParams, StreamPrior};
 use oblate::population::TruncatedGaussian;
-use oblate_samplers::rng::{Stream, below};
+use oblate_samplers::rng::{RandomStream, below};
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
 
@@ -22,7 +22,7 @@ fn example(file: &str) -> String {
 }
 
 /// A damaged text: of its bytes, or of its values.
-fn damaged(rng: &mut Stream, seeds: &[String]) -> Vec<u8> {
+fn damaged(rng: &mut RandomStream, seeds: &[String]) -> Vec<u8> {
     let own = &seeds[below(rng, seeds.len())];
     let other = &seeds[below(rng, seeds.len())];
     if below(rng, 2) == 0 {
@@ -60,7 +60,12 @@ pub fn fit_seeds() -> Vec<String> {
 }
 
 /// Reads damaged settings of a fit, and begins one with those that are accepted.
-pub fn fit_case(rng: &mut Stream, seeds: &[String], track: &ObservedTrack, path: &Path) -> Verdict {
+pub fn fit_case(
+    rng: &mut RandomStream,
+    seeds: &[String],
+    track: &ObservedTrack,
+    path: &Path,
+) -> Verdict {
     std::fs::write(path, damaged(rng, seeds)).unwrap();
     let Some(settings) = settings::<FitSettings>(path) else {
         return Verdict::Refused;
@@ -95,7 +100,7 @@ pub fn study_seeds() -> Vec<String> {
 }
 
 /// Reads a damaged study.
-pub fn study_case(rng: &mut Stream, seeds: &[String], path: &Path) -> Verdict {
+pub fn study_case(rng: &mut RandomStream, seeds: &[String], path: &Path) -> Verdict {
     std::fs::write(path, damaged(rng, seeds)).unwrap();
     let Some(study) = settings::<StudyConfig>(path) else {
         return Verdict::Refused;
@@ -115,7 +120,7 @@ pub fn parameter_seeds() -> Vec<String> {
 }
 
 /// Reads a damaged parameter set; one that is accepted has a place in the prior.
-pub fn parameter_case(rng: &mut Stream, seeds: &[String], path: &Path) -> Verdict {
+pub fn parameter_case(rng: &mut RandomStream, seeds: &[String], path: &Path) -> Verdict {
     std::fs::write(path, damaged(rng, seeds)).unwrap();
     let Some(params) = settings::<StreamParams<f64>>(path) else {
         return Verdict::Refused;
@@ -142,7 +147,7 @@ pub fn line_seeds() -> Vec<Vec<u8>> {
 }
 
 /// Reads damaged lines until one is refused.
-pub fn line_case(rng: &mut Stream, seeds: &[Vec<u8>]) -> Verdict {
+pub fn line_case(rng: &mut RandomStream, seeds: &[Vec<u8>]) -> Verdict {
     let own = &seeds[below(rng, seeds.len())];
     let bytes = mutate::bytes(rng, own, &seeds[0]);
     let mut input = bytes.as_slice();

@@ -5,7 +5,7 @@ use crate::mutate;
 use oblate::FitSettings;
 use oblate::data::ObservedTrack;
 use oblate::inference::StreamTarget;
-use oblate_samplers::rng::{Stream, below};
+use oblate_samplers::rng::{RandomStream, below};
 use std::path::Path;
 
 /// Tracks in ECSV: our own, and one by astropy.
@@ -31,7 +31,7 @@ pub fn csv_seeds() -> Vec<Vec<u8>> {
 }
 
 /// Reads a damaged track; one that is accepted is the data of a posterior, and is written and read again.
-pub fn case(rng: &mut Stream, seeds: &[Vec<u8>], path: &Path) -> Verdict {
+pub fn case(rng: &mut RandomStream, seeds: &[Vec<u8>], path: &Path) -> Verdict {
     let own = &seeds[below(rng, seeds.len())];
     let other = &seeds[below(rng, seeds.len())];
     std::fs::write(path, mutate::bytes(rng, own, other)).unwrap();

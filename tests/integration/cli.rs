@@ -24,7 +24,7 @@ pub fn oblate(args: &[&str], input: &str) -> Output {
         .stderr(Stdio::piped())
         .spawn()
         .expect("the command starts");
-    // A command that refuses its arguments may be gone before it reads.
+    // A command that refuses its arguments may end before it reads.
     let _ = child
         .stdin
         .take()
@@ -172,7 +172,7 @@ fn bad_settings_and_parameters_name_file_line_and_remedy() {
         &fit(&unknown),
         &["unknown.toml", "line 2", "sneed", "--print-config"],
     );
-    // Keys of a table that is laid over defaults have lines of their own too.
+    // Keys of a table that is merged with defaults are reported with their own lines as well.
     let deep = "[sampling]\nsampler = \"nested\"\n\n[sampling.nested]\nn_live = 100\nn_alive = 3\n";
     let deep = write(folder.path(), "deep.toml", deep);
     refused(&fit(&deep), &["deep.toml", "line 6", "n_alive"]);
@@ -383,7 +383,7 @@ fn a_fit_is_bridged_to_another_model_of_its_stream() {
     for part in ["parent", "weights", "lineage-weights"] {
         assert!(parts[part].as_f64().expect("a number") >= 0.0, "{parts}");
     }
-    // The settings that it leaves are those of the model that it came to.
+    // The settings in the folder are those of the fine model.
     let left = std::fs::read_to_string(Path::new(&out).join("config.toml")).expect("settings");
     assert!(left.contains("particles = 200"), "{left}");
     refused(
@@ -457,10 +457,10 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
     assert_eq!(both["method"], "bridge");
     let calls = |of: &serde_json::Value| of["cost"]["calls"].as_u64().expect("a number");
     assert_eq!(calls(&both), calls(&coarse) + calls(&fine));
-    // It is a whole run within, and can be read as one.
+    // The inner folder is a complete run, and can be read as one.
     let output = oblate(&["compare", &within, &two], "");
     assert!(output.status.success(), "{output:?}");
-    // A page of it tells of both stages.
+    // A report of it has both stages.
     let page = path("page.html");
     let output = oblate(&["report", &one, "--out", &page], "");
     assert!(output.status.success(), "{output:?}");
@@ -469,7 +469,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
         page.contains("Diagnostics of a bridge") && page.contains("Diagnostics of a nested run")
     );
     assert!(Path::new(&one).join("coarse-diagnostics.svg").exists());
-    // What the second stage would refuse is refused before the first.
+    // Settings that the second stage cannot use are refused before the first.
     let settings = write(
         folder.path(),
         "few.toml",
@@ -562,7 +562,7 @@ fn fits_from_several_seeds_are_merged_into_one() {
 }
 
 #[test]
-fn a_tempered_fit_that_ended_too_soon_goes_on_with_more_extensions() {
+fn a_tempered_fit_that_ended_too_soon_is_extended() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);
     let track = example("tracks/s2_spherical.ecsv").display().to_string();
@@ -614,7 +614,7 @@ fn a_tempered_fit_that_ended_too_soon_goes_on_with_more_extensions() {
     }
 }
 
-/// A summary without what belongs to the processes that made it: their times, and the command of the last one.
+/// A summary without the data of the processes that made it: their times, and the command of the last one.
 fn result(summary: &serde_json::Value) -> serde_json::Value {
     let mut summary = summary.clone();
     summary["command"].take();
@@ -624,7 +624,7 @@ fn result(summary: &serde_json::Value) -> serde_json::Value {
     summary
 }
 
-/// Kills a command after so many milliseconds, and says whether it was still at work.
+/// Kills a command after so many milliseconds, and returns whether it was still running.
 fn killed(args: &[String], after: u64) -> bool {
     let mut child = Command::new(env!("CARGO_BIN_EXE_oblate"))
         .args(args)
@@ -669,7 +669,7 @@ fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
         let millis = u64::try_from(begun.elapsed().as_millis()).expect("a short fit");
         let out = folder.path().join(format!("killed_{what}"));
         let name = out.display().to_string();
-        // From its first moments to a fifth of a whole run, each kill elsewhere; a slow machine kills as many.
+        // Kills from the start to a fifth of a whole run, each at another time; on a slow computer there are as many.
         let mut kills = 0;
         for kill in 1..=20 {
             let after = 2 + millis * (kill * 7 % 20) / 100;

@@ -1,4 +1,4 @@
-//! Tracks in and out: what is read, and what is refused with which words.
+//! Reading and writing of tracks, and the messages about faulty ones.
 
 use oblate::Error;
 use oblate::data::ObservedTrack;
@@ -11,7 +11,7 @@ fn golden(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// Reads `text` as a file and returns the error's words after the file's name.
+/// Reads `text` as a file and returns the error's text after the file's name.
 fn refusal(extension: &str, text: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(format!("track.{extension}"));
@@ -246,7 +246,7 @@ fn a_header_that_is_nested_too_deeply_or_too_long_is_refused() {
     let anchors: String = (0..25).map(|k| format!("&a{k} [")).collect();
     let list = format!("a: {anchors}{}{}", "1,".repeat(20_000), "]".repeat(25));
     assert_refused("ecsv", &header(&list), &["too much under anchors"]);
-    // What is deep but not too deep is kept.
+    // Values that are nested less deeply are kept.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("t.ecsv");
     std::fs::write(&path, header(&flow(20))).unwrap();

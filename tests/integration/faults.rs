@@ -34,12 +34,12 @@ sampling.nested = { n_live = 20, kernel = "random-slice", steps = 2, simulations
 sampling.pt_hmc = { chain_sets = 2, rounds = 2, first_scans = 4, smc_particles = 20, slice_updates = 2, extensions = 0 }
 "#;
 
-/// What happens at a system call.
+/// The fault at a system call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Fault {
     /// The process is killed before the call.
     Kill,
-    /// This call, and all later ones of its kind, find the disk full.
+    /// This call, and all later ones of its kind, fail because the disk is full.
     NoSpace,
 }
 
@@ -289,8 +289,8 @@ fn counts(scenario: &Scenario) -> BTreeMap<&'static str, usize> {
         .collect()
 }
 
-/// Every file below a folder by its name. Times are taken out of summaries; files that say when and how often a run was at work are
-/// left out: logs, checkpoints, the page with the times of its runs.
+/// Every file below a folder by its name. Times are taken out of summaries; files with times and the number of
+/// processes of a run are left out: logs, checkpoints, the page with the times of its runs.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut left = vec![folder.to_path_buf()];
@@ -330,7 +330,7 @@ fn without_times(summary: &[u8]) -> Vec<u8> {
     serde_json::to_vec(&value).expect("JSON")
 }
 
-/// Disturbs the scenario's command once and continues it; what is wrong, if anything is.
+/// Runs the scenario's command with one fault and continues it; returns what is wrong, if anything is.
 fn disturbed(
     scenario: &Scenario,
     fault: Fault,
@@ -381,8 +381,8 @@ fn disturbed(
     }
 }
 
-/// Numbers of the calls to disturb, at most `most` of them: the first and the last ones, between which a run begins and ends, and some
-/// of those in the middle.
+/// Numbers of the calls with a fault, at most `most` of them: the first and the last ones, at which a run begins and
+/// ends, and some of those in the middle.
 fn chosen(count: usize, most: usize) -> Vec<usize> {
     if count <= most {
         return (1..=count).collect();

@@ -1,4 +1,4 @@
-//! The target as samplers see it, draws of its prior, the fit in memory, and the settings of the coarse fit.
+//! The target of the samplers, draws of its prior, the fit in memory, and the settings of the coarse fit.
 
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget, prior_draws};
@@ -45,7 +45,7 @@ fn rejecting_and_penalising_uncovered_bins_give_the_same_posterior() {
         ..nested::Settings::default()
     };
     let run = nested::run(&penalty, &settings, 5, &mut Control::new(&mut Silent)).unwrap();
-    // The posterior under rejection, by reweighting the draws: rejection is never the more generous of the two.
+    // The posterior under rejection, by reweighting the draws: rejection never gives the larger likelihood.
     let ln_ratio: Vec<f64> = (0..run.draws.len())
         .map(|i| {
             let Outcome::Value(l) = reject.ln_likelihood(run.draws.theta_row(i)) else {
@@ -181,11 +181,11 @@ fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
         Coverage::Reject => f64::INFINITY,
     };
     assert!(z_miss(&coarse) < z_miss(&fine));
-    // Everything else is the fit's, and it has no coarse model of its own.
+    // Everything else is as in the fit, and it has no coarse model of its own.
     assert_eq!((&coarse.prior, coarse.seed), (&fine.prior, fine.seed));
     assert_eq!(coarse.sampling, fine.sampling);
     assert_eq!(coarse.coarse(8.0), None);
-    // What is gentle already stays so.
+    // A penalty that is small already is not changed.
     let mut gentle = fine.clone();
     gentle.likelihood.coverage = Coverage::Penalty {
         z_miss: 3.0,

@@ -555,7 +555,7 @@ fn the_memory_of_a_model_and_its_gradient_is_what_was_estimated() {
             let likelihood = StreamLikelihood::new(model, track.expect("data"), q_range);
             likelihood.gradient(&params).expect("a gradient");
         });
-        // The stream of the data is held besides.
+        // The stream of the data is in memory as well.
         let estimate = settings.memory(1).bytes() + 56.0 * settings.releases.particles as f64;
         let ratio = measured / estimate;
         // Adaptive steps are estimated as if all were halved as often as they may be.

@@ -1,4 +1,4 @@
-//! The pages of documentation say what the code has: links, names of parameters, settings, checks and benches.
+//! The pages of documentation agree with the code: links, names of parameters, settings, checks and benches.
 
 use oblate::config::to_toml;
 use oblate::inference::FitSettings;

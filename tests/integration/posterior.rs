@@ -4,7 +4,7 @@ use crate::runs;
 use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
 use oblate::posterior::{
-    Interval, Summary, SummaryContext, columns, compare, modes, run_from_parts, zarr,
+    Interval, Summary, SummaryContext, assemble_run, columns, compare, modes, zarr,
 };
 use oblate_samplers::output::{Check, History, Run};
 
@@ -79,7 +79,7 @@ fn summary_has_the_keys_that_scripts_rely_on() {
 }
 
 #[test]
-fn a_failed_gate_keeps_its_infinite_value_and_leads_the_verdict() {
+fn a_failed_check_keeps_its_infinite_value_and_leads_the_verdict() {
     let mut run = runs::nested(500, 5);
     run.checks
         .push(Check::at_most("r_hat", f64::INFINITY, 1.01, "run longer"));
@@ -176,25 +176,25 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
     for (name, run) in [
         ("n", runs::nested(900, 1)),
         ("t", runs::tempered(400, 2)),
-        ("r", runs::refined(400, 4)),
+        ("r", runs::bridged(400, 4)),
     ] {
         // What tests/peers/read_back.py opens.
         if let Ok(kept) = std::env::var("OBLATE_FIGURES") {
             let kept = std::path::Path::new(&kept);
             std::fs::create_dir_all(kept).unwrap();
-            let beside = zarr::Extras {
+            let extras = zarr::Extras {
                 track: Some(&track),
                 prior: Some(&run.draws),
             };
             let path = kept.join(format!("{name}.zarr"));
             let _ = std::fs::remove_dir_all(&path);
-            zarr::write(&path, &run, beside).unwrap();
+            zarr::write(&path, &run, extras).unwrap();
             track.write(&kept.join("track.ecsv")).unwrap();
         }
         let path = folder.path().join(name);
         zarr::write(&path, &run, zarr::Extras::default()).unwrap();
         let text = serde_json::to_string(&summary(&run)).unwrap();
-        let back = run_from_parts(
+        let back = assemble_run(
             &serde_json::from_str(&text).unwrap(),
             zarr::read(&path).unwrap(),
         )
@@ -233,14 +233,14 @@ fn every_file_that_is_written_is_known_as_our_own_and_in_the_checksum() {
     for (name, run) in [
         ("n", runs::nested(90, 1)),
         ("t", runs::tempered(40, 2)),
-        ("r", runs::refined(40, 4)),
+        ("r", runs::bridged(40, 4)),
     ] {
         let path = folder.path().join(name);
-        let beside = zarr::Extras {
+        let extras = zarr::Extras {
             track: Some(&track),
             prior: Some(&run.draws),
         };
-        zarr::write(&path, &run, beside).unwrap();
+        zarr::write(&path, &run, extras).unwrap();
         let entries = zarr::entries(&path).unwrap();
         assert_eq!(entries.foreign, Vec::<std::path::PathBuf>::new());
         let checksum = zarr::Checksum::of(&path, &entries).unwrap();
@@ -282,7 +282,7 @@ fn parts_of_different_runs_are_refused() {
     let path = folder.path().join("p.zarr");
     zarr::write(&path, &runs::nested(100, 1), zarr::Extras::default()).unwrap();
     let other = summary(&runs::nested(100, 2));
-    let words = run_from_parts(&other, zarr::read(&path).unwrap())
+    let words = assemble_run(&other, zarr::read(&path).unwrap())
         .unwrap_err()
         .to_string();
     assert!(
@@ -337,7 +337,7 @@ fn fault_of_parts(summary: &Summary, run: &Run) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("p.zarr");
     zarr::write(&path, run, zarr::Extras::default()).unwrap();
-    let error = zarr::read(&path).and_then(|stored| run_from_parts(summary, stored));
+    let error = zarr::read(&path).and_then(|stored| assemble_run(summary, stored));
     error.unwrap_err().to_string()
 }
 
@@ -485,7 +485,7 @@ fn a_chunk_that_is_missing_is_an_error_in_every_array() {
     for (name, run) in [
         ("n", runs::nested(100, 1)),
         ("t", runs::tempered(40, 2)),
-        ("r", runs::refined(40, 4)),
+        ("r", runs::bridged(40, 4)),
     ] {
         let path = folder.path().join(name);
         zarr::write(&path, &run, zarr::Extras::default()).unwrap();

@@ -17,7 +17,7 @@ fn unit<S: Real>(v: Vec3<S>) -> Vec3<S> {
     v * (S::one() / v.norm2().sqrt())
 }
 
-/// Everything a potential promises, against one golden case.
+/// All functions of a potential, against one golden case.
 fn check_contract(potential: &impl Potential<f64>, case: &Value) {
     let x = Vec3::from(numbers::<3>(&case["x"]));
     let id = &case["id"];
@@ -182,7 +182,7 @@ fn the_derivative_by_log10_mass_is_the_golden_one() {
 }
 
 #[test]
-fn pulling_back_is_the_transpose_of_the_dual_derivative() {
+fn vjp_is_the_transpose_of_the_dual_derivative() {
     let file = json("potential.json");
     let lambda = Vec3::new(0.3, -1.1, 0.7);
     for case in cases(&file).iter().filter(|c| c["kind"] == "nfw") {

@@ -6,13 +6,13 @@ use oblate::params::QPrior;
 use oblate::population::PopulationDensity;
 use oblate::posterior::{Column, Summary, SummaryContext, columns, compare};
 use oblate::report::{
-    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, health, page,
+    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, page,
     population_density, q_posterior,
 };
 use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 
-/// Every figure is checked for what no figure may have; then kept if asked.
+/// Checks a figure for what no figure may have; keeps it if `OBLATE_FIGURES` is set.
 fn sound(name: &str, svg: String) -> String {
     for bad in ["NaN", "inf", "<image", "href", "font-face"] {
         assert!(!svg.contains(bad), "{name} has {bad}");
@@ -95,7 +95,7 @@ fn fit_overlay_shows_every_datum_and_its_residual() {
 }
 
 #[test]
-fn the_key_of_a_fit_overlay_covers_no_datum() {
+fn the_legend_of_a_fit_overlay_covers_no_datum() {
     let phi: Vec<f64> = (-6..6).map(|k| 10.0 * (f64::from(k) + 0.5)).collect();
     for (what, truth) in [
         ("falls", (|phi| 60.0 - 0.3 * phi) as fn(f64) -> f64),
@@ -124,7 +124,7 @@ fn the_key_of_a_fit_overlay_covers_no_datum() {
                 .map(|dot| (number(dot), number(dot.split_once("cy=").unwrap().1)))
                 .collect()
         };
-        let (x, y) = places("key")[0];
+        let (x, y) = places("legend")[0];
         let covered = |(cx, cy): &(f64, f64)| {
             (x - 10.0..x + 80.0).contains(cx) && (y - 15.0..y + 25.0).contains(cy)
         };
@@ -329,14 +329,17 @@ fn the_density_of_a_population_is_drawn_with_its_bands() {
 }
 
 #[test]
-fn health_shows_every_kind_of_run() {
-    let svg = sound("health_nested", health(&runs::nested(6000, 5)));
+fn diagnostics_show_every_kind_of_run() {
+    let svg = sound("diagnostics_nested", diagnostics(&runs::nested(6000, 5)));
     assert!(svg.contains("ln X") && svg.contains("insertion rank"));
-    let svg = sound("health_tempered", health(&runs::tempered(4000, 6)));
+    let svg = sound(
+        "diagnostics_tempered",
+        diagnostics(&runs::tempered(4000, 6)),
+    );
     assert_eq!(svg.matches("class=\"gap\"").count(), 7);
     assert_eq!(svg.matches("class=\"acceptance\"").count(), 8);
     assert!(svg.contains("31, 28, 35, 30"));
-    let svg = sound("health_refined", health(&runs::refined(2000, 6)));
+    let svg = sound("diagnostics_refined", diagnostics(&runs::bridged(2000, 6)));
     assert_eq!(svg.matches("class=\"step\"").count(), 6);
 }
 
@@ -398,7 +401,7 @@ fn a_name_of_any_characters_makes_sound_figures_and_a_sound_page() {
         .chars()
         .find(|c| c.is_control() && !['\t', '\n', '\r'].contains(c));
     assert_eq!(foreign, None);
-    // All of a name that text can hold is still there.
+    // All characters of a name that text can have are still there.
     assert!(html.contains("xyz") && html.contains("&lt;=&gt;") && html.contains('\u{1f30c}'));
 }
 
@@ -450,7 +453,7 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
         Summary::new(run, &context)
     };
     let (a, b) = (of(&good), of(&bad));
-    let drawn = |run: &Run| vec![("Health of the sampler.".to_owned(), health(run))];
+    let drawn = |run: &Run| vec![("Diagnostics of the sampler.".to_owned(), diagnostics(run))];
     let (fa, fb) = (drawn(&good), drawn(&bad));
     let runs_shown = [
         PageRun {
@@ -479,7 +482,7 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
     assert!(verdict < body.find("<table").unwrap() && verdict < body.find("<svg").unwrap());
     assert!(body.contains("chains &lt;disagree&gt;; run longer"));
     assert!(body.contains("resume it with a larger one") && body.contains("--seed 5"));
-    // Self-contained: no address but the name of SVG's own language.
+    // Self-contained: no address except the namespace of SVG.
     let addresses = html.matches("http").count();
     assert_eq!(
         addresses,
@@ -500,5 +503,5 @@ fn an_axis_of_numbers_that_doubles_cannot_count_has_an_end() {
             *x = if k < 50 { -1e17 } else { -1e17 - 16.0 };
         }
     }
-    sound("far", health(&run));
+    sound("far", diagnostics(&run));
 }

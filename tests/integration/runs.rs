@@ -5,7 +5,7 @@ use oblate_samplers::output::{Check, Cost, Draws, Ess, Evidence, History, Method
 use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
 use std::collections::BTreeMap;
 
-/// (name, unit, mean, standard deviation) of each parameter: the thirteen of a stream, at plausible places.
+/// (name, unit, mean, standard deviation) of each parameter: the thirteen of a stream, at plausible values.
 pub const PARAMETERS: [(&str, &str, f64, f64); 13] = [
     ("log10_m_halo", "dex(Msun)", 12.1, 0.2),
     ("r_s_halo_kpc", "kpc", 16.0, 2.0),
@@ -47,7 +47,7 @@ fn draws(rows: usize, chains: u32, seed: u64) -> Draws {
     draws
 }
 
-/// What both kinds of run share.
+/// The common part of all kinds of runs.
 fn run(method: Method, draws: Draws, history: History, seed: u64) -> Run {
     let kish = oblate_samplers::diagnostics::kish_ess(&draws.ln_weight);
     Run {
@@ -165,7 +165,7 @@ pub fn tempered(rows: usize, seed: u64) -> Run {
 }
 
 /// A bridged run: equal weights, three steps.
-pub fn refined(rows: usize, seed: u64) -> Run {
+pub fn bridged(rows: usize, seed: u64) -> Run {
     let history = History::Bridge {
         fraction: vec![0.3, 0.7, 1.0],
         ln_ratio: vec![1.0, 1.8, 2.1],

@@ -54,7 +54,7 @@ fn smooth_step_has_two_continuous_derivatives_at_its_ends() {
     );
 }
 
-/// Everything that a number can do, at two of them.
+/// All operations of a number type, on two numbers.
 fn everything<S: Real>(a: S, b: S) -> Vec<S> {
     let mut sum = a;
     sum += b;

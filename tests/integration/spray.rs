@@ -149,7 +149,7 @@ fn a_radial_orbit_and_a_negative_bracket_give_finite_releases() {
 }
 
 #[test]
-fn kicks_have_the_published_moments() {
+fn release_offsets_have_the_published_moments() {
     let settings = TableSettings {
         particles: 40_000,
         sampling_scheme: SamplingScheme::Random,
@@ -307,7 +307,7 @@ fn neighbours_are_near_and_give_linear_maps_exactly_but_for_their_ridge() {
 
 #[test]
 fn many_particles_of_one_release_time_find_neighbours_in_no_time() {
-    // All pairs of 32,768 are half a billion, and would be compared until nothing moves.
+    // All pairs of 32,768 are half a billion; comparing them all would take too long.
     let table = ReleaseTable::new(&TableSettings {
         particles: 131_072,
         release_times: 2,

@@ -162,7 +162,9 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
     for sampling_scheme in [SamplingScheme::Random, SamplingScheme::Sobol] {
         let model = model(sampling_scheme, 1_000);
         for name in NAMES {
-            let solution = model.progenitor_solution(&system(name)).expect("a setup");
+            let solution = model
+                .progenitor_solution(&system(name))
+                .expect("a progenitor solution");
             for &level in Level::available() {
                 let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
                 model
@@ -202,7 +204,7 @@ fn a_stream_over_many_threads_has_the_bits_of_one_thread() {
         let model = model(sampling_scheme, particles);
         let solution = model
             .progenitor_solution(&system(NAMES[0]))
-            .expect("a setup");
+            .expect("a progenitor solution");
         let (mut schedules, mut one) = (StepSchedules::default(), Particles::default());
         model
             .integrate(&solution, &mut schedules, &mut one)

@@ -11,7 +11,9 @@ use std::sync::Arc;
 
 fn particles(name: &str, settings: &ModelSettings) -> Particles {
     let model = Model::new(settings).expect("a model");
-    let solution = model.progenitor_solution(&system(name)).expect("a setup");
+    let solution = model
+        .progenitor_solution(&system(name))
+        .expect("a progenitor solution");
     let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
     model
         .integrate(&solution, &mut schedules, &mut out)
@@ -102,7 +104,7 @@ fn soft_bins_become_hard_ones_as_their_edges_narrow() {
     assert!(difference(0.1) < 0.02 && difference(0.1) > 0.0);
 }
 
-/// The default, smeared particles, and the same for themselves.
+/// The default, smeared particles, and the same particles as points.
 fn sampling_schemes() -> [ModelSettings; 2] {
     let alone = TableSettings {
         sampling_scheme: SamplingScheme::Sobol,
@@ -115,7 +117,7 @@ fn sampling_schemes() -> [ModelSettings; 2] {
 }
 
 #[test]
-fn the_shares_of_all_particles_add_up_to_their_number() {
+fn the_weights_of_all_bins_add_up_to_the_number_of_particles() {
     for (name, settings) in NAMES
         .iter()
         .flat_map(|name| sampling_schemes().map(|d| (name, d)))
@@ -281,7 +283,7 @@ fn every_level_bins_as_the_reference_does() {
 proptest! {
     /// Reverse mode of smeared particles against duals.
     #[test]
-    fn pulling_back_sums_of_smeared_particles_matches_duals(
+    fn vjp_of_sums_of_smeared_particles_matches_duals(
         places in prop::array::uniform4((1.0..80.0_f64, -3.0..3.0_f64)),
         weights in prop::array::uniform2(prop::array::uniform4(-0.5..0.5_f64)),
         count in 0..3_usize,
@@ -326,7 +328,7 @@ proptest! {
 
     /// Reverse mode of the bins against duals, particles anywhere, at edges too.
     #[test]
-    fn pulling_back_sums_matches_duals(x in -80.0..80.0_f64, y in -80.0..80.0_f64, turns in -1..2_i32,
+    fn vjp_of_sums_matches_duals(x in -80.0..80.0_f64, y in -80.0..80.0_f64, turns in -1..2_i32,
                                        soft in any::<bool>(), at_edge in any::<bool>()) {
         let edges = if soft { BinEdges::default() } else { BinEdges::Hard };
         let (x, y) = if at_edge {
@@ -353,7 +355,7 @@ proptest! {
         };
         let mut duals = Sums::default();
         grid.sum_final_particles(&[particle], None, &mut duals);
-        // A scalar that weighs every sum differently.
+        // A scalar with another weight for every sum.
         let weigh = |i: usize| (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
         let mut total = Dual::<2>::from_re(0.0);
         let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };

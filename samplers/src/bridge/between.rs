@@ -1,4 +1,5 @@
-//! The likelihood between a coarse and a fine one, `L_coarse^(1 - fraction) L_fine^fraction`, as a target.
+//! The intermediate likelihood of a bridge, `L_coarse^(1 - s) L_fine^s`, as a target; `s` is called `fraction` in the
+//! code.
 
 use crate::error::Result;
 use crate::hmc::{Evaluator, Point};
@@ -6,7 +7,7 @@ use crate::output::Calls;
 use crate::target::{Outcome, Prior, Symmetry, Target};
 use std::sync::{Mutex, PoisonError};
 
-/// ln L of both at one point.
+/// ln L of the coarse and of the fine likelihood at one point.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Both {
     pub coarse: f64,
@@ -19,13 +20,14 @@ impl Both {
         self.fine - self.coarse
     }
 
-    /// ln L at this fraction of the fine likelihood.
+    /// ln L of the intermediate likelihood with the exponent `s`.
     pub fn at(self, fraction: f64) -> f64 {
         (1.0 - fraction) * self.coarse + fraction * self.fine
     }
 }
 
-/// See the module. For one particle: it keeps the last values, which belong to the point where a slice update ends.
+/// The intermediate likelihood, for one particle at a time: it keeps the values at its last point, at which a slice
+/// update ends.
 pub struct Between<'a> {
     coarse: &'a dyn Target,
     fine: &'a dyn Target,
@@ -35,7 +37,7 @@ pub struct Between<'a> {
 }
 
 impl<'a> Between<'a> {
-    /// At this fraction of the fine likelihood in ln L.
+    /// The target with the fine likelihood at this exponent.
     pub fn new(coarse: &'a dyn Target, fine: &'a dyn Target, fraction: f64) -> Self {
         let nowhere = Both {
             coarse: f64::NEG_INFINITY,
@@ -49,7 +51,8 @@ impl<'a> Between<'a> {
         }
     }
 
-    /// Moves `point`, where both likelihoods are `both`, by `explore` on this likelihood. Counts calls of both.
+    /// Moves `point`, where the two likelihoods are `both`, by the MCMC moves `explore` on the intermediate posterior.
+    /// Counts the calls of both likelihoods.
     ///
     /// # Errors
     /// Those of `explore`; [`Error::Fatal`] and [`Error::Infinite`] from the targets.
@@ -64,7 +67,7 @@ impl<'a> Between<'a> {
         let mut evaluator = Evaluator::new(self);
         explore(&mut evaluator, point)?;
         let mut calls = evaluator.calls;
-        // Each value is one call of either likelihood.
+        // One value costs one call of each likelihood.
         calls.values *= 2;
         let last = *self.last.lock().unwrap_or_else(PoisonError::into_inner);
         *both = if last.at(self.fraction).to_bits() == point.ln_likelihood.to_bits() {

@@ -18,7 +18,7 @@ impl State {
         )?;
         (self.particles.iter()).try_for_each(|particle| particle.check(parent, dim))?;
         let fine = |particle: &Particle| particle.both.fine.is_finite();
-        // The first step leaves out whoever has no fine likelihood.
+        // The first step gives particles without a fine likelihood the weight 0.
         ensure(
             self.particles.iter().any(fine)
                 && (self.fraction <= 0.0 || self.particles.iter().all(fine)),
@@ -67,7 +67,7 @@ mod tests {
     use super::super::state::Level;
     use super::*;
 
-    /// What is done to a state.
+    /// A change to a state.
     type Damage<'a> = &'a dyn Fn(&mut State);
     use crate::difference_pool::DifferencePool;
     use crate::hmc::Metric;

@@ -1,13 +1,15 @@
-//! SMC bridge: from a finished run on a coarse likelihood to the posterior of a fine one that costs more. Draws of the run
-//! are moved along `L_coarse^(1 - s) L_fine^s` from `s = 0` to 1 ([`smc_weights`](crate::smc_weights)).
+//! The SMC bridge: from a finished run on a coarse likelihood to the posterior of a fine one that costs more (Del
+//! Moral, Doucet & Jasra 2006). Draws of the run are moved along `L_coarse^(1 - s) L_fine^s` from `s = 0` to 1, in
+//! steps after which an effective half of them is left ([`smc_weights`](crate::smc_weights)).
 //!
-//! Where a likelihood has a cheap approximation, any sampler finds the posterior of the approximation, and the fine
-//! likelihood is called only for the difference. ln Z is that of the run plus the logarithms of the mean weights: consistent
-//! for any difference, and cheap if the difference is a few nats. What the coarse run has missed is not found: a mode, or
+//! The coarse run may be of any sampler; the fine likelihood is evaluated in the bridge only. ln Z is that of the
+//! coarse run plus the logarithms of the mean weights of all steps. The result is consistent for any two likelihoods,
+//! and takes few steps if they differ by a few nats. The bridge cannot find what the coarse run has missed: a mode, or
 //! points without a coarse likelihood.
 //!
-//! After each step every SMC particle makes slice updates. Particles of even lineages of the run take directions from those
-//! of odd ones and the reverse: directions from the own lineage would not leave the distribution invariant.
+//! After each step every SMC particle makes slice updates. Particles of even lineages of the run take directions from
+//! those of odd ones and the other way round: directions from the same lineage would not leave the distribution
+//! invariant.
 
 mod between;
 mod check;
@@ -24,20 +26,21 @@ use crate::output::{Run, Status};
 use crate::target::Target;
 use state::{Bridge, State};
 
-/// What errors call the coarse run.
+/// The name of the coarse run in errors.
 const COARSE: &str = "the coarse run";
 
-/// Continues `parent`, a run on `coarse`, to the posterior of `target`, which has the same parameters.
+/// Moves draws of `parent`, a run on `coarse`, to the posterior of `target`, which has the same parameters.
 ///
 /// The same parent, settings and seed give the same bits on any number of threads and after any number of interruptions. A bridge
 /// that is interrupted or whose budget is spent has no result yet: it writes a checkpoint, where one is planned. Calls are of both
 /// likelihoods, except that the parent's are not counted again.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::OtherParameters`], [`Error::NoDraws`] and [`Error::OtherLikelihood`] if `parent` is not a
-/// run on `coarse`, or `target` has other parameters; [`Error::NoCommonSupport`] if `target` has a likelihood at none of its draws; [`Error::Interrupted`] after a checkpoint; [`Error::Fatal`] and
-/// [`Error::Infinite`] from the targets, after a checkpoint of the last whole MCMC step; [`Error::Checkpoint`] and [`Error::Io`] from
-/// the file.
+/// [`Error::Setting`] for settings out of range; [`Error::OtherParameters`], [`Error::NoDraws`] and
+/// [`Error::OtherLikelihood`] if `parent` is not a run on `coarse`, or `target` has other parameters;
+/// [`Error::NoCommonSupport`] if `target` rejects all of its draws; [`Error::Interrupted`] after a checkpoint;
+/// [`Error::Fatal`] and [`Error::Infinite`] from the targets, after a checkpoint of the last complete MCMC step;
+/// [`Error::Checkpoint`] and [`Error::Io`] from the file.
 pub fn run(
     target: &dyn Target,
     coarse: &dyn Target,

@@ -60,8 +60,11 @@ fn evidence(bridge: &Bridge<'_>, draws: &Draws, parent: &Run) -> Evidence {
     let ln_z = parent.evidence.ln_z + bridge.state.ln_ratio;
     let parts = [
         ("parent", parent.evidence.error),
-        ("weights", of_ancestry(bridge)),
-        ("lineage-weights", of_lineage_weights(draws, &parent.draws)),
+        ("weights", coalescence_error(bridge)),
+        (
+            "lineage-weights",
+            lineage_weight_error(draws, &parent.draws),
+        ),
     ];
     let particles = bridge.state.particles.len() as f64;
     let mean = bridge
@@ -82,7 +85,7 @@ fn evidence(bridge: &Bridge<'_>, draws: &Draws, parent: &Run) -> Evidence {
 
 /// Error of the mean weights by excess coalescence: how many pairs of particles have a common ancestor beyond what
 /// resampling without weights would make (Lee & Whiteley 2018).
-fn of_ancestry(bridge: &Bridge<'_>) -> f64 {
+fn coalescence_error(bridge: &Bridge<'_>) -> f64 {
     let particles = bridge.state.particles.len() as f64;
     let alike = 1.0 / effective_kinds(bridge.state.particles.iter().map(|m| m.eve));
     let times = 1.0 + bridge.state.levels.len() as f64;
@@ -90,9 +93,9 @@ fn of_ancestry(bridge: &Bridge<'_>) -> f64 {
     (1.0 - unlike).max(0.0).sqrt()
 }
 
-/// Changes of the weights of the parent's lineages: the parent knows the weight of each to about a factor, and its own error
-/// does not include these changes.
-fn of_lineage_weights(draws: &Draws, parent: &Draws) -> f64 {
+/// Error of ln Z from the weights that the bridge has moved between lineages of the parent: in the parent the weight of
+/// each is uncertain by about a factor, and the error of the parent does not include these changes.
+fn lineage_weight_error(draws: &Draws, parent: &Draws) -> f64 {
     if parent.cluster.iter().all(|g| *g == parent.cluster[0]) {
         // Independent draws: the error of the weights is the whole error.
         return 0.0;
@@ -111,7 +114,7 @@ fn of_lineage_weights(draws: &Draws, parent: &Draws) -> f64 {
 /// ESS of means by the scatter of lineages (design effect).
 fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
     let weights = draws.weights();
-    // An effective size is at most the number of draws, also if lineages agree by chance.
+    // An effective size is at most the number of draws, also if lineages agree by coincidence.
     let most = draws.len() as f64;
     let bulk: Vec<f64> = (0..draws.dim)
         .map(|k| size_of_mean(&draws.column(k), &weights, &draws.cluster).min(most))
@@ -132,13 +135,13 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
             "coarse-run-checks",
             failed as f64,
             0.0,
-            "checks that the coarse run failed; a bridge finds nothing that the coarse run has missed: make that run converge first",
+            "convergence checks that the coarse run failed; a bridge cannot find what the coarse run has missed: make that run converge first",
         ),
         Check::at_least(
             "effective-ancestors",
             ess.kish,
             100.0,
-            "effective number of draws of the coarse run from which the result descends; if too few, raise `smc_particles` or `mcmc_steps`, or take a coarse likelihood nearer to the fine one",
+            "effective number of draws of the coarse run from which the result descends; if too small, raise `smc_particles` or `mcmc_steps`, or use a coarse likelihood closer to the fine one",
         ),
         Check::at_most(
             "bridge-error",
@@ -146,7 +149,7 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
                 + evidence.error_parts["lineage-weights"].powi(2))
             .sqrt(),
             0.5,
-            "error in nats that the bridge adds to ln Z; if too large, raise `smc_particles`, or take a coarse likelihood nearer to the fine one",
+            "error in nats that the bridge adds to ln Z; if too large, raise `smc_particles`, or use a coarse likelihood closer to the fine one",
         ),
     ]
 }

@@ -14,7 +14,7 @@ const BYTES_PER_MEMBER: f64 = 50.0 * 8.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// SMC particles: draws taken from the coarse run, and draws of the result.
+    /// Number of SMC particles: draws taken from the coarse run, and draws of the result.
     pub smc_particles: usize,
     /// Slice updates of each particle after each step.
     pub mcmc_steps: usize,
@@ -40,7 +40,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Checks whether a bridge can work with these numbers on a target of `dim` parameters.
+    /// Checks the settings for a target of `dim` parameters.
     ///
     /// # Errors
     /// As of [`check_ranges`](Self::check_ranges); [`Error::Setting`] for fewer than ten SMC particles per parameter.
@@ -50,7 +50,7 @@ impl Settings {
             return Err(Error::Setting {
                 name: "smc_particles",
                 value: self.smc_particles.to_string(),
-                remedy: "give at least ten per parameter, 2,000 is usual",
+                remedy: "give at least ten per parameter; 2,000 is the default",
             });
         }
         self.memory(dim).check()?;

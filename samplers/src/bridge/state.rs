@@ -13,7 +13,7 @@ use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Index, within a level, of the random stream of the resampling.
+/// Index, within a step, of the random stream of the resampling.
 const RESAMPLING: u64 = u64::MAX;
 
 /// One SMC particle.
@@ -31,7 +31,7 @@ pub(super) struct Particle {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Level {
     pub(super) fraction: f64,
-    /// ln Z here over that of the coarse run.
+    /// ln Z here minus that of the coarse run.
     pub(super) ln_ratio: f64,
     /// Effective number of ancestors.
     pub(super) ancestors: f64,
@@ -39,15 +39,15 @@ pub(super) struct Level {
     pub(super) correlation: f64,
 }
 
-/// The particles and the fraction reached: what a checkpoint holds.
+/// The particles and the exponent reached: what a checkpoint holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
     pub(super) fraction: f64,
     pub(super) ln_ratio: f64,
     pub(super) particles: Vec<Particle>,
-    /// MCMC steps done at this fraction; none are due at 0.
+    /// MCMC steps done at this exponent; none are due at 0.
     pub(super) mcmc_steps: usize,
-    /// ln L of the fine likelihood over the coarse one of every SMC particle before these MCMC steps.
+    /// `ln L_fine - ln L_coarse` of every SMC particle before these MCMC steps.
     pub(super) gaps_before: Vec<f64>,
     /// Metrics for particles of even and of odd lineages; `pools` likewise.
     pub(super) metrics: Vec<Metric>,
@@ -57,12 +57,13 @@ pub(super) struct State {
 }
 
 impl State {
-    /// ln L of the fine likelihood over the coarse one of every SMC particle.
+    /// `ln L_fine - ln L_coarse` of every SMC particle.
     fn gaps(&self) -> Vec<f64> {
         self.particles.iter().map(|m| m.both.gap()).collect()
     }
 
-    /// Coordinates of the SMC particles of even (0) or odd (1) lineages; of all, where there are none.
+    /// Coordinates of the SMC particles of even (0) or odd (1) lineages; of all SMC particles where there are no such
+    /// lineages.
     fn rows(&self, parity: u32) -> Vec<f64> {
         let of = |own: &dyn Fn(&Particle) -> bool| -> Vec<f64> {
             let particles = self.particles.iter().filter(|m| own(m));
@@ -98,7 +99,7 @@ impl Bridge<'_> {
             let mut z = vec![0.0; draws.dim];
             let prior = self.target.prior();
             prior.z_from_theta(draws.theta_row(row), &mut z);
-            // Rounding can put a draw on the edge of a bounded prior, where it has no coordinates.
+            // Rounding can put a draw on the bound of its prior, where it has no coordinates.
             if z.iter().all(|z| z.is_finite()) {
                 particles.push(Particle {
                     z,
@@ -130,8 +131,8 @@ impl Bridge<'_> {
         Ok(())
     }
 
-    /// One MCMC step, after a step towards the fine likelihood where one is due. On an error no particle has moved, and the
-    /// same MCMC step can be repeated.
+    /// One MCMC step of every particle, after a step of the exponent where one is due. On an error no particle has
+    /// moved, and the same MCMC step can be repeated.
     pub(super) fn advance(&mut self) -> Result<()> {
         if self.state.mcmc_steps == self.settings.mcmc_steps {
             self.step()?;
@@ -187,7 +188,8 @@ impl Bridge<'_> {
         Ok(())
     }
 
-    /// One slice update of every particle, and the target's involutions in the first MCMC step at a fraction.
+    /// One slice update of every particle at the present exponent; in the first MCMC step there also the target's
+    /// involutions.
     fn mcmc_step(&mut self) -> Result<()> {
         let state = &self.state;
         let fraction = state.fraction;

@@ -1,7 +1,7 @@
 //! Diagnostics of several chains of one quantity (Vehtari, Gelman, Simpson, Carpenter & Burkner 2021).
 //!
-//! Chains are slices of equal length; longer ones are cut to the shortest. Of chains with fewer than four draws
-//! nothing is known: their R-hat is infinite and their effective size 0.
+//! Chains are slices of equal length; longer ones are cut to the shortest. Chains with fewer than four draws have an
+//! infinite R-hat and an effective size of 0.
 
 use crate::normal;
 
@@ -118,7 +118,7 @@ fn rank_normalised(chains: &[Vec<f64>]) -> Vec<Vec<f64>> {
     scores
 }
 
-/// Mean within-chain variance, and the variance estimate that also counts the scatter of chain means.
+/// Mean within-chain variance, and the variance estimate that also includes the variance of the chain means.
 fn variances(chains: &[Vec<f64>]) -> (f64, f64) {
     let n = chains[0].len() as f64;
     let m = chains.len() as f64;
@@ -150,9 +150,9 @@ fn plain_r_hat(chains: &[Vec<f64>]) -> f64 {
     }
 }
 
-/// Geyer's initial monotone sequence on autocorrelations averaged over chains; at most `S log10 S` (antithetic
-/// chains), as Stan does. A quantity that never changes has an effective size of 0 if chains disagree and is fully
-/// known, all draws, if they agree.
+/// Geyer's initial monotone sequence on autocorrelations averaged over chains; at most `S log10 S` (antithetic chains),
+/// as Stan does. A constant quantity has an effective size of 0 if chains disagree, and that of all draws if they
+/// agree.
 fn ess_of(chains: &[Vec<f64>]) -> f64 {
     if !usable(chains) {
         return 0.0;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_2_PI;
 
-/// A distance of two sets of draws, and its expectation; both in the units of the draws.
+/// A distance of two sets of draws, and its expectation for equal distributions; both in the units of the draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Distance {
     /// First Wasserstein distance: the area between the two cumulative distributions.
@@ -13,8 +13,8 @@ pub struct Distance {
 
 /// The distance of two sets of draws, each given by its values, their weights (any sum) and its effective size.
 ///
-/// `expected` comes from the pooled distribution F: the difference of two empirical ones is Gaussian with variance
-/// `F (1 - F) (1 / n_a + 1 / n_b)`, and a Gaussian's mean size is `sqrt(2 / pi)` of its deviation.
+/// `expected` comes from the pooled distribution F: the difference of two empirical ones is Gaussian with variance `F
+/// (1 - F) (1 / n_a + 1 / n_b)`, and the mean absolute value of a Gaussian is `sqrt(2 / pi)` of its standard deviation.
 #[must_use]
 pub fn wasserstein(a: (&[f64], &[f64], f64), b: (&[f64], &[f64], f64)) -> Distance {
     let total = |weights: &[f64]| weights.iter().sum::<f64>();

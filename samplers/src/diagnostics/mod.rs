@@ -55,14 +55,14 @@ pub fn sums_by_group(groups: &[u32], numbers: impl Iterator<Item = f64>) -> Vec<
     sums
 }
 
-/// Effective size of the mean of `values` with weights that add up to 1: its variance over that of the mean by the scatter of
-/// groups of dependent rows, of each of which the summed deviation is one number. A few scatter less about their common mean than
-/// about the true value; one group alone has no scatter, and the size is 0 then.
+/// ESS of the mean of `values` with weights that add up to 1: their variance over the variance of the mean, which comes
+/// from the summed deviation of each cluster of dependent rows (design effect; Kish 1965), corrected for the number of
+/// clusters. 0 for a single cluster.
 #[must_use]
 pub fn size_of_mean(values: &[f64], weights: &[f64], groups: &[u32]) -> f64 {
     let shares = sums_by_group(groups, weights.iter().copied());
     let degrees_of_freedom = 1.0 - 1.0 / effective_number(shares);
-    // The scatter of one group alone is rounding.
+    // The deviation of a single cluster is 0 except for rounding.
     if degrees_of_freedom < 1e-9 {
         return 0.0;
     }
@@ -89,7 +89,7 @@ pub fn normal_deviate(t: f64, degrees_of_freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, degrees_of_freedom).map_or(t, |law| rare(law).copysign(t))
 }
 
-/// Kish's effective number: the number of equal weights with the same relative variance, `(sum w)^2 / sum w^2`; 0 if all are 0.
+/// Kish's effective number of weights, `(sum w)^2 / sum w^2`; 0 if all are 0.
 #[must_use]
 pub fn effective_number(weights: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, squares) = weights
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn means_are_as_many_draws_as_their_groups_scatter() {
-        // Four rows of equal weight: two groups, of which each has both values, or one value, or all are of one.
+        // Four rows of equal weight: two clusters, each with both values or with one value, or a single cluster.
         let sizes = [[0, 0, 1, 1], [0, 1, 0, 1], [0; 4]]
             .map(|groups| size_of_mean(&[1.0, 3.0, 1.0, 3.0], &[0.25; 4], &groups));
         assert!(sizes[0].is_infinite() && (sizes[1] - 1.0).abs() < 1e-12);
@@ -141,7 +141,8 @@ mod tests {
 
     #[test]
     fn errors_of_few_numbers_make_differences_less_rare() {
-        // What Student's t passes once in twenty, and once in a hundred at 4.604 with 4 degrees of freedom.
+        // Quantiles of Student's t: exceeded once in twenty cases, and once in a hundred (4.604 with 4 degrees of
+        // freedom).
         for (t, degrees_of_freedom, z) in [
             (4.302_653, 2.0, 1.959_964),
             (-2.776_445, 4.0, -1.959_964),

@@ -3,7 +3,7 @@
 use super::{bulk_ess, chi2_p_value, mean_ess};
 use nalgebra::DMatrix;
 
-/// Rounds of 2-means: it settles in a few.
+/// Maximum number of iterations of 2-means, which needs a few.
 const ITERATIONS: usize = 10;
 
 /// Labels draws (row-major, `dim` columns) by 2-means in coordinates scaled to unit deviation, started at the two ends
@@ -160,7 +160,7 @@ mod tests {
         assert!(agreement(&draws, &traces) > 0.01);
         let (draws, traces) = hopping(0.0, 0.5, &[true, false, true, true]);
         assert!(agreement(&draws, &traces) < 1e-6);
-        // One chain stuck among hopping ones.
+        // One chain that never changes its mode, among others that do.
         let (mut draws, traces) = hopping(0.3, 0.5, &[true, false, true, false]);
         for row in draws[..4000].chunks_exact_mut(2) {
             row[0] = row[0].abs();

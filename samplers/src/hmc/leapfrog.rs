@@ -2,15 +2,17 @@
 
 use super::{Evaluator, Metric, Point};
 use crate::error::Result;
-use crate::rng::{Stream, standard_normal, unit_open};
+use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::target::Target;
 
-/// Longest whitened force, in units of sqrt(d), which a Gaussian with the width of the metric never reaches.
+/// Maximum length of the whitened force, in units of sqrt(d); that of a Gaussian with the width of the metric is far
+/// smaller.
 ///
-/// A trajectory may follow any field that depends on the position alone and stays reversible and volume-preserving, so that
-/// the bound keeps transitions exact. Gradients of a chaotic target can exceed what any finite step sees by ten orders of
-/// magnitude; without the bound such a point would end every trajectory through it.
-const LONGEST_FORCE: f64 = 100.0;
+/// The leapfrog is reversible and volume-preserving for any field that depends on the position alone, so that
+/// transitions with a bounded force are exact. Gradients of a chaotic target can be ten orders of magnitude larger than
+/// the change of the density over any finite step; without the bound every trajectory through such a point would
+/// diverge.
+const MAX_FORCE: f64 = 100.0;
 
 /// Step size and length of a transition, fixed before it and independent of the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,9 +25,10 @@ pub struct Plan {
     pub max_leapfrogs: usize,
     /// Maximum range of the energies along a trajectory; a trajectory beyond it is stopped as divergent.
     pub max_energy_range: f64,
-    /// 0 for the exact Metropolis test. Above, a rise in energy is divided by this fraction of the depth that the trajectory
-    /// fell: while a chain still falls from the prior by thousands of units its energy errors are large though small for the
-    /// fall, and the exact test would shorten steps without end. Not invariant.
+    /// 0 for the exact Metropolis test. Above 0, a rise in energy is divided by this fraction of the depth that the
+    /// trajectory descended: while a chain still descends from the prior by thousands of units, its energy errors are
+    /// large but small relative to the descent, and the exact test would shorten steps without limit. Such transitions
+    /// do not leave the density invariant.
     pub slack: f64,
 }
 
@@ -34,20 +37,20 @@ pub struct Plan {
 pub enum End {
     /// At a new point, where the energy is higher by this.
     Arrived {
-        /// Energy at the end less energy at the start.
+        /// Energy at the end minus energy at the start.
         rise: f64,
         /// Potential energy at the start minus the lowest one on the trajectory.
         fall: f64,
     },
     /// At a point without a likelihood.
     Rejected,
-    /// With energies that differ too much: the step is too long for the curvature.
+    /// The energies differ by more than the limit, or are not finite: the step is too long for the curvature.
     Diverged,
 }
 
 /// The outcome of a transition.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moved {
+pub struct Transition {
     /// Probability of acceptance.
     pub acceptance: f64,
     /// Whether it was accepted.
@@ -60,9 +63,9 @@ pub struct Moved {
     pub end: End,
 }
 
-impl Moved {
+impl Transition {
     /// A point without a gradient is not moved.
-    const NOWHERE: Self = Self {
+    const UNMOVED: Self = Self {
         acceptance: 0.0,
         accepted: false,
         leapfrogs: 0,
@@ -71,11 +74,11 @@ impl Moved {
     };
 }
 
-/// Makes HMC transitions at one temperature; its space is allocated once, nothing is per step.
+/// Makes HMC transitions at one temperature; its buffers are allocated once.
 pub struct LocalSampler<'t, 'm> {
     /// Evaluates and counts.
     pub evaluator: Evaluator<'t>,
-    /// Whitened momentum: set before a trajectory, left at its end.
+    /// Whitened momentum, of length `dim`: set before a trajectory; after it, the momentum at its end.
     pub momentum: Vec<f64>,
     /// End of the last trajectory.
     pub end: Point,
@@ -104,7 +107,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         Self::of(Evaluator::new(target), beta, metric)
     }
 
-    /// A local sampler of the density at `beta` on the path of an evaluator.
+    /// A local sampler of the density at `beta` on the annealing path of an evaluator.
     #[must_use]
     pub fn of(evaluator: Evaluator<'t>, beta: f64, metric: &'m Metric) -> Self {
         let dim = evaluator.target().dim();
@@ -136,7 +139,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         leapfrogs: usize,
         max_energy_range: f64,
     ) -> Result<End> {
-        self.stand_at(from);
+        self.set_state(from);
         let start = self.energy();
         let (mut low, mut high, mut now) = (start, start, start);
         let top = self.potential();
@@ -161,14 +164,13 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         })
     }
 
-    /// Begins at a point that has a gradient.
-    fn stand_at(&mut self, point: &Point) {
+    /// Takes over a point that has a gradient.
+    fn set_state(&mut self, point: &Point) {
         self.end.copy_from(point);
         self.update_force();
     }
 
-    /// One leapfrog step on; [`end`](Self::end) and [`momentum`](Self::momentum) are of no
-    /// meaning unless it was made.
+    /// One leapfrog step; [`end`](Self::end) and [`momentum`](Self::momentum) have a meaning only if it was made.
     fn step(&mut self, step: f64) -> Result<Step> {
         self.kick(0.5 * step);
         self.metric.velocity(&self.momentum, &mut self.velocity);
@@ -187,7 +189,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         Ok(Step::Made)
     }
 
-    /// Computes the gradient of a point where it is missing; false if there is none, and the point is as it was.
+    /// Computes a missing gradient; false if there is none, and then the point is unchanged.
     fn has_gradient(&mut self, at: &mut Point) -> Result<bool> {
         if !at.has_gradient {
             let before = at.ln_likelihood;
@@ -203,9 +205,14 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
     ///
     /// # Errors
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
-    pub fn transition(&mut self, at: &mut Point, plan: &Plan, rng: &mut Stream) -> Result<Moved> {
+    pub fn transition(
+        &mut self,
+        at: &mut Point,
+        plan: &Plan,
+        rng: &mut RandomStream,
+    ) -> Result<Transition> {
         if !self.has_gradient(at)? {
-            return Ok(Moved::NOWHERE);
+            return Ok(Transition::UNMOVED);
         }
         for r in &mut self.momentum {
             *r = standard_normal(rng);
@@ -230,7 +237,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         if accepted {
             at.copy_from(&self.end);
         }
-        Ok(Moved {
+        Ok(Transition {
             acceptance,
             accepted,
             leapfrogs,
@@ -263,7 +270,7 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         }
         self.metric
             .whiten_force(&self.force, &mut self.whitened_force);
-        shorten(&mut self.whitened_force, LONGEST_FORCE);
+        shorten(&mut self.whitened_force, MAX_FORCE);
     }
 
     fn kick(&mut self, time: f64) {

@@ -1,9 +1,9 @@
-//! The metric of one temperature: an estimate `V = L L'` of the covariance at its temperature.
+//! The metric of one temperature: an estimate `V = L L'` of the covariance there.
 //!
-//! Estimated as the geodesic mean of two guesses, the covariance of positions and the inverse covariance of scores
-//! (the minimiser of the Fisher divergence: Seyboldt, Carlson & Carpenter 2024, the rule of nutpie). On a Gaussian it
-//! is exact for any draws, mixed or not, once there are more than dimensions: `Cov(score) = P Cov(z) P`, and the mean of `C`
-//! and `(P C P)^-1` is `P^-1`. So a temperature finds its scales before its states are in equilibrium.
+//! Estimated as the geodesic mean of two guesses, the covariance of positions and the inverse covariance of scores (the
+//! minimiser of the Fisher divergence: Seyboldt, Carlson & Carpenter 2024, the rule of nutpie). On a Gaussian it is
+//! exact for any draws, mixed or not, once there are more than dimensions: `Cov(score) = P Cov(z) P`, and the mean of
+//! `C` and `(P C P)^-1` is `P^-1`. So the scales are found before the states of a temperature are in equilibrium.
 
 use super::Moments;
 use crate::valid::{Valid, ensure, moderate, triangle};
@@ -96,10 +96,9 @@ impl Metric {
         &l * l.transpose()
     }
 
-    /// The metric from `moments`, estimated in this metric's whitened coordinates and there shrunk toward
-    /// the diagonal by the fraction `1 / (1 + (draws / dim)^2)`: much for few draws, and for many so little that narrow
-    /// directions keep their digits. `None` if the draws do
-    /// not span the space (no move was accepted): keep this one then.
+    /// The metric from `moments`, estimated in this metric's whitened coordinates and there shrunk towards the diagonal
+    /// with weight `1 / (1 + (draws / dim)^2)`: strongly for few draws; for many so little that narrow directions keep
+    /// their digits. `None` if the draws do not span the space (no transition was accepted): this metric is kept then.
     #[must_use]
     pub fn refined(&self, moments: &Moments) -> Option<Self> {
         let l = self.lower();
@@ -172,7 +171,7 @@ fn cholesky(matrix: &DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
     }
 }
 
-/// The symmetric part: rounding leaves products of matrices a little off.
+/// The symmetric part: rounding makes products of matrices slightly asymmetric.
 fn symmetric(matrix: &DMatrix<f64>) -> DMatrix<f64> {
     (matrix + matrix.transpose()) * 0.5
 }
@@ -267,7 +266,7 @@ mod tests {
         let rows = [1.0, 0.0, -1.0, 0.0, 0.0, 2.0, 0.0, -2.0];
         let metric = Metric::of_rows(&rows, 2).covariance();
         assert!((metric[(0, 0)] - 0.5).abs() < 1e-12 && (metric[(1, 1)] - 2.0).abs() < 1e-12);
-        // Rows on a line span nothing.
+        // Rows on a line do not span the plane.
         let line = Metric::of_rows(&[1.0, 1.0, -1.0, -1.0], 2);
         assert_eq!(line, Metric::identity(2));
     }

@@ -1,6 +1,6 @@
-//! Local moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta`, or from another [`Reference`] than the prior:
-//! Hamiltonian trajectories with their metric and step size, slice updates where gradients do not help, and the symmetries
-//! of a target.
+//! Local moves on a tempered posterior `pi_beta(z) ~ N(z; 0, I) L(z)^beta`, or on an annealing path from another
+//! [`Reference`] than the prior: HMC transitions with their metric and step size, slice updates where gradients do not
+//! help, and symmetry moves declared by the target.
 //!
 //! Everything works in standard-normal coordinates and in whitened momenta `r = L' p`, where `L L' = V` is the
 //! metric (an estimate of the posterior's covariance): kinetic energy is `|r|^2 / 2`, the velocity is `L r` and the
@@ -15,7 +15,7 @@ mod slice;
 mod step_size;
 mod symmetry;
 
-pub use leapfrog::{End, LocalSampler, Moved, Plan, shorten};
+pub use leapfrog::{End, LocalSampler, Plan, Transition, shorten};
 pub use metric::Metric;
 pub use moments::Moments;
 pub use point::{Evaluator, Point};

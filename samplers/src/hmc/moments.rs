@@ -97,8 +97,8 @@ impl Moments {
         self.score.push(score, self.weight);
     }
 
-    /// Adds the scatter of another temperature about its own mean, at this weight: means of neighbouring temperatures may differ,
-    /// their covariances hardly do.
+    /// Adds the second moments of another temperature about its own mean, with this weight: means of neighbouring
+    /// temperatures may differ, their covariances hardly.
     pub fn pool(&mut self, other: &Self, weight: f64) {
         self.position.pool(&other.position, weight);
         self.score.pool(&other.score, weight);

@@ -3,7 +3,7 @@
 use super::reference::{PRIOR, Reference};
 use crate::error::Result;
 use crate::output::Calls;
-use crate::rng::Stream;
+use crate::rng::RandomStream;
 use crate::target::Target;
 use crate::valid::{Valid, ensure, moderate};
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ pub struct Point {
     pub z: Vec<f64>,
     /// ln L there; minus infinity where it was rejected.
     pub ln_likelihood: f64,
-    /// Gradient of ln L with respect to `z`; of no meaning unless [`has_gradient`](Self::has_gradient).
+    /// Gradient of ln L with respect to `z`; meaningless unless [`has_gradient`](Self::has_gradient).
     pub gradient: Vec<f64>,
     /// Whether the gradients belong to `z`: moves that need none do not compute them.
     pub has_gradient: bool,
@@ -68,7 +68,7 @@ impl Point {
         ln_density(beta, &self.z, self.ln_likelihood, self.ln_over_prior)
     }
 
-    /// ln of prior times likelihood over the reference: what swaps and evidences are made of.
+    /// ln of prior times likelihood over the reference: what swaps and estimates of the evidence use.
     #[must_use]
     pub fn ln_ratio(&self) -> f64 {
         self.ln_likelihood - self.ln_over_prior
@@ -86,12 +86,13 @@ impl Point {
     }
 }
 
-/// Log density at an inverse temperature, up to a constant of the temperature, where ln L and log ratio to the prior are known.
+/// Log density at an inverse temperature, up to a constant of the temperature, from ln L and the log ratio of reference
+/// to prior.
 pub(super) fn ln_density(beta: f64, z: &[f64], ln_likelihood: f64, ln_over_prior: f64) -> f64 {
     beta * ln_likelihood + (1.0 - beta) * ln_over_prior - 0.5 * z.iter().map(|z| z * z).sum::<f64>()
 }
 
-/// A target in standard-normal coordinates, owned by one task, with its calls and scratch space.
+/// A target in standard-normal coordinates, owned by one task, with its count of calls and its buffers.
 pub struct Evaluator<'a> {
     target: &'a dyn Target,
     reference: &'a Reference,
@@ -142,7 +143,7 @@ impl<'a> Evaluator<'a> {
         outcome.ln_likelihood(&self.theta)
     }
 
-    /// ln L at many places; minus infinity where rejected.
+    /// ln L at many points; minus infinity where rejected.
     ///
     /// # Errors
     /// As [`value`](Self::value).
@@ -162,8 +163,8 @@ impl<'a> Evaluator<'a> {
             .collect()
     }
 
-    /// Fills ln L, log ratio to the prior and gradients of `point` at its `z`; ln L is minus infinity if rejected, also where a slope is not
-    /// finite.
+    /// Computes ln L, the log ratio of reference to prior and the gradients of `point` at its `z`; ln L is minus
+    /// infinity if rejected, also where a derivative is not finite.
     ///
     /// # Errors
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
@@ -192,7 +193,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Draws `z` from the reference; no likelihood call.
-    pub fn draw_reference(&self, z: &mut [f64], rng: &mut Stream) {
+    pub fn draw_reference(&self, z: &mut [f64], rng: &mut RandomStream) {
         self.reference.draw(z, rng);
     }
 }

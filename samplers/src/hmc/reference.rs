@@ -1,5 +1,5 @@
-//! The reference, at which an annealing path begins: the prior, or a mixture that resembles the posterior and can be drawn
-//! from as well (a variational reference; Surjanovic, Syed, Bouchard-Cote & Campbell 2022).
+//! The reference of an annealing path: the prior, or a mixture that resembles the posterior and can be drawn from
+//! directly as well (a variational reference; Surjanovic, Syed, Bouchard-Cote & Campbell 2022).
 //!
 //! At inverse temperature beta the density is `reference^(1 - beta) (prior L)^beta`. With the log ratio of reference to
 //! prior, `ln_over_prior`, it is `prior exp{beta ln L + (1 - beta) ln_over_prior}`; the log ratio is 0 on a path from the
@@ -8,17 +8,17 @@
 use crate::diagnostics::ln_sum_exp;
 use crate::mixture::{Mixture, Rows};
 use crate::normal;
-use crate::rng::{Stream, standard_normal, unit_open};
+use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::valid::Valid;
 use serde::{Deserialize, Serialize};
 
-/// Weight of the prior in a reference: it bounds the ratio of prior to reference by its inverse, and no mode is out of
-/// reach.
+/// Weight of the prior in a reference: the reference is at least this fraction of the prior everywhere, so that every
+/// mode can be reached.
 const PRIOR_WEIGHT: f64 = 0.05;
 
-/// How many times as wide as the mixture of best fit a reference is. Where a reference is too narrow a chain stays for long:
-/// the posterior of five parameters of a stream had 386 effective draws with this factor and 146 without, for as many calls.
-const WIDER: f64 = 1.3;
+/// Factor by which the components of the best-fitting mixture are widened: where the reference has too little density,
+/// replicas stay for long (docs/validation.md, section 5, parallel tempering).
+const WIDENING: f64 = 1.3;
 
 /// Maximum number of components of a mixture.
 const MAX_COMPONENTS: usize = 64;
@@ -37,11 +37,11 @@ impl Reference {
     pub fn resembling(
         halves: &[Vec<f64>; 2],
         dim: usize,
-        rng: impl Fn(usize) -> Stream,
+        rng: impl Fn(usize) -> RandomStream,
     ) -> Option<Self> {
         let [first, second] = halves.clone().map(|values| Rows { dim, values });
         let mixture = Mixture::choose([&first, &second], MAX_COMPONENTS, rng)?;
-        Some(Self(Some(mixture.widened(WIDER)?)))
+        Some(Self(Some(mixture.widened(WIDENING)?)))
     }
 
     /// Checks a reference that was read from a file.
@@ -69,7 +69,7 @@ impl Reference {
             .map_or(0.0, |mixture| blend(mixture.ln_density(z) - ln_prior(z)).0)
     }
 
-    /// The log ratio to the prior, with its gradient written into `gradient`; that of the prior is empty.
+    /// The log ratio of reference to prior, with its gradient written into `gradient`, which stays empty for the prior.
     pub fn ln_over_prior_and_gradient(&self, z: &[f64], gradient: &mut Vec<f64>) -> f64 {
         gradient.clear();
         let Some(mixture) = &self.0 else {
@@ -85,7 +85,7 @@ impl Reference {
     }
 
     /// Draws `z` from the reference.
-    pub fn draw(&self, z: &mut [f64], rng: &mut Stream) {
+    pub fn draw(&self, z: &mut [f64], rng: &mut RandomStream) {
         match &self.0 {
             Some(mixture) if unit_open(rng) >= PRIOR_WEIGHT => {
                 z.copy_from_slice(&mixture.draw(rng))

@@ -1,20 +1,20 @@
 //! Slice updates along a line through the present point (Neal 2003; hit and run): they need no gradient.
 //!
-//! Where a likelihood is rough at the scale of a leapfrog step (that of a stream of a thousand particles is), no step is
-//! short enough for a Hamiltonian trajectory. A slice update finds the width by itself, and needs values alone.
+//! Where a likelihood is rough at the scale of a leapfrog step (that of a stream of a thousand particles is), HMC
+//! transitions are rejected at any step size. A slice update finds its width by itself, and needs values only.
 
 use super::point::ln_density;
 use super::{Evaluator, Metric, Point, propose_involution, refresh};
 use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
-use crate::rng::{Stream, standard_normal, unit_open};
+use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::target::{Orbit, Symmetry};
 
 /// Width of the first interval in units of the direction: twice that of a Gaussian's own slice, since an interval too wide
 /// costs one call more and one too narrow cannot grow.
 const WIDTH: f64 = 2.0;
 
-/// Most calls of one slice update; then the interval has shrunk to nothing, and the point stays.
+/// Maximum number of calls of one slice update; then the interval is empty to rounding, and the point stays.
 const MAX_CALLS: usize = 100;
 
 /// Fraction of directions that are differences of the pool's points, if it has two for each dimension.
@@ -27,7 +27,7 @@ fn direction(
     metric: &Metric,
     orbit: Option<&dyn Orbit>,
     at: &[f64],
-    rng: &mut Stream,
+    rng: &mut RandomStream,
     out: &mut [f64],
 ) -> Option<Pair> {
     let dim = out.len();
@@ -60,7 +60,7 @@ pub fn slice(
     metric: &Metric,
     pool: &DifferencePool,
     at: &mut Point,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
 ) -> Result<()> {
     let orbit = Symmetry::first_orbit(evaluator.target().symmetries());
     let mut along = vec![0.0; at.z.len()];
@@ -111,7 +111,7 @@ pub fn involutions_and_slice_updates(
     pool: &DifferencePool,
     slices: usize,
     at: &mut Point,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
     visit: impl FnMut(&Point),
 ) -> Result<()> {
     try_involutions(evaluator, beta, at, rng)?;
@@ -126,7 +126,7 @@ pub fn try_involutions(
     evaluator: &mut Evaluator<'_>,
     beta: f64,
     at: &mut Point,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
 ) -> Result<()> {
     for symmetry in evaluator.target().symmetries() {
         if let Symmetry::Involution(map) = symmetry
@@ -154,7 +154,7 @@ pub fn slice_updates(
     pool: &DifferencePool,
     slices: usize,
     at: &mut Point,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
     mut visit: impl FnMut(&Point),
 ) -> Result<()> {
     redraw(evaluator, beta, at, rng);
@@ -167,7 +167,7 @@ pub fn slice_updates(
 }
 
 /// Redraws the position along every orbit.
-fn redraw(evaluator: &Evaluator<'_>, beta: f64, at: &mut Point, rng: &mut Stream) {
+fn redraw(evaluator: &Evaluator<'_>, beta: f64, at: &mut Point, rng: &mut RandomStream) {
     for symmetry in evaluator.target().symmetries() {
         if let Symmetry::Orbit(orbit) = symmetry {
             refresh(evaluator, orbit.as_ref(), beta, at, rng);

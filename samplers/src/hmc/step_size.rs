@@ -1,4 +1,4 @@
-//! The step size of one temperature, steered toward an acceptance while a round adapts and frozen when it does not.
+//! The step size of one temperature, adapted towards a target acceptance while a round adapts, and fixed otherwise.
 
 use crate::valid::{Valid, ensure};
 use serde::{Deserialize, Serialize};
@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 /// Largest step in metric units: a leapfrog on a Gaussian is unstable beyond 2, and inefficient well below.
 pub const MAX_STEP: f64 = 1.2;
 
-/// Smallest step: a thousandth of the metric's own width. Where a target is rough below any step, acceptance stops rising as
-/// steps shrink, and without a floor they would shrink until nothing moves.
+/// Smallest step: a thousandth of the metric's own width. Where a target is rough below any step, acceptance stops
+/// rising as steps shrink, and without a lower limit they would shrink until no state moves.
 const MIN_STEP: f64 = 1e-3;
 
 /// Robbins-Monro on the logarithm of the step, with the average over the second half of a round as its result.

@@ -1,9 +1,9 @@
-//! Moves by a target's symmetries: involutions with a Metropolis test, orbits with an exact redraw.
+//! Symmetry moves declared by the target: involutions with a Metropolis test, and exact redraws along orbits.
 
 use super::point::ln_density;
 use super::{Evaluator, Point};
 use crate::error::Result;
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 use crate::target::{Involution, Orbit};
 
 /// Proposes the image of `at` under a self-inverse map and accepts it with probability
@@ -17,7 +17,7 @@ pub fn propose_involution(
     involution: &dyn Involution,
     beta: f64,
     at: &mut Point,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
 ) -> Result<bool> {
     let uniform = unit_open(rng);
     let mut image = at.z.clone();
@@ -44,15 +44,15 @@ pub fn propose_involution(
     Ok(accepted)
 }
 
-/// Redraws the position of `at` along an orbit from the prior. The likelihood is unchanged and not called; the gradient at
-/// the new point is computed, and counted, by the next move that needs it. On a path from a mixture the draw is accepted by
-/// its log ratio of reference to prior, and may be refused.
+/// Redraws the position of `at` along an orbit from the prior. The likelihood is unchanged and not called; the gradient
+/// at the new point is computed, and counted, by the next move that needs it. On a path from a mixture the draw is
+/// accepted by its log ratio of reference to prior, and may be rejected.
 pub fn refresh(
     evaluator: &Evaluator<'_>,
     orbit: &dyn Orbit,
     beta: f64,
     at: &mut Point,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
 ) {
     let mut image = at.z.clone();
     orbit.refresh(&mut image, rng);

@@ -1,6 +1,6 @@
 //! Convergence checks of a nested run.
 
-use super::results::{Errors, Measured};
+use super::results::{CheckInputs, Errors};
 use super::settings::Kernel;
 use super::state::{Context, State};
 use super::tuning::{MAX_SEED_CORRELATION, mean};
@@ -10,20 +10,17 @@ use crate::rng::{Domain, stream};
 /// Task number of the random stream that turns insertion ranks into continuous numbers.
 const SPREAD: u64 = 3;
 
-/// Largest error of ln Z by the scatter of recent lineages, in units of that of independent draws. The larger of the two is
-/// quoted, and it holds: of 240 runs of four targets with 400 live points 101 had ratios from 1.5 to 2.3, and an rms of (ln
-/// Z - truth) / error of 0.8; larger ratios have not been tested. What failing runs have, the campaign prints by check: with
-/// a limit of 1.5, 122 of its runs by slice updates with an rms of 0.75 (`cargo test -p oblate-samplers --release --test
-/// campaign -- --ignored nested`).
+/// Maximum ratio of the bootstrap error of ln Z, from the scatter of recent lineages, to the simulated one of
+/// independent draws. The larger of the two is quoted; docs/validation.md, section 5, has how well it holds below this
+/// limit. Larger ratios have not been tested.
 const MAX_BOOTSTRAP_TO_SIMULATED: f64 = 2.5;
 
-/// Fewest lineages, as an effective number, among the draws of the posterior. Where 12 were left, means of 30 seeds
-/// scattered by 0.9 to 1.05 of their errors; where 5 to 7 were left, by 1 to 1.2 on one mode and up to 2.6 on two (`cargo
-/// bench -p oblate-samplers --bench errors_of_means`).
+/// Minimum effective number of lineages of the posterior; docs/validation.md, section 5, has how well errors of means
+/// hold with few lineages (`cargo bench -p oblate-samplers --bench errors_of_means`).
 const MIN_LINEAGES: f64 = 4.0;
 
 /// All checks that apply to a run with these targets and this kernel.
-pub(super) fn judge(context: &Context<'_>, state: &State, measured: &Measured) -> Vec<Check> {
+pub(super) fn checks(context: &Context<'_>, state: &State, measured: &CheckInputs) -> Vec<Check> {
     let settings = context.settings;
     let mut checks = vec![
         Check::at_most(
@@ -45,7 +42,7 @@ pub(super) fn judge(context: &Context<'_>, state: &State, measured: &Measured) -
         "insertion-rank-windows",
         windows.iter().copied().fold(1.0, f64::min),
         0.01 / windows.len() as f64,
-        "smallest Kolmogorov-Smirnov probability of the insertion ranks over parts of the run; if too small, double `steps` or raise `n_live`",
+        "smallest Kolmogorov-Smirnov p-value of the insertion ranks over windows of the run; if too small, double `steps` or raise `n_live`",
     ));
     checks.extend(by_lineages(measured));
     if let Some(target) = settings.target_ess {
@@ -71,7 +68,7 @@ pub(super) fn judge(context: &Context<'_>, state: &State, measured: &Measured) -
 }
 
 /// Checks by lineages and recent lineages.
-pub(super) fn by_lineages(measured: &Measured) -> [Check; 3] {
+pub(super) fn by_lineages(measured: &CheckInputs) -> [Check; 3] {
     let Errors {
         simulated,
         bootstrapped,
@@ -83,7 +80,7 @@ pub(super) fn by_lineages(measured: &Measured) -> [Check; 3] {
         0.0
     };
     let [even, odd] = measured.halves;
-    // Each half has half of the points: the difference has twice the error of the whole.
+    // Each half has half of the points: the difference has twice the error of the run.
     let error = 2.0 * simulated.max(bootstrapped);
     let difference = (even - odd).abs();
     [
@@ -91,13 +88,13 @@ pub(super) fn by_lineages(measured: &Measured) -> [Check; 3] {
             "effective-lineages",
             measured.lineages,
             MIN_LINEAGES,
-            "effective number of lineages among the posterior's draws; if fewer, effective sizes and errors of modes' weights are guesses: double `n_live`, or merge runs of several seeds",
+            "effective number of lineages among the posterior's draws; if too small, effective sizes and errors of mode weights are not reliable: double `n_live`, or merge runs of several seeds",
         ),
         Check::at_most(
             "bootstrap-to-simulated",
             ratio,
             MAX_BOOTSTRAP_TO_SIMULATED,
-            "error of ln Z by the scatter of recent lineages over that of independent draws; if too large, new points resemble their seeds: double `steps`",
+            "bootstrap error of ln Z (over recent lineages) over the simulated error (of independent draws); if too large, new points depend on their seeds: double `steps`",
         ),
         Check::at_most(
             "lineage-halves",
@@ -107,7 +104,7 @@ pub(super) fn by_lineages(measured: &Measured) -> [Check; 3] {
                 0.0
             },
             3.0,
-            "difference of ln Z between two halves of the recent lineages in units of its error; if too large, modes are found by chance: double `n_live`",
+            "difference of ln Z between two halves of the recent lineages, in standard errors; if too large, it is random which modes are found: double `n_live`",
         ),
     ]
 }
@@ -131,7 +128,7 @@ fn of_kernel(context: &Context<'_>, state: &State) -> Vec<Check> {
                     "relative-jump-distance",
                     mean(&state.tuning.jump_distances),
                     0.2,
-                    "distance of new points from their seeds over that between live points; if too small, chains hardly leave their seeds: double `steps`",
+                    "distance of new points from their seeds over that between live points; if too small, chains stay close to their seeds: double `steps`",
                 ));
                 checks.push(Check::at_most(
                     "seed-rank-correlation",

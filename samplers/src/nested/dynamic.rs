@@ -1,7 +1,8 @@
 //! Dynamic nested sampling: where batches of live points are added, and when the targets are met (Higson et al. 2019).
 //!
-//! A batch is a run of its own in a range of likelihoods: its points begin as draws of the prior above the floor, and it
-//! ends when the lowest of them is above the ceiling. All points of all batches weigh together as those of one run do.
+//! A batch is a run of its own in a range of likelihoods: its points begin as draws of the prior above a lower bound,
+//! and it ends when its lowest point is above an upper bound. Births and deaths of all batches are weighted together,
+//! like those of one run.
 
 use super::evidence::{DeadPoints, Weighted};
 use super::live::Points;
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 const SPANNED_IMPORTANCE: f64 = 0.5;
 
 /// Fraction of the posterior above the end of every batch.
-const LEFT: f64 = 0.01;
+const REMAINDER: f64 = 0.01;
 
 /// The range of log-likelihoods of a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,9 +29,9 @@ pub(super) struct LikelihoodRange {
 }
 
 impl LikelihoodRange {
-    /// Where more points reduce the error most. The importance of a point for the posterior is its weight; for the evidence
-    /// it is the weight of all points from it on, divided by the number of live points, because they all lie in the volume
-    /// that its shrinkage makes uncertain.
+    /// The range in which more points reduce the errors most. The importance of a point for the posterior is its
+    /// weight; for the evidence it is the weight of all points from it on, divided by the number of live points,
+    /// because its shrinkage enters the volumes of all of them.
     pub fn of(history: &DeadPoints, weighted: &Weighted, posterior_fraction: f64) -> Self {
         let count = weighted.p.len();
         let mut rest = 0.0;
@@ -59,11 +60,11 @@ impl LikelihoodRange {
             Some(before) => history.ln_l[before],
             None => f64::NEG_INFINITY,
         };
-        // Above this bound less than [`LEFT`] of the posterior remains.
+        // Above this bound less than [`REMAINDER`] of the posterior remains.
         let mut above = 0.0;
         let top = (0..count).rev().find(|i| {
             above += weighted.p[*i];
-            above >= LEFT
+            above >= REMAINDER
         });
         let end = (last + 1).min(top.unwrap_or(last) + 1).min(count - 1);
         let below = history.ln_l.partition_point(|l| *l <= floor);
@@ -91,7 +92,7 @@ impl RunSummary {
         let history = DeadPoints::of(&points);
         let weighted = history.weigh();
         let expected = history.expected_error(&weighted);
-        // Simulations of the whole history cost more than a batch's worth of cheap likelihoods.
+        // Simulations of the whole history can cost more than a batch of cheap likelihoods.
         let near = |target| expected <= target;
         Self {
             ln_z_error: if settings.target_ln_z_error.is_some_and(near) {

@@ -21,9 +21,9 @@ pub(super) struct DeadPoints {
     pub ln_l: Vec<f64>,
     /// Likelihood bounds above which the points were born.
     pub birth: Vec<f64>,
-    /// Lineages, for what chains never forget: which mode a point is in.
+    /// Lineages: clusters for what chains do not change, such as the mode of a point.
     pub lineages: Groups,
-    /// Recent lineages, for what chains do forget: the volumes.
+    /// Recent lineages: clusters for what chains do change, and so for the volumes.
     pub recent_lineages: Groups,
     /// Row numbers of the points as they were given.
     pub order: Vec<usize>,
@@ -173,8 +173,8 @@ impl DeadPoints {
             .collect()
     }
 
-    /// ln Z in `count` Bayesian bootstraps (Rubin 1981) over recent lineages: each has a weight drawn from the unit exponential. None is
-    /// left out, as it would be if whole recent lineages were drawn, so that no bootstrap lacks a peak that few of them have reached.
+    /// ln Z in `count` Bayesian bootstraps (Rubin 1981) over recent lineages: each has a weight drawn from the unit
+    /// exponential. No recent lineage is left out, so that no bootstrap lacks a peak that few of them have reached.
     pub fn bootstrap(&self, seed: u64, count: usize) -> Vec<f64> {
         (0..count as u64)
             .into_par_iter()
@@ -214,7 +214,7 @@ impl DeadPoints {
             if own > 0.0 {
                 rows.push(i);
                 ln_l.push(self.ln_l[i]);
-                // The rounded sum over the live points cannot be less than the weight of the dying one.
+                // Rounding must not make the weight of the live points smaller than that of the dying one.
                 ln_t.push(-own / all.max(own));
             }
         }

@@ -21,7 +21,7 @@ pub(super) fn finish(context: &Context<'_>, state: &State, status: Status) -> Re
     );
     let draws = results.draws(context.target, &theta)?;
     let ess = results.ess(&draws);
-    let checks = checks::judge(context, state, &results.measured(ess.kish));
+    let checks = checks::checks(context, state, &results.measured(ess.kish));
     let mut warnings = Vec::new();
     if state.tuning.steps > context.first_steps() {
         warnings.push(format!(

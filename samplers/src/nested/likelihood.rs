@@ -1,12 +1,12 @@
-//! The likelihood as a nested run sees it: on the cube, with every call and every rejection counted.
+//! The likelihood of a nested run: on the cube, with every call and every rejection counted.
 
 use super::live::REJECTED;
 use crate::error::Result;
 use crate::output::Calls;
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 use crate::target::{Outcome, Target};
 
-/// The target as one task calls it.
+/// The target, for the calls of one task.
 pub(super) struct Likelihood<'a> {
     target: &'a dyn Target,
     theta: Vec<f64>,
@@ -29,8 +29,8 @@ impl<'a> Likelihood<'a> {
         settle(&mut self.calls, &outcome, &self.theta)
     }
 
-    /// The gradient of ln L with respect to `u`, into `gradient`; false where there is none: no likelihood, or a slope that is not
-    /// finite.
+    /// The gradient of ln L with respect to `u`, into `gradient`; false where there is none: no likelihood, or a
+    /// derivative that is not finite.
     pub fn gradient_at(&mut self, u: &[f64], gradient: &mut [f64]) -> Result<bool> {
         let prior = self.target.prior();
         prior.theta_from_u(u, &mut self.theta);
@@ -73,7 +73,7 @@ fn settle(calls: &mut Calls, outcome: &Outcome, theta: &[f64]) -> Result<f64> {
     })
 }
 
-/// An independent draw of the prior, into `u`.
-pub(super) fn draw_prior(rng: &mut Stream, u: &mut [f64]) {
+/// Writes an independent draw of the prior into `u`.
+pub(super) fn draw_prior(rng: &mut RandomStream, u: &mut [f64]) {
     u.iter_mut().for_each(|u| *u = unit_open(rng));
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// point born above the plateau of rejected points is distinguished from a first point.
 pub(super) const REJECTED: f64 = f64::MIN;
 
-/// Number of lineages of this many live points: even, so that each lies in one half.
+/// Number of lineages of this many live points: even, so that both halves have as many.
 pub(super) fn lineages(n_live: usize) -> usize {
     const MAX: usize = 20;
     const MIN_POINTS: usize = 5;
@@ -20,15 +20,16 @@ pub(super) fn narrow(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
 }
 
-/// The lineages of a point. One drawn by a chain has those of its seed, which it resembles while steps are few; one drawn
-/// without a seed has those of the point that it replaces.
+/// The lineages of a point. A point drawn by a chain has those of its seed, because it resembles the seed while steps
+/// are few; one drawn without a seed has those of the point that it replaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Genealogy {
     /// Eve index: the first point from which it descends, modulo the number of lineages. Even and odd ones are the two
     /// halves.
     pub lineage: u32,
-    /// The same with ancestors chosen anew whenever few recent lineages are left ([`Points::begin_recent_lineages`]): the errors of volumes
-    /// depend on what chains have not forgotten yet. In the half of its lineage.
+    /// The same with ancestors chosen anew whenever few recent lineages are left ([`Points::begin_recent_lineages`]):
+    /// the errors of the volumes depend on the correlation that chains still have with their seeds. In the half of its
+    /// lineage.
     pub recent_lineage: u32,
 }
 
@@ -50,7 +51,7 @@ pub(super) struct Points {
     u: Vec<f64>,
     /// Log-likelihoods; [`REJECTED`] where there is none.
     pub ln_l: Vec<f64>,
-    /// Log-likelihood of the contour above which each was drawn; minus infinity for the prior itself.
+    /// Likelihood bound (log) above which each was drawn; minus infinity for the prior itself.
     pub birth: Vec<f64>,
     /// The genealogy of each.
     pub genealogy: Vec<Genealogy>,
@@ -64,8 +65,8 @@ impl Points {
         }
     }
 
-    /// Checks points that were read from a file: of `dim` coordinates inside the open cube, each above its contour of birth, of so
-    /// many lineages and recent lineages at most.
+    /// Checks points that were read from a file: of `dim` coordinates inside the open cube, each above the likelihood
+    /// bound of its birth, of so many lineages and recent lineages at most.
     pub fn check(&self, dim: usize, lineages: usize, recent_lineages: u32) -> Valid {
         ensure(
             self.dim == dim
@@ -81,7 +82,7 @@ impl Points {
         let above = |(ln_l, birth): (&f64, &f64)| birth < ln_l && ln_l.is_finite();
         ensure(
             self.ln_l.iter().zip(&self.birth).all(above),
-            "a log-likelihood is not finite, or not above the contour of its birth",
+            "a log-likelihood is not finite, or not above the likelihood bound of its birth",
         )?;
         ensure(
             (self.genealogy.iter()).all(|genealogy| {
@@ -183,7 +184,7 @@ pub(super) struct Replacement {
     pub kept: Vec<usize>,
 }
 
-/// The `size` lowest points and all that tie with the highest of them: a plateau dies as a whole.
+/// The `size` lowest points and all that are equal to the highest of them: a plateau dies as a whole.
 pub(super) fn lowest(live: &Points, size: usize) -> Replacement {
     let mut order: Vec<usize> = (0..live.len()).collect();
     order.sort_by(|&a, &b| live.ln_l[a].total_cmp(&live.ln_l[b]));

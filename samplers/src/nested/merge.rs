@@ -1,7 +1,8 @@
 //! Merges nested runs with different seeds into one run.
 //!
-//! Births and deaths of independent runs weigh together as those of one run with as many live points as all of them had (Skilling
-//! 2006; Higson et al. 2019). Their evidences and means are compared first: a mode that one run has missed shows as a difference.
+//! Births and deaths of independent runs are weighted together like those of one run with the live points of all of
+//! them (Skilling 2006; Higson et al. 2019). Their evidences and means are compared first: a mode that one run has
+//! missed shows as a difference.
 
 use super::checks::by_lineages;
 use super::evidence::DeadPoints;
@@ -17,8 +18,8 @@ use std::collections::BTreeSet;
 /// Minimum p-value of the differences between the runs.
 const MIN_PROBABILITY: f64 = 0.01;
 
-/// One nested run out of several on the same `target`, of different seeds, without further likelihood calls. Its checks are the worst of theirs and
-/// whether they agree; it has the seed of the first.
+/// Merges nested runs on the same `target` with different seeds, without further likelihood calls. Its checks are the
+/// worst of the runs' own and those of their agreement; its seed is that of the first run.
 ///
 /// # Errors
 /// [`Error::TooFewRuns`], [`Error::SameSeed`] and [`Error::NotNested`]; [`Error::OtherParameters`], [`Error::NoDraws`] and
@@ -26,8 +27,8 @@ const MIN_PROBABILITY: f64 = 0.01;
 pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     let parts = runs
         .iter()
-        .map(|run| Part::of(target, run))
-        .collect::<Result<Vec<Part<'_>>>>()?;
+        .map(|run| RunHistory::of(target, run))
+        .collect::<Result<Vec<RunHistory<'_>>>>()?;
     let [first, _, ..] = runs else {
         return Err(Error::TooFewRuns { given: runs.len() });
     };
@@ -36,7 +37,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
         return Err(Error::SameSeed { seed: run.seed });
     }
     let dim = target.dim();
-    let mut all = Together::default();
+    let mut all = MergedPoints::default();
     for part in &parts {
         all.add(part, dim);
     }
@@ -47,7 +48,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     let results = Results::of(history, &all.theta, dim, |history, _| Errors {
         simulated: simulated(history, &Settings::default(), first.seed),
         bootstrapped: together(runs, &parts, "bootstrap"),
-        ancestral: together(runs, &parts, "ancestry"),
+        coalescence: together(runs, &parts, "ancestry"),
     });
     let draws = results.draws(target, &all.theta)?;
     let ess = results.ess(&draws);
@@ -74,7 +75,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
 }
 
 /// The parts of a run.
-struct Part<'a> {
+struct RunHistory<'a> {
     draws: &'a Draws,
     ln_l: &'a [f64],
     birth: &'a [f64],
@@ -82,7 +83,7 @@ struct Part<'a> {
     insertion_rank: &'a [f64],
 }
 
-impl<'a> Part<'a> {
+impl<'a> RunHistory<'a> {
     fn of(target: &dyn Target, run: &'a Run) -> Result<Self> {
         run.check_belongs(target, "a run to merge")?;
         if run.ess.bulk.len() != target.dim() {
@@ -112,14 +113,14 @@ impl<'a> Part<'a> {
         self.ln_l.len() - self.draws.len()
     }
 
-    fn founders(&self) -> usize {
+    fn first_lineages(&self) -> usize {
         live::lineages(self.live.first().map_or(0, |n| *n as usize))
     }
 }
 
 /// The points of all runs.
 #[derive(Default)]
-struct Together {
+struct MergedPoints {
     ln_l: Vec<f64>,
     birth: Vec<f64>,
     genealogy: Vec<Genealogy>,
@@ -129,19 +130,19 @@ struct Together {
     lineages: u32,
 }
 
-impl Together {
+impl MergedPoints {
     /// Adds a run; its lineages are numbered after those before, even ones stay even.
-    fn add(&mut self, part: &Part<'_>, dim: usize) {
+    fn add(&mut self, part: &RunHistory<'_>, dim: usize) {
         self.ln_l.extend(part.ln_l.iter().map(|l| l.max(REJECTED)));
         self.birth.extend(part.birth);
-        let founders = narrow(part.founders());
-        let rejected = (0..founders).cycle().take(part.rejected());
+        let first_lineages = narrow(part.first_lineages());
+        let rejected = (0..first_lineages).cycle().take(part.rejected());
         let first = self.lineages;
         let own = rejected.chain(part.draws.cluster.iter().copied());
         self.genealogy
             .extend(own.map(|l| Genealogy::from(first + l)));
         let last = part.draws.cluster.iter().max().map_or(0, |l| l + 1);
-        self.lineages += last.max(founders).next_multiple_of(2);
+        self.lineages += last.max(first_lineages).next_multiple_of(2);
         self.theta
             .extend(std::iter::repeat_n(0.0, part.rejected() * dim));
         self.theta.extend(&part.draws.theta);
@@ -185,21 +186,21 @@ fn agreement(runs: &[&Run]) -> [Check; 2] {
             "ln-z-agreement-of-seeds",
             probability(ln_z),
             MIN_PROBABILITY,
-            "probability that ln Z of the runs differ by chance as they do; if too small, some run misses a mode or its error is too small: double `n_live` or `steps`",
+            "p-value of the differences of ln Z between the runs; if too small, some run misses a mode or its error is too small: double `n_live` or `steps`",
         ),
         Check::at_least(
             "mean-agreement-of-seeds",
             least,
             MIN_PROBABILITY / dim as f64,
-            "smallest probability, over parameters, that their means differ by chance as they do; if too small, some run misses a mode: double `n_live`",
+            "smallest p-value, over parameters, of the differences between the means of the runs; if too small, some run misses a mode: double `n_live`",
         ),
     ]
 }
 
-/// Error of ln Z from the runs' independent errors of this name, each weighted by its number of live points: a run keeps
-/// neither its recent lineages nor the number of its ancestors.
-fn together(runs: &[&Run], parts: &[Part<'_>], name: &str) -> f64 {
-    let size = |part: &Part<'_>| part.live.first().map_or(0.0, |n| f64::from(*n));
+/// Error of ln Z of the merged run from the runs' independent errors of this name, each weighted by its number of live
+/// points, because a finished run stores neither its recent lineages nor its number of ancestors.
+fn together(runs: &[&Run], parts: &[RunHistory<'_>], name: &str) -> f64 {
+    let size = |part: &RunHistory<'_>| part.live.first().map_or(0.0, |n| f64::from(*n));
     let all: f64 = parts.iter().map(size).sum();
     let own = |run: &Run| run.evidence.error_parts.get(name).copied().unwrap_or(0.0);
     let squares = runs.iter().zip(parts);

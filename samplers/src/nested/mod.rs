@@ -1,4 +1,4 @@
-//! Nested sampling: live points shrinking onto the peak (Skilling 2006), in iterations.
+//! Nested sampling (Skilling 2006) with many points replaced at once.
 //!
 //! [`run`] replaces the lowest tenth of the live points at once by new ones above the likelihood bound, until the rest
 //! could raise the evidence by less than [`Settings::dlnz`]. Points of equal likelihood at the bound are replaced together,
@@ -6,11 +6,13 @@
 //! around the live ones, or from slice updates or walks in the metric of those ellipsoids ([`Kernel`]). Weights, evidence
 //! and errors follow from the bound above which each point was drawn and from its own likelihood.
 //!
-//! A point drawn by a chain resembles its seed until the chain has made enough steps. It therefore belongs to the lineage
-//! of its seed; chains of one half of the lineages take directions and metrics from the other half; and the errors of means
-//! come from the scatter of lineages, that of ln Z from recent lineages, whose ancestors are chosen anew whenever few are
-//! left. So few steps cost accuracy, which the errors show, but do not bias the result. More live points can be added where
-//! they reduce the error most ([`Settings::target_ess`]), and runs of several seeds weigh as one longer run ([`merge`]).
+//! A point drawn by a chain resembles its seed until the chain has made enough steps. It therefore belongs to the
+//! lineage of its seed; chains of one half of the lineages take directions and metrics from the other half; and the
+//! errors of means come from the scatter of lineages, that of ln Z from recent lineages, whose ancestors are chosen
+//! anew whenever few are left. With too few steps the errors grow and ln Z is biased (docs/validation.md, section 5);
+//! the checks `seed-rank-correlation` and `relative-jump-distance` detect it. A run with a target
+//! ([`Settings::target_ess`]) adds batches of live points where they reduce the errors most, and runs with several
+//! seeds can be merged ([`merge`]).
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};

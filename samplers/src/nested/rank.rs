@@ -1,7 +1,7 @@
-//! Insertion ranks: a new point drawn uniformly above the contour falls at any rank among the live ones with equal
-//! probability (Buchner 2014; Fowlie, Handley & Su 2020). A kernel that moves too little does not.
+//! Insertion ranks: a new point that is uniform above the likelihood bound has every rank among the live points with
+//! equal probability (Fowlie, Handley & Su 2020). The points of a kernel with too few steps do not.
 
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 use crate::valid::{Valid, ensure};
 use serde::{Deserialize, Serialize};
 
@@ -60,7 +60,7 @@ impl Ranks {
     /// Kolmogorov-Smirnov probabilities of the ranks in windows of `window` insertions (the last one may be up to
     /// twice as long). Ranks are turned into continuous numbers at random, because the test is for continuous
     /// numbers.
-    pub fn ks_windows(&self, window: usize, rng: &mut Stream) -> Vec<f64> {
+    pub fn ks_windows(&self, window: usize, rng: &mut RandomStream) -> Vec<f64> {
         let values: Vec<f64> = self
             .rank
             .iter()
@@ -83,7 +83,7 @@ impl Ranks {
 }
 
 /// Probability that `values`, if uniform on (0, 1), lie at least as far from uniform (Stephens' form of Kolmogorov's
-/// law). 1 without values.
+/// distribution). 1 without values.
 pub(super) fn ks_probability(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -25,16 +25,16 @@ pub(super) struct Errors {
     pub simulated: f64,
     /// Dependence of new points on recent seeds: the scatter of recent lineages.
     pub bootstrapped: f64,
-    /// Excess coalescence: see [`of_ancestry`].
-    pub ancestral: f64,
+    /// Excess coalescence: see [`excess_coalescence`].
+    pub coalescence: f64,
 }
 
 /// Numbers on which the checks of the evidence rest.
-pub(super) struct Measured {
+pub(super) struct CheckInputs {
     pub errors: Errors,
     /// ln Z of the even and of the odd recent lineages.
     pub halves: [f64; 2],
-    /// Effective number of lineages that the posterior is of.
+    /// Effective number of lineages of the posterior.
     pub lineages: f64,
     /// Kish's effective number of draws.
     pub kish: f64,
@@ -43,15 +43,16 @@ pub(super) struct Measured {
 impl Errors {
     /// Of one run with these settings and seed.
     pub fn of(history: &DeadPoints, weighted: &Weighted, settings: &Settings, seed: u64) -> Self {
-        let founders = lineages(settings.n_live);
-        let recent_lineages = founders as f64;
-        // So few, weighted at random, scatter a little less about their own mean than about the true value.
+        let first_lineages = lineages(settings.n_live);
+        let recent_lineages = first_lineages as f64;
+        // So few clusters, with random weights, have a smaller standard deviation about their own mean than about the
+        // true value.
         let degrees_of_freedom = ((recent_lineages + 1.0) / (recent_lineages - 1.0)).sqrt();
         let ln_z = history.bootstrap(seed, settings.bootstraps);
         Self {
             simulated: simulated(history, settings, seed),
             bootstrapped: degrees_of_freedom * deviation(&ln_z),
-            ancestral: of_ancestry(history, weighted, founders, settings.n_live),
+            coalescence: excess_coalescence(history, weighted, first_lineages, settings.n_live),
         }
     }
 }
@@ -91,15 +92,15 @@ impl Results {
         let Errors {
             simulated,
             bootstrapped,
-            ancestral,
+            coalescence,
         } = self.errors;
         Evidence {
             ln_z: self.weighted.ln_z,
-            error: simulated.max(bootstrapped).max(ancestral),
+            error: simulated.max(bootstrapped).max(coalescence),
             error_parts: named([
                 ("simulated", simulated),
                 ("bootstrap", bootstrapped),
-                ("ancestry", ancestral),
+                ("ancestry", coalescence),
             ]),
             estimates: named([("ln-of-mean-z", self.history.ln_of_mean_z())]),
             information: self.weighted.information,
@@ -127,7 +128,7 @@ impl Results {
     /// Effective sizes of the draws: never more of a parameter than there are draws.
     pub fn ess(&self, draws: &Draws) -> Ess {
         let most = draws.len() as f64;
-        // A parameter that is the same in all draws has no scatter to speak of.
+        // A parameter that is the same in all draws has no variance.
         let of = |size: &f64| if size.is_nan() { most } else { size.min(most) };
         let bulk: Vec<f64> = self.sizes.iter().map(of).collect();
         let kish = kish_ess(&draws.ln_weight);
@@ -139,8 +140,8 @@ impl Results {
         }
     }
 
-    pub fn measured(&self, kish: f64) -> Measured {
-        Measured {
+    pub fn measured(&self, kish: f64) -> CheckInputs {
+        CheckInputs {
             errors: self.errors,
             halves: self.history.halves(),
             lineages: self.history.effective_lineages(&self.weighted),
@@ -181,13 +182,17 @@ pub(super) fn simulated(history: &DeadPoints, settings: &Settings, seed: u64) ->
     deviation(&history.simulate(seed, settings.simulations))
 }
 
-/// Error of ln Z by excess coalescence, after the estimate of Lee & Whiteley (2018) for particle filters. Pairs of draws of
-/// the posterior have a common first point more often than seeds drawn at random would make them only where the descendants
-/// of few first points reached the peak; how many reach it is random, and their number measures its volume. The excess is
-/// the relative variance of Z.
-fn of_ancestry(history: &DeadPoints, weighted: &Weighted, founders: usize, n_live: usize) -> f64 {
+/// Error of ln Z by excess coalescence, after the estimate of Lee & Whiteley (2018) for particle filters. If few first
+/// points have descendants at the peak, and it is random which ones, two draws of the posterior descend from the same
+/// first point more often than random seeds imply. The excess is the relative variance of Z.
+fn excess_coalescence(
+    history: &DeadPoints,
+    weighted: &Weighted,
+    first_lineages: usize,
+    n_live: usize,
+) -> f64 {
     let alike = 1.0 / history.effective_lineages(weighted);
-    let at_first = 1.0 / founders as f64;
+    let at_first = 1.0 / first_lineages as f64;
     // With n live points every e-fold replaces n, and each time 2 / n^2 of the pairs get a common ancestor.
     let siblings = -(-2.0 * weighted.information / n_live as f64).exp_m1();
     let by_chance = at_first + (1.0 - at_first) * siblings;
@@ -211,7 +216,8 @@ mod tests {
     use super::*;
     use crate::nested::live::Genealogy;
 
-    /// Error for want of ancestors, 20 first lineages of 100 live points, of a run whose posterior is of the last `shared` of them.
+    /// Error from excess coalescence, for 20 first lineages of 100 live points and a posterior from the last `shared`
+    /// of them.
     fn error(shared: u32) -> f64 {
         let count = 2_000;
         let ln_l: Vec<f64> = (0..count).map(f64::from).collect();
@@ -225,21 +231,21 @@ mod tests {
             .map(|i| Genealogy::from(i % shared))
             .collect();
         let history = DeadPoints::new(&ln_l, &birth, &genealogy);
-        // A hundredth of the prior, evenly: ln X = -4.6.
+        // A uniform likelihood on a hundredth of the prior: ln X = -4.6.
         let mut weighted = history.weigh();
         let end = 460..660;
         weighted.p = (0..ln_l.len())
             .map(|i| if end.contains(&i) { 1.0 / 200.0 } else { 0.0 })
             .collect();
         weighted.information = 4.6;
-        of_ancestry(&history, &weighted, 20, 100)
+        excess_coalescence(&history, &weighted, 20, 100)
     }
 
     #[test]
     fn few_ancestors_are_an_error_where_chance_would_have_left_more() {
-        // Of 20 lineages 4.6 e-folds leave 7.5 in effect.
+        // After 4.6 e-folds the effective number of 20 lineages is 7.5.
         assert!(error(20) < 1e-12 && error(10) < 1e-12);
-        // Half of the volume by two lineages alone: 1/2 less the .13 of chance.
+        // Two lineages have half of the volume: 1/2 minus the 0.13 of random seeds.
         assert!(
             (error(2) - (0.5_f64 - 0.1335).sqrt()).abs() < 2e-3,
             "{}",

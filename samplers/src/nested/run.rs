@@ -14,13 +14,14 @@ use crate::target::Target;
 /// posterior with the evidence.
 ///
 /// The same target, settings and seed give the same bits on any number of threads (those of the current rayon pool),
-/// and after any number of interruptions. A run that was interrupted or whose budget is spent returns what it has,
-/// unconverged; it can be resumed from its checkpoint, which stays after completion too.
+/// and after any number of interruptions. A run that was interrupted or whose budget is spent returns its result so
+/// far, unconverged; it can be resumed from its checkpoint, which stays after completion too.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::GalileanWithoutGradient`]; [`Error::NoStart`] if 100,000 draws of the prior have no likelihood;
-/// [`Error::Fatal`] and [`Error::Infinite`] from the target and [`Error::EmptySlice`] and [`Error::LooseBound`] from a kernel, after a checkpoint
-/// of the last whole iteration; [`Error::Checkpoint`] and [`Error::Io`] from the file.
+/// [`Error::Setting`] for settings out of range; [`Error::GalileanWithoutGradient`]; [`Error::NoStart`] if 100,000
+/// draws of the prior have no likelihood; [`Error::Fatal`] and [`Error::Infinite`] from the target and
+/// [`Error::EmptySlice`] and [`Error::LooseBound`] from a kernel, after a checkpoint of the last complete iteration;
+/// [`Error::Checkpoint`] and [`Error::Io`] from the file.
 pub fn run(
     target: &dyn Target,
     settings: &Settings,

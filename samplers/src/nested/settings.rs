@@ -21,14 +21,14 @@ const BYTES_PER_COORDINATE: f64 = 5.0 * 8.0;
 /// The same of everything else: likelihoods, births, orders, genealogy, ranks, weights, derived quantities and history.
 const BYTES_PER_POINT: f64 = 50.0 * 8.0;
 
-/// How a new point above the contour is found.
+/// How a new point above the likelihood bound is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {
     /// [`Uniform`](Self::Uniform) below ten parameters, [`Differential`](Self::Differential) from ten on.
     #[default]
     Auto,
-    /// Independent draws from the bound.
+    /// Independent draws from the ellipsoids.
     Uniform,
     /// Slice updates along random directions of the local ellipsoid (hit and run).
     RandomSlice,
@@ -53,9 +53,9 @@ impl Kernel {
         }
     }
 
-    /// Steps per new point if the user gives none: `(3 + d) / 2` slices, from 15 parameters on `d^2 / 22`; `(3 + d) / 3` trajectories; 25 walk
-    /// steps, from 12 parameters on `2 + 2 d`. In 30 dimensions `(3 + d) / 2` slices give a ln Z too high by 1.2 errors where no check
-    /// says so (`cargo test -p oblate-samplers --release --test campaign -- --ignored nested`).
+    /// Steps per new point if the settings have none: `(3 + d) / 2` slice updates, from 15 parameters on `d^2 / 22`;
+    /// `(3 + d) / 3` Galilean Monte Carlo trajectories; 25 walk steps, from 12 parameters on `2 + 2 d`.
+    /// docs/validation.md, section 5, has the bias with fewer steps.
     #[must_use]
     pub fn default_steps(self, dim: usize) -> usize {
         match self.resolve(dim) {
@@ -75,24 +75,25 @@ pub struct Settings {
     pub n_live: usize,
     /// The run ends when the live points could raise ln Z by less than this.
     pub dlnz: f64,
-    /// Effective draws (Kish) that a dynamic run goes on for: it adds batches of live points where they reduce the error most, as
-    /// long as there are fewer. None: no such target.
+    /// ESS (Kish) that a dynamic run aims at: while the ESS is smaller, batches of live points are added where they
+    /// reduce the errors most. None: no such target.
     pub target_ess: Option<f64>,
     /// Error of ln Z that a dynamic run aims at. None: no such target.
     pub target_ln_z_error: Option<f64>,
-    /// What added live points are for: 1, the posterior; 0, the evidence; a mixture between. Of two targets, only the one that is
-    /// not yet met counts.
+    /// What added live points improve: 1, the posterior; 0, the evidence; between, both with these weights. Of two
+    /// targets, only the one that is not yet met counts.
     pub posterior_fraction: f64,
     /// Fraction of the live points replaced in one iteration.
     pub replaced_fraction: f64,
     /// How new points are found.
     pub kernel: Kernel,
-    /// Slice updates, trajectories or walk steps per new point. None: [`Kernel::default_steps`], raised during a run if new
-    /// points resemble their seeds. Where modes are many and narrow, few steps and many live points find more of them for the same calls.
+    /// Slice updates, trajectories or walk steps per new point. None: [`Kernel::default_steps`], raised during a run if
+    /// new points depend on their seeds. Where modes are many and narrow, few steps and many live points find more of
+    /// them for the same calls.
     pub steps: Option<usize>,
     /// Simulations of the unknown prior volumes, for the error of ln Z.
     pub simulations: usize,
-    /// Bootstraps over recent lineages of points, for the error of ln Z.
+    /// Bootstraps over recent lineages, for the error of ln Z.
     pub bootstraps: usize,
 }
 
@@ -152,7 +153,7 @@ impl Settings {
                 remedy: "give at least four per parameter and four more, better 25 per parameter",
             });
         }
-        // Points at the peak alone do not reduce the uncertainty of the volumes above it.
+        // Points at the peak alone do not reduce the uncertainty of the volumes outside it.
         if self.target_ln_z_error.is_some() && self.posterior_fraction >= 1.0 {
             return Err(Error::Setting {
                 name: "posterior_fraction",

@@ -4,7 +4,7 @@ mod check;
 
 use super::bound::Bound;
 use super::dynamic::{LikelihoodRange, RunSummary};
-use super::kernel::{self, NewPoint, Setting};
+use super::kernel::{self, ChainContext, NewPoint};
 use super::likelihood::{Likelihood, draw_prior};
 use super::live::{self, Genealogy, Points, REJECTED, Replacement, narrow};
 use super::rank::Ranks;
@@ -12,7 +12,7 @@ use super::settings::{Kernel, Settings};
 use super::tuning::Tuning;
 use crate::error::{Error, Result};
 use crate::output::{Calls, Cost};
-use crate::rng::{Domain, Stream, below, stream};
+use crate::rng::{Domain, RandomStream, below, stream};
 use crate::target::Target;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -23,9 +23,9 @@ const MAX_FIRST_DRAWS: usize = 100_000;
 /// Prior volume below which ellipsoids are used; above it, draws of the prior cost less than any chain.
 const FIRST_BOUND: f64 = 0.1;
 
-/// Fraction of the recent lineages below which, as an effective number, they are begun anew. Random replacement makes more
-/// and more points relatives, until the scatter of two or three recent lineages is no estimate; by then the chains have
-/// forgotten what the lineages began with.
+/// Minimum effective number of recent lineages, as a fraction of the number of lineages; below it they are begun anew.
+/// Random replacement reduces their number until the scatter of two or three is no estimate; by then the chains are
+/// independent of the points with which these lineages began, as far as they ever are.
 const MIN_RECENT_LINEAGES: f64 = 0.3;
 
 /// Shrinkage of the volume after which the bound is fitted again.
@@ -63,7 +63,7 @@ impl Context<'_> {
         10 * self.first_steps()
     }
 
-    /// Largest number of steps that a run can come to: that which [`Tuning::watch`] raises last, by half.
+    /// Largest number of steps that a run can come to: that which [`Tuning::raise_steps_if_needed`] raises last, by half.
     fn most_steps(&self) -> usize {
         match self.settings.steps {
             Some(chosen) => chosen,
@@ -78,11 +78,11 @@ struct Source<'a> {
     kept: &'a Points,
     contour: f64,
     bounds: &'a [Bound],
-    /// Slices, Galilean trajectories or walk steps.
+    /// Slice updates, Galilean Monte Carlo trajectories or walk steps.
     steps: usize,
 }
 
-/// Whether chains draw the points, so that step lengths are learned from them.
+/// Whether chains draw the points, so that step lengths are adapted to them.
 fn learns(context: &Context<'_>, bounds: &[Bound]) -> bool {
     context.kernel() != Kernel::Uniform && !bounds.is_empty()
 }
@@ -96,7 +96,7 @@ pub(super) struct State {
     started: bool,
     /// Batches begun so far.
     pub batches: usize,
-    /// The range of the present batch; none: the first one, from the prior to the peak.
+    /// Likelihood bounds of the present batch; none for the first, from the prior to the peak.
     range: Option<LikelihoodRange>,
     /// Remaining evidence at the end of the first batch, once there are more.
     left: Option<f64>,
@@ -104,11 +104,11 @@ pub(super) struct State {
     next_point: u64,
     /// Expected log prior volume of the live points.
     pub ln_x: f64,
-    /// Evidence and information of the dead, by left Riemann sums, or of all points once there are more batches: for the
-    /// stopping rule and for observers.
+    /// Evidence and information of the dead points, by left Riemann sums, or of all points once there are more batches:
+    /// for the stopping rule and for observers.
     pub ln_z: f64,
     pub information: f64,
-    /// None, one to draw from, or two metrics: see [`Setting::bounds`].
+    /// None, one to draw from, or two metrics: see [`ChainContext::bounds`].
     bounds: Vec<Bound>,
     ln_x_at_fit: f64,
     /// Recent lineages begun so far.
@@ -166,8 +166,8 @@ impl State {
         points
     }
 
-    /// How much the live points could still raise ln Z when the first batch ended, or can now; 0 on a final plateau, whose
-    /// volume the deaths already share.
+    /// How much the live points could still raise ln Z at the end of the first batch, or can now; 0 on a final plateau,
+    /// whose volume is already divided among the deaths.
     pub fn delta_ln_z(&self, settings: &Settings) -> f64 {
         self.left.unwrap_or_else(|| self.delta_ln_z_now(settings))
     }
@@ -201,7 +201,7 @@ impl State {
         }
     }
 
-    /// One iteration: the lowest points are replaced. On an error nothing has changed.
+    /// One iteration: the lowest points die, and as many are born. On an error nothing has changed.
     pub fn advance(&mut self, context: &Context<'_>) -> Result<()> {
         if !self.started {
             return self.draw_first(context);
@@ -252,12 +252,12 @@ impl State {
         if context.settings.steps.is_none() {
             let window = 5 * context.settings.n_live;
             self.tuning
-                .watch(&self.ranks, window, context.raised_below());
+                .raise_steps_if_needed(&self.ranks, window, context.raised_below());
         }
         Ok(())
     }
 
-    /// New points above a contour, one from each seed.
+    /// New points above the likelihood bound, one from each seed.
     fn draw(
         &self,
         context: &Context<'_>,
@@ -271,7 +271,7 @@ impl State {
         } else {
             Default::default()
         };
-        let setting = Setting {
+        let chain_context = ChainContext {
             target: context.target,
             contour: source.contour,
             kernel: context.kernel(),
@@ -287,21 +287,21 @@ impl State {
             .enumerate()
             .map(|(i, &s)| {
                 let rng = stream(context.seed, Domain::NestedPoint, 0, first + i as u64);
-                kernel::draw(&setting, source.kept, s, rng)
+                kernel::draw(&chain_context, source.kept, s, rng)
             })
             .collect();
         born.into_iter().collect()
     }
 
-    /// Makes all live points dead and begins a batch where, by the summary of the run, more points reduce the error most. On
-    /// an error nothing has changed.
+    /// Moves all live points to the dead ones and begins a batch where, by the summary of the run so far, more points
+    /// reduce the errors most. On an error nothing has changed.
     pub fn add_batch(&mut self, context: &Context<'_>, summary: RunSummary) -> Result<()> {
         let fraction = summary.posterior_fraction(context.settings);
         let range = LikelihoodRange::of(&summary.history, &summary.weighted, fraction);
         let RunSummary {
             points, weighted, ..
         } = summary;
-        // Points alive at the floor, of any batch, are draws of the prior above it.
+        // The points alive at the lower bound, of any batch, are draws of the prior above it.
         let alive: Vec<usize> = (0..points.len())
             .filter(|&i| points.birth[i] <= range.floor && points.ln_l[i] > range.floor)
             .collect();
@@ -386,7 +386,7 @@ impl State {
         Ok(())
     }
 
-    /// As many independent draws of the prior as there are to be live points.
+    /// Independent draws of the prior, one for each live point.
     fn draw_prior(&self, context: &Context<'_>) -> Result<(Points, Calls)> {
         let mut likelihood = Likelihood::new(context.target);
         let mut places = vec![vec![0.0; context.target.dim()]; context.settings.n_live];
@@ -450,7 +450,7 @@ impl State {
         replacement: &Replacement,
         born: &[NewPoint],
         genealogy: &[Genealogy],
-        rng: &mut Stream,
+        rng: &mut RandomStream,
     ) {
         for (i, &row) in replacement.dying.iter().enumerate() {
             let n = (self.live.len() - i) as f64;
@@ -508,7 +508,7 @@ impl State {
 }
 
 /// `count` rows out of `available`, distinct as far as there are enough.
-fn choose_seeds(rng: &mut Stream, available: usize, count: usize) -> Vec<usize> {
+fn choose_seeds(rng: &mut RandomStream, available: usize, count: usize) -> Vec<usize> {
     if count > available {
         return (0..count).map(|_| below(rng, available)).collect();
     }

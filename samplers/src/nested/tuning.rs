@@ -1,11 +1,11 @@
 //! Adaptation of the length and number of a chain's steps to how chains moved.
 
 use super::bound::Bound;
-use super::kernel::{self, NewPoint, Pace};
+use super::kernel::{self, NewPoint, StepCounts};
 use super::live::Points;
 use super::rank::Ranks;
 use super::settings::Kernel;
-use crate::rng::{Stream, below};
+use crate::rng::{RandomStream, below};
 use crate::valid::{Valid, countable, ensure};
 use serde::{Deserialize, Serialize};
 
@@ -19,29 +19,27 @@ fn first_scale(kernel: Kernel, dim: usize) -> f64 {
     }
 }
 
-/// Step length along a difference before anything is learned: two points of a region of any dimension are about
-/// `sqrt 2` of its radius apart.
+/// First step length along a difference: the distance of two points of a region of any dimension is about `sqrt 2` of
+/// its radius.
 const FIRST_STRIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// Largest correlation of the likelihood rank of a new point with that of its seed. On a Gaussian, two shells, two narrow
-/// modes and four of different tails the mean of ln Z was within 0.6 of its error, and the standard deviation of 30 seeds up
-/// to 1.1 times it, where the correlation was below this; above, the standard deviation reached 1.9 times the error (`cargo
-/// bench -p oblate-samplers --bench seed_correlation`).
+/// Maximum rank correlation of a new point's likelihood with its seed's; docs/validation.md, section 5, has bias and
+/// scatter of ln Z for several values of it (`cargo bench -p oblate-samplers --bench seed_correlation`).
 pub(super) const MAX_SEED_CORRELATION: f64 = 0.2;
 
-/// Fraction of the moves of Galilean trajectories that are to go straight on: of 0.4 to 0.85 those from 0.65 to 0.75 forgot
-/// their seeds best for the same calls, on a Gaussian and on shells in 13 dimensions. Points without a gradient turn chains
-/// round at any length of move, so that the fraction of reflected moves is no measure.
-const STRAIGHT: f64 = 0.7;
+/// Target fraction of straight moves in Galilean Monte Carlo: near it new points depended least on their seeds for the
+/// same calls (docs/validation.md, section 5, gradients). The fraction of reflected moves cannot serve, because moves
+/// at points without a gradient reverse at any length.
+const STRAIGHT_FRACTION: f64 = 0.7;
 
-/// Statistics of the chains, and the steps that follow from them. They are fixed within an iteration.
+/// Statistics of the chains, and the steps that follow from them. Within an iteration steps are fixed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Tuning {
     /// Step length in units of the local ellipsoid.
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
     pub stride: f64,
-    /// Slices, Galilean trajectories or walk steps per point; never lowered in a run.
+    /// Slice updates, Galilean Monte Carlo trajectories or walk steps per point; never lowered in a run.
     pub steps: usize,
     /// Relative jump distance of every iteration.
     pub jump_distances: Vec<f64>,
@@ -50,9 +48,9 @@ pub(super) struct Tuning {
     pub seed_correlations: Vec<f64>,
     /// Chains that ended where they began.
     pub stayed: u64,
-    /// The rank correlation that the last raise of `steps` was to lower.
+    /// The rank correlation at the last raise of `steps`.
     seed_correlation_at_raise: Option<f64>,
-    /// Number of insertions, rank correlations and still chains when the current window of the watch began.
+    /// Numbers of insertions, rank correlations and unmoved chains when the present window began.
     window: (usize, usize, u64),
 }
 
@@ -70,15 +68,15 @@ impl Tuning {
         }
     }
 
-    /// Checks what was read from a file, beside so many insertions: steps are from `first_steps` on and at most `most`.
-    pub fn check(&self, insertions: usize, first_steps: usize, most: usize) -> Valid {
+    /// Checks what was read from a file, beside so many insertions: steps are from `first_steps` on and at most `max_steps`.
+    pub fn check(&self, insertions: usize, first_steps: usize, max_steps: usize) -> Valid {
         let length = |x: f64| x >= 0.0 && x.is_finite();
         ensure(
             length(self.scale) && length(self.stride),
             "a step length is not finite, or negative",
         )?;
         ensure(
-            (first_steps..=most).contains(&self.steps),
+            (first_steps..=max_steps).contains(&self.steps),
             "the number of steps is not one that the settings allow",
         )?;
         let (inserted, seed_correlations, stayed) = self.window;
@@ -120,14 +118,14 @@ impl Tuning {
         kept: &Points,
         seeds: &[usize],
         born: &[NewPoint],
-        rng: &mut Stream,
+        rng: &mut RandomStream,
     ) {
         self.jump_distances
             .extend(relative_jump(rng, bounds, kept, seeds, born));
         self.seed_correlations
             .push(seed_correlation(kept, seeds, born));
         self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
-        let (mut local, mut differences) = (Pace::default(), Pace::default());
+        let (mut local, mut differences) = (StepCounts::default(), StepCounts::default());
         for b in born {
             local.add(b.motion.local);
             differences.add(b.motion.differences);
@@ -143,21 +141,21 @@ impl Tuning {
                 self.scale *= ((fraction - 0.5) / (0.5 * kept.dim() as f64)).exp();
             }
             Kernel::Galilean => {
-                let fraction = local.fraction().unwrap_or(STRAIGHT);
-                self.scale *= (fraction - STRAIGHT).exp();
+                let fraction = local.fraction().unwrap_or(STRAIGHT_FRACTION);
+                self.scale *= (fraction - STRAIGHT_FRACTION).exp();
             }
             Kernel::Auto | Kernel::Uniform => {}
         }
     }
 
-    /// Raises the number of steps by half, up to `most`, if the `window` insertions just made show that the likelihoods of
+    /// Raises the number of steps by half, up to `max_steps`, if the last `window` insertions show that the likelihoods of
     /// new points depend on their seeds.
     ///
-    /// Small jump distances alone raise nothing, they are only checked: on a thin shell points stay close to their seeds for
-    /// long after their likelihoods are independent, and ln Z is as good. A rank correlation that the last raise has not
-    /// lowered by a quarter is not for want of steps: chains that stay in their own mode, each with likelihoods of its own,
-    /// keep it for ever. It is left to the check, unless it grows.
-    pub fn watch(&mut self, ranks: &Ranks, window: usize, most: usize) {
+    /// Small jump distances alone do not raise it, they are only checked: on a thin shell points stay close to their
+    /// seeds for long after their likelihoods are independent, and ln Z is as good. A rank correlation that the last
+    /// raise has not lowered by a quarter is not due to too few steps: chains that stay in their own mode, each with
+    /// likelihoods of its own, remain correlated. It is left to the check, unless it grows.
+    pub fn raise_steps_if_needed(&mut self, ranks: &Ranks, window: usize, max_steps: usize) {
         let (insertions, seed_correlations, stayed) = self.window;
         let made = ranks.len() - insertions;
         if made < window {
@@ -172,7 +170,7 @@ impl Tuning {
             let correlated = seed_correlation > MAX_SEED_CORRELATION && helps;
             let still = (self.stayed - stayed) as f64 > 0.01 * made as f64;
             let uneven = ranks.z_score(insertions).abs() > 3.0;
-            if (correlated || still || uneven) && self.steps < most {
+            if (correlated || still || uneven) && self.steps < max_steps {
                 self.steps += self.steps.div_ceil(2);
                 self.seed_correlation_at_raise = Some(seed_correlation);
             }
@@ -182,7 +180,7 @@ impl Tuning {
 }
 
 /// Factor of a width so that slice updates step outwards as often as inwards.
-fn balance(slices: Pace) -> f64 {
+fn balance(slices: StepCounts) -> f64 {
     slices
         .fraction()
         .map_or(1.0, |fraction| (2.0 * fraction).clamp(0.5, 2.0))
@@ -200,7 +198,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 /// Median distance between chains' ends, over the median distance between their starts and other live points of the
 /// same metric region, in that region's metric. `None` if no start has such a neighbour.
 fn relative_jump(
-    rng: &mut Stream,
+    rng: &mut RandomStream,
     bounds: &[Bound],
     kept: &Points,
     seeds: &[usize],
@@ -256,7 +254,7 @@ mod tests {
                 ranks.push(i % 11, 10);
             }
             tuning.seed_correlations.push(seed_correlation);
-            tuning.watch(&ranks, 110, 100);
+            tuning.raise_steps_if_needed(&ranks, 110, 100);
             tuning.steps
         };
         assert_eq!(after_a_window_of(0.20), 10, "nothing to mend");

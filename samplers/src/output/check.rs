@@ -228,8 +228,8 @@ impl History {
 }
 
 impl Run {
-    /// Checks that all arrays and numbers belong together, as they do in every run that a sampler returns. What is made of a run that
-    /// passes does not panic.
+    /// Checks that all arrays and numbers belong together, as they do in every run that a sampler returns. Code that
+    /// uses a run that passes does not panic.
     ///
     /// # Errors
     /// The first [`RunFault`].

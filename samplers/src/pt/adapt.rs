@@ -9,11 +9,12 @@ use crate::hmc::{Metric, Reference, StepSize};
 use crate::rng::{Domain, below, stream};
 use crate::target::{Symmetry, Target};
 
-/// Most rows of half of the chain sets that a mixture is fitted to. Half as many rows of earlier rounds are kept, so that
-/// the oldest, which are the least accurate, lose their weight.
+/// Maximum number of rows of half of the chain sets that a mixture is fitted to. Half as many rows of earlier rounds
+/// are kept, so that the oldest, which are the least accurate, lose their influence.
 const MAX_TRAINING: usize = 5_000;
 
-/// First step of HMC transitions in the metric of an SMC sampler: ridges are narrower than the whole of its particles.
+/// First step of HMC transitions in the metric of an SMC sampler: ridges are narrower than the distribution of all
+/// particles.
 const FIRST_STEP: f64 = 0.1;
 
 impl State {
@@ -75,8 +76,8 @@ impl State {
         self.record = self.new_record(dim, 0);
     }
 
-    /// Gives the first round a mixture fitted to the coldest level of the SMC samplers as its reference, and states of that
-    /// level.
+    /// Gives the first round a mixture as reference, fitted to the SMC particles at their last temperature, and takes
+    /// its states from them.
     fn begin_at_mixture(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
         let coldest: Vec<&Level> = smc_samplers.iter().filter_map(|l| l.last()).collect();
         let rows = of_others(coldest.iter().map(|level| &level.z));
@@ -204,8 +205,8 @@ impl State {
         self.reference = reference;
     }
 
-    /// Gives all temperatures the metric and step of the coldest: on a path from a reference like the posterior they are
-    /// alike.
+    /// Gives all temperatures the metric and step of the posterior: on a path from a reference like the posterior they
+    /// are similar.
     fn one_metric(&mut self) {
         let temperatures = self.temperatures.len();
         let cold = self.temperatures[temperatures - 1].clone();
@@ -221,7 +222,7 @@ impl State {
         }
     }
 
-    /// Gives all temperatures states of the coldest one.
+    /// Gives all temperatures states of the posterior.
     fn leave_prior(&mut self) {
         self.one_metric();
         let temperatures = self.temperatures.len();
@@ -248,13 +249,13 @@ impl State {
     }
 
     fn enough_temperatures(&self, communication_barrier: f64) -> usize {
-        let (least, most) = (
+        let (min, max) = (
             self.settings.min_temperatures,
             self.settings.max_temperatures,
         );
-        (least..most)
+        (min..max)
             .find(|n| (*n - 1) as f64 >= 2.0 * communication_barrier)
-            .unwrap_or(most)
+            .unwrap_or(max)
     }
 
     /// The metric and the logarithm of the step that the round found for each of its temperatures.
@@ -286,10 +287,10 @@ impl State {
     }
 }
 
-/// At most so many rows of coordinates, spread evenly over those given.
-fn thinned(rows: &[f64], dim: usize, most: usize) -> Vec<f64> {
+/// At most so many rows of coordinates, evenly spaced among those given.
+fn thinned(rows: &[f64], dim: usize, max: usize) -> Vec<f64> {
     let count = rows.len() / dim;
-    let kept = count.min(most);
+    let kept = count.min(max);
     let row = |k: usize| &rows[k * count / kept * dim..][..dim];
     (0..kept).flat_map(row).copied().collect()
 }

@@ -39,7 +39,7 @@ impl State {
             Some(smc_samplers) => {
                 ensure(
                     self.round == 0 && self.scan == 0 && self.chains.is_empty(),
-                    "it has begun before its SMC samplers were cold",
+                    "it has begun before its SMC samplers reached the posterior",
                 )?;
                 smc_samplers.check(settings, dim)
             }
@@ -88,7 +88,7 @@ impl State {
         for chain_set in self.chains.chunks_exact(count) {
             let mut seen = vec![false; count];
             for (k, Chain { point, replica }) in chain_set.iter().enumerate() {
-                // A state without a likelihood comes from the reference, and never swaps with a colder one.
+                // A state without a likelihood comes from the reference, and is never swapped to a larger beta.
                 point.check(dim, &self.reference, k + 1 < count)?;
                 let place = seen.get_mut(*replica);
                 ensure(
@@ -105,7 +105,7 @@ impl State {
 mod tests {
     use super::*;
 
-    /// What is done to a state.
+    /// A change to a state.
     type Damage<'a> = &'a dyn Fn(&mut State);
     use crate::target::{Marginal, Outcome, Prior, Target};
 

@@ -8,26 +8,26 @@ use crate::diagnostics::chi2_p_value;
 use crate::hmc::MAX_STEP;
 use crate::output::{Check, Ess};
 
-/// What the checks are made of.
-pub(super) struct Evidenced<'a> {
+/// The numbers that the checks need.
+pub(super) struct CheckInputs<'a> {
     pub(super) record: &'a Record,
     pub(super) estimate: &'a Estimate,
-    /// Rounds that ended before the one judged.
+    /// Rounds that ended before the one that is checked.
     pub(super) history: &'a [Finished],
     /// Step of each temperature.
     pub(super) steps: &'a [f64],
     pub(super) ess: &'a Ess,
     /// Largest R-hat over coordinates, their squares and ln L.
     pub(super) worst_r_hat: f64,
-    /// p-value that chain sets give modes the same weight.
+    /// p-value that the chain sets give the modes the same weights.
     pub(super) mode_agreement: f64,
-    /// Whether slice updates are made too. Then round trips, R-hat and effective sample sizes measure how far states move,
-    /// and short trajectories are no failure.
+    /// Whether slice updates are made as well. Then round trips, R-hat and effective sample sizes measure how far
+    /// states move, and short trajectories are no failure.
     pub(super) slices: bool,
 }
 
 /// All checks of a run.
-pub(super) fn checks(run: &Evidenced<'_>) -> Vec<Check> {
+pub(super) fn checks(run: &CheckInputs<'_>) -> Vec<Check> {
     let mut checks = index_processes(run);
     checks.extend(schedule(run));
     checks.extend(evidence(run.estimate));
@@ -36,10 +36,10 @@ pub(super) fn checks(run: &Evidenced<'_>) -> Vec<Check> {
     checks
 }
 
-fn index_processes(run: &Evidenced<'_>) -> Vec<Check> {
+fn index_processes(run: &CheckInputs<'_>) -> Vec<Check> {
     let index_processes = run.record.index_processes();
     let scans = run.record.scans();
-    let extension = run.record.telling_extension();
+    let extension = run.record.last_long_enough();
     let replicas = (index_processes.len() * extension.traces.temperatures()) as f64;
     let fewest = index_processes
         .iter()
@@ -55,7 +55,7 @@ fn index_processes(run: &Evidenced<'_>) -> Vec<Check> {
             "round-trips-worst-chain-set",
             fewest as f64,
             10.0,
-            "prior to posterior and back, in each chain set; if too few, allow `extensions`, or add rounds: each doubles them",
+            "round trips from reference to posterior and back, of the chain set that has fewest; if too few, allow more `extensions`, or add rounds: each doubles them",
         ),
         Check::at_least(
             "round-trips",
@@ -73,13 +73,13 @@ fn index_processes(run: &Evidenced<'_>) -> Vec<Check> {
             "round-trip-rate",
             rate / expected,
             0.3,
-            "fraction of the rate that perfect local samplers would have; if low, local moves are too slow: raise `slice_updates`, `hmc_transitions` or `max_leapfrogs`",
+            "round-trip rate over that with independent local samples; if too small, local moves are too slow: raise `slice_updates`, `hmc_transitions` or `max_leapfrogs`",
         ),
     ]
 }
 
-fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
-    let rejection = run.record.telling_extension().mean_rejection();
+fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
+    let rejection = run.record.last_long_enough().mean_rejection();
     let worst = rejection.iter().copied().fold(0.0, f64::max);
     let communication_barrier: f64 = rejection.iter().sum();
     let before = run
@@ -94,7 +94,7 @@ fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
             "swap-rejection",
             worst,
             0.75,
-            "if above, the chain set has a gap: raise `temperatures` or `max_temperatures`, or add rounds so that it can adapt",
+            "largest swap rejection between neighbouring temperatures; if too large, raise `temperatures` or `max_temperatures`, or add rounds so that temperatures can adapt",
         ),
         Check::at_most(
             "communication-barrier-change",
@@ -108,7 +108,8 @@ fn schedule(run: &Evidenced<'_>) -> Vec<Check> {
 fn evidence(estimate: &Estimate) -> Vec<Check> {
     let error = estimate.error();
     let gap = (estimate.forward - estimate.backward).abs();
-    // All chain sets are given the mean of their variances: one that has missed a small mode underestimates its own error.
+    // Chain sets are equivalent, so each gets the mean of their variances: one that has missed a small mode
+    // underestimates its own error.
     let squares = estimate.chain_set_errors.iter().map(|e| e * e);
     let variance = squares.sum::<f64>() / estimate.chain_sets.len() as f64;
     let scatter = estimate
@@ -135,43 +136,43 @@ fn evidence(estimate: &Estimate) -> Vec<Check> {
             "ln-z-agreement-of-chain-sets",
             if error.is_finite() { p } else { 0.0 },
             0.01,
-            "p-value of the scatter of chain sets against the error that each has by its own scans; if below, some chain set misses a part of the posterior: allow `extensions`, or add rounds",
+            "p-value of the differences of ln Z between the chain sets, given the error of each from its own scans; if too small, some chain set misses a part of the posterior: allow more `extensions`, or add rounds",
         ),
     ]
 }
 
-fn draws(run: &Evidenced<'_>) -> Vec<Check> {
+fn draws(run: &CheckInputs<'_>) -> Vec<Check> {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     vec![
         Check::at_most(
             "r-hat",
             run.worst_r_hat,
             1.01,
-            "largest rank-normalised split R-hat of coordinates, their squares and ln L; if above, chain sets have not converged: allow `extensions`, or add rounds",
+            "largest rank-normalised split R-hat of coordinates, their squares and ln L; if too large, the chain sets do not agree yet: allow more `extensions`, or add rounds",
         ),
         Check::at_least(
             "ess-bulk",
             least(&run.ess.bulk),
             400.0,
-            "smallest over parameters; if below, allow `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
+            "smallest bulk ESS over parameters; if too small, allow more `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
         ),
         Check::at_least(
             "ess-tail",
             least(&run.ess.tail),
             400.0,
-            "smallest over parameters; if below, allow `extensions`, add rounds, or raise `hmc_transitions`",
+            "smallest tail ESS over parameters; if too small, allow more `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
         ),
         Check::at_least(
             "mode-agreement-of-chain-sets",
             run.mode_agreement,
             0.01,
-            "p-value that all chain sets give the two halves or modes of the posterior the same weight; if below, allow `extensions`, or add rounds",
+            "p-value that all chain sets give two modes (or halves) of the posterior the same weights; if too small, allow more `extensions`, or add rounds",
         ),
     ]
 }
 
-fn moves(run: &Evidenced<'_>) -> Vec<Check> {
-    let locals = &run.record.telling_extension().locals[1..];
+fn moves(run: &CheckInputs<'_>) -> Vec<Check> {
+    let locals = &run.record.last_long_enough().locals[1..];
     let acceptance = |local: &super::record::Local| local.mean_acceptance();
     let lowest = locals.iter().map(acceptance).fold(1.0, f64::min);
     // The acceptance at the maximum step is not tested, because such a step cannot be lengthened.
@@ -213,7 +214,7 @@ fn moves(run: &Evidenced<'_>) -> Vec<Check> {
             "truncated-trajectories",
             worst_fraction(|local| local.capped),
             0.01,
-            "fraction of moves stopped by `max_leapfrogs` at the worst temperature; if above, raise it",
+            "fraction of transitions stopped by `max_leapfrogs`, at the worst temperature; if too large, raise it",
         ),
         rejected,
     ]

@@ -1,11 +1,11 @@
-//! ln Z of a chain set from its log-likelihoods alone: Bennett's estimate, its error, and three checks.
+//! ln Z from the log-likelihoods of tempered chains: Bennett's estimate, its error, and three other estimates.
 
 use crate::diagnostics::{error_of_mean, ln_sum_exp};
 use crate::valid::{Valid, ensure, rows};
 use serde::{Deserialize, Serialize};
 
-/// Blocks over which scans are averaged before their correlation is estimated: a weak correlation over hundreds of scans
-/// does not show in the noise of single ones.
+/// Blocks of scans that are averaged before their autocorrelation is computed: a weak correlation over hundreds of
+/// scans is hidden by the noise of single ones.
 const BLOCKS: usize = 256;
 
 /// ln L of every chain of every chain set, scan by scan.
@@ -26,7 +26,7 @@ impl Traces {
         }
     }
 
-    /// Checks traces that were read from a file: as many scans in every chain, all with a likelihood at the coldest.
+    /// Checks traces that were read from a file: as many scans in every chain, all with a likelihood at beta = 1.
     pub(super) fn check(&self, chain_sets: usize, temperatures: usize) -> Valid {
         let scans = self.scans();
         ensure(
@@ -46,7 +46,7 @@ impl Traces {
         )
     }
 
-    /// Adds one value to one chain.
+    /// Adds one value of one chain.
     pub fn push(&mut self, chain_set: usize, temperature: usize, ln_likelihood: f64) {
         self.values[chain_set * self.temperatures + temperature].push(ln_likelihood);
     }
@@ -69,13 +69,13 @@ impl Traces {
         self.temperatures
     }
 
-    /// Scans noted in every chain.
+    /// Scans recorded in every chain.
     #[must_use]
     pub fn scans(&self) -> usize {
         self.values.last().map_or(0, Vec::len)
     }
 
-    /// Mean and variance over the finite values of one temperature, all chain sets.
+    /// Mean and variance (ln L, nats) over the finite values at one temperature, all chain sets.
     #[must_use]
     pub fn moments(&self, temperature: usize) -> (f64, f64) {
         let values = || {
@@ -97,8 +97,8 @@ pub struct Estimate {
     pub ln_z: f64,
     /// Stepping-stone estimate from the side of the reference: the sum of `ln <exp(db l)>` at the smaller beta of each pair.
     pub forward: f64,
-    /// From the cold side: minus the sum of `ln <exp(-db l)>` at the colder, with the fraction of the prior that has a
-    /// likelihood.
+    /// From the side of the posterior: minus the sum of `ln <exp(-db l)>` at the larger beta, with the fraction of the
+    /// prior that has a likelihood.
     pub backward: f64,
     /// Corrected trapezoid of the mean ln L over beta, too high by tenths with few temperatures; `None` where the prior has
     /// points without a likelihood.
@@ -109,9 +109,9 @@ pub struct Estimate {
     pub chain_sets: Vec<f64>,
     /// Error of each chain set's estimate, from its own scans.
     pub chain_set_errors: Vec<f64>,
-    /// Error from the scatter of the estimates of clusters of chain sets, `sd / sqrt(clusters)`.
+    /// Standard error from the estimates of the clusters of chain sets, `sd / sqrt(clusters)`.
     pub error_chain_sets: f64,
-    /// Error from the scans of all chain sets, with their correlation.
+    /// Error from the scans of all chain sets, with their autocorrelation.
     pub error_scans: f64,
 }
 
@@ -123,12 +123,12 @@ impl Estimate {
     }
 }
 
-/// Estimates ln Z from extensions: inverse temperatures, and the traces of chain sets at them. Each extension has its own estimate, and counts by
-/// its scans.
+/// Estimates ln Z from the extensions of a round: inverse temperatures, and the traces of the chain sets at them. Each
+/// extension gives one estimate, weighted by its scans.
 ///
-/// The distance between forward and backward is a check and not an error: it was measured to be half of the true
-/// error and up to seven times smaller. With a single scan errors are infinite. Chain set `k` is of cluster `k % clusters`;
-/// only clusters are independent of each other.
+/// The difference of the forward and the backward estimate is a check and no error, because it is smaller than the true
+/// error (docs/validation.md, section 5). With a single scan errors are infinite. Chain set `k` belongs to cluster `k %
+/// clusters`; only clusters are independent.
 #[must_use]
 pub fn estimate(extensions: &[(&[f64], &Traces)], clusters: usize) -> Estimate {
     let count = extensions
@@ -183,7 +183,7 @@ pub fn estimate(extensions: &[(&[f64], &Traces)], clusters: usize) -> Estimate {
     }
 }
 
-/// Mean of one number per extension, each with the weight of its scans.
+/// Mean of one number per extension, weighted by its scans.
 fn mean_by_scans(extensions: &[(&[f64], &Traces)], numbers: impl Iterator<Item = f64>) -> f64 {
     let scans = || extensions.iter().map(|(_, traces)| traces.scans() as f64);
     let sum: f64 = numbers.zip(scans()).map(|(x, scans)| x * scans).sum();
@@ -240,14 +240,15 @@ struct Bennett {
     error: f64,
 }
 
-/// Bennett's acceptance ratio gap by gap, and the error of the sum from the influence of each block of scans on it: over all
-/// gaps at once and with the correlation of blocks, so that it includes how long a state stays in a small mode.
+/// Bennett's acceptance ratio pair by pair of temperatures, and the error of the sum from the contribution of each
+/// block of scans to it: of all pairs at once and with the autocorrelation of the blocks, so that it includes how long
+/// a state stays in a small mode.
 fn bennett(extensions: &[(&[f64], &Traces)], chain_sets: &[usize]) -> Bennett {
     let scans = extensions
         .iter()
         .map(|(_, traces)| traces.scans())
         .sum::<usize>();
-    // ln Z of each extension, and the influence of each block on it: their sum is the true value on average, to first order.
+    // ln Z of each extension, and the contribution of each block to it: their sum is unbiased to first order.
     let of_extension = |(beta, traces): &(&[f64], &Traces)| {
         let blocks = (BLOCKS * traces.scans()).div_ceil(scans.max(1));
         bennett_of_extension(beta, traces, chain_sets, blocks.min(traces.scans()))
@@ -273,8 +274,8 @@ fn bennett(extensions: &[(&[f64], &Traces)], chain_sets: &[usize]) -> Bennett {
     }
 }
 
-/// The estimate of one extension, and the influence of each block of scans of each chain set on it. Draws of the reference
-/// without a likelihood enter as zeros, which is exact.
+/// The estimate of one extension, and the contribution of each block of scans of each chain set to it. Draws of the
+/// reference without a likelihood enter as zeros, which is exact.
 fn bennett_of_extension(
     beta: &[f64],
     traces: &Traces,
@@ -451,7 +452,8 @@ mod tests {
 
     #[test]
     fn the_error_knows_scans_that_remember_hundreds_before_them() {
-        // ln L forgets at the rate of z's square: 100 scans, so that each chain set's 3,000 are worth 15.
+        // ln L decorrelates at the rate of z squared: 100 scans, so that the 3,000 scans of each chain set have an ESS
+        // of 15.
         let beta = even(8);
         let truth = -1.5 * 10_f64.ln();
         let pulls: Vec<f64> = (0..40)

@@ -1,13 +1,13 @@
 //! Non-reversible parallel tempering (Syed, Bouchard-Cote, Deligiannidis & Doucet 2022).
 //!
-//! A chain set has one chain per inverse temperature beta, from the reference (0) to the posterior (1). In each scan every
-//! chain is moved by slice updates and HMC transitions, then neighbouring temperatures exchange states by deterministic
-//! even-odd swaps. Several independent chain sets run through rounds of doubling length. Temperatures, metrics and step
-//! sizes are adapted between rounds, step sizes also within all rounds but the last. The last round has fixed settings and
-//! is the result. It can be extended until the run passes its checks: from the prior with the same settings; from a mixture
-//! with settings fitted anew to all draws before each extension, of which the later half is the result. At beta = 0 the
-//! prior or the mixture is drawn afresh in every scan. So each round trip of a replica is an independent restart, and the
-//! evidence of each chain set is an independent estimate.
+//! A chain set has one chain per inverse temperature beta, from the reference (0) to the posterior (1). In each scan
+//! every chain is moved by slice updates and HMC transitions, then neighbouring temperatures exchange states by
+//! deterministic even-odd swaps. Several independent chain sets run through rounds of doubling length. Temperatures,
+//! metrics and step sizes are adapted between rounds, step sizes also within all rounds but the last. The last round
+//! has fixed settings and is the result. It can be extended until the run passes its checks: from the prior with the
+//! same settings; from a mixture with settings fitted anew to all draws before each extension, of which the later half
+//! is the result. At beta = 0 the prior or the mixture is drawn independently in every scan. So each round trip of a
+//! replica is an independent restart, and the evidence of each chain set is an independent estimate.
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};
@@ -72,10 +72,10 @@ use state::State;
 /// continued from its checkpoint if `settings` allow more `extensions`, with the same bits as if they had allowed them from the start.
 ///
 /// # Errors
-/// [`Error::TemperingWithoutGradient`]; [`Error::Setting`] for settings out of range;
-/// [`Error::NoStart`] if 100,000 prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before the first
-/// scan, after a checkpoint; [`Error::EndlessPath`] if its SMC samplers do not reach the posterior; [`Error::Fatal`] and [`Error::Infinite`] from the
-/// target, after a checkpoint of the last whole scan; [`Error::Io`] and [`Error::Checkpoint`] from checkpoints.
+/// [`Error::TemperingWithoutGradient`]; [`Error::Setting`] for settings out of range; [`Error::NoStart`] if 100,000
+/// prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before the first scan, after a checkpoint;
+/// [`Error::EndlessPath`] if its SMC samplers do not reach the posterior; [`Error::Fatal`] and [`Error::Infinite`] from
+/// the target, after a checkpoint of the last complete scan; [`Error::Io`] and [`Error::Checkpoint`] from checkpoints.
 pub fn run(
     target: &dyn Target,
     settings: &Settings,

@@ -1,8 +1,8 @@
 //! From the state of a run to its result.
 
-use super::checks::{Evidenced, checks};
+use super::checks::{CheckInputs, checks};
 use super::evidence::Estimate;
-use super::record::Cold;
+use super::record::PosteriorDraws;
 use super::schedule::communication_barrier;
 use super::state::State;
 use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
@@ -11,18 +11,18 @@ use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, S
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
-/// Swap rejection from which on a gap slows the round trips of the whole chain set.
+/// Swap rejection above which a pair of temperatures slows the round trips of its chain set.
 const SLOW_GAP: f64 = 0.7;
 
 /// The result of the round in progress: the last one, unless the run was stopped.
 pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Result<Run> {
     let cold = state.record.cold();
-    let Judged {
+    let Assessment {
         estimate,
         ess,
         steps,
         checks,
-    } = judge(state, &cold, target.dim());
+    } = assess(state, &cold, target.dim());
     let draws = draws(target, state, &cold)?;
     Ok(Run {
         method: Method::PtHmc,
@@ -43,7 +43,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
 }
 
 /// Results and checks of the round in progress.
-struct Judged {
+struct Assessment {
     estimate: Estimate,
     ess: Ess,
     /// Step of each temperature.
@@ -51,7 +51,7 @@ struct Judged {
     checks: Vec<Check>,
 }
 
-fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
+fn assess(state: &State, cold: &PosteriorDraws, dim: usize) -> Assessment {
     let estimate = state.evidence();
     let (ess, worst_r_hat) = effective_sizes(state, cold, dim);
     let steps: Vec<f64> = state
@@ -59,7 +59,7 @@ fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
         .iter()
         .map(|temperature| temperature.step.step())
         .collect();
-    let checks = checks(&Evidenced {
+    let checks = checks(&CheckInputs {
         record: &state.record,
         estimate: &estimate,
         history: &state.history,
@@ -69,7 +69,7 @@ fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
         mode_agreement: modes(cold, dim),
         slices: state.slices(),
     });
-    Judged {
+    Assessment {
         estimate,
         ess,
         steps,
@@ -80,13 +80,13 @@ fn judge(state: &State, cold: &Cold, dim: usize) -> Judged {
 /// Whether the round in progress passes all checks.
 pub(super) fn passes(state: &State, dim: usize) -> bool {
     let cold = state.record.cold();
-    judge(state, &cold, dim)
+    assess(state, &cold, dim)
         .checks
         .iter()
         .all(|check| check.pass)
 }
 
-fn draws(target: &dyn Target, state: &State, cold: &Cold) -> Result<Draws> {
+fn draws(target: &dyn Target, state: &State, cold: &PosteriorDraws) -> Result<Draws> {
     let count: usize = cold.ln_likelihood.iter().map(Vec::len).sum();
     let ln_weight = -(count as f64).ln();
     let clusters = u32::try_from(state.clusters()).unwrap_or(u32::MAX);
@@ -137,9 +137,9 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
     }
 }
 
-/// Design effect of clusters: the variance of their means over that expected from the effective sample sizes of their chain
-/// sets, as the mean over all parameters, at least 1. A few clusters say little of each parameter. Chain sets that started
-/// from one SMC sampler have its errors in common.
+/// Design effect of clusters: the variance of their means over that expected from the effective sample sizes of their
+/// chain sets, as the mean over all parameters, at least 1. The mean is over all parameters because few clusters give a
+/// noisy estimate for each. Chain sets that started from the same SMC sampler have its errors in common.
 fn design_effect(columns: &[Vec<Vec<f64>>], bulk: &[f64], clusters: usize) -> f64 {
     let excess = columns.iter().zip(bulk).map(|(chain_sets, bulk)| {
         let of_cluster = |cluster: usize| -> Vec<f64> {
@@ -158,9 +158,9 @@ fn design_effect(columns: &[Vec<Vec<f64>>], bulk: &[f64], clusters: usize) -> f6
     if mean.is_finite() { mean.max(1.0) } else { 1.0 }
 }
 
-/// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks see no monotone map), and the largest R-hat
-/// of all, ln L included.
-fn effective_sizes(state: &State, cold: &Cold, dim: usize) -> (Ess, f64) {
+/// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks do not change under a monotone map), and the
+/// largest R-hat of all, ln L included.
+fn effective_sizes(state: &State, cold: &PosteriorDraws, dim: usize) -> (Ess, f64) {
     let chain_sets = cold.positions.len();
     let mut ess = Ess {
         kish: (chain_sets * state.record.scans()) as f64,
@@ -204,7 +204,7 @@ fn slices(chains: &[Vec<f64>]) -> Vec<&[f64]> {
 }
 
 /// p-value that all chain sets give the two modes the same weights.
-fn modes(cold: &Cold, dim: usize) -> f64 {
+fn modes(cold: &PosteriorDraws, dim: usize) -> f64 {
     let scans = cold.ln_likelihood.first().map_or(0, Vec::len);
     let labels = two_means(&cold.positions.concat(), dim);
     let labels: Vec<&[bool]> = labels.chunks_exact(scans.max(1)).collect();
@@ -213,7 +213,7 @@ fn modes(cold: &Cold, dim: usize) -> f64 {
 
 fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History {
     let record = &state.record;
-    let extension = record.telling_extension();
+    let extension = record.last_long_enough();
     let temperatures = extension.beta.len();
     let (mean, variance) = (0..temperatures)
         .map(|temperature| extension.traces.moments(temperature))
@@ -256,15 +256,15 @@ fn warnings(state: &State) -> Vec<String> {
     }
     if state.mixture_due() && state.reference.is_prior() {
         warnings.push(
-            "too few draws for a mixture: the chain sets begin at the prior; raise `first_scans`, `rounds` or `chain_sets`"
+            "too few draws to fit a mixture, so the reference is the prior; raise `first_scans`, `rounds` or `chain_sets`"
                 .to_owned(),
         );
     }
-    let extension = state.record.telling_extension();
+    let extension = state.record.last_long_enough();
     for (beta, rejection) in extension.beta.iter().zip(extension.mean_rejection()) {
         if state.is_last_round() && rejection > SLOW_GAP {
             warnings.push(format!(
-                "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that the chain set can adapt",
+                "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that temperatures can adapt",
                 100.0 * rejection, beta,
             ));
         }
@@ -275,7 +275,7 @@ fn warnings(state: &State) -> Vec<String> {
         let moves: u64 = locals.iter().map(|local| local.moves).sum();
         let temperatures = locals.iter().filter(|local| local.diverged > 0).count();
         warnings.push(format!(
-            "{diverged} of {moves} moves diverged, at {temperatures} temperatures: the posterior has narrower spots than the steps; raise `target_acceptance`, or smooth the likelihood",
+            "{diverged} of {moves} HMC transitions diverged, at {temperatures} temperatures: the posterior is locally narrower than the steps; raise `target_acceptance`, or smooth the likelihood",
         ));
     }
     warnings
@@ -286,8 +286,8 @@ mod tests {
     use super::*;
     use crate::rng::{Domain, standard_normal, stream};
 
-    /// 32 chain sets of 10 independent draws in each of 13 parameters, with this deviation of what the chain sets of each of four
-    /// clusters have in common.
+    /// 32 chain sets of 10 independent draws in each of 13 parameters, with this standard deviation of the part that
+    /// the chain sets of each of four clusters have in common.
     fn columns(common: f64) -> Vec<Vec<Vec<f64>>> {
         let mut rng = stream(3, Domain::Test, 0, 0);
         (0..13)
@@ -305,7 +305,7 @@ mod tests {
 
     #[test]
     fn what_chain_sets_of_a_cluster_have_in_common_makes_their_draws_fewer() {
-        // Variance of a cluster's mean: 1 / 80 of its own draws, and what it has in common. 39 degrees of freedom in all: a
+        // Variance of a cluster's mean: 1 / 80 of its own draws, and the common part. 39 degrees of freedom in all: a
         // standard error of 23 %.
         let alone = design_effect(&columns(0.0), &[320.0; 13], 4);
         assert!((1.0..1.7).contains(&alone), "{alone}");

@@ -3,21 +3,22 @@
 use super::evidence::Traces;
 use super::settings::Settings;
 use super::swap::{self, IndexProcess};
-use crate::hmc::{End, Moments, Moved, Point, shorten};
+use crate::hmc::{End, Moments, Point, Transition, shorten};
 use crate::valid::{Valid, countable, ensure, moderate, rows};
 use serde::{Deserialize, Serialize};
 
-/// Longest score that enters a metric, in units of sqrt(d): that of a posterior a thousand times narrower than its prior.
-/// One chaotic point would otherwise outweigh all others.
-const LONGEST_SCORE: f64 = 1_000.0;
+/// Maximum length of a score that a metric is estimated from, in units of sqrt(d): that of a posterior a thousand times
+/// narrower than its prior. Otherwise one chaotic point would outweigh all others.
+const MAX_SCORE: f64 = 1_000.0;
 
-/// Most states of half of the chain sets that are recorded at each temperature, spread evenly over the scans of a round.
+/// Maximum number of states of half of the chain sets that are recorded at each temperature, evenly spaced over the
+/// scans of a round.
 const MAX_VISITS: usize = 256;
 
 /// An extension shorter than the longest one by this factor is not used for temperatures and ln Z.
 const MIN_PART: usize = 10;
 
-/// What happened at one temperature in one extension, all chain sets together.
+/// The HMC transitions at one temperature in one extension, all chain sets together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Local {
     /// HMC transitions.
@@ -30,12 +31,12 @@ pub(super) struct Local {
     pub(super) capped: u64,
     /// Transitions stopped as divergent.
     pub(super) diverged: u64,
-    /// Transitions that met a point without a likelihood.
+    /// Transitions that met a rejected point.
     pub(super) rejected: u64,
 }
 
 impl Local {
-    pub(super) fn note(&mut self, moved: &Moved) {
+    pub(super) fn note(&mut self, moved: &Transition) {
         self.moves += 1;
         self.acceptance += moved.acceptance;
         self.leapfrogs += moved.leapfrogs as u64;
@@ -68,7 +69,7 @@ impl Local {
         self.rejected += other.rejected;
     }
 
-    /// Mean acceptance; 1 where no move was made (the prior's own temperature draws afresh).
+    /// Mean acceptance; 1 without transitions (at beta = 0 the reference is drawn independently).
     pub(super) fn mean_acceptance(&self) -> f64 {
         if self.moves == 0 {
             1.0
@@ -82,9 +83,9 @@ impl Local {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Extension {
     pub(super) beta: Vec<f64>,
-    /// Scans that it is to have.
+    /// Planned number of scans.
     scans: usize,
-    /// ln L less the log ratio of reference to prior, of every chain after every scan's moves.
+    /// ln L minus the log ratio of reference to prior, of every chain after every scan's moves.
     pub(super) traces: Traces,
     /// Positions at beta = 1 per chain set, scan by scan.
     pub(super) draws: Vec<Vec<f64>>,
@@ -92,7 +93,7 @@ pub(super) struct Extension {
     pub(super) ln_likelihood: Vec<Vec<f64>>,
     /// One per chain set.
     pub(super) index_processes: Vec<IndexProcess>,
-    /// States at each temperature, of the chain sets of each cluster, one after the other: the pools of directions to come.
+    /// States at each temperature, of the chain sets of each cluster, one after the other: points for later directions.
     pub(super) visits: Vec<Vec<Vec<f64>>>,
     /// Scans between two recorded states.
     visit_every: usize,
@@ -100,7 +101,7 @@ pub(super) struct Extension {
     pub(super) locals: Vec<Local>,
     /// One per temperature.
     pub(super) moments: Vec<Moments>,
-    /// Sum of rejection probabilities per gap, over chain sets and scans.
+    /// Sum of rejection probabilities per pair of temperatures, over chain sets and scans.
     rejection: Vec<f64>,
 }
 
@@ -153,7 +154,7 @@ impl Extension {
                     .visits
                     .iter()
                     .all(|v| v.len() == clusters && v.iter().all(visited)),
-            "remembered states are of other temperatures or clusters",
+            "recorded states are of other temperatures or clusters",
         )?;
         ensure(
             self.rejection.iter().all(|s| *s >= 0.0 && s.is_finite()),
@@ -165,7 +166,7 @@ impl Extension {
         (self.moments.iter()).try_for_each(|moments| moments.check(dim))
     }
 
-    /// Notes one chain set's states, hottest first, after exploration and before swaps.
+    /// Records the states of one chain set, from beta = 0 on, after the local moves and before swaps.
     pub(super) fn note<'a>(&mut self, chain_set: usize, points: impl Iterator<Item = &'a Point>) {
         let visited = self.traces.scans().is_multiple_of(self.visit_every);
         let mut hotter: Option<f64> = None;
@@ -185,7 +186,7 @@ impl Extension {
                 for (score, ln_over_prior) in score.iter_mut().zip(&point.ln_over_prior_gradient) {
                     *score += (1.0 - beta) * ln_over_prior;
                 }
-                shorten(&mut score, LONGEST_SCORE);
+                shorten(&mut score, MAX_SCORE);
                 self.moments[temperature].push(&point.z, &score);
             }
             if visited {
@@ -204,7 +205,7 @@ impl Extension {
         self.traces.scans() >= self.scans
     }
 
-    /// Mean swap rejection per gap.
+    /// Mean swap rejection per pair of temperatures.
     pub(super) fn mean_rejection(&self) -> Vec<f64> {
         let count = self.traces.scans() * self.traces.chain_sets();
         self.rejection
@@ -214,8 +215,8 @@ impl Extension {
     }
 }
 
-/// Draws at beta = 1, chain set by chain set.
-pub(super) struct Cold {
+/// Draws at beta = 1, one list per chain set.
+pub(super) struct PosteriorDraws {
     /// Scan by scan.
     pub(super) positions: Vec<Vec<f64>>,
     pub(super) ln_likelihood: Vec<Vec<f64>>,
@@ -226,13 +227,14 @@ pub(super) struct Cold {
 pub(super) struct Record {
     /// The planned part, and the extensions of the last round.
     extensions: Vec<Extension>,
-    /// States of each chain set at beta = 1 after every move, in a round that a mixture is fitted to.
+    /// Positions of each chain set at beta = 1 after every move of every scan, in a round that a mixture is fitted to.
     pub(super) trails: Vec<Vec<f64>>,
     clusters: usize,
 }
 
 impl Record {
-    /// An empty record of a round of `scans` at these inverse temperatures; chain set `k` is of cluster `k % clusters`.
+    /// An empty record of a round of `scans` at these inverse temperatures; chain set `k` belongs to cluster `k %
+    /// clusters`.
     pub(super) fn new(
         dim: usize,
         chain_sets: usize,
@@ -265,7 +267,7 @@ impl Record {
         let whole = |z: &Vec<f64>| z.len().is_multiple_of(dim) && moderate(z);
         ensure(
             self.trails.iter().all(whole),
-            "a trail has another dimension, or is not finite",
+            "a list of positions has another dimension, or is not finite",
         )?;
         (self.extensions.iter())
             .try_for_each(|extension| extension.check(dim, chain_sets, clusters, scans))?;
@@ -290,7 +292,7 @@ impl Record {
         )
     }
 
-    /// Begins another extension of `scans`, with the same replicas.
+    /// Begins another extension of `scans`; replicas keep their numbers.
     pub(super) fn begin_extension(&mut self, dim: usize, beta: &[f64], scans: usize) {
         let mut extension = Extension::new(dim, self.trails.len(), self.clusters, beta, scans);
         extension.index_processes = self
@@ -313,8 +315,8 @@ impl Record {
         &mut self.extensions[last]
     }
 
-    /// Those that count: the later half of the whole ones, since the earlier ones were still finding modes, and the one in
-    /// progress.
+    /// The extensions that count: the later half of the complete ones, because the mode weights of the earlier ones
+    /// were still adapting, and the one in progress.
     pub(super) fn counted(&self) -> &[Extension] {
         let whole = self
             .extensions
@@ -325,7 +327,7 @@ impl Record {
     }
 
     /// Those of them that are long enough for temperatures and ln Z: at least a tenth of the longest.
-    pub(super) fn telling(&self) -> impl DoubleEndedIterator<Item = &Extension> {
+    pub(super) fn long_enough(&self) -> impl DoubleEndedIterator<Item = &Extension> {
         let scans = |extension: &Extension| extension.traces.scans();
         let longest = self.counted().iter().map(scans).max().unwrap_or(0);
         let least = longest.div_ceil(MIN_PART);
@@ -334,19 +336,19 @@ impl Record {
     }
 
     /// The last extension that is long enough.
-    pub(super) fn telling_extension(&self) -> &Extension {
-        self.telling().next_back().unwrap_or(self.extension())
+    pub(super) fn last_long_enough(&self) -> &Extension {
+        self.long_enough().next_back().unwrap_or(self.extension())
     }
 
     /// What counts at beta = 1.
-    pub(super) fn cold(&self) -> Cold {
-        Cold {
+    pub(super) fn cold(&self) -> PosteriorDraws {
+        PosteriorDraws {
             positions: by_chain_set(self.counted(), |extension| &extension.draws),
             ln_likelihood: by_chain_set(self.counted(), |extension| &extension.ln_likelihood),
         }
     }
 
-    /// Positions at beta = 1 of all extensions, also of those that do not count.
+    /// Positions at beta = 1 of all extensions, including those that do not count.
     pub(super) fn all_draws(&self) -> Vec<Vec<f64>> {
         by_chain_set(&self.extensions, |extension| &extension.draws)
     }

@@ -1,4 +1,4 @@
-//! One scan: every chain explores, then neighbouring temperatures swap.
+//! One scan: local moves of every chain, then swaps of neighbouring temperatures.
 
 use super::record::{Local, Record};
 use super::schedule::first_schedule;
@@ -8,20 +8,20 @@ use super::{Settings, swap};
 use crate::error::{Error, Result};
 use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Reference, StepSize};
 use crate::output::{Calls, Cost};
-use crate::rng::{Domain, Stream, stream, unit_open};
+use crate::rng::{Domain, RandomStream, stream, unit_open};
 use crate::target::Target;
 use rayon::prelude::*;
 
-/// If fewer draws of the prior than one in so many have a likelihood, the target is taken to have none.
+/// Maximum number of draws of the prior in search of one with a likelihood.
 const START_TRIES: usize = 100_000;
 
-/// Most leapfrog steps of a move in an early round.
+/// Maximum number of leapfrog steps of a transition in an early round.
 const EARLY_LEAPFROGS: usize = 32;
 
-/// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory fell.
+/// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory descended.
 const EARLY_SLACK: f64 = 0.05;
 
-/// Energy range of a path that marks it as divergent in all other rounds.
+/// Energy range of a trajectory above which it is divergent, in all other rounds.
 const MAX_ENERGY_RANGE: f64 = 1000.0;
 
 /// Result of the moves of one chain in one scan.
@@ -34,7 +34,7 @@ struct Explored {
 }
 
 impl State {
-    /// Draws every chain from the prior, again and again until it has a likelihood where it needs one.
+    /// Draws every chain from the prior, repeatedly until it has a likelihood where it needs one.
     pub(super) fn start(target: &dyn Target, settings: &Settings, seed: u64) -> Result<Self> {
         let dim = target.dim();
         let schedule = first_schedule(settings.temperatures);
@@ -88,8 +88,8 @@ impl State {
         Ok(state)
     }
 
-    /// As many draws of the prior for each chain set, or for each SMC sampler; all have a likelihood but the first of a
-    /// chain set, which becomes the one at beta = 0.
+    /// Draws of the prior for each chain set, or for each SMC sampler; all have a likelihood but the first of a chain
+    /// set, which becomes the one at beta = 0.
     fn first_points(
         &mut self,
         target: &dyn Target,
@@ -98,7 +98,7 @@ impl State {
     ) -> Result<Vec<Vec<Point>>> {
         let mut evaluator = Evaluator::new(target);
         let mut points = vec![Point::new(target.dim()); chain_sets * per_chain_set];
-        let mut streams: Vec<Stream> = (0..points.len())
+        let mut streams: Vec<RandomStream> = (0..points.len())
             .map(|i| {
                 let task = ((i / per_chain_set) << 20) + i % per_chain_set;
                 stream(self.seed, Domain::PtExplore, task as u64, 0)
@@ -136,14 +136,15 @@ impl State {
             .collect())
     }
 
-    /// The stream of chain or gap number `index` (chain-set-major over temperatures) at a scan.
-    fn stream(&self, domain: Domain, index: usize, scan: u64) -> Stream {
+    /// The random stream of chain or pair number `index` (chain-set-major over temperatures) at a scan.
+    fn stream(&self, domain: Domain, index: usize, scan: u64) -> RandomStream {
         let temperatures = self.temperatures.len();
         let task = ((index / temperatures) << 20) + index % temperatures;
         stream(self.seed, domain, task as u64, scan)
     }
 
-    /// Extends the last round by its own length: with the same settings from the prior, fitted anew from a mixture.
+    /// Extends the last round by its own length: with the same settings on a path from the prior, with settings fitted
+    /// anew on a path from a mixture.
     pub(super) fn go_on(&mut self, target: &dyn Target) {
         self.extensions += 1;
         if self.mixture_next() {
@@ -199,8 +200,8 @@ impl State {
             if frozen || temperature == 0 {
                 continue;
             }
-            // Later on a rejected point is an edge of the likelihood, which no step is short enough for; in an early round
-            // it may be the overflow of a step that is far too long.
+            // In later rounds a rejected point is taken for a discontinuity of the likelihood, for which no step is
+            // short enough; in an early round it may be the overflow of a step that is far too long.
             let met = if early {
                 local.moves
             } else {
@@ -219,7 +220,8 @@ impl State {
         Ok(())
     }
 
-    /// Moves one chain: a fresh draw at beta = 0; else involutions and orbits, slice updates, HMC transitions.
+    /// Local moves of one chain: an independent draw at beta = 0; else involutions and redraws along orbits, slice
+    /// updates, then HMC transitions.
     fn explore(&self, target: &dyn Target, chain: usize) -> Result<Explored> {
         let temperature = &self.temperatures[chain % self.temperatures.len()];
         let mut rng = self.stream(Domain::PtExplore, chain, self.clock + 1);
@@ -291,7 +293,7 @@ impl State {
         }
     }
 
-    /// Even gaps in even scans, odd gaps in odd ones.
+    /// Even pairs of temperatures in even scans, odd pairs in odd scans.
     fn swap(&mut self, chain_set: usize, beta: &[f64]) {
         let temperatures = beta.len();
         for gap in (self.scan % 2..temperatures - 1).step_by(2) {

@@ -1,4 +1,4 @@
-//! The schedule of inverse temperatures, spaced evenly in the communication barrier.
+//! The schedule of inverse temperatures, evenly spaced in the communication barrier.
 
 /// The first schedule, `(k / (n - 1))^3`: fine near the prior, where a deep likelihood changes fastest.
 #[must_use]
@@ -14,14 +14,16 @@ pub fn communication_barrier(rejection: &[f64]) -> Vec<f64> {
     let mut sum = 0.0;
     let mut communication_barrier = vec![0.0];
     for s in rejection {
-        // A gap without a single rejection counts a little, so that the communication barrier rises strictly.
+        // A pair of temperatures without a rejection still gets a small barrier, so that the communication barrier
+        // increases strictly.
         sum += s.max(1e-6);
         communication_barrier.push(sum);
     }
     communication_barrier
 }
 
-/// Round trips per scan of one chain set of equally good local samplers, `1 / (2 + 2 sum s / (1 - s))` (Syed et al. 2022).
+/// Round trips per scan of one chain set with independent local samples, `1 / (2 + 2 sum s / (1 - s))` (Syed et al.
+/// 2022).
 #[must_use]
 pub fn round_trip_rate(rejection: &[f64]) -> f64 {
     let sum: f64 = rejection.iter().map(|s| s / (1.0 - s)).sum();

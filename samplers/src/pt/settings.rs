@@ -4,10 +4,10 @@ use crate::error::{Error, Result};
 use crate::limits::{Memory, in_range};
 use serde::{Deserialize, Serialize};
 
-/// Most SMC particles of an SMC sampler: each has a random stream of its own.
+/// Maximum number of SMC particles of an SMC sampler: each has a random stream of its own.
 const MAX_PARTICLES: usize = 1 << 19;
 
-/// Fewest MCMC steps at each temperature, if their number is not given.
+/// Minimum number of MCMC steps at each temperature, if their number is not given.
 const MIN_MCMC_STEPS: usize = 8;
 
 /// Temperatures that an SMC sampler passes from the prior to the posterior, for the estimate of memory. A posterior of 13 parameters needs
@@ -35,7 +35,7 @@ const COMPONENTS: f64 = 64.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// Independent chain sets, at least 2: their agreement is the measure of the error.
+    /// Number of independent chain sets, at least 2: their standard deviation gives the errors.
     pub chain_sets: usize,
     /// Rounds, each twice as long as the one before; all but the last adapt.
     pub rounds: usize,
@@ -48,36 +48,36 @@ pub struct Settings {
     pub first_scans: usize,
     /// Temperatures of the first rounds.
     pub temperatures: usize,
-    /// Fewest temperatures later on: gaps stay narrow enough for one-sided estimates of the evidence to serve as a check. If
-    /// equal to `temperatures` and `max_temperatures`, the number is fixed.
+    /// Minimum number of temperatures later on, which keeps neighbouring temperatures close enough for one-sided
+    /// estimates of the evidence to serve as a check. If equal to `temperatures` and `max_temperatures`, the number is
+    /// fixed.
     pub min_temperatures: usize,
     /// Maximum number of temperatures later on.
     pub max_temperatures: usize,
     /// Mean acceptance of HMC transitions to which step sizes are adapted.
     pub target_acceptance: f64,
-    /// Most leapfrog steps of one HMC transition; 1 is MALA.
+    /// Maximum number of leapfrog steps of one HMC transition; 1 is MALA.
     pub max_leapfrogs: usize,
     /// Mean length of a trajectory in metric units.
     pub trajectory: f64,
     /// HMC transitions per scan and temperature.
     pub hmc_transitions: usize,
-    /// SMC particles per chain set, with which SMC from the prior finds the first states, temperatures and metrics; 0: draws
-    /// of the prior everywhere. For posteriors of many modes; costs about 50 slice updates per particle and nat of the
-    /// spread of ln L.
+    /// SMC particles per chain set, moved from the prior to the posterior to find the first states, temperatures and
+    /// metrics; 0: draws of the prior everywhere. For posteriors of many modes.
     pub smc_particles: usize,
-    /// Independent SMC samplers, at most one per chain set; chain set `k` starts from number `k` modulo their number. One of
-    /// many particles weighs its modes against each other, many of few particles only show the errors of each. Errors are
-    /// the scatter of SMC samplers.
+    /// Independent SMC samplers, at most one per chain set; chain set `k` starts from number `k` modulo their number.
+    /// One SMC sampler of many particles weighs its modes against each other; many samplers of few particles only show
+    /// how uncertain each is. Errors are the standard deviation over SMC samplers.
     pub smc_samplers: usize,
-    /// Slice updates of each SMC particle per temperature; 0: as many as parameters, at least 8. With too few the particles
-    /// are not in equilibrium, and ln Z is too small.
+    /// MCMC steps (slice updates of each SMC particle) per temperature; 0: as many as parameters, at least 8. With too
+    /// few the particles are not in equilibrium, and ln Z is too small.
     pub mcmc_steps: usize,
-    /// Slice updates per scan and temperature, before the HMC transitions: for likelihoods too rough for long trajectories.
-    /// Each costs about 3 to 8 values and no gradient.
+    /// Slice updates per scan and temperature, before the HMC transitions: for likelihoods too rough for long
+    /// trajectories. Each costs several values and no gradient.
     pub slice_updates: usize,
-    /// Rounds at the end whose reference is a mixture fitted to earlier draws, most of them of the round before, and a
-    /// little of the prior, instead of the prior: a shorter annealing path, once the draws have found the modes. 0: none.
-    /// With as many as `rounds`, the first reference is fitted to the SMC particles, or is the prior without them.
+    /// Number of rounds at the end whose reference is a mixture fitted to earlier draws, most of them of the round
+    /// before, plus a little of the prior: a shorter annealing path. 0: the reference is always the prior. With as many
+    /// as `rounds`, the first reference is fitted to the SMC particles, or is the prior without them.
     pub mixture_rounds: usize,
 }
 
@@ -105,7 +105,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Most extensions of the last round.
+    /// Maximum number of extensions of the last round.
     pub(super) const MAX_EXTENSIONS: usize = 1024;
 
     /// Scans of a round, the first of which is 0.
@@ -120,7 +120,7 @@ impl Settings {
         (round > 0 || self.smc_particles > 0) && round + self.mixture_rounds >= self.rounds
     }
 
-    /// Groups of chain sets that started independently of each other.
+    /// Number of independent clusters of chain sets.
     #[must_use]
     pub fn clusters(&self) -> usize {
         if self.smc_particles > 0 {
@@ -136,7 +136,7 @@ impl Settings {
         (self.smc_particles * self.chain_sets).div_ceil(self.clusters())
     }
 
-    /// Slices of each SMC particle at each temperature, for a target of `dim` parameters.
+    /// MCMC steps per temperature, for a target of `dim` parameters.
     #[must_use]
     pub(super) fn mcmc_steps(&self, dim: usize) -> usize {
         if self.mcmc_steps > 0 {
@@ -195,9 +195,9 @@ impl Settings {
         Ok(())
     }
 
-    /// An estimate of the memory of a run of `dim` parameters: the levels of its SMC samplers, or its last round with all extensions, or
-    /// the trails of the longest round that a mixture is fitted to, whichever is largest, since they are not held together; and the mixture's
-    /// fit.
+    /// An estimate of the memory of a run of `dim` parameters: the levels of its SMC samplers, or its last round with
+    /// all extensions, or the positions of the longest round that a mixture is fitted to, whichever is largest, since
+    /// they are not held together; and the mixture's fit.
     #[must_use]
     pub fn memory(&self, dim: usize) -> Memory {
         const NUMBER: f64 = size_of::<f64>() as f64;

@@ -1,13 +1,13 @@
 //! First states of the chain sets by SMC from the prior to the posterior (Del Moral, Doucet & Jasra 2006).
 //!
-//! States drawn from the prior and moved at a cold temperature stay in the nearest mode, and a chain set needs many round
-//! trips to replace them. SMC reduces the temperature in steps and resamples after each, so that its particles end in modes
-//! by their weights. The rounds that follow are exact whatever the first states are. Chain sets that start from one SMC
-//! sampler are one cluster; only clusters are independent of each other.
+//! States drawn from the prior and moved at a low temperature stay in the nearest mode, and a chain set needs many
+//! round trips to replace them. SMC reduces the temperature in steps and resamples after each, so that its particles
+//! end in modes by their weights. The rounds that follow are exact whatever the first states are. Chain sets that start
+//! from one SMC sampler are one cluster; only clusters are independent of each other.
 //!
-//! All SMC samplers have the same temperatures. The particles of those of even number take metric and directions from those
-//! of odd number and the reverse: directions taken from particles with the same ancestors would not leave the distribution
-//! invariant.
+//! All SMC samplers have the same temperatures. The particles of those of even number take metric and directions from
+//! those of odd number and the other way round: directions from particles with the same ancestors would not leave the
+//! distribution invariant.
 
 use super::schedule::{communication_barrier, locate, respaced};
 use super::settings::Settings;
@@ -63,7 +63,8 @@ impl Level {
     }
 }
 
-/// Mean rejection of swaps between SMC particles of two neighbouring levels: the communication barrier between them.
+/// Mean rejection of swaps between SMC particles at two neighbouring temperatures: the communication barrier between
+/// them.
 fn rejection(hot: &Level, cold: &Level) -> f64 {
     let gap = cold.beta - hot.beta;
     let pairs = (hot.ln_likelihood.len() * cold.ln_likelihood.len()) as f64;
@@ -76,7 +77,7 @@ fn rejection(hot: &Level, cold: &Level) -> f64 {
     sum / pairs
 }
 
-/// The communication barrier from the prior to each temperature that an SMC sampler passed.
+/// The communication barrier from the prior to each temperature of an SMC sampler.
 #[derive(Clone, Debug)]
 pub(super) struct CommunicationBarrier {
     beta: Vec<f64>,
@@ -84,7 +85,7 @@ pub(super) struct CommunicationBarrier {
 }
 
 impl CommunicationBarrier {
-    /// Of one SMC sampler's levels.
+    /// That of one SMC sampler.
     pub(super) fn of(levels: &[Level]) -> Self {
         let between: Vec<f64> = levels.windows(2).map(|l| rejection(&l[0], &l[1])).collect();
         Self {
@@ -93,14 +94,14 @@ impl CommunicationBarrier {
         }
     }
 
-    /// The mean of several SMC samplers' communication barriers, at all their temperatures.
+    /// The mean over several SMC samplers, at all their temperatures.
     pub(super) fn mean(communication_barriers: &[Self]) -> Self {
         let mut beta: Vec<f64> = communication_barriers
             .iter()
             .flat_map(|b| b.beta.iter().copied())
             .collect();
         beta.sort_by(f64::total_cmp);
-        // SMC samplers share their first and last temperature.
+        // All have the same first and last temperature.
         beta.dedup_by(|a, b| a.to_bits() == b.to_bits());
         let mean = |b: &f64| {
             communication_barriers.iter().map(|l| l.at(*b)).sum::<f64>()
@@ -155,7 +156,7 @@ impl SmcSampler {
         (self.levels.iter()).try_for_each(|level| level.check(particles, dim))
     }
 
-    /// Weights of the particles at colder temperatures.
+    /// Weights of the particles for lower temperatures.
     fn smc_weights(&self) -> SmcWeights {
         SmcWeights::new(self.points.iter().map(|p| p.ln_likelihood).collect())
     }
@@ -179,7 +180,7 @@ pub(super) struct SmcSamplers {
     /// Metrics and difference pools for the particles of even and of odd SMC samplers.
     metrics: [Metric; 2],
     pools: [DifferencePool; 2],
-    /// MCMC steps done, over all temperatures: the index of the random streams.
+    /// MCMC steps done at all temperatures: the index of the random streams.
     clock: u64,
 }
 
@@ -202,7 +203,7 @@ impl SmcSamplers {
         }
     }
 
-    /// Checks SMC samplers that were read from a file: on their way from the prior, at least one short of the posterior.
+    /// Checks SMC samplers that were read from a file and have not yet reached the posterior.
     pub(super) fn check(&self, settings: &Settings, dim: usize) -> Valid {
         ensure(
             self.smc_samplers.len() == settings.clusters(),
@@ -242,16 +243,16 @@ impl SmcSamplers {
         (self.beta, sum / self.smc_samplers.len() as f64)
     }
 
-    /// Each SMC sampler's levels, from the prior on.
+    /// The temperatures of each SMC sampler, from the prior on.
     pub(super) fn levels(&self) -> impl Iterator<Item = &[Level]> {
         self.smc_samplers.iter().map(|p| p.levels.as_slice())
     }
 
-    /// Lowers the temperature as far as every SMC sampler's weights allow, and resamples.
+    /// Lowers the temperature as far as the weights of every SMC sampler allow, and resamples.
     ///
     /// # Errors
     /// As of [`after_step`], before anything has changed.
-    fn cool(&mut self, target: &dyn Target, seed: u64) -> Result<()> {
+    fn lower_temperature(&mut self, target: &dyn Target, seed: u64) -> Result<()> {
         let most = 1.0 - self.beta;
         let steps = self
             .smc_samplers
@@ -287,7 +288,7 @@ impl SmcSamplers {
         seed: u64,
     ) -> Result<Calls> {
         if self.beta <= 0.0 || self.mcmc_steps == mcmc_steps {
-            self.cool(target, seed)?;
+            self.lower_temperature(target, seed)?;
         }
         let tasks: Vec<(usize, usize)> = self
             .smc_samplers

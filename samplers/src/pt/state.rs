@@ -10,8 +10,8 @@ use crate::hmc::{Metric, Point, Reference, StepSize};
 use crate::output::Cost;
 use serde::{Deserialize, Serialize};
 
-/// A round of fewer scans is early: it only finds the scales, so its trajectories are short and its limit of the energy
-/// range is off.
+/// A round of fewer scans is early: it only finds the scales, so its trajectories are short and their energy range has
+/// no limit.
 pub(super) const EARLY_SCANS: usize = 32;
 
 /// One temperature.
@@ -101,7 +101,7 @@ impl State {
         self.round + 1 == self.settings.rounds
     }
 
-    /// Groups of chain sets that are independent of each other.
+    /// Number of independent clusters of chain sets.
     pub(super) fn clusters(&self) -> usize {
         self.settings.clusters()
     }
@@ -138,14 +138,14 @@ impl State {
     }
 
     pub(super) fn evidence(&self) -> Estimate {
-        let extensions = self.record.telling();
+        let extensions = self.record.long_enough();
         let extensions: Vec<(&[f64], &Traces)> = extensions
             .map(|extension| (extension.beta.as_slice(), &extension.traces))
             .collect();
         estimate(&extensions, self.settings.clusters())
     }
 
-    /// What an observer is told after a scan; evidence and communication barrier are NaN before a round has finished.
+    /// The event of a scan; evidence and communication barrier are NaN before a round has finished.
     pub(super) fn progress(&self) -> Event {
         if let Some(smc_samplers) = &self.smc_samplers {
             let (beta, ln_z) = smc_samplers.progress();

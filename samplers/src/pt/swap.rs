@@ -1,9 +1,10 @@
-//! Swaps between neighbouring temperatures, and the index processes of the replicas that they move.
+//! Swaps between neighbouring temperatures, and the index processes of the replicas (Syed et al. 2022).
 
 use crate::valid::{Valid, countable, ensure};
 use serde::{Deserialize, Serialize};
 
-/// `min(1, exp{(b_cold - b_hot)(l_hot - l_cold)})`, computed in logarithms; 0 for a hot state without a likelihood.
+/// `min(1, exp{(b_cold - b_hot)(l_hot - l_cold)})`, computed in logarithms; 0 if the state at the smaller beta has no
+/// likelihood.
 pub(super) fn acceptance(beta_gap: f64, l_hot: f64, l_cold: f64) -> f64 {
     if l_hot == f64::NEG_INFINITY {
         0.0
@@ -13,10 +14,10 @@ pub(super) fn acceptance(beta_gap: f64, l_hot: f64, l_cold: f64) -> f64 {
 }
 
 /// The index processes of the replicas of one chain set: which temperatures each has visited. A round trip is from the
-/// reference to the posterior and back; its first half, the arrival of a fresh draw at the posterior, is a restart.
+/// reference to the posterior and back; its first half, the arrival at the posterior from the reference, is a restart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct IndexProcess {
-    /// Whether each replica has last touched the prior, the posterior, or neither yet.
+    /// Whether each replica was last at the reference, at the posterior, or at neither yet.
     phase: Vec<Phase>,
     /// Round trips finished.
     pub(super) round_trips: u64,
@@ -26,7 +27,7 @@ pub(super) struct IndexProcess {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Phase {
-    Nowhere,
+    Neither,
     FromPrior,
     FromPosterior,
 }
@@ -34,7 +35,7 @@ enum Phase {
 impl IndexProcess {
     pub(super) fn new(replicas: usize) -> Self {
         Self {
-            phase: vec![Phase::Nowhere; replicas],
+            phase: vec![Phase::Neither; replicas],
             round_trips: 0,
             restarts: 0,
         }
@@ -57,7 +58,7 @@ impl IndexProcess {
         }
     }
 
-    /// Notes which replicas stand at the two ends after a scan's swaps.
+    /// Records the replicas at the two ends after the swaps of a scan.
     pub(super) fn note(&mut self, at_prior: usize, at_posterior: usize) {
         let top = &mut self.phase[at_prior];
         if *top == Phase::FromPosterior {
@@ -79,7 +80,7 @@ mod tests {
     #[test]
     fn a_round_trip_starts_and_ends_at_the_prior() {
         let mut index_processes = IndexProcess::new(2);
-        // Replica 1 begins at the posterior: its way to the prior is no round trip.
+        // Replica 1 begins at the posterior: its way to the reference is no round trip.
         for (prior, posterior) in [(1, 0), (0, 1), (1, 0), (1, 0), (0, 1)] {
             index_processes.note(prior, posterior);
         }

@@ -16,7 +16,7 @@ pub type Cause = &'static str;
 pub enum Outcome {
     /// The natural logarithm of the likelihood; finite.
     Value(f64),
-    /// The likelihood is zero here, and why.
+    /// The likelihood is zero here, with the cause.
     Reject(Cause),
     /// The run cannot continue, whatever the point.
     Fatal(String),

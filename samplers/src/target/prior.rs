@@ -330,7 +330,7 @@ mod tests {
             for i in -60..=60 {
                 let z = f64::from(i) * 0.1;
                 let theta = m.theta_from_z(z);
-                // A uniform loses the last digits of a tail to its bound.
+                // In the tail of a uniform the last digits are lost beside the bound.
                 let tolerance = 1e-12 + 4e-16 * 7.0 / m.dtheta_dz(z).min(1.0);
                 assert!((m.z_from_theta(theta) - z).abs() < tolerance, "{m:?} {z}");
                 let u = m.u_from_theta(theta);

@@ -1,6 +1,6 @@
 //! Known symmetries of a target, by which a sampler moves in one step where local moves would take many.
 
-use crate::rng::Stream;
+use crate::rng::RandomStream;
 
 /// A self-inverse map of the standard-normal coordinates, proposed and accepted by Metropolis with its Jacobian: the
 /// posterior need not be invariant under it.
@@ -17,10 +17,11 @@ pub trait Orbit: Sync + Send {
     /// A short name for reports.
     fn name(&self) -> &str;
     /// Redraws the position along the orbit through `z`, in place.
-    fn refresh(&self, z: &mut [f64], rng: &mut Stream);
-    /// Moves `z` along its orbit until it is level with `to`, and says whether it could. The level is one of
-    /// the coordinates, so that the line between two points that are level with a third keeps it, in `z` as in the unit cube; where an orbit offers it,
-    /// samplers step across orbits along such lines and draw the position along them by [`refresh`](Self::refresh).
+    fn refresh(&self, z: &mut [f64], rng: &mut RandomStream);
+    /// Moves `z` along its orbit until it has the level of `to`, and returns whether that is possible. The level is one
+    /// of the coordinates, constant on the line between two points of equal level, in `z` as in the unit cube; where an
+    /// orbit offers it, samplers step across orbits along such lines and redraw the position along them by
+    /// [`refresh`](Self::refresh).
     fn align(&self, z: &mut [f64], to: &[f64]) -> bool {
         let _ = (z, to);
         false
@@ -36,7 +37,7 @@ pub trait Orbit: Sync + Send {
 pub enum Symmetry {
     /// A map with a Metropolis test.
     Involution(Box<dyn Involution>),
-    /// An exact, free refresh.
+    /// An exact redraw that costs no likelihood call.
     Orbit(Box<dyn Orbit>),
 }
 

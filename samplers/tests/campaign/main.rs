@@ -1,4 +1,5 @@
-//! Thirty seeds of every target with known evidence: whether ln Z scatters about the truth as its errors say.
+//! Thirty seeds of every target with known evidence: whether the differences of ln Z from the truth agree with the
+//! quoted errors.
 //!
 //! ```text
 //! cargo test -p oblate-samplers --release --test campaign -- --ignored --nocapture --test-threads 1 nested

@@ -1,4 +1,5 @@
-//! Parallel tempering: how often the quoted error, the scatter of chain sets or of scans, covers the truth.
+//! Parallel tempering: how often the quoted error, the larger of those from chain sets and from scans, covers the
+//! truth.
 
 use crate::table::{Case, Column, Table};
 use crate::targets::smooth;
@@ -44,8 +45,8 @@ fn chain_sets() {
     table.judge();
 }
 
-/// The same limits for paths from a mixture of what SMC samplers have found, whose last round goes on until the checks pass: as a
-/// stream is fitted.
+/// The same limits for paths from a mixture fitted to SMC particles, whose last round is extended until the checks
+/// pass, as in the fit of a stream.
 #[test]
 #[ignore = "minutes: before a release"]
 fn paths_from_mixtures() {

@@ -58,7 +58,7 @@ pub fn hard(name: &str, target: Hard) -> Case {
 /// A column of means over the seeds.
 pub type Column = (&'static str, fn(&Run) -> f64);
 
-/// Rows so far, and what is wrong with them.
+/// Rows so far, and their faults.
 pub struct Table {
     columns: Vec<Column>,
     wrong: Vec<String>,
@@ -118,7 +118,7 @@ impl Table {
             means.join(" | "),
             failures(&runs)
         );
-        // A NaN is wrong too.
+        // A NaN is a fault as well.
         if !(mean.abs() < MAX_MEAN && (MIN_SD..=MAX_SD).contains(&sd)) {
             self.wrong
                 .push(format!("{} {how}: {mean:+.3} {sd:.3}", case.name));

@@ -5,7 +5,7 @@ use oblate_samplers::control::Silent;
 use oblate_samplers::{Control, Outcome, Prior, Run, Target, nested, pt};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Answers batches from their end, and counts their points.
+/// Evaluates batches from their end, and counts their points.
 struct Backwards {
     inner: Smooth,
     points: AtomicUsize,

@@ -119,7 +119,7 @@ fn draws_of_tempered_chains_can_be_bridged() {
 
 /// Two likelihoods without overlap: the bridge still ends, and its checks fail.
 #[test]
-fn a_coarse_likelihood_far_from_the_fine_one_is_told() {
+fn a_coarse_likelihood_far_from_the_fine_one_fails_the_checks() {
     let coarse = Bell::new(5, 100.0, -1.0);
     let fine = Bell::new(5, 100.0, 1.0);
     // Few particles: there are many steps.
@@ -225,7 +225,7 @@ fn a_bridge_stopped_anywhere_and_resumed_has_the_bits_of_one_never_stopped() {
         control.checkpoint = Some(plan(&folder.path().join("bridge.ckpt")));
         bridge::run(&fine, &coarse, &parent, &settings, seed, &mut control)
     };
-    // Started, then twelve MCMC steps at each of a few levels, with a checkpoint after each.
+    // Started, then twelve MCMC steps after each of a few steps of the bridge, with a checkpoint after each.
     let mut stops = 0;
     let run = loop {
         match resumed([1, 2, 5, 12, 31][stops % 5], 1) {

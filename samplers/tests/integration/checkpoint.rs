@@ -1,4 +1,4 @@
-//! Checkpoints that are killed, damaged or refused on their way to the disk.
+//! Checkpoints of killed processes, damaged checkpoints, and checkpoints that cannot be written.
 
 use oblate_samplers::{Error, checkpoint};
 
@@ -14,14 +14,14 @@ fn the_previous_checkpoint_is_the_last_one_of_a_process_killed_while_it_saved() 
         checkpoint::load(&path, 5, 7, |_: &u64| Ok(())).unwrap(),
         (2_u64, None)
     );
-    // Killed before the new file took the place of the last one.
+    // Killed before the new file replaced the last one.
     std::fs::rename(&path, &previous).unwrap();
     assert!(checkpoint::exists(&path));
     assert_eq!(
         checkpoint::load(&path, 5, 7, |_: &u64| Ok(())).unwrap(),
         (2_u64, None)
     );
-    // A fault of the only file that is there is told by its name.
+    // A fault of the only existing file is reported with its name.
     std::fs::write(&previous, b"oblateck").unwrap();
     let words = checkpoint::load::<u64>(&path, 5, 7, |_| Ok(()))
         .unwrap_err()

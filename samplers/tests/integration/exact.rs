@@ -55,7 +55,7 @@ fn gradients_match_central_differences() {
                 .collect();
             let mut theta = z.clone();
             target.prior().theta_from_z(&z, &mut theta);
-            // Close to p = 0 and p = 1 the binomial bends within any step that has digits.
+            // Close to p = 0 and p = 1 the binomial is curved over any step that is not lost in rounding.
             if target.name == "binomial" {
                 theta.iter_mut().for_each(|p| *p = 0.2 + 0.6 * *p);
             }
@@ -87,7 +87,8 @@ fn evidences_are_those_of_the_table() {
             target.ln_z
         );
     }
-    // In two dimensions a grid over the cube tells: the mid-point rule is exact to all digits for such smooth bumps.
+    // In two dimensions a grid over the cube is enough: the mid-point rule is exact to all digits for such smooth
+    // peaks.
     for target in [shells(2), binomial()] {
         let cells = 2000;
         let mut theta = [0.0; 2];
@@ -108,7 +109,8 @@ fn evidences_are_those_of_the_table() {
 
 #[test]
 fn shells_have_the_evidence_of_their_radii() {
-    // Neither shell reaches the other or a wall: each is the area of a sphere times an integral over its radius.
+    // Neither shell reaches the other or a face of the box: each is the area of a sphere times an integral over its
+    // radius.
     for dim in [2, 5, 10, 13, 20, 30] {
         let d = dim as f64;
         let ln_area = 2_f64.ln() + 0.5 * d * PI.ln() - libm::lgamma(0.5 * d);

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// A module's path from the crate's root, whose own is empty.
 type Module = Vec<String>;
 
-/// What the code of one file says.
+/// The names in the code of one file.
 #[derive(Default)]
 struct Source {
     /// Path of the file below `src`.
@@ -31,7 +31,7 @@ struct Source {
     calls: BTreeSet<(String, String)>,
 }
 
-/// What a path leads to.
+/// The destination of a path.
 enum Found {
     Module(Module),
     /// An item, in the file of this module.
@@ -234,7 +234,7 @@ impl Source {
         source
     }
 
-    /// Notes what the `impl` blocks define and call; a block ends where a line begins with a brace.
+    /// Records the methods that `impl` blocks define and call; a block ends where a line begins with a brace.
     fn read_methods(&mut self, code: &str) {
         let mut block: Option<(String, bool)> = None;
         for line in code.lines() {
@@ -265,7 +265,7 @@ impl Source {
         }
     }
 
-    /// Notes one name of a `use`; it is imported at once unless it is only exported.
+    /// Records one name of a `use`; it is imported at once unless it is only exported.
     fn bring_in(
         &mut self,
         name: String,

@@ -31,7 +31,7 @@ pub fn wrong_arrows(src: &Path, order: &[&str]) -> (Vec<String>, usize) {
     (wrong, seen)
 }
 
-/// Names that the front page re-exports, with their modules.
+/// Names that `lib.rs` re-exports, with their modules.
 fn exports(front: &str) -> BTreeMap<String, String> {
     front
         .split(';')

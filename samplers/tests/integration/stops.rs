@@ -1,4 +1,4 @@
-//! Stopping runs at chosen moments, and the plan by which they go on.
+//! Stops runs at chosen events, and has the checkpoint plan with which they continue.
 
 use oblate_samplers::control::CheckpointPlan;
 use oblate_samplers::{Event, Observer};

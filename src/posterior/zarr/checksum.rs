@@ -1,4 +1,4 @@
-//! A checksum of a posterior's files, by which damage and mixtures are found before anything is read.
+//! A checksum of a posterior's files: damaged files and files of another run are detected before anything is read.
 
 use super::entries::Entries;
 use oblate_samplers::checkpoint::{hash, hash_on};
@@ -49,7 +49,7 @@ impl Checksum {
     }
 }
 
-/// A checksum under way.
+/// An unfinished checksum.
 struct Running {
     bytes: u64,
     hash: u64,

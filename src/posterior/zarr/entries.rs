@@ -1,4 +1,4 @@
-//! Which files and folders the writer makes, so that nothing else is checked or removed as if it were its own.
+//! The files and folders that the writer makes, so that nothing else is checked or removed.
 
 use super::store::METADATA;
 use std::collections::BTreeSet;
@@ -110,8 +110,8 @@ impl Place {
 }
 
 impl Entries {
-    /// Looks through the folder `path`; `of_the_run` are the names of its parameters and derived quantities, `None` if they are not
-    /// known.
+    /// Lists the folder `path`; `of_the_run` are the names of its parameters and derived quantities, `None` if they are
+    /// not known.
     ///
     /// # Errors
     /// The operating system's, with which the folder cannot be read.

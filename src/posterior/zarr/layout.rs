@@ -93,7 +93,7 @@ fn equal_weight_rows(run: &Run) -> Vec<Vec<usize>> {
     vec![draws.resample(count.min(draws.len()), offset)]
 }
 
-/// `posterior` and `sample_stats`.
+/// Writes groups `posterior` and `sample_stats`.
 pub fn write_posterior(store: &Store, run: &Run) -> Result<()> {
     let rows = equal_weight_rows(run);
     let table = Table {
@@ -108,7 +108,7 @@ pub fn write_posterior(store: &Store, run: &Run) -> Result<()> {
     })
 }
 
-/// `observed_data`.
+/// Writes group `observed_data`.
 pub fn write_track(store: &Store, track: &ObservedTrack) -> Result<()> {
     store.group("/observed_data", &text(&[("name", &track.name)]))?;
     let mut columns = vec![
@@ -130,7 +130,7 @@ pub fn write_track(store: &Store, track: &ObservedTrack) -> Result<()> {
     Ok(())
 }
 
-/// `weighted`.
+/// Writes group `weighted`: the sampler's own draws with weights and labels.
 pub fn write_weighted(store: &Store, draws: &Draws) -> Result<()> {
     store.group("/weighted", &Map::new())?;
     let row = ("row", draws.len());
@@ -150,7 +150,7 @@ pub fn write_weighted(store: &Store, draws: &Draws) -> Result<()> {
     store.array("/weighted/cluster", &[row], &draws.cluster, none())
 }
 
-/// Reads `weighted`.
+/// Reads group `weighted`.
 pub fn read_weighted(store: &Store, dim: usize, derived_dim: usize) -> Result<Draws> {
     let ln_likelihood: Vec<f64> = store.read("/weighted/ln_likelihood", &[None])?;
     let row = Some(ln_likelihood.len());
@@ -166,7 +166,7 @@ pub fn read_weighted(store: &Store, dim: usize, derived_dim: usize) -> Result<Dr
     })
 }
 
-/// Writes `history`.
+/// Writes group `history`.
 pub fn write_history(store: &Store, history: &History) -> Result<()> {
     store.group("/history", &Map::new())?;
     let floats = |name: &str, dim: &str, values: &[f64]| {
@@ -249,7 +249,7 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
     }
 }
 
-/// Reads `history`.
+/// Reads group `history`.
 pub fn read_history(store: &Store, method: Method) -> Result<History> {
     let array = |name: &str, length| store.read::<f64>(&format!("/history/{name}"), &[length]);
     Ok(match method {

@@ -1,4 +1,4 @@
-//! Arguments and files as users may give them: numbers that are none, bytes that are no text.
+//! Wrong arguments and files: texts that are not numbers, bytes that are not text.
 
 use super::{SMALL, example, oblate, refused, write};
 use clap::builder::ValueParser;
@@ -220,7 +220,7 @@ fn paths_need_not_be_utf_8() {
     let mut mock = words(&["mock", "--particles", "2000", "--json", "--out"]);
     mock.push(odd("mocks"));
     assert_eq!(run(&mock)["accepted"], 1);
-    // As a verb or a number it is refused, as any other word.
+    // As a subcommand or a number it is refused, like any other text.
     for args in [vec![odd("verb")], {
         let mut mock = words(&["mock", "--out", "x", "--count"]);
         mock.push(odd("1"));

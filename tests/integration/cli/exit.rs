@@ -22,7 +22,7 @@ fn the_page_has_every_exit_code() {
 
 #[cfg(unix)]
 #[test]
-fn an_interrupted_fit_exits_with_130_and_goes_on() {
+fn an_interrupted_fit_exits_with_130_and_is_continued() {
     use std::process::{Command, Stdio};
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);

@@ -1,4 +1,4 @@
-//! The messages of errors: each flag that one names is a flag of its verb.
+//! The messages of errors: each flag that one names is a flag of its subcommand.
 
 use clap::Command;
 use oblate::cli::{command, message};
@@ -6,7 +6,7 @@ use oblate::{Error, Rejection};
 use std::ffi::OsString;
 use std::path::Path;
 
-/// A valid command line of every verb.
+/// A valid command line of every subcommand.
 const LINES: [&str; 12] = [
     "mock --out x",
     "stream p.toml --particles-out x",
@@ -46,7 +46,7 @@ fn flags(text: &str) -> Vec<&str> {
         .collect()
 }
 
-/// Asserts that a text which verb `name` prints names only flags that this verb has; after `` `oblate VERB `` those of that verb.
+/// Asserts that a text which subcommand `name` prints names only flags that this subcommand has; after `` `oblate VERB `` those of that subcommand.
 fn names_its_own_flags(command: &Command, name: &str, text: &str) {
     for (k, part) in text.split('`').enumerate() {
         let quoted = part.strip_prefix("oblate ").filter(|_| k % 2 == 1);
@@ -62,7 +62,7 @@ fn names_its_own_flags(command: &Command, name: &str, text: &str) {
     }
 }
 
-/// The command line after clap has given every verb the flags that all verbs have.
+/// The command line after clap has given every subcommand the flags that all subcommands have.
 fn built() -> Command {
     let mut command = command();
     command.build();
@@ -140,7 +140,7 @@ fn every_flag_of_a_message_is_one_of_its_verb_and_no_switch_is_proposed_twice() 
                 let given = args(&format!("{line} {switch}"));
                 let text = message(&error, &given);
                 let valid = self::command().try_get_matches_from(&given).is_ok();
-                // After a backtick stands another command.
+                // A command after a backtick is another one.
                 let own: String = text.split('`').step_by(2).collect();
                 assert!(!valid || !flags(&own).contains(&switch), "{text}");
             }
@@ -168,7 +168,7 @@ fn every_flag_in_the_command_line_s_own_texts_is_a_flag() {
             None => command.get_subcommands().collect(),
         };
         let text = std::fs::read_to_string(&path).expect("text");
-        // In an example stand other verbs too.
+        // An example has other subcommands too.
         let code = text.lines().filter(|line| {
             let line = line.trim_start();
             !line.starts_with("//") && !line.contains("Example:")
@@ -204,7 +204,7 @@ fn every_example_is_a_valid_command_line() {
     assert!(seen > 8, "only {seen} examples seen");
 }
 
-/// The library speaks of settings; which flags there are is the command line's own affair.
+/// Messages of the library name settings; only the command line names flags.
 #[test]
 fn no_text_of_the_library_names_a_flag() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

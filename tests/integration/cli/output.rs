@@ -113,7 +113,7 @@ fn a_fit_comes_to_its_end_whatever_its_output_does() {
         assert!(Path::new(&out).join("summary.json").exists(), "{name}");
         output
     };
-    // It has not converged, and says on standard error how to go on.
+    // It has not converged, and standard error has the command that continues it.
     for (name, stderr) in [("full", full()), ("closed", closed())] {
         let output = fit(name, &[], Stdio::piped(), stderr);
         assert_eq!(output.status.code(), Some(1), "{name}");
@@ -161,7 +161,7 @@ fn evaluate_ends_when_nobody_reads_its_answers() {
 }
 
 #[test]
-fn an_unreadable_standard_input_is_told_as_such() {
+fn an_unreadable_standard_input_is_named_in_the_message() {
     let track = example("tracks/s2_spherical.ecsv").display().to_string();
     let mut child = Command::new(env!("CARGO_BIN_EXE_oblate"))
         .args(["evaluate", &track])

@@ -155,7 +155,7 @@ fn distance(a: &Theta, b: &Theta) -> f64 {
 }
 
 #[test]
-fn the_smooth_gradient_forgets_chaotic_pasts_and_nothing_else() {
+fn the_truncated_gradient_differs_for_chaotic_particles_only() {
     let model = model(small());
     let (mut same, mut tamed) = (0, 0);
     for n in 0..60 {

@@ -172,7 +172,7 @@ fn mirrored_streams_have_the_same_track() {
         let params = oblate::params::StreamParams::from_array(*theta);
         let solution = model
             .progenitor_solution(&System::from_params(&params, Q))
-            .expect("a setup");
+            .expect("a progenitor solution");
         let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
         model
             .integrate(&solution, &mut schedules, &mut out)
@@ -412,8 +412,8 @@ proptest! {
         }
     }
 
-    /// Whatever is asked of it, a stream is finite or a rejection by name. With and without its gradient ln L has the same bits, or
-    /// the rejection the same cause.
+    /// At any parameters a stream is finite or a rejection by name. With and without its gradient ln L has the same
+    /// bits, or the rejection the same cause.
     #[test]
     fn extremes_give_finite_numbers_or_a_counted_rejection(
         log10_m_halo in extreme(11.0, 14.0),
@@ -424,7 +424,8 @@ proptest! {
         log10_m_prog in extreme(7.0, 9.0),
         r_s_prog_kpc in extreme(1.0, 5.0),
         (x0, z0) in (extreme(0.0, 150.0), extreme(0.0, 150.0)),
-        // No velocity at all is a plunge through the centre; one of them alone a radial or a circular start.
+        // Without velocity the progenitor falls through the centre; with one component alone it starts radially or on a
+        // circle.
         velocity in [extreme(0.0, 250.0), extreme(0.0, 250.0), extreme(-250.0, 0.0)],
         age_gyr in extreme(1.0, 4.0),
         (particles, release_times) in prop_oneof![Just((8, 4)), Just((2, 1)), Just((64, 32)), Just((128, 8))],

@@ -7,7 +7,7 @@ mod shape;
 mod symmetry;
 
 use oblate::params::{PriorSettings, StreamPrior};
-use oblate_samplers::rng::{Domain, Stream, stream};
+use oblate_samplers::rng::{Domain, RandomStream, stream};
 
 const DRAWS: usize = 20_000;
 
@@ -15,6 +15,6 @@ fn default_prior() -> StreamPrior {
     StreamPrior::new(&PriorSettings::default()).unwrap()
 }
 
-fn rng(task: u64) -> Stream {
+fn rng(task: u64) -> RandomStream {
     stream(20_260_101, Domain::Test, task, 0)
 }

@@ -10,12 +10,12 @@ use oblate_samplers::Marginal;
 use oblate_samplers::difference_pool::DifferencePool;
 use oblate_samplers::hmc::{Evaluator, Metric, Point, slice};
 use oblate_samplers::normal;
-use oblate_samplers::rng::{Stream, standard_normal, unit_open};
+use oblate_samplers::rng::{RandomStream, standard_normal, unit_open};
 use oblate_samplers::target::{Involution, Orbit, Outcome, Symmetry, Target};
 
 /// Prior draws in standard normals, each moved by `step`: per coordinate, and for products of pairs that the move
 /// couples, still the prior.
-fn assert_leaves_the_prior_alone(task: u64, mut step: impl FnMut(&mut [f64], &mut Stream)) {
+fn assert_leaves_the_prior_alone(task: u64, mut step: impl FnMut(&mut [f64], &mut RandomStream)) {
     let mut rng = rng(task);
     let moved: Vec<[f64; 13]> = (0..DRAWS)
         .map(|_| {
@@ -131,7 +131,7 @@ fn a_refresh_scales_masses_velocities_and_age_exactly_and_nothing_else() {
     assert!(largest > 2.0, "{largest}");
 }
 
-/// The prior and its symmetries, with a likelihood that sees nothing.
+/// The prior and its symmetries, with a constant likelihood.
 struct Blind {
     prior: StreamPrior,
     symmetries: Vec<Symmetry>,
@@ -185,8 +185,9 @@ fn points_on_one_orbit_have_the_same_invariants_and_others_do_not() {
     let prior = default_prior();
     let orbit = MassVelocityAge::new(&prior).unwrap();
     let mut draws = rng(12);
-    let normals =
-        |draws: &mut Stream| -> Vec<f64> { (0..13).map(|_| standard_normal(draws)).collect() };
+    let normals = |draws: &mut RandomStream| -> Vec<f64> {
+        (0..13).map(|_| standard_normal(draws)).collect()
+    };
     let place = |z: &[f64]| {
         let mut out = vec![0.0; 13];
         orbit.invariants(z, &mut out);

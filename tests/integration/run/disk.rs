@@ -1,4 +1,4 @@
-//! Disks that are full, and kills, of which the folder tells nothing afterwards.
+//! Full disks and killed processes: the folder is afterwards as if nothing had happened.
 //!
 //! A limit on the size of a file stands for the full disk: a write beyond it fails as one on a full disk does.
 

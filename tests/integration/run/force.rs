@@ -110,21 +110,21 @@ fn all_that_runs_and_reports_write_is_removed_and_nothing_beside_the_folder() {
     for run in [
         runs::nested(100, 1),
         runs::tempered(80, 2),
-        runs::refined(80, 3),
+        runs::bridged(80, 3),
     ] {
         finished(&path);
         finished(&path.join("coarse"));
         fs::remove_dir_all(path.join("posterior.zarr")).unwrap();
-        let beside = zarr::Extras {
+        let extras = zarr::Extras {
             track: Some(&super::track()),
             prior: Some(&run.draws),
         };
-        zarr::write(&path.join("posterior.zarr"), &run, beside).unwrap();
+        zarr::write(&path.join("posterior.zarr"), &run, extras).unwrap();
         fs::create_dir(path.join(".oblate-tmp-Q1w2E3")).unwrap();
         zarr::write(
             &path.join(".oblate-tmp-Q1w2E3/posterior.zarr"),
             &run,
-            beside,
+            extras,
         )
         .unwrap();
         for name in ["fit", "q", "corner", "health", "coarse-health"] {

@@ -1,4 +1,4 @@
-//! The log: whole lines, whatever has happened to the last one.
+//! The log: complete lines, also if the last one was interrupted.
 
 use oblate::run::Log;
 use serde_json::json;

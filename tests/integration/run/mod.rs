@@ -1,4 +1,5 @@
-//! The run folder: whole or absent, never overwritten unasked, and never cleared of what no run has written.
+//! The run folder: complete or absent, overwritten only if asked for, and never cleared of files that no run has
+//! written.
 
 #[cfg(unix)]
 mod disk;
@@ -39,12 +40,12 @@ fn beginning(track: &ObservedTrack) -> Beginning<'_> {
 fn finish(folder: &LockedFolder, run: &Run) -> Summary {
     let track = track();
     let summary = Summary::new(run, &SummaryContext::default());
-    let beside = zarr::Extras {
+    let extras = zarr::Extras {
         track: Some(&track),
         prior: Some(&run.draws),
     };
     folder
-        .finish(run, summary, beside, &beginning(&track))
+        .finish(run, summary, extras, &beginning(&track))
         .unwrap()
 }
 
@@ -97,7 +98,7 @@ fn a_finished_run_is_read_back_and_leaves_no_checkpoint() {
         (stored.name.as_str(), stored.config.as_str()),
         ("fit", "seed = 1\n")
     );
-    // Nothing is left of the way there.
+    // No temporary files are left.
     let names: Vec<PathBuf> = std::fs::read_dir(folder.path())
         .unwrap()
         .map(|e| e.unwrap().file_name().into())

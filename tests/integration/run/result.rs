@@ -1,4 +1,4 @@
-//! The result of a run: replaced by one switch, and read as a whole or not at all.
+//! The result of a run: replaced in one step, and read completely or not at all.
 
 use super::message;
 use super::{beginning, copy, finish, finished, track, tree};
@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A tempered fit of few scans, which ends unconverged; with more extensions it goes on.
+/// A tempered fit of few scans, which ends unconverged; with more extensions it is continued.
 fn fit(track: &Path, config: &Path, out: &Path, extensions: &str) {
     let words = [track, config, out].map(|path| path.display().to_string());
     let [track, config, out] = &words;
@@ -66,7 +66,7 @@ fn a_result_is_replaced_whole_wherever_the_replacement_stops() {
     let read = |path: &Path| RunFolder::open(path).unwrap().read().unwrap();
     let (before, after) = (read(&short), read(&long));
     assert_ne!(before.run.bits(), after.run.bits());
-    // All but the log, which tells of each process, and the checkpoints.
+    // All but the log, which has every process, and the checkpoints.
     let files = |path: &Path| {
         let mut files = tree(path);
         for other in ["log.jsonl", "checkpoint", "checkpoint.previous"] {
@@ -102,7 +102,7 @@ fn a_result_is_replaced_whole_wherever_the_replacement_stops() {
         for figure in ["fit", "q", "corner", "health"] {
             fs::remove_file(out.join(format!("{figure}.svg"))).unwrap();
         }
-        // The next start puts the folder in order. Before the switch that is the work of the shorter fit.
+        // The next start moves the remaining pieces. Before the renaming the result is that of the shorter fit.
         let (extensions, expected) = if steps == 0 {
             ("1", &short)
         } else {

@@ -1,12 +1,13 @@
 //! One ellipsoid around points of the cube.
 
 use crate::nested::live::Points;
-use crate::rng::{Stream, standard_normal, unit_open};
+use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::valid::{Valid, ensure, moderate, triangle};
 use nalgebra::{DMatrix, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
-/// Ridge added to a covariance, relative to its mean eigenvalue: conditions beyond 1e12 mean nothing in doubles.
+/// Ridge added to a covariance, relative to its mean eigenvalue: condition numbers beyond 1e12 are lost in the rounding
+/// of doubles.
 const RIDGE: f64 = 1e-12;
 
 /// The set `{c + A y : |y| <= 1}` with a lower triangular A.
@@ -75,7 +76,7 @@ impl Ellipsoid {
             .iter()
             .map(|&i| ellipsoid.distance(points.row(i)))
             .fold(0.0, f64::max);
-        // A hair more, so that rounding leaves no point outside.
+        // Slightly more, so that rounding leaves no point outside.
         ellipsoid.enlarge(farthest * (1.0 + 1e-12));
         Some(ellipsoid)
     }
@@ -167,7 +168,7 @@ impl Ellipsoid {
         }
     }
 
-    /// `out = A' a`: the covector `a` as the coordinates y of [`stretch`](Self::stretch) see it.
+    /// `out = A' a`: the covector `a` in the coordinates y of [`stretch`](Self::stretch).
     pub fn whiten_covector(&self, a: &[f64], out: &mut [f64]) {
         out.fill(0.0);
         let mut start = 0;
@@ -181,7 +182,7 @@ impl Ellipsoid {
     }
 
     /// A uniform draw from the inside.
-    pub fn draw(&self, rng: &mut Stream, ball: &mut [f64], out: &mut [f64]) {
+    pub fn draw(&self, rng: &mut RandomStream, ball: &mut [f64], out: &mut [f64]) {
         draw_in_ball(rng, ball);
         self.stretch(ball, out);
         for (o, c) in out.iter_mut().zip(&self.center) {
@@ -221,7 +222,7 @@ impl Ellipsoid {
 }
 
 /// A uniform direction: a point on the unit sphere.
-pub(in crate::nested) fn draw_direction(rng: &mut Stream, out: &mut [f64]) {
+pub(in crate::nested) fn draw_direction(rng: &mut RandomStream, out: &mut [f64]) {
     loop {
         let mut norm2 = 0.0;
         for o in out.iter_mut() {
@@ -237,7 +238,7 @@ pub(in crate::nested) fn draw_direction(rng: &mut Stream, out: &mut [f64]) {
 }
 
 /// A uniform point of the unit ball.
-fn draw_in_ball(rng: &mut Stream, out: &mut [f64]) {
+fn draw_in_ball(rng: &mut RandomStream, out: &mut [f64]) {
     draw_direction(rng, out);
     let radius = unit_open(rng).powf(1.0 / out.len() as f64);
     out.iter_mut().for_each(|o| *o *= radius);

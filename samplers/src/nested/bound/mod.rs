@@ -6,20 +6,20 @@ mod split;
 pub(super) use ellipsoid::{Ellipsoid, draw_direction};
 
 use super::live::Points;
-use crate::rng::{Domain, Stream, below, stream, unit_open};
+use crate::rng::{Domain, RandomStream, below, stream, unit_open};
 use crate::valid::Valid;
 use serde::{Deserialize, Serialize};
 
 /// Bootstraps behind the enlargement for independent draws.
 const BOOTSTRAPS: usize = 20;
 
-/// Maximum enlargement of an axis for independent draws. A new point of a cluster of 2 d or more lies within this multiple of the
-/// fitted extent with a probability near 1 (Hotelling's T^2). A bootstrap that asks for more has left out most of a small
-/// cluster, or one of two distant groups between which the ellipsoid extends anyway.
+/// Maximum enlargement of an axis for independent draws. A new point of a cluster of 2 d or more lies within this
+/// multiple of the fitted extent with a probability near 1 (Hotelling's T^2). A bootstrap with a larger enlargement has
+/// left out most of a small cluster, or one of two distant groups between which the ellipsoid extends anyway.
 const MAX_REACH: f64 = 3.0;
 
-/// Enlargement of every axis for step kernels, where ellipsoids say which metric belongs to which region: points that did not
-/// take part in the fit should lie inside too.
+/// Enlargement of every axis for step kernels, where ellipsoids assign a metric to each region: points that did not
+/// take part in the fit should lie inside as well.
 const STEP_ENLARGEMENT: f64 = 1.5;
 
 /// A set of ellipsoids.
@@ -27,7 +27,7 @@ const STEP_ENLARGEMENT: f64 = 1.5;
 pub(super) struct Bound {
     /// One ellipsoid around all points.
     whole: Ellipsoid,
-    /// The decomposition; empty where the whole is as good.
+    /// The decomposition; empty where one ellipsoid around all points is as good.
     parts: Vec<Ellipsoid>,
 }
 
@@ -35,8 +35,8 @@ impl Bound {
     /// Ellipsoids for step kernels: the first for chains from points of even lineages, the second for odd ones, each fitted to
     /// the points of the other half. A half with too few points, or all alike, gives the cube's metric.
     ///
-    /// A metric fitted to the points that the chains start from is correlated with them and biases ln Z by the order of d H / n
-    /// (0.4 at d = 13 and n = 200); fitted to the other half it does not.
+    /// A metric fitted to the points that the chains start from is correlated with them and biases ln Z by the order of
+    /// d H / n; fitted to the other half it does not.
     pub fn for_steps(points: &Points) -> Vec<Self> {
         let [even, odd] = points.halves();
         [odd, even]
@@ -103,7 +103,7 @@ impl Bound {
         }
     }
 
-    /// The metric region of `x`: the first ellipsoid that holds it, or the whole.
+    /// The metric region of `x`: the first ellipsoid that contains it, or the one around all points.
     ///
     /// The proposal of a step must not depend on where in a region it starts. So the region of a point is fixed by the point
     /// alone, and a chain treats other regions as outside; this leaves the uniform distribution invariant.
@@ -133,7 +133,7 @@ impl Bound {
     }
 
     /// A uniform draw from the union of the ellipsoids; false: drawn from an overlap and thinned out, try again.
-    pub fn draw(&self, rng: &mut Stream, ball: &mut [f64], out: &mut [f64]) -> bool {
+    pub fn draw(&self, rng: &mut RandomStream, ball: &mut [f64], out: &mut [f64]) -> bool {
         let pieces = self.pieces();
         let largest = pieces
             .iter()
@@ -161,7 +161,7 @@ impl Bound {
 
 /// The farthest of the points that a resampling of `rows` leaves out, from the ellipsoid of those that it takes. 1 if
 /// it takes fewer different ones than an ellipsoid needs, d + 1, and so has no information on the rest.
-fn reach(points: &Points, rows: &[usize], rng: &mut Stream) -> f64 {
+fn reach(points: &Points, rows: &[usize], rng: &mut RandomStream) -> f64 {
     let mut taken = vec![false; rows.len()];
     let sample: Vec<usize> = (0..rows.len())
         .map(|_| {

@@ -9,8 +9,8 @@ const ITERATIONS: usize = 10;
 /// How an ellipsoid is put around rows.
 pub(super) type Fit<'a> = dyn FnMut(&[usize]) -> Option<Ellipsoid> + 'a;
 
-/// The ellipsoids of `rows`, whose own ellipsoid is `whole`: split in two, and again, while that pays for its
-/// parameters. No cluster has fewer than 2 d rows.
+/// The ellipsoids of `rows`, whose own ellipsoid is `whole`: split in two, repeatedly, while the volume decreases by
+/// more than the additional parameters cost. No cluster has fewer than 2 d rows.
 pub(super) fn split(
     points: &Points,
     rows: &[usize],

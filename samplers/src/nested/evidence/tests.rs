@@ -7,7 +7,8 @@ const NEVER: f64 = f64::NEG_INFINITY;
 fn a_constant_likelihood_has_evidence_one_for_any_history() {
     for n in 1..=50_usize {
         for replacement in [1, 2, n.div_ceil(3), n] {
-            // n points at 0; then iterations die and are reborn, all at the same height as far as the weights go.
+            // n points at 0; then the points of an iteration die and are born again, with likelihoods that are equal
+            // for the weights.
             let mut birth = vec![NEVER; n];
             let mut ln_l = vec![0.0; n];
             let mut top = 0.0;
@@ -46,8 +47,8 @@ fn births_and_deaths_reproduce_a_run_made_by_hand() {
             .zip(sorted)
             .all(|(a, b)| (a - b).abs() < 1e-15)
     );
-    // By hand: at each death, births strictly below it less the deaths before it. Two pairs die together, each
-    // counted 4 and 3; the last four are the final live points.
+    // By hand: at each death, births strictly below it minus the deaths before it. Two pairs die together, each counted
+    // 4 and 3; the last four are the final live points.
     assert_eq!(history.live, [4, 3, 4, 4, 4, 4, 3, 4, 4, 3, 2, 1]);
 }
 
@@ -93,7 +94,7 @@ fn bootstrap_of_all_lineages_once_is_the_run_itself() {
     let (rows, weighted) = history.weigh_groups(&history.lineages, &[1.0; 3]);
     assert_eq!(rows, [0, 1, 2, 3, 4, 5]);
     assert!((weighted.ln_z - history.weigh().ln_z).abs() < 1e-14);
-    // A lineage alone is a run with one live point: every death shrinks the volume by e.
+    // A single lineage is a run with one live point: every death shrinks the volume by e.
     let (rows, weighted) = history.weigh_groups(&history.lineages, &[0.0, 1.0, 0.0]);
     assert_eq!(rows, [1, 4]);
     let single = weigh(&[2.0, 5.0], &[-1.0, -1.0]);

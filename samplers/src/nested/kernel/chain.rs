@@ -1,4 +1,5 @@
-//! A chain of steps above a likelihood bound: the common data of its steps, and the partition that a step may not leave.
+//! A Markov chain above a likelihood bound: its state, what the chains of an iteration have in common, and the
+//! partition that a step may not leave.
 
 use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
@@ -8,11 +9,11 @@ use crate::nested::live::Points;
 use crate::nested::settings::Kernel;
 use crate::normal;
 use crate::output::Calls;
-use crate::rng::Stream;
+use crate::rng::RandomStream;
 use crate::target::{Symmetry, Target};
 
 /// Common data of all points of an iteration.
-pub(in crate::nested) struct Setting<'a> {
+pub(in crate::nested) struct ChainContext<'a> {
     pub target: &'a dyn Target,
     /// New points lie strictly above this log-likelihood.
     pub contour: f64,
@@ -28,11 +29,12 @@ pub(in crate::nested) struct Setting<'a> {
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
     pub stride: f64,
-    /// Slices, Galilean trajectories or walk steps.
+    /// Slice updates, Galilean trajectories or walk steps.
     pub steps: usize,
 }
 
-/// The part of the space that a step may not leave, so that its distribution does not change on the way.
+/// The part of the space that a step may not leave, so that the distribution of proposals is the same from everywhere
+/// in it.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::nested) enum Partition {
     /// The metric region of this label.
@@ -43,14 +45,14 @@ pub(in crate::nested) enum Partition {
 
 /// Counts of steps, for the tuning of their length.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::nested) struct Pace {
-    /// Slices: steps outward. Galilean trajectories: moves straight on. Walk: steps accepted.
+pub(in crate::nested) struct StepCounts {
+    /// Slice updates: steps outwards. Galilean Monte Carlo: straight moves. Random walk: accepted steps.
     pub grown: u64,
-    /// Slices: points that fell outside. Galilean trajectories: moves that met an edge. Walk: steps refused.
+    /// Slice updates: points outside. Galilean Monte Carlo: moves that met the bound. Random walk: rejected steps.
     pub shrunk: u64,
 }
 
-impl Pace {
+impl StepCounts {
     /// Adds the steps of another.
     pub fn add(&mut self, other: Self) {
         self.grown += other.grown;
@@ -68,9 +70,9 @@ impl Pace {
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::nested) struct Motion {
     /// Those in units of the local ellipsoid.
-    pub local: Pace,
+    pub local: StepCounts,
     /// Those along differences of points.
-    pub differences: Pace,
+    pub differences: StepCounts,
     /// Whether the chain ended elsewhere than it began.
     pub moved: bool,
 }
@@ -84,9 +86,9 @@ pub(in crate::nested) struct NewPoint {
     pub motion: Motion,
 }
 
-/// A state above the likelihood bound and the workspace of its steps.
+/// A chain above the likelihood bound, and its buffers.
 pub(super) struct Chain<'a> {
-    pub(super) setting: &'a Setting<'a>,
+    pub(super) context: &'a ChainContext<'a>,
     pub(super) bound: &'a Bound,
     /// The surviving points of the half that does not contain the seed.
     pub(super) others: &'a DifferencePool,
@@ -104,12 +106,12 @@ pub(super) struct Chain<'a> {
 impl<'a> Chain<'a> {
     /// A chain that starts at row `seed` of `kept`.
     pub(super) fn new(
-        setting: &'a Setting<'a>,
+        context: &'a ChainContext<'a>,
         bound: &'a Bound,
         kept: &'a Points,
         seed: usize,
     ) -> Self {
-        let [even, odd] = setting.halves;
+        let [even, odd] = context.halves;
         let others = if kept.genealogy[seed].lineage.is_multiple_of(2) {
             odd
         } else {
@@ -117,10 +119,10 @@ impl<'a> Chain<'a> {
         };
         let dim = kept.dim();
         Self {
-            setting,
+            context,
             bound,
             others,
-            likelihood: Likelihood::new(setting.target),
+            likelihood: Likelihood::new(context.target),
             x: kept.row(seed).to_vec(),
             ln_l: kept.ln_l[seed],
             label: bound.label(kept.row(seed)),
@@ -131,8 +133,8 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Puts `x + t direction` into `trial`; whether it is in the cube and in the partition.
-    pub(super) fn aim(&mut self, t: f64, partition: Partition) -> bool {
+    /// Writes `x + t direction` into `trial`; returns whether that is in the cube and in the partition.
+    pub(super) fn set_trial(&mut self, t: f64, partition: Partition) -> bool {
         let mut in_cube = true;
         for ((o, x), v) in self.trial.iter_mut().zip(&self.x).zip(&self.direction) {
             *o = x + t * v;
@@ -141,13 +143,14 @@ impl<'a> Chain<'a> {
         in_cube && self.inside(partition)
     }
 
-    /// Writes `x + t direction` into `trial`; its log-likelihood if the chain may go there and it is above the bound.
-    pub(super) fn look(&mut self, t: f64, partition: Partition) -> Result<Option<f64>> {
-        if !self.aim(t, partition) {
+    /// Writes `x + t direction` into `trial`; returns its log-likelihood if it is in the cube, in the partition and
+    /// above the bound.
+    pub(super) fn try_trial(&mut self, t: f64, partition: Partition) -> Result<Option<f64>> {
+        if !self.set_trial(t, partition) {
             return Ok(None);
         }
         let ln_l = self.likelihood.at(&self.trial)?;
-        Ok((ln_l > self.setting.contour).then_some(ln_l))
+        Ok((ln_l > self.context.contour).then_some(ln_l))
     }
 
     /// Whether `trial` is inside the partition.
@@ -155,7 +158,7 @@ impl<'a> Chain<'a> {
         match partition {
             Partition::Region(label) => self.bound.has_label(&self.trial, label),
             Partition::Cell(pair) => {
-                let orbit = Symmetry::first_orbit(self.setting.target.symmetries());
+                let orbit = Symmetry::first_orbit(self.context.target.symmetries());
                 self.others.is_undivided(&pair)
                     || self.others.holds(&pair, &normals(&self.trial), orbit)
             }
@@ -173,18 +176,17 @@ impl<'a> Chain<'a> {
         self.ln_l = ln_l;
     }
 
-    /// Draws the position along every declared orbit afresh. The likelihood is the same there but for rounding, which a
-    /// chaotic target amplifies: a point must carry the value of its own digits, or chains that start from it may find
-    /// nothing above the contour. So it costs one call. A draw that rounding takes below the contour is
-    /// refused.
-    pub(super) fn refresh_orbits(&mut self, rng: &mut Stream) -> Result<()> {
-        for symmetry in self.setting.target.symmetries() {
+    /// Redraws the position along every declared orbit. The likelihood is the same there except for rounding, which a
+    /// chaotic target amplifies; it is evaluated again (one call), because chains that start from a point with another
+    /// point's value may find nothing above the bound. A draw that rounding takes below the bound is rejected.
+    pub(super) fn refresh_orbits(&mut self, rng: &mut RandomStream) -> Result<()> {
+        for symmetry in self.context.target.symmetries() {
             if let Symmetry::Orbit(orbit) = symmetry {
                 let mut z = self.normals();
                 orbit.refresh(&mut z, rng);
                 cube_from_normal(&z, &mut self.trial);
                 let ln_l = self.likelihood.at(&self.trial)?;
-                if ln_l > self.setting.contour {
+                if ln_l > self.context.contour {
                     self.accept(ln_l);
                 }
             }
@@ -198,7 +200,7 @@ pub(super) fn normals(u: &[f64]) -> Vec<f64> {
     u.iter().map(|u| normal::quantile(*u)).collect()
 }
 
-/// `u = Phi(z)`, kept inside the open cube where doubles would round it to its edge.
+/// `u = Phi(z)`, kept inside the open cube where doubles would round it to a face.
 pub(super) fn cube_from_normal(z: &[f64], u: &mut [f64]) {
     for (u, z) in u.iter_mut().zip(z) {
         *u = normal::cdf(*z).clamp(f64::MIN_POSITIVE, 1.0 - 0.5 * f64::EPSILON);

@@ -1,4 +1,5 @@
-//! Drawing a new point above a contour: directly from the bound, or by a chain of steps from a live point.
+//! Draws a new point above the likelihood bound: directly from the ellipsoids, or by a chain of steps from a live
+//! point.
 
 pub(super) mod chain;
 mod difference;
@@ -8,18 +9,18 @@ mod slice;
 mod uniform;
 mod walk;
 
-pub(super) use chain::{NewPoint, Pace, Setting};
+pub(super) use chain::{ChainContext, NewPoint, StepCounts};
 
 use super::bound::Bound;
 use super::live::Points;
 use super::settings::Kernel;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
-use crate::rng::Stream;
+use crate::rng::RandomStream;
 use crate::target::{Symmetry, Target};
 use chain::{Chain, normals};
 
-/// The bound of chains that start from a point of this lineage.
+/// The ellipsoids of chains that start from a point of this lineage.
 pub(super) fn bound_of(bounds: &[Bound], lineage: u32) -> Option<&Bound> {
     let index = (lineage as usize).checked_rem(bounds.len())?;
     bounds.get(index)
@@ -27,19 +28,19 @@ pub(super) fn bound_of(bounds: &[Bound], lineage: u32) -> Option<&Bound> {
 
 /// Draws a point above the likelihood bound. Chains start at row `seed` of the surviving points.
 pub(super) fn draw(
-    setting: &Setting<'_>,
+    context: &ChainContext<'_>,
     kept: &Points,
     seed: usize,
-    mut rng: Stream,
+    mut rng: RandomStream,
 ) -> Result<NewPoint> {
     let rng = &mut rng;
-    let bound = bound_of(setting.bounds, kept.genealogy[seed].lineage);
-    let Some(bound) = bound.filter(|_| setting.kernel != Kernel::Uniform) else {
-        return uniform::draw(setting, bound, rng);
+    let bound = bound_of(context.bounds, kept.genealogy[seed].lineage);
+    let Some(bound) = bound.filter(|_| context.kernel != Kernel::Uniform) else {
+        return uniform::draw(context, bound, rng);
     };
-    let mut chain = Chain::new(setting, bound, kept, seed);
-    for step in 0..setting.steps {
-        match setting.kernel {
+    let mut chain = Chain::new(context, bound, kept, seed);
+    for step in 0..context.steps {
+        match context.kernel {
             Kernel::RandomWalk => walk::step(&mut chain, rng)?,
             Kernel::Differential => difference::step(&mut chain, rng)?,
             Kernel::Galilean => galilean::step(&mut chain, rng)?,

@@ -43,9 +43,9 @@ impl Target for Square {
     }
 }
 
-/// `count` independent uniform points above the contour, found by rejection.
+/// `count` independent uniform points above the likelihood bound, found by rejection.
 fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> Points {
-    let setting = Setting {
+    let context = ChainContext {
         target,
         contour,
         kernel: Kernel::Uniform,
@@ -58,7 +58,7 @@ fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> 
     let mut points = Points::new(target.dim());
     for i in 0..count as u64 {
         let rng = stream(11, Domain::Test, task, i);
-        let new = uniform::draw(&setting, None, &mut { rng }).unwrap();
+        let new = uniform::draw(&context, None, &mut { rng }).unwrap();
         points.push(&new.u, new.ln_l, f64::NEG_INFINITY, (i % 2) as u32);
     }
     points
@@ -67,7 +67,7 @@ fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> 
 /// A named function of a point: the distribution function of one of its values, uniform under the null hypothesis.
 type Law<'a> = (&'a str, &'a (dyn Fn(&[f64]) -> f64 + Sync));
 
-/// Starts many chains from uniform points above the contour; their ends must be uniform there too.
+/// Starts many chains from uniform points above the likelihood bound; their ends must be uniform there too.
 fn stays_uniform(
     name: &str,
     target: &dyn Target,
@@ -78,7 +78,7 @@ fn stays_uniform(
 ) {
     let count = 40_000;
     let starts = uniform_above(target, contour, 1, count);
-    let setting = Setting {
+    let context = ChainContext {
         target,
         contour,
         kernel,
@@ -92,7 +92,7 @@ fn stays_uniform(
         .into_par_iter()
         .map(|i| {
             let rng = stream(12, Domain::Test, 2, i as u64);
-            draw(&setting, &starts, i, rng).unwrap()
+            draw(&context, &starts, i, rng).unwrap()
         })
         .collect();
     let moved = ends.iter().filter(|e| e.motion.moved).count();
@@ -104,7 +104,7 @@ fn stays_uniform(
     }
 }
 
-/// Above the contour 0: a ring of radii 0.2 to 0.4 about the centre of the square.
+/// Above the likelihood bound 0: a ring of radii 0.2 to 0.4 about the centre of the square.
 fn ring(x: &[f64]) -> f64 {
     let r = ((x[0] - 0.5).powi(2) + (x[1] - 0.5).powi(2)).sqrt();
     (0.1 - (r - 0.3).abs()).clamp(-1.0, 1.0)
@@ -202,7 +202,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
         Kernel::RandomWalk,
         Kernel::Galilean,
     ] {
-        let setting = Setting {
+        let context = ChainContext {
             target: &target,
             contour: -1.0,
             kernel,
@@ -219,7 +219,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
             .map(|w| {
                 let mut rng = stream(13, Domain::Test, 5, w);
                 let row = usize::try_from(w).unwrap();
-                let mut chain = Chain::new(&setting, &bounds[0], &kept, row);
+                let mut chain = Chain::new(&context, &bounds[0], &kept, row);
                 let mut cells = [0_usize; 2];
                 for half in &mut cells {
                     for _ in 0..50 {
@@ -268,14 +268,14 @@ impl Orbit for Second {
     fn name(&self) -> &str {
         "second"
     }
-    fn refresh(&self, z: &mut [f64], rng: &mut Stream) {
+    fn refresh(&self, z: &mut [f64], rng: &mut RandomStream) {
         z[1] = standard_normal(rng);
     }
 }
 
 #[test]
 fn involutions_and_orbits_keep_the_prior_above_the_contour() {
-    // Above the contour: the left three fifths of the square.
+    // Above the bound: the left three fifths of the square.
     let mut target = Square::new(2, |x| if x[0] < 0.6 { 0.0 } else { -2.0 });
     // Not a gradient of anything: any reflection is valid that depends on its own position alone.
     target.gradient = |x, gradient| gradient.copy_from_slice(&[-1.0, x[1]]);
@@ -329,13 +329,13 @@ fn galilean_trajectories_between_the_cube_a_mirror_and_rejected_points_stay_unif
     }
 }
 
-/// A setting for Galilean trajectories in the ring from `kept`.
+/// The context of Galilean Monte Carlo trajectories in the ring from `kept`.
 fn in_the_ring<'a>(
     target: &'a Square,
     bounds: &'a [Bound],
     halves: &'a [DifferencePool; 2],
-) -> Setting<'a> {
-    Setting {
+) -> ChainContext<'a> {
+    ChainContext {
         target,
         contour: 0.0,
         kernel: Kernel::Galilean,
@@ -353,11 +353,11 @@ fn a_move_of_a_galilean_then_a_flip_is_its_own_inverse() {
     let kept = uniform_above(&target, 0.0, 7, 10_000);
     let bounds = [overlapping()];
     let halves = Default::default();
-    let setting = in_the_ring(&target, &bounds, &halves);
+    let context = in_the_ring(&target, &bounds, &halves);
     let mut seen = [0; 3];
     for row in 0..kept.len() {
         let mut rng = stream(15, Domain::Test, 7, row as u64);
-        let mut chain = Chain::new(&setting, &bounds[0], &kept, row);
+        let mut chain = Chain::new(&context, &bounds[0], &kept, row);
         draw_direction(&mut rng, &mut chain.ball);
         let velocity = chain.ball.clone();
         for turn in 0..2 {
@@ -381,24 +381,24 @@ fn a_move_of_a_galilean_then_a_flip_is_its_own_inverse() {
     assert!(seen.iter().all(|n| *n > 500), "{seen:?}");
 }
 
-/// Kolmogorov-Smirnov probability of the radii where Galilean trajectories of two moves end that began uniform in the ring; a chain that can
-/// neither go on nor be reflected turns round, or waits.
+/// Kolmogorov-Smirnov probability of the radii after trajectories of two moves that began uniform in the ring; a chain
+/// that can neither move nor be reflected reverses its velocity or, as the wrong rule, keeps it.
 fn radii_after_galilean_trajectories(turns: bool) -> f64 {
     let target = ring_target();
     let count = 40_000;
     let kept = uniform_above(&target, 0.0, 8, count);
     let bounds = [Bound::cube(2)];
     let halves = Default::default();
-    let setting = in_the_ring(&target, &bounds, &halves);
+    let context = in_the_ring(&target, &bounds, &halves);
     let radii: Vec<f64> = (0..count)
         .into_par_iter()
         .map(|row| {
             let mut rng = stream(16, Domain::Test, 8, row as u64);
-            let mut chain = Chain::new(&setting, &bounds[0], &kept, row);
+            let mut chain = Chain::new(&context, &bounds[0], &kept, row);
             for _ in 0..6 {
                 draw_direction(&mut rng, &mut chain.ball);
                 for _ in 0..2 {
-                    let moved = galilean::advance(&mut chain, setting.scale).unwrap();
+                    let moved = galilean::advance(&mut chain, context.scale).unwrap();
                     if turns && !moved {
                         chain.ball.iter_mut().for_each(|w| *w = -*w);
                     }

@@ -1,23 +1,23 @@
-//! Independent draws: from the prior, or from the bound.
+//! Independent draws: from the prior, or from the ellipsoids.
 
-use super::chain::{Motion, NewPoint, Setting};
+use super::chain::{ChainContext, Motion, NewPoint};
 use crate::error::{Error, Result};
 use crate::nested::bound::Bound;
 use crate::nested::likelihood::{Likelihood, draw_prior};
-use crate::rng::Stream;
+use crate::rng::RandomStream;
 
-/// Likelihood calls, and draws, for one point before the bound is given up.
+/// Maximum number of likelihood calls, and of draws, for one point.
 const MAX_CALLS: u64 = 100_000;
 const MAX_DRAWS: u64 = 1_000_000;
 
-/// Draws, from the prior or from `bound`, until one is above the contour.
+/// Draws, from the prior or from `bound`, until one is above the likelihood bound.
 pub(super) fn draw(
-    setting: &Setting<'_>,
+    context: &ChainContext<'_>,
     bound: Option<&Bound>,
-    rng: &mut Stream,
+    rng: &mut RandomStream,
 ) -> Result<NewPoint> {
-    let dim = setting.target.dim();
-    let mut likelihood = Likelihood::new(setting.target);
+    let dim = context.target.dim();
+    let mut likelihood = Likelihood::new(context.target);
     let mut ball = vec![0.0; dim];
     let mut u = vec![0.0; dim];
     for _ in 0..MAX_DRAWS {
@@ -32,7 +32,7 @@ pub(super) fn draw(
             }
         }
         let ln_l = likelihood.at(&u)?;
-        if ln_l > setting.contour {
+        if ln_l > context.contour {
             return Ok(NewPoint {
                 u,
                 ln_l,

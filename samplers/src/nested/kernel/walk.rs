@@ -6,10 +6,10 @@
 use super::chain::{Chain, Partition};
 use crate::error::Result;
 use crate::nested::bound::draw_direction;
-use crate::rng::{Stream, unit_open};
+use crate::rng::{RandomStream, unit_open};
 
 /// Proposes one step; the chain stays where it is if the step ends below the bound.
-pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
+pub(super) fn step(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> {
     draw_direction(rng, &mut chain.ball);
     let length = unit_open(rng);
     chain.ball.iter_mut().for_each(|w| *w *= length);
@@ -17,7 +17,7 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut Stream) -> Result<()> {
         .bound
         .metric(chain.label)
         .stretch(&chain.ball, &mut chain.direction);
-    match chain.look(chain.setting.scale, Partition::Region(chain.label))? {
+    match chain.try_trial(chain.context.scale, Partition::Region(chain.label))? {
         Some(ln_l) => {
             chain.accept(ln_l);
             chain.motion.local.grown += 1;

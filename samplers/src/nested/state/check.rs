@@ -12,7 +12,7 @@ impl State {
         self.live.check(dim, lineages, self.begun)?;
         self.dead.check(dim, lineages, self.begun)?;
         self.check_births()?;
-        // An iteration or a batch buries one point or more, and founds recent lineages once at most.
+        // An iteration or a batch makes at least one point dead, and begins recent lineages at most once.
         ensure(
             self.iteration <= self.dead.len() as u64,
             "more iterations than points that have died",
@@ -20,7 +20,7 @@ impl State {
         let most = (self.iteration + 1).saturating_mul(lineages as u64);
         ensure(
             u64::from(self.begun) <= most && self.begun < u32::MAX / 2,
-            "more recent lineages than iterations can have founded",
+            "more recent lineages than iterations can have begun",
         )?;
         ensure(
             self.ln_x.is_finite() && self.ln_x <= 0.0 && self.ln_x_at_fit <= 0.0,
@@ -63,7 +63,7 @@ impl State {
         ensure(
             (self.batches > 1) == self.range.is_some()
                 && self.range.is_some() == self.left.is_some(),
-            "the number of batches and what they span do not belong together",
+            "the number of batches and their likelihood bounds do not belong together",
         )?;
         ensure(
             self.batches >= 1 && countable([self.batches as u64]),
@@ -103,7 +103,7 @@ impl State {
 mod tests {
     use super::*;
 
-    /// What is done to a state.
+    /// A change to a state.
     type Damage<'a> = &'a dyn Fn(&mut State);
     use crate::nested::live::Genealogy;
     use crate::nested::settings::Settings;

@@ -29,8 +29,8 @@ fn new_point(x: f64, ln_l: f64) -> NewPoint {
     }
 }
 
-/// ln Z of a run with `n_live` points in iterations of the fraction `replaced_fraction`, of a likelihood that falls with the volume;
-/// `inside` gives the largest volume whose points exceed a contour.
+/// ln Z of a run with `n_live` points in iterations of the fraction `replaced_fraction`, of a likelihood that falls
+/// with the volume; `inside` gives the largest volume whose points exceed a likelihood bound.
 fn perfect(
     (n_live, replaced_fraction): (usize, f64),
     ln_l: &dyn Fn(f64) -> f64,

@@ -1,4 +1,4 @@
-//! HMC transitions, slices and jumps: exact invariance, reversibility.
+//! HMC transitions, slice updates and symmetry moves: exact invariance, reversibility.
 //!
 //! Invariance is tested as in Geweke's joint test: draw z from the prior and data from the model, move z by a kernel
 //! on the posterior given these data, and z must still follow the prior. A kernel that accepts nearly always passes
@@ -10,9 +10,10 @@ mod reference;
 use crate::targets::smooth;
 use oblate_samplers::difference_pool::DifferencePool;
 use oblate_samplers::hmc::{
-    End, Evaluator, LocalSampler, Metric, Moved, Plan, Point, propose_involution, refresh, slice,
+    End, Evaluator, LocalSampler, Metric, Plan, Point, Transition, propose_involution, refresh,
+    slice,
 };
-use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
+use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
 use oblate_samplers::target::{Involution, Orbit};
 use oblate_samplers::{Marginal, Outcome, Prior, Target, normal};
 use rayon::prelude::*;
@@ -85,7 +86,7 @@ fn kolmogorov(mut sample: Vec<f64>, cdf: impl Fn(f64) -> f64) -> f64 {
             sign * (-2.0 * f64::from(k * k) * t * t).exp()
         })
         .sum();
-    // For small distances the series does not converge; the sample is then as good as can be.
+    // For small distances the series does not converge; the p-value is then 1.
     if t < 0.2 { 1.0 } else { sum.clamp(0.0, 1.0) }
 }
 
@@ -120,7 +121,7 @@ static BINOMIALS: LazyLock<Vec<smooth::Smooth>> =
     LazyLock::new(|| (0..=100).map(smooth::binomial_of).collect());
 
 /// A prior draw and, given it, a target with data from the model at this inverse temperature.
-fn binomial_pair(rng: &mut Stream) -> (Point, &'static smooth::Smooth) {
+fn binomial_pair(rng: &mut RandomStream) -> (Point, &'static smooth::Smooth) {
     let mut point = Point::new(2);
     point.z = vec![standard_normal(rng), standard_normal(rng)];
     let p: f64 = point.z.iter().map(|z| normal::cdf(*z)).product();
@@ -128,7 +129,7 @@ fn binomial_pair(rng: &mut Stream) -> (Point, &'static smooth::Smooth) {
     (point, &BINOMIALS[y])
 }
 
-fn datum_pair(rng: &mut Stream, prior: &Prior, beta: f64, only_sum: bool) -> (Point, Datum) {
+fn datum_pair(rng: &mut RandomStream, prior: &Prior, beta: f64, only_sum: bool) -> (Point, Datum) {
     let mut point = Point::new(2);
     point.z = vec![standard_normal(rng), standard_normal(rng)];
     let sd = (1.0 / (9.0 * beta)).sqrt();
@@ -141,7 +142,7 @@ fn datum_pair(rng: &mut Stream, prior: &Prior, beta: f64, only_sum: bool) -> (Po
     (point, Datum { prior, y, only_sum })
 }
 
-fn tilted() -> Metric {
+fn correlated_metric() -> Metric {
     let covariance = nalgebra::DMatrix::from_row_slice(2, 2, &[0.5, 0.2, 0.2, 0.8]);
     Metric::from_covariance(&covariance).unwrap()
 }
@@ -151,7 +152,7 @@ fn tilted() -> Metric {
 fn with_rule(index: u64, rule: impl Fn(&Point, &Point, f64) -> f64) -> ([f64; 2], f64) {
     let mut rng = stream(15, Domain::Test, 0, index);
     let (mut point, target) = binomial_pair(&mut rng);
-    let metric = tilted();
+    let metric = correlated_metric();
     let mut local_sampler = LocalSampler::new(target, 1.0, &metric);
     local_sampler.evaluator.fill(&mut point).unwrap();
     let mut acceptance = 0.0;
@@ -174,8 +175,8 @@ fn with_rule(index: u64, rule: impl Fn(&Point, &Point, f64) -> f64) -> ([f64; 2]
 fn moved(
     mut local_sampler: LocalSampler<'_, '_>,
     mut point: Point,
-    rng: &mut Stream,
-    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream) -> Moved,
+    rng: &mut RandomStream,
+    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut RandomStream) -> Transition,
 ) -> ([f64; 2], f64) {
     point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
     let mut acceptance = 0.0;
@@ -186,8 +187,8 @@ fn moved(
 }
 
 #[test]
-fn hamiltonian_moves_leave_the_posterior_invariant() {
-    for (metric, step) in [(tilted(), 0.36), (Metric::identity(2), 0.32)] {
+fn hmc_transitions_leave_the_posterior_invariant() {
+    for (metric, step) in [(correlated_metric(), 0.36), (Metric::identity(2), 0.32)] {
         let plan = Plan {
             step,
             length: 1.2,
@@ -207,8 +208,8 @@ fn hamiltonian_moves_leave_the_posterior_invariant() {
 }
 
 #[test]
-fn hamiltonian_moves_leave_a_tempered_posterior_invariant() {
-    let (prior, metric, beta) = (plane(), tilted(), 0.3);
+fn hmc_transitions_leave_a_tempered_posterior_invariant() {
+    let (prior, metric, beta) = (plane(), correlated_metric(), 0.3);
     let plan = Plan {
         step: 1.05,
         length: 3.0,
@@ -226,10 +227,10 @@ fn hamiltonian_moves_leave_a_tempered_posterior_invariant() {
     });
 }
 
-/// Steps of slices along directions from a pool that may depend on the point.
+/// Slice updates along directions from a pool that may depend on the point.
 fn sliced(index: u64, beta: f64, pool_at: impl Fn(&Point) -> DifferencePool) -> [f64; 2] {
     let mut rng = stream(20, Domain::Test, 0, index);
-    let (metric, prior) = (tilted(), plane());
+    let (metric, prior) = (correlated_metric(), plane());
     let (mut point, datum) = datum_pair(&mut rng, &prior, beta, true);
     let mut evaluator = Evaluator::new(&datum);
     point.ln_likelihood = evaluator.value(&point.z).unwrap();
@@ -327,7 +328,8 @@ fn an_involution_with_its_jacobian_leaves_the_posterior_invariant_and_without_it
     assert_caught("no jacobian", |index| jumped(index, &prior, &wrong));
 }
 
-/// The difference `z1 - z2`, which a likelihood of the sum does not see: its prior is normal with this deviation.
+/// The difference `z1 - z2`, of which a likelihood of the sum is independent: its prior is normal with this standard
+/// deviation.
 pub struct Difference {
     pub sd: f64,
 }
@@ -336,7 +338,7 @@ impl Orbit for Difference {
     fn name(&self) -> &str {
         "difference"
     }
-    fn refresh(&self, z: &mut [f64], rng: &mut Stream) {
+    fn refresh(&self, z: &mut [f64], rng: &mut RandomStream) {
         let sum = z[0] + z[1];
         let difference = self.sd * standard_normal(rng);
         z[0] = 0.5 * (sum + difference);
@@ -347,7 +349,7 @@ impl Orbit for Difference {
 fn refreshed(index: u64, prior: &Prior, sd: f64) -> ([f64; 2], f64) {
     let mut rng = stream(19, Domain::Test, 0, index);
     let (mut point, target) = datum_pair(&mut rng, prior, 1.0, true);
-    let metric = tilted();
+    let metric = correlated_metric();
     let mut local_sampler = LocalSampler::new(&target, 1.0, &metric);
     point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
     let plan = Plan {
@@ -389,7 +391,7 @@ fn an_orbit_redrawn_from_the_prior_leaves_the_posterior_invariant_and_from_anoth
     });
 }
 
-/// Energy error at the end of a path of fixed length from a fixed start.
+/// Energy error at the end of a trajectory of fixed length from a fixed start.
 fn energy_error(step: f64, leapfrogs: usize) -> f64 {
     let target = smooth::binomial();
     let metric = Metric::identity(2);

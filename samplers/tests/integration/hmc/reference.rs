@@ -1,18 +1,20 @@
 //! Annealing paths from a mixture.
 
-use super::{DRAWS, Difference, Inversion, STEPS, datum_pair, farthest_moment, plane, tilted};
+use super::{
+    DRAWS, Difference, Inversion, STEPS, correlated_metric, datum_pair, farthest_moment, plane,
+};
 use oblate_samplers::difference_pool::DifferencePool;
 use oblate_samplers::hmc::{
     Evaluator, LocalSampler, Plan, Point, Reference, propose_involution, refresh, slice,
 };
-use oblate_samplers::rng::{Domain, Stream, standard_normal, stream, unit_open};
+use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
 use rayon::prelude::*;
 
-/// A mixture of two clumps beside each other, and a little of the prior.
+/// A mixture of two neighbouring components, and a little of the prior.
 fn clumps() -> Reference {
     let mut rng = stream(24, Domain::Test, 0, 0);
     let halves = [0, 1].map(|_| {
-        let clump = |i: usize, rng: &mut Stream| {
+        let clump = |i: usize, rng: &mut RandomStream| {
             let centre = if i.is_multiple_of(3) { -0.8 } else { 0.6 };
             [
                 centre + 0.3 * standard_normal(rng),
@@ -30,9 +32,9 @@ fn moved_from(
     reference: &Reference,
     beta: f64,
     index: u64,
-    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream),
+    step: impl Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut RandomStream),
 ) -> ([f64; 2], [f64; 2]) {
-    // No point of the plane has a larger log ratio to the prior.
+    // No point of the plane has a larger log ratio of reference to prior.
     const HIGHEST: f64 = 2.5;
     let mut rng = stream(25, Domain::Test, 0, index);
     let prior = plane();
@@ -44,7 +46,7 @@ fn moved_from(
             break (point, datum);
         }
     };
-    let metric = tilted();
+    let metric = correlated_metric();
     let evaluator = Evaluator::from_reference(&datum, reference);
     let mut local_sampler = LocalSampler::of(evaluator, beta, &metric);
     point.ln_likelihood = local_sampler.evaluator.value(&point.z).unwrap();
@@ -60,13 +62,13 @@ fn moved_from(
 }
 
 #[test]
-fn every_move_keeps_the_law_of_a_path_from_a_mixture_and_one_without_its_log_ratio_does_not() {
+fn every_move_leaves_a_path_from_a_mixture_invariant_and_one_without_its_log_ratio_does_not() {
     laws_of_a_path_from_a_mixture(DRAWS / 5);
 }
 
 #[test]
 #[ignore = "the long form: run before a release with --ignored"]
-fn every_move_keeps_the_law_of_a_path_from_a_mixture_for_more_draws() {
+fn every_move_leaves_a_path_from_a_mixture_invariant_for_more_draws() {
     laws_of_a_path_from_a_mixture(DRAWS);
 }
 
@@ -74,7 +76,7 @@ fn every_move_keeps_the_law_of_a_path_from_a_mixture_for_more_draws() {
 fn laws_of_a_path_from_a_mixture(draws: u64) {
     let reference = clumps();
     let beta = 0.4;
-    let metric = tilted();
+    let metric = correlated_metric();
     let plan = Plan {
         step: 0.8,
         length: 1.5,
@@ -82,7 +84,7 @@ fn laws_of_a_path_from_a_mixture(draws: u64) {
         max_energy_range: 1000.0,
         slack: 0.0,
     };
-    let far = |step: &(dyn Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut Stream) + Sync)| {
+    let far = |step: &(dyn Fn(&mut LocalSampler<'_, '_>, &mut Point, &mut RandomStream) + Sync)| {
         let pairs: Vec<_> = (0..draws)
             .into_par_iter()
             .map(|index| moved_from(&reference, beta, index, step))
@@ -116,7 +118,7 @@ fn laws_of_a_path_from_a_mixture(draws: u64) {
     ] {
         assert!(apart < 4.0, "{name}: {apart}");
     }
-    // At beta = 1 the log ratio to the prior does not count.
+    // At beta = 1 the reference does not matter.
     let without = far(&|e, at, rng| refresh(&e.evaluator, &orbit, 1.0, at, rng));
     // A fixed difference, whose error falls as the root of the draws.
     let expected = 10.0 * (draws as f64 / DRAWS as f64).sqrt();
@@ -125,7 +127,8 @@ fn laws_of_a_path_from_a_mixture(draws: u64) {
 
 #[test]
 fn a_reference_draws_its_own_density() {
-    // The mean of prior over reference is 1 for draws of the reference; it is at most 20, since a twentieth is prior.
+    // The mean of prior over reference is 1 for draws of the reference; it is at most 20, because a twentieth of the
+    // reference is the prior.
     let reference = clumps();
     assert!(reference.components() > 1 && !reference.is_prior());
     let ratios: Vec<f64> = (0..DRAWS)

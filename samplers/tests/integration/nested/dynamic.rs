@@ -83,7 +83,7 @@ impl Observer for Batches {
 }
 
 #[test]
-fn batches_from_the_prior_go_all_the_way() {
+fn batches_from_the_prior_reach_the_posterior() {
     let target = smooth::mvn13();
     let aimed = Settings {
         target_ln_z_error: Some(0.22),
@@ -93,8 +93,8 @@ fn batches_from_the_prior_go_all_the_way() {
     let mut batches = Batches::default();
     let run = run(&target, &aimed, 1, &mut Control::new(&mut batches)).unwrap();
     assert!((run.evidence.ln_z - target.ln_z).abs() < 4.0 * run.evidence.error);
-    // 200 live points have an error of sqrt(18.8 / 200) = .31: two more batches of as many make it .18. Batches that ended while
-    // they were still far below the posterior took hundreds.
+    // 200 live points have an error of sqrt(18.8 / 200) = 0.31: two more batches of as many reduce it to 0.18. Batches
+    // that ended far below the posterior took hundreds.
     assert!(batches.0 <= 6, "{}", batches.0);
 }
 
@@ -115,7 +115,7 @@ fn added_live_points_are_effective_draws_for_fewer_calls() {
 fn posterior_means_are_right_within_their_effective_sizes() {
     let target = smooth::mvn13();
     let run = sample(&target, &dynamic(200, Kernel::Differential, 3_000.0), 2);
-    // The prior is N(mean, 1) and the likelihood Gaussian: what an own long static run gives is a mean of the same.
+    // The prior is N(mean, 1) and the likelihood Gaussian: a long static run has the same means.
     let even = sample(&target, &settings(1_000, Kernel::Differential), 3);
     let moments = |run: &oblate_samplers::Run, k: usize| {
         let (x, w) = (run.draws.column(k), run.draws.weights());

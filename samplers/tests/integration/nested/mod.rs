@@ -9,7 +9,7 @@ use oblate_samplers::output::History;
 use oblate_samplers::{Run, Target};
 
 mod dynamic;
-mod life;
+mod interruptions;
 mod merge;
 
 fn settings(n_live: usize, kernel: Kernel) -> Settings {
@@ -77,7 +77,7 @@ fn births_tell_the_first_draws_from_those_above_rejected_points() {
     let above = birth.iter().filter(|b| b.total_cmp(&f64::MIN).is_eq());
     let above = above.count();
     assert!(rejected > 50 && above > 50, "{rejected} {above}");
-    // From births and deaths alone anyone counts the living as the run did.
+    // The numbers of live points follow from births and deaths alone.
     let died = |i: usize| ln_likelihood[i].max(f64::MIN);
     for i in (0..birth.len()).step_by(7) {
         let born = birth.iter().filter(|b| **b < died(i)).count();
@@ -160,7 +160,7 @@ fn slices_along_differences_find_the_same_evidences() {
 }
 
 #[test]
-fn slices_too_few_to_forget_their_seeds_leave_ln_z_where_it_is() {
+fn slice_updates_too_few_to_be_independent_of_their_seeds_leave_ln_z_unbiased() {
     // Four slice updates where sixteen are the default: with chains that used their own half of the lineages ln Z was four errors
     // too high.
     for kernel in [Kernel::Differential, Kernel::RandomSlice] {
@@ -217,9 +217,10 @@ fn rank_power(steps: usize) -> (f64, Vec<Vec<String>>) {
 }
 
 #[test]
-fn walks_too_short_fail_their_gates_and_longer_ones_pass_the_rank_test() {
+fn walks_too_short_fail_their_checks_and_longer_ones_pass_the_rank_test() {
     let (_, failing) = rank_power(2);
-    // The run raises the steps itself, so the ranks alone do not show the problem; its first part still counts.
+    // The run raises the steps itself, so the ranks alone do not show the problem; the two checks still include the
+    // first part of the run.
     for failed in &failing {
         for check in ["no-move", "seed-rank-correlation"] {
             assert!(failed.iter().any(|name| name == check), "{failed:?}");

@@ -57,7 +57,7 @@ fn evidence_of_shells() {
     evidence_is_right_within_its_error(&smooth::shells(5), 9);
 }
 
-/// Trajectories of two steps go nowhere by themselves.
+/// Trajectories of two steps are too short by themselves.
 #[test]
 fn evidence_by_slices() {
     let by_slices = Settings {
@@ -72,7 +72,7 @@ fn evidence_by_slices() {
 
 /// Three rounds fewer than from prior draws.
 #[test]
-fn evidence_after_annealing() {
+fn evidence_after_smc() {
     let from_smc = Settings {
         smc_particles: 64,
         slice_updates: 12,
@@ -106,7 +106,7 @@ fn evidence_from_a_mixture() {
     }
 }
 
-/// All rounds begin at a mixture, the first at one of what SMC samplers have found.
+/// All rounds have a mixture as reference, the first one fitted to SMC particles.
 #[test]
 fn evidence_from_a_mixture_of_smc_samplers() {
     let settings = Settings {
@@ -124,7 +124,7 @@ fn evidence_from_a_mixture_of_smc_samplers() {
 
 /// A last round that is extended until the checks pass counts all of its scans, and those of earlier rounds none.
 #[test]
-fn evidence_of_a_round_that_goes_on() {
+fn evidence_of_an_extended_round() {
     let going_on = Settings {
         extensions: 15,
         ..rounds(6)
@@ -151,7 +151,7 @@ fn evidence_of_a_round_that_goes_on() {
     }
 }
 
-/// From a mixture it goes on in extensions, each with a path of its own.
+/// On a path from a mixture each extension has a path of its own.
 #[test]
 fn evidence_of_extensions() {
     let settings = |extensions| Settings {
@@ -168,7 +168,7 @@ fn evidence_of_extensions() {
         let short = run(&target, &settings(0), 1);
         let whole = run(&target, &settings(15), 1);
         assert_eq!(failed(&whole), [""; 0], "{}", target.name);
-        // It is too short, and what counts later are whole extensions.
+        // The unextended run is too short, and later whole extensions count.
         assert!(!short.converged(), "{}", target.name);
         let (extension, all) = (short.draws.len(), whole.draws.len());
         assert!(

@@ -1,8 +1,8 @@
 //! Parallel tempering against exact evidences and posteriors.
 
 mod evidence;
-mod honesty;
 mod posterior;
+mod refusals;
 mod resume;
 mod schedule;
 mod smc;

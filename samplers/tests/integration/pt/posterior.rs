@@ -1,4 +1,4 @@
-//! Posteriors against exact ones, and runs that must be refused.
+//! Posteriors against exact ones, and runs that must fail their checks.
 
 use super::{check, failed, rounds, run};
 use crate::hmc::{Datum, Difference, datum_of_sum};
@@ -148,8 +148,8 @@ fn a_run_that_is_too_short_is_refused_with_a_remedy() {
 }
 
 #[test]
-fn runs_that_are_long_enough_pass_every_gate() {
-    // Two checks refuse one honest run in a hundred each, by their p-values: most of three seeds must pass.
+fn runs_that_are_long_enough_pass_every_check() {
+    // Two checks each fail for one correct run in a hundred, by their p-values: most of three seeds must pass.
     for (target, count, seeds) in [
         (smooth::iso(13), 10, vec![1, 2, 3]),
         (smooth::binomial(), 10, vec![1, 2, 3]),
@@ -262,8 +262,8 @@ fn an_orbit_makes_its_direction_independent_and_costs_one_gradient_a_scan() {
         (variance / 2.0 - 1.0).abs() < 4.0 * (2.0 / n).sqrt(),
         "{variance}"
     );
-    // Scans 4 + 8 + .. + 512 of 4 chain sets and 7 explored temperatures, at most one more gradient each; a swapped-in
-    // prior draw needs its gradient in either case.
+    // Scans 4 + 8 + .. + 512 of 4 chain sets and 7 temperatures with local moves, at most one more gradient each; a
+    // swapped-in prior draw needs its gradient in either case.
     let without = run(Vec::new());
     let scans = f64::from(4 * 255 * 4 * 7);
     let more = with.cost.gradients as f64 - without.cost.gradients as f64;

@@ -72,7 +72,7 @@ fn a_run_stopped_eleven_times_and_resumed_has_the_bits_of_one_never_stopped() {
     };
     let target = target();
     let expected = whole(&target, &settings);
-    // 252 scans; 4, 12, 28, 60 and 124 are the ends of rounds; the last one goes on for 128 more.
+    // 252 scans; 4, 12, 28, 60 and 124 are the ends of rounds; the last one is extended by 128.
     assert_eq!(expected.draws.len(), 4 * 2 * 128);
     for scans in [1, 3, 1, 7, 16, 20, 12, 40, 60, 80, 60] {
         let run = resumed(&target, &settings, &path, scans).unwrap();
@@ -88,7 +88,7 @@ fn a_run_stopped_eleven_times_and_resumed_has_the_bits_of_one_never_stopped() {
 }
 
 #[test]
-fn a_run_that_ended_goes_on_where_it_is_allowed_more() {
+fn a_finished_run_is_extended_where_more_extensions_are_allowed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pt.ckpt");
     let target = target();
@@ -115,7 +115,7 @@ fn from_smc() -> Settings {
 }
 
 #[test]
-fn a_run_stopped_while_it_runs_smc_says_so_and_resumes_to_the_same_bits() {
+fn a_run_stopped_during_smc_says_so_and_resumes_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pt.ckpt");
     let (target, settings) = (target(), from_smc());

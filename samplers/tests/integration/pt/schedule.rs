@@ -1,4 +1,4 @@
-//! The adapted chain set of an isotropic Gaussian, where everything about it is known.
+//! The adapted temperatures of an isotropic Gaussian, for which everything is known.
 
 use super::run;
 use crate::targets::smooth;
@@ -38,7 +38,8 @@ fn temperatures_of_an_isotropic_gaussian_are_even_in_the_logarithm_of_its_precis
         let exact = (10_f64.powf(k as f64 / 7.0) - 1.0) / 9.0;
         assert!((b - exact).abs() < 0.01, "{k}: {b} {exact}");
     }
-    // 1 - 2 I_{1/(1+r)}(13/2, 13/2), r = 10^(1/7): 0.43839. The mean over gaps scatters by 0.002 at 16,000 scans.
+    // 1 - 2 I_{1/(1+r)}(13/2, 13/2), r = 10^(1/7): 0.43839. The mean over pairs of temperatures has a standard error of
+    // 0.002 at 16,000 scans.
     let mean = rejection.iter().sum::<f64>() / 7.0;
     assert!((mean - 0.43839).abs() < 0.008, "{mean}");
 }
@@ -56,7 +57,7 @@ fn rejections_add_up_to_the_barrier_from_below() {
 }
 
 #[test]
-fn round_trips_come_at_a_good_share_of_the_rate_of_perfect_explorers() {
+fn round_trips_come_at_a_good_fraction_of_the_rate_of_independent_local_samples() {
     let run = fixed(8, 10);
     let (_, rejection, trips) = chain_set(&run);
     let scans = run.draws.len() as f64;
@@ -70,7 +71,7 @@ fn round_trips_come_at_a_good_share_of_the_rate_of_perfect_explorers() {
 fn the_number_of_temperatures_settles_at_twice_the_barrier() {
     let run = super::run(&smooth::iso(13), &super::rounds(9), 1);
     let (beta, rejection, _) = chain_set(&run);
-    // The communication barrier is 3.249; a coarse chain set sees a little less of it.
+    // The communication barrier is 3.249; with few temperatures the estimate is a little smaller.
     assert!((7..=8).contains(&beta.len()), "{}", beta.len());
     assert!(
         rejection.iter().all(|s| (0.3..0.6).contains(s)),
@@ -86,7 +87,7 @@ fn a_chain_set_finds_temperatures_near_zero_for_a_deep_likelihood() {
     assert!(rejection.iter().all(|s| *s < 0.7), "{rejection:?}");
 }
 
-/// A first round that begins at a mixture of what SMC samplers have found has a far shorter path than one from the prior.
+/// A first round with a mixture of SMC particles as reference has a far shorter path than one from the prior.
 #[test]
 fn a_mixture_of_smc_samplers_shortens_the_path_from_the_first_round_on() {
     let communication_barrier = |mixture_rounds| {

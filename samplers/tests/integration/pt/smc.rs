@@ -1,4 +1,4 @@
-//! SMC samplers by themselves: a start that is far off costs rounds, and on streams there are few of them.
+//! SMC samplers by themselves: a poor start costs rounds, of which fits of streams have few.
 
 use crate::targets::smooth::{self, Smooth};
 use oblate_samplers::control::Silent;
@@ -7,7 +7,7 @@ use oblate_samplers::pt::{self, Settings};
 use oblate_samplers::{Control, Error, Event, Marginal, Observer, Outcome, Prior, Target};
 use std::ops::ControlFlow;
 
-/// Keeps what the SMC samplers said last, and stops the run when they are cold.
+/// Keeps the last SMC event, and stops the run when SMC has reached the posterior.
 #[derive(Default)]
 struct Last(f64);
 
@@ -22,7 +22,7 @@ impl Observer for Last {
     }
 }
 
-/// ln Z by the SMC samplers of ten runs less the truth: mean and its error.
+/// ln Z by SMC of ten runs minus the truth: mean and its error.
 fn bias(target: &Smooth, mcmc_steps: usize) -> (f64, f64) {
     let settings = Settings {
         chain_sets: 8,
@@ -47,8 +47,8 @@ fn bias(target: &Smooth, mcmc_steps: usize) -> (f64, f64) {
 }
 
 #[test]
-fn smc_samplers_led_by_others_keep_ln_z() {
-    // Led by their own relatives they were two nats too high, with a scatter of a tenth.
+fn directions_from_other_smc_samplers_leave_ln_z_unbiased() {
+    // With directions from their own sampler they were two nats too high, with a standard deviation of 0.1.
     for target in [smooth::mvn13(), smooth::shells(13), smooth::twins13(0.5)] {
         let (bias, error) = bias(&target, 16);
         // Student's t with nine degrees of freedom: one in a thousand.
@@ -60,7 +60,7 @@ fn smc_samplers_led_by_others_keep_ln_z() {
     }
 }
 
-/// A likelihood so steep that no step from the prior leaves two SMC particles in effect.
+/// A likelihood so steep that every step from the prior leaves an ESS below two.
 struct Cliff(Prior);
 
 const STEEP: f64 = 1e40;

@@ -70,7 +70,7 @@ pub fn quarter() -> Hard {
     }
 }
 
-/// A box of 18 equal peaks, two cut at the walls.
+/// A box of 18 equal peaks, two of them cut at its faces.
 pub fn eggbox() -> Hard {
     hard(2, 0.0, 10.0 * PI, 235.855_940, |x| {
         (2.0 + (0.5 * x[0]).cos() * (0.5 * x[1]).cos()).powi(5)

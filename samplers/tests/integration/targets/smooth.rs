@@ -64,7 +64,7 @@ impl Smooth {
         self
     }
 
-    /// The value, and the gradient where there is room for it.
+    /// The value, and the gradient if there is a place for it.
     fn value(&self, theta: &[f64], gradient: Option<&mut [f64]>) -> Outcome {
         let mut nowhere = vec![0.0; theta.len()];
         let gradient = gradient.unwrap_or(&mut nowhere);

@@ -1,4 +1,4 @@
-//! A run put together again from its summary and its stored arrays.
+//! Assembles a run from its summary and its stored arrays.
 
 use super::summary::Summary;
 use super::zarr;
@@ -6,12 +6,12 @@ use crate::error::{Error, Result};
 use oblate_samplers::Run;
 use oblate_samplers::output::{Ess, Evidence};
 
-/// The run that was split into a summary and stored arrays: equal to the original in every bit. This is where all that is read from a
-/// run folder is checked.
+/// The run that was split into a summary and stored arrays: equal to the original in every bit. Everything that is read
+/// from a run folder is checked here.
 ///
 /// # Errors
 /// [`Error::MixedFolder`] if the two were not written together; [`Error::UnsoundRun`] if arrays or numbers are damaged.
-pub fn run_from_parts(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
+pub fn assemble_run(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
     let names: Vec<String> = summary.parameters.iter().map(|p| p.0.clone()).collect();
     let derived = summary.derived.iter().map(|d| &d.0);
     if names != stored.names

@@ -9,7 +9,7 @@ use oblate_samplers::output::History;
 const RANK_CELLS: usize = 20;
 
 /// Maximum number of points of a line, which bounds the size of the file.
-const MOST_POINTS: usize = 1500;
+const MAX_POINTS: usize = 1500;
 
 /// Draws the diagnostics of a run.
 ///
@@ -17,7 +17,7 @@ const MOST_POINTS: usize = 1500;
 /// band of uniform ranks. Tempered: swap rejection and communication barrier, acceptance and step size against temperature, and the
 /// trace of ln L at beta = 1 with the round trips. Bridge: ln Z and the effective number of ancestors by exponent.
 #[must_use]
-pub fn health(run: &Run) -> String {
+pub fn diagnostics(run: &Run) -> String {
     match &run.history {
         History::Nested {
             ln_x,
@@ -36,8 +36,8 @@ pub fn health(run: &Run) -> String {
             ..
         } => {
             let mut canvas = Canvas::new(560.0, 330.0);
-            chain_set(&mut canvas, beta, swap_rejection, communication_barrier);
-            moves(&mut canvas, beta, acceptance, step_size);
+            swaps(&mut canvas, beta, swap_rejection, communication_barrier);
+            transitions(&mut canvas, beta, acceptance, step_size);
             traces(&mut canvas, trace, round_trips);
             canvas.finish("Diagnostics of a tempered run")
         }
@@ -49,14 +49,14 @@ pub fn health(run: &Run) -> String {
         } => {
             let mut canvas = Canvas::new(560.0, 220.0);
             let (left, right) = ((56.0, 12.0, 216.0, 160.0), (330.0, 12.0, 216.0, 160.0));
-            way(
+            bridge_axes(
                 &mut canvas,
                 left,
                 fraction,
                 ln_ratio,
                 "ln Z minus that of the coarse run",
             );
-            way(
+            bridge_axes(
                 &mut canvas,
                 right,
                 fraction,
@@ -69,7 +69,7 @@ pub fn health(run: &Run) -> String {
 }
 
 /// One number after every step from the coarse likelihood to the fine one.
-fn way(
+fn bridge_axes(
     canvas: &mut Canvas,
     rect: (f64, f64, f64, f64),
     fraction: &[f64],
@@ -91,9 +91,9 @@ fn way(
     axes.draw_y(canvas, what, 5, 8.0, 42.0);
 }
 
-/// Evenly spaced indices, so that at most [`MOST_POINTS`] are drawn; the last one included.
+/// Evenly spaced indices, so that at most [`MAX_POINTS`] are drawn; the last one included.
 fn thin(len: usize) -> Vec<usize> {
-    let step = len.div_ceil(MOST_POINTS).max(1);
+    let step = len.div_ceil(MAX_POINTS).max(1);
     let mut rows: Vec<usize> = (0..len).step_by(step).collect();
     if let Some(last) = len.checked_sub(1)
         && rows.last() != Some(&last)
@@ -152,16 +152,16 @@ fn ranks(canvas: &mut Canvas, insertion_rank: &[f64]) {
     let count = (insertion_rank.len() as f64).max(1.0);
     // Binomial standard error of a cell's count, relative to its mean.
     let sd = ((1.0 - p) / (p * count)).sqrt();
-    let most = density.iter().fold(1.0 + 3.0 * sd, |m, d| m.max(*d));
-    let least = density
+    let max = density.iter().fold(1.0 + 3.0 * sd, |m, d| m.max(*d));
+    let min = density
         .iter()
         .fold(1.0 - 3.0 * sd, |m, d| m.min(*d))
         .max(0.0);
-    let margin = 0.1 * (most - least);
+    let margin = 0.1 * (max - min);
     let axes = Axes {
         rect: (330.0, 12.0, 216.0, 160.0),
         x: (0.0, 1.0),
-        y: ((least - margin).max(0.0), most + margin),
+        y: ((min - margin).max(0.0), max + margin),
     };
     axes.band(
         canvas,
@@ -194,12 +194,7 @@ fn numbered(values: &[f64], offset: f64) -> Vec<f64> {
     (0..values.len()).map(|k| k as f64 + offset).collect()
 }
 
-fn chain_set(
-    canvas: &mut Canvas,
-    beta: &[f64],
-    swap_rejection: &[f64],
-    communication_barrier: &[f64],
-) {
+fn swaps(canvas: &mut Canvas, beta: &[f64], swap_rejection: &[f64], communication_barrier: &[f64]) {
     let top = communication_barrier
         .iter()
         .copied()
@@ -228,18 +223,18 @@ fn chain_set(
         8.0,
     );
     axes.draw_y(canvas, "swap rejection", 5, 8.0, 30.0);
-    let words = format!("dots: rejection; dashed: communication barrier / {top:.2}");
-    axes.caption(canvas, &words, 7.0);
+    let text = format!("dots: rejection; dashed: communication barrier / {top:.2}");
+    axes.caption(canvas, &text, 7.0);
 }
 
-fn moves(canvas: &mut Canvas, beta: &[f64], acceptance: &[f64], step_size: &[f64]) {
-    let most = step_size
+fn transitions(canvas: &mut Canvas, beta: &[f64], acceptance: &[f64], step_size: &[f64]) {
+    let max = step_size
         .iter()
         .chain(acceptance)
         .copied()
         .filter(|s| s.is_finite())
         .fold(1.0, f64::max);
-    let axes = number_axes((330.0, 12.0, 216.0, 116.0), beta.len(), (0.0, 1.18 * most));
+    let axes = number_axes((330.0, 12.0, 216.0, 116.0), beta.len(), (0.0, 1.18 * max));
     for (values, colour, class) in [
         (acceptance, COLOURS[0], "acceptance"),
         (step_size, COLOURS[1], "step"),
@@ -286,6 +281,6 @@ fn traces(canvas: &mut Canvas, trace: &[Vec<f64>], round_trips: &[u64]) {
     axes.draw_x(canvas, "scan", 8, 8.0);
     axes.draw_y(canvas, "ln L at beta = 1", 5, 8.0, 42.0);
     let trips: Vec<String> = round_trips.iter().map(u64::to_string).collect();
-    let words = format!("round trips per chain set: {}", trips.join(", "));
-    canvas.text((540.0, 183.0), &words, 7.0, Anchor::End, 0.0);
+    let text = format!("round trips per chain set: {}", trips.join(", "));
+    canvas.text((540.0, 183.0), &text, 7.0, Anchor::End, 0.0);
 }

@@ -37,7 +37,7 @@ fn refused(target: &dyn Target, settings: &Settings) -> Error {
 }
 
 #[test]
-fn a_target_that_rejects_everything_is_told_with_its_cause() {
+fn a_target_that_rejects_everything_is_refused_with_its_cause() {
     let error = refused(&Nothing::new(true), &Settings::default());
     assert!(
         matches!(

@@ -203,7 +203,7 @@ fn a_damaged_checkpoint_names_its_file_and_the_one_before_it_serves() {
     let mut control = Control::new(&mut warned);
     control.checkpoint = Some(plan(file, true));
     let resumed = run(&target, &settings, 1, &mut control).unwrap();
-    // Told, and no part of the result: that has the bits of a run never stopped.
+    // A warning is sent, but is no part of the result, which has the bits of a run that was never stopped.
     assert!(
         warned.0.iter().any(|w| w.contains("checksum")),
         "{:?}",
@@ -212,7 +212,7 @@ fn a_damaged_checkpoint_names_its_file_and_the_one_before_it_serves() {
     assert_eq!(resumed.bits(), sample(&target, &settings, 1).bits());
 }
 
-/// Keeps the warnings that it is told.
+/// Keeps the warnings that it receives.
 #[derive(Default)]
 struct Warned(Vec<String>);
 
@@ -239,9 +239,9 @@ fn a_finished_run_is_had_again_from_its_checkpoint_without_sampling() {
     let calls = target.calls.swap(0, Ordering::Relaxed);
     let again = with_file(&target, &settings, &file, true, u64::MAX).unwrap();
     assert_eq!(again.bits(), whole.bits());
-    // The three points that tell whether it is the same target.
+    // The three points that identify the target.
     assert!(calls > 1000 && target.calls.into_inner() == 3, "{calls}");
-    // Without a place for it the run ends all the same, and says so.
+    // If it cannot be written, the run still ends, with a warning.
     let mut warned = Warned::default();
     let mut control = Control::new(&mut warned);
     control.checkpoint = Some(plan(folder.path().join("nowhere/run"), false));
@@ -254,7 +254,7 @@ fn a_finished_run_is_had_again_from_its_checkpoint_without_sampling() {
     );
 }
 
-/// Answers every point alike.
+/// Gives every point the same outcome.
 struct Always(Prior, Outcome);
 
 impl Target for Always {
@@ -302,7 +302,7 @@ fn an_interrupt_before_the_first_likelihood_is_an_empty_run_without_evidence() {
     assert_eq!(run.cost.rejected["no stream"], run.cost.calls);
 }
 
-/// Counts what it is asked for.
+/// Counts its calls.
 struct Counts {
     inner: smooth::Smooth,
     values: AtomicU64,
@@ -354,7 +354,7 @@ fn galilean_trajectories_without_gradients_are_refused_before_any_call() {
     );
 }
 
-/// Fails at one of its calls, until it is mended.
+/// Fails at one of its calls, until that is switched off.
 struct Fails {
     inner: smooth::Smooth,
     calls: AtomicU64,
