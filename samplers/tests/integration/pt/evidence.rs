@@ -30,26 +30,26 @@ fn evidence_is_right_with(target: &Smooth, settings: &Settings) {
 #[test]
 fn evidence_of_isotropic_gaussians() {
     evidence_is_right_within_its_error(&smooth::iso(2), 8);
-    evidence_is_right_within_its_error(&smooth::iso(13), 8);
+    evidence_is_right_within_its_error(&smooth::iso(13), 7);
 }
 
 #[test]
 fn evidence_of_rotated_and_stiff_gaussians() {
-    evidence_is_right_within_its_error(&smooth::mvn13(), 9);
-    evidence_is_right_within_its_error(&smooth::stiff13(), 9);
+    evidence_is_right_within_its_error(&smooth::mvn13(), 8);
+    evidence_is_right_within_its_error(&smooth::stiff13(), 8);
 }
 
 #[test]
 fn evidence_of_twins() {
-    evidence_is_right_within_its_error(&smooth::twins13(0.5), 9);
-    evidence_is_right_within_its_error(&smooth::twins13(0.9), 9);
+    evidence_is_right_within_its_error(&smooth::twins13(0.5), 8);
+    evidence_is_right_within_its_error(&smooth::twins13(0.9), 8);
 }
 
 #[test]
 fn evidence_of_bounded_and_correlated_posteriors() {
     evidence_is_right_within_its_error(&smooth::binomial(), 8);
     evidence_is_right_within_its_error(&smooth::gauss3(), 8);
-    evidence_is_right_within_its_error(&smooth::far8(), 9);
+    evidence_is_right_within_its_error(&smooth::far8(), 8);
 }
 
 #[test]
@@ -163,19 +163,19 @@ fn evidence_of_extensions() {
         extensions,
         ..rounds(3)
     };
-    for target in [smooth::twins13(0.9), smooth::shells(5)] {
-        evidence_is_right_with(&target, &settings(15));
-        let short = run(&target, &settings(0), 1);
-        let whole = run(&target, &settings(15), 1);
-        assert_eq!(failed(&whole), [""; 0], "{}", target.name);
-        // The unextended run is too short, and later whole extensions count.
-        assert!(!short.converged(), "{}", target.name);
-        let (extension, all) = (short.draws.len(), whole.draws.len());
-        assert!(
-            (1..=8).contains(&(all / extension)) && all % extension == 0,
-            "{all}"
-        );
-    }
+    let target = smooth::shells(5);
+    let short = run(&target, &settings(0), 1);
+    let whole = run(&target, &settings(15), 1);
+    assert_eq!(failed(&whole), [""; 0]);
+    let pull = (whole.evidence.ln_z - target.ln_z) / whole.evidence.error;
+    assert!(pull.abs() < 4.0 && whole.evidence.error < 0.4, "{pull}");
+    // The unextended run is too short, and later whole extensions count.
+    assert!(!short.converged());
+    let (extension, all) = (short.draws.len(), whole.draws.len());
+    assert!(
+        (1..=8).contains(&(all / extension)) && all % extension == 0,
+        "{all}"
+    );
 }
 
 #[test]

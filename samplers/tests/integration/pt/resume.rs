@@ -108,9 +108,9 @@ fn from_smc() -> Settings {
         smc_particles: 72,
         slice_updates: 2,
         max_leapfrogs: 4,
-        mixture_rounds: 5,
+        mixture_rounds: 3,
         extensions: 1,
-        ..rounds(5)
+        ..rounds(3)
     }
 }
 
