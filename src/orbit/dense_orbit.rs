@@ -293,13 +293,6 @@ impl<S: Real> DenseOrbit<S> {
         squares.fold(0.0, f64::max).sqrt()
     }
 
-    /// Phase of the age: the sum of those of all intervals.
-    #[must_use]
-    pub fn phase(&self) -> f64 {
-        let phases = self.nodes.iter().map(|node| node.phase2().re().sqrt());
-        phases.sum::<f64>() * self.intervals() as f64 / self.nodes.len() as f64
-    }
-
     /// Largest relative difference of the energy at a node from that today, in the host that the orbit was integrated in.
     #[must_use]
     pub fn energy_error(&self, host: &impl Potential<S>) -> f64 {

@@ -66,10 +66,6 @@ pub(super) fn release_frame<S: Real>(
     (release_frame, tidal.bounded)
 }
 
-/// Phase of the age, in radians, from which on steps become shorter: the error of a track grows with the square of the number of steps,
-/// and with the fourth power of their phase.
-const LONG_PHASE: f64 = 60.0;
-
 /// The progenitor's orbit; with adaptive steps, in as many intervals as it needs.
 fn resolved_orbit<S: Real>(
     host: &impl Potential<S>,
@@ -123,8 +119,6 @@ pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
     pub orbit: DenseOrbit<S>,
     /// One release frame per release time.
     pub release_frames: Vec<ReleaseFrame<S>>,
-    /// Largest phase of an adaptive step of the particles, radians.
-    pub max_step_phase: f64,
     /// The approximations made.
     pub tally: Tally,
 }
@@ -192,7 +186,6 @@ impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
             host,
             progenitor,
             age_gyr,
-            max_step_phase: settings.step_phase * (LONG_PHASE / orbit.phase()).sqrt().min(1.0),
             orbit,
             release_frames,
             tally,

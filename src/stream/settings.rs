@@ -61,8 +61,7 @@ pub struct ModelSettings {
     pub orbit: OrbitMethod,
     /// Steps of the progenitor's orbit; with adaptive steps, their number is doubled until their phase is at most half of `step_phase`.
     pub orbit_steps: usize,
-    /// Largest phase of an adaptive step, radians: on a circular orbit 1.4 times the angle. The error grows with its fourth power. For
-    /// systems that live long in their own time it is less (docs/physics.md, section 5).
+    /// Largest phase of an adaptive step, radians: on a circular orbit 1.4 times the angle. The error grows with its fourth power.
     pub step_phase: f64,
     /// How often the longest adaptive step is halved to make the shortest. A system whose progenitor would need shorter steps is rejected, because its price
     /// would have no bound.
@@ -78,7 +77,7 @@ impl Default for ModelSettings {
             step_rule: StepRule::default(),
             orbit: OrbitMethod::default(),
             orbit_steps: 64,
-            step_phase: 1.0,
+            step_phase: 0.85,
             max_halvings: 7,
         }
     }

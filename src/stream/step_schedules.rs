@@ -107,7 +107,7 @@ impl<'a, H: Halo> PairSteps<'a, H> {
             step_sizes,
             taus: [model.table.taus[a], model.table.taus[b]],
             steps: model.steps[a],
-            max_phase: solution.max_step_phase,
+            max_phase: model.settings.step_phase,
             max_halvings: model.settings.max_halvings,
         }
     }

@@ -130,7 +130,7 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
     let mut settings: FitSettings = toml::from_str(
         r#"
         coarse_particles = 64
-        model = { releases = { particles = 128 } }
+        model = { releases = { particles = 128 }, step_phase = 2.0, max_halvings = 3 }
         prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
         "#,
     )
