@@ -197,7 +197,7 @@ pub enum Error {
     },
     /// Two tracks of a study have the same name.
     #[error(
-        "the track `{}` would have the run folder of `{}`; give each track of a study a name of its own in its header",
+        "the track `{}` would have the run folder of `{}`; give each track of a study a `name` of its own in its header",
         name.escape_debug(),
         other.escape_debug()
     )]

@@ -114,17 +114,23 @@ pub fn advance_adaptively<S: Scalar>(
     let mut centre = steps.progenitor_at(left);
     let mut a = force(host, progenitor, x, centre);
     while left > 0.0 {
-        let now = Now::new(x, v.add_scaled(a, kick_before), a, phase2);
         let d2 = (x - centre).norm2() + core2;
-        let d6 = d2 * d2 * d2;
-        let is_too_long = |number: u8| now.is_too_long(step * length(number, left), d6, pull2);
-        if number < shortest && is_too_long(number) {
+        let now = Now::new(
+            x,
+            v.add_scaled(a, kick_before),
+            a,
+            phase2,
+            d2 * d2 * d2,
+            pull2,
+        );
+        // No closure here: it would not be compiled for the instruction set of its kernel.
+        if number < shortest && now.is_too_long(step * length(number, left)) {
             number += 1;
-            while number < shortest && is_too_long(number) {
+            while number < shortest && now.is_too_long(step * length(number, left)) {
                 number += 1;
             }
         } else {
-            while number > 0 && !is_too_long(number - 1) {
+            while number > 0 && !now.is_too_long(step * length(number - 1, left)) {
                 number -= 1;
             }
         }
@@ -164,27 +170,32 @@ struct Now<S> {
     phase2: f64,
     /// |x|^2 times the square of the largest phase, and v^2 - x.a.
     sides: (S, S),
+    /// In the gravity of the progenitor, the phase is too large where `d6` is below `pull2` times h^4.
+    d6: S,
+    pull2: S,
 }
 
 impl<S: Scalar> Now<S> {
     #[inline(always)]
-    fn new(x: Vec3<S>, v: Vec3<S>, a: Vec3<S>, phase2: f64) -> Self {
+    fn new(x: Vec3<S>, v: Vec3<S>, a: Vec3<S>, phase2: f64, d6: S, pull2: S) -> Self {
         Self {
             x,
             v,
             a,
             phase2,
+            d6,
+            pull2,
             sides: (x.norm2() * phase2, v.norm2() - x.dot(a)),
         }
     }
 
     /// Whether a step of length `h` is too long for any particle: its phase at the start or at the end, or that in the progenitor's
-    /// gravity, which is too large where `d6` is below `pull2` times h^4.
+    /// gravity.
     #[inline(always)]
-    fn is_too_long(&self, h: S, d6: S, pull2: S) -> bool {
+    fn is_too_long(&self, h: S) -> bool {
         let h2 = h * h;
         let (r2, speed2) = self.sides;
-        if S::any(r2.lt(speed2 * h2)) || S::any(d6.lt(pull2 * (h2 * h2))) {
+        if S::any(r2.lt(speed2 * h2)) || S::any(self.d6.lt(self.pull2 * (h2 * h2))) {
             return true;
         }
         let v = self.v.add_scaled(self.a, h);

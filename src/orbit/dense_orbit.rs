@@ -111,6 +111,7 @@ pub struct HermiteWeights {
 
 impl HermiteWeights {
     /// The weights at the time `tau` in [-1, 0] on `steps` intervals.
+    #[inline(always)]
     #[must_use]
     pub fn at(tau: f64, steps: usize) -> Self {
         let (node, t) = locate(tau, steps);
@@ -135,7 +136,7 @@ pub fn add_weighted(nodes: &mut [Node<f64>], place: &HermiteWeights, by: Vec3<f6
 }
 
 /// The interval of `tau` and the fraction within it.
-#[inline]
+#[inline(always)]
 fn locate(tau: f64, steps: usize) -> (usize, f64) {
     let position = (tau + 1.0).clamp(0.0, 1.0) * steps as f64;
     #[allow(

@@ -83,7 +83,7 @@ pub fn study(
     check_report(&report_path(&config.out))?;
     let inputs = StudyInputs::new(config, files_from)?;
     if let Some(tracks) = &config.tracks {
-        apart(&inputs.tracks, &tracks.samplers)?;
+        apart(&inputs.tracks, &tracks.samplers).map_err(|e| e.within("tracks"))?;
     }
     let mut result = StudyResult {
         acceptance: inputs.acceptance,

@@ -63,7 +63,7 @@ fn no_name_of_a_track_leads_out_of_the_study() {
 fn names_that_cannot_have_folders_of_their_own_are_refused_before_any_work() {
     let long = "x".repeat(300);
     for (names, words) in [
-        (["a", "a"], ["`a`", "a name of its own"]),
+        (["a", "a"], ["`a`", "a `name` of its own"]),
         (["Stream", "stream"], ["`stream`", "`Stream`"]),
         (["a", ""], ["name ``", "empty"]),
         (["a", &long], ["307 bytes", "shorten"]),
