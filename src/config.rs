@@ -92,8 +92,9 @@ impl StudyConfig {
             tracks.fit.check().map_err(|e| e.within("tracks.fit"))?;
         }
         if let Some(mocks) = &self.mocks {
-            in_range("mocks.count", mocks.count, NUMBERS_OF_MOCKS)?;
-            in_range("mocks.seed", mocks.seed, 0..=MAX_SEED)?;
+            in_range("count", mocks.count, NUMBERS_OF_MOCKS)
+                .and_then(|()| in_range("seed", mocks.seed, 0..=MAX_SEED))
+                .map_err(|e| Error::from(e).within("mocks"))?;
             mocks.mock.check().map_err(|e| e.within("mocks.mock"))?;
             mocks.fit.check().map_err(|e| e.within("mocks.fit"))?;
         }

@@ -40,7 +40,7 @@ pub(super) const OLD_POSTERIOR_FOLDER: &str = "old.zarr";
 pub(super) const RESULT_FILES: [&str; 3] = [VERSIONS_FILE, CONFIG_FILE, SUMMARY_FILE];
 
 /// Figures that a report draws of a run, each a file `NAME.svg`.
-const FIGURES: [&str; 5] = ["fit", "q", "corner", "health", "coarse-health"];
+const FIGURES: [&str; 5] = ["fit", "q", "corner", "diagnostics", "coarse-diagnostics"];
 
 /// The entries of a folder, as they are without following any link. Paths are relative to the folder.
 #[derive(Debug, Default)]
@@ -238,6 +238,20 @@ fn outermost(path: &Path) -> Option<&str> {
 /// Whether a temporary name.
 fn is_leftover(name: &str) -> bool {
     name.starts_with(TEMPORARY)
+}
+
+/// Removes the files under temporary names that an interrupted write has left in the folder of a study. What cannot be removed stays: it
+/// does no harm.
+pub(super) fn remove_leftovers(folder: &Path) {
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return;
+    };
+    for entry in entries.flatten() {
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_file && entry.file_name().to_str().is_some_and(is_leftover) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
 }
 
 fn is_file_of_a_run(name: &str) -> bool {

@@ -1,6 +1,7 @@
 //! A study: tracks and mocks, their fits, and a population. It can be repeated: runs that have finished with the same inputs are read
 //! back, and interrupted ones are continued.
 
+use super::contents::remove_leftovers;
 use super::fit::fit;
 use super::folder::RunFolder;
 use super::locked::IfExists;
@@ -94,6 +95,7 @@ pub fn study(
         source,
         remedy: "choose an `out` whose parent is writable",
     })?;
+    remove_leftovers(&config.out);
     let mut runner = Runner { command, monitored };
     if let Some(tracks) = &config.tracks {
         let under = config.out.join("fits");

@@ -196,7 +196,7 @@ fn used(seed: &Seed, stored: &StoredRun) {
         })
         .collect();
     let mut figures = vec![
-        ("health".to_owned(), diagnostics(run)),
+        ("diagnostics".to_owned(), diagnostics(run)),
         ("corner".to_owned(), corner(&shown, &weights, "corner")),
     ];
     if let Ok(q) = column(run, "q") {

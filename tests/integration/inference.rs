@@ -39,9 +39,9 @@ fn target(coverage: Coverage) -> StreamTarget {
 fn rejecting_and_penalising_uncovered_bins_give_the_same_posterior() {
     let (penalty, reject) = (target(Coverage::default()), target(Coverage::Reject));
     let settings = nested::Settings {
-        n_live: 120,
+        n_live: 60,
         kernel: nested::Kernel::Differential,
-        steps: Some(12),
+        steps: Some(8),
         ..nested::Settings::default()
     };
     let run = nested::run(&penalty, &settings, 5, &mut Control::new(&mut Silent)).unwrap();

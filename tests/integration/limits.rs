@@ -286,7 +286,7 @@ fn the_number_of_mocks_of_a_study_is_that_of_the_page() {
             assert_eq!((of(lo), of(hi.min(i64::MAX as u64))), (Ok(()), Ok(())));
         }
         if key == "count" {
-            assert!(of(hi + 1).unwrap_err().contains("mocks.count = 100001"));
+            assert!(of(hi + 1).unwrap_err().contains("count = 100001"));
             assert!(of(lo - 1).unwrap_err().contains("allowed 1 to 100000"));
         }
     }

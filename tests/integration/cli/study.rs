@@ -99,7 +99,10 @@ fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
                 + "[population]\nsamplers = [\"nested\"]\n",
             &["[population]", "mocks", "add a table `[mocks]`"],
         ),
-        (study.replace("count = ", "count = 0 # "), &["mocks.count"]),
+        (
+            study.replace("count = ", "count = 0 # "),
+            &["[mocks]", "count = 0"],
+        ),
     ] {
         let path = write(folder.path(), "study.toml", &text);
         let output = oblate(&["run", &path], "");

@@ -127,7 +127,7 @@ fn all_that_runs_and_reports_write_is_removed_and_nothing_beside_the_folder() {
             extras,
         )
         .unwrap();
-        for name in ["fit", "q", "corner", "health", "coarse-health"] {
+        for name in ["fit", "q", "corner", "diagnostics", "coarse-diagnostics"] {
             fs::write(path.join(format!("{name}.svg")), "<svg/>").unwrap();
         }
         for name in ["checkpoint", "checkpoint.previous", ".oblate-tmp-abc"] {

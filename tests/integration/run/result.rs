@@ -99,7 +99,7 @@ fn a_result_is_replaced_whole_wherever_the_replacement_stops() {
         let [folder, page] = [&out, &page].map(|path| path.display().to_string());
         let output = oblate(&["report", &folder, "--out", &page], "");
         assert_eq!(output.status.code(), Some(0), "{output:?}");
-        for figure in ["fit", "q", "corner", "health"] {
+        for figure in ["fit", "q", "corner", "diagnostics"] {
             fs::remove_file(out.join(format!("{figure}.svg"))).unwrap();
         }
         // The next start moves the remaining pieces. Before the renaming the result is that of the shorter fit.

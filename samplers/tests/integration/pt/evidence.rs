@@ -163,7 +163,7 @@ fn evidence_of_extensions() {
         extensions,
         ..rounds(3)
     };
-    let target = smooth::shells(5);
+    let target = smooth::gauss3();
     let short = run(&target, &settings(0), 1);
     let whole = run(&target, &settings(15), 1);
     assert_eq!(failed(&whole), [""; 0]);
