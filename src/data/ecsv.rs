@@ -14,6 +14,12 @@ use std::path::Path;
 const MAX_BYTES: usize = 256 << 10;
 const MAX_DEPTH: usize = 32;
 
+/// Longest key, quoted: YAML has no longer ones in one line than 1,024 characters.
+const MAX_KEY: usize = 1_000;
+
+/// Bytes of a header beside its `meta`.
+const RESERVED: usize = 4 << 10;
+
 /// Maximum number of nodes that a header may have under anchors, counted once for each anchor above them: the loader
 /// keeps a copy of each.
 const MAX_ANCHORED: usize = 100_000;
@@ -31,7 +37,7 @@ pub struct Header {
 
 /// Parses the header lines of an ECSV file; every one of `lines` starts with `#`, the first is `# %ECSV`.
 pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
-    let yaml: String = lines
+    let header: String = lines
         .iter()
         .skip(1)
         .map(|l| {
@@ -46,14 +52,14 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
         line: Some(line),
         fault: TrackFault::Header { message },
     };
-    if yaml.len() > MAX_BYTES {
+    if header.len() > MAX_BYTES {
         let message = format!("longer than {} KiB", MAX_BYTES >> 10);
         return Err(fail(2, message));
     }
-    if let Err((line, message)) = bounded(&yaml) {
+    if let Err((line, message)) = bounded(&header) {
         return Err(fail(line + 1, message));
     }
-    let documents = Yaml::load_from_str(&yaml)
+    let documents = Yaml::load_from_str(&header)
         .map_err(|e| fail(e.marker().line() + 1, format!("not YAML: {}", e.info())))?;
     let Some(Value::Object(top)) = documents.first().map(json) else {
         return Err(fail(2, "it names no columns".to_owned()));
@@ -87,7 +93,40 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
         }
         _ => {}
     }
+    // What is read can be written and read again.
+    if header
+        .meta
+        .iter()
+        .any(|(key, value)| is_long(key) || has_long_key(value))
+    {
+        let message = format!("a key is longer than {MAX_KEY} characters");
+        return Err(fail(2, message));
+    }
+    let written = |(key, value): (&String, &Value)| key_text(key).len() + yaml(value).len() + 8;
+    if header.meta.iter().map(written).sum::<usize>() > MAX_BYTES - RESERVED {
+        let message = format!("longer than {} KiB", MAX_BYTES >> 10);
+        return Err(fail(2, message));
+    }
     Ok(header)
+}
+
+/// A key as YAML.
+fn key_text(key: &str) -> String {
+    yaml(&Value::from(key))
+}
+
+fn is_long(key: &str) -> bool {
+    key_text(key).chars().count() > MAX_KEY
+}
+
+fn has_long_key(value: &Value) -> bool {
+    match value {
+        Value::Array(items) => items.iter().any(has_long_key),
+        Value::Object(map) => map
+            .iter()
+            .any(|(key, value)| is_long(key) || has_long_key(value)),
+        _ => false,
+    }
 }
 
 /// Refuses YAML that is nested too deeply or has too much under anchors, with the line; the loader reports all other
@@ -183,22 +222,26 @@ pub fn text(track: &ObservedTrack) -> String {
     );
     for (key, value) in &track.meta {
         if key != "name" && key != "bin_width" {
-            let _ = writeln!(
-                out,
-                "#   {}: {}",
-                yaml(&Value::from(key.as_str())),
-                yaml(value)
-            );
+            let _ = writeln!(out, "#   {}: {}", key_text(key), yaml(value));
         }
     }
     let _ = writeln!(out, "# schema: astropy-2.0");
     let names: Vec<&str> = columns.iter().map(|c| c.0).collect();
     let _ = writeln!(out, "{}", names.join(","));
     for row in 0..track.len() {
-        let values: Vec<String> = columns.iter().map(|c| c.2[row].to_string()).collect();
+        let values: Vec<String> = columns.iter().map(|c| number(c.2[row])).collect();
         let _ = writeln!(out, "{}", values.join(","));
     }
     out
+}
+
+/// A number, exact to the bit and short: no zeros before or after hundreds of others.
+fn number(x: f64) -> String {
+    if x == 0.0 || (1e-5..1e15).contains(&x.abs()) {
+        x.to_string()
+    } else {
+        format!("{x:e}")
+    }
 }
 
 /// A value in YAML's flow style.
@@ -226,7 +269,7 @@ fn yaml(value: &Value) -> String {
         Value::Object(map) => {
             let entries: Vec<String> = map
                 .iter()
-                .map(|(k, v)| format!("{}: {}", yaml(&Value::from(k.as_str())), yaml(v)))
+                .map(|(k, v)| format!("{}: {}", key_text(k), yaml(v)))
                 .collect();
             format!("{{{}}}", entries.join(", "))
         }
