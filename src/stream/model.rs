@@ -19,7 +19,7 @@ pub struct Model {
     pub(super) groups: Vec<Group>,
     /// The groups that are integrated together.
     pub(super) pairs: Vec<Range<usize>>,
-    /// Steps of the particles of each release time; of adaptive ones, if none is halved.
+    /// Steps of the particles of each release time; of adaptive ones, if all are as long as possible.
     pub(super) steps: Vec<usize>,
     /// Interpolation weights of the progenitor's position at every force evaluation, one more than steps for each release time; none if
     /// the steps are adaptive.
@@ -90,7 +90,7 @@ impl Model {
         &self.settings
     }
 
-    /// Mean number of steps of a particle; of adaptive ones, if none is halved.
+    /// Mean number of steps of a particle; of adaptive ones, if all are as long as possible.
     #[must_use]
     pub fn mean_steps(&self) -> f64 {
         self.steps.iter().sum::<usize>() as f64 / self.steps.len() as f64

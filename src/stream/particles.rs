@@ -24,7 +24,7 @@ pub struct Particles {
     pub turns: Vec<f64>,
     /// Their neighbours in release space, if they are smeared.
     pub neighbourhood: Option<Arc<Neighbourhood>>,
-    /// How often their steps were halved.
+    /// The sizes of their steps.
     pub step_sizes: StepSizes,
     /// The approximations made for them.
     pub tally: Tally,
