@@ -67,130 +67,86 @@ struct Scenario {
     /// Makes what the command needs in a folder.
     prepare: fn(&Path),
     /// The command's arguments, run in that folder.
-    first: &'static [&'static str],
+    first: fn() -> Vec<&'static str>,
     /// The arguments that continue after a fault.
-    then: &'static [&'static str],
+    then: fn() -> Vec<&'static str>,
 }
 
-const FIT: &[&str] = &[
-    "fit",
-    "track.ecsv",
-    "--config",
-    "small.toml",
+/// One thread, a checkpoint as often as there is one, and nothing printed but the result.
+const COMMON: [&str; 6] = [
     "--checkpoint-every",
     "0",
     "--allow-unconverged",
     "--threads",
     "1",
     "-q",
-    "--out",
-    "run",
 ];
 
-const FIT_AGAIN: &[&str] = &[
-    "fit",
-    "track.ecsv",
-    "--config",
-    "small.toml",
-    "--checkpoint-every",
-    "0",
-    "--allow-unconverged",
-    "--threads",
-    "1",
-    "-q",
-    "--out",
-    "run",
-    "--resume",
-];
+/// A command with these arguments and the common ones, and more of them.
+fn with(arguments: &[&'static str], more: &[&'static str]) -> Vec<&'static str> {
+    [arguments, &COMMON, more].concat()
+}
 
-const EXTENSION: &[&str] = &[
-    "fit",
-    "track.ecsv",
-    "--config",
-    "small.toml",
-    "--sampler",
-    "pt-hmc",
-    "--checkpoint-every",
-    "0",
-    "--allow-unconverged",
-    "--threads",
-    "1",
-    "-q",
-    "--out",
-    "run",
-    "--resume",
-    "--extensions",
-    "2",
-];
+fn fit(more: &[&'static str]) -> Vec<&'static str> {
+    with(&["fit", "track.ecsv", "--config", "small.toml"], more)
+}
 
-const POPULATION: &[&str] = &[
-    "population",
-    "one",
-    "--config",
-    "population.toml",
-    "--checkpoint-every",
-    "0",
-    "--allow-unconverged",
-    "--threads",
-    "1",
-    "-q",
-    "--out",
-    "run",
-];
+fn extension() -> Vec<&'static str> {
+    fit(&[
+        "--out",
+        "run",
+        "--sampler",
+        "pt-hmc",
+        "--resume",
+        "--extensions",
+        "2",
+    ])
+}
 
-const POPULATION_AGAIN: &[&str] = &[
-    "population",
-    "one",
-    "--config",
-    "population.toml",
-    "--checkpoint-every",
-    "0",
-    "--allow-unconverged",
-    "--threads",
-    "1",
-    "-q",
-    "--out",
-    "run",
-    "--resume",
-];
+fn population(more: &[&'static str]) -> Vec<&'static str> {
+    with(
+        &[
+            "population",
+            "one",
+            "--config",
+            "population.toml",
+            "--out",
+            "run",
+        ],
+        more,
+    )
+}
 
-const STUDY: &[&str] = &[
-    "run",
-    "study.toml",
-    "--checkpoint-every",
-    "0",
-    "--allow-unconverged",
-    "--threads",
-    "1",
-    "-q",
-];
+fn study() -> Vec<&'static str> {
+    with(&["run", "study.toml"], &[])
+}
 
 const SCENARIOS: [Scenario; 4] = [
     Scenario {
         name: "fit",
         prepare: inputs,
-        first: FIT,
-        then: FIT_AGAIN,
+        first: || fit(&["--out", "run"]),
+        then: || fit(&["--out", "run", "--resume"]),
     },
     Scenario {
         name: "extension",
         prepare: |folder| {
             inputs(folder);
-            finished(folder, &[FIT, &["--sampler", "pt-hmc"]].concat());
+            finished(folder, &fit(&["--out", "run", "--sampler", "pt-hmc"]));
         },
-        first: EXTENSION,
-        then: EXTENSION,
+        first: extension,
+        then: extension,
     },
     Scenario {
         name: "population",
         prepare: |folder| {
             inputs(folder);
-            finished(folder, &[&FIT[..FIT.len() - 1], &["one"]].concat());
+            finished(folder, &fit(&["--out", "one"]));
             let settings = "sampling.nested = { n_live = 20, kernel = \"random-slice\", steps = 2, simulations = 20, bootstraps = 20 }\n";
             std::fs::write(folder.join("population.toml"), settings).expect("a file");
         },
-        first: POPULATION,
-        then: POPULATION_AGAIN,
+        first: || population(&[]),
+        then: || population(&["--resume"]),
     },
     Scenario {
         name: "study",
@@ -205,8 +161,8 @@ const SCENARIOS: [Scenario; 4] = [
             );
             std::fs::write(folder.join("study.toml"), study).expect("a file");
         },
-        first: STUDY,
-        then: STUDY,
+        first: study,
+        then: study,
     },
 ];
 
@@ -267,7 +223,7 @@ fn counts(scenario: &Scenario) -> BTreeMap<&'static str, usize> {
     (scenario.prepare)(folder.path());
     let trace = format!("trace={}", CALLS.join(","));
     let options = ["-o", "trace.txt", "-e", &trace];
-    let output = traced(folder.path(), &options, scenario.first);
+    let output = traced(folder.path(), &options, &(scenario.first)());
     assert!(output.status.success(), "{output:?}");
     let text = std::fs::read_to_string(folder.path().join("trace.txt")).expect("the trace");
     let main = text
@@ -344,7 +300,7 @@ fn disturbed(
     let trace = format!("trace={call}");
     let injected = fault.injected(call, number);
     let options = ["-o", "trace.txt", "-e", &trace, "-e", &injected];
-    let output = traced(folder.path(), &options, scenario.first);
+    let output = traced(folder.path(), &options, &(scenario.first)());
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     if text.contains("panicked") {
         return Err(format!("panicked: {text}"));
@@ -365,7 +321,7 @@ fn disturbed(
             }
         }
     }
-    let again = ended(oblate(folder.path()).args(scenario.then));
+    let again = ended(oblate(folder.path()).args((scenario.then)()));
     if !again.status.success() {
         return Err(format!("does not continue: {again:?}"));
     }
@@ -409,7 +365,7 @@ fn tried(fault: Fault, scenarios: &[Scenario], most: usize) {
     for scenario in scenarios {
         let folder = tempfile::tempdir().expect("a folder");
         (scenario.prepare)(folder.path());
-        finished(folder.path(), scenario.first);
+        finished(folder.path(), &(scenario.first)());
         let whole = files(&folder.path().join("run"));
         assert!(whole.len() > 20, "{whole:?}");
         let counts = counts(scenario);
