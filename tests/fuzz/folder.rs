@@ -149,10 +149,10 @@ pub fn case(rng: &mut RandomStream, seeds: &[Seed], part: Part) -> Verdict {
 fn seal(folder: &RunFolder, summary: &[u8]) {
     let path = folder.posterior();
     let entries = zarr::entries(&path).unwrap();
-    let mut value: serde_json::Value = serde_json::from_slice(summary).unwrap();
-    let checksum = zarr::Checksum::of(&path, &entries).unwrap();
-    value["posterior"] = serde_json::to_value(checksum).unwrap();
-    std::fs::write(folder.summary(), serde_json::to_vec(&value).unwrap()).unwrap();
+    // As a summary: the order of its parameters counts.
+    let mut sealed: Summary = serde_json::from_slice(summary).unwrap();
+    sealed.posterior = Some(zarr::Checksum::of(&path, &entries).unwrap());
+    std::fs::write(folder.summary(), serde_json::to_vec(&sealed).unwrap()).unwrap();
 }
 
 fn outcome(seed: &Seed, part: Part) -> Verdict {
