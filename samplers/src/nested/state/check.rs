@@ -155,7 +155,7 @@ mod tests {
             (&|s| s.dead.ln_l[0] = f64::INFINITY, "not finite"),
             (
                 &|s| s.live.birth[3] = s.live.ln_l[3],
-                "not above the contour",
+                "not above the likelihood bound",
             ),
             (&|s| s.live.birth[3] -= 1e-3, "none has died"),
             (
