@@ -61,6 +61,10 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
     }
     let documents = Yaml::load_from_str(&header)
         .map_err(|e| fail(e.marker().line() + 1, format!("not YAML: {}", e.info())))?;
+    if documents.iter().any(has_compound_key) {
+        let message = "a key is a list or a map".to_owned();
+        return Err(fail(2, message));
+    }
     let Some(Value::Object(top)) = documents.first().map(json) else {
         return Err(fail(2, "it names no columns".to_owned()));
     };
@@ -161,6 +165,25 @@ fn bounded(yaml: &str) -> std::result::Result<(), (usize, String)> {
         }
     }
     Ok(())
+}
+
+/// Whether a key is a list or a map: written as text inside other such keys, it would double with every level.
+fn has_compound_key(node: &Yaml) -> bool {
+    let is_compound = |key: &Yaml| match key {
+        Yaml::Tagged(_, inner) => matches!(
+            **inner,
+            Yaml::Sequence(_) | Yaml::Mapping(_) | Yaml::Tagged(..)
+        ),
+        key => matches!(key, Yaml::Sequence(_) | Yaml::Mapping(_)),
+    };
+    match node {
+        Yaml::Sequence(items) => items.iter().any(has_compound_key),
+        Yaml::Mapping(map) => map
+            .iter()
+            .any(|(k, v)| is_compound(k) || has_compound_key(v)),
+        Yaml::Tagged(_, inner) => has_compound_key(inner),
+        _ => false,
+    }
 }
 
 /// A YAML node as JSON; tags are dropped (astropy's quantities become maps with `value` and `unit`).

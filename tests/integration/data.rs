@@ -246,6 +246,12 @@ fn a_header_that_is_nested_too_deeply_or_too_long_is_refused() {
     let anchors: String = (0..25).map(|k| format!("&a{k} [")).collect();
     let list = format!("a: {anchors}{}{}", "1,".repeat(20_000), "]".repeat(25));
     assert_refused("ecsv", &header(&list), &["too much under anchors"]);
+    // A key of a kilobyte that would be gigabytes as text.
+    assert_refused(
+        "ecsv",
+        &header(&format!("{}a: 1", "? ".repeat(28))),
+        &["a key is a list or a map"],
+    );
     // What could not be read again: a key too long for one line of YAML, and a text that quotes would make too long.
     assert_refused(
         "ecsv",
