@@ -236,7 +236,7 @@ fn outermost(path: &Path) -> Option<&str> {
 }
 
 /// Whether a temporary name.
-fn is_leftover(name: &str) -> bool {
+pub(super) fn is_leftover(name: &str) -> bool {
     name.starts_with(TEMPORARY)
 }
 

@@ -3,7 +3,7 @@
 
 use super::contents::{
     CHECKPOINT_FILE, CONFIG_FILE, Contents, OLD_POSTERIOR_FOLDER, POSTERIOR_FOLDER, RESULT_FILES,
-    RESULT_FOLDER, SUMMARY_FILE, TRACK_FILE, is_mount_point,
+    RESULT_FOLDER, SUMMARY_FILE, TRACK_FILE, is_leftover, is_mount_point,
 };
 use super::folder::{RunFolder, StoredRun};
 use super::log::Log;
@@ -279,9 +279,7 @@ fn is_tidy(contents: &Contents, run: &Run) -> bool {
     let previous = checkpoint::previous(Path::new(CHECKPOINT_FILE));
     let is_checkpoint = |name: &str| name == CHECKPOINT_FILE || Path::new(name) == previous;
     !contents.has(|name| {
-        name.starts_with(TEMPORARY)
-            || name == RESULT_FOLDER
-            || is_checkpoint(name) && !may_continue(run)
+        is_leftover(name) || name == RESULT_FOLDER || is_checkpoint(name) && !may_continue(run)
     })
 }
 
