@@ -3,7 +3,6 @@
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::potential::Potential;
-use crate::track::Track;
 use oblate_samplers::Run;
 use std::collections::BTreeMap;
 
@@ -19,7 +18,6 @@ pub struct Diagnostics {
 /// Diagnostics of a fit:
 /// - `bounded_tidal_radius`, `ambiguous_windings`: the approximations in the best fit's stream ([`Tally`](crate::Tally));
 /// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, and the number of data bins;
-/// - `step_shift_sigma`: largest shift of the best fit's track when all steps are halved, in the data's standard deviations;
 /// - `density_on_minor_axis_msun_kpc3`: the halo's density on its symmetry axis, at the progenitor's distance from the centre.
 ///
 /// All depend on the draws alone: a run that was stopped and resumed has the same. If there are no draws, or if the best fit has no
@@ -32,37 +30,24 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     };
     let params = target.params(run.draws.theta_row(best));
     let likelihood = target.likelihood();
-    let Ok((here, particles)) = likelihood.track_at(&params) else {
-        return found;
-    };
-    let finer = likelihood.with_model(likelihood.model().with_twice_the_steps());
-    let Ok((there, _)) = finer.track_at(&params) else {
+    let Ok((modelled, particles)) = likelihood.track_at(&params) else {
         return found;
     };
     let tally = particles.tally;
     found.insert("bounded_tidal_radius", tally.bounded_tidal_radius as f64);
     found.insert("ambiguous_windings", tally.ambiguous_windings as f64);
     let mut chi2 = 0.0;
-    let mut shift = 0.0_f64;
     for (bin, (r, sigma)) in track
         .bins()
         .into_iter()
         .zip(track.r_kpc.iter().zip(&track.r_err_kpc))
     {
-        let r_kpc = |t: &Track| t.bins.iter().find(|b| b.bin == bin).map(|b| b.r_kpc);
-        if let (Some(a), Some(b)) = (r_kpc(&here), r_kpc(&there)) {
-            chi2 += ((a - r) / sigma).powi(2);
-            shift = shift.max((a - b).abs() / sigma);
+        if let Some(model) = modelled.bins.iter().find(|b| b.bin == bin) {
+            chi2 += ((model.r_kpc - r) / sigma).powi(2);
         }
     }
     found.insert("best_fit_chi2", chi2);
     found.insert("best_fit_bins", track.len() as f64);
-    found.insert("step_shift_sigma", shift);
-    if shift > 1.0 {
-        found.warnings.push(format!(
-            "twice as many steps move the best fit's track by up to {shift:.1} standard deviations of the data: decrease `model.step_phase`, or with equal steps increase `model.steps`"
-        ));
-    }
     let system = likelihood.system(&params);
     let r = system.today.x.norm2().sqrt();
     let density = system.host.density(system.host.axis * r);

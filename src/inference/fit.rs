@@ -1,6 +1,7 @@
 //! A fit in memory, and the common plan of fits in memory and fits into a run folder.
 
 use super::best_fit::diagnose;
+use super::model_error::{model_error, other_particles};
 use super::prior_predictive::check_prior_predictive;
 use super::sample::{bridge, sample};
 use super::settings::FitSettings;
@@ -76,6 +77,9 @@ impl FitPlan {
         if let Some(coarse) = &coarse {
             memory = memory.and(&coarse.target.memory(threads), "");
         }
+        // The model of the checks of the model's error.
+        let other = other_particles(&settings.model);
+        memory = memory.and(&other.memory(threads), "");
         let remembered = settings.sampling.memory(target.dim());
         memory.clone().and(&remembered, "").check()?;
         Ok(Self {
@@ -124,7 +128,8 @@ pub fn bridge_from(
     Ok(run)
 }
 
-/// The summary of a run on a track, with [`diagnose`]'s numbers and warnings.
+/// The summary of a run on a track, with [`diagnose`]'s numbers and warnings, and the checks of the model's own error at the posterior
+/// (docs/physics.md, section 11), for which some hundred draws are evaluated again.
 #[must_use]
 pub fn summarize(
     target: &StreamTarget,
@@ -133,11 +138,15 @@ pub fn summarize(
     command: &str,
     input_hash: &str,
 ) -> Summary {
-    let found = diagnose(target, track, run);
+    let mut found = diagnose(target, track, run);
+    let error = model_error(target, run);
+    found.numbers.extend(error.numbers);
+    found.warnings.extend(error.warnings);
     let context = SummaryContext {
         command: command.to_owned(),
         q_prior: Some(target.stream_prior().q_prior()),
         warnings: found.warnings,
+        model_checks: error.checks,
         diagnostics: found.numbers,
         input_hash: input_hash.to_owned(),
     };

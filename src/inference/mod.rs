@@ -4,6 +4,7 @@
 mod best_fit;
 mod coarse;
 mod fit;
+mod model_error;
 mod prior_draws;
 mod prior_predictive;
 mod profile;

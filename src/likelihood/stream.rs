@@ -83,9 +83,11 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     /// The same data and rules on another stream generator.
     #[must_use]
     pub fn with_model(&self, model: Model) -> Self {
+        let track = self.track.clone();
         Self {
+            track: track.with_releases(&model.settings().releases),
             model,
-            ..self.clone()
+            ..*self
         }
     }
 

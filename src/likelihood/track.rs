@@ -178,9 +178,20 @@ impl TrackLikelihood {
             },
             data: slots,
             count: data.len(),
-            threshold: settings.min_fraction * releases.particles as f64,
+            threshold: 0.0,
+            variance_factor: 1.0,
+        }
+        .with_releases(releases))
+    }
+
+    /// The same data and rules for models with other releases.
+    #[must_use]
+    pub fn with_releases(self, releases: &TableSettings) -> Self {
+        Self {
+            threshold: self.settings.min_fraction * releases.particles as f64,
             variance_factor: releases.sampling_scheme.variance_factor(),
-        })
+            ..self
+        }
     }
 
     /// The bins that a model must be summed in.

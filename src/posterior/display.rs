@@ -6,6 +6,16 @@ use std::fmt;
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.verdict())?;
+        if let Some(verdict) = self.model_verdict() {
+            writeln!(f, "{verdict}")?;
+        }
+        for check in self.model_checks.iter().filter(|check| !check.pass) {
+            writeln!(
+                f,
+                "    {} = {:.2}, limit {}: {}",
+                check.name, check.value, check.limit, check.message
+            )?;
+        }
         writeln!(f, "ln Z = {:.3} +- {:.3}", self.ln_z.value, self.ln_z.error)?;
         for (name, i) in self.parameters.iter().chain(&self.derived) {
             writeln!(

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Version of the layout of `summary.json`; a changed meaning raises it.
-pub const SUMMARY_FORMAT: u32 = 2;
+pub const SUMMARY_FORMAT: u32 = 3;
 
 /// Largest size of `summary.json`.
 const MAX_BYTES: u64 = 4 << 20;
@@ -75,9 +75,11 @@ pub struct SummaryContext {
     pub command: String,
     /// The prior on q, where q is measured.
     pub q_prior: Option<QPrior>,
-    /// More warnings, each with its remedy (the model's own: density below zero, steps too long).
+    /// More warnings, each with its remedy (the model's own: density below zero).
     pub warnings: Vec<String>,
-    /// More numbers by name, as they should appear under `diagnostics` (tallies, the track's move at twice the steps).
+    /// Checks of the model's own error.
+    pub model_checks: Vec<Check>,
+    /// More numbers by name, as they should appear under `diagnostics` (tallies, the numbers behind the model's checks).
     pub diagnostics: BTreeMap<String, f64>,
     /// Hash of the inputs (track and resolved configuration), in hexadecimal.
     pub input_hash: String,
@@ -138,9 +140,13 @@ pub struct Summary {
     pub modes: Option<Vec<ModeWeight>>,
     /// What it cost.
     pub cost: Cost,
-    /// Every check.
+    /// Every convergence check.
     #[serde(with = "json::checks")]
     pub checks: Vec<Check>,
+    /// The checks of the model's own error: that of its steps and its particles. They say nothing about the sampler, and do not enter
+    /// `converged`.
+    #[serde(with = "json::checks")]
+    pub model_checks: Vec<Check>,
     /// The sampler's warnings.
     pub warnings: Vec<String>,
     /// The model's warnings.
@@ -206,6 +212,7 @@ impl Summary {
             modes: mode_weights(run),
             cost: run.cost.clone(),
             checks: run.checks.clone(),
+            model_checks: context.model_checks.clone(),
             warnings: run.warnings.clone(),
             model_warnings: context.warnings.clone(),
             diagnostics: context.diagnostics.clone(),
@@ -271,21 +278,41 @@ impl Summary {
             Status::Interrupted => "the run was interrupted; resume it",
             Status::BudgetSpent => "the time limit was reached; resume it with a larger one",
         };
-        let failed: Vec<&Check> = self.checks.iter().filter(|g| !g.pass).collect();
-        let mut text = format!("NOT CONVERGED: {ended}");
-        if !failed.is_empty() {
-            text.push_str(&format!(
-                "; {} of {} checks failed ({})",
-                failed.len(),
-                self.checks.len(),
-                failed
-                    .iter()
-                    .map(|g| g.name.as_str())
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            ));
+        match failed(&self.checks) {
+            Some(failed) => format!("NOT CONVERGED: {ended}; {failed}."),
+            None => format!("NOT CONVERGED: {ended}."),
         }
-        text.push('.');
-        text
     }
+
+    /// The verdict on the model: whether its own errors are small over the posterior. None for runs without checks of the model.
+    #[must_use]
+    pub fn model_verdict(&self) -> Option<String> {
+        if self.model_checks.is_empty() {
+            return None;
+        }
+        Some(match failed(&self.model_checks) {
+            Some(failed) => format!("MODEL NOT ACCURATE ENOUGH: {failed}."),
+            None => format!(
+                "Model accurate enough: all {} checks passed.",
+                self.model_checks.len()
+            ),
+        })
+    }
+}
+
+/// How many checks failed, and which; none if all passed.
+fn failed(checks: &[Check]) -> Option<String> {
+    let failed: Vec<&str> = checks
+        .iter()
+        .filter(|check| !check.pass)
+        .map(|check| check.name.as_str())
+        .collect();
+    (!failed.is_empty()).then(|| {
+        format!(
+            "{} of {} checks failed ({})",
+            failed.len(),
+            checks.len(),
+            failed.join(", ")
+        )
+    })
 }

@@ -93,16 +93,17 @@ pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
 
 fn verdict(out: &mut String, run: &PageRun<'_>) {
     let s = run.summary;
-    let class = if s.converged {
+    let class = if s.converged && s.model_checks.iter().all(|check| check.pass) {
         "verdict"
     } else {
         "verdict bad"
     };
     put!(
         out,
-        "<div class=\"{class}\"><b>{}</b>: {}",
+        "<div class=\"{class}\"><b>{}</b>: {} {}",
         escape(run.name),
-        escape(&s.verdict())
+        escape(&s.verdict()),
+        escape(&s.model_verdict().unwrap_or_default())
     );
     if let Some(q) = &s.q {
         put!(
@@ -115,7 +116,7 @@ fn verdict(out: &mut String, run: &PageRun<'_>) {
             q.hi95
         );
     }
-    let failed = s.checks.iter().filter(|g| !g.pass);
+    let failed = s.checks.iter().chain(&s.model_checks).filter(|g| !g.pass);
     let notes: Vec<String> = failed
         .map(|g| format!("{}: {}", g.name, g.message))
         .chain(s.warnings.iter().cloned())
@@ -292,7 +293,7 @@ fn checks(out: &mut String, s: &Summary) {
         out,
         "<table><thead><tr><th>check</th><th>value</th><th>limit</th><th>passed</th><th>meaning</th></tr></thead><tbody>"
     );
-    for g in &s.checks {
+    for g in s.checks.iter().chain(&s.model_checks) {
         put!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"words\">{}</td></tr>",

@@ -37,6 +37,15 @@ impl SamplingScheme {
             Self::SobolSmeared => 0.35,
         }
     }
+
+    /// The largest number of particles, both tails together; that of the Sobol schemes is the length of the sequence in use.
+    #[must_use]
+    pub fn max_particles(self) -> usize {
+        match self {
+            Self::Random => 10_000_000,
+            Self::Sobol | Self::SobolSmeared => 1 << 17,
+        }
+    }
 }
 
 /// What a table is made from.
@@ -74,7 +83,8 @@ impl TableSettings {
     /// # Errors
     /// [`Error::OutOfRange`] with the first one that is out of its range.
     pub fn check(&self) -> Result<()> {
-        in_range(PARTICLES, self.particles, 2..=10_000_000)?;
+        let most = SamplingScheme::Random.max_particles();
+        in_range(PARTICLES, self.particles, 2..=most)?;
         in_range(
             "model.releases.release_times",
             self.release_times,
@@ -145,7 +155,7 @@ impl ReleaseTable {
                 2 * release_times
             )));
         }
-        if settings.sampling_scheme != SamplingScheme::Random && n / 2 > SOBOL_LIMIT {
+        if n > settings.sampling_scheme.max_particles() {
             return Err(fail(
                 "this sampling scheme has at most 131072 particles; set `model.releases.sampling_scheme = \"random\"` for more",
             ));
@@ -217,9 +227,6 @@ fn sobol_release_times(n: usize, least_for_32: usize) -> usize {
         .find(|k| n.is_multiple_of(*k) && (*k < 32 || n >= least_for_32));
     (n / per_release_time.unwrap_or(8)).max(1)
 }
-
-/// Longest Sobol sequence of the generator in use.
-const SOBOL_LIMIT: usize = 1 << 16;
 
 /// Largest number of tries for one release offset. A try fails with a probability of 2.4e-6 at most.
 const MAX_DRAWS: u64 = 64;

@@ -1,9 +1,10 @@
 //! The target of the samplers, draws of its prior, the fit in memory, and the settings of the coarse fit.
 
 use oblate::data::ObservedTrack;
-use oblate::inference::{FitSettings, Profile, StreamTarget, prior_draws};
+use oblate::inference::{Fit, FitSettings, Profile, StreamTarget, prior_draws};
 use oblate::likelihood::Coverage;
 use oblate::run::{Destination, IfExists, Monitor};
+use oblate::stream::Model;
 use oblate::track::BinEdges;
 use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::ln_sum_exp;
@@ -205,4 +206,89 @@ fn few_particles_and_a_likelihood_with_zeros_have_no_coarse_model() {
         ..FitSettings::default()
     };
     assert_eq!(paper.coarse(8.0), None);
+}
+
+/// A short fit of the spherical track, with changed settings of the model.
+fn short_fit(model: &str) -> (StreamTarget, Fit) {
+    let mut settings: FitSettings = toml::from_str(&format!(
+        r#"
+        coarse_particles = 0
+        model = {model}
+        prior.fixed = {{ r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, log10_m_prog = 7.7, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }}
+        "#
+    ))
+    .unwrap();
+    settings.sampling.nested.n_live = 60;
+    settings.sampling.nested.kernel = nested::Kernel::Differential;
+    settings.sampling.nested.steps = Some(4);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
+    let track = ObservedTrack::read(&path).unwrap();
+    let target = StreamTarget::from_track(&track, &settings).unwrap();
+    (target, oblate::fit(&track, &settings).unwrap())
+}
+
+fn passes(fit: &Fit, name: &str) -> bool {
+    let mut checks = fit.summary.model_checks.iter();
+    checks.find(|check| check.name == name).unwrap().pass
+}
+
+#[test]
+fn long_steps_and_few_particles_fail_the_checks_of_the_model() {
+    let (_, good) = short_fit("{ releases = { particles = 512 } }");
+    assert!(passes(&good, "steps-ln-likelihood") && passes(&good, "steps-q"));
+    assert!(passes(&good, "particles-ln-likelihood"));
+    let (_, long) = short_fit("{ releases = { particles = 512 }, step_phase = 4.0 }");
+    assert!(!passes(&long, "steps-ln-likelihood"));
+    let text = long.summary.to_string();
+    assert!(
+        text.contains("MODEL NOT ACCURATE ENOUGH") && text.contains("decrease `model.step_phase`"),
+        "{text}"
+    );
+    let (_, few) = short_fit("{ releases = { particles = 64 } }");
+    assert!(
+        passes(&few, "steps-q")
+            && !(passes(&few, "particles-ln-likelihood") && passes(&few, "particles-q")),
+        "{:?}",
+        few.summary.model_checks
+    );
+}
+
+#[test]
+fn the_move_of_q_by_the_particles_is_that_of_all_draws() {
+    let (target, fit) = short_fit("{ releases = { particles = 512 } }");
+    let mut settings = *target.likelihood().model().settings();
+    settings.releases.particles *= 4;
+    settings.releases.seed ^= 1;
+    let other = target
+        .likelihood()
+        .with_model(Model::new(&settings).unwrap());
+    let draws = &fit.run.draws;
+    let points: Vec<_> = (0..draws.len())
+        .map(|i| target.params(draws.theta_row(i)).to_array())
+        .collect();
+    let change: Vec<f64> = other
+        .ln_likelihoods(&points)
+        .iter()
+        .zip(&draws.ln_likelihood)
+        .map(|(value, before)| {
+            value
+                .as_ref()
+                .map_or(0.0, |v| (v.ln_likelihood - before).clamp(-5.0, 5.0))
+        })
+        .collect();
+    let weights = draws.weights();
+    let mean = |x: &[f64]| -> f64 { x.iter().zip(&weights).map(|(x, w)| x * w).sum() };
+    let q = draws.derived_column(0);
+    let products: Vec<f64> = q.iter().zip(&change).map(|(q, d)| q * d).collect();
+    let interval = fit.summary.q.as_ref().unwrap();
+    let all =
+        (mean(&products) - mean(&q) * mean(&change)) / (0.5 * (interval.hi68 - interval.lo68));
+    let number = |name: &str| fit.summary.diagnostics[name];
+    let (few, error) = (
+        number("particles_q_shift"),
+        number("particles_q_shift_error"),
+    );
+    // 256 draws against all of them: four standard errors.
+    assert!((few - all).abs() < 4.0 * error, "{few} +- {error}, {all}");
+    assert!(error < 0.3, "{error}");
 }

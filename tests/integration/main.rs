@@ -10,6 +10,7 @@ mod config;
 mod data;
 #[cfg(target_os = "linux")]
 mod faults;
+mod folders;
 mod gala;
 mod golden;
 mod inference;

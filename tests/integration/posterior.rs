@@ -19,6 +19,29 @@ fn summary(run: &Run) -> Summary {
 }
 
 #[test]
+fn a_model_that_is_not_accurate_enough_is_told_apart_from_a_run_that_has_not_converged() {
+    let check = |value| Check::at_most("steps-q", value, 0.5, "decrease `model.step_phase`");
+    let summary = |checks: &[Check]| {
+        let context = SummaryContext {
+            model_checks: checks.to_vec(),
+            ..SummaryContext::default()
+        };
+        Summary::new(&runs::nested(2_000, 11), &context)
+    };
+    let good = summary(&[check(0.1)]);
+    assert!(
+        good.to_string()
+            .contains("\nModel accurate enough: all 1 checks passed.\n")
+    );
+    let bad = summary(&[check(0.1), check(0.7)]);
+    assert_eq!(bad.converged, good.converged);
+    assert!(bad.to_string().contains(
+        "\nMODEL NOT ACCURATE ENOUGH: 1 of 2 checks failed (steps-q).\n    steps-q = 0.70, limit 0.5: decrease `model.step_phase`\n"
+    ));
+    assert_eq!(summary(&[]).model_verdict(), None);
+}
+
+#[test]
 fn quantiles_of_weighted_normals_are_those_of_the_normal() {
     let run = runs::nested(20_000, 11);
     let summary = summary(&run);

@@ -448,6 +448,7 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
     let of = |run: &Run| {
         let context = SummaryContext {
             command: "oblate fit track.ecsv --seed 5".to_owned(),
+            model_checks: vec![Check::at_most("steps-q", 0.7, 0.5, "shorter <steps>")],
             ..SummaryContext::default()
         };
         Summary::new(run, &context)
@@ -476,6 +477,8 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
         figures: vec![("Track and best fit.".to_owned(), picture_of(&[]))],
     };
     let html = page("NGC 0000 south", &runs_shown, &[overlay]);
+    assert!(html.contains("MODEL NOT ACCURATE ENOUGH: 1 of 1 checks failed (steps-q)."));
+    assert!(html.contains("<li>steps-q: shorter &lt;steps&gt;</li>"));
     keep("page.html", &html);
     let body = html.split("<body>").nth(1).unwrap();
     let verdict = body.find("NOT CONVERGED").unwrap();

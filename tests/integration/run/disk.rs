@@ -2,8 +2,8 @@
 //!
 //! A limit on the size of a file stands for the full disk: a write beyond it fails as one on a full disk does.
 
-use super::tree;
 use crate::cli::{SMALL, example};
+use crate::folders::tree;
 use oblate_samplers::checkpoint::hash;
 use std::fs;
 use std::path::Path;

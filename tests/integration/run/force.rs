@@ -1,8 +1,9 @@
 //! What `--force` removes: files that runs and reports write, and never anything else.
 
+use super::finished;
 use super::message;
-use super::{copy, finished, tree};
 use crate::cli::{oblate, refused};
+use crate::folders::{copy, tree};
 use crate::runs;
 use oblate::Error;
 use oblate::error::OutputFault;

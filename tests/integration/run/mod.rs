@@ -9,13 +9,13 @@ mod names;
 mod result;
 mod study;
 
+use crate::folders::tree;
 use crate::runs;
 use oblate::Error;
 use oblate::data::ObservedTrack;
 use oblate::posterior::{Summary, SummaryContext, zarr};
 use oblate::run::{Beginning, LockedFolder, RunFolder, Versions};
 use oblate_samplers::Run;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The message of an error of `oblate fit`.
@@ -56,35 +56,6 @@ fn finished(path: &Path) -> RunFolder {
     std::fs::write(folder.folder().checkpoint(), b"state").unwrap();
     finish(&folder, &runs::nested(200, 1));
     folder.folder().clone()
-}
-
-/// Every file below a folder with its content, every other entry with none; links are not followed.
-fn tree(folder: &Path) -> BTreeMap<PathBuf, Option<Vec<u8>>> {
-    let mut found = BTreeMap::new();
-    let mut next = vec![folder.to_path_buf()];
-    while let Some(path) = next.pop() {
-        for entry in std::fs::read_dir(&path).unwrap() {
-            let entry = entry.unwrap();
-            let (path, kind) = (entry.path(), entry.file_type().unwrap());
-            let content = kind.is_file().then(|| std::fs::read(&path).unwrap());
-            if kind.is_dir() {
-                next.push(path.clone());
-            }
-            found.insert(path.strip_prefix(folder).unwrap().to_path_buf(), content);
-        }
-    }
-    found
-}
-
-/// Copies a folder and all in it.
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for (path, content) in tree(from) {
-        match content {
-            Some(bytes) => std::fs::write(to.join(path), bytes).unwrap(),
-            None => std::fs::create_dir_all(to.join(path)).unwrap(),
-        }
-    }
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! The result of a run: replaced in one step, and read completely or not at all.
 
 use super::message;
-use super::{beginning, copy, finish, finished, track, tree};
+use super::{beginning, finish, finished, track};
 use crate::cli::{SMALL, example, oblate};
+use crate::folders::{copy, tree};
 use crate::runs;
 use oblate::Error;
 use oblate::run::{LockedFolder, RunFolder};

@@ -1,7 +1,7 @@
 //! Studies: each run in a folder of its own within `out`.
 
-use super::tree;
 use crate::cli::{SMALL, oblate, refused};
+use crate::folders::tree;
 use std::fs;
 use std::path::{Path, PathBuf};
 

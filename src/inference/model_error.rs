@@ -1,0 +1,220 @@
+//! The error of the model at the posterior: how far ln L, and with it q, moves with shorter steps and with other, more particles.
+
+use super::target::StreamTarget;
+use crate::likelihood::StreamLikelihood;
+use crate::spray::TableSettings;
+use crate::stream::{Model, ModelSettings};
+use oblate_samplers::Run;
+use oblate_samplers::diagnostics::weighted_quantile;
+use oblate_samplers::output::Check;
+use std::collections::BTreeMap;
+
+/// Number of posterior draws of equal weight that are evaluated again.
+const DRAWS: usize = 256;
+
+/// Number of threads for which the memory of a model with more particles must suffice: not the present one, because the result must not
+/// depend on it.
+const THREADS: usize = 16;
+
+/// Differences of ln L are cut off here, from their median: beyond, the first order in them says nothing.
+const MAX_DIFFERENCE: f64 = 5.0;
+
+/// Largest spread of ln L by the steps.
+const STEPS_LIMIT: f64 = 0.5;
+
+/// Largest spread of ln L by the particles.
+const PARTICLES_LIMIT: f64 = 3.0;
+
+/// Largest move of an end of q's 68 % interval, in its half-width.
+const Q_LIMIT: f64 = 0.5;
+
+/// The checks of a model, and the numbers behind them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct ModelError {
+    pub checks: Vec<Check>,
+    pub numbers: BTreeMap<String, f64>,
+    pub warnings: Vec<String>,
+}
+
+/// Evaluates draws of the posterior again with half the steps, and with other particles.
+///
+/// The difference Δ of ln L gives the posterior of the finer model by weights exp(Δ). To first order the mean of q moves by Cov(q, Δ)
+/// and its variance by Cov((q - mean)², Δ), which needs far fewer draws than the weights themselves, and is exact for a normal posterior whose
+/// ln L changes by a linear function of q.
+pub(super) fn model_error(target: &StreamTarget, run: &Run) -> ModelError {
+    let mut found = ModelError::default();
+    let draws = Sample::new(target, run);
+    if draws.points.is_empty() {
+        return found;
+    }
+    let likelihood = target.likelihood();
+    let shorter = likelihood.model().with_twice_the_steps();
+    let difference = draws.difference(&likelihood.with_model(shorter));
+    found.state(
+        "steps",
+        &difference,
+        STEPS_LIMIT,
+        "steps of half the length",
+        "decrease `model.step_phase`, or with equal steps increase `model.steps`",
+    );
+    let settings = likelihood.model().settings();
+    let other = other_particles(settings);
+    let factor = other.releases.particles / settings.releases.particles;
+    match Model::new(&other) {
+        Ok(model) => found.state(
+            "particles",
+            &draws.difference(&likelihood.with_model(model)),
+            PARTICLES_LIMIT,
+            &format!("{factor} times as many, other particles"),
+            "increase `model.releases.particles`",
+        ),
+        Err(error) => found.warnings.push(format!(
+            "the error of the model by its particles is not known: {error}"
+        )),
+    }
+    found
+}
+
+/// Settings of a model with other particles: four times as many where the sampling scheme and the memory of [`THREADS`] values at once allow
+/// it, else twice as many or the same number.
+pub(super) fn other_particles(settings: &ModelSettings) -> ModelSettings {
+    let with = |factor: usize| ModelSettings {
+        releases: TableSettings {
+            particles: factor * settings.releases.particles,
+            release_times: factor * settings.releases.release_times,
+            // Any other seed, in the range of seeds.
+            seed: settings.releases.seed ^ 1,
+            ..settings.releases
+        },
+        ..*settings
+    };
+    let most = settings.releases.sampling_scheme.max_particles();
+    let allowed = |other: &ModelSettings| {
+        other.releases.particles <= most && other.memory(THREADS).check().is_ok()
+    };
+    [4, 2]
+        .map(with)
+        .into_iter()
+        .find(allowed)
+        .unwrap_or(with(1))
+}
+
+/// Draws of equal weight, repeated ones once.
+struct Sample {
+    points: Vec<[f64; crate::params::DIM]>,
+    ln_likelihood: Vec<f64>,
+    q: Vec<f64>,
+    weight: Vec<f64>,
+}
+
+/// How one ln L differs from another over the posterior.
+struct Difference {
+    /// Median of the difference.
+    shift: f64,
+    /// Half of its central 68 % range; infinite if more than 16 % of the draws are rejected.
+    spread: f64,
+    /// Move of the mean of q over the half-width of its 68 % interval, and the standard error of this number.
+    q_shift: f64,
+    q_shift_error: f64,
+    /// Relative change of the standard deviation of q.
+    q_width: f64,
+    /// Fraction of the draws that the other likelihood rejects.
+    rejected: f64,
+}
+
+impl Sample {
+    fn new(target: &StreamTarget, run: &Run) -> Self {
+        let mut sample = Self {
+            points: Vec::new(),
+            ln_likelihood: Vec::new(),
+            q: Vec::new(),
+            weight: Vec::new(),
+        };
+        let mut last = None;
+        for row in run.draws.resample(DRAWS, 0.5) {
+            match sample.weight.last_mut() {
+                Some(weight) if last == Some(row) => *weight += 1.0,
+                _ => sample.push(target, run, row),
+            }
+            last = Some(row);
+        }
+        let sum: f64 = sample.weight.iter().sum();
+        sample.weight.iter_mut().for_each(|w| *w /= sum);
+        sample
+    }
+
+    fn push(&mut self, target: &StreamTarget, run: &Run, row: usize) {
+        let params = target.params(run.draws.theta_row(row));
+        self.points.push(params.to_array());
+        self.ln_likelihood.push(run.draws.ln_likelihood[row]);
+        self.q.push(target.stream_prior().shape(&params).q);
+        self.weight.push(1.0);
+    }
+
+    /// The mean of a number of each draw.
+    fn mean(&self, number: impl Fn(usize) -> f64) -> f64 {
+        let weights = self.weight.iter().enumerate();
+        weights.map(|(i, weight)| weight * number(i)).sum()
+    }
+
+    fn difference(&self, other: &StreamLikelihood) -> Difference {
+        let values = other.ln_likelihoods(&self.points);
+        let differences: Vec<f64> = values
+            .iter()
+            .zip(&self.ln_likelihood)
+            .map(|(value, before)| match value {
+                Ok(evaluation) => evaluation.ln_likelihood - before,
+                Err(_) => f64::NEG_INFINITY,
+            })
+            .collect();
+        let at = |p| weighted_quantile(&differences, &self.weight, p);
+        let q_at = |p| weighted_quantile(&self.q, &self.weight, p);
+        let (shift, half_width) = (at(0.5), 0.5 * (q_at(0.84) - q_at(0.16)));
+        let cut = |i: usize| (differences[i] - shift).clamp(-MAX_DIFFERENCE, MAX_DIFFERENCE);
+        let (q_mean, cut_mean) = (self.mean(|i| self.q[i]), self.mean(cut));
+        let off = |i: usize| self.q[i] - q_mean;
+        let product = |i: usize| off(i) * (cut(i) - cut_mean);
+        let covariance = self.mean(product);
+        let scatter = self.mean(|i| (product(i) - covariance).powi(2));
+        let kish = 1.0 / self.weight.iter().map(|w| w * w).sum::<f64>();
+        Difference {
+            shift,
+            spread: 0.5 * (at(0.84) - at(0.16)),
+            q_shift: covariance / half_width,
+            q_shift_error: (scatter / kish).sqrt() / half_width,
+            q_width: 0.5 * self.mean(|i| off(i) * product(i)) / self.mean(|i| off(i).powi(2)),
+            rejected: self.mean(|i| f64::from(u8::from(differences[i].is_infinite()))),
+        }
+    }
+}
+
+impl ModelError {
+    fn state(&mut self, name: &str, d: &Difference, limit: f64, change: &str, remedy: &str) {
+        let numbers = [
+            ("ln_likelihood_shift", d.shift),
+            ("ln_likelihood_spread", d.spread),
+            ("q_shift", d.q_shift),
+            ("q_shift_error", d.q_shift_error),
+            ("q_width_change", d.q_width),
+            ("rejected", d.rejected),
+        ];
+        // Where most draws are rejected, or the shape is fixed, some numbers do not exist.
+        for (number, value) in numbers.into_iter().filter(|(_, value)| value.is_finite()) {
+            self.numbers.insert(format!("{name}_{number}"), value);
+        }
+        self.checks.push(Check::at_most(
+            &format!("{name}-ln-likelihood"),
+            if d.spread.is_finite() { d.spread } else { f64::INFINITY },
+            limit,
+            format!("half of the central 68 % range of the change of ln L by {change}, over the posterior: {remedy}"),
+        ));
+        if d.q_shift.is_finite() {
+            self.checks.push(Check::at_most(
+                &format!("{name}-q"),
+                d.q_shift.abs() + d.q_width.abs(),
+                Q_LIMIT,
+                format!("how far an end of q's 68 % interval moves by {change}, in its half-width: {remedy}"),
+            ));
+        }
+    }
+}
