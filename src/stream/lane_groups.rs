@@ -55,11 +55,11 @@ pub(super) fn lane_groups(table: &ReleaseTable) -> Vec<LaneGroup> {
 
 /// Number of chunks that the release times are divided into for a gradient. The derivatives are summed in each chunk, and the sums are
 /// added in order, so that the bits do not depend on the number of threads.
-pub(super) const CHUNKS: usize = 8;
+pub(super) const RELEASE_TIME_CHUNKS: usize = 8;
 
 /// Release times in a chunk; the last chunk may have fewer.
 pub(super) fn release_times_per_chunk(release_times: usize) -> usize {
-    release_times.div_ceil(CHUNKS)
+    release_times.div_ceil(RELEASE_TIME_CHUNKS)
 }
 
 /// Divides lane groups into pairs with equally many steps and in the same chunk of release times: ranges of two, or of one where no other

@@ -1,6 +1,6 @@
 //! An estimate of the memory of a model and its streams, before any of it is allocated.
 
-use super::lane_groups::{CHUNKS, LaneGroup, UNROLL};
+use super::lane_groups::{LaneGroup, RELEASE_TIME_CHUNKS, UNROLL};
 use super::progenitor_solution::ReleaseFrame;
 use super::settings::{ModelSettings, StepRule, StepsPer};
 use super::system::SYSTEM_LEN;
@@ -47,7 +47,7 @@ impl ModelSettings {
             StepRule::Uniform => bytes::<HermiteWeights>(release_times * (mean_steps + 1.0)),
             StepRule::Adaptive => threads * bytes::<u8>(lane_groups * steps / STAGES as f64),
         };
-        let chunks = CHUNKS as f64;
+        let chunks = RELEASE_TIME_CHUNKS as f64;
         // The derivative by the progenitor's position in lanes and summed; position, drift and kick, and the Hermite weights.
         let schedule = bytes::<[f64; 3]>((LANES * UNROLL + UNROLL) as f64)
             + UNROLL as f64 * (bytes::<[f64; 6]>(1.0) + bytes::<HermiteWeights>(1.0));
