@@ -51,7 +51,7 @@ fn likelihood(particles: usize) -> StreamLikelihood {
     model
         .integrate(&solution, &mut schedules, &mut out)
         .expect("particles");
-    let data: Vec<DataBin> = Track::of(&out, 10.0, BinEdges::default(), 0.01 * particles as f64)
+    let data: Vec<DataBin> = Track::new(&out, 10.0, BinEdges::default(), 0.01 * particles as f64)
         .expect("a track")
         .bins
         .iter()

@@ -35,7 +35,7 @@ pub enum Domain {
     /// Draws of the prior outside any sampler (mocks, checks).
     Prior = 48,
     /// Tables of releases and other fixed random numbers.
-    Design = 64,
+    Releases = 64,
     /// Tests.
     Test = 255,
 }

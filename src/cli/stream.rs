@@ -74,7 +74,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
         BinEdges::Hard
     };
     let min_n = args.min_fraction * particles.len() as f64;
-    let track = Track::of(&particles, args.bin_width, edges, min_n)?;
+    let track = Track::new(&particles, args.bin_width, edges, min_n)?;
     let seconds = begin.elapsed().as_secs_f64();
     if let Some(file) = &args.particles_out {
         let csv = particles_csv(&particles, &model);

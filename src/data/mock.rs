@@ -246,7 +246,7 @@ fn draw(
         .integrate(&solution, &mut schedules, &mut particles)
         .map_err(|_| Cut::NoStream)?;
     let min_n = settings.min_fraction * particles.len() as f64;
-    let track = Track::binned(&particles, settings.bin_width_deg, BinEdges::Hard, min_n);
+    let track = Track::from_checked(&particles, settings.bin_width_deg, BinEdges::Hard, min_n);
     let length_kpc = criteria(&track, settings)?;
     let phi: Vec<f64> = track.bins.iter().map(|b| b.phi_deg).collect();
     let r: Vec<f64> = track

@@ -1,4 +1,4 @@
-//! One number per point: from parameters through a stream and its track to ln L, and its exact gradient.
+//! ln L of a track as a function of the 13 parameters, and its gradient (docs/physics.md, sections 7 and 8).
 
 mod stream;
 mod track;

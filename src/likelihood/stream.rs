@@ -15,12 +15,12 @@ use rayon::prelude::*;
 use std::cell::RefCell;
 use std::marker::PhantomData;
 
-/// ln L of a parameter set, and the approximations made for it.
+/// ln L of a parameter set, and the number of approximations made for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Evaluation {
     /// ln L.
     pub ln_likelihood: f64,
-    /// The approximations.
+    /// The number of approximations.
     pub tally: Tally,
 }
 
@@ -30,18 +30,16 @@ pub struct Buffers {
     memory: Option<SolutionMemory<f64>>,
     work: Workspace,
     sums: Sums<f64>,
-    /// Sums over some of the particles.
-    part: PartialSums,
+    partial_sums: PartialSums,
     sums_bar: Sums<f64>,
 }
 
 thread_local! {
-    // One set per thread: no allocation after a thread's first call, and none in the interface.
+    // Buffers of each thread: no allocation after its first call, and no argument for them.
     static BUFFERS: RefCell<Buffers> = RefCell::default();
 }
 
-/// Runs `work` with this thread's buffers. A call within a call gets new ones: a thread that waits for others may start
-/// to compute another value.
+/// Runs `work` with this thread's buffers. A call within a call gets new ones: while a thread waits in rayon it may begin another value.
 fn with_buffers<T>(work: impl FnOnce(&mut Buffers) -> T) -> T {
     let mut buffers = BUFFERS.take();
     let result = work(&mut buffers);
@@ -51,7 +49,7 @@ fn with_buffers<T>(work: impl FnOnce(&mut Buffers) -> T) -> T {
 
 /// The likelihood of one track as a function of the 13 parameters.
 ///
-/// `H` is the kind of halo, that of Chemaly et al. (2026) unless it says otherwise.
+/// `H` is the kind of halo, by default that of Chemaly et al. (2026).
 #[derive(Clone, Debug)]
 pub struct StreamLikelihood<H = Nfw> {
     model: Model,
@@ -61,7 +59,7 @@ pub struct StreamLikelihood<H = Nfw> {
 }
 
 impl StreamLikelihood {
-    /// From a stream generator, a track's likelihood and the range of q.
+    /// From the model of the stream, the likelihood of the track and the range of q.
     #[must_use]
     pub fn new(model: Model, track: TrackLikelihood, q_range: QRange) -> Self {
         Self::with_halo(model, track, q_range)
@@ -80,7 +78,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         }
     }
 
-    /// The same data and rules on another stream generator.
+    /// The same likelihood with another model of the stream.
     #[must_use]
     pub fn with_model(&self, model: Model) -> Self {
         let track = self.track.clone();
@@ -91,13 +89,13 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         }
     }
 
-    /// The stream generator.
+    /// The model of the stream.
     #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// The track's likelihood.
+    /// The likelihood of the track.
     #[must_use]
     pub fn track(&self) -> &TrackLikelihood {
         &self.track
@@ -118,7 +116,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         with_buffers(|b| self.value(theta, Threads::One, b))
     }
 
-    /// As [`ln_likelihood`](Self::ln_likelihood), over all threads of the present rayon pool: for a single value. The same bits.
+    /// As [`ln_likelihood`](Self::ln_likelihood), on all threads of the present rayon pool. The result has the same bits.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
@@ -126,7 +124,8 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         with_buffers(|b| self.value(theta, Threads::All, b))
     }
 
-    /// ln L of many parameter sets, over all threads of the present rayon pool; each has the same bits as alone.
+    /// ln L of many parameter sets, on all threads of the present rayon pool; each has the same bits as from
+    /// [`ln_likelihood`](Self::ln_likelihood).
     #[must_use]
     pub fn ln_likelihoods(&self, points: &[[f64; DIM]]) -> Vec<Result<Evaluation, Rejection>> {
         points
@@ -136,16 +135,15 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     }
 
     /// ln L and its gradient with respect to the 13 physical parameters, per unit of each and in their order: the exact derivative of
-    /// the discrete model, by dual numbers for the orbit and in reverse mode for the particles (docs/physics.md, section 8). On the
-    /// caller's thread.
+    /// the discrete model (docs/physics.md, section 8). On the caller's thread.
     ///
     /// # Errors
-    /// As [`ln_likelihood`](Self::ln_likelihood); [`Rejection::BadLikelihood`] too if the gradient is not finite.
+    /// As [`ln_likelihood`](Self::ln_likelihood), and [`Rejection::BadLikelihood`] if the gradient is not finite.
     pub fn gradient(&self, theta: &[f64; DIM]) -> Result<(Evaluation, [f64; DIM]), Rejection> {
         with_buffers(|b| self.gradient_of(theta, Adjoint::Exact, Threads::One, b))
     }
 
-    /// As [`gradient`](Self::gradient), over all threads of the present rayon pool. The same bits.
+    /// As [`gradient`](Self::gradient), on all threads of the present rayon pool. The result has the same bits.
     ///
     /// # Errors
     /// As [`gradient`](Self::gradient).
@@ -156,9 +154,8 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         with_buffers(|b| self.gradient_of(theta, Adjoint::Exact, Threads::All, b))
     }
 
-    /// As [`gradient`](Self::gradient), without the particles whose derivative is chaotic ([`Adjoint::Truncated`]): not the
-    /// derivative of ln L where there are such particles, but a field that Hamiltonian dynamics can follow. A sampler whose
-    /// acceptance probability uses ln L itself is exact with any field.
+    /// As [`gradient`](Self::gradient), without the derivatives of chaotic particles ([`Adjoint::Truncated`]). Where there are such
+    /// particles it is not the derivative of ln L; a sampler whose acceptance probability uses ln L itself is exact with any vector field.
     ///
     /// # Errors
     /// As [`gradient`](Self::gradient).
@@ -209,13 +206,13 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         );
         let tally = work.particles.tally;
         let system_bar = self.model.vjp(&system, &solution, adjoint, threads, work);
-        let numbers = self
+        let vector = self
             .system::<Dual<DIM>>(&StreamParams::from_array(lift(theta)))
             .to_vector();
         let mut gradient = [0.0; DIM];
-        for (number, by) in numbers.iter().zip(system_bar) {
-            for (slot, derivative) in gradient.iter_mut().zip(gradient_of(number)) {
-                *slot += by * derivative;
+        for (number, number_bar) in vector.iter().zip(system_bar) {
+            for (component, derivative) in gradient.iter_mut().zip(gradient_of(number)) {
+                *component += number_bar * derivative;
             }
         }
         if gradient.iter().all(|g| g.is_finite()) {
@@ -229,24 +226,24 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         }
     }
 
-    /// ln L on any number type, particle by particle: slow, and on [`Dual`] numbers the reference for the
-    /// [`gradient`](Self::gradient).
+    /// ln L on any number type, particle by particle: slow. On `f64` it is the reference for [`ln_likelihood`](Self::ln_likelihood), on
+    /// [`Dual`] numbers for [`gradient`](Self::gradient).
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
     pub fn ln_likelihood_on<S: Real>(&self, params: &StreamParams<S>) -> Result<S, Rejection> {
-        // The steps are those of the computation in lanes.
-        let numbers = params.map(Real::re);
-        let mut fast = Particles::default();
+        // The adaptive steps are those of the computation in lanes.
+        let real_parts = params.map(Real::re);
+        let mut in_lanes = Particles::default();
         self.model.integrate(
-            &self.model.progenitor_solution(&self.system(&numbers))?,
+            &self.model.progenitor_solution(&self.system(&real_parts))?,
             &mut StepSchedules::default(),
-            &mut fast,
+            &mut in_lanes,
         )?;
         let solution = self.model.progenitor_solution(&self.system(params))?;
         let particles = self
             .model
-            .integrate_one_by_one(&solution, &fast.step_sizes)?;
+            .integrate_one_by_one(&solution, &in_lanes.step_sizes)?;
         let mut sums = Sums::default();
         let neighbourhood = self.model.table().neighbourhood.as_deref();
         self.track
@@ -255,8 +252,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         self.track.ln_likelihood(&sums)
     }
 
-    /// The whole track of a parameter set in the data's bins with this likelihood's edges, every bin that is covered; and the
-    /// particles.
+    /// The track of a parameter set with the width and the edges of the data's bins, every bin that is covered, and the particles.
     ///
     /// # Errors
     /// [`Rejection::BadParameter`], [`Rejection::BadOrbit`], [`Rejection::UnresolvedOrbit`] or [`Rejection::BadParticle`] where there
@@ -267,7 +263,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         self.model
             .integrate_in_parallel(&solution, &mut particles)?;
         let grid = self.track.grid();
-        let track = Track::binned(
+        let track = Track::from_checked(
             &particles,
             grid.width_deg,
             grid.edges,
@@ -276,7 +272,10 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         Ok((track, particles))
     }
 
-    /// Particles and their sums, into the buffers.
+    /// Writes the particles and their sums over bins into the buffers.
+    ///
+    /// # Errors
+    /// [`Rejection::BadParticle`] if a particle is not finite.
     fn sum(
         &self,
         solution: &ProgenitorSolution<f64, H>,
@@ -292,7 +291,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         match threads {
             Threads::One => {
                 self.model.integrate(solution, schedules, particles)?;
-                grid.sum(particles, &mut b.sums, &mut b.part);
+                grid.sum(particles, &mut b.sums, &mut b.partial_sums);
             }
             Threads::All => {
                 self.model.integrate_in_parallel(solution, particles)?;

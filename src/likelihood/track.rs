@@ -1,4 +1,4 @@
-//! Gaussian in radius per bin, with the coverage rule chosen by name (docs/physics.md, section 7).
+//! The likelihood of a track: normal in the mean radius of each bin, with a rule for bins that are not covered (docs/physics.md, section 7).
 
 use crate::data::{RADII_KPC, RADIUS_ERRORS_KPC};
 use crate::error::{Error, Rejection, Result};
@@ -9,18 +9,18 @@ use oblate_samplers::limits::{Memory, in_range};
 use oblate_samplers::normal::LN_SQRT_2PI;
 use serde::{Deserialize, Serialize};
 
-/// The rule for a data bin that the model does not cover.
+/// The rule for a bin of the data that the model does not cover.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Coverage {
-    /// The rule of Chemaly et al. (2026): the likelihood is zero, with a hard threshold on the number of particles.
+    /// The likelihood is zero, as in Chemaly et al. (2026).
     Reject,
-    /// Finite and smooth everywhere: between threshold and zero weight, a bin's likelihood is interpolated to that of a residual
-    /// of `z_miss` sigma, and the uncovered fraction of the bins costs `-lambda (1 - overlap)^2`.
+    /// ln L is finite and has continuous second derivatives: below the threshold, ln L of a bin is interpolated to that of a residual of
+    /// `z_miss` standard errors, and a penalty is subtracted.
     Penalty {
-        /// Residual of a missing bin, in sigma.
+        /// Residual of a bin without particles, in standard errors of the data.
         z_miss: f64,
-        /// Depth of the penalty on the uncovered length.
+        /// The penalty if no bin is covered.
         lambda: f64,
     },
 }
@@ -40,12 +40,12 @@ impl Default for Coverage {
 pub struct LikelihoodSettings {
     /// Edges of the bins.
     pub edges: BinEdges,
-    /// Missing bins.
+    /// The rule for bins that are not covered.
     pub coverage: Coverage,
-    /// Whether the model's own Monte-Carlo variance of each bin's mean is added to the data's. The releases of a fit are fixed,
-    /// so their error is the same at every point, and with a few thousand particles it is as large as the data's errors.
+    /// Whether the Monte-Carlo variance of each bin's mean in the model is added to the variance of the data. With a few thousand particles
+    /// the two are of the same size.
     pub model_noise: bool,
-    /// The threshold on a bin's weight, as a fraction of all particles: half of a mock's 1 %.
+    /// The threshold on a bin's weight over the number of particles: half of that of mocks.
     pub min_fraction: f64,
 }
 
@@ -61,8 +61,8 @@ impl Default for LikelihoodSettings {
 }
 
 impl LikelihoodSettings {
-    /// Checks every number by itself: the ranges of docs/limits.md. In addition, soft edges are at most half of a bin
-    /// wide, which depends on the track ([`BinEdges::check`]).
+    /// Checks that every number is in its range of docs/limits.md. That the half-width of soft edges is at most half of a bin depends on
+    /// the track; [`TrackLikelihood::new`] checks it.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] with the first one that is out of its range.
@@ -79,13 +79,13 @@ impl LikelihoodSettings {
     }
 }
 
-/// Margin of the upper bound for rounding.
+/// Margin for rounding in the upper bound of ln L.
 const BOUND_SLACK: f64 = 1e-6;
 
 /// Data of one bin.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DataBin {
-    /// Number of the bin: it covers [bin, bin + 1) widths from the progenitor.
+    /// Number of the bin: it covers [bin, bin + 1) widths.
     pub bin: i64,
     /// Measured mean radius, kpc.
     pub r_kpc: f64,
@@ -98,27 +98,28 @@ pub struct DataBin {
 pub struct TrackLikelihood {
     settings: LikelihoodSettings,
     grid: BinGrid,
-    /// Data by bin of the grid, `None` where a gap in the data is.
+    /// Data by bin of the grid, `None` in gaps of the data.
     data: Vec<Option<DataBin>>,
+    /// Number of bins with data.
     count: usize,
-    /// The weight that a bin must have.
+    /// The weight of a covered bin.
     threshold: f64,
-    /// The model's variance of a bin's mean over that of independent particles.
+    /// [`SamplingScheme::variance_factor`](crate::spray::SamplingScheme::variance_factor) of the model.
     variance_factor: f64,
 }
 
-/// The contribution of one bin: the product of its cover (0 to 1) and its log-likelihood, and the cover.
+/// The contribution of one bin to ln L, and its cover (0 to 1), c of docs/physics.md, section 7.
 struct BinTerm<S> {
     ln_likelihood: S,
     covered: S,
 }
 
 impl TrackLikelihood {
-    /// A likelihood of data in bins of `width_deg`, for models with these releases.
+    /// The likelihood of data in bins of `width_deg` degrees, for models with these releases.
     ///
     /// # Errors
-    /// As of [`LikelihoodSettings::check`]; [`Error::OutOfRange`] for a width, an edge, an angle, a radius or an error out of its range;
-    /// [`Error::Setting`] if there is no data or a bin twice.
+    /// Those of [`LikelihoodSettings::check`]; [`Error::OutOfRange`] if a width, half-width, angle, radius or error is out of its range;
+    /// [`Error::Setting`] if there is no bin or one is given twice.
     pub fn new(
         settings: &LikelihoodSettings,
         width_deg: f64,
@@ -157,10 +158,10 @@ impl TrackLikelihood {
             );
         };
         let len = usize::try_from(last - first + 1).unwrap_or(0);
-        let mut slots = vec![None; len];
+        let mut by_bin = vec![None; len];
         for d in data {
-            let slot = usize::try_from(d.bin - first).unwrap_or(0);
-            if slots[slot].replace(*d).is_some() {
+            let index = usize::try_from(d.bin - first).unwrap_or(0);
+            if by_bin[index].replace(*d).is_some() {
                 return fail(
                     "track",
                     format!("bin {} twice", d.bin),
@@ -176,7 +177,7 @@ impl TrackLikelihood {
                 len,
                 edges: settings.edges,
             },
-            data: slots,
+            data: by_bin,
             count: data.len(),
             threshold: 0.0,
             variance_factor: 1.0,
@@ -201,7 +202,7 @@ impl TrackLikelihood {
     }
 
     /// An estimate of the memory of the sums of `threads` values that are computed at once: for each bin three sums, their derivatives,
-    /// and the sums over some of the particles.
+    /// and the sums over a chunk of particles.
     #[must_use]
     pub fn memory(&self, threads: usize) -> Memory {
         let per_bin = 14 * size_of::<f64>();
@@ -209,42 +210,42 @@ impl TrackLikelihood {
         Memory::default().with("threads", bytes)
     }
 
-    /// The weight that a bin must have to count as covered.
+    /// The weight of a covered bin.
     #[must_use]
     pub fn threshold(&self) -> f64 {
         self.threshold
     }
 
-    /// The data, in order.
+    /// The data, in the order of the bins.
     pub fn data(&self) -> impl Iterator<Item = &DataBin> {
         self.data.iter().flatten()
     }
 
-    /// An upper bound of ln L: a track through all points, without noise of its own.
+    /// An upper bound of ln L: that of a track through all points without model noise.
     #[must_use]
     pub fn ln_likelihood_bound(&self) -> f64 {
-        let most = self
+        let exact_fit = self
             .data()
             .map(|d| -d.r_err_kpc.ln() - LN_SQRT_2PI)
             .sum::<f64>();
-        most + BOUND_SLACK
+        exact_fit + BOUND_SLACK
     }
 
     /// ln L of a model's sums.
     ///
     /// # Errors
-    /// [`Rejection::Uncovered`] under [`Coverage::Reject`]; [`Rejection::BadLikelihood`] if it is not finite.
+    /// [`Rejection::Uncovered`] under [`Coverage::Reject`] if a bin is not covered; [`Rejection::BadLikelihood`] if ln L is not finite.
     pub fn ln_likelihood<S: Real>(&self, sums: &Sums<S>) -> std::result::Result<S, Rejection> {
         let mut total = S::zero();
-        let mut overlap = S::zero();
+        let mut mean_cover = S::zero();
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
                 let term = self.bin_term(d, sums.weight[i], sums.r[i], sums.r2[i])?;
                 total += term.ln_likelihood;
-                overlap += term.covered / self.count as f64;
+                mean_cover += term.covered / self.count as f64;
             }
         }
-        let total = total - self.length_penalty(overlap);
+        let total = total - self.penalty(mean_cover);
         if total.re().is_finite() {
             Ok(total)
         } else {
@@ -252,37 +253,45 @@ impl TrackLikelihood {
         }
     }
 
-    /// ln L, with the same bits as from [`ln_likelihood`](Self::ln_likelihood), and its derivatives with respect to the sums, written
-    /// into `sums_bar`.
+    /// ln L, with the same bits as from [`ln_likelihood`](Self::ln_likelihood). Its derivatives with respect to the sums are written into
+    /// `sums_bar`.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
-    pub fn vjp(&self, sums: &Sums<f64>, by: &mut Sums<f64>) -> std::result::Result<f64, Rejection> {
-        // The value is that of the function without derivatives: dual numbers round otherwise.
+    pub fn vjp(
+        &self,
+        sums: &Sums<f64>,
+        sums_bar: &mut Sums<f64>,
+    ) -> std::result::Result<f64, Rejection> {
+        // ln L by the function above, because dual numbers round otherwise.
         let total = self.ln_likelihood(sums)?;
-        by.reset(self.grid.len);
-        let mut overlap = 0.0;
+        sums_bar.reset(self.grid.len);
+        let mut mean_cover = 0.0;
         // Derivatives of each bin's cover, for the penalty below.
         let mut cover_bar = vec![0.0; self.grid.len];
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
                 let [weight, r, r2]: [Dual<3>; 3] = lift(&[sums.weight[i], sums.r[i], sums.r2[i]]);
                 let term = self.bin_term(d, weight, r, r2)?;
-                overlap += term.covered.re / self.count as f64;
-                [by.weight[i], by.r[i], by.r2[i]] = gradient_of(&term.ln_likelihood);
+                mean_cover += term.covered.re / self.count as f64;
+                [sums_bar.weight[i], sums_bar.r[i], sums_bar.r2[i]] =
+                    gradient_of(&term.ln_likelihood);
                 // The cover depends on the weight alone.
                 cover_bar[i] = gradient_of(&term.covered)[0];
             }
         }
-        let penalty = self.length_penalty(crate::scalar::variable::<1>(overlap, 0));
-        let [overlap_bar] = gradient_of(&penalty);
-        for (slot, cover) in by.weight.iter_mut().zip(&cover_bar) {
-            *slot -= overlap_bar * cover / self.count as f64;
+        let penalty = self.penalty(crate::scalar::variable::<1>(mean_cover, 0));
+        let [mean_cover_bar] = gradient_of(&penalty);
+        for (weight_bar, cover_bar) in sums_bar.weight.iter_mut().zip(&cover_bar) {
+            *weight_bar -= mean_cover_bar * cover_bar / self.count as f64;
         }
         Ok(total)
     }
 
-    /// One bin.
+    /// The contribution of one bin.
+    ///
+    /// # Errors
+    /// [`Rejection::Uncovered`] under [`Coverage::Reject`] if it is not covered.
     fn bin_term<S: Real>(
         &self,
         d: &DataBin,
@@ -292,7 +301,7 @@ impl TrackLikelihood {
     ) -> std::result::Result<BinTerm<S>, Rejection> {
         let covered = match self.settings.coverage {
             Coverage::Reject => {
-                // No bin without a particle has a mean, whatever the threshold.
+                // A bin without particles has no mean, even if the threshold is 0.
                 if weight.re() < self.threshold || weight.re() <= 0.0 {
                     return Err(Rejection::Uncovered);
                 }
@@ -303,21 +312,21 @@ impl TrackLikelihood {
             }
             Coverage::Penalty { .. } => smooth_step(weight),
         };
-        // Where the cover is zero the mean does not count; keep it finite.
-        let safe = weight.max(S::from_f64(0.25 * self.threshold).max(S::from_f64(1e-9)));
-        let mean = r / safe;
+        // Bounded, so that the mean is finite where the cover is 0.
+        let bounded_weight = weight.max(S::from_f64(0.25 * self.threshold).max(S::from_f64(1e-9)));
+        let mean = r / bounded_weight;
         let mut variance = S::from_f64(d.r_err_kpc * d.r_err_kpc);
         if self.settings.model_noise {
-            let scatter2 = (r2 / safe - mean * mean).max(S::zero());
-            variance += scatter2 * self.variance_factor / safe;
+            let variance_of_r = (r2 / bounded_weight - mean * mean).max(S::zero());
+            variance += variance_of_r * self.variance_factor / bounded_weight;
         }
         let residual = mean - d.r_kpc;
-        let hit = -(residual * residual / variance + variance.ln()) * 0.5 - LN_SQRT_2PI;
+        let ln_covered = -(residual * residual / variance + variance.ln()) * 0.5 - LN_SQRT_2PI;
         let ln_likelihood = match self.settings.coverage {
-            Coverage::Reject => hit,
+            Coverage::Reject => ln_covered,
             Coverage::Penalty { z_miss, .. } => {
-                let miss = -0.5 * z_miss * z_miss - d.r_err_kpc.ln() - LN_SQRT_2PI;
-                covered * (hit - miss) + miss
+                let ln_miss = -0.5 * z_miss * z_miss - d.r_err_kpc.ln() - LN_SQRT_2PI;
+                covered * (ln_covered - ln_miss) + ln_miss
             }
         };
         Ok(BinTerm {
@@ -326,12 +335,12 @@ impl TrackLikelihood {
         })
     }
 
-    /// The penalty on the uncovered fraction of the length.
-    fn length_penalty<S: Real>(&self, overlap: S) -> S {
+    /// The penalty at this mean cover of the bins.
+    fn penalty<S: Real>(&self, mean_cover: S) -> S {
         match self.settings.coverage {
             Coverage::Reject => S::zero(),
             Coverage::Penalty { lambda, .. } => {
-                let missing = (S::one() - overlap).max(S::zero());
+                let missing = (S::one() - mean_cover).max(S::zero());
                 missing * missing * lambda
             }
         }

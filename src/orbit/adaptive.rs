@@ -1,7 +1,6 @@
-//! Fourth-order steps that are as short as particles need (docs/physics.md, section 5).
+//! Adaptive steps of fourth order (docs/physics.md, section 5).
 //!
-//! A step is a composition of six kicks and drifts (Blanes & Moan 2002, J. Comput. Appl. Math. 142, 313: a Runge-Kutta-Nyström method of
-//! fourth order). All particles that are integrated together take the same steps. The size of each step is recorded: with this record the
+//! All particles that are integrated together take the same steps. The size of each step is recorded: with this record the
 //! integration is a fixed sequence of kicks and drifts, a [`StepSchedule`](super::StepSchedule), and its derivative is that of this
 //! sequence.
 
@@ -12,9 +11,10 @@ use crate::potential::{Plummer, Potential};
 use crate::scalar::{Scalar, Vec3};
 use crate::units::G;
 
-/// Kicks, and so force evaluations, of a step; its first force is the last one of the step before.
+/// Force evaluations of a step; the force of its first kick is the last one of the step before.
 pub const STAGES: usize = 6;
 
+// The coefficients of Blanes & Moan 2002.
 const A: [f64; 2] = [0.245_298_957_184_271, 0.604_872_665_711_080];
 const A_3: f64 = 0.5 - (A[0] + A[1]);
 const B: [f64; 3] = [
@@ -23,10 +23,10 @@ const B: [f64; 3] = [
     -0.039_056_304_922_348_6,
 ];
 
-/// Lengths of the drifts in steps.
+/// Lengths of the drifts over the length of the step.
 pub const DRIFTS: [f64; STAGES] = [A[0], A[1], A_3, A_3, A[1], A[0]];
 
-/// Lengths of the kicks in steps: before the first drift, and after each.
+/// Lengths of the kicks over the length of the step: before the first drift, and after each.
 pub const KICKS: [f64; STAGES + 1] = [
     B[0],
     B[1],
@@ -37,13 +37,13 @@ pub const KICKS: [f64; STAGES + 1] = [
     B[0],
 ];
 
-/// Times of the kicks in steps: the sums of the drifts before them.
+/// Times of the kicks over the length of the step: the sums of the drifts before them.
 pub const TIMES: [f64; STAGES + 1] = [0.0, A[0], A[0] + A[1], 0.5, 0.5 + A_3, 1.0 - A[0], 1.0];
 
-/// Sizes between the size of a step and its half.
+/// Number of sizes from one size to its half.
 const PER_HALVING: u8 = 4;
 
-/// The sizes of steps down to, and not with, the half: 2^(-number / 4).
+/// The sizes above 1/2, by their number: 2^(-number / 4).
 const SIZES: [f64; PER_HALVING as usize] = [
     1.0,
     0.840_896_415_253_714_5,
@@ -51,9 +51,9 @@ const SIZES: [f64; PER_HALVING as usize] = [
     0.594_603_557_501_360_5,
 ];
 
-/// The length of the next step, of a size with this number, where `left` is what is left until today; both in longest steps. The size is
-/// 2^(-number / 4): so few sizes that a change of the parameters seldom changes the steps, which the derivative takes as fixed. The last
-/// two steps are equal, and end today.
+/// The length of the next step at the time `left` before today, both in longest steps; the step has the size 2^(-number / 4). The last two
+/// steps are equal and end today. There are few sizes, so that a change of the parameters seldom changes the steps, which the derivative
+/// takes as constants.
 #[inline(always)]
 #[must_use]
 pub fn length(number: u8, left: f64) -> f64 {
@@ -67,11 +67,11 @@ pub fn length(number: u8, left: f64) -> f64 {
     }
 }
 
-/// What an integration by adaptive steps is given, and where it records the sizes of the steps.
+/// The settings of an integration by adaptive steps, and the record of the sizes of its steps.
 pub trait AdaptiveSteps<S> {
     /// Number of steps if all are as long as possible.
     fn steps(&self) -> usize;
-    /// The shortest step is the longest one halved so often.
+    /// How often the longest step is halved to make the shortest.
     fn max_halvings(&self) -> u8;
     /// Largest phase of a step in radians, see [`advance_adaptively`].
     fn max_phase(&self) -> f64;
@@ -83,30 +83,29 @@ pub trait AdaptiveSteps<S> {
     fn record(&mut self, number: u8);
 }
 
-/// Integrates particles, one in each lane, from their release to today; as [`advance`](super::advance()) along the schedule that
-/// `steps` records.
+/// Integrates particles, one per lane, from their release to today: as [`advance`](super::advance()) by the schedule that `steps`
+/// records. `winding_number` is the one at release.
 ///
-/// The phase of a step of length h is the larger one of h (v^2 - x.a)^(1/2) / |x|, where -x.a is the square of the circular velocity,
-/// and of h times the frequency of the progenitor's own gravity at the particle. At the start and at the end of a step, which is
-/// predicted to second order, it must be at most [`max_phase`](AdaptiveSteps::max_phase) for every particle: looking at both ends makes
-/// approach to the centre and departure alike, and energies hold several times better.
+/// A step is the longest whose phase is at most [`max_phase`](AdaptiveSteps::max_phase) at its start and at its predicted end, for every
+/// particle (docs/physics.md, section 5). Looking at both ends makes the choice nearly the same towards the centre and away from it;
+/// without it, energies drift.
 #[inline(always)]
 pub fn advance_adaptively<S: Scalar>(
     host: &impl Potential<S>,
     progenitor: &Plummer<S>,
     steps: &mut impl AdaptiveSteps<S>,
     start: State<S>,
-    turns: S,
+    winding_number: S,
 ) -> FinalParticle<S> {
     let shortest = steps.max_halvings() * PER_HALVING;
     let phase2 = steps.max_phase() * steps.max_phase();
-    // Squared, over the square of the largest phase: no root, and no division for each particle.
-    let pull = progenitor.mass * (G / phase2);
-    let pull2 = pull * pull;
+    // The comparison of phases is squared: no root, and no division for each particle.
+    let gm_over_phase2 = progenitor.mass * (G / phase2);
+    let gm2_over_phase4 = gm_over_phase2 * gm_over_phase2;
     let core2 = progenitor.r_s * progenitor.r_s;
     let step = steps.step_gyr();
     let (mut left, mut number) = (steps.steps() as f64, 0_u8);
-    let (mut turns, mut ambiguous_windings) = (turns, S::zero());
+    let (mut winding_number, mut ambiguous_windings) = (winding_number, S::zero());
     let mut x = start.x;
     // Velocities without the last kick of the step before, which is joined with the first of the next.
     let mut v = start.v;
@@ -115,22 +114,22 @@ pub fn advance_adaptively<S: Scalar>(
     let mut a = force(host, progenitor, x, centre);
     while left > 0.0 {
         let d2 = (x - centre).norm2() + core2;
-        let now = Now::new(
+        let step_start = StepStart::new(
             x,
             v.add_scaled(a, kick_before),
             a,
             phase2,
             d2 * d2 * d2,
-            pull2,
+            gm2_over_phase4,
         );
-        // No closure here: it would not be compiled for the instruction set of its kernel.
-        if number < shortest && now.is_too_long(step * length(number, left)) {
+        // No closure, because it would be compiled without the instructions of the kernel.
+        if number < shortest && step_start.is_too_long(step * length(number, left)) {
             number += 1;
-            while number < shortest && now.is_too_long(step * length(number, left)) {
+            while number < shortest && step_start.is_too_long(step * length(number, left)) {
                 number += 1;
             }
         } else {
-            while number > 0 && !now.is_too_long(step * length(number - 1, left)) {
+            while number > 0 && !step_start.is_too_long(step * length(number - 1, left)) {
                 number -= 1;
             }
         }
@@ -140,7 +139,7 @@ pub fn advance_adaptively<S: Scalar>(
         for stage in 0..STAGES {
             let before = x;
             x = x.add_scaled(v, h * DRIFTS[stage]);
-            turns += crossing(before, x);
+            winding_number += crossing(before, x);
             ambiguous_windings += is_negative(before.x * x.x + before.y * x.y);
             centre = steps.progenitor_at(left - TIMES[stage + 1] * length);
             a = force(host, progenitor, x, centre);
@@ -157,45 +156,45 @@ pub fn advance_adaptively<S: Scalar>(
             x,
             v: v.add_scaled(a, kick_before),
         },
-        turns,
+        winding_number,
         ambiguous_windings,
     }
 }
 
 /// Particles at the start of a step.
-struct Now<S> {
+struct StepStart<S> {
     x: Vec3<S>,
     v: Vec3<S>,
     a: Vec3<S>,
     phase2: f64,
-    /// |x|^2 times the square of the largest phase, and v^2 - x.a.
-    sides: (S, S),
-    /// In the gravity of the progenitor, the phase is too large where `d6` is below `pull2` times h^4.
+    /// The phase is too large where |x|^2 times the square of the largest phase is below v^2 - x.a times h^2.
+    phase_sides: (S, S),
+    /// In the gravity of the progenitor, the phase is too large where `d6` is below `gm2_over_phase4` times h^4.
     d6: S,
-    pull2: S,
+    gm2_over_phase4: S,
 }
 
-impl<S: Scalar> Now<S> {
+impl<S: Scalar> StepStart<S> {
     #[inline(always)]
-    fn new(x: Vec3<S>, v: Vec3<S>, a: Vec3<S>, phase2: f64, d6: S, pull2: S) -> Self {
+    fn new(x: Vec3<S>, v: Vec3<S>, a: Vec3<S>, phase2: f64, d6: S, gm2_over_phase4: S) -> Self {
         Self {
             x,
             v,
             a,
             phase2,
             d6,
-            pull2,
-            sides: (x.norm2() * phase2, v.norm2() - x.dot(a)),
+            gm2_over_phase4,
+            phase_sides: (x.norm2() * phase2, v.norm2() - x.dot(a)),
         }
     }
 
-    /// Whether a step of length `h` is too long for any particle: its phase at the start or at the end, or that in the progenitor's
-    /// gravity.
+    /// Whether a step of length `h` is too long for any particle: by its phase at the start or at the predicted end, or by that in the
+    /// progenitor's gravity.
     #[inline(always)]
     fn is_too_long(&self, h: S) -> bool {
         let h2 = h * h;
-        let (r2, speed2) = self.sides;
-        if S::any(r2.lt(speed2 * h2)) || S::any(self.d6.lt(self.pull2 * (h2 * h2))) {
+        let (largest, actual) = self.phase_sides;
+        if S::any(largest.lt(actual * h2)) || S::any(self.d6.lt(self.gm2_over_phase4 * (h2 * h2))) {
             return true;
         }
         let v = self.v.add_scaled(self.a, h);

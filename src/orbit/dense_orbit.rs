@@ -1,15 +1,15 @@
-//! The progenitor's orbit, integrated once from today back to the first release and kept as a dense curve.
+//! The progenitor's dense orbit, integrated once from today back to the first release (docs/physics.md, section 3).
 //!
-//! Times are fractions `tau` of the age: -1 at the first release, 0 today. Nodes are equidistant in `tau`, and between
-//! them the curve is the quintic Hermite interpolant of position, velocity and acceleration. So the weights of an
-//! interpolated position are pure numbers, the same for every parameter: [`HermiteWeights`].
+//! Times are fractions `tau` of the age: -1 at the first release, 0 today. Nodes are equidistant in `tau`; between them the position is
+//! the quintic Hermite interpolant of position, velocity and acceleration. Its weights do not depend on the parameters:
+//! [`HermiteWeights`].
 
 use super::{State, crossing};
 use crate::potential::Potential;
 use crate::scalar::{Real, Scalar, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Lower limit of the squared radius, kpc^2, in the orbital frequency, which stays finite for a progenitor at the very centre.
+/// Added to the squared radius, kpc^2, in the phase of an interval, which stays finite for a progenitor at the centre.
 const CORE2: f64 = 1e-4;
 
 /// How the progenitor is integrated back in time.
@@ -19,12 +19,12 @@ pub enum OrbitMethod {
     /// A 4th-order symplectic method with a small error constant (PEFRL: Omelyan, Mryglod & Folk 2002).
     #[default]
     Accurate,
-    /// The paper's kick-drift-kick leapfrog, for reproduction: use it with 100 steps.
+    /// The leapfrog (kick, drift, kick) of Chemaly et al. (2026), who take 100 steps.
     Leapfrog,
 }
 
 /// One node of the orbit, in rows: position in kpc, velocity times the node spacing (kpc), acceleration times the spacing
-/// squared (kpc). A row has a fourth number, zero, because vector registers hold four and not three.
+/// squared (kpc). Each row has a zero as fourth number, so that it fills a register of four.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node<S>(pub [[S; 4]; 3]);
 
@@ -38,7 +38,7 @@ impl<S: Scalar> Node<S> {
 
     /// The node of a state, `spacing` Gyr from the next.
     #[inline(always)]
-    fn of(host: &impl Potential<S>, s: State<S>, spacing: S) -> Self {
+    fn from_state(host: &impl Potential<S>, s: State<S>, spacing: S) -> Self {
         let (dx, ddx) = (s.v * spacing, host.acceleration(s.x) * (spacing * spacing));
         Self([row(s.x), row(dx), row(ddx)])
     }
@@ -64,7 +64,7 @@ impl<S: Scalar> Node<S> {
         self.vector(2)
     }
 
-    /// The square of the phase of an interval: of spacing (v^2 - x.a)^(1/2) / |x|.
+    /// The square of the phase of an interval with the values at this node (docs/physics.md, section 3).
     #[inline(always)]
     fn phase2(&self) -> S {
         let (x, dx) = (self.x(), self.vector(1));
@@ -73,10 +73,10 @@ impl<S: Scalar> Node<S> {
 
     /// Adds a vector to a row.
     #[inline(always)]
-    pub fn add(&mut self, at: usize, vector: Vec3<S>) {
-        let row = row(vector);
+    pub fn add(&mut self, row: usize, vector: Vec3<S>) {
+        let addend = self::row(vector);
         for c in 0..4 {
-            self.0[at][c] += row[c];
+            self.0[row][c] += addend[c];
         }
     }
 }
@@ -100,7 +100,7 @@ fn row<S: Scalar>(v: Vec3<S>) -> [S; 4] {
     [v.x, v.y, v.z, S::zero()]
 }
 
-/// Where a time lies between two nodes, and the weights of their six vectors in the position then.
+/// The two nodes around a time, and the weights of their six vectors in the position at that time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HermiteWeights {
     /// The earlier node.
@@ -110,11 +110,11 @@ pub struct HermiteWeights {
 }
 
 impl HermiteWeights {
-    /// The weights at the time `tau` in [-1, 0] on `steps` intervals.
+    /// The weights at the time `tau` in [-1, 0] on an orbit of `intervals` intervals.
     #[inline(always)]
     #[must_use]
-    pub fn at(tau: f64, steps: usize) -> Self {
-        let (node, t) = locate(tau, steps);
+    pub fn at(tau: f64, intervals: usize) -> Self {
+        let (node, t) = locate(tau, intervals);
         Self {
             node,
             weights: quintic(t),
@@ -122,29 +122,33 @@ impl HermiteWeights {
     }
 }
 
-/// Adds the derivative with respect to an interpolated position to those with respect to the two nodes around it.
+/// Reverse mode of [`DenseOrbit::position`]: adds the derivative with respect to a position to those with respect to its two nodes.
 #[inline]
-pub fn add_weighted(nodes: &mut [Node<f64>], place: &HermiteWeights, by: Vec3<f64>) {
-    let by = row(by);
-    let HermiteWeights { node, weights } = *place;
+pub fn position_vjp(
+    nodes_bar: &mut [Node<f64>],
+    weights: &HermiteWeights,
+    position_bar: Vec3<f64>,
+) {
+    let position_bar = row(position_bar);
+    let HermiteWeights { node, weights } = *weights;
     for k in 0..6 {
-        let row = &mut nodes[node + k / 3].0[k % 3];
+        let row_bar = &mut nodes_bar[node + k / 3].0[k % 3];
         for c in 0..4 {
-            row[c] += weights[k] * by[c];
+            row_bar[c] += weights[k] * position_bar[c];
         }
     }
 }
 
 /// The interval of `tau` and the fraction within it.
 #[inline(always)]
-fn locate(tau: f64, steps: usize) -> (usize, f64) {
-    let position = (tau + 1.0).clamp(0.0, 1.0) * steps as f64;
+fn locate(tau: f64, intervals: usize) -> (usize, f64) {
+    let position = (tau + 1.0).clamp(0.0, 1.0) * intervals as f64;
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "clamped to the node range just above"
     )]
-    let node = (position as usize).min(steps - 1);
+    let node = (position as usize).min(intervals - 1);
     (node, position - node as f64)
 }
 
@@ -173,7 +177,7 @@ fn quintic<S: Scalar>(t: S) -> [S; 6] {
     ]
 }
 
-/// Its derivative.
+/// Derivative of the basis by `t`.
 #[inline]
 fn quintic_slope(t: f64) -> [f64; 6] {
     let t2 = t * t;
@@ -188,19 +192,19 @@ fn quintic_slope(t: f64) -> [f64; 6] {
     ]
 }
 
-/// The orbit on [-age, 0].
+/// The orbit from the time -age to today.
 #[derive(Clone, Debug)]
 pub struct DenseOrbit<S> {
     /// Nodes, oldest first.
     pub nodes: Vec<Node<S>>,
-    /// Winding count of the projected orbit at each node: 0 today, counted at the negative x axis.
-    pub turns: Vec<S>,
+    /// Winding number of the projected orbit at each node: 0 today, counted at the negative x axis.
+    pub winding_numbers: Vec<S>,
     /// Spacing of the nodes in Gyr.
     pub spacing_gyr: S,
 }
 
 impl<S: Real> DenseOrbit<S> {
-    /// Integrates back from `today` over `age_gyr` in `steps` steps.
+    /// Integrates back from `today` over `age_gyr` in `steps` steps of equal length.
     #[inline(always)]
     pub fn integrate(
         host: &impl Potential<S>,
@@ -220,36 +224,37 @@ impl<S: Real> DenseOrbit<S> {
         age_gyr: S,
         steps: usize,
         method: OrbitMethod,
-        spare: Option<Self>,
+        buffers: Option<Self>,
     ) -> Self {
         let spacing = age_gyr / steps as f64;
         let mut state = today;
-        let (mut nodes, mut turns) = spare.map_or_else(Default::default, |s| (s.nodes, s.turns));
+        let (mut nodes, mut winding_numbers) =
+            buffers.map_or_else(Default::default, |b| (b.nodes, b.winding_numbers));
         clear_and_reserve(&mut nodes, steps + 1);
-        clear_and_reserve(&mut turns, steps + 1);
-        nodes.push(Node::of(host, today, spacing));
-        turns.push(S::zero());
-        let mut wound = S::zero();
+        clear_and_reserve(&mut winding_numbers, steps + 1);
+        nodes.push(Node::from_state(host, today, spacing));
+        winding_numbers.push(S::zero());
+        let mut winding_number = S::zero();
         for _ in 0..steps {
             let before = state.x;
             state = match method {
                 OrbitMethod::Accurate => pefrl(host, state, -spacing),
                 OrbitMethod::Leapfrog => kick_drift_kick(host, state, -spacing),
             };
-            wound += crossing(before, state.x);
-            nodes.push(Node::of(host, state, spacing));
-            turns.push(wound);
+            winding_number += crossing(before, state.x);
+            nodes.push(Node::from_state(host, state, spacing));
+            winding_numbers.push(winding_number);
         }
         nodes.reverse();
-        turns.reverse();
+        winding_numbers.reverse();
         Self {
             nodes,
-            turns,
+            winding_numbers,
             spacing_gyr: spacing,
         }
     }
 
-    /// State and winding count at the time `tau` in [-1, 0].
+    /// State and winding number at the time `tau` in [-1, 0].
     #[inline(always)]
     pub fn at(&self, tau: f64) -> (State<S>, S) {
         let (node, t) = locate(tau, self.intervals());
@@ -258,16 +263,17 @@ impl<S: Real> DenseOrbit<S> {
         let v = dx * (S::one() / self.spacing_gyr);
         (
             State { x, v },
-            self.turns[node] + crossing(self.nodes[node].x(), x),
+            self.winding_numbers[node] + crossing(self.nodes[node].x(), x),
         )
     }
 
-    /// Position at given interpolation weights, as a row.
+    /// Position in kpc at given Hermite weights, as a row of a [`Node`].
     #[inline(always)]
-    pub fn position(&self, place: &HermiteWeights) -> [S; 4] {
-        self.combine(place.node, constants(place.weights))
+    pub fn position(&self, weights: &HermiteWeights) -> [S; 4] {
+        self.combine(weights.node, constants(weights.weights))
     }
 
+    /// The sum of the six rows of two nodes times their weights.
     #[inline(always)]
     fn combine(&self, node: usize, w: [S; 6]) -> [S; 4] {
         let ([a, b, c], [d, e, f]) = (&self.nodes[node].0, &self.nodes[node + 1].0);
@@ -286,15 +292,14 @@ impl<S: Real> DenseOrbit<S> {
         self.nodes.len() - 1
     }
 
-    /// The largest phase of an interval at its ends, in radians: of its length times (v^2 - x.a)^(1/2) / |x|, where -x.a is the square
-    /// of the circular velocity.
+    /// The largest phase of an interval at a node, in radians (docs/physics.md, section 3).
     #[must_use]
     pub fn max_phase(&self) -> f64 {
         let squares = self.nodes.iter().map(|node| node.phase2().re());
         squares.fold(0.0, f64::max).sqrt()
     }
 
-    /// Largest relative difference of the energy at a node from that today, in the host that the orbit was integrated in.
+    /// Largest relative difference of the energy at a node from that today; `host` is the potential that the orbit was integrated in.
     #[must_use]
     pub fn energy_error(&self, host: &impl Potential<S>) -> f64 {
         let energies = self.nodes.iter().map(|node| {
@@ -317,10 +322,9 @@ impl<S: Real> DenseOrbit<S> {
     }
 }
 
-/// One step of the position-extended Forest-Ruth-like method, 4 forces.
+/// One step of PEFRL (docs/physics.md, section 3).
 #[inline(always)]
 fn pefrl<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
-    // Omelyan, Mryglod & Folk 2002, Comput. Phys. Commun. 146, 188, their "PEFRL".
     const XI: f64 = 0.178_617_895_844_809_1;
     const LAMBDA: f64 = -0.212_341_831_062_605_4;
     const CHI: f64 = -0.066_264_582_669_818_5;

@@ -1,4 +1,4 @@
-//! Kick-drift-kick leapfrog in the potential of the host and the moving progenitor, on any number type.
+//! Leapfrog (kick, drift, kick) in the potential of the host and the moving progenitor, on any number type (docs/physics.md, section 5).
 
 use super::winding::{crossing, is_negative};
 use super::{Schedule, State};
@@ -10,14 +10,14 @@ use crate::scalar::{Scalar, Vec3};
 pub struct FinalParticle<S> {
     /// Its state at t = 0.
     pub state: State<S>,
-    /// Times its projection went round counter-clockwise, counted at the negative x axis; a whole number.
-    pub turns: S,
-    /// Steps that turned it by more than 90 degrees around the projected centre, where the count is ambiguous.
+    /// Winding number of its projection: counter-clockwise crossings of the negative x axis less clockwise ones.
+    pub winding_number: S,
+    /// Number of steps that turned it by more than 90 degrees around the projected centre, so that the winding number may be wrong.
     pub ambiguous_windings: S,
 }
 
-/// The acceleration at `x` in the host and a progenitor at `centre`. A function and not a closure, so that it is inlined
-/// into code compiled for any instruction set.
+/// The acceleration at `x` in the host and a progenitor at `centre`. A function and not a closure, because a closure cannot be marked
+/// `#[inline(always)]` and would be compiled without the instructions of the kernel.
 #[inline(always)]
 pub(super) fn force<S: Scalar>(
     host: &impl Potential<S>,
@@ -28,27 +28,28 @@ pub(super) fn force<S: Scalar>(
     progenitor.add_acceleration(x - centre, host.acceleration(x))
 }
 
-/// Integrates one particle, or one lane each of several, along a step schedule in the potential of `host` and `progenitor`.
+/// Integrates one particle, or one per lane, by a step schedule in the potential of `host` and `progenitor`, from the state `start` and the
+/// winding number at its release.
 ///
-/// The last kick of a step is fused with the first of the next: one force per step. `turns` is the winding count at release.
+/// The last kick of a step is joined with the first of the next: one force per step.
 #[inline(always)]
 pub fn advance<S: Scalar>(
     host: &impl Potential<S>,
     progenitor: &Plummer<S>,
     schedule: &impl Schedule<S>,
     start: State<S>,
-    turns: S,
+    winding_number: S,
 ) -> FinalParticle<S> {
     let steps = schedule.steps();
     let mut x = start.x;
     let first = force(host, progenitor, x, schedule.progenitor_at(0));
     let mut v = start.v.add_scaled(first, schedule.kick_gyr(0));
-    let mut turns = turns;
+    let mut winding_number = winding_number;
     let mut ambiguous_windings = S::zero();
     for j in 1..=steps {
         let before = x;
         x = x.add_scaled(v, schedule.drift_gyr(j - 1));
-        turns += crossing(before, x);
+        winding_number += crossing(before, x);
         let cosine = before.x * x.x + before.y * x.y;
         ambiguous_windings += is_negative(cosine);
         let a = force(host, progenitor, x, schedule.progenitor_at(j));
@@ -56,7 +57,7 @@ pub fn advance<S: Scalar>(
     }
     FinalParticle {
         state: State { x, v },
-        turns,
+        winding_number,
         ambiguous_windings,
     }
 }

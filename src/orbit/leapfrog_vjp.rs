@@ -1,5 +1,4 @@
-//! Reverse mode of [`advance`](super::advance()): exact derivatives of the same discrete map, at about the cost of two
-//! values, without storing the path.
+//! Reverse mode of [`advance`](super::advance()): exact derivatives of the same discrete map (docs/physics.md, section 8).
 
 use super::leapfrog::force;
 use super::{Schedule, State};
@@ -8,18 +7,18 @@ use crate::scalar::{Scalar, Vec3};
 
 /// The vector-Jacobian product of [`advance`](super::advance()): from `position_bar`, the derivative of a result with respect to
 /// a particle's final position (per kpc), returns its derivative with respect to the particle's initial state. The derivatives
-/// with respect to the host, the progenitor, the progenitor's position at each kick, and the logarithm of the length of all steps are
-/// added to theirs.
+/// with respect to the host, the progenitor, the progenitor's position at each kick but the last, and the logarithm of the length of all
+/// steps are added to `host_bar`, `progenitor_bar`, `progenitor_positions_bar` and `ln_time_bar`.
 ///
 /// The trajectory is not stored but integrated backwards from `end`, the final state of [`advance`](super::advance()): each drift
 /// and kick is undone, so it is the same trajectory except for rounding. The derivative with respect to a state is set to zero
-/// where the squared length of its position part exceeds `limit2`; with an infinite limit it is exact.
+/// once the squared length of the derivative with respect to its position exceeds `limit2`; with an infinite limit it is exact.
 #[inline(always)]
 #[allow(
     clippy::too_many_arguments,
-    reason = "the mirror image of `advance`, plus its accumulators"
+    reason = "the arguments of `advance`, and the sums of derivatives"
 )]
-pub fn reverse<S: Scalar, H: Halo>(
+pub fn advance_vjp<S: Scalar, H: Halo>(
     host: &H::In<S>,
     progenitor: &Plummer<S>,
     schedule: &impl Schedule<S>,
@@ -27,47 +26,47 @@ pub fn reverse<S: Scalar, H: Halo>(
     position_bar: Vec3<S>,
     host_bar: &mut HaloCotangent<S>,
     progenitor_bar: &mut PlummerCotangent<S>,
-    path_bar: &mut [Vec3<S>],
+    progenitor_positions_bar: &mut [Vec3<S>],
     ln_time_bar: &mut S,
     limit2: S,
 ) -> State<S> {
     let steps = schedule.steps();
-    let mut at = end;
-    let mut by = State {
+    let mut state = end;
+    let mut state_bar = State {
         x: position_bar,
         v: Vec3::zero(),
     };
-    // The last kick changes velocities only, so derivatives start at the last drift.
-    let last = force(host, progenitor, at.x, schedule.progenitor_at(steps));
-    at.v = at.v.add_scaled(last, -schedule.kick_gyr(steps));
+    // The last kick changes no position, so the first derivatives are those of the last drift.
+    let last = force(host, progenitor, state.x, schedule.progenitor_at(steps));
+    state.v = state.v.add_scaled(last, -schedule.kick_gyr(steps));
     for j in (0..steps).rev() {
         // Drift x_{j+1} = x_j + h v.
-        let drift = at.v * schedule.drift_gyr(j);
-        at.x = at.x - drift;
-        by.v = by.v.add_scaled(by.x, schedule.drift_gyr(j));
-        *ln_time_bar += by.x.dot(drift);
+        let drift = state.v * schedule.drift_gyr(j);
+        state.x = state.x - drift;
+        state_bar.v = state_bar.v.add_scaled(state_bar.x, schedule.drift_gyr(j));
+        *ln_time_bar += state_bar.x.dot(drift);
         // Kick v += c a(x_j).
-        let lambda = by.v * schedule.kick_gyr(j);
-        let (a_host, x_host) = H::vjp(host, at.x, lambda, host_bar);
-        let (a_progenitor, x_progenitor) =
-            progenitor.vjp(at.x - schedule.progenitor_at(j), lambda, progenitor_bar);
+        let lambda = state_bar.v * schedule.kick_gyr(j);
+        let (a_host, x_bar_host) = H::vjp(host, state.x, lambda, host_bar);
+        let (a_progenitor, x_bar_progenitor) =
+            progenitor.vjp(state.x - schedule.progenitor_at(j), lambda, progenitor_bar);
         let a = a_host + a_progenitor;
-        at.v = at.v.add_scaled(a, -schedule.kick_gyr(j));
+        state.v = state.v.add_scaled(a, -schedule.kick_gyr(j));
         *ln_time_bar += lambda.dot(a);
-        path_bar[j] = path_bar[j] - x_progenitor;
-        by.x = by.x + x_host + x_progenitor;
-        by = within(by, limit2);
+        progenitor_positions_bar[j] = progenitor_positions_bar[j] - x_bar_progenitor;
+        state_bar.x = state_bar.x + x_bar_host + x_bar_progenitor;
+        state_bar = truncated(state_bar, limit2);
     }
-    by
+    state_bar
 }
 
-/// Zero where the position part of `state_bar` is longer than sqrt(`limit2`), `state_bar` elsewhere; a NaN is kept, so that the
-/// caller can detect it.
+/// Zero where the squared length of `state_bar.x` exceeds `limit2`, `state_bar` elsewhere. A NaN is kept, so that the caller can
+/// detect it.
 #[inline(always)]
-fn within<S: Scalar>(by: State<S>, limit2: S) -> State<S> {
-    let beyond = limit2.lt(by.x.norm2());
+fn truncated<S: Scalar>(state_bar: State<S>, limit2: S) -> State<S> {
+    let beyond = limit2.lt(state_bar.x.norm2());
     State {
-        x: Vec3::select(beyond, Vec3::zero(), by.x),
-        v: Vec3::select(beyond, Vec3::zero(), by.v),
+        x: Vec3::select(beyond, Vec3::zero(), state_bar.x),
+        v: Vec3::select(beyond, Vec3::zero(), state_bar.v),
     }
 }

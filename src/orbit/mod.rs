@@ -8,9 +8,9 @@ mod schedule;
 mod winding;
 
 pub use adaptive::{AdaptiveSteps, DRIFTS, KICKS, STAGES, TIMES, advance_adaptively, length};
-pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, add_weighted};
+pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, position_vjp};
 pub use leapfrog::{FinalParticle, advance};
-pub use leapfrog_vjp::reverse;
+pub use leapfrog_vjp::advance_vjp;
 pub use schedule::{InterleavedSchedules, Schedule, StepSchedule};
 pub use winding::crossing;
 

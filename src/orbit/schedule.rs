@@ -1,47 +1,48 @@
-//! The step schedule of the leapfrog: where the progenitor is at each force evaluation, and the lengths of drifts and kicks.
+//! The step schedule of the leapfrog: the progenitor's position at each force evaluation, and the lengths of drifts and kicks
+//! (docs/physics.md, section 5).
 
 use super::HermiteWeights;
 use super::dense_orbit::vector;
 use crate::scalar::{Isa, Lanes, Scalar, Vec3};
 
-/// A step schedule.
+/// A step schedule. A step is one drift and the kick after it.
 pub trait Schedule<S> {
     /// Number of steps.
     fn steps(&self) -> usize;
-    /// The progenitor's position at force evaluation `j`, 0 to `steps`.
+    /// The progenitor's position in kpc at force evaluation `j`, 0 to `steps`.
     fn progenitor_at(&self, j: usize) -> Vec3<S>;
     /// Length of drift `j` in Gyr, 0 to `steps - 1`.
     fn drift_gyr(&self, j: usize) -> S;
-    /// Length of kick `j` in Gyr, 0 to `steps`: half of both neighbouring drifts.
+    /// Length of kick `j` in Gyr, 0 to `steps`.
     fn kick_gyr(&self, j: usize) -> S;
 }
 
-/// The step schedule of all particles of one release time, in buffers that are reused.
+/// The step schedule of all particles of one release time; its buffers are reused.
 #[derive(Clone, Debug)]
 pub struct StepSchedule<S> {
-    /// The progenitor's positions, kpc, in rows as those of a [`Node`](super::Node).
-    pub path: Vec<[S; 4]>,
+    /// The progenitor's positions at the force evaluations, kpc, in rows as those of a [`Node`](super::Node).
+    pub progenitor_positions: Vec<[S; 4]>,
     /// Lengths of the drifts, Gyr.
     pub drift_gyr: Vec<S>,
     /// Lengths of the kicks, Gyr.
     pub kick_gyr: Vec<S>,
-    /// Interpolation weights of the positions on the orbit, if the steps are adaptive.
-    pub places: Vec<HermiteWeights>,
+    /// Hermite weights of the positions; empty if the steps are equal, because [`Model`](crate::stream::Model) has them then.
+    pub hermite_weights: Vec<HermiteWeights>,
 }
 
 impl<S> Default for StepSchedule<S> {
     fn default() -> Self {
         Self {
-            path: Vec::new(),
+            progenitor_positions: Vec::new(),
             drift_gyr: Vec::new(),
             kick_gyr: Vec::new(),
-            places: Vec::new(),
+            hermite_weights: Vec::new(),
         }
     }
 }
 
 impl<S: Scalar> StepSchedule<S> {
-    /// Sets the kicks that belong to the drifts.
+    /// Sets the kicks of the leapfrog: each is half of the drifts before and after it.
     #[inline(always)]
     pub fn set_kicks(&mut self) {
         self.kick_gyr.clear();
@@ -61,7 +62,7 @@ impl<S: Scalar> Schedule<S> for StepSchedule<S> {
     }
     #[inline(always)]
     fn progenitor_at(&self, j: usize) -> Vec3<S> {
-        vector(&self.path[j])
+        vector(&self.progenitor_positions[j])
     }
     #[inline(always)]
     fn drift_gyr(&self, j: usize) -> S {
@@ -73,8 +74,8 @@ impl<S: Scalar> Schedule<S> for StepSchedule<S> {
     }
 }
 
-/// One schedule for the first half of the lanes and another for the second: two lane groups are integrated together, so that one's
-/// arithmetic runs while the other waits for its results.
+/// The step schedules of two lane groups that are integrated together, the first in the first lane array and the second in the other.
+/// Both have equally many steps.
 #[derive(Clone, Copy, Debug)]
 pub struct InterleavedSchedules<'a>(pub &'a StepSchedule<f64>, pub &'a StepSchedule<f64>);
 
@@ -85,14 +86,17 @@ impl<I: Isa> Schedule<Lanes<I, 2>> for InterleavedSchedules<'_> {
     }
     #[inline(always)]
     fn progenitor_at(&self, j: usize) -> Vec3<Lanes<I, 2>> {
-        Lanes::vectors(vector(&self.0.path[j]), vector(&self.1.path[j]))
+        Lanes::interleave_vectors(
+            vector(&self.0.progenitor_positions[j]),
+            vector(&self.1.progenitor_positions[j]),
+        )
     }
     #[inline(always)]
     fn drift_gyr(&self, j: usize) -> Lanes<I, 2> {
-        Lanes::halves(self.0.drift_gyr[j], self.1.drift_gyr[j])
+        Lanes::interleave(self.0.drift_gyr[j], self.1.drift_gyr[j])
     }
     #[inline(always)]
     fn kick_gyr(&self, j: usize) -> Lanes<I, 2> {
-        Lanes::halves(self.0.kick_gyr[j], self.1.kick_gyr[j])
+        Lanes::interleave(self.0.kick_gyr[j], self.1.kick_gyr[j])
     }
 }

@@ -1,8 +1,8 @@
-//! Winding counts: how often the projection of a trajectory goes round the centre of the sky plane.
+//! Winding numbers: how often the projection of a trajectory goes around the halo's centre (docs/physics.md, section 6).
 
 use crate::scalar::{Scalar, Vec3};
 
-/// One for a number below zero, zero for others.
+/// One for a negative number, zero for others.
 #[inline(always)]
 pub(super) fn is_negative<S: Scalar>(s: S) -> S {
     S::select(s.lt(S::zero()), S::one(), S::zero())

@@ -1,4 +1,4 @@
-//! What a halo must provide, so that streams and their gradients can be computed in it.
+//! The interface of a halo in which streams and their gradients are computed.
 
 use super::Potential;
 use crate::scalar::{Scalar, Tangent, Vec3};
@@ -7,7 +7,7 @@ use std::fmt::Debug;
 /// The parameters of a halo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HaloParameters<S> {
-    /// Mass scale in Msun; what it means is up to the halo.
+    /// Mass scale in Msun; each kind of halo defines its own.
     pub mass: S,
     /// Scale radius in kpc.
     pub r_s: S,
@@ -41,7 +41,7 @@ impl<S: Scalar> HaloParameters<S> {
     }
 }
 
-/// Derivatives of a scalar with respect to the parameters of a halo, summed over many evaluations of the force.
+/// Derivatives of a result with respect to the parameters of a halo, summed over force evaluations.
 #[derive(Clone, Copy, Debug)]
 pub struct HaloCotangent<S> {
     /// With respect to ln mass.
@@ -50,7 +50,7 @@ pub struct HaloCotangent<S> {
     pub ln_r_s: S,
     /// With respect to 1/q^2 - 1.
     pub flattening: S,
-    /// With respect to the axis; the derivatives take its three components as independent.
+    /// With respect to the axis, its three components taken as independent.
     pub axis: Vec3<S>,
 }
 
@@ -68,14 +68,14 @@ impl<S: Scalar> HaloCotangent<S> {
     }
 }
 
-/// Directions of the derivatives in the default [`Halo::vjp`]: along `lambda`, and the six parameters.
+/// Number of directions of the derivatives in the default [`Halo::vjp`]: `lambda`, and the six numbers of the parameters.
 const DIRECTIONS: usize = 7;
 
-/// A kind of halo: a potential of four parameters in every number type.
+/// A kind of halo: a potential of four parameters on every number type.
 ///
-/// A new halo is one file: a struct with a [`Potential`], whose acceleration is written once for all number types, and this trait for a
-/// marker type. Derivatives follow from the acceleration by dual numbers. To make streams in it, implement
-/// [`CompiledHalo`](crate::stream::CompiledHalo) as well; `examples/own_halo.rs` is complete.
+/// To add one, implement [`Potential`] for a struct, with an acceleration on all number types, and this trait for a marker type.
+/// Derivatives follow from the acceleration by dual numbers. For streams implement [`CompiledHalo`](crate::stream::CompiledHalo) as
+/// well; `examples/own_halo.rs` is an example.
 pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
     /// The potential in the number type `S`.
     type In<S: Scalar>: Potential<S> + Copy + Debug + Send + Sync;
@@ -92,13 +92,12 @@ pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
         Self::new(Self::parameters(halo).map(S::from_f64))
     }
 
-    /// Reverse mode of the acceleration. `lambda` is the derivative of some scalar with respect to the acceleration at `x`; the
-    /// derivatives with respect to the parameters are added to `cotangent`. Returns the acceleration and the derivative with respect to
-    /// `x`.
+    /// Reverse mode of the acceleration (kpc/Gyr^2). `lambda` is the derivative of a result with respect to the acceleration at `x`
+    /// (kpc); the derivatives with respect to the parameters are added to `cotangent`. Returns the acceleration and the derivative with
+    /// respect to `x`.
     ///
-    /// This default evaluates the acceleration once on [`Tangent`] numbers. The derivative with respect to `x` is minus the Hessian of
-    /// the potential times `lambda`; the Hessian is symmetric, so this is the derivative of the acceleration along `lambda`. A halo may
-    /// replace it by a formula of its own where speed matters.
+    /// This default evaluates the acceleration once on [`Tangent`] numbers: because the Hessian of the potential is symmetric, the
+    /// derivative with respect to `x` is the derivative of the acceleration along `lambda`. A formula may replace it for speed.
     #[inline(always)]
     fn vjp<S: Scalar>(
         halo: &Self::In<S>,
@@ -143,8 +142,7 @@ pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
         (Vec3::new(a.x.re, a.y.re, a.z.re), slope(0))
     }
 
-    /// (grad grad Phi) v at `x` from the acceleration on [`Tangent`] numbers, for [`Potential::hessian_product`] of a halo without a
-    /// formula of its own.
+    /// (grad grad Phi) v at `x` by the acceleration on [`Tangent`] numbers, for a [`Potential::hessian_product`] without a formula.
     #[inline(always)]
     fn hessian_product<S: Scalar>(halo: &Self::In<S>, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
         let lifted = Self::new(Self::parameters(halo).map(Tangent::<S, 1>::constant));

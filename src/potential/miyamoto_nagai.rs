@@ -1,10 +1,10 @@
-//! The Miyamoto-Nagai disc.
+//! The disc of Miyamoto & Nagai (1975, PASJ 27, 533).
 
 use super::Potential;
 use crate::scalar::{Scalar, Vec3};
 use crate::units::G;
 
-/// `Phi = -G M / sqrt(R^2 + (a + sqrt(z^2 + b^2))^2)`, z along `normal`, R in the plane across it.
+/// `Phi = -G M / sqrt(R^2 + (a + sqrt(z^2 + b^2))^2)`, with z along `normal` and R perpendicular to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MiyamotoNagai<S> {
     /// Mass in Msun.
@@ -13,7 +13,7 @@ pub struct MiyamotoNagai<S> {
     pub a: S,
     /// Scale height b in kpc; above zero.
     pub b: S,
-    /// Unit vector across the disc.
+    /// Unit vector perpendicular to the disc.
     pub normal: Vec3<S>,
 }
 

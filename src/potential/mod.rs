@@ -1,8 +1,4 @@
-//! Gravitational potentials and their derivatives, one file per mass model.
-//!
-//! In [`FlattenedNfw`] q is the axis ratio of the potential, as in the code of Chemaly et al. (2026); their text calls
-//! it that of the density. For q below about 0.59 the density is then negative on the minor axis; see
-//! [`Potential::density`].
+//! Gravitational potentials and their derivatives (docs/physics.md, section 2).
 //!
 //! Units: kpc, Gyr, solar masses; a potential is in (kpc/Gyr)^2.
 
@@ -22,8 +18,7 @@ use crate::scalar::{Scalar, Vec3};
 use crate::units::G;
 use std::f64::consts::PI;
 
-/// A potential, centred on the origin unless it says otherwise. A model gives value, acceleration and the product of the
-/// Hessian with a vector; the rest follows from these.
+/// A potential, centred on the origin. The other functions follow from value, acceleration and the product of the Hessian with a vector.
 pub trait Potential<S: Scalar> {
     /// Phi at `x`, in (kpc/Gyr)^2.
     fn value(&self, x: Vec3<S>) -> S;
@@ -34,7 +29,7 @@ pub trait Potential<S: Scalar> {
     /// (grad grad Phi) v at `x`; in 1/Gyr^2 times the unit of `v`.
     fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S>;
 
-    /// The mass density by Poisson's equation, in Msun/kpc^3. It can be negative for a strongly flattened potential.
+    /// The mass density by Poisson's equation, in Msun/kpc^3. It can be negative for a flattened potential (docs/physics.md, section 2).
     fn density(&self, x: Vec3<S>) -> S {
         let unit = |i: usize| {
             let mut e = [S::zero(); 3];

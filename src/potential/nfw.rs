@@ -6,38 +6,35 @@ use crate::scalar::{Scalar, Vec3, ln_1p, two_atanh_tail};
 use crate::units::{CRITICAL_DENSITY, G};
 use std::f64::consts::PI;
 
-/// `Phi = -(G M / m) ln(1 + m / Rs)` with `m^2 = |x|^2 + (1/q^2 - 1) (n.x)^2`.
-///
-/// M = 4 pi rho0 Rs^3 is the mass scale, not M200. With `y = x + (1/q^2 - 1) (n.x) n` the gradient is `k y`,
-/// `k = Phi'(m) / m`: no rotation is needed.
+/// The host of docs/physics.md, section 2, whose symbols M, Rs, q, n, e, m, s, y and k the comments here use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlattenedNfw<S> {
-    /// Mass scale in Msun.
+    /// The NFW mass scale M in Msun; this is not M200.
     pub mass: S,
     /// Scale radius in kpc.
     pub r_s: S,
-    /// 1/q^2 - 1.
+    /// e = 1/q^2 - 1.
     pub flattening: S,
     /// Unit vector of the symmetry axis.
     pub axis: Vec3<S>,
-    /// G M / Rs^3, so that the loops need no division for it.
+    /// G M / Rs^3, divided once and not at each evaluation.
     strength: S,
     /// 1 / Rs.
     inverse_r_s: S,
 }
 
-/// The kind of halo whose potential is a [`FlattenedNfw`]: that of Chemaly et al. (2026).
+/// The kind of halo of Chemaly et al. (2026), with the potential [`FlattenedNfw`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nfw;
 
-/// Added to m^2 in kpc^2: keeps the exact centre finite and is below rounding everywhere else.
+/// Added to m^2, kpc^2, so that the centre is finite; below rounding elsewhere.
 const TINY_M2: f64 = 1e-40;
 
-/// `g(s) / s^3` with `g = ln(1+s) - s/(1+s)`, which is proportional to the enclosed mass.
+/// `g(s) / s^3` (docs/physics.md, section 2).
 ///
 /// With `1 + s = 2^k (1+u)/(1-u)` the logarithm is `k ln 2 + 2 u + u^3 tail(u^2)`, and
-/// `2 u - s/(1+s) = (s^2 + (1 - 2^k)(2 + 3 s)) / ((1+s) (1+s+2^k))` exactly. Below s = sqrt(2) - 1, where k is 0, every
-/// term left is positive and nothing cancels: one formula for the centre and the rest.
+/// `2 u - s/(1+s) = (s^2 + (1 - 2^k)(2 + 3 s)) / ((1+s) (1+s+2^k))` exactly. Where k is 0, below s = sqrt(2) - 1, all terms are positive
+/// and none cancel, so that the formula holds at any s.
 #[inline(always)]
 fn profile<S: Scalar>(s: S) -> S {
     let one_plus = s + 1.0;
@@ -45,11 +42,14 @@ fn profile<S: Scalar>(s: S) -> S {
     let below = s + (S::one() + power);
     let short = S::one() - power;
     // One division for the two reciprocals.
-    let both = S::one() / (one_plus * below);
-    let u = (s + short) * (both * one_plus);
+    let inverse_product = S::one() / (one_plus * below);
+    let u = (s + short) * (inverse_product * one_plus);
     let z = u * u;
     let rest = s.mul_add(s, short * s.mul_add(S::from_f64(3.0), S::from_f64(2.0)));
-    let g = rest.mul_add(both, (u * z).mul_add(two_atanh_tail(z), ln_power));
+    let g = rest.mul_add(
+        inverse_product,
+        (u * z).mul_add(two_atanh_tail(z), ln_power),
+    );
     g / (s * s * s)
 }
 
@@ -79,7 +79,7 @@ impl<S: Scalar> FlattenedNfw<S> {
     fn geometry(&self, x: Vec3<S>) -> (S, Vec3<S>, S) {
         let along = self.axis.dot(x);
         let y = x.add_scaled(self.axis, self.flattening * along);
-        // m^2 = x.y, summed so that it stays positive for q > 1 too.
+        // m^2 = x.y, bounded because rounding can make it negative for q > 1.
         let m2 = (x.dot(y)).max(S::zero()) + TINY_M2;
         (along, y, m2.sqrt() * self.inverse_r_s)
     }
@@ -155,7 +155,7 @@ impl Halo for Nfw {
         }
     }
 
-    /// By hand: the gradient of ln L spends most of its time here.
+    /// A formula instead of the default, because the gradient of ln L takes most of its time here.
     #[inline(always)]
     fn vjp<S: Scalar>(
         halo: &FlattenedNfw<S>,
@@ -183,10 +183,10 @@ impl Halo for Nfw {
     }
 }
 
-/// log10 of M200 in Msun, the mass inside the sphere of 200 critical densities, of a spherical NFW halo with mass scale
-/// `10^log10_mass` Msun (4 pi rho0 Rs^3, this library's parameter) and scale radius `r_s` kpc.
+/// log10 of M200 in Msun (docs/physics.md, section 1) of a spherical NFW halo with the mass scale `10^log10_mass` Msun and the scale radius
+/// `r_s` kpc.
 ///
-/// With the concentration c, `M g(c) = 200 rho_c (4 pi / 3) (c Rs)^3`: `g(c)/c^3` falls monotonically, and is bisected.
+/// With the concentration c, `M g(c) = 200 rho_c (4 pi / 3) (c Rs)^3`, which is solved by bisection: `g(c)/c^3` decreases with c.
 #[must_use]
 pub fn log10_m200(log10_mass: f64, r_s: f64) -> f64 {
     let mass = 10.0_f64.powf(log10_mass);

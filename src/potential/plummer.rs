@@ -1,4 +1,4 @@
-//! The Plummer sphere: the progenitor's own gravity.
+//! The Plummer sphere: the potential of the progenitor (Plummer 1911, MNRAS 71, 460).
 
 use super::Potential;
 use crate::scalar::{Scalar, Vec3};
@@ -13,7 +13,7 @@ pub struct Plummer<S> {
     pub r_s: S,
 }
 
-/// Derivatives of a scalar with respect to its parameters, summed over many force evaluations.
+/// Derivatives of a result with respect to the parameters of a Plummer sphere, summed over force evaluations.
 #[derive(Clone, Copy, Debug)]
 pub struct PlummerCotangent<S> {
     /// With respect to ln m.
@@ -58,7 +58,7 @@ impl<S: Scalar> Plummer<S> {
         a.add_scaled(x, -self.slopes(x).1)
     }
 
-    /// Reverse mode, as in [`Halo::vjp`](super::Halo::vjp); accelerations in kpc/Gyr^2.
+    /// Reverse mode of the acceleration, as [`Halo::vjp`](super::Halo::vjp).
     #[inline(always)]
     pub fn vjp(
         &self,

@@ -1,9 +1,9 @@
-//! A sum of potentials is a potential.
+//! The sum of two potentials.
 
 use super::Potential;
 use crate::scalar::{Scalar, Vec3};
 
-/// Two potentials at once; nest it for more.
+/// The sum of two potentials; sums can be nested.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sum<A, B>(pub A, pub B);
 

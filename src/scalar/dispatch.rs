@@ -1,4 +1,4 @@
-//! Compiles a kernel for each instruction set and chooses one at run time, by the features that the CPU reports.
+//! Compiles kernels for each instruction set, and chooses one at run time by the features that the CPU reports.
 
 use std::sync::OnceLock;
 
@@ -14,20 +14,20 @@ pub enum Level {
 }
 
 impl Level {
-    /// The best level of this CPU.
+    /// The best instruction set of this CPU.
     #[must_use]
     pub fn best() -> Self {
         Self::available().first().copied().unwrap_or(Self::Baseline)
     }
 
-    /// All levels of this CPU, best first.
+    /// All instruction sets of this CPU, the best first.
     #[must_use]
     pub fn available() -> &'static [Self] {
         static AVAILABLE: OnceLock<Vec<Level>> = OnceLock::new();
         AVAILABLE.get_or_init(Self::detect)
     }
 
-    /// This level if the CPU has it, the baseline if not.
+    /// This instruction set if the CPU has it, the baseline if not.
     #[must_use]
     pub fn or_baseline(self) -> Self {
         if Self::available().contains(&self) {
@@ -58,10 +58,10 @@ impl Level {
 }
 
 /// Compiles a [`Kernel`] with one lifetime parameter, and perhaps one type parameter, for each instruction set, and gives it
-/// `dispatch(self, level)`. A level that this CPU lacks runs at the baseline.
+/// `dispatch(self, level)`. If this CPU lacks the instruction set, the baseline is used.
 ///
-/// The compiled functions stand in modules of their own, so that each is a codegen unit of its own: they are compiled in parallel, and
-/// only when they change. One kernel per file.
+/// Each compiled function is in a module of its own and therefore in a codegen unit of its own: they are compiled in parallel, and only
+/// when they change. The macro can be used once per file.
 macro_rules! compile_kernel {
     ($kernel:ident $(<$parameter:ident: $bound:path>)?) => {
         impl$(<$parameter: $bound>)? $kernel<'_ $(, $parameter)?> {

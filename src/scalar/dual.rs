@@ -1,4 +1,4 @@
-//! Dual numbers: those of `num-dual`, which are the reference, and faster ones that keep their derivatives in lanes.
+//! Dual numbers: those of `num-dual`, which are the reference, and faster ones whose derivatives are in lanes.
 
 use super::isa::{Isa, LANES, LaneArray, round_ties_even, split_exponent};
 use super::{Lanes, Real, Scalar};
@@ -20,14 +20,13 @@ pub fn lift<const N: usize>(values: &[f64; N]) -> [Dual<N>; N] {
     std::array::from_fn(|i| variable(values[i], i))
 }
 
-/// The derivatives of a result.
+/// The derivatives of a number.
 #[must_use]
 pub fn gradient_of<const N: usize>(result: &Dual<N>) -> [f64; N] {
     result.eps.0.map_or([0.0; N], |eps| eps.data.0[0])
 }
 
-/// As [`Dual`], with its derivatives in lanes: `K` times eight of them, whether used or not. It is faster than
-/// [`Dual`]. Real parts are the same as on `f64`, to the bit.
+/// As [`Dual`], with `K` times eight derivatives in lanes. Real parts have the same bits as on `f64`.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneDual<I: Isa, const K: usize> {
     /// The number.

@@ -1,7 +1,7 @@
-//! Several numbers in SIMD registers that generic code handles as one [`Scalar`].
+//! Several numbers in SIMD registers, which generic code handles as one [`Scalar`].
 #![allow(
     clippy::needless_range_loop,
-    reason = "closures and iterators are separate functions, and only inlined code is compiled for the instruction set"
+    reason = "adapters of iterators are functions that may not be inlined, and would be compiled without the kernel's instructions"
 )]
 
 use super::isa::{Isa, LANES, LaneArray, NO_FRACTION};
@@ -161,7 +161,7 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
         LaneArray(array)
     }
 
-    /// The sum of each group of eight lanes.
+    /// The sum of each eight lanes.
     #[inline(always)]
     #[must_use]
     pub fn sums(self) -> [f64; K] {
@@ -185,21 +185,21 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
 }
 
 impl<I: Isa> Lanes<I, 2> {
-    /// One number in the first half of the lanes, another in the second.
+    /// `first` in the first eight lanes, `second` in the others.
     #[inline(always)]
     #[must_use]
-    pub fn halves(first: f64, second: f64) -> Self {
+    pub fn interleave(first: f64, second: f64) -> Self {
         Self([I::splat(first), I::splat(second)])
     }
 
-    /// One vector in the first half of the lanes, another in the second.
+    /// As [`interleave`](Self::interleave), for each component.
     #[inline(always)]
     #[must_use]
-    pub fn vectors(first: Vec3<f64>, second: Vec3<f64>) -> Vec3<Self> {
+    pub fn interleave_vectors(first: Vec3<f64>, second: Vec3<f64>) -> Vec3<Self> {
         Vec3::new(
-            Self::halves(first.x, second.x),
-            Self::halves(first.y, second.y),
-            Self::halves(first.z, second.z),
+            Self::interleave(first.x, second.x),
+            Self::interleave(first.y, second.y),
+            Self::interleave(first.z, second.z),
         )
     }
 }

@@ -1,10 +1,9 @@
-//! The traits [`Scalar`] and [`Real`]: operations on numbers, so that one source of the physics runs on `f64`, on SIMD
-//! lanes and on dual numbers.
+//! The traits [`Scalar`] and [`Real`]: operations on numbers, so that one source of the physics is computed on `f64`, on SIMD lanes and
+//! on dual numbers.
 //!
 //! Generic code must not branch on the value of a scalar: a comparison gives a mask, [`Scalar::select`] chooses by it, and
-//! the number of iterations of a loop never depends on a scalar. The one exception is the length of adaptive steps, which all lanes share
-//! ([`Scalar::any`]). Comparisons of dual numbers use the real parts only, so
-//! every number type executes the same operations.
+//! the number of iterations of a loop does not depend on a scalar. The exception is the length of adaptive steps, which is common to all
+//! lanes ([`Scalar::any`]). Comparisons of dual numbers use the real parts only, so that every number type executes the same operations.
 
 mod dispatch;
 mod dual;
@@ -28,8 +27,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// The operations of the inner loops: arithmetic, square root, comparison and selection. Their functions must be inlined into kernels, because
-/// elsewhere they would be compiled without the instructions of the kernel.
+/// The operations of the inner loops: arithmetic, square root, comparison and selection. Implement them with `#[inline(always)]`: outside
+/// of kernels they would be compiled without the kernel's instructions.
 pub trait Scalar:
     Copy
     + Debug
@@ -52,7 +51,7 @@ pub trait Scalar:
     /// The result of a comparison.
     type Mask: Copy + BitAnd<Output = Self::Mask>;
 
-    /// A constant.
+    /// A number with derivatives of zero, the same in every lane.
     fn from_f64(value: f64) -> Self;
 
     /// Square root.
@@ -70,10 +69,10 @@ pub trait Scalar:
     /// `a` where the mask is set, `b` elsewhere.
     fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
 
-    /// For a positive normal number, the constants `(2^k, k ln 2)` with `self / 2^k` in [sqrt(1/2), sqrt(2)).
+    /// `(2^k, k ln 2)` with `self / 2^k` in [sqrt(1/2), sqrt(2)) and derivatives of zero; for positive normal numbers.
     fn split_exponent(self) -> (Self, Self);
 
-    /// The nearest whole number, halves to the even one, with derivative zero; for magnitudes below 2^51.
+    /// The nearest integer, ties to even, with derivatives of zero; for magnitudes below 2^51.
     fn round_ties_even(self) -> Self;
 
     /// Zero.
@@ -105,7 +104,7 @@ pub trait Scalar:
     }
 }
 
-/// Further operations, for code outside the inner loops: special functions and the real part. Not implemented by lanes.
+/// Further operations, outside the inner loops: elementary functions and the real part. Lanes do not have them.
 pub trait Real: Scalar {
     /// The real part.
     fn re(self) -> f64;
@@ -190,7 +189,7 @@ where
     }
 
     fn with_derivative(self, value: f64, derivative: f64) -> Self {
-        // The derivative part of `self - re`, scaled; the real part is replaced.
+        // `self - re` has the derivatives of `self` and the real part 0.
         (self - Real::re(self)) * derivative + value
     }
 }
@@ -209,7 +208,7 @@ pub fn ln_1p<S: Scalar>(s: S) -> S {
 /// below 1e-18 of the logarithm.
 #[inline(always)]
 pub fn two_atanh_tail<S: Scalar>(z: S) -> S {
-    // Estrin's scheme: shorter dependency chains than Horner's, and the inner loop waits for this sum.
+    // Estrin's scheme has shorter dependency chains than Horner's: the latency of this sum matters in the inner loop.
     let z2 = z * z;
     let z4 = z2 * z2;
     let low = tail_pair(1, z).mul_add(z2, tail_pair(0, z));
@@ -217,7 +216,7 @@ pub fn two_atanh_tail<S: Scalar>(z: S) -> S {
     tail_pair(4, z).mul_add(z4, high).mul_add(z4, low)
 }
 
-/// Terms 2 `j` and 2 `j` + 1 of the series, over z^(2j).
+/// Terms 2 `j` and 2 `j` + 1 of the series, divided by z^(2j).
 #[inline(always)]
 fn tail_pair<S: Scalar>(j: usize, z: S) -> S {
     let even = 2.0 / (4 * j + 3) as f64;

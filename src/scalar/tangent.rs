@@ -1,11 +1,11 @@
-//! Numbers with derivatives in a few directions, over any number type: dual numbers of lanes, or of other dual numbers.
+//! Dual numbers over any number type: of lanes, or of other dual numbers.
 
 use super::Scalar;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A number of type `S` with its derivatives in `N` directions.
 ///
-/// As [`Dual`](super::Dual), with the same rounding, but over any number type, and inlined everywhere: for kernels.
+/// As [`Dual`](super::Dual), with the same rounding, but over any number type; its operations are inlined into kernels.
 #[derive(Clone, Copy, Debug)]
 pub struct Tangent<S, const N: usize> {
     /// The number.

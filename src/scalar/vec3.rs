@@ -3,7 +3,7 @@
 use super::Scalar;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-/// A vector in the frame of the sky, centred on the halo: x and y in the plane of the sky, z towards the observer.
+/// A vector in the frame of docs/physics.md, section 1: x and y in the plane of the sky, z towards the observer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vec3<S> {
     /// Along the sky's x axis.

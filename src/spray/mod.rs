@@ -1,8 +1,8 @@
-//! Where and how stars leave their progenitor: the tidal radius, the published recipes, and the table of releases.
+//! Particle spray: the tidal radius, the recipes, and the table of releases (docs/physics.md, section 4).
 //!
-//! A recipe is two things: a pair of scales (a length and a velocity) that depend on the parameters, and six pure
-//! numbers per particle, its [`ReleaseOffset`], that depend on random numbers alone. A release is then linear in the offset, so the
-//! table is made once for a whole fit (common random numbers).
+//! A recipe has a length and a velocity scale that depend on the parameters, and for each particle six pure numbers, its
+//! [`ReleaseOffset`], that depend on random numbers alone. So the table of release offsets is made once for a whole fit (common random
+//! numbers).
 
 mod neighbourhood;
 mod recipe;

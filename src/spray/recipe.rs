@@ -1,14 +1,14 @@
-//! The published release recipes (docs/physics.md, section 4).
+//! The recipes (docs/physics.md, section 4).
 
 use super::Tidal;
 use crate::scalar::Real;
 use crate::units::G;
 use serde::{Deserialize, Serialize};
 
-/// Most standard normals of a particle in any recipe.
+/// Largest number of standard normals of a particle in any recipe.
 pub const MAX_NORMALS: usize = 5;
 
-/// The side a star leaves from.
+/// The tail that a particle leaves into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tail {
@@ -19,7 +19,7 @@ pub enum Tail {
 }
 
 impl Tail {
-    /// -1 for leading, +1 for trailing.
+    /// -1 for the leading tail, +1 for the trailing one.
     #[must_use]
     pub fn sign(self) -> f64 {
         match self {
@@ -29,20 +29,20 @@ impl Tail {
     }
 }
 
-/// A particle's release in the tidal frame (outwards, along the motion, along the angular momentum): position in the
-/// recipe's length scale, velocity in its velocity scale, both relative to the progenitor.
+/// Position and velocity of a particle relative to the progenitor at its release, along the unit vectors of [`Tidal::frame`], over the
+/// recipe's scales ([`Recipe::scales`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReleaseOffset {
-    /// Offset over the length scale.
+    /// Position over the length scale.
     pub position: [f64; 3],
-    /// Offset over the velocity scale.
+    /// Velocity over the velocity scale.
     pub velocity: [f64; 3],
 }
 
 impl ReleaseOffset {
-    /// The squares of the differences of all components, added.
+    /// Sum of the squared differences of all six numbers.
     pub(super) fn squared_distance(&self, other: &Self) -> f64 {
-        let all = |kick: &Self| kick.position.into_iter().chain(kick.velocity);
+        let all = |offset: &Self| offset.position.into_iter().chain(offset.velocity);
         all(self)
             .zip(all(other))
             .map(|(a, b)| (a - b) * (a - b))
@@ -50,21 +50,21 @@ impl ReleaseOffset {
     }
 }
 
-/// A published release recipe.
+/// A published distribution of the release offsets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Recipe {
-    /// Fardal et al. 2015 as the field's codes have it: all dispersions 0.5, `k_r` multiplies the tangential velocity.
+    /// Fardal et al. 2015 in the form in which gala and other codes have it.
     #[default]
     Fardal2015,
-    /// Fardal et al. 2015 with the published numbers: dispersion 0.4 in `k_r` and `k_vphi`, no factor `k_r` in the velocity.
+    /// Fardal et al. 2015 with the published numbers.
     Fardal2015Published,
-    /// Chen et al. 2025: five normals, velocities in the point-mass escape speed.
+    /// Chen et al. 2025.
     Chen2025,
 }
 
 impl Recipe {
-    /// Number of standard normals per particle.
+    /// Number of standard normals of a particle.
     #[must_use]
     pub fn normals(self) -> usize {
         match self {
@@ -73,10 +73,10 @@ impl Recipe {
         }
     }
 
-    /// The release offset made of standard normals `xi` (the first [`normals`](Self::normals) are used). `None` if the recipe has
-    /// no offset for them (a radius of Chen et al. at or below zero, probability 2.4e-6): then other normals must be drawn.
+    /// The release offset of the standard normals `xi`, of which the first [`normals`](Self::normals) are used. `None` if the recipe has
+    /// no offset for them (a radius of Chen et al. at or below zero): then others must be drawn.
     #[must_use]
-    pub fn kick(self, xi: &[f64; MAX_NORMALS], tail: Tail) -> Option<ReleaseOffset> {
+    pub fn release_offset(self, xi: &[f64; MAX_NORMALS], tail: Tail) -> Option<ReleaseOffset> {
         let sign = tail.sign();
         match self {
             Self::Fardal2015 => {
@@ -102,24 +102,24 @@ impl Recipe {
     pub fn scales<S: Real>(self, tidal: &Tidal<S>, mass: S) -> (S, S) {
         match self {
             Self::Fardal2015 | Self::Fardal2015Published => (tidal.r_j, tidal.omega * tidal.r_j),
-            // Escape speed of a point mass at r_j; the offset contains 1/sqrt(r/r_j).
+            // Escape speed of a point mass at r_j; the release offset has the factor (r_j/r)^(1/2).
             Self::Chen2025 => (tidal.r_j, (mass * (2.0 * G) / tidal.r_j).sqrt()),
         }
     }
 }
 
-/// `(k_r, k_z, k_vphi, k_vz)` with means (2, 0, 0.3, 0), dispersion `planar` in the plane and 0.5 out of it.
-fn fardal(xi: &[f64; MAX_NORMALS], planar: f64) -> [f64; 4] {
+/// `(k_r, k_z, k_vphi, k_vz)` with the standard deviation `in_plane` of the first and third.
+fn fardal(xi: &[f64; MAX_NORMALS], in_plane: f64) -> [f64; 4] {
     [
-        2.0 + planar * xi[0],
+        2.0 + in_plane * xi[0],
         0.5 * xi[1],
-        0.3 + planar * xi[2],
+        0.3 + in_plane * xi[2],
         0.5 * xi[3],
     ]
 }
 
-/// Chen et al. 2025: means and covariance of (r, phi, theta, alpha, beta) with r and alpha correlated, by its lower
-/// Cholesky factor; r in tidal radii, angles in degrees. The leading tail is a half turn about the pole.
+/// The release offset of Chen et al. 2025: r in tidal radii, angles in degrees. r and alpha are correlated, by the Cholesky factor of
+/// their covariance.
 fn chen(xi: &[f64; MAX_NORMALS], sign: f64) -> Option<ReleaseOffset> {
     let r = 1.6 + 0.35 * xi[0];
     if r <= 0.0 {

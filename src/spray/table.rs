@@ -1,5 +1,5 @@
-//! The table of releases: release time, tail and release offset of each particle. Made once from a seed; all later steps up to
-//! the likelihood use no random numbers.
+//! The release table: release time, tail and release offset of each particle, made once from a random seed. Nothing else between
+//! parameters and ln L uses random numbers (docs/physics.md, section 4).
 
 use super::neighbourhood::{Neighbourhood, smearing};
 use super::{MAX_NORMALS, Recipe, ReleaseOffset, Tail};
@@ -10,25 +10,23 @@ use oblate_samplers::rng::{Domain, standard_normal, stream};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// How the random numbers of the releases are spread (docs/physics.md, section 4).
+/// How the random numbers of the releases are spread (docs/physics.md, section 4, "Sampling scheme").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SamplingScheme {
-    /// Independent normals; release times -T + k T / `release_times` (the paper).
+    /// Independent normals, as in Chemaly et al. (2026).
     Random,
-    /// One Owen-scrambled Sobol set per tail over release time and normals, sorted by time. Release times are the middles of
-    /// equal intervals.
+    /// For each tail one Sobol set with Owen scrambling over release time and normals.
     Sobol,
-    /// The Sobol set, each particle smeared over the stream around it, whose shape follows from its neighbours in the space of the random
-    /// numbers and from a partner with nearly the same ones at the next release time ([`Neighbourhood`]). benches/RESULTS.md, `noise` and
-    /// `roughness`, compares the schemes.
+    /// The Sobol set, each particle smeared by its neighbours in the space of the normals and by a partner with nearly the same release
+    /// offset at the next release time ([`Neighbourhood`]).
     #[default]
     SobolSmeared,
 }
 
 impl SamplingScheme {
-    /// The mean square error of a bin's mean radius, over the Monte-Carlo variance of independent particles: measured on mocks and posterior draws
-    /// (`cargo bench --bench noise`).
+    /// The mean square error of a bin's mean radius over the Monte-Carlo variance of independent particles, measured by
+    /// `cargo bench --bench noise` (docs/physics.md, section 7).
     #[must_use]
     pub fn variance_factor(self) -> f64 {
         match self {
@@ -48,20 +46,20 @@ impl SamplingScheme {
     }
 }
 
-/// What a table is made from.
+/// Settings of a release table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TableSettings {
-    /// Particles, both tails together.
+    /// Number of particles, both tails together.
     pub particles: usize,
-    /// Release times; 0 chooses 100 for `random`, else as many as leave each 32 particles (from 2,048 on), else 16, else 8:
-    /// whichever divides them.
+    /// Number of release times; 0 chooses 100 for `random`. For the Sobol schemes it chooses as many as give each release time 32, 16 or
+    /// 8 particles, the first of these that divides `particles`; `sobol` has 32 only from 2,048 particles on.
     pub release_times: usize,
     /// Sampling scheme.
     pub sampling_scheme: SamplingScheme,
     /// Release recipe.
     pub recipe: Recipe,
-    /// Seed of the table.
+    /// Random seed of the table.
     pub seed: u64,
 }
 
@@ -78,7 +76,7 @@ impl Default for TableSettings {
 }
 
 impl TableSettings {
-    /// Checks every number by itself: the ranges of docs/limits.md.
+    /// Checks that every number is in its range of docs/limits.md.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] with the first one that is out of its range.
@@ -100,46 +98,46 @@ impl TableSettings {
         match (self.release_times, self.sampling_scheme) {
             (0, SamplingScheme::Random) => 100,
             (0, SamplingScheme::Sobol) => sobol_release_times(self.particles, 2_048),
-            // With more particles of a tail at one release time, neighbours are nearer.
+            // 32 for any number of particles: with more particles of a tail at one release time, neighbours are nearer.
             (0, SamplingScheme::SobolSmeared) => sobol_release_times(self.particles, 0),
             (given, _) => given,
         }
     }
 }
 
-/// The key of the number of particles.
+/// Settings key of the number of particles.
 const PARTICLES: &str = "model.releases.particles";
 
 /// One particle of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Release {
-    /// Side.
+    /// Its tail.
     pub tail: Tail,
-    /// Release in the tidal frame.
+    /// Its release offset.
     pub offset: ReleaseOffset,
 }
 
-/// All releases by release time, oldest first; equal numbers at each time, leading before trailing.
+/// All releases by release time, the earliest first. Each release time has equally many particles of both tails, the leading tail first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReleaseTable {
     /// Release times as fractions of the age, in [-1, 0).
     pub taus: Vec<f64>,
-    /// Particles, `taus.len() * per_release_time` of them.
+    /// The particles, `taus.len() * per_release_time` of them.
     pub releases: Vec<Release>,
-    /// Particles per release time.
+    /// Number of particles of a release time.
     pub per_release_time: usize,
-    /// Recipe of the release offsets.
+    /// The recipe of the release offsets.
     pub recipe: Recipe,
     /// The neighbours of each particle ([`SamplingScheme::SobolSmeared`] with several release times).
     pub neighbourhood: Option<Arc<Neighbourhood>>,
 }
 
 impl ReleaseTable {
-    /// Makes the table.
+    /// Makes the table of these settings.
     ///
     /// # Errors
-    /// Those of [`TableSettings::check`]; [`Error::Setting`] if the number of particles is not a multiple of what the sampling scheme
-    /// needs, or too large for it.
+    /// Those of [`TableSettings::check`]; [`Error::Setting`] if the number of particles is not a multiple of twice the number of release
+    /// times or too large for the sampling scheme, or if the random seed gives no release offset.
     pub fn new(settings: &TableSettings) -> Result<Self> {
         let n = settings.particles;
         let fail = |remedy: &str| Error::Setting {
@@ -164,31 +162,31 @@ impl ReleaseTable {
         let tails = [Tail::Leading, Tail::Trailing];
         let smeared = settings.sampling_scheme == SamplingScheme::SobolSmeared && release_times > 1;
         let smearing = if smeared { smearing(n) } else { 0.0 };
-        let draws = |tail| {
+        let offsets = |tail| {
             Ok::<_, Error>(match settings.sampling_scheme {
-                SamplingScheme::Random => random_draws(settings, tail, n / 2)?,
-                SamplingScheme::Sobol => sobol_draws(settings, tail, n / 2, 0.0)?,
+                SamplingScheme::Random => random_offsets(settings, tail, n / 2)?,
+                SamplingScheme::Sobol => sobol_offsets(settings, tail, n / 2, 0.0)?,
                 SamplingScheme::SobolSmeared => {
-                    linked(sobol_draws(settings, tail, n / 2, smearing)?, per_tail)
+                    order_by_partner(sobol_offsets(settings, tail, n / 2, smearing)?, per_tail)
                 }
             })
         };
-        let draws = [draws(tails[0])?, draws(tails[1])?];
+        let offsets = [offsets(tails[0])?, offsets(tails[1])?];
         let mut releases = Vec::with_capacity(n);
         let mut xi = Vec::with_capacity(n);
         for release_time in 0..release_times {
-            for (tail, draws) in tails.iter().zip(&draws) {
-                let these = &draws[release_time * per_tail..(release_time + 1) * per_tail];
-                xi.extend(these.iter().map(|draw| draw.xi));
-                releases.extend(these.iter().map(|draw| Release {
+            for (tail, offsets) in tails.iter().zip(&offsets) {
+                let these = &offsets[release_time * per_tail..(release_time + 1) * per_tail];
+                xi.extend(these.iter().map(|pair| pair.xi));
+                releases.extend(these.iter().map(|pair| Release {
                     tail: *tail,
-                    offset: draw.offset,
+                    offset: pair.offset,
                 }));
             }
         }
         let neighbourhood = smeared.then(|| {
-            let numbers = settings.recipe.normals();
-            Arc::new(Neighbourhood::new(&xi, numbers, per_tail, smearing))
+            let normals = settings.recipe.normals();
+            Arc::new(Neighbourhood::new(&xi, normals, per_tail, smearing))
         });
         let middle = match settings.sampling_scheme {
             SamplingScheme::Random => 0.0,
@@ -219,63 +217,77 @@ impl ReleaseTable {
     }
 }
 
-/// Default number of release times of `n` particles of a Sobol scheme. More do not lower the noise of a track, and 16 particles
-/// of one time fill the lanes.
-fn sobol_release_times(n: usize, least_for_32: usize) -> usize {
+/// Default number of release times of `n` particles of a Sobol scheme, with 32 particles each only from `min_for_32` particles on. More
+/// release times do not lower the noise of a track.
+fn sobol_release_times(n: usize, min_for_32: usize) -> usize {
     let per_release_time = [32, 16, 8]
         .into_iter()
-        .find(|k| n.is_multiple_of(*k) && (*k < 32 || n >= least_for_32));
+        .find(|k| n.is_multiple_of(*k) && (*k < 32 || n >= min_for_32));
     (n / per_release_time.unwrap_or(8)).max(1)
 }
 
 /// Largest number of tries for one release offset. A try fails with a probability of 2.4e-6 at most.
-const MAX_DRAWS: u64 = 64;
+const MAX_TRIES: u64 = 64;
 
-/// The random numbers of a particle and what follows from them.
+/// The standard normals of a particle and the release offset that follows from them.
 #[derive(Clone, Copy)]
-struct Draw {
+struct NormalsAndOffset {
     xi: [f64; MAX_NORMALS],
     offset: ReleaseOffset,
 }
 
-/// The first try that gives a release offset; `draw` is given the number of the try, from 0.
-fn first_valid(draw: impl FnMut(u64) -> Option<Draw>) -> Result<Draw> {
-    (0..MAX_DRAWS).find_map(draw).ok_or_else(|| Error::Setting {
-        key: "model.releases.seed".to_owned(),
-        value: format!("{MAX_DRAWS} draws without a release offset"),
-        remedy: "give another seed".to_owned(),
-    })
+/// The first try that gives a release offset; the argument of `attempt` is the number of the try, from 0.
+///
+/// # Errors
+/// [`Error::Setting`] if none of [`MAX_TRIES`] gives one.
+fn first_valid(attempt: impl FnMut(u64) -> Option<NormalsAndOffset>) -> Result<NormalsAndOffset> {
+    (0..MAX_TRIES)
+        .find_map(attempt)
+        .ok_or_else(|| Error::Setting {
+            key: "model.releases.seed".to_owned(),
+            value: format!("{MAX_TRIES} draws without a release offset"),
+            remedy: "give another seed".to_owned(),
+        })
 }
 
-/// Independent release offsets; where a recipe has no offset, the next normals of the same random stream are used.
-fn random_draws(settings: &TableSettings, tail: Tail, count: usize) -> Result<Vec<Draw>> {
-    let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 0);
-    let mut draw = || {
+/// Independent release offsets. A repeated try takes the next normals of the same random stream.
+fn random_offsets(
+    settings: &TableSettings,
+    tail: Tail,
+    count: usize,
+) -> Result<Vec<NormalsAndOffset>> {
+    let mut rng = stream(settings.seed, Domain::Releases, tail_number(tail), 0);
+    let mut next = || {
         first_valid(|_| {
             let mut xi = [0.0; MAX_NORMALS];
             for x in xi.iter_mut().take(settings.recipe.normals()) {
                 *x = standard_normal(&mut rng);
             }
-            let offset = settings.recipe.kick(&xi, tail);
-            offset.map(|offset| Draw { xi, offset })
+            let offset = settings.recipe.release_offset(&xi, tail);
+            offset.map(|offset| NormalsAndOffset { xi, offset })
         })
     };
-    (0..count).map(|_| draw()).collect()
+    (0..count).map(|_| next()).collect()
 }
 
-/// A scrambled Sobol set, sorted by its first coordinate, the release time: its index must not choose the time, nor the
-/// tail, because its low bits are the first coordinates of the points. Random numbers that particles are smeared over have their variance less
+/// The release offsets of a scrambled Sobol set, sorted by its first coordinate, the release time. The index of a point must not choose the
+/// release time or the tail, because its low bits determine the leading bits of the coordinates. The variance of the normals is 1 less
 /// that of the smearing.
-fn sobol_draws(
+fn sobol_offsets(
     settings: &TableSettings,
     tail: Tail,
     count: usize,
     smearing: f64,
-) -> Result<Vec<Draw>> {
+) -> Result<Vec<NormalsAndOffset>> {
     let narrower = (1.0 - smearing * smearing).sqrt();
-    // Scrambles are 32-bit seeds; the two tails and the repetitions have sets of their own.
-    let scramble = |round: u64| {
-        let mut rng = stream(settings.seed, Domain::Design, tail_number(tail), 1 + round);
+    // Each tail and each repeated try has a scramble of its own, given by a seed of 32 bits.
+    let scramble = |attempt: u64| {
+        let mut rng = stream(
+            settings.seed,
+            Domain::Releases,
+            tail_number(tail),
+            1 + attempt,
+        );
         #[allow(
             clippy::cast_possible_truncation,
             reason = "the low half of a random word is a random half-word"
@@ -288,48 +300,47 @@ fn sobol_draws(
         reason = "count is below 2^16, dimensions below 6"
     )]
     let point = |i: usize, dimension: usize, seed: u32| {
-        // The generator gives multiples of 2^-24: take the middle of the cell, so that no normal is infinite.
+        // The generator gives multiples of 2^-24; the centre of the cell is taken, so that no normal is infinite.
         f64::from(sobol_burley::sample(i as u32, dimension as u32, seed))
             + 0.5 / f64::from(1_u32 << 24)
     };
-    let mut rows: Vec<(f64, Draw)> = Vec::with_capacity(count);
+    let mut rows: Vec<(f64, NormalsAndOffset)> = Vec::with_capacity(count);
     for i in 0..count {
-        let draw = first_valid(|round| {
-            let seed = scramble(round);
+        let pair = first_valid(|attempt| {
+            let seed = scramble(attempt);
             let mut xi = [0.0; MAX_NORMALS];
             for (d, x) in xi.iter_mut().enumerate().take(settings.recipe.normals()) {
                 *x = narrower * quantile(point(i, d + 1, seed));
             }
-            let offset = settings.recipe.kick(&xi, tail);
-            offset.map(|offset| Draw { xi, offset })
+            let offset = settings.recipe.release_offset(&xi, tail);
+            offset.map(|offset| NormalsAndOffset { xi, offset })
         })?;
-        rows.push((point(i, 0, scramble(0)), draw));
+        rows.push((point(i, 0, scramble(0)), pair));
     }
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(rows.into_iter().map(|(_, draw)| draw).collect())
+    Ok(rows.into_iter().map(|(_, pair)| pair).collect())
 }
 
-/// Number of release offsets of one release time that are compared with each other to find neighbours: the cost grows with its square.
-const LINKED_TOGETHER: usize = 64;
+/// Number of particles of one tail and release time that exchange places with each other: the cost grows with its square.
+const EXCHANGED_TOGETHER: usize = 64;
 
-/// Reorders the draws of each release time, `per_release_time` of them, so that the release offset of each is nearly that of the one
-/// before: within [`LINKED_TOGETHER`] of them no exchange of two lowers the sum of squared differences to those before.
-fn linked(mut kicks: Vec<Draw>, per_release_time: usize) -> Vec<Draw> {
-    for first in (per_release_time..kicks.len()).step_by(per_release_time) {
-        let (before, rest) = kicks.split_at_mut(first);
-        let (before, now) = (
-            &before[first - per_release_time..],
-            &mut rest[..per_release_time],
-        );
-        let apart = |i: usize, draw: &Draw| before[i].offset.squared_distance(&draw.offset);
+/// Reorders the release offsets of one tail, `per_tail` at each release time, so that each is nearly that of its partner at the release time
+/// before: among [`EXCHANGED_TOGETHER`] of them no exchange of two lowers the sum of squared distances to the partners.
+fn order_by_partner(mut offsets: Vec<NormalsAndOffset>, per_tail: usize) -> Vec<NormalsAndOffset> {
+    for first in (per_tail..offsets.len()).step_by(per_tail) {
+        let (before, rest) = offsets.split_at_mut(first);
+        let (before, now) = (&before[first - per_tail..], &mut rest[..per_tail]);
+        let distance2 =
+            |i: usize, now: &NormalsAndOffset| before[i].offset.squared_distance(&now.offset);
         let mut moved = true;
         while moved {
             moved = false;
-            let earlier = |i| (i - i % LINKED_TOGETHER..i).map(move |j| (i, j));
-            for (i, j) in (0..per_release_time).flat_map(earlier) {
-                let gain =
-                    apart(i, &now[i]) + apart(j, &now[j]) - apart(i, &now[j]) - apart(j, &now[i]);
-                // A tolerance, so that rounding does not exchange two of them forever.
+            let earlier = |i| (i - i % EXCHANGED_TOGETHER..i).map(move |j| (i, j));
+            for (i, j) in (0..per_tail).flat_map(earlier) {
+                let gain = distance2(i, &now[i]) + distance2(j, &now[j])
+                    - distance2(i, &now[j])
+                    - distance2(j, &now[i]);
+                // The tolerance prevents an endless exchange by rounding.
                 if gain > 1e-9 {
                     now.swap(i, j);
                     moved = true;
@@ -337,7 +348,7 @@ fn linked(mut kicks: Vec<Draw>, per_release_time: usize) -> Vec<Draw> {
             }
         }
     }
-    kicks
+    offsets
 }
 
 fn tail_number(tail: Tail) -> u64 {

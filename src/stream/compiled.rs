@@ -15,7 +15,7 @@ pub struct Kernels<H: Halo> {
 }
 
 impl<H: Halo> Kernels<H> {
-    /// Compiles the kernels in the crate that calls this.
+    /// The kernels, compiled in the crate that calls this function.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -34,7 +34,7 @@ impl<H: Halo> Default for Kernels<H> {
 
 /// A kind of halo whose kernels have been compiled.
 ///
-/// The kernels are large. They stand in a `static`, so that they are compiled once, in the crate of the halo, and not again in each
+/// The kernels are large. A `static` holds them, so that they are compiled once, in the crate of the halo, and not again in each
 /// crate that uses it:
 ///
 /// ```
@@ -61,7 +61,7 @@ impl<H: Halo> Default for Kernels<H> {
 /// }
 /// ```
 pub trait CompiledHalo: Halo {
-    /// The kernels.
+    /// The kernels of this kind of halo, from a `static`.
     fn kernels() -> &'static Kernels<Self>;
 }
 

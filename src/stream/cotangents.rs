@@ -1,13 +1,13 @@
 //! Derivatives of a result with respect to the progenitor solution, summed over particles.
 
-use super::lane_groups::{Interleaved, Pair, UNROLL};
+use super::lane_groups::{Interleaved, LaneGroupPair, UNROLL};
 use super::progenitor_solution::ReleaseFrame;
 use crate::orbit::{Node, State};
 use crate::potential::{HaloCotangent, PlummerCotangent};
 use crate::scalar::{Isa, Vec3};
 use std::ops::Range;
 
-/// Derivatives with respect to the progenitor solution, from the particles of some release times.
+/// Derivatives with respect to the progenitor solution, summed over the particles of consecutive release times.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cotangents {
     /// The first release time.
@@ -21,14 +21,14 @@ pub(super) struct Cotangents {
 }
 
 impl Cotangents {
-    /// Zero for these release times and an orbit of `nodes`.
+    /// Sets all derivatives to zero, for these release times and an orbit with this number of nodes.
     pub fn reset(&mut self, release_times: &Range<usize>, nodes: usize) {
         let zero = Vec3::zero();
         let no_frame = ReleaseFrame {
             state: State { x: zero, v: zero },
             position: [zero; 3],
             velocity: [zero; 3],
-            turns: 0.0,
+            winding_number: 0.0,
         };
         self.first_release_time = release_times.start;
         self.release_frames.clear();
@@ -74,20 +74,21 @@ impl Default for SharedCotangent {
 }
 
 impl Cotangents {
-    /// Adds derivatives with respect to the starts of a pair to those with respect to its release frames.
+    /// Reverse mode of [`ReleaseFrame::release`]: adds the derivatives with respect to the initial states of a pair to those with respect to
+    /// its release frames.
     #[inline(always)]
-    pub fn add_release_frames<I: Isa>(
+    pub fn release_vjp<I: Isa>(
         &mut self,
-        pair: &Pair<'_>,
+        pair: &LaneGroupPair<'_>,
         start_bar: &State<Interleaved<I>>,
     ) {
         let State { x, v } = *start_bar;
         let (position, velocity) = (pair.position::<I>(), pair.velocity::<I>());
         let (x_bar, v_bar) = (sums_of_vector(x), sums_of_vector(v));
-        // A half without particles has no derivatives.
+        // A lane group without particles adds zeros.
         for k in 0..UNROLL {
-            let release_frame =
-                &mut self.release_frames[pair.groups[k].release_time - self.first_release_time];
+            let release_frame = &mut self.release_frames
+                [pair.lane_groups[k].release_time - self.first_release_time];
             release_frame.state.x += x_bar[k];
             release_frame.state.v += v_bar[k];
         }
@@ -95,27 +96,27 @@ impl Cotangents {
             let position_bar = sums_of_vector(x * position[c]);
             let velocity_bar = sums_of_vector(v * velocity[c]);
             for k in 0..UNROLL {
-                let release_frame =
-                    &mut self.release_frames[pair.groups[k].release_time - self.first_release_time];
+                let release_frame = &mut self.release_frames
+                    [pair.lane_groups[k].release_time - self.first_release_time];
                 release_frame.position[c] += position_bar[k];
                 release_frame.velocity[c] += velocity_bar[k];
             }
         }
     }
 
-    /// Adds those of the release times that follow.
+    /// Adds the derivatives from the release times that follow.
     pub fn append(&mut self, next: &mut Self) {
         self.shared.add(&next.shared);
-        for (sum, by) in self.nodes.iter_mut().zip(&next.nodes) {
+        for (sum, node_bar) in self.nodes.iter_mut().zip(&next.nodes) {
             for row in 0..3 {
-                sum.add(row, by.vector(row));
+                sum.add(row, node_bar.vector(row));
             }
         }
         self.release_frames.append(&mut next.release_frames);
     }
 }
 
-/// The sums of the lanes of each half of a vector.
+/// The sums over the lanes of each lane array of a vector.
 #[inline(always)]
 pub(super) fn sums_of_vector<I: Isa>(v: Vec3<Interleaved<I>>) -> [Vec3<f64>; UNROLL] {
     let ([x, x_2], [y, y_2], [z, z_2]) = (v.x.sums(), v.y.sums(), v.z.sums());

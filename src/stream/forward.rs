@@ -16,11 +16,11 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 impl Model {
-    /// The particles of a stream today, over the threads of the present rayon pool: of a [`System`] with any kind of halo, or of 13
-    /// parameters with the default range of q.
+    /// The particles of a stream today, on the threads of the present rayon pool. The stream is given by a [`System`] with any kind of
+    /// halo, or by 13 parameters with the default range of q.
     ///
     /// # Errors
-    /// [`Error::NoTrack`] with the cause if these parameters have no stream.
+    /// [`Error::NoTrack`] with the cause if there is no stream.
     pub fn stream<H: CompiledHalo>(&self, system: impl Into<System<f64, H>>) -> Result<Particles> {
         let mut particles = Particles::default();
         self.progenitor_solution(&system.into())
@@ -29,8 +29,8 @@ impl Model {
         Ok(particles)
     }
 
-    /// Every particle today, in lanes, at the best level of this CPU. Buffers are reused: no allocation after the first
-    /// call.
+    /// Integrates every particle to today, in lanes, for the best instruction set of this CPU. The buffers of `schedules` and `out` are
+    /// reused: no allocation after the first call.
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a state is not finite.
@@ -43,7 +43,7 @@ impl Model {
         self.integrate_at(Level::best(), solution, schedules, out)
     }
 
-    /// As [`integrate`](Self::integrate), at a chosen level: how the levels are tested against each other.
+    /// As [`integrate`](Self::integrate), for a chosen instruction set, so that tests can compare them.
     ///
     /// # Errors
     /// As [`integrate`](Self::integrate).
@@ -55,7 +55,7 @@ impl Model {
         out: &mut Particles,
     ) -> std::result::Result<(), Rejection> {
         let (columns, step_sizes) = out.columns(self.table.len());
-        step_sizes.reset(self.pairs.len(), self.most_steps());
+        step_sizes.reset(self.pairs.len(), self.max_steps());
         let forward = IntegrateKernel {
             model: self,
             solution,
@@ -70,7 +70,7 @@ impl Model {
         Ok(())
     }
 
-    /// As [`integrate`](Self::integrate), over the threads of the present rayon pool and with buffers of its own. The same bits.
+    /// As [`integrate`](Self::integrate), on the threads of the present rayon pool and with new buffers. The result has the same bits.
     ///
     /// # Errors
     /// As [`integrate`](Self::integrate).
@@ -79,22 +79,22 @@ impl Model {
         solution: &ProgenitorSolution<f64, H>,
         out: &mut Particles,
     ) -> std::result::Result<(), Rejection> {
-        // More parts than threads, because some may take longer.
-        let parts = 4 * rayon::current_num_threads();
-        let per_part = self.pairs.len().div_ceil(parts);
+        // More chunks than threads, because some take longer.
+        let count = 4 * rayon::current_num_threads();
+        let per_chunk = self.pairs.len().div_ceil(count);
         let (mut left, step_sizes) = out.columns(self.table.len());
         step_sizes.reset(self.pairs.len(), 0);
-        let mut work = Vec::with_capacity(parts);
-        for pairs in self.pairs.chunks(per_part) {
+        let mut chunks = Vec::with_capacity(count);
+        for pairs in self.pairs.chunks(per_chunk) {
             let end = pairs.last().map_or(0, |pair| {
-                let group = &self.groups[pair.end - 1];
-                group.first + group.len
+                let last = &self.lane_groups[pair.end - 1];
+                last.first + last.len
             });
-            let (part, rest) = left.split(end);
-            work.push((pairs, part));
+            let (columns, rest) = left.split(end);
+            chunks.push((pairs, columns));
             left = rest;
         }
-        let parts: Vec<(f64, StepSizes)> = work
+        let integrated: Vec<(f64, StepSizes)> = chunks
             .into_par_iter()
             .map(|(pairs, out)| {
                 let mut step_sizes = StepSizes::default();
@@ -111,9 +111,9 @@ impl Model {
             })
             .collect();
         let mut ambiguous_windings = 0.0;
-        for (count, part) in &parts {
+        for (count, of_chunk) in &integrated {
             ambiguous_windings += count;
-            step_sizes.append(part);
+            step_sizes.append(of_chunk);
         }
         out.neighbourhood = self.table.neighbourhood.clone();
         out.tally = tally(solution, ambiguous_windings)?;
@@ -122,12 +122,13 @@ impl Model {
 }
 
 impl Model {
-    /// Number of adaptive steps of all pairs, if all are as short as possible; with equal steps, none are recorded.
-    fn most_steps(&self) -> usize {
+    /// Largest number of adaptive steps that can be recorded for all pairs; 0 if the steps are equal.
+    fn max_steps(&self) -> usize {
         match self.settings.step_rule {
             StepRule::Uniform => 0,
             StepRule::Adaptive => {
-                let steps = |pair: &Range<usize>| self.steps[self.groups[pair.start].release_time];
+                let steps =
+                    |pair: &Range<usize>| self.steps[self.lane_groups[pair.start].release_time];
                 let shortest =
                     self.pairs.iter().map(steps).sum::<usize>() << self.settings.max_halvings;
                 shortest + self.pairs.len()
@@ -136,7 +137,10 @@ impl Model {
     }
 }
 
-/// The approximations of a stream with this many ambiguous windings; NaN if a particle is not finite.
+/// The approximations of a stream with this number of ambiguous windings, which is NaN if a particle is not finite.
+///
+/// # Errors
+/// [`Rejection::BadParticle`] if the number is not finite.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -1,12 +1,13 @@
-//! The gradient of a function of the particles with respect to the system, in two stages.
+//! The gradient of a function of the particles with respect to the system, in two stages (docs/physics.md, section 8).
 //!
-//! Reverse mode is cheap where many numbers give one: all particles, one likelihood. Forward mode is cheap where few numbers give many:
-//! the 15 numbers of a [`System`], the nodes of an orbit and the release frames. So derivatives go backwards through the particles to
-//! the [`ProgenitorSolution`], and are there multiplied by the derivatives of the solution, which are computed on dual numbers.
+//! Reverse mode is cheap for one function of many numbers: one likelihood of all particles. Forward mode is cheap for many functions of
+//! few numbers: the nodes of an orbit and the release frames, of the 15 numbers of a [`System`]. So the derivatives with respect to the
+//! [`ProgenitorSolution`] are computed in reverse mode, and multiplied by the derivatives of the solution, which are computed on dual
+//! numbers.
 
 use super::compiled::CompiledHalo;
-use super::integrate_vjp::{Ends, Part, VjpKernel};
-use super::lane_groups::{StepSchedules, release_times_per_part};
+use super::integrate_vjp::{ReleaseTimeChunk, SkyCotangents, VjpKernel};
+use super::lane_groups::{StepSchedules, release_times_per_chunk};
 use super::model::Model;
 use super::particles::Particles;
 use super::progenitor_solution::ProgenitorSolution;
@@ -17,22 +18,23 @@ use crate::potential::Halo;
 use crate::scalar::Level;
 use rayon::prelude::*;
 
-/// How far back along a particle's trajectory a derivative is taken.
+/// Whether the derivatives of chaotic particles count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Adjoint {
-    /// To the release: the exact derivative of the discrete model.
+    /// All count: the exact derivative of the discrete model.
     Exact,
-    /// Back to the time before which a change of the particle's position changes its final position by more than [`MAX_STRETCH`]
-    /// times as much. A particle that passes a centre several times in steps too long for it is chaotic: its effect on the mean
-    /// of a bin is small, but its derivative can exceed the sum of all others by ten orders of magnitude, and does not predict
-    /// the effect of any finite step. Without it, the derivatives are a field that a sampler can follow.
+    /// The derivative of a particle is zero if, integrated backwards from today, the derivative with respect to its position exceeds
+    /// [`MAX_STRETCH`] times that with respect to its final position. A particle that passes a centre several times in steps too long for
+    /// it is chaotic: its effect on the mean of a bin is small, but its derivative can exceed the sum of all others by ten orders of
+    /// magnitude, and does not predict the effect of a finite step.
     Truncated,
 }
 
-/// Largest stretch of a regular particle: tides stretch by tens within the age of a stream, eccentric orbits by hundreds.
+/// Largest ratio of the two derivatives of a regular particle: tides stretch by tens within the age of a stream, eccentric orbits by
+/// hundreds.
 pub const MAX_STRETCH: f64 = 1_000.0;
 
-/// Buffers, reused from call to call.
+/// Buffers of an integration and its gradient, reused from call to call.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
     /// Step schedules of the integration.
@@ -43,13 +45,14 @@ pub struct Workspace {
     pub x_bar: Vec<f64>,
     /// With respect to each particle's sky y, per kpc.
     pub y_bar: Vec<f64>,
-    parts: Vec<Part>,
+    chunks: Vec<ReleaseTimeChunk>,
 }
 
 impl Model {
-    /// The gradient, with respect to the [vector](System::to_vector) of a system, of a result whose derivatives with respect to the
-    /// particles' sky positions are `work.x_bar` and `work.y_bar`. `solution` must be the one of this system, and `work.particles` what
-    /// [`integrate`](Self::integrate) made of it. The same bits for any [`Threads`].
+    /// The gradient, with respect to the [vector](System::to_vector) of a system and per unit of each of its numbers, of a result whose
+    /// derivatives with respect to the particles' sky positions are `work.x_bar` and `work.y_bar`. `solution` must be the one of this
+    /// system, and `work.particles` the result of [`integrate`](Self::integrate) for it. The gradient has the same bits for any
+    /// [`Threads`].
     pub fn vjp<H: CompiledHalo>(
         &self,
         system: &System<f64, H>,
@@ -63,10 +66,10 @@ impl Model {
             particles,
             x_bar,
             y_bar,
-            parts,
+            chunks,
             ..
         } = work;
-        let ends = Ends {
+        let today = SkyCotangents {
             particles,
             x_bar,
             y_bar,
@@ -75,54 +78,55 @@ impl Model {
             Adjoint::Exact => f64::INFINITY,
             Adjoint::Truncated => MAX_STRETCH * MAX_STRETCH,
         };
-        let one = |part: &mut Part| {
+        let integrate_back = |chunk: &mut ReleaseTimeChunk| {
             let kernel = VjpKernel {
                 model: self,
                 solution,
-                ends: &ends,
+                today: &today,
                 max_stretch2,
-                part,
+                chunk,
             };
             (H::kernels().integrate_vjp)(kernel, Level::best());
         };
         match threads {
-            Threads::One => parts.iter_mut().for_each(one),
-            Threads::All => parts.par_iter_mut().for_each(one),
+            Threads::One => chunks.iter_mut().for_each(integrate_back),
+            Threads::All => chunks.par_iter_mut().for_each(integrate_back),
         }
         let [
-            Part {
-                cotangents: total, ..
+            ReleaseTimeChunk {
+                cotangents: solution_bar,
+                ..
             },
             others @ ..,
-        ] = parts.as_mut_slice()
+        ] = chunks.as_mut_slice()
         else {
             return [0.0; SYSTEM_LEN];
         };
-        for part in others {
-            total.append(&mut part.cotangents);
+        for chunk in others {
+            solution_bar.append(&mut chunk.cotangents);
         }
         let kernel = SolutionVjpKernel {
             model: self,
             system,
-            total,
+            solution_bar,
         };
         (H::kernels().progenitor_solution_vjp)(kernel, Level::best())
     }
 
-    /// Divides the release times into parts, whose derivatives are zero.
+    /// Divides the release times into chunks and sets their derivatives to zero.
     fn prepare<H: Halo>(&self, solution: &ProgenitorSolution<f64, H>, work: &mut Workspace) {
         let release_times = self.table.taus.len();
-        let per_part = release_times_per_part(release_times);
+        let per_chunk = release_times_per_chunk(release_times);
         let first_pair = |release_time: usize| {
             self.pairs
-                .partition_point(|pair| self.groups[pair.start].release_time < release_time)
+                .partition_point(|pair| self.lane_groups[pair.start].release_time < release_time)
         };
-        work.parts
-            .resize_with(release_times.div_ceil(per_part), Part::default);
-        for (k, part) in work.parts.iter_mut().enumerate() {
-            let range = k * per_part..release_times.min((k + 1) * per_part);
-            part.cotangents.reset(&range, solution.orbit.nodes.len());
-            part.pairs = first_pair(range.start)..first_pair(range.end);
+        work.chunks
+            .resize_with(release_times.div_ceil(per_chunk), ReleaseTimeChunk::default);
+        for (k, chunk) in work.chunks.iter_mut().enumerate() {
+            let range = k * per_chunk..release_times.min((k + 1) * per_chunk);
+            chunk.cotangents.reset(&range, solution.orbit.nodes.len());
+            chunk.pairs = first_pair(range.start)..first_pair(range.end);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Integration of particles from their release to today: in SIMD lanes, and one by one on any number type.
 
-use super::lane_groups::{Interleaved, Pair, StepSchedules};
+use super::lane_groups::{Interleaved, LaneGroupPair, StepSchedules};
 use super::model::Model;
 use super::particles::Columns;
 use super::progenitor_solution::ProgenitorSolution;
@@ -42,21 +42,21 @@ impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
         let mut planner = Planner::new(model, solution, schedules);
         let mut ambiguous_windings = 0.0;
         for range in pairs {
-            let pair = Pair::of(&model.groups, range);
+            let pair = LaneGroupPair::new(&model.lane_groups, range);
             let release_frame = pair.release_frames::<I, H>(solution);
-            let (start, turns) = release_frame.release(pair.position(), pair.velocity());
+            let (start, winding_number) = release_frame.release(pair.position(), pair.velocity());
             let particle = match model.settings.step_rule {
                 StepRule::Uniform => advance(
                     &host,
                     &progenitor,
                     &planner.schedules(&pair, &[]),
                     start,
-                    turns,
+                    winding_number,
                 ),
                 StepRule::Adaptive => {
                     step_sizes.begin();
                     let mut steps = PairSteps::new(model, solution, &pair, step_sizes);
-                    advance_adaptively(&host, &progenitor, &mut steps, start, turns)
+                    advance_adaptively(&host, &progenitor, &mut steps, start, winding_number)
                 }
             };
             ambiguous_windings += out.store(&pair, &particle);
@@ -67,14 +67,14 @@ impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
 
 compile_kernel!(IntegrateKernel<H: crate::potential::Halo>);
 
-/// Runs the kernel at a level.
+/// Runs the kernel for an instruction set.
 pub(super) fn integrate<H: Halo>(kernel: IntegrateKernel<'_, H>, level: Level) -> f64 {
     kernel.dispatch(level)
 }
 
 impl Model {
-    /// Every particle today, one by one, in the order of the table, on any number type: the reference that the fast path
-    /// is tested against. Adaptive steps are those of `step_sizes`, which the fast path has recorded.
+    /// Every particle today, one by one, in the order of the table, on any number type: the reference for
+    /// [`integrate`](Self::integrate), which has recorded the adaptive steps in `step_sizes`.
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a state is not finite.
@@ -85,17 +85,19 @@ impl Model {
     ) -> std::result::Result<Vec<FinalParticle<S>>, Rejection> {
         let mut particles = Vec::with_capacity(self.table.len());
         let mut schedule = StepSchedule::default();
-        for (number, range) in self.pairs.iter().enumerate() {
-            for group in &self.groups[range.clone()] {
+        for (pair, range) in self.pairs.iter().enumerate() {
+            for lane_group in &self.lane_groups[range.clone()] {
                 self.plan(
-                    group.release_time,
-                    step_sizes.of(number),
+                    lane_group.release_time,
+                    step_sizes.of_pair(pair),
                     solution,
                     &mut schedule,
                 );
-                let release_frame = &solution.release_frames[group.release_time];
-                for release in &self.table.releases[group.first..group.first + group.len] {
-                    let (start, turns) = release_frame.release(
+                let release_frame = &solution.release_frames[lane_group.release_time];
+                for release in
+                    &self.table.releases[lane_group.first..lane_group.first + lane_group.len]
+                {
+                    let (start, winding_number) = release_frame.release(
                         release.offset.position.map(S::from_f64),
                         release.offset.velocity.map(S::from_f64),
                     );
@@ -104,7 +106,7 @@ impl Model {
                         &solution.progenitor,
                         &schedule,
                         start,
-                        turns,
+                        winding_number,
                     );
                     if !(particle.state.x.norm2() + particle.state.v.norm2())
                         .re()

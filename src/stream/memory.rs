@@ -1,6 +1,6 @@
-//! How much memory a model and its streams take, before any of it is taken.
+//! An estimate of the memory of a model and its streams, before any of it is allocated.
 
-use super::lane_groups::{Group, PARTS, UNROLL};
+use super::lane_groups::{LaneGroup, RELEASE_TIME_CHUNKS, UNROLL};
 use super::progenitor_solution::ReleaseFrame;
 use super::settings::{ModelSettings, StepRule, StepsPer};
 use super::system::SYSTEM_LEN;
@@ -9,7 +9,7 @@ use crate::scalar::LANES;
 use crate::spray::{Release, ReleaseOffset};
 use oblate_samplers::limits::Memory;
 
-/// Bytes of `count` values of a type.
+/// Size in bytes of `count` values of a type.
 fn bytes<T>(count: f64) -> f64 {
     count * size_of::<T>() as f64
 }
@@ -18,47 +18,48 @@ impl ModelSettings {
     /// An estimate of the memory of a [`Model`](super::Model) with these settings, and of `threads` streams with their gradients that are
     /// computed at once.
     ///
-    /// The model has, for each particle, its release (its release offset besides, while the table is made) and its place in a lane group,
-    /// and the interpolation weights of every equal step of every release time. Each thread has nine numbers per particle (state, winding
-    /// number, two derivatives), the orbit and its derivatives, and the step schedules of the gradient's parts. Trajectories are not stored.
-    /// Adaptive steps count as if all were halved as often as they may be.
+    /// The model has, for each particle, its release (twice its release offset while the table is made) and its lanes in a lane group,
+    /// and the Hermite weights of every equal step of every release time. Each thread has nine numbers per particle (state, winding
+    /// number, two derivatives), the orbit and its derivatives, and the step schedules of the gradient's chunks. Trajectories are not
+    /// stored. Adaptive steps are counted as if all were as short as possible.
     #[must_use]
     pub fn memory(&self, threads: usize) -> Memory {
         let n = self.releases.particles as f64;
-        let (given, nodes) = (self.steps as f64, self.orbit_steps as f64);
+        let (longest, nodes) = (self.steps as f64, self.orbit_steps as f64);
         let (steps, nodes) = match self.step_rule {
-            StepRule::Uniform => (given, nodes),
+            StepRule::Uniform => (longest, nodes),
             StepRule::Adaptive => {
-                let shortest = given * f64::from(self.max_halvings).exp2();
-                // Orbit steps are doubled until their phase is at most half of that of the shortest steps.
+                let shortest = longest * f64::from(self.max_halvings).exp2();
+                // The phase of an orbit step may have to be half of that of the shortest step, and the number of orbit steps is doubled.
                 (STAGES as f64 * shortest, nodes.max(4.0 * shortest))
             }
         };
         let release_times = self.releases.number_of_release_times() as f64;
-        let groups = release_times * (n / release_times / LANES as f64).ceil();
+        let lane_groups = release_times * (n / release_times / LANES as f64).ceil();
         let mean_steps = match self.steps_per {
             StepsPer::Particle => steps,
             StepsPer::Age => 0.5 * steps + 1.0,
         };
         let threads = threads as f64;
-        let table = bytes::<Release>(n) + bytes::<ReleaseOffset>(n) + bytes::<Group>(groups);
+        let table =
+            bytes::<Release>(n) + bytes::<ReleaseOffset>(n) + bytes::<LaneGroup>(lane_groups);
         let weights = match self.step_rule {
             StepRule::Uniform => bytes::<HermiteWeights>(release_times * (mean_steps + 1.0)),
-            StepRule::Adaptive => threads * bytes::<u8>(groups * steps / STAGES as f64),
+            StepRule::Adaptive => threads * bytes::<u8>(lane_groups * steps / STAGES as f64),
         };
-        let parts = PARTS as f64;
-        // The derivative by the progenitor's position in lanes and summed; position, drift and kick, and the interpolation weights.
+        let chunks = RELEASE_TIME_CHUNKS as f64;
+        // The derivative by the progenitor's position in lanes and summed; position, drift and kick, and the Hermite weights.
         let schedule = bytes::<[f64; 3]>((LANES * UNROLL + UNROLL) as f64)
             + UNROLL as f64 * (bytes::<[f64; 6]>(1.0) + bytes::<HermiteWeights>(1.0));
-        // The orbit of the value, its derivatives in each part, and the orbit on dual numbers.
+        // The orbit of the value, its derivatives in each chunk, and the orbit on dual numbers.
         let node =
-            bytes::<Node<f64>>(2.0 + parts + (1 + SYSTEM_LEN.next_multiple_of(LANES)) as f64);
+            bytes::<Node<f64>>(2.0 + chunks + (1 + SYSTEM_LEN.next_multiple_of(LANES)) as f64);
         Memory::default()
             .with(
                 "model.releases.particles",
                 table + threads * bytes::<f64>(9.0 * n),
             )
-            .with("model.steps", weights + threads * parts * steps * schedule)
+            .with("model.steps", weights + threads * chunks * steps * schedule)
             .with("model.orbit_steps", threads * nodes * node)
             .with(
                 "model.releases.release_times",

@@ -1,11 +1,11 @@
-//! From a halo, a progenitor and a table of releases to the particles of a stream today, and the derivatives backwards.
+//! The particles of a stream today from a system and a table of releases, and their derivatives (docs/physics.md, sections 3 to 5 and 8).
 //!
 //! A stream is made in two stages. The [`ProgenitorSolution`] is the progenitor's orbit and one [`ReleaseFrame`] per release time, on
 //! any [`Real`](crate::scalar::Real) number type. The particles are then integrated from their releases to today, in SIMD lanes
 //! ([`Model::integrate`]), or one by one on any number type as a reference ([`Model::integrate_one_by_one`]).
 //!
-//! [`Model::vjp`] is the exact derivative of both stages: reverse mode through the particles, forward mode through the progenitor
-//! solution. Each file of the forward computation has its adjoint beside it, in the file whose name ends in `_vjp`.
+//! [`Model::vjp`] differentiates both stages: the particles in reverse mode, the progenitor solution in forward mode. The adjoint of a
+//! file is in the file of the same name with `_vjp` appended.
 
 mod compiled;
 mod cotangents;
@@ -30,7 +30,7 @@ pub use compiled::{CompiledHalo, Kernels};
 pub use gradient::{Adjoint, MAX_STRETCH, Workspace};
 pub use integrate::IntegrateKernel;
 pub use integrate_vjp::VjpKernel;
-pub use lane_groups::{Group, StepSchedules};
+pub use lane_groups::{LaneGroup, StepSchedules};
 pub use model::Model;
 pub use particles::Particles;
 pub use progenitor_solution::{ProgenitorSolution, ReleaseFrame, SolutionMemory};

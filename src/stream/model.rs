@@ -1,6 +1,6 @@
-//! The stream generator, and everything in it that no parameter enters.
+//! The model of a stream: everything that does not depend on the parameters.
 
-use super::lane_groups::{Group, groups, pairs};
+use super::lane_groups::{LaneGroup, lane_groups, pairs};
 use super::progenitor_solution::{ProgenitorSolution, SolutionMemory};
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
@@ -11,25 +11,25 @@ use crate::scalar::Real;
 use crate::spray::ReleaseTable;
 use std::ops::Range;
 
-/// A stream generator with its table of releases: made once, used for every point of a fit.
+/// The model of a stream with its table of releases: made once, used at every point of a fit.
 #[derive(Clone, Debug)]
 pub struct Model {
     pub(super) settings: ModelSettings,
     pub(super) table: ReleaseTable,
-    pub(super) groups: Vec<Group>,
-    /// The groups that are integrated together.
+    pub(super) lane_groups: Vec<LaneGroup>,
+    /// The lane groups that are integrated together, as ranges.
     pub(super) pairs: Vec<Range<usize>>,
-    /// Steps of the particles of each release time; of adaptive ones, if all are as long as possible.
+    /// Number of steps of the particles of each release time; of adaptive steps, if all are as long as possible.
     pub(super) steps: Vec<usize>,
-    /// Interpolation weights of the progenitor's position at every force evaluation, one more than steps for each release time; none if
-    /// the steps are adaptive.
-    pub(super) path: Vec<HermiteWeights>,
+    /// Hermite weights of the progenitor's position at every force evaluation, one more than steps for each release time; empty if the
+    /// steps are adaptive.
+    pub(super) hermite_weights: Vec<HermiteWeights>,
     /// Index of the first weights of each release time.
-    pub(super) path_starts: Vec<usize>,
+    pub(super) hermite_starts: Vec<usize>,
 }
 
 impl Model {
-    /// Makes the table and everything else that no parameter enters.
+    /// Makes the table of releases and what follows from it and the settings.
     ///
     /// # Errors
     /// Those of [`ModelSettings::check`] and [`ReleaseTable::new`]; [`Error::TooMuchMemory`](crate::Error::TooMuchMemory) by the estimate
@@ -38,11 +38,11 @@ impl Model {
         settings.check()?;
         settings.memory(1).check()?;
         let table = ReleaseTable::new(&settings.releases)?;
-        Ok(Self::of(*settings, table))
+        Ok(Self::from_table(*settings, table))
     }
 
-    /// The same model with twice as many steps of particles and orbit, to see what the steps are good for. They may be more than
-    /// [`ModelSettings::check`] allows a user.
+    /// The same model with twice as many steps of particles and orbit, for an estimate of the error by the steps. Their number may exceed
+    /// the limit of [`ModelSettings::check`].
     #[must_use]
     pub fn with_twice_the_steps(&self) -> Self {
         let settings = ModelSettings {
@@ -51,24 +51,24 @@ impl Model {
             orbit_steps: 2 * self.settings.orbit_steps,
             ..self.settings
         };
-        Self::of(settings, self.table.clone())
+        Self::from_table(settings, self.table.clone())
     }
 
-    /// With checked settings, and their table.
-    fn of(settings: ModelSettings, table: ReleaseTable) -> Self {
-        let groups = groups(&table);
+    /// The model of checked settings with their table.
+    fn from_table(settings: ModelSettings, table: ReleaseTable) -> Self {
+        let lane_groups = lane_groups(&table);
         let steps: Vec<usize> = table
             .taus
             .iter()
-            .map(|tau| settings.steps_per.of(settings.steps, *tau))
+            .map(|tau| settings.steps_per.number_of_steps(settings.steps, *tau))
             .collect();
-        let mut path = Vec::new();
-        let mut path_starts = Vec::new();
+        let mut hermite_weights = Vec::new();
+        let mut hermite_starts = Vec::new();
         let equal = settings.step_rule == StepRule::Uniform;
         for (tau, steps) in table.taus.iter().zip(&steps).filter(|_| equal) {
-            path_starts.push(path.len());
-            path.extend((0..=*steps).map(|j| {
-                // The last one is today, whatever the rounding of the fractions.
+            hermite_starts.push(hermite_weights.len());
+            hermite_weights.extend((0..=*steps).map(|j| {
+                // A fraction of the whole, so that the last one is exactly 0: today.
                 let left = 1.0 - j as f64 / *steps as f64;
                 HermiteWeights::at(tau * left, settings.orbit_steps)
             }));
@@ -76,27 +76,27 @@ impl Model {
         Self {
             settings,
             table,
-            pairs: pairs(&groups, &steps),
-            groups,
+            pairs: pairs(&lane_groups, &steps),
+            lane_groups,
             steps,
-            path,
-            path_starts,
+            hermite_weights,
+            hermite_starts,
         }
     }
 
-    /// Its settings.
+    /// The settings.
     #[must_use]
     pub fn settings(&self) -> &ModelSettings {
         &self.settings
     }
 
-    /// Mean number of steps of a particle; of adaptive ones, if all are as long as possible.
+    /// Mean number of steps of a particle; of adaptive steps, if all are as long as possible.
     #[must_use]
     pub fn mean_steps(&self) -> f64 {
         self.steps.iter().sum::<usize>() as f64 / self.steps.len() as f64
     }
 
-    /// Its table of releases.
+    /// The table of releases.
     #[must_use]
     pub fn table(&self) -> &ReleaseTable {
         &self.table
@@ -105,8 +105,8 @@ impl Model {
     /// The progenitor's orbit and the release frames.
     ///
     /// # Errors
-    /// [`Rejection::BadParameter`] or [`Rejection::BadOrbit`] where there is no finite orbit, [`Rejection::UnresolvedOrbit`]
-    /// where the steps are too long for it.
+    /// [`Rejection::BadParameter`] if a parameter is not finite, or a mass, scale radius or the age is not positive;
+    /// [`Rejection::BadOrbit`] if the orbit is not finite; [`Rejection::UnresolvedOrbit`] if it needs more steps than the settings allow.
     pub fn progenitor_solution<S: Real, H: Halo>(
         &self,
         system: &System<S, H>,

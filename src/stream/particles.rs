@@ -1,6 +1,6 @@
 //! The particles of a stream today, as columns.
 
-use super::lane_groups::{Interleaved, Pair, UNROLL};
+use super::lane_groups::{Interleaved, LaneGroupPair, UNROLL};
 use super::step_sizes::StepSizes;
 use crate::error::Tally;
 use crate::orbit::{FinalParticle, State};
@@ -16,12 +16,12 @@ pub struct Particles {
     pub x: Vec<f64>,
     /// Sky y, kpc.
     pub y: Vec<f64>,
-    /// Towards the observer, kpc.
+    /// z, towards the observer, kpc.
     pub z: Vec<f64>,
     /// Velocity, kpc/Gyr, x, y and z.
     pub v: [Vec<f64>; 3],
-    /// Winding counts.
-    pub turns: Vec<f64>,
+    /// Winding numbers.
+    pub winding_numbers: Vec<f64>,
     /// Their neighbours in release space, if they are smeared.
     pub neighbourhood: Option<Arc<Neighbourhood>>,
     /// The sizes of their steps.
@@ -43,13 +43,13 @@ impl Particles {
         self.x.is_empty()
     }
 
-    /// Angle of particle number `i` on the sky in radians, its turns counted.
+    /// Angle phi of particle number `i` in radians: on the sky from the progenitor, unwrapped (docs/physics.md, section 6).
     #[must_use]
     pub fn angle(&self, i: usize) -> f64 {
-        angle(self.y[i], self.x[i]) + TAU * self.turns[i]
+        angle(self.y[i], self.x[i]) + TAU * self.winding_numbers[i]
     }
 
-    /// All columns at the length `n`, to be written, and the record of step sizes.
+    /// All columns with the length `n`, to be written, and the record of step sizes.
     pub(super) fn columns(&mut self, n: usize) -> (Columns<'_>, &mut StepSizes) {
         let [vx, vy, vz] = &mut self.v;
         let columns = [
@@ -59,7 +59,7 @@ impl Particles {
             vx,
             vy,
             vz,
-            &mut self.turns,
+            &mut self.winding_numbers,
         ];
         let columns = Columns {
             first: 0,
@@ -72,26 +72,26 @@ impl Particles {
     }
 }
 
-/// A part of the columns of [`Particles`].
+/// The columns of [`Particles`] for consecutive particles.
 pub(super) struct Columns<'a> {
     /// Number of its first particle.
     first: usize,
-    /// x, y, z, the velocity and the turns.
+    /// x, y, z, the velocity and the winding number.
     columns: [&'a mut [f64]; 7],
 }
 
 impl<'a> Columns<'a> {
-    /// The parts before and from particle number `at`.
+    /// The columns of the particles before number `at`, and of those from it on.
     pub fn split(self, at: usize) -> (Self, Self) {
         let first = self.first;
-        let [x, y, z, vx, vy, vz, turns] = self.columns.map(|c| c.split_at_mut(at - first));
+        let [x, y, z, vx, vy, vz, winding] = self.columns.map(|c| c.split_at_mut(at - first));
         let before = Self {
             first,
-            columns: [x.0, y.0, z.0, vx.0, vy.0, vz.0, turns.0],
+            columns: [x.0, y.0, z.0, vx.0, vy.0, vz.0, winding.0],
         };
         let after = Self {
             first: at,
-            columns: [x.1, y.1, z.1, vx.1, vy.1, vz.1, turns.1],
+            columns: [x.1, y.1, z.1, vx.1, vy.1, vz.1, winding.1],
         };
         (before, after)
     }
@@ -100,12 +100,12 @@ impl<'a> Columns<'a> {
     #[inline(always)]
     pub fn store<I: Isa>(
         &mut self,
-        pair: &Pair<'_>,
+        pair: &LaneGroupPair<'_>,
         particle: &FinalParticle<Interleaved<I>>,
     ) -> f64 {
         let State { x, v } = particle.state;
         // Zero for finite states, NaN otherwise.
-        let lost = ((x.norm2() + v.norm2()) * 0.0).sum();
+        let not_finite = ((x.norm2() + v.norm2()) * 0.0).sum();
         let values = [
             x.x.store(),
             x.y.store(),
@@ -113,16 +113,16 @@ impl<'a> Columns<'a> {
             v.x.store(),
             v.y.store(),
             v.z.store(),
-            particle.turns.store(),
+            particle.winding_number.store(),
         ];
-        lost + self.copy(pair, &values, &particle.ambiguous_windings.store())
+        not_finite + self.copy(pair, &values, &particle.ambiguous_windings.store())
     }
 
-    /// As [`store`](Self::store), of lanes in memory.
+    /// Copies lanes into the columns. Returns the number of ambiguous windings.
     #[inline(never)]
     fn copy(
         &mut self,
-        pair: &Pair<'_>,
+        pair: &LaneGroupPair<'_>,
         values: &[LaneArray<UNROLL>; 7],
         ambiguous_windings: &LaneArray<UNROLL>,
     ) -> f64 {
@@ -134,7 +134,7 @@ impl<'a> Columns<'a> {
             .filter(|(_, len)| *len > 0)
         {
             sum += ambiguous_windings.0[k][..len].iter().sum::<f64>();
-            let from = pair.groups[k].first - self.first;
+            let from = pair.lane_groups[k].first - self.first;
             for (column, values) in self.columns.iter_mut().zip(values) {
                 column[from..from + len].copy_from_slice(&values.0[k][..len]);
             }

@@ -8,30 +8,33 @@ use crate::potential::{Halo, Nfw, Plummer, Potential};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
 
-/// The progenitor at one release time, and the scaled tidal frame in which release offsets are given.
+/// The progenitor at one release time, and the scaled unit vectors in which release offsets are given (docs/physics.md, section 4).
 #[derive(Clone, Copy, Debug)]
 pub struct ReleaseFrame<S> {
-    /// The progenitor's state.
+    /// The progenitor's state, kpc and kpc/Gyr.
     pub state: State<S>,
-    /// Tidal frame times the recipe's length scale, kpc.
+    /// Unit vectors of [`Tidal::frame`] times the recipe's length scale, kpc.
     pub position: [Vec3<S>; 3],
-    /// Tidal frame times the recipe's velocity scale, kpc/Gyr.
+    /// Unit vectors of [`Tidal::frame`] times the recipe's velocity scale, kpc/Gyr.
     pub velocity: [Vec3<S>; 3],
-    /// The progenitor's winding count.
-    pub turns: S,
+    /// The progenitor's winding number.
+    pub winding_number: S,
 }
 
 impl<S: Scalar> ReleaseFrame<S> {
-    /// The state and the winding count of a particle with the given release offset.
+    /// The state and the winding number of a particle with the given release offset.
     #[inline(always)]
     pub fn release(&self, position: [S; 3], velocity: [S; 3]) -> (State<S>, S) {
         let x = offset(self.state.x, &self.position, position);
         let v = offset(self.state.v, &self.velocity, velocity);
-        (State { x, v }, self.turns + crossing(self.state.x, x))
+        (
+            State { x, v },
+            self.winding_number + crossing(self.state.x, x),
+        )
     }
 }
 
-/// A vector plus another one given by its components in a frame.
+/// A vector plus another that is given by its components in a frame.
 #[inline(always)]
 fn offset<S: Scalar>(from: Vec3<S>, frame: &[Vec3<S>; 3], components: [S; 3]) -> Vec3<S> {
     from.add_scaled(frame[0], components[0])
@@ -45,7 +48,7 @@ fn scaled<S: Scalar>(frame: &[Vec3<S>; 3], factor: S) -> [Vec3<S>; 3] {
     [frame[0] * factor, frame[1] * factor, frame[2] * factor]
 }
 
-/// The release at the time `tau`, and whether its tidal radius had to be bounded.
+/// The release frame at the time `tau`, and whether its tidal radius had to be bounded.
 #[inline(always)]
 pub(super) fn release_frame<S: Real>(
     host: &impl Potential<S>,
@@ -54,30 +57,33 @@ pub(super) fn release_frame<S: Real>(
     tau: f64,
     recipe: Recipe,
 ) -> (ReleaseFrame<S>, bool) {
-    let (state, turns) = orbit.at(tau);
+    let (state, winding_number) = orbit.at(tau);
     let tidal = Tidal::new(host, progenitor.mass, state);
     let (length, speed) = recipe.scales(&tidal, progenitor.mass);
     let release_frame = ReleaseFrame {
         state,
         position: scaled(&tidal.frame, length),
         velocity: scaled(&tidal.frame, speed),
-        turns,
+        winding_number,
     };
     (release_frame, tidal.bounded)
 }
 
-/// The progenitor's orbit; with adaptive steps, in as many intervals as it needs.
+/// The progenitor's orbit; with adaptive steps, in as many intervals as it needs (docs/physics.md, section 3).
+///
+/// # Errors
+/// [`Rejection::BadOrbit`] if it is not finite; [`Rejection::UnresolvedOrbit`] if it needs more intervals than the settings allow.
 fn resolved_orbit<S: Real>(
     host: &impl Potential<S>,
     today: State<S>,
     age_gyr: S,
     settings: &ModelSettings,
-    mut spare: Option<DenseOrbit<S>>,
+    mut buffers: Option<DenseOrbit<S>>,
 ) -> Result<DenseOrbit<S>, Rejection> {
-    // Between nodes and from node to node the orbit must be more accurate than its particles, which all share it.
+    // Half of the particles' largest phase, because the error of the orbit is common to all particles.
     let max_phase = 0.5 * settings.step_phase;
-    // The phase of the age in the shortest steps that particles may take.
-    let most = settings.step_phase * (settings.steps << settings.max_halvings) as f64;
+    // The phase of the age if every one of the particles' shortest steps has the largest phase.
+    let max_age_phase = settings.step_phase * (settings.steps << settings.max_halvings) as f64;
     let mut intervals = settings.orbit_steps;
     loop {
         let orbit = DenseOrbit::integrate_reusing(
@@ -86,7 +92,7 @@ fn resolved_orbit<S: Real>(
             age_gyr,
             intervals,
             settings.orbit,
-            spare.take(),
+            buffers.take(),
         );
         if !orbit.is_finite() {
             return Err(Rejection::BadOrbit);
@@ -95,21 +101,21 @@ fn resolved_orbit<S: Real>(
             return Ok(orbit);
         }
         let phase = orbit.max_phase();
-        if phase <= max_phase && phase * intervals as f64 <= most {
+        if phase <= max_phase && phase * intervals as f64 <= max_age_phase {
             return Ok(orbit);
         }
-        if max_phase * intervals as f64 >= most {
+        if max_phase * intervals as f64 >= max_age_phase {
             return Err(Rejection::UnresolvedOrbit);
         }
         intervals *= 2;
-        spare = Some(orbit);
+        buffers = Some(orbit);
     }
 }
 
-/// Everything that the particles of one parameter set share.
+/// What all particles of one parameter set share: potentials, age, orbit and release frames.
 #[derive(Clone, Debug)]
 pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
-    /// The halo.
+    /// The host.
     pub host: H::In<S>,
     /// The progenitor's own gravity.
     pub progenitor: Plummer<S>,
@@ -123,7 +129,7 @@ pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
     pub tally: Tally,
 }
 
-/// The buffers of a [`ProgenitorSolution`], for the next one.
+/// The buffers of a [`ProgenitorSolution`], to be used for another one.
 #[derive(Clone, Debug)]
 pub struct SolutionMemory<S> {
     orbit: DenseOrbit<S>,
@@ -131,7 +137,7 @@ pub struct SolutionMemory<S> {
 }
 
 impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
-    /// Gives up the solution and keeps its buffers.
+    /// The buffers of this solution.
     #[must_use]
     pub fn into_memory(self) -> SolutionMemory<S> {
         SolutionMemory {
@@ -142,7 +148,10 @@ impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
 }
 
 impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
-    /// Integrates the orbit and computes the release frames, in the memory of another solution if there is one.
+    /// Integrates the orbit and computes the release frames, in the buffers of another solution if there is one.
+    ///
+    /// # Errors
+    /// As [`Model::progenitor_solution`](super::Model::progenitor_solution).
     pub(super) fn new(
         system: &System<S, H>,
         settings: &ModelSettings,
@@ -171,9 +180,9 @@ impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
         {
             return Err(Rejection::BadParameter);
         }
-        let (spare, mut release_frames) =
+        let (buffers, mut release_frames) =
             memory.map_or((None, Vec::new()), |m| (Some(m.orbit), m.release_frames));
-        let orbit = resolved_orbit(&host, today, age_gyr, settings, spare)?;
+        let orbit = resolved_orbit(&host, today, age_gyr, settings, buffers)?;
         let mut tally = Tally::default();
         release_frames.clear();
         for tau in &table.taus {

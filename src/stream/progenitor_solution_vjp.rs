@@ -1,5 +1,5 @@
-//! Reverse mode of the progenitor solution: it is computed once more on dual numbers, whose derivatives are multiplied by those of the
-//! result with respect to the solution.
+//! Vector-Jacobian product of the progenitor solution, in forward mode: the solution is computed on dual numbers, whose derivatives are
+//! multiplied by those of the result with respect to the solution (docs/physics.md, section 8).
 
 use super::cotangents::{Cotangents, SharedCotangent};
 use super::model::Model;
@@ -10,15 +10,15 @@ use crate::potential::{Halo, Potential};
 use crate::scalar::{Isa, Kernel, LANES, LaneDual, Lanes, Level, Scalar, Vec3, compile_kernel};
 use std::marker::PhantomData;
 
-/// The reverse mode of a progenitor solution.
+/// The vector-Jacobian product of a progenitor solution.
 pub struct SolutionVjpKernel<'a, H: Halo> {
     pub(super) model: &'a Model,
     pub(super) system: &'a System<f64, H>,
     /// Derivatives of the result with respect to the solution.
-    pub(super) total: &'a Cotangents,
+    pub(super) solution_bar: &'a Cotangents,
 }
 
-/// Lane vectors that hold the derivatives with respect to the vector of a system.
+/// Number of lane arrays that hold the derivatives with respect to the vector of a system.
 const VECTORS: usize = SYSTEM_LEN.div_ceil(LANES);
 
 impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
@@ -29,27 +29,27 @@ impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
         let Self {
             model,
             system,
-            total,
+            solution_bar,
         } = self;
-        let mut numbers = [LaneDual::<I, VECTORS>::zero(); SYSTEM_LEN];
+        let mut vector = [LaneDual::<I, VECTORS>::zero(); SYSTEM_LEN];
         for (i, number) in system.to_vector().into_iter().enumerate() {
-            numbers[i] = LaneDual::variable(number, i);
+            vector[i] = LaneDual::variable(number, i);
         }
-        let system = System::<_, H>::from_vector(numbers);
+        let system = System::<_, H>::from_vector(vector);
         let orbit = DenseOrbit::integrate(
             &OutOfLine::<I, _>::new(&system.host),
             system.today,
             system.age_gyr,
-            total.nodes.len() - 1,
+            solution_bar.nodes.len() - 1,
             model.settings.orbit,
         );
         let mut sum = Contraction::<I>(Lanes::zero());
-        for (node, by) in orbit.nodes.iter().zip(&total.nodes) {
+        for (node, node_bar) in orbit.nodes.iter().zip(&solution_bar.nodes) {
             for row in 0..3 {
-                sum.add_vec(&node.vector(row), by.vector(row));
+                sum.add_vec(&node.vector(row), node_bar.vector(row));
             }
         }
-        for (tau, by) in model.table.taus.iter().zip(&total.release_frames) {
+        for (tau, frame_bar) in model.table.taus.iter().zip(&solution_bar.release_frames) {
             let (release_frame, _) = release_frame(
                 &system.host,
                 &system.progenitor,
@@ -57,19 +57,19 @@ impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
                 *tau,
                 model.table.recipe,
             );
-            sum.add_vec(&release_frame.state.x, by.state.x);
-            sum.add_vec(&release_frame.state.v, by.state.v);
+            sum.add_vec(&release_frame.state.x, frame_bar.state.x);
+            sum.add_vec(&release_frame.state.v, frame_bar.state.v);
             for c in 0..3 {
-                sum.add_vec(&release_frame.position[c], by.position[c]);
-                sum.add_vec(&release_frame.velocity[c], by.velocity[c]);
+                sum.add_vec(&release_frame.position[c], frame_bar.position[c]);
+                sum.add_vec(&release_frame.velocity[c], frame_bar.velocity[c]);
             }
         }
-        // Derivatives with respect to what the particles depend on directly.
+        // The particles depend on potentials and age directly too.
         let SharedCotangent {
             host,
             progenitor,
             age_gyr,
-        } = total.shared;
+        } = solution_bar.shared;
         let halo = H::parameters(&system.host);
         sum.add(&halo.mass, host.ln_mass / halo.mass.re);
         sum.add(&halo.r_s, host.ln_r_s / halo.r_s.re);
@@ -90,7 +90,7 @@ impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
 
 compile_kernel!(SolutionVjpKernel<H: crate::potential::Halo>);
 
-/// Runs the kernel at a level.
+/// Runs the kernel for an instruction set.
 pub(super) fn progenitor_solution_vjp<H: Halo>(
     kernel: SolutionVjpKernel<'_, H>,
     level: Level,
@@ -98,8 +98,8 @@ pub(super) fn progenitor_solution_vjp<H: Halo>(
     kernel.dispatch(level)
 }
 
-/// A potential whose acceleration is a function that is called and not inlined: on dual numbers it is long, and an orbit's step
-/// holds it many times.
+/// A potential whose acceleration is called and not inlined: on dual numbers it is long, and a step of the orbit evaluates it several
+/// times.
 struct OutOfLine<'a, I, P>(&'a P, PhantomData<I>);
 
 impl<'a, I, P> OutOfLine<'a, I, P> {
@@ -134,7 +134,7 @@ impl<I: Isa, P: Potential<LaneDual<I, VECTORS>>> Potential<LaneDual<I, VECTORS>>
     }
 }
 
-/// An acceleration as a function of its own.
+/// The acceleration as a kernel, for [`Isa::call`].
 struct Acceleration<'a, I: Isa, P> {
     potential: &'a P,
     x: Vec3<LaneDual<I, VECTORS>>,
@@ -143,26 +143,26 @@ struct Acceleration<'a, I: Isa, P> {
 impl<I: Isa, P: Potential<LaneDual<I, VECTORS>>> Kernel for Acceleration<'_, I, P> {
     type Output = Vec3<LaneDual<I, VECTORS>>;
 
-    /// In lanes of its fields' instruction set, which is the one that it is called for.
+    /// `Same` is `I`, the instruction set of the fields.
     #[inline(always)]
     fn run<Same: Isa>(self) -> Self::Output {
         self.potential.acceleration(self.x)
     }
 }
 
-/// Sum of derivatives of the result times dual parts: the chain rule.
+/// The sum over numbers of the derivative of the result with respect to the number times the number's derivatives: the chain rule.
 struct Contraction<I: Isa>(Lanes<I, VECTORS>);
 
 impl<I: Isa> Contraction<I> {
     #[inline(always)]
-    fn add(&mut self, number: &LaneDual<I, VECTORS>, by: f64) {
-        self.0 = number.eps.mul_add(Lanes::from_f64(by), self.0);
+    fn add(&mut self, number: &LaneDual<I, VECTORS>, number_bar: f64) {
+        self.0 = number.eps.mul_add(Lanes::from_f64(number_bar), self.0);
     }
 
     #[inline(always)]
-    fn add_vec(&mut self, vector: &Vec3<LaneDual<I, VECTORS>>, by: Vec3<f64>) {
-        self.add(&vector.x, by.x);
-        self.add(&vector.y, by.y);
-        self.add(&vector.z, by.z);
+    fn add_vec(&mut self, vector: &Vec3<LaneDual<I, VECTORS>>, vector_bar: Vec3<f64>) {
+        self.add(&vector.x, vector_bar.x);
+        self.add(&vector.y, vector_bar.y);
+        self.add(&vector.z, vector_bar.z);
     }
 }

@@ -1,4 +1,4 @@
-//! How a stream is made: releases, steps, orbit.
+//! Settings of the model of a stream: releases, steps, orbit.
 
 use crate::error::Result;
 use crate::orbit::OrbitMethod;
@@ -6,33 +6,33 @@ use crate::spray::TableSettings;
 use oblate_samplers::limits::in_range;
 use serde::{Deserialize, Serialize};
 
-/// How a particle's steps are spread over its time.
+/// How the lengths of a particle's steps are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StepRule {
-    /// Equal leapfrog steps, and an orbit of the progenitor in equal steps: the paper.
+    /// Equal leapfrog steps, and the orbit of the progenitor in `orbit_steps` steps, as in Chemaly et al. (2026).
     Uniform,
-    /// Fourth-order steps that are halved where the particles need it, see
-    /// [`advance_adaptively`](crate::orbit::advance_adaptively), and an orbit in as many steps as it needs.
+    /// Fourth-order steps whose phase is bounded, see [`advance_adaptively`](crate::orbit::advance_adaptively), and the orbit in as many
+    /// steps as its phase needs.
     #[default]
     Adaptive,
 }
 
-/// What the number of steps refers to.
+/// The time that the number of steps refers to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StepsPer {
-    /// Every particle takes the same number of steps, longer ones the older it is: the paper.
+    /// The time since the particle's release: all particles take the same number of steps, as in Chemaly et al. (2026).
     Particle,
-    /// A particle of the stream's age takes this number of steps, others in proportion to their time since release: the
-    /// same error for about half of the steps. Lanes are full where a release time has 16 particles or more.
+    /// The age of the stream: particles released later take fewer steps, in proportion to the time since their release. The error is the
+    /// same for about half of the steps.
     #[default]
     Age,
 }
 
 impl StepsPer {
-    /// The number of steps of a particle released at the time `tau` in [-1, 0).
-    pub(super) fn of(self, steps: usize, tau: f64) -> usize {
+    /// The number of steps of a particle released at the time `tau` in [-1, 0), where a particle of the stream's age takes `steps`.
+    pub(super) fn number_of_steps(self, steps: usize, tau: f64) -> usize {
         match self {
             Self::Particle => steps,
             #[allow(
@@ -45,26 +45,26 @@ impl StepsPer {
     }
 }
 
-/// How a stream is made.
+/// Settings of the model of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModelSettings {
     /// The releases.
     pub releases: TableSettings,
-    /// Number of steps; of adaptive ones, if all are as long as possible.
+    /// Number of steps of a particle; of adaptive steps, if all are as long as possible.
     pub steps: usize,
-    /// What this number refers to.
+    /// The time that this number refers to.
     pub steps_per: StepsPer,
-    /// How they are spread over its time.
+    /// How the lengths of the steps are chosen.
     pub step_rule: StepRule,
     /// How the progenitor is integrated.
     pub orbit: OrbitMethod,
-    /// Steps of the progenitor's orbit; with adaptive steps, their number is doubled until their phase is at most half of `step_phase`.
+    /// Number of steps of the progenitor's orbit; with adaptive steps, it is doubled until their phase is at most half of `step_phase`.
     pub orbit_steps: usize,
-    /// Largest phase of an adaptive step, radians: on a circular orbit 1.4 times the angle. The error grows with its fourth power.
+    /// Largest phase of an adaptive step, radians (docs/physics.md, section 3). The error grows with its fourth power.
     pub step_phase: f64,
-    /// How often the longest adaptive step is halved to make the shortest. A system whose progenitor would need shorter steps is rejected, because its price
-    /// would have no bound.
+    /// How often the longest adaptive step is halved to make the shortest. A system whose progenitor would need shorter steps is rejected,
+    /// because the time to compute it would have no bound.
     pub max_halvings: u8,
 }
 
@@ -84,7 +84,7 @@ impl Default for ModelSettings {
 }
 
 impl ModelSettings {
-    /// Checks every number by itself, those of the releases too: the ranges of docs/limits.md.
+    /// Checks that every number, those of the releases too, is in its range of docs/limits.md.
     ///
     /// # Errors
     /// [`Error::OutOfRange`](crate::Error::OutOfRange) with the first one that is out of its range.

@@ -1,6 +1,6 @@
-//! The step schedules of the release times: where the progenitor is at each force evaluation, and how long the steps are.
+//! The step schedules of the release times (docs/physics.md, section 5).
 
-use super::lane_groups::{Interleaved, Pair, StepSchedules, UNROLL};
+use super::lane_groups::{Interleaved, LaneGroupPair, StepSchedules, UNROLL};
 use super::model::Model;
 use super::progenitor_solution::ProgenitorSolution;
 use super::settings::StepRule;
@@ -13,27 +13,28 @@ use crate::potential::Halo;
 use crate::scalar::{Isa, Lanes, Real, Vec3};
 
 impl Model {
-    /// Interpolation weights of the progenitor's position for the particles of one release time, if the steps are equal.
+    /// Hermite weights of the progenitor's position for the particles of one release time, if the steps are equal.
     #[inline(always)]
-    fn path_of(&self, release_time: usize) -> &[HermiteWeights] {
-        let start = self.path_starts[release_time];
-        &self.path[start..=start + self.steps[release_time]]
+    fn uniform_hermite_weights(&self, release_time: usize) -> &[HermiteWeights] {
+        let start = self.hermite_starts[release_time];
+        &self.hermite_weights[start..=start + self.steps[release_time]]
     }
 
-    /// The interpolation weights of a schedule that [`plan`](Self::plan) has written.
+    /// Hermite weights of the progenitor's positions in a schedule that [`plan`](Self::plan) has written.
     #[inline(always)]
-    pub(super) fn places<'a>(
+    pub(super) fn hermite_weights<'a>(
         &'a self,
         release_time: usize,
         schedule: &'a StepSchedule<f64>,
     ) -> &'a [HermiteWeights] {
         match self.settings.step_rule {
-            StepRule::Uniform => self.path_of(release_time),
-            StepRule::Adaptive => &schedule.places,
+            StepRule::Uniform => self.uniform_hermite_weights(release_time),
+            StepRule::Adaptive => &schedule.hermite_weights,
         }
     }
 
-    /// Writes the step schedule of the particles of one release time, whose adaptive steps have these sizes.
+    /// Writes the step schedule of the particles of one release time, whose adaptive steps have these sizes. `step_sizes` is not used if the
+    /// steps are equal.
     #[inline(always)]
     pub(super) fn plan<S: Real, H: Halo>(
         &self,
@@ -44,22 +45,24 @@ impl Model {
     ) {
         let (tau, steps) = (self.table.taus[release_time], self.steps[release_time]);
         let step = solution.age_gyr * (-tau / steps as f64);
-        schedule.path.clear();
+        schedule.progenitor_positions.clear();
         schedule.drift_gyr.clear();
         if self.settings.step_rule == StepRule::Uniform {
-            for place in self.path_of(release_time) {
-                schedule.path.push(solution.orbit.position(place));
+            for weights in self.uniform_hermite_weights(release_time) {
+                schedule
+                    .progenitor_positions
+                    .push(solution.orbit.position(weights));
             }
             schedule.drift_gyr.resize(steps, step);
             schedule.set_kicks();
             return;
         }
-        schedule.places.clear();
+        schedule.hermite_weights.clear();
         schedule.kick_gyr.clear();
         let intervals = solution.orbit.intervals();
-        let place = |left: f64| HermiteWeights::at(tau * (left / steps as f64), intervals);
+        let weights_at = |left: f64| HermiteWeights::at(tau * (left / steps as f64), intervals);
         let (mut left, mut kick_before) = (steps as f64, S::zero());
-        schedule.places.push(place(left));
+        schedule.hermite_weights.push(weights_at(left));
         for &number in step_sizes {
             let length = length(number, left);
             let h = step * length;
@@ -70,20 +73,22 @@ impl Model {
                     schedule.kick_gyr.push(h * KICKS[stage + 1]);
                 }
                 schedule
-                    .places
-                    .push(place(left - TIMES[stage + 1] * length));
+                    .hermite_weights
+                    .push(weights_at(left - TIMES[stage + 1] * length));
             }
             kick_before = h * KICKS[STAGES];
             left -= length;
         }
         schedule.kick_gyr.push(kick_before);
-        for place in &schedule.places {
-            schedule.path.push(solution.orbit.position(place));
+        for weights in &schedule.hermite_weights {
+            schedule
+                .progenitor_positions
+                .push(solution.orbit.position(weights));
         }
     }
 }
 
-/// The adaptive steps of one pair.
+/// The adaptive steps of one pair of lane groups.
 pub(super) struct PairSteps<'a, H: Halo> {
     solution: &'a ProgenitorSolution<f64, H>,
     step_sizes: &'a mut StepSizes,
@@ -98,7 +103,7 @@ impl<'a, H: Halo> PairSteps<'a, H> {
     pub fn new(
         model: &'a Model,
         solution: &'a ProgenitorSolution<f64, H>,
-        pair: &Pair<'_>,
+        pair: &LaneGroupPair<'_>,
         step_sizes: &'a mut StepSizes,
     ) -> Self {
         let [a, b] = pair.release_times();
@@ -112,11 +117,11 @@ impl<'a, H: Halo> PairSteps<'a, H> {
         }
     }
 
-    /// The progenitor at a time of one half of the pair, in longest steps before today.
+    /// The progenitor's position for lane group `k` of the pair, at the time `left` before today in its longest steps.
     #[inline(always)]
-    fn position(&self, half: usize, left: f64) -> Vec3<f64> {
+    fn position(&self, k: usize, left: f64) -> Vec3<f64> {
         let orbit = &self.solution.orbit;
-        let tau = self.taus[half] * (left / self.steps as f64);
+        let tau = self.taus[k] * (left / self.steps as f64);
         let [x, y, z, _] = orbit.position(&HermiteWeights::at(tau, orbit.intervals()));
         Vec3::new(x, y, z)
     }
@@ -141,7 +146,7 @@ impl<I: Isa, H: Halo> AdaptiveSteps<Interleaved<I>> for PairSteps<'_, H> {
     #[inline(always)]
     fn step_gyr(&self) -> Interleaved<I> {
         let (age, [a, b]) = (self.solution.age_gyr, self.taus);
-        Lanes::halves(
+        Lanes::interleave(
             age * (-a / self.steps as f64),
             age * (-b / self.steps as f64),
         )
@@ -151,11 +156,11 @@ impl<I: Isa, H: Halo> AdaptiveSteps<Interleaved<I>> for PairSteps<'_, H> {
     fn progenitor_at(&self, left: f64) -> Vec3<Interleaved<I>> {
         let [a, b] = self.taus;
         let one = self.position(0, left);
-        // Bits, not values: the same release time.
+        // The same release time: bits are compared, because floats must not be.
         if a.to_bits() == b.to_bits() {
             return Vec3::from_f64(one);
         }
-        Lanes::vectors(one, self.position(1, left))
+        Lanes::interleave_vectors(one, self.position(1, left))
     }
 
     #[inline(always)]
@@ -164,7 +169,7 @@ impl<I: Isa, H: Halo> AdaptiveSteps<Interleaved<I>> for PairSteps<'_, H> {
     }
 }
 
-/// Writes the step schedules of one pair after the other, those of each release time once if the steps are equal.
+/// Writes the step schedules of one pair after the other. Equal steps of the same release times are not written again.
 pub(super) struct Planner<'a, H: Halo> {
     model: &'a Model,
     solution: &'a ProgenitorSolution<f64, H>,
@@ -174,7 +179,7 @@ pub(super) struct Planner<'a, H: Halo> {
 }
 
 impl<'a, H: Halo> Planner<'a, H> {
-    /// In the buffers of an earlier one; their content does not matter.
+    /// `schedules` are buffers; their content is not used.
     #[inline]
     pub fn new(
         model: &'a Model,
@@ -191,7 +196,11 @@ impl<'a, H: Halo> Planner<'a, H> {
 
     /// The step schedules of a pair whose adaptive steps have these sizes.
     #[inline(always)]
-    pub fn schedules(&mut self, pair: &Pair<'_>, step_sizes: &[u8]) -> InterleavedSchedules<'_> {
+    pub fn schedules(
+        &mut self,
+        pair: &LaneGroupPair<'_>,
+        step_sizes: &[u8],
+    ) -> InterleavedSchedules<'_> {
         let [a, b] = pair.release_times();
         let [one, other] = &mut *self.schedules;
         let adaptive = self.model.settings.step_rule == StepRule::Adaptive;

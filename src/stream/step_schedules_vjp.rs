@@ -1,16 +1,21 @@
-//! Reverse mode of the step schedules: from derivatives with respect to the progenitor's positions at the kicks to derivatives with respect to
-//! the orbit's nodes. All lengths of steps are proportional to the age, whose derivative is summed with those of the potentials.
+//! Reverse mode of the step schedules: from derivatives with respect to the progenitor's positions at the kicks to derivatives with respect
+//! to the nodes of the orbit. The lengths of the steps are proportional to the age, whose derivative is in
+//! [`SharedCotangent`](super::cotangents::SharedCotangent).
 
 use super::cotangents::Cotangents;
-use crate::orbit::{HermiteWeights, add_weighted};
+use crate::orbit::{HermiteWeights, position_vjp};
 use crate::scalar::Vec3;
 
 impl Cotangents {
-    /// Adds the derivatives with respect to positions at `places` on the orbit to those with respect to its nodes. The kick today moves no
-    /// position: there is none for the last place.
-    pub(super) fn add_path(&mut self, places: &[HermiteWeights], path_bar: &[Vec3<f64>]) {
-        for (place, by) in places.iter().zip(path_bar) {
-            add_weighted(&mut self.nodes, place, *by);
+    /// Adds the derivatives with respect to interpolated positions of the progenitor to those with respect to the nodes. There is none for
+    /// the last position, because the kick today moves no particle.
+    pub(super) fn progenitor_positions_vjp(
+        &mut self,
+        weights: &[HermiteWeights],
+        positions_bar: &[Vec3<f64>],
+    ) {
+        for (weights, position_bar) in weights.iter().zip(positions_bar) {
+            position_vjp(&mut self.nodes, weights, *position_bar);
         }
     }
 }

@@ -1,7 +1,7 @@
-//! The sizes of the steps of each pair of lane groups.
+//! The record of the adaptive steps.
 
-/// The size of each adaptive step of each pair of lane groups, as [`length`](crate::orbit::length()) numbers them, in the order of the pairs;
-/// nothing for equal steps. With it, the integration is a fixed sequence of kicks and drifts.
+/// The size of each adaptive step of each pair of lane groups, in the order of the pairs, as [`length`](crate::orbit::length()) numbers
+/// them. Empty if the steps are equal.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct StepSizes {
     steps: Vec<u8>,
@@ -10,7 +10,7 @@ pub struct StepSizes {
 }
 
 impl StepSizes {
-    /// None, with memory for this many pairs and steps.
+    /// Clears the record and reserves memory for this many pairs and steps.
     pub(super) fn reset(&mut self, pairs: usize, steps: usize) {
         self.steps.clear();
         self.steps.reserve(steps);
@@ -24,13 +24,13 @@ impl StepSizes {
         self.starts.push(self.steps.len());
     }
 
-    /// Adds a step to the present pair.
+    /// Records a step of the present pair.
     #[inline]
     pub(super) fn push(&mut self, number: u8) {
         self.steps.push(number);
     }
 
-    /// Adds the pairs that follow.
+    /// Appends the record of the pairs that follow.
     pub(super) fn append(&mut self, next: &Self) {
         let before = self.steps.len();
         self.starts.extend(next.starts.iter().map(|s| s + before));
@@ -49,8 +49,8 @@ impl StepSizes {
         self.steps.len()
     }
 
-    /// The steps of one pair; none, if steps are equal.
-    pub(super) fn of(&self, pair: usize) -> &[u8] {
+    /// The sizes of the steps of one pair; none if the steps are equal.
+    pub(super) fn of_pair(&self, pair: usize) -> &[u8] {
         let at = |pair: usize| self.starts.get(pair).copied().unwrap_or(self.steps.len());
         &self.steps[at(pair)..at(pair + 1)]
     }

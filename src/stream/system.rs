@@ -1,4 +1,4 @@
-//! What makes a stream: a halo, a progenitor, and where it is today.
+//! The system: host, progenitor, its state today, and the age.
 
 use crate::orbit::State;
 use crate::params::{QRange, StreamParams};
@@ -7,12 +7,12 @@ use crate::scalar::{Real, Scalar, Vec3};
 use crate::units::KM_S_IN_KPC_PER_GYR;
 use std::f64::consts::LN_10;
 
-/// What makes a stream: a host, a progenitor, and where it is today.
+/// Host, progenitor, its state today, and the age: everything physical that a stream depends on.
 ///
-/// `H` is the kind of halo, that of Chemaly et al. (2026) unless it says otherwise.
+/// `H` is the kind of halo, by default that of Chemaly et al. (2026).
 #[derive(Clone, Copy, Debug)]
 pub struct System<S: Scalar, H: Halo = Nfw> {
-    /// The halo.
+    /// The host.
     pub host: H::In<S>,
     /// The progenitor's own gravity.
     pub progenitor: Plummer<S>,
@@ -23,8 +23,7 @@ pub struct System<S: Scalar, H: Halo = Nfw> {
 }
 
 impl<S: Real> System<S> {
-    /// The system of 13 parameters (docs/physics.md, section 1): masses from their logarithms, the halo's shape from its vector, the
-    /// progenitor today at y = 0.
+    /// The system of 13 parameters (docs/physics.md, section 1).
     pub fn from_params(params: &StreamParams<S>, q_range: QRange) -> Self {
         Self::with_halo(params, q_range)
     }
@@ -62,12 +61,12 @@ impl From<&StreamParams<f64>> for System<f64> {
     }
 }
 
-/// How many numbers a system is.
+/// Length of the vector of a system.
 pub const SYSTEM_LEN: usize = 15;
 
 impl<S: Real, H: Halo> System<S, H> {
-    /// The system as a vector: mass, scale radius, flattening 1/q^2 - 1 and axis of the halo, mass and scale radius of the progenitor,
-    /// its position and velocity today, the age.
+    /// The system as a vector: mass (Msun), scale radius (kpc), flattening 1/q^2 - 1 and axis of the halo; mass (Msun) and scale radius
+    /// (kpc) of the progenitor, its position (kpc) and velocity (kpc/Gyr) today; the age (Gyr).
     #[inline(always)]
     pub fn to_vector(&self) -> [S; SYSTEM_LEN] {
         let Self {

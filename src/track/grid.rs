@@ -10,25 +10,25 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use std::ops::RangeInclusive;
 
-/// Widths that a bin may have, degrees. Three bins of the largest width make a turn; a stream has no structure as narrow as the smallest.
+/// Range of the width of a bin, degrees. Three bins of the largest width cover 360 degrees; a stream has no structure as narrow as the
+/// smallest.
 pub const BIN_WIDTHS_DEG: RangeInclusive<f64> = 0.1..=120.0;
 
-/// Angles that a bin may have its centre at, degrees from the progenitor: twenty turns to each side. Streams that are seen have one or
-/// two.
+/// Range of phi at the centre of a bin, degrees: twenty turns to each side. Observed streams have one or two.
 pub const ANGLES_DEG: RangeInclusive<f64> = -7_200.0..=7_200.0;
 
 /// Smallest half-width of a soft edge, degrees.
-const LEAST_EDGE_DEG: f64 = 1e-9;
+const MIN_EDGE_DEG: f64 = 1e-9;
 
-/// How the weight of a particle near an edge is divided between the two bins.
+/// How the weight of a particle near an edge is divided between the two bins (docs/physics.md, section 6).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BinEdges {
-    /// Not at all: it belongs to the bin it is in (the paper). The track then jumps as particles cross edges.
+    /// A particle belongs to the bin that it is in, as in Chemaly et al. (2026): a track is discontinuous where a particle crosses an edge.
     Hard,
-    /// By a C2 smooth step of this half-width in degrees, at most half a bin; the two weights add up to 1.
+    /// The weights change by a smooth step with continuous second derivatives, and add up to 1.
     Soft {
-        /// Half-width of each edge in degrees.
+        /// Half-width of each edge in degrees, at most half of a bin.
         half_width_deg: f64,
     },
 }
@@ -42,19 +42,19 @@ impl Default for BinEdges {
 }
 
 impl BinEdges {
-    /// Checks the half-width of soft edges in bins of `width_deg`: 1e-9 degrees to half a bin.
+    /// Checks the half-width of soft edges in bins of `width_deg` degrees: 1e-9 degrees to half of a bin.
     ///
     /// # Errors
     /// [`Error::OutOfRange`](crate::Error::OutOfRange) under the name `key`.
     pub fn check(&self, key: &str, width_deg: f64) -> Result<()> {
         if let Self::Soft { half_width_deg } = *self {
-            in_range(key, half_width_deg, LEAST_EDGE_DEG..=0.5 * width_deg)?;
+            in_range(key, half_width_deg, MIN_EDGE_DEG..=0.5 * width_deg)?;
         }
         Ok(())
     }
 }
 
-/// A run of equally wide bins.
+/// Consecutive bins of equal width.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BinGrid {
     /// Width in degrees.
@@ -63,26 +63,26 @@ pub struct BinGrid {
     pub first: i64,
     /// Number of bins.
     pub len: usize,
-    /// Their edges.
+    /// The edges of the bins.
     pub edges: BinEdges,
 }
 
-/// The bins of a particle, given by the edge that is nearest to it.
-pub(super) struct Placed<S> {
+/// The edge nearest to a particle, and the particle's weight in the bin above it.
+pub(super) struct NearestEdge<S> {
     /// The edge: number of the bin above it.
     pub edge: S,
     /// Weight in the bin above; the rest is in the bin below.
     pub above: S,
 }
 
-/// Where a particle is on the sky: its angle in bin widths from the progenitor, turns counted, and its direction and radius.
+/// A particle on the sky: phi in bin widths, and its direction and radius.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SkyPoint<S> {
     pub position: S,
     pub sky: Sky<S>,
 }
 
-/// Smallest radius on the sky, kpc: a particle in front of the centre has a direction.
+/// Smallest radius on the sky, kpc, so that a particle in front of the centre has a direction.
 const TINY_R: f64 = 1e-9;
 
 impl BinGrid {
@@ -92,7 +92,7 @@ impl BinGrid {
         180.0 / (PI * self.width_deg)
     }
 
-    /// Half-width of an edge in radians.
+    /// Half-width of an edge in radians, 0 for hard edges.
     #[inline(always)]
     pub(super) fn soft(&self) -> f64 {
         match self.edges {
@@ -101,13 +101,13 @@ impl BinGrid {
         }
     }
 
-    /// Where a particle is on the sky.
+    /// The particle at (`x`, `y`) kpc on the sky with this winding number.
     #[inline(always)]
-    pub(super) fn sky_point<S: Scalar>(&self, x: S, y: S, turns: S) -> SkyPoint<S> {
+    pub(super) fn sky_point<S: Scalar>(&self, x: S, y: S, winding_number: S) -> SkyPoint<S> {
         let r = (x * x + y * y).sqrt().max(S::from_f64(TINY_R));
         let inverse = S::one() / r;
         SkyPoint {
-            position: (angle(y, x) + turns * TAU) * self.per_radian(),
+            position: (angle(y, x) + winding_number * TAU) * self.per_radian(),
             sky: Sky {
                 x: x * inverse,
                 y: y * inverse,
@@ -116,7 +116,7 @@ impl BinGrid {
         }
     }
 
-    /// The edge nearest to a position, and how many edges to each side of it a kernel of this half-width, in radians, can reach.
+    /// The edge nearest to a position, and the number of edges to each side of it that a kernel of this half-width in radians can reach.
     #[inline(always)]
     pub(super) fn edges_within(&self, position: f64, half_width: f64) -> (f64, i32) {
         #[allow(
@@ -127,9 +127,9 @@ impl BinGrid {
         (position.round_ties_even(), reach)
     }
 
-    /// The bins of a particle at a position.
+    /// The edge nearest to a position in bin widths.
     #[inline(always)]
-    pub(super) fn place<S: Scalar>(&self, position: S) -> Placed<S> {
+    pub(super) fn nearest_edge<S: Scalar>(&self, position: S) -> NearestEdge<S> {
         let edge = position.round_ties_even();
         let above = match self.edges {
             BinEdges::Hard => S::select(position.lt(edge), S::zero(), S::one()),
@@ -138,10 +138,10 @@ impl BinGrid {
                 smooth_step((position - edge + half) * (0.5 / half))
             }
         };
-        Placed { edge, above }
+        NearestEdge { edge, above }
     }
 
-    /// The index of a bin, if it is in the grid.
+    /// The index of a bin counted from the first, if it is in the grid.
     #[inline(always)]
     fn index(&self, bin: i64) -> Option<usize> {
         #[allow(
@@ -154,7 +154,7 @@ impl BinGrid {
 
     /// Index of the bin below an edge and of that above it.
     #[inline(always)]
-    pub(super) fn beside(&self, edge: f64) -> [Option<usize>; 2] {
+    pub(super) fn bins_beside(&self, edge: f64) -> [Option<usize>; 2] {
         #[allow(
             clippy::cast_possible_truncation,
             reason = "a finite angle is below 2^51 bins"

@@ -1,4 +1,4 @@
-//! From particles to one mean radius per angle from the progenitor.
+//! The track: mean projected radius of the particles per bin of phi (docs/physics.md, section 6).
 
 mod grid;
 mod smear;
@@ -20,17 +20,17 @@ use serde::{Deserialize, Serialize};
 pub struct TrackBin {
     /// Number of the bin: it covers [bin, bin + 1) widths.
     pub bin: i64,
-    /// Middle of the bin, degrees from the progenitor.
+    /// phi at the centre of the bin, degrees.
     pub phi_deg: f64,
     /// Mean projected radius, kpc.
     pub r_kpc: f64,
     /// Standard error of the mean for independent particles, kpc.
     pub r_err_kpc: f64,
-    /// Sum of the weights: the number of particles, those shared by two bins counted in parts.
+    /// Sum of the weights: the number of particles, where one in several bins adds a fraction to each.
     pub n: f64,
 }
 
-/// A whole track: the bins with particles in them, in order.
+/// The track of a model: the bins with particles in them, in order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Track {
     /// Bin width in degrees.
@@ -39,7 +39,7 @@ pub struct Track {
     pub bins: Vec<TrackBin>,
 }
 
-/// Bins that a smeared particle or a soft edge reaches to each side, at most.
+/// Largest number of bins to each side that a smeared particle or a soft edge reaches.
 fn bins_within_reach(width_deg: f64) -> i64 {
     #[allow(
         clippy::cast_possible_truncation,
@@ -49,17 +49,17 @@ fn bins_within_reach(width_deg: f64) -> i64 {
     bins + 1
 }
 
-/// Weight of a bin of [`Particles::track`], as a fraction of all particles: the paper's threshold for mock tracks.
+/// Smallest weight of a bin of [`Particles::track`] over the number of particles: that of mock tracks (docs/physics.md, section 11).
 const MIN_FRACTION: f64 = 0.01;
 
 impl Particles {
-    /// The track in bins of `width_deg` degrees with the default edges: every bin that holds at least 1 % of the particles.
+    /// The track in bins of `width_deg` degrees with the default edges: every bin with a weight of at least 1 % of the particles.
     ///
     /// # Errors
-    /// As of [`Track::of`].
+    /// Those of [`Track::new`].
     pub fn track(&self, width_deg: f64) -> Result<Track> {
         let min_n = MIN_FRACTION * self.len() as f64;
-        Track::of(self, width_deg, BinEdges::default(), min_n)
+        Track::new(self, width_deg, BinEdges::default(), min_n)
     }
 }
 
@@ -67,15 +67,15 @@ impl Track {
     /// The track of particles, every bin within [`ANGLES_DEG`] with a weight of at least `min_n`.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`](crate::Error::OutOfRange) if the width is not one of [`BIN_WIDTHS_DEG`]; as of [`BinEdges::check`].
-    pub fn of(particles: &Particles, width_deg: f64, edges: BinEdges, min_n: f64) -> Result<Self> {
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange) if the width is outside of [`BIN_WIDTHS_DEG`]; those of [`BinEdges::check`].
+    pub fn new(particles: &Particles, width_deg: f64, edges: BinEdges, min_n: f64) -> Result<Self> {
         in_range("width_deg", width_deg, BIN_WIDTHS_DEG)?;
         edges.check("half_width_deg", width_deg)?;
-        Ok(Self::binned(particles, width_deg, edges, min_n))
+        Ok(Self::from_checked(particles, width_deg, edges, min_n))
     }
 
-    /// As [`of`](Self::of), with a width and edges that were checked before.
-    pub(crate) fn binned(
+    /// As [`new`](Self::new), with a width and edges that have been checked.
+    pub(crate) fn from_checked(
         particles: &Particles,
         width_deg: f64,
         edges: BinEdges,
@@ -100,7 +100,7 @@ impl Track {
                 bins: Vec::new(),
             };
         }
-        // More bins at each end, as far as a smeared particle reaches.
+        // A smeared particle reaches bins beyond the outermost angles.
         let beyond = bins_within_reach(width_deg);
         let first = lo - beyond;
         let len = usize::try_from(hi - lo + 1 + 2 * beyond).unwrap_or(0);

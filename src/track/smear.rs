@@ -1,30 +1,32 @@
-//! Particles as samples of the stream around them: each is smeared over an angle, along a slope, both from the places of its neighbours
-//! in release space (docs/physics.md, section 6).
+//! Smeared particles: each is spread over an angle, with a slope in radius, both from the places of its neighbours and its partner on the
+//! sky (docs/physics.md, section 6).
 
 use crate::scalar::Scalar;
 use crate::spray::MAX_NORMALS;
 
-/// Distance at which a neighbour counts by 1/sqrt(2): twice the sine of half its angle, and a fraction of the radius. Neighbours in release
-/// space may be far from each other on the sky, and the stream between them is then no straight line.
+/// Distance to a neighbour on the unit circle at which it has a weight of 1/sqrt(2). Neighbours may be far from each other on the sky, and
+/// the stream between them is then curved.
 const REACH_ANGLE: f64 = 30.0 * DEGREE;
+
+/// Difference in radius, over the radius, at which a neighbour has a weight of 1/sqrt(2).
 const REACH_RADII: f64 = 0.3;
 
-/// Largest width: the standard deviation of the angle, radians.
+/// Upper bound of the width, the standard deviation of the angle, radians.
 const MAX_WIDTH: f64 = 10.0 * DEGREE;
 
-/// Largest half-width of a kernel with soft edges of up to half a bin, and no more than 60 degrees of them.
+/// Upper bound of the half-width of a kernel in degrees, for soft edges of at most 60 degrees: half of the widest bin.
 pub(super) const MAX_REACH_DEG: f64 = 90.0;
 
-/// Largest difference of the radius that a slope makes over a width, as a fraction of the radius.
+/// Upper bound of slope times width over the radius.
 const MAX_RISE: f64 = 0.1;
 
-/// Smallest width, so that slopes are smooth where all neighbours are in one place.
+/// Standard deviation of the angle that is added, radians, so that slopes are smooth where all neighbours are in one place.
 const MIN_WIDTH: f64 = 0.1 * DEGREE;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Share of the partner at the next release time: the variance of a uniform distribution over the time to it and as much before.
-const PARTNER_SHARE: f64 = 1.0 / 3.0;
+/// Variance of a uniform distribution on [-1, 1]: a particle stands for release times from its partner's to as far on the other side.
+const PARTNER_VARIANCE: f64 = 1.0 / 3.0;
 
 /// A particle's direction on the sky, a unit vector, and its radius in kpc.
 #[derive(Clone, Copy, Debug)]
@@ -34,22 +36,22 @@ pub struct Sky<S> {
     pub r: S,
 }
 
-/// Where a neighbour is: the sine of its angle from the particle, and its radius less the particle's; both times a factor that falls with
-/// distance.
+/// From a particle to another: the sine of the angle, and the difference in radius in kpc, both times a factor that falls with distance:
+/// a and b of docs/physics.md, section 6.
 #[derive(Clone, Copy, Debug)]
-pub struct Apart<S> {
+pub struct Displacement<S> {
     pub angle: S,
     pub r: S,
 }
 
 impl<S: Scalar> Sky<S> {
-    /// Where another particle is. Periodic: neighbours that are whole turns apart are near.
+    /// The displacement to another particle, periodic in the angle.
     #[inline(always)]
-    pub fn apart(self, other: Self) -> Apart<S> {
+    pub fn displacement_to(self, other: Self) -> Displacement<S> {
         let (sine, cosine) = self.turn(other);
         let dr = other.r - self.r;
         let factor = self.factor(cosine, dr);
-        Apart {
+        Displacement {
             angle: factor * sine,
             r: factor * dr,
         }
@@ -64,6 +66,7 @@ impl<S: Scalar> Sky<S> {
         )
     }
 
+    /// The factor that falls with distance, at the cosine of the angle and the difference in radius.
     #[inline(always)]
     fn factor(self, cosine: S, dr: S) -> S {
         let radii = dr / (self.r * REACH_RADII);
@@ -72,18 +75,18 @@ impl<S: Scalar> Sky<S> {
     }
 }
 
-/// How the stream around a particle lies on the sky: its extent in angle and radius along each random number of a release, for a change of
-/// a standard deviation of the smearing, and to the partner.
+/// The extent of the stream around a particle on the sky: the change of angle and radius along each standard normal of the release, for a
+/// change by one standard deviation of the smearing, and the displacement to the partner. P and Q of docs/physics.md, section 6.
 #[derive(Clone, Copy, Debug)]
-pub struct Surroundings<S> {
+pub struct StreamExtent<S> {
     pub angle: [S; MAX_NORMALS],
     pub r: [S; MAX_NORMALS],
-    pub partner: Apart<S>,
+    pub partner: Displacement<S>,
 }
 
-impl<S: Scalar> Surroundings<S> {
+impl<S: Scalar> StreamExtent<S> {
     #[inline(always)]
-    pub fn of_partner(partner: Apart<S>) -> Self {
+    pub fn from_partner(partner: Displacement<S>) -> Self {
         Self {
             angle: [S::zero(); MAX_NORMALS],
             r: [S::zero(); MAX_NORMALS],
@@ -91,19 +94,19 @@ impl<S: Scalar> Surroundings<S> {
         }
     }
 
-    /// Adds a neighbour with its weight along one random number.
+    /// Adds a neighbour with its weight along standard normal `k`.
     #[inline(always)]
-    pub fn add(&mut self, number: usize, weight: S, apart: Apart<S>) {
-        self.angle[number] = weight.mul_add(apart.angle, self.angle[number]);
-        self.r[number] = weight.mul_add(apart.r, self.r[number]);
+    pub fn add(&mut self, k: usize, weight: S, displacement: Displacement<S>) {
+        self.angle[k] = weight.mul_add(displacement.angle, self.angle[k]);
+        self.r[k] = weight.mul_add(displacement.r, self.r[k]);
     }
 
     /// Variance of the angle and its covariance with the radius.
     #[inline(always)]
     pub fn moments(&self) -> (S, S) {
-        let Apart { angle, r } = self.partner;
-        let share = angle * PARTNER_SHARE;
-        let (mut variance, mut covariance) = (share * angle + MIN_WIDTH * MIN_WIDTH, share * r);
+        let Displacement { angle, r } = self.partner;
+        let scaled = angle * PARTNER_VARIANCE;
+        let (mut variance, mut covariance) = (scaled * angle + MIN_WIDTH * MIN_WIDTH, scaled * r);
         for k in 0..MAX_NORMALS {
             variance = self.angle[k].mul_add(self.angle[k], variance);
             covariance = self.angle[k].mul_add(self.r[k], covariance);
@@ -112,18 +115,18 @@ impl<S: Scalar> Surroundings<S> {
     }
 }
 
-impl Surroundings<f64> {
-    /// Reverse mode of [`moments`](Self::moments) for the partner.
-    pub fn partner_vjp(&self, variance: f64, covariance: f64) -> Apart<f64> {
-        let Apart { angle, r } = self.partner;
-        Apart {
-            angle: PARTNER_SHARE * (2.0 * angle * variance + r * covariance),
-            r: PARTNER_SHARE * angle * covariance,
+impl StreamExtent<f64> {
+    /// Reverse mode of [`moments`](Self::moments): the derivatives with respect to the displacement to the partner.
+    pub fn partner_vjp(&self, variance_bar: f64, covariance_bar: f64) -> Displacement<f64> {
+        let Displacement { angle, r } = self.partner;
+        Displacement {
+            angle: PARTNER_VARIANCE * (2.0 * angle * variance_bar + r * covariance_bar),
+            r: PARTNER_VARIANCE * angle * covariance_bar,
         }
     }
 }
 
-/// What a particle is smeared over: the square of a width in radians^2, and the slope of the radius along the angle, kpc.
+/// The smearing of a particle: the square of its width in radians^2, and the slope of the radius along the angle in kpc per radian.
 #[derive(Clone, Copy, Debug)]
 pub struct Smear<S> {
     pub width2: S,
@@ -131,7 +134,7 @@ pub struct Smear<S> {
 }
 
 impl<S: Scalar> Smear<S> {
-    /// All of a narrow distribution, and smoothly less of a wider or steeper one, of a particle at radius `r`.
+    /// From the variance of the angle and its covariance with the radius, of a particle at radius `r`, with smooth upper bounds.
     #[inline(always)]
     pub fn new((variance, covariance): (S, S), r: S) -> Self {
         let width2 = variance / (variance * (1.0 / (MAX_WIDTH * MAX_WIDTH)) + 1.0);
@@ -143,17 +146,17 @@ impl<S: Scalar> Smear<S> {
         }
     }
 
-    /// Half-width in radians of a kernel of this width, for an edge that is soft by itself over `soft` radians to both sides.
+    /// Half-width in radians of the kernel, for edges with the half-width `soft` in radians.
     #[inline(always)]
     pub fn half_width(&self, soft: f64) -> S {
         (self.width2 * 7.0 + soft * soft).sqrt()
     }
 }
 
-/// Moments of the part of a biweight kernel below `u` half-widths above its middle: the integrals of k(u) = (15/16) (1 - u^2)^2, of u k
-/// and of u^2 k.
+/// Moments 0, 1 and 2 of the biweight kernel below `u`, where `u` is the distance from its centre over its half-width
+/// (docs/physics.md, section 6).
 #[inline(always)]
-pub fn below<S: Scalar>(u: S) -> [S; 3] {
+pub fn moments_below<S: Scalar>(u: S) -> [S; 3] {
     let u = u.max(-S::one()).min(S::one());
     let y = (u + 1.0) * 0.5;
     let u2 = u * u;
@@ -165,22 +168,26 @@ pub fn below<S: Scalar>(u: S) -> [S; 3] {
     ]
 }
 
-/// Those of the whole kernel.
-pub const WHOLE: [f64; 3] = [1.0, 0.0, 1.0 / 7.0];
+/// The moments of the whole kernel.
+pub const WHOLE_MOMENTS: [f64; 3] = [1.0, 0.0, 1.0 / 7.0];
 
-/// Reverse mode of [`Sky::apart`]: derivatives with respect to the angle from the particle to its neighbour, and both radii.
-pub fn apart_vjp(here: Sky<f64>, other: Sky<f64>, by: Apart<f64>) -> [f64; 3] {
+/// Reverse mode of [`Sky::displacement_to`]: derivatives with respect to the angle from `here` to `other`, the radius of `here` and that
+/// of `other`.
+pub fn displacement_vjp(
+    here: Sky<f64>,
+    other: Sky<f64>,
+    displacement_bar: Displacement<f64>,
+) -> [f64; 3] {
     let (sine, cosine) = here.turn(other);
     let dr = other.r - here.r;
     let factor = here.factor(cosine, dr);
     let cube = factor * factor * factor;
     let reach = here.r * REACH_RADII;
-    // Through the factor, then directly.
-    let factor_bar = by.angle * sine + by.r * dr;
-    let pull = cube * dr / (reach * reach);
-    let angle =
-        -cube * sine / (REACH_ANGLE * REACH_ANGLE) * factor_bar + by.angle * factor * cosine;
-    let other_r = -pull * factor_bar + by.r * factor;
-    let here_r = pull * (1.0 + dr / here.r) * factor_bar - by.r * factor;
+    let factor_bar = displacement_bar.angle * sine + displacement_bar.r * dr;
+    let slope = cube * dr / (reach * reach);
+    let angle = -cube * sine / (REACH_ANGLE * REACH_ANGLE) * factor_bar
+        + displacement_bar.angle * factor * cosine;
+    let other_r = -slope * factor_bar + displacement_bar.r * factor;
+    let here_r = slope * (1.0 + dr / here.r) * factor_bar - displacement_bar.r * factor;
     [angle, here_r, other_r]
 }

@@ -1,7 +1,7 @@
 //! Sums over the particles of each bin, on any number type.
 
-use super::grid::{BinGrid, Placed, SkyPoint};
-use super::smear::{Sky, Smear, Surroundings, WHOLE, below};
+use super::grid::{BinGrid, NearestEdge, SkyPoint};
+use super::smear::{Sky, Smear, StreamExtent, WHOLE_MOMENTS, moments_below};
 use crate::orbit::FinalParticle;
 use crate::scalar::{LANES, Real, Scalar};
 use crate::spray::Neighbourhood;
@@ -9,7 +9,7 @@ use crate::spray::Neighbourhood;
 /// Sums over the particles of each bin: weight, weight times radius, weight times radius squared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sums<S> {
-    /// Total weight: the number of particles, those in several bins counted in parts.
+    /// Sum of the weights: the number of particles, where one in several bins adds a fraction to each.
     pub weight: Vec<S>,
     /// Sum of r, kpc.
     pub r: Vec<S>,
@@ -28,7 +28,7 @@ impl<S> Default for Sums<S> {
 }
 
 impl<S: Scalar> Sums<S> {
-    /// Empty bins; reuses the buffers.
+    /// Sets the sums of `len` bins to zero; the buffers are reused.
     pub fn reset(&mut self, len: usize) {
         for column in [&mut self.weight, &mut self.r, &mut self.r2] {
             column.clear();
@@ -36,7 +36,7 @@ impl<S: Scalar> Sums<S> {
         }
     }
 
-    /// Adds to the bin of this number, if it is in the grid.
+    /// Adds to the bin of this index, if it is in the grid.
     fn add(&mut self, bin: Option<usize>, [weight, r, r2]: [S; 3]) {
         if let Some(i) = bin {
             self.weight[i] += weight;
@@ -47,7 +47,7 @@ impl<S: Scalar> Sums<S> {
 }
 
 impl BinGrid {
-    /// Bins particles of any number type, smeared if they have neighbours.
+    /// Sums over the bins of particles on any number type, smeared if there is a neighbourhood: the reference for [`sum`](Self::sum).
     pub fn sum_final_particles<S: Real>(
         &self,
         particles: &[FinalParticle<S>],
@@ -57,15 +57,21 @@ impl BinGrid {
         sums.reset(self.len);
         let points: Vec<SkyPoint<S>> = particles
             .iter()
-            .map(|FinalParticle { state, turns, .. }| self.sky_point(state.x.x, state.x.y, *turns))
+            .map(|particle| {
+                self.sky_point(
+                    particle.state.x.x,
+                    particle.state.x.y,
+                    particle.winding_number,
+                )
+            })
             .collect();
         for (i, point) in points.iter().enumerate() {
             let SkyPoint { position, sky } = *point;
             let Some(neighbourhood) = neighbourhood else {
-                let Placed { edge, above } = self.place(position);
-                let bins = self.beside(edge.re());
-                for (bin, share) in bins.into_iter().zip([S::one() - above, above]) {
-                    sums.add(bin, [share, share * sky.r, share * sky.r * sky.r]);
+                let NearestEdge { edge, above } = self.nearest_edge(position);
+                let bins = self.bins_beside(edge.re());
+                for (bin, weight) in bins.into_iter().zip([S::one() - above, above]) {
+                    sums.add(bin, [weight, weight * sky.r, weight * sky.r * sky.r]);
                 }
                 continue;
             };
@@ -84,45 +90,46 @@ impl BinGrid {
         for k in -reach..=reach + 1 {
             let edge = middle + f64::from(k);
             let here = if k > reach {
-                WHOLE.map(S::from_f64)
+                WHOLE_MOMENTS.map(S::from_f64)
             } else {
-                below((-position + edge) * scale)
+                moments_below((-position + edge) * scale)
             };
-            let [share, offset, offset2]: [S; 3] = std::array::from_fn(|c| here[c] - before[c]);
-            let r = share * sky.r + rise * offset;
-            let r2 = sky.r * (r * 2.0 - share * sky.r) + rise * rise * offset2;
-            sums.add(self.beside(edge)[0], [share, r, r2]);
+            let [weight, offset, offset2]: [S; 3] = std::array::from_fn(|c| here[c] - before[c]);
+            let r = weight * sky.r + rise * offset;
+            let r2 = sky.r * (r * 2.0 - weight * sky.r) + rise * rise * offset2;
+            sums.add(self.bins_beside(edge)[0], [weight, r, r2]);
             before = here;
         }
     }
 }
 
-/// What particle number `i` is smeared over.
-pub(super) fn surroundings<S: Scalar>(
+/// The extent of the stream around particle number `i`; `sky` gives the place of a particle by its number.
+pub(super) fn stream_extent<S: Scalar>(
     neighbourhood: &Neighbourhood,
     i: usize,
     sky: impl Fn(usize) -> Sky<S>,
-) -> Surroundings<S> {
+) -> StreamExtent<S> {
     let (block, lane) = (i / LANES, i % LANES);
     let here = sky(i);
     let partner = neighbourhood.partners[block][lane] as usize;
-    let mut around = Surroundings::of_partner(here.apart(sky(partner)));
+    let mut extent = StreamExtent::from_partner(here.displacement_to(sky(partner)));
     for j in 0..neighbourhood.count {
         let at = block * neighbourhood.count + j;
-        let apart = here.apart(sky(neighbourhood.indices[at][lane] as usize));
-        for k in 0..neighbourhood.numbers {
-            let weight = neighbourhood.weights[at * neighbourhood.numbers + k][lane];
-            around.add(k, S::from_f64(weight), apart);
+        let displacement = here.displacement_to(sky(neighbourhood.indices[at][lane] as usize));
+        for k in 0..neighbourhood.normals {
+            let weight = neighbourhood.weights[at * neighbourhood.normals + k][lane];
+            extent.add(k, S::from_f64(weight), displacement);
         }
     }
-    around
+    extent
 }
 
+/// The smearing of particle number `i`.
 fn smear<S: Scalar>(
     neighbourhood: &Neighbourhood,
     i: usize,
     sky: impl Fn(usize) -> Sky<S>,
 ) -> Smear<S> {
     let r = sky(i).r;
-    Smear::new(surroundings(neighbourhood, i, sky).moments(), r)
+    Smear::new(stream_extent(neighbourhood, i, sky).moments(), r)
 }

@@ -1,27 +1,28 @@
-//! Sums over the particles of each bin, in SIMD lanes and over threads.
+//! Sums over the particles of each bin, in SIMD lanes and on several threads.
 
-use super::grid::{BinGrid, Placed, SkyPoint};
-use super::smear::{Apart, Sky, Smear, Surroundings, WHOLE, below};
+use super::grid::{BinGrid, NearestEdge, SkyPoint};
+use super::smear::{Displacement, Sky, Smear, StreamExtent, WHOLE_MOMENTS, moments_below};
 use super::sums::Sums;
 use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, Scalar, compile_kernel};
 use crate::spray::Neighbourhood;
 use crate::stream::Particles;
 use rayon::prelude::*;
 
-/// Number of particles that are binned together, whole vectors of lanes. Sums over all particles are sums of these sums, so the bits do
-/// not depend on the number of threads.
-const AT_A_TIME: usize = 1_024;
+/// Number of particles in a chunk, a multiple of [`LANES`]. The sums of chunks are added in order, so the bits do not depend on the number
+/// of threads.
+const PARTICLES_PER_CHUNK: usize = 1_024;
 
-/// Largest number of bins of all sums that are made at once: 256 MB.
+/// Largest number of bins of all chunks that are summed at once: 256 MB.
 const MAX_BINS_AT_ONCE: usize = 1 << 22;
 
-/// Sums over some particles, in memory that is used again: weight, r and r^2 of a bin beside each other, and one more bin at
-/// each end for what lies outside. Neighbouring particles often fall in one bin, and the second addition would wait for the first: so
-/// particles are added to two sets of bins in turn.
+/// Sums over the particles of a chunk; the buffers are reused.
+///
+/// Weight, r and r^2 of a bin are adjacent, and one more bin at each end takes what lies outside. Consecutive particles often fall in one
+/// bin, and the second addition would wait for the first: even and odd particles are added to different sets of bins.
 #[derive(Clone, Debug, Default)]
 pub struct PartialSums {
     bins: Vec<[f64; 4]>,
-    /// Positions in bin widths of all particles, whole vectors of lanes.
+    /// phi in bin widths of the particles of the chunk, their neighbours and partners; a multiple of [`LANES`].
     positions: Vec<f64>,
     /// Their directions and radii.
     skies: Vec<Sky<f64>>,
@@ -33,24 +34,24 @@ impl PartialSums {
         self.bins.resize(2 * (len + 2), [0.0; 4]);
     }
 
-    /// Adds to the bin of this number, counted from the first; `turn` chooses the set of bins.
+    /// Adds particle number `i` of a lane array to the bin of this index.
     #[inline(always)]
-    fn add(&mut self, turn: usize, bin: f64, [weight, r, r2]: [f64; 3]) {
-        let half = self.bins.len() / 2;
+    fn add(&mut self, i: usize, bin: f64, [weight, r, r2]: [f64; 3]) {
+        let per_set = self.bins.len() / 2;
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "between -1 and the number of bins"
         )]
-        let row = (bin.max(-1.0).min(half as f64 - 2.0) + 1.0) as usize + (turn % 2) * half;
+        let row = (bin.max(-1.0).min(per_set as f64 - 2.0) + 1.0) as usize + (i % 2) * per_set;
         let bin = &mut self.bins[row];
-        let all = [weight, r, r2, 0.0];
+        let addend = [weight, r, r2, 0.0];
         for c in 0..4 {
-            bin[c] += all[c];
+            bin[c] += addend[c];
         }
     }
 
-    /// Adds these to the sums of all particles.
+    /// Adds the sums of the chunk to those of all particles.
     fn add_to(&self, sums: &mut Sums<f64>) {
         let (even, odd) = self.bins.split_at(self.bins.len() / 2);
         let bins = even.iter().zip(odd).skip(1);
@@ -64,47 +65,50 @@ impl PartialSums {
 }
 
 impl BinGrid {
-    /// Bins the particles of the fast path, some thousand at a time; `part` is memory for that.
-    pub fn sum(&self, particles: &Particles, sums: &mut Sums<f64>, part: &mut PartialSums) {
-        self.sum_at(Level::best(), particles, sums, part);
+    /// Sums over the bins, smeared if the particles have a neighbourhood, for the best instruction set of this CPU. `partial` is a buffer.
+    pub fn sum(&self, particles: &Particles, sums: &mut Sums<f64>, partial: &mut PartialSums) {
+        self.sum_at(Level::best(), particles, sums, partial);
     }
 
-    /// As [`sum`](Self::sum), at a chosen level: how the levels are tested against each other.
+    /// As [`sum`](Self::sum), for a chosen instruction set, so that tests can compare them.
     pub fn sum_at(
         &self,
         level: Level,
         particles: &Particles,
         sums: &mut Sums<f64>,
-        part: &mut PartialSums,
+        partial: &mut PartialSums,
     ) {
         sums.reset(self.len);
-        for first in (0..particles.len()).step_by(AT_A_TIME) {
-            self.sum_some(level, particles, first, part);
-            part.add_to(sums);
+        for first in (0..particles.len()).step_by(PARTICLES_PER_CHUNK) {
+            self.sum_chunk(level, particles, first, partial);
+            partial.add_to(sums);
         }
     }
 
-    /// As [`sum`](Self::sum), over the threads of the present rayon pool. The same bits.
+    /// As [`sum`](Self::sum), on the threads of the present rayon pool. The result has the same bits.
     pub fn sum_in_parallel(&self, particles: &Particles, sums: &mut Sums<f64>) {
         sums.reset(self.len);
-        // Some parts at a time, so that memory does not grow with the number of particles.
+        // A bounded number of chunks at once, so that memory does not grow with the number of particles.
         let fitting = MAX_BINS_AT_ONCE / (self.len + 1);
         let count = (4 * rayon::current_num_threads()).min(fitting.max(1));
-        let mut parts = vec![PartialSums::default(); count];
-        let at_once = parts.len() * AT_A_TIME;
+        let mut partial = vec![PartialSums::default(); count];
+        let at_once = partial.len() * PARTICLES_PER_CHUNK;
         for first in (0..particles.len()).step_by(at_once) {
-            let firsts = (first..particles.len().min(first + at_once)).step_by(AT_A_TIME);
+            let firsts = (first..particles.len().min(first + at_once)).step_by(PARTICLES_PER_CHUNK);
             let firsts: Vec<usize> = firsts.collect();
-            let some = &mut parts[..firsts.len()];
-            some.par_iter_mut().zip(firsts).for_each(|(part, first)| {
-                self.sum_some(Level::best(), particles, first, part);
-            });
-            some.iter().for_each(|part| part.add_to(sums));
+            let chunks = &mut partial[..firsts.len()];
+            chunks
+                .par_iter_mut()
+                .zip(firsts)
+                .for_each(|(chunk, first)| {
+                    self.sum_chunk(Level::best(), particles, first, chunk);
+                });
+            chunks.iter().for_each(|chunk| chunk.add_to(sums));
         }
     }
 
-    /// Bins the [`AT_A_TIME`] particles from number `first` on, or as many as there are.
-    fn sum_some(&self, level: Level, particles: &Particles, first: usize, sums: &mut PartialSums) {
+    /// Sums over the chunk of particles that begins with number `first`; the last chunk may be shorter.
+    fn sum_chunk(&self, level: Level, particles: &Particles, first: usize, sums: &mut PartialSums) {
         sums.reset(self.len);
         let binning = BinKernel {
             grid: self,
@@ -116,7 +120,7 @@ impl BinGrid {
     }
 }
 
-/// Adds particles to sums: their bins are computed in lanes, and they are added one by one.
+/// The sums over a chunk of particles: weights are computed in lanes, and added to the bins one by one.
 struct BinKernel<'a> {
     grid: &'a BinGrid,
     particles: &'a Particles,
@@ -124,17 +128,17 @@ struct BinKernel<'a> {
     sums: &'a mut PartialSums,
 }
 
-/// The next eight numbers of a column, or as many as there are; then the last of them.
+/// The first numbers of a column in lanes; lanes beyond its end repeat the last one.
 #[inline(always)]
-fn eight(column: &[f64]) -> LaneArray<1> {
+fn repeated(column: &[f64]) -> LaneArray<1> {
     match column.first_chunk() {
-        Some(whole) => LaneArray([*whole]),
+        Some(numbers) => LaneArray([*numbers]),
         None => {
-            let mut eights = [1.0; LANES];
+            let mut lanes = [1.0; LANES];
             for lane in 0..LANES {
-                eights[lane] = column[lane.min(column.len() - 1)];
+                lanes[lane] = column[lane.min(column.len() - 1)];
             }
-            LaneArray([eights])
+            LaneArray([lanes])
         }
     }
 }
@@ -151,18 +155,18 @@ impl Kernel for BinKernel<'_> {
             sums,
         } = self;
         let len = particles.len();
-        let last = len.min(first + AT_A_TIME);
+        let last = len.min(first + PARTICLES_PER_CHUNK);
         let neighbourhood = particles.neighbourhood.as_deref();
-        // Neighbours are at the same release time, partners at the next or the one before.
+        // Neighbours and partners may be in other chunks.
         let margin = neighbourhood.map_or(0, |n| n.reach.next_multiple_of(LANES));
         let (from, to) = (first.saturating_sub(margin), len.min(last + margin));
         sums.positions.clear();
         sums.skies.clear();
         for at in (from..to).step_by(LANES) {
-            let x = Lanes::<I, 1>::load(&eight(&particles.x[at..]));
-            let y = Lanes::load(&eight(&particles.y[at..]));
-            let turns = Lanes::load(&eight(&particles.turns[at..]));
-            let SkyPoint { position, sky } = grid.sky_point(x, y, turns);
+            let x = Lanes::<I, 1>::load(&repeated(&particles.x[at..]));
+            let y = Lanes::load(&repeated(&particles.y[at..]));
+            let winding_number = Lanes::load(&repeated(&particles.winding_numbers[at..]));
+            let SkyPoint { position, sky } = grid.sky_point(x, y, winding_number);
             sums.positions.extend_from_slice(&position.store().0[0]);
             let (x, y, r) = (sky.x.store().0[0], sky.y.store().0[0], sky.r.store().0[0]);
             for lane in 0..LANES {
@@ -175,7 +179,7 @@ impl Kernel for BinKernel<'_> {
         }
         for at in (first..last).step_by(LANES) {
             let n = LANES.min(last - at);
-            let position = Lanes::<I, 1>::load(&eight(&sums.positions[at - from..]));
+            let position = Lanes::<I, 1>::load(&repeated(&sums.positions[at - from..]));
             let mut skies = [Sky {
                 x: 0.0,
                 y: 0.0,
@@ -196,7 +200,7 @@ impl Kernel for BinKernel<'_> {
 
 compile_kernel!(BinKernel);
 
-/// Eight directions and radii.
+/// Directions and radii in lanes.
 #[inline(always)]
 fn load<I: Isa>(skies: &[Sky<f64>; LANES]) -> Sky<Lanes<I, 1>> {
     let [mut x, mut y, mut r] = [LaneArray([[0.0; LANES]]); 3];
@@ -212,7 +216,7 @@ fn load<I: Isa>(skies: &[Sky<f64>; LANES]) -> Sky<Lanes<I, 1>> {
     }
 }
 
-/// What the particles of a block are smeared over; `from` is the first particle whose direction is known.
+/// The smearing of the particles of a block; `from` is the number of the first particle in `sums.skies`.
 #[inline(always)]
 fn smear<I: Isa>(
     neighbourhood: &Neighbourhood,
@@ -221,35 +225,35 @@ fn smear<I: Isa>(
     here: Sky<Lanes<I, 1>>,
     sums: &PartialSums,
 ) -> Smear<Lanes<I, 1>> {
-    let partner = apart(here, &neighbourhood.partners[block], from, sums);
-    let mut around = Surroundings::of_partner(partner);
+    let partner = displacements(here, &neighbourhood.partners[block], from, sums);
+    let mut extent = StreamExtent::from_partner(partner);
     for j in 0..neighbourhood.count {
         let row = block * neighbourhood.count + j;
-        let neighbour = apart(here, &neighbourhood.indices[row], from, sums);
-        for k in 0..neighbourhood.numbers {
-            let weights = &neighbourhood.weights[row * neighbourhood.numbers + k];
-            around.add(k, Lanes::load(&LaneArray([*weights])), neighbour);
+        let neighbour = displacements(here, &neighbourhood.indices[row], from, sums);
+        for k in 0..neighbourhood.normals {
+            let weights = &neighbourhood.weights[row * neighbourhood.normals + k];
+            extent.add(k, Lanes::load(&LaneArray([*weights])), neighbour);
         }
     }
-    Smear::new(around.moments(), here.r)
+    Smear::new(extent.moments(), here.r)
 }
 
-/// Where eight others are.
+/// The displacements to the particles with the numbers `others`.
 #[inline(always)]
-fn apart<I: Isa>(
+fn displacements<I: Isa>(
     here: Sky<Lanes<I, 1>>,
     others: &[u32; LANES],
     from: usize,
     sums: &PartialSums,
-) -> Apart<Lanes<I, 1>> {
+) -> Displacement<Lanes<I, 1>> {
     let mut skies = [sums.skies[0]; LANES];
     for lane in 0..LANES {
         skies[lane] = sums.skies[others[lane] as usize - from];
     }
-    here.apart(load(&skies))
+    here.displacement_to(load(&skies))
 }
 
-/// Adds `n` particles, each in the two bins beside its nearest edge.
+/// Adds `n` particles, each to the two bins beside its nearest edge.
 #[inline(always)]
 fn add_points<I: Isa>(
     grid: &BinGrid,
@@ -258,20 +262,20 @@ fn add_points<I: Isa>(
     n: usize,
     sums: &mut PartialSums,
 ) {
-    let Placed { edge, above } = grid.place(position);
+    let NearestEdge { edge, above } = grid.nearest_edge(position);
     let (edge, above, r) = (
         (edge - grid.first as f64).store().0[0],
         above.store().0[0],
         sky.r.store().0[0],
     );
     for i in 0..n {
-        let shares = [1.0 - above[i], above[i]];
+        let weights = [1.0 - above[i], above[i]];
         for k in 0..2 {
-            let (share, r) = (shares[k], r[i]);
+            let (weight, r) = (weights[k], r[i]);
             sums.add(
                 i,
                 edge[i] - 1.0 + k as f64,
-                [share, share * r, share * r * r],
+                [weight, weight * r, weight * r * r],
             );
         }
     }
@@ -301,25 +305,25 @@ fn add_smeared<I: Isa>(
     let mut before = [Lanes::<I, 1>::zero(); 3];
     for k in -reach..=reach + 1 {
         let here = if k > reach {
-            let [share, offset, offset2] = WHOLE;
+            let [weight, offset, offset2] = WHOLE_MOMENTS;
             [
-                Lanes::from_f64(share),
+                Lanes::from_f64(weight),
                 Lanes::from_f64(offset),
                 Lanes::from_f64(offset2),
             ]
         } else {
-            below((middle - position + f64::from(k)) * scale)
+            moments_below((middle - position + f64::from(k)) * scale)
         };
-        let [share, offset, offset2] = [
+        let [weight, offset, offset2] = [
             here[0] - before[0],
             here[1] - before[1],
             here[2] - before[2],
         ];
-        let r = share * sky.r + rise * offset;
-        let r2 = sky.r * (r * 2.0 - share * sky.r) + rise2 * offset2;
-        let (share, r, r2) = (share.store().0[0], r.store().0[0], r2.store().0[0]);
+        let r = weight * sky.r + rise * offset;
+        let r2 = sky.r * (r * 2.0 - weight * sky.r) + rise2 * offset2;
+        let (weight, r, r2) = (weight.store().0[0], r.store().0[0], r2.store().0[0]);
         for i in 0..n {
-            sums.add(i, bins[i] + f64::from(k), [share[i], r[i], r2[i]]);
+            sums.add(i, bins[i] + f64::from(k), [weight[i], r[i], r2[i]]);
         }
         before = here;
     }

@@ -473,13 +473,13 @@ fn particles_far_around_the_centre_make_no_bins_there() {
     ]);
     let model = Model::new(&settings).expect("a model");
     let mut particles = model.stream(&params).expect("a stream");
-    let narrow = Track::of(&particles, 0.1, BinEdges::Hard, 1.0).expect("a track");
-    particles.turns[0] = 1e12;
-    particles.turns[1] = -1e12;
-    let track = Track::of(&particles, 0.1, BinEdges::Hard, 1.0).expect("a track");
+    let narrow = Track::new(&particles, 0.1, BinEdges::Hard, 1.0).expect("a track");
+    particles.winding_numbers[0] = 1e12;
+    particles.winding_numbers[1] = -1e12;
+    let track = Track::new(&particles, 0.1, BinEdges::Hard, 1.0).expect("a track");
     assert!(track.bins.len() <= narrow.bins.len());
     for width in [0.0, 1e-5, f64::NAN, 1e300] {
-        assert!(Track::of(&particles, width, BinEdges::Hard, 1.0).is_err());
+        assert!(Track::new(&particles, width, BinEdges::Hard, 1.0).is_err());
         assert!(particles.track(width).is_err());
     }
 }

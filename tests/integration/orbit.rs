@@ -124,8 +124,8 @@ fn the_winding_count_follows_the_angle() {
     let mut last = 0.0_f64;
     for i in 0..=20_000 {
         let tau = -f64::from(i) / 20_000.0;
-        let (state, turns) = orbit.at(tau);
-        let angle = f64::atan2(state.x.y, state.x.x) + std::f64::consts::TAU * turns;
+        let (state, winding_number) = orbit.at(tau);
+        let angle = f64::atan2(state.x.y, state.x.x) + std::f64::consts::TAU * winding_number;
         assert!(
             (angle - last).abs() < 0.2,
             "a jump at {tau}: {last} to {angle}"

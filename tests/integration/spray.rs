@@ -31,7 +31,7 @@ fn progenitor(case: &Value) -> State<f64> {
 }
 
 /// Offset from the progenitor for a release offset, position then velocity.
-fn offset(kick: &ReleaseOffset, tidal: &Tidal<f64>, scales: (f64, f64)) -> [f64; 6] {
+fn scaled(offset: &ReleaseOffset, tidal: &Tidal<f64>, scales: (f64, f64)) -> [f64; 6] {
     let combine = |c: [f64; 3], scale: f64| {
         tidal
             .frame
@@ -40,8 +40,8 @@ fn offset(kick: &ReleaseOffset, tidal: &Tidal<f64>, scales: (f64, f64)) -> [f64;
             .fold(Vec3::zero(), |sum, (e, c)| sum + *e * (c * scale))
     };
     let (x, v) = (
-        combine(kick.position, scales.0),
-        combine(kick.velocity, scales.1),
+        combine(offset.position, scales.0),
+        combine(offset.velocity, scales.1),
     );
     [x.x, x.y, x.z, v.x, v.y, v.z]
 }
@@ -63,10 +63,10 @@ fn check(case: &Value, recipe: Recipe, xi_names: &[&str], velocity_unit: f64) {
     let scales = recipe.scales(&tidal, m);
     let progenitor_state = [p.x.to_array(), p.v.to_array()].concat();
     for (tail, key) in [(Tail::Leading, "lead"), (Tail::Trailing, "trail")] {
-        let kick = recipe
-            .kick(&xi, tail)
+        let offset = recipe
+            .release_offset(&xi, tail)
             .expect("no golden case has a radius below zero");
-        let ours = offset(&kick, &tidal, scales);
+        let ours = scaled(&offset, &tidal, scales);
         let golden = numbers::<6>(&case[key]);
         for i in 0..6 {
             let unit = if i < 3 { tidal.r_j } else { velocity_unit };
@@ -187,12 +187,12 @@ fn release_offsets_have_the_published_moments() {
 fn a_chen_draw_below_zero_radius_is_refused() {
     assert!(
         Recipe::Chen2025
-            .kick(&[-4.6, 0.0, 0.0, 0.0, 0.0], Tail::Leading)
+            .release_offset(&[-4.6, 0.0, 0.0, 0.0, 0.0], Tail::Leading)
             .is_none()
     );
     assert!(
         Recipe::Chen2025
-            .kick(&[-4.5, 0.0, 0.0, 0.0, 0.0], Tail::Leading)
+            .release_offset(&[-4.5, 0.0, 0.0, 0.0, 0.0], Tail::Leading)
             .is_some()
     );
 }
@@ -249,7 +249,7 @@ fn a_smeared_table_has_the_moments_of_its_random_numbers() {
         .expect("a table");
         assert_eq!(table.per_release_time, 32);
         let around = table.neighbourhood.expect("neighbours");
-        assert_eq!((around.count, around.numbers), (8, recipe.normals()));
+        assert_eq!((around.count, around.normals), (8, recipe.normals()));
         if recipe == Recipe::default() {
             let k_r: Vec<f64> = table
                 .releases
@@ -290,7 +290,7 @@ fn neighbours_are_near_and_give_linear_maps_exactly_but_for_their_ridge() {
             );
             // The derivatives of the first random number by the first and by the second.
             for (k, sum) in along.iter_mut().enumerate() {
-                *sum += around.weights[row * around.numbers + k][lane] * (k_r(neighbour) - k_r(i));
+                *sum += around.weights[row * around.normals + k][lane] * (k_r(neighbour) - k_r(i));
             }
         }
         for (sum, one) in sums.iter_mut().zip(along) {

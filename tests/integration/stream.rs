@@ -52,9 +52,9 @@ fn the_release_reproduces_galas_released_states() {
             } else {
                 Tail::Leading
             };
-            let kick = Recipe::Fardal2015
-                .kick(&xi, tail)
-                .expect("Fardal always has a kick");
+            let offset = Recipe::Fardal2015
+                .release_offset(&xi, tail)
+                .expect("Fardal always has an offset");
             let combine = |c: [f64; 3], scale: f64| {
                 tidal
                     .frame
@@ -65,8 +65,8 @@ fn the_release_reproduces_galas_released_states() {
                     })
             };
             let (x, v) = (
-                s.x + combine(kick.position, length),
-                s.v + combine(kick.velocity, speed),
+                s.x + combine(offset.position, length),
+                s.v + combine(offset.velocity, speed),
             );
             let golden = state(p.start);
             // k has 9 digits in the file: 1e-6 absolute, kpc and kpc/Gyr.
@@ -95,7 +95,7 @@ fn the_leapfrog_converges_to_galas_final_states() {
     for name in NAMES {
         let system = system(name);
         let orbit = orbit(&system);
-        let integrate = |start: State<f64>, t_release: f64, turns: f64, steps: usize| {
+        let integrate = |start: State<f64>, t_release: f64, winding_number: f64, steps: usize| {
             let tau = t_release / system.age_gyr;
             let at = |j: usize| {
                 orbit.position(&HermiteWeights::at(
@@ -104,25 +104,32 @@ fn the_leapfrog_converges_to_galas_final_states() {
                 ))
             };
             let mut schedule = StepSchedule {
-                path: (0..=steps).map(at).collect(),
+                progenitor_positions: (0..=steps).map(at).collect(),
                 ..StepSchedule::default()
             };
             schedule.drift_gyr.resize(steps, -t_release / steps as f64);
             schedule.set_kicks();
-            advance(&system.host, &system.progenitor, &schedule, start, turns)
+            advance(
+                &system.host,
+                &system.progenitor,
+                &schedule,
+                start,
+                winding_number,
+            )
         };
         let mut errors: Vec<f64> = subset(name)
             .par_iter()
             .map(|p| {
-                let (progenitor, turns) = orbit.at(p.t_release / system.age_gyr);
+                let (progenitor, winding_number) = orbit.at(p.t_release / system.age_gyr);
                 let start = state(p.start);
-                let turns = turns + oblate::orbit::crossing(progenitor.x, start.x);
+                let winding_number =
+                    winding_number + oblate::orbit::crossing(progenitor.x, start.x);
                 // A fixed number of steps per Gyr, and Richardson's step from second to fourth order.
                 let steps = ((-p.t_release * 3_000.0) as usize).max(200);
-                let coarse = integrate(start, p.t_release, turns, steps);
-                let fine = integrate(start, p.t_release, turns, 2 * steps);
+                let coarse = integrate(start, p.t_release, winding_number, steps);
+                let fine = integrate(start, p.t_release, winding_number, 2 * steps);
                 let x = fine.state.x + (fine.state.x - coarse.state.x) * (1.0 / 3.0);
-                let angle = f64::atan2(x.y, x.x).to_degrees() + 360.0 * fine.turns;
+                let angle = f64::atan2(x.y, x.x).to_degrees() + 360.0 * fine.winding_number;
                 // The file has six digits.
                 assert!(
                     (angle - p.dphi_deg).abs() < 0.002,
@@ -177,7 +184,10 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
                     .iter()
                     .enumerate()
                     .map(|(i, a)| {
-                        assert!((a.turns - out.turns[i]).abs() < 0.5, "{name} {level:?} {i}");
+                        assert!(
+                            (a.winding_number - out.winding_numbers[i]).abs() < 0.5,
+                            "{name} {level:?} {i}"
+                        );
                         let d: Vec3<f64> = a.state.x - Vec3::new(out.x[i], out.y[i], out.z[i]);
                         d.norm2().sqrt()
                     })

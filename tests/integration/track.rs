@@ -45,7 +45,7 @@ fn tracks_reproduce_galas_within_their_noise() {
     for name in NAMES {
         let ours = converged(name);
         let n = ours.len() as f64;
-        let hard = Track::of(&ours, 10.0, BinEdges::Hard, 100.0).expect("a track");
+        let hard = Track::new(&ours, 10.0, BinEdges::Hard, 100.0).expect("a track");
         let mut z = Vec::new();
         let mut chi2_counts = 0.0;
         for golden in track(name).iter().filter(|b| b.count >= 500.0) {
@@ -85,9 +85,10 @@ fn tracks_reproduce_galas_within_their_noise() {
 #[test]
 fn soft_bins_become_hard_ones_as_their_edges_narrow() {
     let ours = particles("s0_oblate_tilted", &ModelSettings::default());
-    let hard = Track::of(&ours, 10.0, BinEdges::Hard, 40.0).expect("a track");
+    let hard = Track::new(&ours, 10.0, BinEdges::Hard, 40.0).expect("a track");
     let difference = |half_width_deg: f64| {
-        let soft = Track::of(&ours, 10.0, BinEdges::Soft { half_width_deg }, 1.0).expect("a track");
+        let soft =
+            Track::new(&ours, 10.0, BinEdges::Soft { half_width_deg }, 1.0).expect("a track");
         hard.bins
             .iter()
             .map(|h| {
@@ -124,7 +125,7 @@ fn the_weights_of_all_bins_add_up_to_the_number_of_particles() {
     {
         let ours = particles(name, &settings);
         for edges in [BinEdges::Hard, BinEdges::default()] {
-            let total: f64 = Track::of(&ours, 10.0, edges, 0.0)
+            let total: f64 = Track::new(&ours, 10.0, edges, 0.0)
                 .expect("a track")
                 .bins
                 .iter()
@@ -143,7 +144,7 @@ fn neighbourhood(n: usize, count: usize, weights: &[[f64; 4]]) -> Neighbourhood 
     let lanes = |offset: usize| std::array::from_fn(|lane| ((lane + offset) % n) as u32);
     Neighbourhood {
         count,
-        numbers: 4,
+        normals: 4,
         reach: n,
         indices: (0..count).map(|j| lanes(j + 2)).collect(),
         partners: vec![lanes(1)],
@@ -160,7 +161,7 @@ fn at_places(places: &[(f64, f64)], neighbourhood: Neighbourhood) -> Particles {
     Particles {
         x: places.iter().map(|(r, angle)| r * angle.cos()).collect(),
         y: places.iter().map(|(r, angle)| r * angle.sin()).collect(),
-        turns: vec![0.0; places.len()],
+        winding_numbers: vec![0.0; places.len()],
         neighbourhood: Some(Arc::new(neighbourhood)),
         ..Particles::default()
     }
@@ -227,8 +228,8 @@ fn a_smeared_particle_has_the_width_and_slope_that_its_partner_gives() {
 fn neighbours_half_a_turn_away_do_not_count_and_those_a_whole_turn_away_do() {
     let width = |angle: f64, turns: f64| {
         let mut two = at_places(&[(50.0, 0.0), (50.0, angle)], neighbourhood(2, 0, &[]));
-        two.turns[1] = turns;
-        let track = Track::of(&two, 1.0, BinEdges::Hard, 1e-6).expect("a track");
+        two.winding_numbers[1] = turns;
+        let track = Track::new(&two, 1.0, BinEdges::Hard, 1e-6).expect("a track");
         track.bins.iter().filter(|b| b.bin.abs() < 60).count()
     };
     let (near, turned) = (width(0.1, 0.0), width(0.1, 5.0));
@@ -249,7 +250,7 @@ fn every_level_bins_as_the_reference_does() {
                     x: Vec3::new(ours.x[i], ours.y[i], ours.z[i]),
                     v: Vec3::zero(),
                 },
-                turns: ours.turns[i],
+                winding_number: ours.winding_numbers[i],
                 ambiguous_windings: 0.0,
             })
             .collect();
@@ -302,7 +303,7 @@ proptest! {
         let reference: Vec<FinalParticle<Dual<8>>> = (0..n)
             .map(|i| FinalParticle {
                 state: State { x: Vec3::new(duals[2 * i], duals[2 * i + 1], zero), v: Vec3::from_f64(Vec3::zero()) },
-                turns: zero,
+                winding_number: zero,
                 ambiguous_windings: zero,
             })
             .collect();
@@ -350,7 +351,7 @@ proptest! {
                 x: Vec3::new(dx, dy, Dual::from_re(0.0)),
                 v: Vec3::from_f64(Vec3::zero()),
             },
-            turns: Dual::from_re(turns),
+            winding_number: Dual::from_re(turns),
             ambiguous_windings: Dual::from_re(0.0),
         };
         let mut duals = Sums::default();
@@ -364,7 +365,7 @@ proptest! {
             total += duals.weight[i] * a + duals.r[i] * b + duals.r2[i] * c;
             (by.weight[i], by.r[i], by.r2[i]) = (a, b, c);
         }
-        let particles = Particles { x: vec![x], y: vec![y], turns: vec![turns], ..Particles::default() };
+        let particles = Particles { x: vec![x], y: vec![y], winding_numbers: vec![turns], ..Particles::default() };
         let (mut x_bar, mut y_bar) = (Vec::new(), Vec::new());
         grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
         let [gx, gy] = gradient_of(&total);

@@ -31,7 +31,7 @@ pub fn particles(model: &Model, system: &System<f64>) -> Option<Particles> {
 
 /// The track of particles in bins with these edges.
 pub fn binned(particles: &Particles, edges: BinEdges) -> Track {
-    Track::of(particles, 10.0, edges, 0.01 * particles.len() as f64).expect("a track")
+    Track::new(particles, 10.0, edges, 0.01 * particles.len() as f64).expect("a track")
 }
 
 /// Root mean square of the relative difference in per cent, over the bins that both tracks have.

@@ -1,7 +1,7 @@
 //! Eight numbers in the registers of one instruction set. CPU intrinsics are called only in `x86`.
 //!
-//! Intrinsics are used because the compiler's own vectorisation is not reliable in large loops: in the leapfrog it leaves
-//! some operations on single numbers or on half registers.
+//! Intrinsics are used because automatic vectorisation is incomplete in large loops: in the leapfrog some operations are compiled for
+//! single numbers or for registers of half the width.
 
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -11,13 +11,13 @@ pub(crate) use x86::{Avx2, Avx512};
 
 use std::fmt::Debug;
 
-/// Numbers in one [`Isa::Vector`].
+/// Number of lanes: numbers in one [`Isa::Vector`].
 pub const LANES: usize = 8;
 
 /// `K` times eight numbers in memory, the array form of [`Lanes`](super::Lanes).
 ///
-/// Aligned to cache lines of 64 bytes. A function that holds one aligns its whole stack frame to cache lines, so that vector
-/// registers that are spilled to the stack do not straddle two lines.
+/// Aligned to cache lines of 64 bytes. The stack frame of a function with a variable of this type is then aligned to cache lines, so that
+/// registers that are spilled to the stack do not straddle two of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub struct LaneArray<const K: usize>(pub [[f64; LANES]; K]);
@@ -27,7 +27,7 @@ pub struct LaneArray<const K: usize>(pub [[f64; LANES]; K]);
 pub trait Kernel {
     /// The type of the result.
     type Output;
-    /// The computation, in lanes of `I`; implement it with `#[inline(always)]`, and every function below it that uses lanes too.
+    /// The computation, in lanes of `I`. Mark its implementation `#[inline(always)]`, and every function called in it that uses lanes.
     fn run<I: Isa>(self) -> Self::Output;
 }
 
@@ -41,8 +41,8 @@ pub trait Isa: Copy + Debug + Send + Sync + 'static {
     /// The outcome of a comparison.
     type Mask: Copy + Debug + Send + Sync;
 
-    /// Runs a kernel within another one of this instruction set, as a function that is called and not inlined: where the
-    /// same computation stands in many places, compiling it once saves most of the code.
+    /// Runs a kernel within another one of this instruction set. The function is called and not inlined, so that a computation that is
+    /// used in many places is compiled once.
     fn call<K: Kernel>(kernel: K) -> K::Output;
     /// The same number eight times.
     fn splat(a: f64) -> Self::Vector;
@@ -66,15 +66,15 @@ pub trait Isa: Copy + Debug + Send + Sync + 'static {
     fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
     /// a < b
     fn lt(a: Self::Vector, b: Self::Vector) -> Self::Mask;
-    /// Where both masks are set.
+    /// The mask that is set where both masks are.
     fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Whether the mask is set anywhere.
+    /// Whether the mask is set in any lane.
     fn any(mask: Self::Mask) -> bool;
     /// `a` where the mask is set, `b` elsewhere.
     fn select(mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector;
-    /// The sum of the eight, by halves: fours, then pairs, then one.
+    /// The sum of the eight numbers: the last four are added to the first four, of these the last two to the first two, and these two.
     fn sum(a: Self::Vector) -> f64;
-    /// The constants `(2^k, k ln 2)` with `a / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal numbers.
+    /// `(2^k, k ln 2)` with `a / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal numbers.
     fn split_exponent(a: Self::Vector) -> (Self::Vector, Self::Vector);
 }
 
@@ -87,8 +87,7 @@ const TWO_52_BITS: u64 = 0x4330_0000_0000_0000;
 /// 2^52, and the bias of exponents.
 const TWO_52_AND_BIAS: f64 = 4_503_599_627_370_496.0 + 1023.0;
 
-/// `(2^k, k ln 2)` with `x / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal `x`: by the bits of the number, without
-/// a branch.
+/// `(2^k, k ln 2)` with `x / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal `x`, without a branch.
 #[inline(always)]
 pub(super) fn split_exponent(x: f64) -> (f64, f64) {
     let exponent = (x.to_bits() + SHIFT) & !MANTISSA;
@@ -96,17 +95,16 @@ pub(super) fn split_exponent(x: f64) -> (f64, f64) {
     (f64::from_bits(exponent), k * std::f64::consts::LN_2)
 }
 
-/// 1.5 * 2^52: a number below 2^51 loses its fraction when this is added to it.
+/// 1.5 * 2^52: added to a number below 2^51 in magnitude, it rounds the number to an integer.
 pub(super) const NO_FRACTION: f64 = 6_755_399_441_055_744.0;
 
-/// The nearest whole number, halves to the even one; for magnitudes below 2^51.
+/// The nearest integer, ties to even; for magnitudes below 2^51.
 #[inline(always)]
 pub(super) fn round_ties_even(x: f64) -> f64 {
     (x + NO_FRACTION) - NO_FRACTION
 }
 
-/// An array of eight, computed element by element. A macro and not a function with a closure, because calls of closures are not always
-/// inlined.
+/// An array of eight numbers, computed one by one. A macro and not a function of a closure, because closures are not always inlined.
 macro_rules! lane_by_lane {
     ($i:ident => $value:expr) => {{
         let mut lanes = [Default::default(); LANES];
@@ -117,7 +115,7 @@ macro_rules! lane_by_lane {
     }};
 }
 
-/// Plain arrays, compiled for the baseline instruction set of the target: runs on every CPU.
+/// Arrays of numbers, compiled for the baseline of the target: runs on every CPU.
 #[derive(Clone, Copy, Debug)]
 pub struct Portable;
 

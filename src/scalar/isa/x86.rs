@@ -1,26 +1,26 @@
-//! AVX-512 and AVX2 by their intrinsics. This file uses no closures or iterators: they are separate functions, which are
-//! compiled for the target's baseline unless the compiler inlines them.
+//! AVX-512 and AVX2 by their intrinsics. This file has no closures or iterators: they are functions that may not be inlined, and would be
+//! compiled without the instructions of the instruction set.
 
 use super::{Isa, Kernel, LANES, MANTISSA, SHIFT, TWO_52_AND_BIAS, TWO_52_BITS};
 use std::arch::x86_64::*;
 use std::f64::consts::LN_2;
 
-/// Instructions of the instruction set whose marker type this stands in.
+/// Intrinsics of the instruction set of the enclosing implementation.
 macro_rules! cpu {
     ($($instructions:tt)*) => {
-        // SAFETY: nothing but `scalar::dispatch` names the marker types, and it does so only where it has found their
-        // features on the present CPU.
+        // SAFETY: only `scalar::dispatch` names the marker types, and runs code with them only on a CPU that has reported their
+        // features.
         unsafe { $($instructions)* }
     };
 }
 
-/// The bits as an intrinsic takes them.
+/// The same bits as a signed integer, the type that intrinsics take.
 #[inline(always)]
 const fn signed(bits: u64) -> i64 {
     i64::from_ne_bytes(bits.to_ne_bytes())
 }
 
-/// [`Isa::sum`] of four.
+/// [`Isa::sum`] of four numbers.
 #[inline(always)]
 fn sum_of_four(a: __m256d) -> f64 {
     cpu! {
@@ -133,7 +133,7 @@ impl Isa for Avx512 {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx2;
 
-/// Eight numbers in two registers; a mask too.
+/// Eight numbers, or a mask, in two registers.
 type Two = [__m256d; 2];
 
 impl Avx2 {

@@ -87,7 +87,7 @@ fn likelihood_at(
         .ok()?;
     let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
     model.integrate(&solution, &mut schedules, &mut out).ok()?;
-    let track = Track::of(&out, 10.0, settings.edges, 0.02 * out.len() as f64).ok()?;
+    let track = Track::new(&out, 10.0, settings.edges, 0.02 * out.len() as f64).ok()?;
     let data: Vec<DataBin> = track
         .bins
         .iter()
