@@ -96,7 +96,7 @@ pub struct ModelFlags {
     /// Number of particles, both tails together
     #[arg(long)]
     particles: Option<usize>,
-    /// Leapfrog steps per particle
+    /// Number of steps; of adaptive ones, if all are as long as possible
     #[arg(long)]
     steps: Option<usize>,
     /// Sampling scheme of the releases

@@ -5,7 +5,7 @@ use super::options::{Common, ModelFlags, finite, refuse_existing, write_file};
 use super::output::Output;
 use crate::config::read;
 use crate::error::{Error, Result};
-use crate::inference::Profile;
+use crate::inference::FitSettings;
 use crate::params::{PriorSettings, StreamParams, StreamPrior};
 use crate::stream::{Model, Particles, System};
 use crate::track::{BIN_WIDTHS_DEG, BinEdges, Track};
@@ -23,18 +23,21 @@ pub struct Args {
     /// Bin width in degrees
     #[arg(long, default_value_t = 10.0, value_parser = finite)]
     bin_width: f64,
-    /// Half-width of soft bin edges in degrees; 0: hard edges
-    #[arg(long, default_value_t = 2.0, value_parser = finite)]
-    edge: f64,
-    /// Minimum fraction of all particles that a bin of the track must have
-    #[arg(long, default_value_t = 0.005, value_parser = finite)]
-    min_fraction: f64,
+    /// Half-width of soft bin edges in degrees; 0: hard edges [default: that of the settings, 2]
+    #[arg(long, value_parser = finite)]
+    edge: Option<f64>,
+    /// Minimum fraction of all particles that a bin of the track must have [default: that of the settings, 0.005]
+    #[arg(long, value_parser = finite)]
+    min_fraction: Option<f64>,
     /// Write the particles to this CSV file
     #[arg(long, value_name = "FILE")]
     particles_out: Option<PathBuf>,
     /// Replace the file if it exists
     #[arg(long)]
     force: bool,
+    /// Settings file of a fit (TOML), for model, bin edges and the range of q; flags override it
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     #[command(flatten)]
     model: ModelFlags,
 }
@@ -42,17 +45,36 @@ pub struct Args {
 /// Computes one stream.
 pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let params: StreamParams<f64> = read(&args.params)?;
-    let prior = StreamPrior::new(&PriorSettings::default())?;
+    let mut settings: FitSettings = match &args.config {
+        Some(path) => read(path)?,
+        None => FitSettings::default(),
+    };
+    args.model.apply_to_fit(&mut settings);
+    let prior = StreamPrior::new(&PriorSettings {
+        // Parameters that a fit fixes are given here.
+        fixed: StreamParams::default(),
+        ..settings.prior.clone()
+    })?;
     prior.check_inside(&params).map_err(|e| Error::InFile {
         path: args.params.clone(),
         line: None,
         source: Box::new(e),
     })?;
     in_range("--bin-width", args.bin_width, BIN_WIDTHS_DEG)?;
-    in_range("--edge", args.edge, 0.0..=0.5 * args.bin_width)?;
-    in_range("--min-fraction", args.min_fraction, 0.0..=1.0)?;
-    let mut settings = args.model.profile().unwrap_or(Profile::Fast).model();
-    args.model.apply(&mut settings);
+    let edge = args.edge.unwrap_or(match settings.likelihood.edges {
+        BinEdges::Hard => 0.0,
+        BinEdges::Soft { half_width_deg } => half_width_deg,
+    });
+    in_range("--edge", edge, 0.0..=0.5 * args.bin_width)?;
+    let edges = match edge {
+        0.0 => BinEdges::Hard,
+        half_width_deg => BinEdges::Soft { half_width_deg },
+    };
+    let min_fraction = args
+        .min_fraction
+        .unwrap_or(settings.likelihood.min_fraction);
+    in_range("--min-fraction", min_fraction, 0.0..=1.0)?;
+    let settings = settings.model;
     if let Some(file) = &args.particles_out {
         refuse_existing(file, args.force)?;
     }
@@ -66,14 +88,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     model
         .integrate_in_parallel(&solution, &mut particles)
         .map_err(Error::NoTrack)?;
-    let edges = if args.edge > 0.0 {
-        BinEdges::Soft {
-            half_width_deg: args.edge,
-        }
-    } else {
-        BinEdges::Hard
-    };
-    let min_n = args.min_fraction * particles.len() as f64;
+    let min_n = min_fraction * particles.len() as f64;
     let track = Track::new(&particles, args.bin_width, edges, min_n)?;
     let seconds = begin.elapsed().as_secs_f64();
     if let Some(file) = &args.particles_out {

@@ -71,6 +71,37 @@ fn stream_prints_its_machine_form() {
 }
 
 #[test]
+fn stream_takes_the_settings_of_a_fit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = "model.releases.particles = 512\nlikelihood = { edges = \"hard\", min_fraction = 0.02 }\nprior.fixed.age_gyr = 3.0\n";
+    let config = write(folder.path(), "fit.toml", text);
+    let params = example("stream.toml").display().to_string();
+    let printed = |more: &[&str]| {
+        let output = oblate(&[&["stream", &params], more].concat(), "");
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        String::from_utf8(output.stdout).expect("text")
+    };
+    let by_flags = |particles| {
+        let flags = [
+            "--particles",
+            particles,
+            "--edge",
+            "0",
+            "--min-fraction",
+            "0.02",
+        ];
+        printed(&flags)
+    };
+    assert_eq!(printed(&["--config", &config]), by_flags("512"));
+    // Flags override the file.
+    assert_eq!(
+        printed(&["--config", &config, "--particles", "1024"]),
+        by_flags("1024")
+    );
+    assert_ne!(printed(&[]), by_flags("2560"));
+}
+
+#[test]
 fn evaluate_answers_line_by_line_and_its_gradient_is_the_slope() {
     let track = example("tracks/s2_spherical.ecsv").display().to_string();
     let point = |log10_m: f64| {
