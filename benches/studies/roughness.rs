@@ -7,55 +7,22 @@
 //! The recorded table is in benches/RESULTS.md.
 
 mod draws;
+mod lines;
 
 use draws::{Draw, draws};
-use nalgebra::{DMatrix, DVector};
+use lines::roughness;
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget};
-use oblate::likelihood::{Coverage, LikelihoodSettings, StreamLikelihood};
-use oblate::params::{DIM, PriorSettings, StreamPrior};
+use oblate::likelihood::{Coverage, LikelihoodSettings};
+use oblate::params::{PriorSettings, StreamPrior};
 use oblate::spray::{SamplingScheme, TableSettings};
 use oblate::stream::ModelSettings;
 use oblate::track::BinEdges;
-use oblate_samplers::rng::{Domain, standard_normal, stream};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
 
 const LINES: u64 = 6;
-const POINTS: usize = 41;
-const REACH: f64 = 0.05;
-
-/// Rms of ln L about its best cubic on line number `line` through a draw; `None` if a point is rejected.
-fn roughness(
-    likelihood: &StreamLikelihood,
-    prior: &StreamPrior,
-    draw: &Draw,
-    line: u64,
-) -> Option<f64> {
-    let mut rng = stream(1, Domain::Prior, 0, line);
-    let direction: [f64; DIM] = std::array::from_fn(|_| standard_normal(&mut rng));
-    let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
-    let mut middle = [0.0; DIM];
-    prior.prior().z_from_theta(&draw.theta, &mut middle);
-    let places: Vec<f64> = (0..POINTS)
-        .map(|k| 2.0 * k as f64 / (POINTS - 1) as f64 - 1.0)
-        .collect();
-    let values: Option<Vec<f64>> = places
-        .iter()
-        .map(|place| {
-            let z: [f64; DIM] =
-                std::array::from_fn(|i| middle[i] + REACH * place * direction[i] / length);
-            let mut theta = [0.0; DIM];
-            prior.prior().theta_from_z(&z, &mut theta);
-            Some(likelihood.ln_likelihood(&theta).ok()?.ln_likelihood)
-        })
-        .collect();
-    let values = DVector::from_vec(values?);
-    let powers = DMatrix::from_fn(POINTS, 4, |k, power| places[k].powf(power as f64));
-    let cubic = powers.clone().svd(true, true).solve(&values, 1e-12).ok()?;
-    Some((&values - powers * cubic).norm() / (POINTS as f64).sqrt())
-}
 
 fn main() {
     let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
@@ -206,7 +173,7 @@ fn main() {
                 let target =
                     StreamTarget::from_track(track, &config).expect("a gala track is data");
                 let prior = &prior;
-                (0..LINES).map(move |line| roughness(target.likelihood(), prior, draw, line))
+                (0..LINES).map(move |line| roughness(target.likelihood(), prior, &draw.theta, line))
             })
             .collect();
         let mut rough: Vec<f64> = lines.iter().flatten().copied().collect();

@@ -53,7 +53,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let prior = StreamPrior::new(&PriorSettings {
         // Parameters that a fit fixes are given here.
         fixed: StreamParams::default(),
-        ..settings.prior.clone()
+        ..settings.prior
     })?;
     prior.check_inside(&params).map_err(|e| Error::InFile {
         path: args.params.clone(),

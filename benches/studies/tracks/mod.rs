@@ -6,6 +6,7 @@ use oblate::stream::{Model, Particles, StepSchedules, System};
 use oblate::track::{BinEdges, Track};
 
 /// Systems of prior draws that meet the paper's criteria.
+#[allow(dead_code, reason = "the study of accuracy needs the mocks themselves")]
 pub fn systems(count: usize) -> Vec<System<f64>> {
     let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
     let drawn = mocks(&prior, &MockSettings::default(), count, 1).expect("mocks");
@@ -14,7 +15,7 @@ pub fn systems(count: usize) -> Vec<System<f64>> {
 }
 
 /// The track of a system: bins with at least one per cent of the particles.
-#[allow(dead_code, reason = "the study of steps bins particles itself")]
+#[allow(dead_code, reason = "some studies bin particles themselves")]
 pub fn track(model: &Model, system: &System<f64>) -> Option<Track> {
     Some(binned(&particles(model, system)?, BinEdges::default()))
 }

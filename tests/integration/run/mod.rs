@@ -13,7 +13,7 @@ use crate::folders::tree;
 use crate::runs;
 use oblate::Error;
 use oblate::data::ObservedTrack;
-use oblate::posterior::{Summary, SummaryContext, zarr};
+use oblate::posterior::{SUMMARY_FORMAT, Summary, SummaryContext, zarr};
 use oblate::run::{Beginning, LockedFolder, RunFolder, Versions};
 use oblate_samplers::Run;
 use std::path::{Path, PathBuf};
@@ -141,7 +141,8 @@ fn a_damaged_summary_is_refused_with_its_line() {
     };
     let words = damaged("\"converged\"", "converged");
     assert!(words.contains("summary.json, line 3"), "{words}");
-    let words = damaged("\"format\": 2", "\"format\": 1");
+    let format = format!("\"format\": {SUMMARY_FORMAT}");
+    let words = damaged(&format, "\"format\": 1");
     assert!(words.contains("a summary of version 1"), "{words}");
 }
 
@@ -188,7 +189,8 @@ fn a_summary_of_another_version_is_refused_by_its_number() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = finished(&temporary.path().join("fit"));
     let text = std::fs::read_to_string(folder.summary()).unwrap();
-    let other = text.replacen("\"format\": 2", "\"format\": 99", 1);
+    let format = format!("\"format\": {SUMMARY_FORMAT}");
+    let other = text.replacen(&format, "\"format\": 99", 1);
     assert_ne!(text, other);
     std::fs::write(folder.summary(), other).unwrap();
     let words = folder.read().unwrap_err().to_string();
