@@ -1,12 +1,16 @@
 //! The coarse model that a fit starts with.
 //!
-//! A likelihood of few particles costs little, but it is rough, and rough likelihoods are slow to explore. Bin edges as wide as the
-//! bins allow and a smaller penalty for uncovered bins make it smoother (`cargo bench --bench roughness`). The SMC bridge then
+//! A likelihood of few particles and long steps costs little, but it is rough, and rough likelihoods are slow to explore. Bin edges as wide
+//! as the bins allow and a smaller penalty for uncovered bins make it smoother (`cargo bench --bench roughness`). The SMC bridge then
 //! corrects its posterior to that of the model itself.
 
 use super::settings::FitSettings;
 use crate::likelihood::Coverage;
 use crate::track::BinEdges;
+
+/// Phase of a coarse model's steps, radians: they change ln L by less than its few particles do, at three fifths of the price
+/// (docs/validation.md, section 4).
+const STEP_PHASE: f64 = 1.6;
 
 /// Maximum residual of an uncovered bin in the coarse model, in standard deviations: with few particles, bins are often uncovered by
 /// chance.
@@ -29,6 +33,7 @@ impl FitSettings {
             // 0: the number of release times follows from the number of particles.
             releases.release_times = 0;
             releases.particles = self.coarse_particles;
+            coarse.model.step_phase = coarse.model.step_phase.max(STEP_PHASE);
             coarse.likelihood.edges = BinEdges::Soft {
                 half_width_deg: 0.5 * bin_width_deg,
             };
