@@ -14,6 +14,10 @@ use std::result::Result as StdResult;
 /// Largest size of a settings file.
 const MAX_BYTES: u64 = 1 << 20;
 
+/// Largest number of opening brackets and braces in a settings file, ten times what all settings need. The parser limits the depth of
+/// valid lists and tables, but not that of all invalid ones, and its stack would overflow.
+const MAX_BRACKETS: usize = 512;
+
 /// Settings of a population: with the posteriors of q of its streams, they determine its result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -167,12 +171,21 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
 /// # Errors
 /// [`Error::Syntax`] as of [`read`].
 pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T> {
+    let line_at = |place: usize| text[..place].matches('\n').count() + 1;
+    if let Some((place, _)) = text.match_indices(['[', '{']).nth(MAX_BRACKETS) {
+        return Err(Error::Syntax {
+            path: path.to_path_buf(),
+            line: Some(line_at(place)),
+            message: format!("more than {MAX_BRACKETS} lists and tables"),
+            remedy: "give each setting once",
+        });
+    }
     toml::from_str(text).map_err(|e| Error::Syntax {
         path: path.to_path_buf(),
         line: e.span().map(|span| {
             let start = span.start.min(text.len());
             let own = unknown_key(e.message(), &text[start..]).unwrap_or(0);
-            text[..start + own].matches('\n').count() + 1
+            line_at(start + own)
         }),
         message: e.message().trim().replace('\n', " "),
         remedy: "give the known keys, with values of their types",

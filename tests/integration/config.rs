@@ -15,14 +15,20 @@ fn refusal(text: &str) -> String {
 fn settings_that_are_too_long_or_nested_too_deeply_are_refused() {
     let long = format!("seed = 1 #{}", "x".repeat(1 << 20));
     assert!(refusal(&long).contains("longer than 1 MiB"));
-    for deep in [
-        format!("seed = {}", "[".repeat(20_000)),
-        format!("a{} = 1", ".a".repeat(20_000)),
-        format!("[a{}]", ".a".repeat(20_000)),
-        format!("seed = {}", "{ a = ".repeat(20_000)),
+    for (deep, why) in [
+        (format!("seed = {}", "[".repeat(20_000)), "more than 512"),
+        (format!("seed = {}", "[".repeat(500)), "recurs"),
+        (format!("a{} = 1", ".a".repeat(20_000)), "recurs"),
+        (format!("[a{}]", ".a".repeat(20_000)), "recurs"),
+        (format!("seed = {}", "{ a = ".repeat(500)), "recurs"),
+        // The parser's own limit does not hold for tables without an equals sign.
+        (
+            "x = { a\ny = { b = 1 }\n".repeat(4_000),
+            "line 513: more than 512",
+        ),
     ] {
         let words = refusal(&deep);
-        assert!(words.contains("recurs"), "{words}");
+        assert!(words.contains(why), "{words}");
     }
 }
 
