@@ -9,13 +9,14 @@ use oblate::Error;
 use oblate::run::{LockedFolder, RunFolder};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Output;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A tempered fit of few scans, which ends unconverged; with more extensions it is continued.
-fn fit(track: &Path, config: &Path, out: &Path, extensions: &str) {
+/// What the command does for a tempered fit of few scans.
+fn tempered(track: &Path, config: &Path, out: &Path, extensions: &str) -> Output {
     let words = [track, config, out].map(|path| path.display().to_string());
     let [track, config, out] = &words;
-    let output = oblate(
+    oblate(
         &[
             "fit",
             track,
@@ -33,7 +34,12 @@ fn fit(track: &Path, config: &Path, out: &Path, extensions: &str) {
             "-q",
         ],
         "",
-    );
+    )
+}
+
+/// A tempered fit of few scans, which ends unconverged; with more extensions it is continued.
+fn fit(track: &Path, config: &Path, out: &Path, extensions: &str) {
+    let output = tempered(track, config, out, extensions);
     let say = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{say}");
     assert!(!say.contains("error"), "{say}");
@@ -212,27 +218,7 @@ fn a_foreign_file_among_the_draws_is_not_lost_when_they_are_replaced() {
     let mine = out.join("posterior.zarr/mine.txt");
     fs::write(&mine, "mine").unwrap();
     let before = tree(&out);
-    let words = [&track, &config, &out].map(|path| path.display().to_string());
-    let [track, config, out_words] = &words;
-    let output = oblate(
-        &[
-            "fit",
-            track,
-            "--config",
-            config,
-            "--sampler",
-            "pt-hmc",
-            "--coarse-particles",
-            "0",
-            "--extensions",
-            "1",
-            "--out",
-            out_words,
-            "--resume",
-            "-q",
-        ],
-        "",
-    );
+    let output = tempered(&track, &config, &out, "1");
     crate::cli::refused(&output, &["posterior.zarr/mine.txt"]);
     assert_eq!(tree(&out), before);
 }
