@@ -281,8 +281,20 @@ fn entries(folder: &Path) -> io::Result<Vec<(PathBuf, Kind)>> {
         .collect()
 }
 
-/// Whether a folder is on another file system than the one that it is in.
+/// Whether a folder is a mount point: by the attribute of the kernel where it has one (Linux 5.8), else by the file system, which is another one than
+/// that of the folder above.
 pub(super) fn is_mount_point(folder: &Path) -> io::Result<bool> {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::fs::{AtFlags, CWD, StatxAttributes, StatxFlags, statx};
+        if let Ok(found) = statx(CWD, folder, AtFlags::SYMLINK_NOFOLLOW, StatxFlags::empty())
+            && found
+                .stx_attributes_mask
+                .contains(StatxAttributes::MOUNT_ROOT)
+        {
+            return Ok(found.stx_attributes.contains(StatxAttributes::MOUNT_ROOT));
+        }
+    }
     #[cfg(unix)]
     {
         use std::os::unix::fs::MetadataExt;

@@ -267,6 +267,45 @@ fn the_working_and_the_home_directory_are_never_cleared() {
     assert_eq!(tree(&path), before);
 }
 
+/// The command in a mount namespace of its own, in which the folder `from` is also seen at `at`; none where that is not permitted.
+#[cfg(target_os = "linux")]
+fn mounted(from: &Path, at: &Path, arguments: &[String]) -> Option<std::process::Output> {
+    let run = |script: &str| {
+        let mut command = std::process::Command::new("unshare");
+        command.args(["-r", "-m", "sh", "-c", script, "sh"]);
+        command.arg(from).arg(at).arg(env!("CARGO_BIN_EXE_oblate"));
+        command.args(arguments).output()
+    };
+    let mount = "mount --bind \"$1\" \"$2\"";
+    if !run(mount).is_ok_and(|output| output.status.success()) {
+        eprintln!("nothing is mounted: `unshare` is missing or not permitted here");
+        return None;
+    }
+    Some(run(&format!("{mount} && shift 2 && exec \"$@\"")).unwrap())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_is_mounted_is_never_cleared() {
+    let temporary = tempfile::tempdir().unwrap();
+    let (path, other) = (temporary.path().join("fit"), temporary.path().join("other"));
+    finished(&path);
+    // A run that is seen at another place of the same file system.
+    finished(&other);
+    let before = (tree(&path), tree(&other));
+    if let Some(output) = mounted(&other, &path, &fit(&path)) {
+        refused(&output, &["a mount point"]);
+    }
+    assert_eq!((tree(&path), tree(&other)), before);
+    // A part of a run.
+    fs::create_dir(path.join("coarse")).unwrap();
+    let before = (tree(&path), tree(&other));
+    if let Some(output) = mounted(&other, &path.join("coarse"), &fit(&path)) {
+        refused(&output, &["coarse"]);
+    }
+    assert_eq!((tree(&path), tree(&other)), before);
+}
+
 #[test]
 fn the_command_names_the_foreign_files_and_keeps_them() {
     let temporary = tempfile::tempdir().unwrap();
