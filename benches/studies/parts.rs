@@ -1,6 +1,6 @@
 //! Where does the time of one ln L go?
 //!
-//! `cargo bench --bench parts` prints a table: for each profile, on one thread, the time of the progenitor's orbit, of the releases
+//! `cargo bench --bench parts` prints a table: for each model of a fit, on one thread, the time of the progenitor's orbit, of the releases
 //! along it, of the particles in lanes, and of the rest (bins and likelihood), at a draw of the posterior of a gala track. The parts
 //! take turns, each is the median of 101. Releases are what the progenitor solution takes beyond the orbit, bins and ln L what
 //! the whole takes beyond the progenitor solution and the particles.
@@ -37,14 +37,16 @@ fn main() {
     let file = folder.join("examples/tracks/s0_oblate_tilted.ecsv");
     let track = ObservedTrack::read(&file).expect("a gala track");
     println!(
-        "| profile | orbit, ms | particles | releases | bins and ln L | all | beside orbit and particles |\n|---|---|---|---|---|---|---|"
+        "| model | orbit, ms | particles | releases | bins and ln L | all | beside orbit and particles |\n|---|---|---|---|---|---|---|"
     );
-    for (name, profile) in [("fast", Profile::Fast), ("paper", Profile::Paper)] {
-        let config = FitSettings {
-            model: profile.model(),
-            likelihood: profile.likelihood(),
-            ..FitSettings::default()
-        };
+    let fast = FitSettings::default();
+    let coarse = fast.coarse(track.bin_width_deg).expect("a coarse model");
+    let paper = FitSettings {
+        model: Profile::Paper.model(),
+        likelihood: Profile::Paper.likelihood(),
+        ..FitSettings::default()
+    };
+    for (name, config) in [("fast", fast), ("coarse", coarse), ("paper", paper)] {
         let target = StreamTarget::from_track(&track, &config).expect("a gala track is data");
         let likelihood = target.likelihood();
         let (model, system) = (
