@@ -1,7 +1,7 @@
 //! A fit in memory, and the common plan of fits in memory and fits into a run folder.
 
 use super::best_fit::diagnose;
-use super::model_error::{model_error, other_particles};
+use super::model_error::{ModelError, model_error, other_particles};
 use super::prior_predictive::check_prior_predictive;
 use super::sample::{bridge, sample};
 use super::settings::FitSettings;
@@ -129,7 +129,7 @@ pub fn bridge_from(
 }
 
 /// The summary of a run on a track, with [`diagnose`]'s numbers and warnings, and the checks of the model's own error at the posterior
-/// (docs/physics.md, section 11), for which some hundred draws are evaluated again.
+/// (docs/samplers.md, section 4), for which some hundred draws are evaluated again, unless the run was interrupted.
 #[must_use]
 pub fn summarize(
     target: &StreamTarget,
@@ -139,7 +139,11 @@ pub fn summarize(
     input_hash: &str,
 ) -> Summary {
     let mut found = diagnose(target, track, run);
-    let error = model_error(target, run);
+    // An interrupted run ends at once.
+    let error = match run.status {
+        Status::Interrupted => ModelError::default(),
+        Status::Complete | Status::BudgetSpent => model_error(target, run),
+    };
     found.numbers.extend(error.numbers);
     found.warnings.extend(error.warnings);
     let context = SummaryContext {

@@ -1,14 +1,16 @@
 //! The target of the samplers, draws of its prior, the fit in memory, and the settings of the coarse fit.
 
 use oblate::data::ObservedTrack;
-use oblate::inference::{Fit, FitSettings, Profile, StreamTarget, prior_draws};
+use oblate::inference::{Fit, FitSettings, Profile, StreamTarget, fit_with, prior_draws};
 use oblate::likelihood::Coverage;
 use oblate::run::{Destination, IfExists, Monitor};
 use oblate::stream::Model;
 use oblate::track::BinEdges;
 use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::ln_sum_exp;
-use oblate_samplers::{Control, Marginal, Outcome, Prior, Target, nested};
+use oblate_samplers::output::Status;
+use oblate_samplers::{Control, Event, Marginal, Observer, Outcome, Prior, Target, nested};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -208,8 +210,8 @@ fn few_particles_and_a_likelihood_with_zeros_have_no_coarse_model() {
     assert_eq!(paper.coarse(8.0), None);
 }
 
-/// A short fit of the spherical track, with changed settings of the model.
-fn short_fit(model: &str) -> (StreamTarget, Fit) {
+/// The spherical track, and settings of a short fit of it with changed settings of the model.
+fn short(model: &str) -> (ObservedTrack, FitSettings) {
     let mut settings: FitSettings = toml::from_str(&format!(
         r#"
         coarse_particles = 0
@@ -222,9 +224,36 @@ fn short_fit(model: &str) -> (StreamTarget, Fit) {
     settings.sampling.nested.kernel = nested::Kernel::Differential;
     settings.sampling.nested.steps = Some(4);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
-    let track = ObservedTrack::read(&path).unwrap();
+    (ObservedTrack::read(&path).unwrap(), settings)
+}
+
+/// Such a fit.
+fn short_fit(model: &str) -> (StreamTarget, Fit) {
+    let (track, settings) = short(model);
     let target = StreamTarget::from_track(&track, &settings).unwrap();
     (target, oblate::fit(&track, &settings).unwrap())
+}
+
+/// Interrupts a run at its tenth event.
+struct Tenth(u32);
+
+impl Observer for Tenth {
+    fn event(&mut self, _: &Event) -> ControlFlow<()> {
+        self.0 += 1;
+        if self.0 < 10 {
+            ControlFlow::Continue(())
+        } else {
+            ControlFlow::Break(())
+        }
+    }
+}
+
+#[test]
+fn an_interrupted_fit_ends_without_evaluating_its_model_again() {
+    let (track, settings) = short("{ releases = { particles = 64 } }");
+    let fit = fit_with(&track, &settings, &mut Control::new(&mut Tenth(0))).unwrap();
+    assert_eq!(fit.run.status, Status::Interrupted);
+    assert!(fit.run.draws.len() > 0 && fit.summary.model_checks.is_empty());
 }
 
 fn passes(fit: &Fit, name: &str) -> bool {
