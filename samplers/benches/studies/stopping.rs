@@ -10,7 +10,7 @@ use oblate_samplers::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess};
 use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
 use rayon::prelude::*;
 
-const RUNS: u64 = 200;
+const RUNS: u64 = 120;
 const CHAIN_SETS: usize = 4;
 const UNIT: usize = 4_096;
 const UNITS: usize = 16;
@@ -74,6 +74,23 @@ fn sliding(c: &[States]) -> Option<(std::ops::Range<usize>, usize)> {
         .map(|n| (n / 2..n, n))
 }
 
+/// The same; a pass is confirmed by as many new units, which must pass too.
+fn sliding_confirmed(c: &[States]) -> Option<(std::ops::Range<usize>, usize)> {
+    let mut n = 1;
+    while n <= UNITS {
+        let new = n..2 * n - n / 2;
+        if passes(c, n / 2..n) {
+            if new.end <= UNITS && passes(c, new.clone()) {
+                return Some((n / 2..new.end, new.end));
+            }
+            n = new.end;
+        } else {
+            n += 1;
+        }
+    }
+    None
+}
+
 /// Looks at 1, 2, 4, 8 and 16 units, each at those since the last one.
 fn doubling(c: &[States]) -> Option<(std::ops::Range<usize>, usize)> {
     [1, 2, 4, 8, 16]
@@ -94,8 +111,9 @@ fn main() {
     println!(
         "| stay | rule | pass | of these wrong | mean weight | mean units |\n|---|---|---|---|---|---|"
     );
-    let rules: [(&str, Rule); 3] = [
+    let rules: [(&str, Rule); 4] = [
         ("sliding", sliding),
+        ("sliding, confirmed", sliding_confirmed),
         ("doubling", doubling),
         ("doubling, confirmed", confirmed),
     ];
