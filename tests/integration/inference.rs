@@ -253,7 +253,7 @@ fn an_interrupted_fit_ends_without_evaluating_its_model_again() {
     let (track, settings) = short("{ releases = { particles = 64 } }");
     let fit = fit_with(&track, &settings, &mut Control::new(&mut Tenth(0))).unwrap();
     assert_eq!(fit.run.status, Status::Interrupted);
-    assert!(fit.run.draws.len() > 0 && fit.summary.model_checks.is_empty());
+    assert!(!fit.run.draws.is_empty() && fit.summary.model_checks.is_empty());
 }
 
 fn passes(fit: &Fit, name: &str) -> bool {
