@@ -20,11 +20,11 @@ use oblate::data::{Mock, MockSettings, mocks};
 use oblate::inference::{FitSettings, Profile, StreamTarget};
 use oblate::params::{PriorSettings, StreamPrior};
 use oblate::spray::{SamplingScheme, TableSettings};
-use oblate::stream::{Model, ModelSettings, StepRule, System};
+use oblate::stream::{Model, ModelSettings, System};
 use oblate::track::{BinEdges, Track};
 use rayon::prelude::*;
 use std::time::Instant;
-use tracks::{binned, distance, particles};
+use tracks::{binned, distance, median_and_95, particles};
 
 const MOCKS: usize = 160;
 const SEEDS: u64 = 4;
@@ -40,13 +40,16 @@ struct Galaxy {
 
 const CLASSES: [&str; 3] = ["plain", "edge-on", "unresolved"];
 
-/// Settings with more halvings than any galaxy needs.
+/// More halvings than any galaxy needs.
+const MAX_HALVINGS: u8 = 14;
+
+/// Settings with converged steps.
 fn converged(releases: TableSettings) -> ModelSettings {
     let default = ModelSettings::default();
     ModelSettings {
         releases,
         step_phase: 0.5 * default.step_phase,
-        max_halvings: 14,
+        max_halvings: MAX_HALVINGS,
         ..default
     }
 }
@@ -86,18 +89,6 @@ fn galaxies(prior: &StreamPrior) -> Vec<Galaxy> {
         .collect()
 }
 
-/// The values at the middle and at 95 per cent; nothing for no values.
-fn median_and_95(mut values: Vec<f64>) -> [String; 2] {
-    values.sort_by(f64::total_cmp);
-    let at = |percent: usize| {
-        let place = values.len().saturating_sub(1) * percent / 100;
-        values
-            .get(place)
-            .map_or(String::new(), |x| format!("{x:.2}"))
-    };
-    [at(50), at(95)]
-}
-
 fn main() {
     let prior = StreamPrior::new(&PriorSettings::default()).expect("a prior");
     let galaxies = galaxies(&prior);
@@ -128,10 +119,7 @@ fn main() {
                 .map(|seed| ModelSettings {
                     releases: releases(seed),
                     // What the galaxy would have if it were not rejected.
-                    max_halvings: match settings.model.step_rule {
-                        StepRule::Adaptive => 14,
-                        StepRule::Uniform => settings.model.max_halvings,
-                    },
+                    max_halvings: MAX_HALVINGS,
                     ..settings.model
                 })
                 .map(|settings| Model::new(&settings).expect("a model"))
@@ -165,7 +153,7 @@ fn main() {
                 })
                 .collect();
             let rejected = lines.iter().filter(|line| line.is_none()).count();
-            let mut ms: Vec<f64> = pairs
+            let ms: Vec<f64> = pairs
                 .iter()
                 .map(|(target, theta)| {
                     let time = (0..3).map(|_| {
@@ -177,13 +165,12 @@ fn main() {
                 })
                 .collect();
             let mean = ms.iter().sum::<f64>() / ms.len().max(1) as f64;
-            ms.sort_by(f64::total_cmp);
-            let [error, error_95] = median_and_95(errors);
+            let (error, error_95) = median_and_95(errors);
             let fraction = rejected as f64 / lines.len().max(1) as f64;
-            let [rough, rough_95] = median_and_95(lines.into_iter().flatten().collect());
-            let [ms, _] = median_and_95(ms);
+            let (rough, rough_95) = median_and_95(lines.into_iter().flatten().collect());
+            let (ms, _) = median_and_95(ms);
             println!(
-                "| {class} | {} | `{name}` | {error} | {error_95} | {rough} | {rough_95} | {fraction:.2} | {ms} | {mean:.2} |",
+                "| {class} | {} | `{name}` | {error:.2} | {error_95:.2} | {rough:.2} | {rough_95:.2} | {fraction:.2} | {ms:.2} | {mean:.2} |",
                 these.len()
             );
         }

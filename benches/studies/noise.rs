@@ -20,7 +20,7 @@ use oblate::stream::{Model, ModelSettings, Particles, StepRule, System};
 use oblate::track::{BinEdges, Track, TrackBin};
 use rayon::prelude::*;
 use std::time::Instant;
-use tracks::{binned, distance, particles, systems, track};
+use tracks::{binned, distance, median_and_95, particles, systems, track};
 
 const MOCKS: usize = 60;
 const SEEDS: u64 = 4;
@@ -96,13 +96,6 @@ fn models(settings: &ModelSettings, seeds: u64) -> Vec<Model> {
         .expect("a model")
     };
     (1..=seeds).map(one).collect()
-}
-
-/// The values at the middle and at 95 per cent.
-fn median_and_95(mut values: Vec<f64>) -> (f64, f64) {
-    values.sort_by(f64::total_cmp);
-    let last = values.len() - 1;
-    (values[last / 2], values[last * 95 / 100])
 }
 
 fn main() {

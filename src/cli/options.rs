@@ -121,6 +121,16 @@ enum SchemeName {
 }
 
 impl ModelFlags {
+    /// Settings of a fit: the file's or the defaults, with these flags applied.
+    pub fn settings(&self, config: Option<&Path>) -> Result<FitSettings> {
+        let mut settings = match config {
+            Some(path) => read(path)?,
+            None => FitSettings::default(),
+        };
+        self.apply_to_fit(&mut settings);
+        Ok(settings)
+    }
+
     /// Applies the profile, then the other flags, to a fit's settings.
     pub fn apply_to_fit(&self, settings: &mut FitSettings) {
         if let Some(profile) = self.profile() {
@@ -177,11 +187,7 @@ pub struct FitFlags {
 impl FitFlags {
     /// The settings: the file's or the defaults, then the profile, then the flags.
     pub fn settings(&self) -> Result<FitSettings> {
-        let mut settings: FitSettings = match &self.config {
-            Some(path) => read(path)?,
-            None => FitSettings::default(),
-        };
-        self.model.apply_to_fit(&mut settings);
+        let mut settings = self.model.settings(self.config.as_deref())?;
         settings.seed = self.seed.unwrap_or(settings.seed);
         Ok(settings)
     }

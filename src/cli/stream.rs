@@ -5,7 +5,6 @@ use super::options::{Common, ModelFlags, finite, refuse_existing, write_file};
 use super::output::Output;
 use crate::config::read;
 use crate::error::{Error, Result};
-use crate::inference::FitSettings;
 use crate::params::{PriorSettings, StreamParams, StreamPrior};
 use crate::stream::{Model, Particles, System};
 use crate::track::{BIN_WIDTHS_DEG, BinEdges, Track};
@@ -45,11 +44,7 @@ pub struct Args {
 /// Computes one stream.
 pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let params: StreamParams<f64> = read(&args.params)?;
-    let mut settings: FitSettings = match &args.config {
-        Some(path) => read(path)?,
-        None => FitSettings::default(),
-    };
-    args.model.apply_to_fit(&mut settings);
+    let settings = args.model.settings(args.config.as_deref())?;
     let prior = StreamPrior::new(&PriorSettings {
         // Parameters that a fit fixes are given here.
         fixed: StreamParams::default(),

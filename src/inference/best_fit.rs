@@ -63,7 +63,7 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
 }
 
 impl Diagnostics {
-    fn insert(&mut self, name: &str, value: f64) {
+    pub(super) fn insert(&mut self, name: &str, value: f64) {
         self.numbers.insert(name.to_owned(), value);
     }
 }

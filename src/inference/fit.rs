@@ -1,7 +1,7 @@
 //! A fit in memory, and the common plan of fits in memory and fits into a run folder.
 
 use super::best_fit::diagnose;
-use super::model_error::{ModelError, model_error, other_particles};
+use super::model_error::{model_error, other_particles};
 use super::prior_predictive::check_prior_predictive;
 use super::sample::{bridge, sample};
 use super::settings::FitSettings;
@@ -140,17 +140,15 @@ pub fn summarize(
 ) -> Summary {
     let mut found = diagnose(target, track, run);
     // An interrupted run ends at once.
-    let error = match run.status {
-        Status::Interrupted => ModelError::default(),
-        Status::Complete | Status::BudgetSpent => model_error(target, run),
+    let model_checks = match run.status {
+        Status::Interrupted => Vec::new(),
+        Status::Complete | Status::BudgetSpent => model_error(target, run, &mut found),
     };
-    found.numbers.extend(error.numbers);
-    found.warnings.extend(error.warnings);
     let context = SummaryContext {
         command: command.to_owned(),
         q_prior: Some(target.stream_prior().q_prior()),
         warnings: found.warnings,
-        model_checks: error.checks,
+        model_checks,
         diagnostics: found.numbers,
         input_hash: input_hash.to_owned(),
     };

@@ -1,5 +1,6 @@
 //! The error of the model at the posterior: how far ln L, and with it q, moves with shorter steps and with other, more particles.
 
+use super::best_fit::Diagnostics;
 use super::target::StreamTarget;
 use crate::likelihood::StreamLikelihood;
 use crate::spray::TableSettings;
@@ -7,7 +8,6 @@ use crate::stream::{Model, ModelSettings};
 use oblate_samplers::Run;
 use oblate_samplers::diagnostics::weighted_quantile;
 use oblate_samplers::output::Check;
-use std::collections::BTreeMap;
 
 /// Number of posterior draws of equal weight that are evaluated again.
 const DRAWS: usize = 256;
@@ -28,51 +28,44 @@ const PARTICLES_LIMIT: f64 = 3.0;
 /// Largest move of an end of q's 68 % interval, in its half-width.
 const Q_LIMIT: f64 = 0.5;
 
-/// The checks of a model, and the numbers behind them.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct ModelError {
-    pub checks: Vec<Check>,
-    pub numbers: BTreeMap<String, f64>,
-    pub warnings: Vec<String>,
-}
-
-/// Evaluates draws of the posterior again with half the steps, and with other particles.
+/// Evaluates draws of the posterior again: with steps of half the length, and with other, more particles.
 ///
 /// The difference Δ of ln L gives the posterior of the finer model by weights exp(Δ). To first order the mean of q moves by Cov(q, Δ)
 /// and its variance by Cov((q - mean)², Δ), which needs far fewer draws than the weights themselves, and is exact for a normal posterior whose
 /// ln L changes by a linear function of q.
-pub(super) fn model_error(target: &StreamTarget, run: &Run) -> ModelError {
-    let mut found = ModelError::default();
+///
+/// Returns the checks; the numbers behind them are added to `found`.
+pub(super) fn model_error(target: &StreamTarget, run: &Run, found: &mut Diagnostics) -> Vec<Check> {
     let draws = Sample::new(target, run);
     if draws.points.is_empty() {
-        return found;
+        return Vec::new();
     }
     let likelihood = target.likelihood();
     let shorter = likelihood.model().with_twice_the_steps();
     let difference = draws.difference(&likelihood.with_model(shorter));
-    found.state(
+    let mut checks = difference.checks(
         "steps",
-        &difference,
         STEPS_LIMIT,
         "steps of half the length",
         "decrease `model.step_phase`, or with equal steps increase `model.steps`",
+        found,
     );
     let settings = likelihood.model().settings();
     let other = other_particles(settings);
     let factor = other.releases.particles / settings.releases.particles;
     match Model::new(&other) {
-        Ok(model) => found.state(
+        Ok(model) => checks.extend(draws.difference(&likelihood.with_model(model)).checks(
             "particles",
-            &draws.difference(&likelihood.with_model(model)),
             PARTICLES_LIMIT,
             &format!("{factor} times as many, other particles"),
             "increase `model.releases.particles`",
-        ),
+            found,
+        )),
         Err(error) => found.warnings.push(format!(
             "the error of the model by its particles is not known: {error}"
         )),
     }
-    found
+    checks
 }
 
 /// Settings of a model with other particles: four times as many where the sampling scheme and the memory of [`THREADS`] values at once allow
@@ -188,33 +181,48 @@ impl Sample {
     }
 }
 
-impl ModelError {
-    fn state(&mut self, name: &str, d: &Difference, limit: f64, change: &str, remedy: &str) {
+impl Difference {
+    /// Its checks; the numbers are added to `found`.
+    fn checks(
+        &self,
+        name: &str,
+        limit: f64,
+        change: &str,
+        remedy: &str,
+        found: &mut Diagnostics,
+    ) -> Vec<Check> {
         let numbers = [
-            ("ln_likelihood_shift", d.shift),
-            ("ln_likelihood_spread", d.spread),
-            ("q_shift", d.q_shift),
-            ("q_shift_error", d.q_shift_error),
-            ("q_width_change", d.q_width),
-            ("rejected", d.rejected),
+            ("ln_likelihood_shift", self.shift),
+            ("ln_likelihood_spread", self.spread),
+            ("q_shift", self.q_shift),
+            ("q_shift_error", self.q_shift_error),
+            ("q_width_change", self.q_width),
+            ("rejected", self.rejected),
         ];
         // Where most draws are rejected, or the shape is fixed, some numbers do not exist.
         for (number, value) in numbers.into_iter().filter(|(_, value)| value.is_finite()) {
-            self.numbers.insert(format!("{name}_{number}"), value);
+            found.insert(&format!("{name}_{number}"), value);
         }
-        self.checks.push(Check::at_most(
+        let mut checks = vec![Check::at_most(
             &format!("{name}-ln-likelihood"),
-            if d.spread.is_finite() { d.spread } else { f64::INFINITY },
+            if self.spread.is_finite() {
+                self.spread
+            } else {
+                f64::INFINITY
+            },
             limit,
-            format!("half of the central 68 % range of the change of ln L by {change}, over the posterior: {remedy}"),
-        ));
-        if d.q_shift.is_finite() {
-            self.checks.push(Check::at_most(
+            format!(
+                "half of the central 68 % range of the change of ln L by {change}, over the posterior: {remedy}"
+            ),
+        )];
+        if self.q_shift.is_finite() {
+            checks.push(Check::at_most(
                 &format!("{name}-q"),
-                d.q_shift.abs() + d.q_width.abs(),
+                self.q_shift.abs() + self.q_width.abs(),
                 Q_LIMIT,
                 format!("how far an end of q's 68 % interval moves by {change}, in its half-width: {remedy}"),
             ));
         }
+        checks
     }
 }

@@ -47,3 +47,12 @@ pub fn distance(track: &Track, reference: &Track) -> f64 {
         .collect();
     100.0 * (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
+
+/// The values at the middle and at 95 per cent; NaN for no values.
+#[allow(dead_code, reason = "the study of steps prints other quantiles")]
+pub fn median_and_95(mut values: Vec<f64>) -> (f64, f64) {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1);
+    let at = |place: usize| values.get(place).copied().unwrap_or(f64::NAN);
+    (at(last / 2), at(last * 95 / 100))
+}

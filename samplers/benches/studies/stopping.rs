@@ -9,6 +9,7 @@
 use oblate_samplers::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess};
 use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
 use rayon::prelude::*;
+use std::ops::Range;
 
 const RUNS: u64 = 120;
 const CHAIN_SETS: usize = 4;
@@ -46,7 +47,7 @@ fn states(rng: &mut RandomStream, stay: f64) -> States {
 }
 
 /// Whether the draws of some units pass the checks.
-fn passes(chain_sets: &[States], units: std::ops::Range<usize>) -> bool {
+fn passes(chain_sets: &[States], units: Range<usize>) -> bool {
     let range = units.start * UNIT..units.end * UNIT;
     let chains: Vec<&[f64]> = chain_sets.iter().map(|c| &c.x[range.clone()]).collect();
     let squares: Vec<Vec<f64>> = chains
@@ -64,24 +65,22 @@ fn passes(chain_sets: &[States], units: std::ops::Range<usize>) -> bool {
         && mode_agreement(&labels, &chains) >= 0.01
 }
 
-/// A rule: the units of the result of a run that ends, and the number of units that it took; none if it never passes.
-type Rule = fn(&[States]) -> Option<(std::ops::Range<usize>, usize)>;
+/// A rule: the units of the result of a run, which ends with the last of them; none if it never passes.
+type Rule = fn(&[States]) -> Option<Range<usize>>;
 
 /// A look after every unit, at the later half of them.
-fn sliding(c: &[States]) -> Option<(std::ops::Range<usize>, usize)> {
-    (1..=UNITS)
-        .find(|n| passes(c, n / 2..*n))
-        .map(|n| (n / 2..n, n))
+fn sliding(c: &[States]) -> Option<Range<usize>> {
+    (1..=UNITS).find(|n| passes(c, n / 2..*n)).map(|n| n / 2..n)
 }
 
 /// The same; a pass is confirmed by as many new units, which must pass too.
-fn sliding_confirmed(c: &[States]) -> Option<(std::ops::Range<usize>, usize)> {
+fn sliding_confirmed(c: &[States]) -> Option<Range<usize>> {
     let mut n = 1;
     while n <= UNITS {
         let new = n..2 * n - n / 2;
         if passes(c, n / 2..n) {
             if new.end <= UNITS && passes(c, new.clone()) {
-                return Some((n / 2..new.end, new.end));
+                return Some(n / 2..new.end);
             }
             n = new.end;
         } else {
@@ -92,19 +91,19 @@ fn sliding_confirmed(c: &[States]) -> Option<(std::ops::Range<usize>, usize)> {
 }
 
 /// Looks at 1, 2, 4, 8 and 16 units, each at those since the last one.
-fn doubling(c: &[States]) -> Option<(std::ops::Range<usize>, usize)> {
+fn doubling(c: &[States]) -> Option<Range<usize>> {
     [1, 2, 4, 8, 16]
         .into_iter()
         .find(|n| passes(c, n / 2..*n))
-        .map(|n| (n / 2..n, n))
+        .map(|n| n / 2..n)
 }
 
 /// The same, with two looks in succession that pass.
-fn confirmed(c: &[States]) -> Option<(std::ops::Range<usize>, usize)> {
+fn confirmed(c: &[States]) -> Option<Range<usize>> {
     [1, 2, 4, 8]
         .into_iter()
         .find(|n| passes(c, n / 2..*n) && passes(c, *n..2 * n))
-        .map(|n| (n / 2..2 * n, 2 * n))
+        .map(|n| n / 2..2 * n)
 }
 
 fn main() {
@@ -125,12 +124,12 @@ fn main() {
                     .map(|k| states(&mut stream(1, Domain::Test, run, k), stay))
                     .collect();
                 let of = |rule: Rule| {
-                    let (units, taken) = rule(&chain_sets)?;
+                    let units = rule(&chain_sets)?;
                     let range = units.start * UNIT..units.end * UNIT;
                     let count =
                         |c: &States| c.in_mode[range.clone()].iter().filter(|m| **m).count();
                     let inside: usize = chain_sets.iter().map(count).sum();
-                    Some((inside as f64 / (range.len() * CHAIN_SETS) as f64, taken))
+                    Some((inside as f64 / (range.len() * CHAIN_SETS) as f64, units.end))
                 };
                 rules.iter().map(|(_, rule)| of(*rule)).collect()
             })
