@@ -402,17 +402,17 @@ fn learn(rows: &Rows, weigh: impl Fn(usize) -> (f64, f64)) -> Learned {
         }
     }
     let mut covariance: DMatrix<f64> = DMatrix::zeros(dim, dim);
-    let mut apart = vec![0.0; dim];
+    let mut deviation = vec![0.0; dim];
     for (row, x) in rows.iter().enumerate() {
         let (belongs, counts) = weigh(row);
         let weight = belongs * counts / count;
         if weight > 1e-12 {
-            for ((a, x), m) in apart.iter_mut().zip(x).zip(mean.iter()) {
+            for ((a, x), m) in deviation.iter_mut().zip(x).zip(mean.iter()) {
                 *a = x - m;
             }
             let columns = covariance.as_mut_slice().chunks_exact_mut(dim);
-            for ((column, a), i) in columns.zip(&apart).zip(1..) {
-                for (c, b) in column.iter_mut().zip(&apart[..i]) {
+            for ((column, a), i) in columns.zip(&deviation).zip(1..) {
+                for (c, b) in column.iter_mut().zip(&deviation[..i]) {
                     *c += weight * a * b;
                 }
             }
@@ -430,8 +430,8 @@ fn learn(rows: &Rows, weigh: impl Fn(usize) -> (f64, f64)) -> Learned {
 fn whiten(rows: &Rows, mean: &DVector<f64>, units: &DMatrix<f64>) -> Option<Rows> {
     let mut values = Vec::with_capacity(rows.values.len());
     for x in rows.iter() {
-        let apart = DVector::from_column_slice(x) - mean;
-        values.extend(units.solve_lower_triangular(&apart)?.iter());
+        let deviation = DVector::from_column_slice(x) - mean;
+        values.extend(units.solve_lower_triangular(&deviation)?.iter());
     }
     Some(Rows {
         dim: rows.dim,

@@ -32,7 +32,7 @@ fn sample(fine: &dyn Target, coarse: &dyn Target, seed: u64) -> Run {
 
 fn main() {
     println!(
-        "| coarse and fine | mean z, sd z | error | ancestors | echo |\n|---|---|---|---|---|"
+        "| coarse and fine | mean z, sd z | error | ancestors | correlation |\n|---|---|---|---|---|"
     );
     let bells = [3.0, 10.0].map(|factor| {
         (

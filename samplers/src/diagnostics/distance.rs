@@ -25,16 +25,16 @@ pub fn wasserstein(a: (&[f64], &[f64], f64), b: (&[f64], &[f64], f64)) -> Distan
     rows.sort_by(|p, q| p.0.total_cmp(&q.0));
     let chance = (FRAC_2_PI * (1.0 / a.2 + 1.0 / b.2)).sqrt();
     let (mut below_a, mut below_b) = (0.0, 0.0);
-    let mut apart = Distance::default();
+    let mut found = Distance::default();
     for pair in rows.windows(2) {
         below_a += pair[0].1;
         below_b += pair[0].2;
         let gap = pair[1].0 - pair[0].0;
         let pooled = (a.2 * below_a + b.2 * below_b) / (a.2 + b.2);
-        apart.distance += gap * (below_a - below_b).abs();
-        apart.expected += gap * chance * (pooled * (1.0 - pooled)).max(0.0).sqrt();
+        found.distance += gap * (below_a - below_b).abs();
+        found.expected += gap * chance * (pooled * (1.0 - pooled)).max(0.0).sqrt();
     }
-    apart
+    found
 }
 
 #[cfg(test)]
@@ -49,14 +49,14 @@ mod tests {
         let size = 3.0;
         let same = wasserstein((&a, &even, size), (&a, &even, size)).distance;
         assert!(same.abs() < 1e-12, "{same}");
-        let apart = wasserstein((&a, &even, size), (&shifted, &even, size)).distance;
-        assert!((apart - 0.25).abs() < 1e-12, "{apart}");
+        let found = wasserstein((&a, &even, size), (&shifted, &even, size)).distance;
+        assert!((found - 0.25).abs() < 1e-12, "{found}");
         // Half of the mass moves by 4, at any sum of the weights.
-        let apart = wasserstein(
+        let found = wasserstein(
             (&[1.0, 5.0], &[2.0, 2.0], 2.0),
             (&[1.0, 5.0], &[3.0, 0.0], 2.0),
         );
-        assert!((apart.distance - 2.0).abs() < 1e-12, "{apart:?}");
+        assert!((found.distance - 2.0).abs() < 1e-12, "{found:?}");
     }
 
     #[test]
@@ -69,8 +69,8 @@ mod tests {
         let ratios: Vec<f64> = (0..400)
             .map(|pair| {
                 let (a, b) = (draws(0, pair, n), draws(1, pair, m));
-                let apart = wasserstein((&a, &vec![1.0; n], 100.0), (&b, &vec![1.0; m], 400.0));
-                apart.distance / apart.expected
+                let found = wasserstein((&a, &vec![1.0; n], 100.0), (&b, &vec![1.0; m], 400.0));
+                found.distance / found.expected
             })
             .collect();
         let count = ratios.len() as f64;

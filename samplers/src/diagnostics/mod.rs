@@ -60,8 +60,8 @@ pub fn sums_by_group(groups: &[u32], numbers: impl Iterator<Item = f64>) -> Vec<
 /// clusters. 0 for a single cluster.
 #[must_use]
 pub fn size_of_mean(values: &[f64], weights: &[f64], groups: &[u32]) -> f64 {
-    let shares = sums_by_group(groups, weights.iter().copied());
-    let degrees_of_freedom = 1.0 - 1.0 / effective_number(shares);
+    let sums = sums_by_group(groups, weights.iter().copied());
+    let degrees_of_freedom = 1.0 - 1.0 / effective_number(sums);
     // The deviation of a single cluster is 0 except for rounding.
     if degrees_of_freedom < 1e-9 {
         return 0.0;

@@ -8,7 +8,7 @@ use oblate_samplers::output::Status;
 use oblate_samplers::{Run, Target};
 
 /// Correlation of the likelihood ranks of new points with those of their seeds; 0 for a kernel without seeds.
-const ECHO: Column = ("seed_correlation", |run| {
+const SEED_CORRELATION: Column = ("seed_correlation", |run| {
     let check = run
         .checks
         .iter()
@@ -41,7 +41,7 @@ fn how(settings: &Settings, dim: usize) -> String {
 /// Prints the rows and holds them to limits that follow from thirty unit normals alone: |mean z| < 0.548, three errors of their mean,
 /// and sd z from 0.615 to 1.418, 99.8 % of their scatter (chi with 29 degrees of freedom).
 fn judge(cases: Vec<(Case, Settings)>) {
-    let mut table = Table::new(&[ECHO]);
+    let mut table = Table::new(&[SEED_CORRELATION]);
     for (case, settings) in cases {
         let how = how(&settings, case.dim());
         table.row(&case, &how, |target, seed| sample(target, &settings, seed));
@@ -132,7 +132,7 @@ fn reflected_galilean_trajectories() {
 #[ignore = "minutes: before a release"]
 fn added_live_points() {
     const DRAWS: f64 = 4_000.0;
-    let mut table = Table::new(&[ECHO]);
+    let mut table = Table::new(&[SEED_CORRELATION]);
     for of in [Kernel::RandomSlice, Kernel::Differential] {
         let settings = Settings {
             target_ess: Some(DRAWS),

@@ -50,7 +50,7 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> 
     let Some(pair) = chain.others.pick(&from, orbit, rng) else {
         return slice::step(chain, rng);
     };
-    let mut apart = false;
+    let mut differ = false;
     let [a, b] = chain.others.ends(&pair, &from, orbit).map(|z| {
         let mut u = vec![0.0; z.len()];
         cube_from_normal(&z, &mut u);
@@ -58,10 +58,10 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> 
     });
     for (v, (a, b)) in chain.direction.iter_mut().zip(a.iter().zip(&b)) {
         *v = a - b;
-        apart |= v.abs() > 0.0;
+        differ |= v.abs() > 0.0;
     }
     // Points that coincide give no direction, from wherever in the cell the chain is.
-    if !apart {
+    if !differ {
         return Ok(());
     }
     let counts = slice::along(chain, chain.context.stride, Partition::Cell(pair), rng)?;

@@ -489,14 +489,14 @@ fn farthest_moment(pairs: &[([f64; 2], [f64; 2])]) -> f64 {
         |z| z[0] * z[1],
         |z| z[1] * z[1],
     ];
-    let apart = moments.iter().map(|f| {
+    let deviations = moments.iter().map(|f| {
         let differences: Vec<f64> = pairs.iter().map(|(a, b)| f(b) - f(a)).collect();
         let n = differences.len() as f64;
         let mean = differences.iter().sum::<f64>() / n;
         let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / n;
         mean.abs() / (variance / n).sqrt()
     });
-    apart.fold(0.0, f64::max)
+    deviations.fold(0.0, f64::max)
 }
 
 #[test]

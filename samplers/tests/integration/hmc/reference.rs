@@ -110,13 +110,13 @@ fn laws_of_a_path_from_a_mixture(draws: u64) {
     });
     let redrawn = far(&|e, at, rng| refresh(&e.evaluator, &orbit, beta, at, rng));
     // Five moments each: 4 errors happen once in 3,000 tests.
-    for (name, apart) in [
+    for (name, deviation) in [
         ("trajectory", trajectory),
         ("slice", sliced),
         ("propose_involution", jumped),
         ("orbit", redrawn),
     ] {
-        assert!(apart < 4.0, "{name}: {apart}");
+        assert!(deviation < 4.0, "{name}: {deviation}");
     }
     // At beta = 1 the reference does not matter.
     let without = far(&|e, at, rng| refresh(&e.evaluator, &orbit, 1.0, at, rng));

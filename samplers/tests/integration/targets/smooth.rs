@@ -27,7 +27,7 @@ enum Law {
         precision: DMatrix<f64>,
     },
     /// `ln sum_k w_k exp(-|theta -+ a e1|^2 / (2 s^2))`.
-    Twins { plus: f64, apart: f64, sd: f64 },
+    Twins { plus: f64, offset: f64, sd: f64 },
     /// `y` successes of `n` with probability `theta_1 theta_2`, whole normalisation.
     Binomial { y: f64, n: f64, ln_choose: f64 },
     /// Sum of two normal shells of radius 2 and width 0.1 about `+- 3.5 e1`.
@@ -84,17 +84,18 @@ impl Smooth {
                 }
                 Outcome::from_ln_likelihood(peak - 0.5 * quadratic)
             }
-            Law::Twins { plus, apart, sd } => {
+            Law::Twins { plus, offset, sd } => {
                 let v = sd * sd;
                 let rest: f64 = theta[1..].iter().map(|t| t * t).sum();
                 let ln =
                     |centre: f64, w: f64| w.ln() - 0.5 * ((theta[0] - centre).powi(2) + rest) / v;
-                let (a, b) = (ln(*apart, *plus), ln(-apart, 1.0 - plus));
+                let (a, b) = (ln(*offset, *plus), ln(-offset, 1.0 - plus));
                 let top = a.max(b);
                 let l = top + ((a - top).exp() + (b - top).exp()).ln();
-                let share = (a - l).exp();
-                gradient[0] =
-                    -(share * (theta[0] - apart) + (1.0 - share) * (theta[0] + apart)) / v;
+                let probability = (a - l).exp();
+                gradient[0] = -(probability * (theta[0] - offset)
+                    + (1.0 - probability) * (theta[0] + offset))
+                    / v;
                 for (g, t) in gradient[1..].iter_mut().zip(&theta[1..]) {
                     *g = -t / v;
                 }
@@ -281,10 +282,10 @@ pub fn gauss3() -> Smooth {
 
 /// `N(0, I)` in 13 dimensions, two narrow modes at `+- 1.5 e1` with weights `plus` and `1 - plus`.
 pub fn twins13(plus: f64) -> Smooth {
-    let (apart, sd, dim) = (1.5_f64, 0.1_f64, 13);
+    let (offset, sd, dim) = (1.5_f64, 0.1_f64, 13);
     let v = sd * sd;
-    let ln_z = 0.5 * dim as f64 * (v / (1.0 + v)).ln() - 0.5 * apart * apart / (1.0 + v);
-    let law = Law::Twins { plus, apart, sd };
+    let ln_z = 0.5 * dim as f64 * (v / (1.0 + v)).ln() - 0.5 * offset * offset / (1.0 + v);
+    let law = Law::Twins { plus, offset, sd };
     Smooth::new("twins13", ln_z, normals(dim, 0.0), law)
 }
 
