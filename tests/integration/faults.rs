@@ -2,7 +2,8 @@
 //! Afterwards the same command continues, and every file must have the bytes of a run that was never disturbed.
 //!
 //! The faults come from `strace`, which Debian and most distributions have as a package; without it, or where a process may not be
-//! traced, the tests say so and pass. The short form takes three calls of each kind; the long form, sixty:
+//! traced, the tests say so and pass. The short form takes three calls of each kind; the long form, every write, sync and
+//! rename, and sixty of the other kinds:
 //!
 //! `cargo test --release --test integration faults -- --ignored --nocapture`
 
@@ -356,11 +357,8 @@ fn chosen(count: usize, most: usize) -> Vec<usize> {
     numbers
 }
 
-/// Faults of the long form at each kind of call in each scenario.
-const MANY: usize = 60;
-
-/// Tries faults of one kind in every scenario, at most `most` of each call; prints a table of their numbers.
-fn tried(fault: Fault, scenarios: &[Scenario], most: usize) {
+/// Tries faults of one kind in some scenarios, at most `most(call)` of each call; prints a table of their numbers.
+fn tried(fault: Fault, scenarios: &[Scenario], most: impl Fn(&str) -> usize) {
     if !can_trace() {
         return;
     }
@@ -376,7 +374,7 @@ fn tried(fault: Fault, scenarios: &[Scenario], most: usize) {
         assert!(whole.len() > 20, "{whole:?}");
         let counts = counts(scenario, prepared);
         for call in fault.calls() {
-            let numbers = chosen(counts[call], most);
+            let numbers = chosen(counts[call], most(call));
             for &number in &numbers {
                 if let Err(why) = disturbed(scenario, prepared, fault, call, number, &whole) {
                     // At once, because the long form takes an hour.
@@ -395,24 +393,43 @@ fn tried(fault: Fault, scenarios: &[Scenario], most: usize) {
     assert!(failures.is_empty(), "{}", failures.join(", "));
 }
 
+/// Faults of the long form in one scenario: at every call that changes what is stored under a name, and at 60 of the
+/// other kinds.
+fn tried_at_all_calls(fault: Fault, name: &str) {
+    let scenario = SCENARIOS.into_iter().find(|one| one.name == name);
+    let all = ["write", "fsync", "rename", "renameat"];
+    let most = |call: &str| if all.contains(&call) { usize::MAX } else { 60 };
+    tried(fault, &[scenario.expect("a scenario")], most);
+}
+
 #[test]
 fn a_killed_command_continues_to_the_same_bytes() {
-    tried(Fault::Kill, &SCENARIOS, 3);
+    tried(Fault::Kill, &SCENARIOS, |_| 3);
 }
 
 #[test]
 fn a_full_disk_costs_no_work() {
-    tried(Fault::NoSpace, &SCENARIOS, 3);
+    tried(Fault::NoSpace, &SCENARIOS, |_| 3);
 }
 
-#[test]
-#[ignore = "60 of each kind of call in four commands, an hour: run before a release with --ignored --nocapture"]
-fn a_command_killed_at_many_calls_continues_to_the_same_bytes() {
-    tried(Fault::Kill, &SCENARIOS, MANY);
+/// Long forms, one test for each command and fault, so that a campaign can be cut in parts.
+macro_rules! long_forms {
+    ($($test:ident: $fault:ident $scenario:literal),* $(,)?) => {$(
+        #[test]
+        #[ignore = "every write, sync and rename of a command, up to an hour: run before a release with --ignored --nocapture"]
+        fn $test() {
+            tried_at_all_calls(Fault::$fault, $scenario);
+        }
+    )*};
 }
 
-#[test]
-#[ignore = "60 of each kind of call in four commands, an hour: run before a release with --ignored --nocapture"]
-fn a_disk_full_at_many_calls_costs_no_work() {
-    tried(Fault::NoSpace, &SCENARIOS, MANY);
+long_forms! {
+    a_fit_killed_at_all_calls_continues: Kill "fit",
+    an_extension_killed_at_all_calls_continues: Kill "extension",
+    a_population_killed_at_all_calls_continues: Kill "population",
+    a_study_killed_at_all_calls_continues: Kill "study",
+    a_disk_full_at_all_calls_costs_no_fit: NoSpace "fit",
+    a_disk_full_at_all_calls_costs_no_extension: NoSpace "extension",
+    a_disk_full_at_all_calls_costs_no_population: NoSpace "population",
+    a_disk_full_at_all_calls_costs_no_study: NoSpace "study",
 }
