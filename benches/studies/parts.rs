@@ -10,7 +10,7 @@ mod draws;
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget};
 use oblate::orbit::DenseOrbit;
-use oblate::stream::{Particles, StepSchedules, System};
+use oblate::stream::{Particles, Precision, StepSchedules, System};
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
@@ -41,12 +41,19 @@ fn main() {
     );
     let fast = FitSettings::default();
     let coarse = fast.coarse(track.bin_width_deg).expect("a coarse model");
+    let mut single = coarse.clone();
+    single.model.precision = Precision::Single;
     let paper = FitSettings {
         model: Profile::Paper.model(),
         likelihood: Profile::Paper.likelihood(),
         ..FitSettings::default()
     };
-    for (name, config) in [("fast", fast), ("coarse", coarse), ("paper", paper)] {
+    for (name, config) in [
+        ("fast", fast),
+        ("coarse", coarse),
+        ("coarse, single", single),
+        ("paper", paper),
+    ] {
         let target = StreamTarget::from_track(&track, &config).expect("a gala track is data");
         let likelihood = target.likelihood();
         let (model, system) = (

@@ -11,7 +11,7 @@ pub use adaptive::{AdaptiveSteps, DRIFTS, KICKS, STAGES, TIMES, advance_adaptive
 pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, position_vjp};
 pub use leapfrog::{FinalParticle, advance};
 pub use leapfrog_vjp::advance_vjp;
-pub use schedule::{InterleavedSchedules, Schedule, StepSchedule};
+pub use schedule::{InterleavedSchedules, MAX_TOGETHER, Schedule, StepSchedule};
 pub use winding::crossing;
 
 use crate::scalar::Vec3;

@@ -3,7 +3,7 @@
 
 use super::HermiteWeights;
 use super::dense_orbit::vector;
-use crate::scalar::{Isa, Lanes, Scalar, Vec3};
+use crate::scalar::{Lanes, Scalar, Vec3, Vectors};
 
 /// A step schedule. A step is one drift and the kick after it.
 pub trait Schedule<S> {
@@ -74,29 +74,40 @@ impl<S: Scalar> Schedule<S> for StepSchedule<S> {
     }
 }
 
-/// The step schedules of two lane groups that are integrated together, the first in the first lane array and the second in the other.
-/// Both have equally many steps.
-#[derive(Clone, Copy, Debug)]
-pub struct InterleavedSchedules<'a>(pub &'a StepSchedule<f64>, pub &'a StepSchedule<f64>);
+/// Largest number of lane groups that are integrated together.
+pub const MAX_TOGETHER: usize = 4;
 
-impl<I: Isa> Schedule<Lanes<I, 2>> for InterleavedSchedules<'_> {
+/// The step schedules of the lane groups that are integrated together, with equally many steps; the last ones may be unused.
+#[derive(Clone, Copy, Debug)]
+pub struct InterleavedSchedules<'a>(pub [&'a StepSchedule<f64>; MAX_TOGETHER]);
+
+impl<V: Vectors, const K: usize> Schedule<Lanes<V, K>> for InterleavedSchedules<'_> {
     #[inline(always)]
     fn steps(&self) -> usize {
-        self.0.drift_gyr.len()
+        self.0[0].drift_gyr.len()
     }
     #[inline(always)]
-    fn progenitor_at(&self, j: usize) -> Vec3<Lanes<I, 2>> {
-        Lanes::interleave_vectors(
-            vector(&self.0.progenitor_positions[j]),
-            vector(&self.1.progenitor_positions[j]),
-        )
+    fn progenitor_at(&self, j: usize) -> Vec3<Lanes<V, K>> {
+        let mut positions = [Vec3::zero(); MAX_TOGETHER];
+        for group in 0..Lanes::<V, K>::GROUPS {
+            positions[group] = vector(&self.0[group].progenitor_positions[j]);
+        }
+        Lanes::splat_vectors(&positions)
     }
     #[inline(always)]
-    fn drift_gyr(&self, j: usize) -> Lanes<I, 2> {
-        Lanes::interleave(self.0.drift_gyr[j], self.1.drift_gyr[j])
+    fn drift_gyr(&self, j: usize) -> Lanes<V, K> {
+        let mut drifts = [0.0; MAX_TOGETHER];
+        for group in 0..Lanes::<V, K>::GROUPS {
+            drifts[group] = self.0[group].drift_gyr[j];
+        }
+        Lanes::splat_groups(&drifts)
     }
     #[inline(always)]
-    fn kick_gyr(&self, j: usize) -> Lanes<I, 2> {
-        Lanes::interleave(self.0.kick_gyr[j], self.1.kick_gyr[j])
+    fn kick_gyr(&self, j: usize) -> Lanes<V, K> {
+        let mut kicks = [0.0; MAX_TOGETHER];
+        for group in 0..Lanes::<V, K>::GROUPS {
+            kicks[group] = self.0[group].kick_gyr[j];
+        }
+        Lanes::splat_groups(&kicks)
     }
 }

@@ -4,24 +4,25 @@
     reason = "adapters of iterators are functions that may not be inlined, and would be compiled without the kernel's instructions"
 )]
 
-use super::isa::{Isa, LANES, LaneArray, NO_FRACTION};
+use super::isa::{Isa, LANES, LaneArray, MAX_GROUPS, Vectors};
 use super::{Scalar, Vec3};
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// `K` times eight numbers in the registers of an instruction set.
+/// `K` vectors in the registers of an instruction set: of eight doubles if `V` is an [`Isa`], of sixteen singles if it is
+/// [`Isa::Singles`].
 #[derive(Clone, Copy, Debug)]
-pub struct Lanes<I: Isa, const K: usize>([I::Vector; K]);
+pub struct Lanes<V: Vectors, const K: usize>([V::Vector; K]);
 
 /// The outcome of a comparison, lane by lane.
 #[derive(Clone, Copy, Debug)]
-pub struct LaneMask<I: Isa, const K: usize>([I::Mask; K]);
+pub struct LaneMask<V: Vectors, const K: usize>([V::Mask; K]);
 
-impl<I: Isa, const K: usize> BitAnd for LaneMask<I, K> {
+impl<V: Vectors, const K: usize> BitAnd for LaneMask<V, K> {
     type Output = Self;
     #[inline(always)]
     fn bitand(mut self, other: Self) -> Self {
         for i in 0..K {
-            self.0[i] = I::both(self.0[i], other.0[i]);
+            self.0[i] = V::both(self.0[i], other.0[i]);
         }
         self
     }
@@ -29,17 +30,17 @@ impl<I: Isa, const K: usize> BitAnd for LaneMask<I, K> {
 
 macro_rules! elementwise {
     ($($trait:ident $method:ident),*) => {$(
-        impl<I: Isa, const K: usize> $trait for Lanes<I, K> {
+        impl<V: Vectors, const K: usize> $trait for Lanes<V, K> {
             type Output = Self;
             #[inline(always)]
             fn $method(mut self, other: Self) -> Self {
                 for i in 0..K {
-                    self.0[i] = I::$method(self.0[i], other.0[i]);
+                    self.0[i] = V::$method(self.0[i], other.0[i]);
                 }
                 self
             }
         }
-        impl<I: Isa, const K: usize> $trait<f64> for Lanes<I, K> {
+        impl<V: Vectors, const K: usize> $trait<f64> for Lanes<V, K> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: f64) -> Self {
@@ -52,7 +53,7 @@ elementwise!(Add add, Sub sub, Mul mul, Div div);
 
 macro_rules! assigning {
     ($($trait:ident $method:ident $op:tt),*) => {$(
-        impl<I: Isa, const K: usize> $trait for Lanes<I, K> {
+        impl<V: Vectors, const K: usize> $trait for Lanes<V, K> {
             #[inline(always)]
             fn $method(&mut self, other: Self) {
                 *self = *self $op other;
@@ -62,29 +63,31 @@ macro_rules! assigning {
 }
 assigning!(AddAssign add_assign +, SubAssign sub_assign -, MulAssign mul_assign *);
 
-impl<I: Isa, const K: usize> Neg for Lanes<I, K> {
+impl<V: Vectors, const K: usize> Neg for Lanes<V, K> {
     type Output = Self;
     #[inline(always)]
     fn neg(mut self) -> Self {
         for vector in &mut self.0 {
-            *vector = I::neg(*vector);
+            *vector = V::neg(*vector);
         }
         self
     }
 }
 
-impl<I: Isa, const K: usize> Scalar for Lanes<I, K> {
-    type Mask = LaneMask<I, K>;
+impl<V: Vectors, const K: usize> Scalar for Lanes<V, K> {
+    type Mask = LaneMask<V, K>;
+
+    const MIN_POSITIVE: f64 = V::MIN_POSITIVE;
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
-        Self([I::splat(value); K])
+        Self([V::splat(value); K])
     }
 
     #[inline(always)]
     fn sqrt(mut self) -> Self {
         for vector in &mut self.0 {
-            *vector = I::sqrt(*vector);
+            *vector = V::sqrt(*vector);
         }
         self
     }
@@ -92,33 +95,33 @@ impl<I: Isa, const K: usize> Scalar for Lanes<I, K> {
     #[inline(always)]
     fn mul_add(mut self, a: Self, b: Self) -> Self {
         for i in 0..K {
-            self.0[i] = I::mul_add(self.0[i], a.0[i], b.0[i]);
+            self.0[i] = V::mul_add(self.0[i], a.0[i], b.0[i]);
         }
         self
     }
 
     #[inline(always)]
-    fn lt(self, other: Self) -> LaneMask<I, K> {
-        let mut mask = [I::lt(self.0[0], other.0[0]); K];
+    fn lt(self, other: Self) -> LaneMask<V, K> {
+        let mut mask = [V::lt(self.0[0], other.0[0]); K];
         for i in 1..K {
-            mask[i] = I::lt(self.0[i], other.0[i]);
+            mask[i] = V::lt(self.0[i], other.0[i]);
         }
         LaneMask(mask)
     }
 
     #[inline(always)]
-    fn any(mask: LaneMask<I, K>) -> bool {
+    fn any(mask: LaneMask<V, K>) -> bool {
         let mut any = false;
         for i in 0..K {
-            any |= I::any(mask.0[i]);
+            any |= V::any(mask.0[i]);
         }
         any
     }
 
     #[inline(always)]
-    fn select(mask: LaneMask<I, K>, mut a: Self, b: Self) -> Self {
+    fn select(mask: LaneMask<V, K>, mut a: Self, b: Self) -> Self {
         for i in 0..K {
-            a.0[i] = I::select(mask.0[i], a.0[i], b.0[i]);
+            a.0[i] = V::select(mask.0[i], a.0[i], b.0[i]);
         }
         a
     }
@@ -127,14 +130,69 @@ impl<I: Isa, const K: usize> Scalar for Lanes<I, K> {
     fn split_exponent(self) -> (Self, Self) {
         let (mut power, mut ln) = (self, self);
         for i in 0..K {
-            (power.0[i], ln.0[i]) = I::split_exponent(self.0[i]);
+            (power.0[i], ln.0[i]) = V::split_exponent(self.0[i]);
         }
         (power, ln)
     }
 
     #[inline(always)]
     fn round_ties_even(self) -> Self {
-        (self + NO_FRACTION) - NO_FRACTION
+        (self + V::NO_FRACTION) - V::NO_FRACTION
+    }
+}
+
+impl<V: Vectors, const K: usize> Lanes<V, K> {
+    /// Number of groups of eight lanes.
+    pub const GROUPS: usize = K * V::GROUPS;
+
+    /// Loads the first [`GROUPS`](Self::GROUPS) groups.
+    #[inline(always)]
+    #[must_use]
+    pub fn load_groups(groups: &[[f64; LANES]]) -> Self {
+        let mut lanes = Self::from_f64(0.0);
+        for i in 0..K {
+            lanes.0[i] = V::load(&groups[i * V::GROUPS..(i + 1) * V::GROUPS]);
+        }
+        lanes
+    }
+
+    /// Stores the groups to the first of these.
+    #[inline(always)]
+    pub fn store_groups(self, groups: &mut [[f64; LANES]]) {
+        for i in 0..K {
+            V::store(self.0[i], &mut groups[i * V::GROUPS..(i + 1) * V::GROUPS]);
+        }
+    }
+
+    /// One number for each group, in all of its lanes.
+    #[inline(always)]
+    #[must_use]
+    pub fn splat_groups(numbers: &[f64]) -> Self {
+        let mut lanes = Self::from_f64(0.0);
+        for i in 0..K {
+            lanes.0[i] = V::splat_groups(&numbers[i * V::GROUPS..(i + 1) * V::GROUPS]);
+        }
+        lanes
+    }
+
+    /// As [`splat_groups`](Self::splat_groups), for each component of one vector for each group.
+    #[inline(always)]
+    #[must_use]
+    pub fn splat_vectors(vectors: &[Vec3<f64>]) -> Vec3<Self> {
+        let mut lanes = Vec3::<Self>::zero();
+        for i in 0..K {
+            let mut components = [[0.0; MAX_GROUPS]; 3];
+            for group in 0..V::GROUPS {
+                let vector = vectors[i * V::GROUPS + group];
+                components[0][group] = vector.x;
+                components[1][group] = vector.y;
+                components[2][group] = vector.z;
+            }
+            lanes.x.0[i] = V::splat_groups(&components[0]);
+            lanes.y.0[i] = V::splat_groups(&components[1]);
+            lanes.z.0[i] = V::splat_groups(&components[2]);
+        }
+        lanes
     }
 }
 
@@ -143,11 +201,7 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
     #[inline(always)]
     #[must_use]
     pub fn load(array: &LaneArray<K>) -> Self {
-        let mut lanes = Self::from_f64(0.0);
-        for i in 0..K {
-            lanes.0[i] = I::load(&array.0[i]);
-        }
-        lanes
+        Self::load_groups(&array.0)
     }
 
     /// Stores to memory.
@@ -155,9 +209,7 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
     #[must_use]
     pub fn store(self) -> LaneArray<K> {
         let mut array = [[0.0; LANES]; K];
-        for i in 0..K {
-            array[i] = I::store(self.0[i]);
-        }
+        self.store_groups(&mut array);
         LaneArray(array)
     }
 
@@ -181,25 +233,5 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
             total = I::add(total, self.0[i]);
         }
         I::sum(total)
-    }
-}
-
-impl<I: Isa> Lanes<I, 2> {
-    /// `first` in the first eight lanes, `second` in the others.
-    #[inline(always)]
-    #[must_use]
-    pub fn interleave(first: f64, second: f64) -> Self {
-        Self([I::splat(first), I::splat(second)])
-    }
-
-    /// As [`interleave`](Self::interleave), for each component.
-    #[inline(always)]
-    #[must_use]
-    pub fn interleave_vectors(first: Vec3<f64>, second: Vec3<f64>) -> Vec3<Self> {
-        Vec3::new(
-            Self::interleave(first.x, second.x),
-            Self::interleave(first.y, second.y),
-            Self::interleave(first.z, second.z),
-        )
     }
 }

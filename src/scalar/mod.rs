@@ -17,7 +17,7 @@ pub(crate) use dispatch::compile_kernel;
 pub use dual::{Dual, LaneDual, gradient_of, lift, variable};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use isa::{Avx2, Avx512};
-pub use isa::{Isa, Kernel, LANES, LaneArray, Portable};
+pub use isa::{Isa, Kernel, LANES, LaneArray, Portable, Vectors};
 pub use lanes::Lanes;
 pub use tangent::Tangent;
 pub use vec3::Vec3;
@@ -51,6 +51,9 @@ pub trait Scalar:
     /// The result of a comparison.
     type Mask: Copy + BitAnd<Output = Self::Mask>;
 
+    /// The smallest positive normal number.
+    const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
+
     /// A number with derivatives of zero, the same in every lane.
     fn from_f64(value: f64) -> Self;
 
@@ -72,7 +75,7 @@ pub trait Scalar:
     /// `(2^k, k ln 2)` with `self / 2^k` in [sqrt(1/2), sqrt(2)) and derivatives of zero; for positive normal numbers.
     fn split_exponent(self) -> (Self, Self);
 
-    /// The nearest integer, ties to even, with derivatives of zero; for magnitudes below 2^51.
+    /// The nearest integer, ties to even, with derivatives of zero; for magnitudes below 2^51, in single precision 2^22.
     fn round_ties_even(self) -> Self;
 
     /// Zero.
@@ -241,7 +244,7 @@ pub fn angle<S: Scalar>(y: S, x: S) -> S {
     let sin = turn(0.0, 0.382_683_432_365_089_8, FRAC_1_SQRT_2);
     let along = far.mul_add(cos, near * sin);
     let across = near.mul_add(cos, -(far * sin));
-    let tangent = across / along.max(S::from_f64(f64::MIN_POSITIVE));
+    let tangent = across / along.max(S::from_f64(S::MIN_POSITIVE));
     let eighth = turn(0.0, FRAC_PI_8, FRAC_PI_4) + small_angle(tangent);
     let upright = width.lt(height);
     let quarter = S::select(upright, -eighth + FRAC_PI_2, eighth);

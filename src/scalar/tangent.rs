@@ -175,6 +175,8 @@ impl<S: Scalar, const N: usize> Div<f64> for Tangent<S, N> {
 impl<S: Scalar, const N: usize> Scalar for Tangent<S, N> {
     type Mask = S::Mask;
 
+    const MIN_POSITIVE: f64 = S::MIN_POSITIVE;
+
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
         Self::constant(S::from_f64(value))

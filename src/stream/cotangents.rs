@@ -1,6 +1,6 @@
 //! Derivatives of a result with respect to the progenitor solution, summed over particles.
 
-use super::lane_groups::{Interleaved, LaneGroupPair, UNROLL};
+use super::lane_groups::{Batch, Interleaved, UNROLL};
 use super::progenitor_solution::ReleaseFrame;
 use crate::orbit::{Node, State};
 use crate::potential::{HaloCotangent, PlummerCotangent};
@@ -79,7 +79,7 @@ impl Cotangents {
     #[inline(always)]
     pub fn release_vjp<I: Isa>(
         &mut self,
-        pair: &LaneGroupPair<'_>,
+        pair: &Batch<'_>,
         start_bar: &State<Interleaved<I>>,
     ) {
         let State { x, v } = *start_bar;

@@ -1,23 +1,23 @@
 //! Integration of particles from their release to today: in SIMD lanes, and one by one on any number type.
 
-use super::lane_groups::{Interleaved, LaneGroupPair, StepSchedules};
+use super::lane_groups::{Batch, Interleaved, StepSchedules, UNROLL};
 use super::model::Model;
 use super::particles::Columns;
 use super::progenitor_solution::ProgenitorSolution;
-use super::settings::StepRule;
-use super::step_schedules::{PairSteps, Planner};
+use super::settings::{Precision, StepRule};
+use super::step_schedules::{BatchSteps, Planner};
 use super::step_sizes::StepSizes;
 use crate::error::Rejection;
 use crate::orbit::{FinalParticle, StepSchedule, advance, advance_adaptively};
 use crate::potential::{Halo, Plummer};
-use crate::scalar::{Isa, Kernel, Level, Real, compile_kernel};
+use crate::scalar::{Isa, Kernel, Level, Real, Vectors, compile_kernel};
 use std::ops::Range;
 
-/// The integration of some pairs of lane groups.
+/// The integration of some batches of lane groups.
 pub struct IntegrateKernel<'a, H: Halo> {
     pub(super) model: &'a Model,
     pub(super) solution: &'a ProgenitorSolution<f64, H>,
-    pub(super) pairs: &'a [Range<usize>],
+    pub(super) batches: &'a [Range<usize>],
     pub(super) schedules: &'a mut StepSchedules,
     pub(super) step_sizes: &'a mut StepSizes,
     pub(super) out: Columns<'a>,
@@ -26,40 +26,53 @@ pub struct IntegrateKernel<'a, H: Halo> {
 impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
     type Output = f64;
 
-    /// Integrates every pair. Returns the number of ambiguous windings, NaN if any state is not finite.
+    /// Integrates every batch. Returns the number of ambiguous windings, NaN if any state is not finite.
     #[inline(always)]
     fn run<I: Isa>(self) -> f64 {
+        match self.model.settings.precision {
+            Precision::Double => self.integrate::<I>(),
+            Precision::Single => self.integrate::<I::Singles>(),
+        }
+    }
+}
+
+impl<H: Halo> IntegrateKernel<'_, H> {
+    /// As [`run`](Self::run), in the precision of `V`.
+    #[inline(always)]
+    fn integrate<V: Vectors>(self) -> f64 {
         let Self {
             model,
             solution,
-            pairs,
+            batches,
             schedules,
             step_sizes,
             mut out,
         } = self;
-        let host = H::broadcast::<Interleaved<I>>(&solution.host);
-        let progenitor = Plummer::<Interleaved<I>>::broadcast(&solution.progenitor);
+        let host = H::broadcast::<Interleaved<V>>(&solution.host);
+        let progenitor = Plummer::<Interleaved<V>>::broadcast(&solution.progenitor);
         let mut planner = Planner::new(model, solution, schedules);
         let mut ambiguous_windings = 0.0;
-        for range in pairs {
-            let pair = LaneGroupPair::new(&model.lane_groups, range);
-            let release_frame = pair.release_frames::<I, H>(solution);
-            let (start, winding_number) = release_frame.release(pair.position(), pair.velocity());
+        for range in batches {
+            let batch = Batch::new(&model.lane_groups, range);
+            let release_frame = batch.release_frames::<V, H>(solution);
+            let (start, winding_number) = release_frame.release(batch.position(), batch.velocity());
             let particle = match model.settings.step_rule {
                 StepRule::Uniform => advance(
                     &host,
                     &progenitor,
-                    &planner.schedules(&pair, &[]),
+                    &planner.schedules::<V>(&batch, &[]),
                     start,
                     winding_number,
                 ),
                 StepRule::Adaptive => {
-                    step_sizes.begin();
-                    let mut steps = PairSteps::new(model, solution, &pair, step_sizes);
-                    advance_adaptively(&host, &progenitor, &mut steps, start, winding_number)
+                    let mut steps = BatchSteps::new(model, solution, &batch, step_sizes);
+                    let particle =
+                        advance_adaptively(&host, &progenitor, &mut steps, start, winding_number);
+                    step_sizes.finish(range.len().div_ceil(UNROLL));
+                    particle
                 }
             };
-            ambiguous_windings += out.store(&pair, &particle);
+            ambiguous_windings += out.store(&batch, &particle);
         }
         ambiguous_windings
     }

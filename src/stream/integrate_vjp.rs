@@ -4,7 +4,7 @@
 //! product.
 
 use super::cotangents::{Cotangents, sums_of_vector};
-use super::lane_groups::{Interleaved, LaneGroupPair, StepSchedules, UNROLL};
+use super::lane_groups::{Batch, Interleaved, StepSchedules, UNROLL};
 use super::model::Model;
 use super::particles::Particles;
 use super::progenitor_solution::ProgenitorSolution;
@@ -41,7 +41,7 @@ impl SkyCotangents<'_> {
     #[inline(always)]
     fn lanes<I: Isa>(
         &self,
-        pair: &LaneGroupPair<'_>,
+        pair: &Batch<'_>,
     ) -> (State<Interleaved<I>>, Vec3<Interleaved<I>>) {
         let Particles { x, y, z, v, .. } = self.particles;
         let state = State {
@@ -63,7 +63,7 @@ impl SkyCotangents<'_> {
 
 /// A pair's numbers of a column; lanes without a particle repeat the last one.
 #[inline(always)]
-fn repeated<I: Isa>(pair: &LaneGroupPair<'_>, column: &[f64]) -> Interleaved<I> {
+fn repeated<I: Isa>(pair: &Batch<'_>, column: &[f64]) -> Interleaved<I> {
     let mut lanes = LaneArray([[0.0; LANES]; UNROLL]);
     for k in 0..UNROLL {
         let lane_group = pair.lane_groups[k];
@@ -77,7 +77,7 @@ fn repeated<I: Isa>(pair: &LaneGroupPair<'_>, column: &[f64]) -> Interleaved<I> 
 
 /// A pair's numbers of a column; zeros in lanes without a particle.
 #[inline(always)]
-fn padded<I: Isa>(pair: &LaneGroupPair<'_>, column: &[f64]) -> Interleaved<I> {
+fn padded<I: Isa>(pair: &Batch<'_>, column: &[f64]) -> Interleaved<I> {
     let mut lanes = LaneArray([[0.0; LANES]; UNROLL]);
     for k in 0..UNROLL {
         let first = pair.lane_groups[k].first;
@@ -123,11 +123,11 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
         let mut planner = Planner::new(model, solution, schedules);
         let adaptive = model.settings.step_rule == StepRule::Adaptive;
         for number in chunk.pairs.clone() {
-            let pair = LaneGroupPair::new(&model.lane_groups, &model.pairs[number]);
+            let pair = Batch::new(&model.lane_groups, &model.pairs[number]);
             let (end, position_bar) = today.lanes::<I>(&pair);
             let limit2 = position_bar.norm2() * max_stretch2;
-            let schedules = planner.schedules(&pair, today.particles.step_sizes.of_pair(number));
-            progenitor_positions_bar.resize(schedules.0.drift_gyr.len(), Vec3::zero());
+            let schedules = planner.schedules::<I>(&pair, today.particles.step_sizes.of_pair(number));
+            progenitor_positions_bar.resize(schedules.0[0].drift_gyr.len(), Vec3::zero());
             let start_bar = advance_vjp::<_, H>(
                 &host,
                 &progenitor,
@@ -142,17 +142,16 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
             );
             cotangents.release_vjp(&pair, &start_bar);
             // With equal steps, consecutive pairs of the same release times have the same schedules, and their lanes are added.
-            let [a, b] = pair.release_times();
+            let [a, b, ..] = pair.release_times();
             let next = (number + 1 < chunk.pairs.end).then(|| {
-                LaneGroupPair::new(&model.lane_groups, &model.pairs[number + 1]).release_times()
+                Batch::new(&model.lane_groups, &model.pairs[number + 1]).release_times()
             });
-            if adaptive || next != Some([a, b]) {
+            if adaptive || next != Some([a, b, b, b]) {
                 sum_lanes(&mut progenitor_positions_bar, a == b, positions_bar);
-                let schedules = [schedules.0, schedules.1];
                 let release_times = if a == b { 1 } else { UNROLL };
                 for k in 0..release_times {
                     cotangents.progenitor_positions_vjp(
-                        model.hermite_weights([a, b][k], schedules[k]),
+                        model.hermite_weights([a, b][k], schedules.0[k]),
                         &positions_bar[k],
                     );
                 }

@@ -1,9 +1,10 @@
-//! Particles in lanes, and lane groups in pairs: arithmetic of one lane group is computed while the other one's square roots are.
+//! Particles in lanes, and lane groups in batches: arithmetic of one vector is computed while the other one's square roots are.
 
 use super::progenitor_solution::{ProgenitorSolution, ReleaseFrame};
-use crate::orbit::{State, StepSchedule};
+use super::settings::Precision;
+use crate::orbit::{MAX_TOGETHER, State, StepSchedule};
 use crate::potential::Halo;
-use crate::scalar::{Isa, LANES, LaneArray, Lanes, Vec3};
+use crate::scalar::{LANES, LaneArray, Lanes, Vec3, Vectors};
 use crate::spray::ReleaseTable;
 use std::ops::Range;
 
@@ -22,14 +23,24 @@ pub struct LaneGroup {
     pub velocity: [[f64; LANES]; 3],
 }
 
-/// Number of lane groups that are integrated together.
+/// Number of vectors that are computed together.
 pub const UNROLL: usize = 2;
 
-/// The numbers of a pair of lane groups.
-pub type Interleaved<I> = Lanes<I, UNROLL>;
+/// The numbers of lane groups that are integrated together: of two in double precision, of four in single precision.
+pub type Interleaved<V> = Lanes<V, UNROLL>;
 
-/// The step schedules of a pair of lane groups; their buffers are reused from call to call.
-pub type StepSchedules = [StepSchedule<f64>; UNROLL];
+/// The step schedules of the lane groups that are integrated together; their buffers are reused from call to call.
+pub type StepSchedules = [StepSchedule<f64>; MAX_TOGETHER];
+
+impl Precision {
+    /// Number of lane groups that are integrated together.
+    pub(super) fn groups_together(self) -> usize {
+        match self {
+            Self::Double => UNROLL,
+            Self::Single => 2 * UNROLL,
+        }
+    }
+}
 
 /// Divides the particles of each release time of a table into lane groups.
 pub(super) fn lane_groups(table: &ReleaseTable) -> Vec<LaneGroup> {
@@ -62,100 +73,126 @@ pub(super) fn release_times_per_chunk(release_times: usize) -> usize {
     release_times.div_ceil(RELEASE_TIME_CHUNKS)
 }
 
-/// Divides lane groups into pairs with equally many steps and in the same chunk of release times: ranges of two, or of one where no other
-/// fits.
-pub(super) fn pairs(lane_groups: &[LaneGroup], steps: &[usize]) -> Vec<Range<usize>> {
+/// Divides lane groups into batches with equally many steps and in the same chunk of release times: ranges of `together`, or of fewer where
+/// no other fits.
+pub(super) fn batches(
+    lane_groups: &[LaneGroup],
+    steps: &[usize],
+    together: usize,
+) -> Vec<Range<usize>> {
     let per_chunk = release_times_per_chunk(steps.len());
     let key = |group: &LaneGroup| (group.release_time / per_chunk, steps[group.release_time]);
-    let mut pairs = Vec::with_capacity(lane_groups.len() / UNROLL);
-    let mut first = 0;
-    while first < lane_groups.len() {
-        let two = lane_groups
-            .get(first + 1)
-            .is_some_and(|next| key(next) == key(&lane_groups[first]));
-        let end = first + 1 + usize::from(two);
-        pairs.push(first..end);
-        first = end;
-    }
-    pairs
+    lane_groups
+        .chunk_by(|one, next| key(one) == key(next))
+        .scan(0, |first, alike| {
+            let range = *first..*first + alike.len();
+            *first = range.end;
+            Some(range)
+        })
+        .flat_map(|alike| split(alike, together))
+        .collect()
 }
 
-/// Two lane groups with equally many steps, or one twice: then the second has no particles.
+/// Divides a range into ranges of `len`; the last may be shorter.
+pub(super) fn split(range: Range<usize>, len: usize) -> impl Iterator<Item = Range<usize>> {
+    let end = range.end;
+    range
+        .step_by(len)
+        .map(move |first| first..end.min(first + len))
+}
+
+/// Lane groups that are integrated together, with equally many steps. The last one is repeated where there are fewer than four; the
+/// repetitions have no particles.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LaneGroupPair<'a> {
-    pub lane_groups: [&'a LaneGroup; UNROLL],
+pub(super) struct Batch<'a> {
+    pub lane_groups: [&'a LaneGroup; MAX_TOGETHER],
     /// Number of particles of each.
-    pub lens: [usize; UNROLL],
+    pub lens: [usize; MAX_TOGETHER],
 }
 
-impl<'a> LaneGroupPair<'a> {
-    /// The pair of a range that [`pairs`] has made.
+impl<'a> Batch<'a> {
+    /// The batch of a range of at most four lane groups.
     #[inline]
     pub fn new(lane_groups: &'a [LaneGroup], range: &Range<usize>) -> Self {
-        let (a, b) = (&lane_groups[range.start], &lane_groups[range.end - 1]);
-        Self {
-            lane_groups: [a, b],
-            lens: [a.len, if range.len() == UNROLL { b.len } else { 0 }],
+        let mut batch = Self {
+            lane_groups: [&lane_groups[range.end - 1]; MAX_TOGETHER],
+            lens: [0; MAX_TOGETHER],
+        };
+        for (k, lane_group) in lane_groups[range.clone()].iter().enumerate() {
+            batch.lane_groups[k] = lane_group;
+            batch.lens[k] = lane_group.len;
         }
+        batch
     }
 
     /// Numbers of their release times.
     #[inline]
-    pub fn release_times(&self) -> [usize; UNROLL] {
-        let [a, b] = self.lane_groups;
-        [a.release_time, b.release_time]
+    pub fn release_times(&self) -> [usize; MAX_TOGETHER] {
+        self.lane_groups.map(|group| group.release_time)
     }
 
     /// The positions of their release offsets.
     #[inline(always)]
-    pub fn position<I: Isa>(&self) -> [Interleaved<I>; 3] {
-        let [a, b] = self.lane_groups;
-        offsets(&a.position, &b.position)
+    pub fn position<V: Vectors>(&self) -> [Interleaved<V>; 3] {
+        let [a, b, c, d] = self.lane_groups;
+        offsets([&a.position, &b.position, &c.position, &d.position])
     }
 
     /// The velocities of their release offsets.
     #[inline(always)]
-    pub fn velocity<I: Isa>(&self) -> [Interleaved<I>; 3] {
-        let [a, b] = self.lane_groups;
-        offsets(&a.velocity, &b.velocity)
+    pub fn velocity<V: Vectors>(&self) -> [Interleaved<V>; 3] {
+        let [a, b, c, d] = self.lane_groups;
+        offsets([&a.velocity, &b.velocity, &c.velocity, &d.velocity])
     }
 
     /// Their release frames.
     #[inline(always)]
-    pub fn release_frames<I: Isa, H: Halo>(
+    pub fn release_frames<V: Vectors, H: Halo>(
         &self,
         solution: &ProgenitorSolution<f64, H>,
-    ) -> ReleaseFrame<Interleaved<I>> {
-        let [a, b] = self.release_times();
-        let (a, b) = (&solution.release_frames[a], &solution.release_frames[b]);
+    ) -> ReleaseFrame<Interleaved<V>> {
+        let [a, b, c, d] = self.release_times();
+        let frames = &solution.release_frames;
+        let [a, b, c, d] = [&frames[a], &frames[b], &frames[c], &frames[d]];
         ReleaseFrame {
             state: State {
-                x: Lanes::interleave_vectors(a.state.x, b.state.x),
-                v: Lanes::interleave_vectors(a.state.v, b.state.v),
+                x: Lanes::splat_vectors(&[a.state.x, b.state.x, c.state.x, d.state.x]),
+                v: Lanes::splat_vectors(&[a.state.v, b.state.v, c.state.v, d.state.v]),
             },
-            position: frames(&a.position, &b.position),
-            velocity: frames(&a.velocity, &b.velocity),
-            winding_number: Lanes::interleave(a.winding_number, b.winding_number),
+            position: splat_frames([&a.position, &b.position, &c.position, &d.position]),
+            velocity: splat_frames([&a.velocity, &b.velocity, &c.velocity, &d.velocity]),
+            winding_number: Lanes::splat_groups(&[
+                a.winding_number,
+                b.winding_number,
+                c.winding_number,
+                d.winding_number,
+            ]),
         }
     }
 }
 
-/// The components of two release offsets as lanes.
+/// The components of release offsets as lanes.
 #[inline(always)]
-fn offsets<I: Isa>(a: &[[f64; LANES]; 3], b: &[[f64; LANES]; 3]) -> [Interleaved<I>; 3] {
+fn offsets<V: Vectors>(
+    groups: [&[[f64; LANES]; 3]; MAX_TOGETHER],
+) -> [Interleaved<V>; 3] {
+    let [a, b, c, d] = groups;
     [
-        Lanes::load(&LaneArray([a[0], b[0]])),
-        Lanes::load(&LaneArray([a[1], b[1]])),
-        Lanes::load(&LaneArray([a[2], b[2]])),
+        Lanes::load_groups(&LaneArray([a[0], b[0], c[0], d[0]]).0),
+        Lanes::load_groups(&LaneArray([a[1], b[1], c[1], d[1]]).0),
+        Lanes::load_groups(&LaneArray([a[2], b[2], c[2], d[2]]).0),
     ]
 }
 
-/// The vectors of two release frames as lanes.
+/// The vectors of release frames as lanes.
 #[inline(always)]
-fn frames<I: Isa>(a: &[Vec3<f64>; 3], b: &[Vec3<f64>; 3]) -> [Vec3<Interleaved<I>>; 3] {
+fn splat_frames<V: Vectors>(
+    groups: [&[Vec3<f64>; 3]; MAX_TOGETHER],
+) -> [Vec3<Interleaved<V>>; 3] {
+    let [a, b, c, d] = groups;
     [
-        Lanes::interleave_vectors(a[0], b[0]),
-        Lanes::interleave_vectors(a[1], b[1]),
-        Lanes::interleave_vectors(a[2], b[2]),
+        Lanes::splat_vectors(&[a[0], b[0], c[0], d[0]]),
+        Lanes::splat_vectors(&[a[1], b[1], c[1], d[1]]),
+        Lanes::splat_vectors(&[a[2], b[2], c[2], d[2]]),
     ]
 }

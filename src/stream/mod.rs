@@ -35,7 +35,7 @@ pub use model::Model;
 pub use particles::Particles;
 pub use progenitor_solution::{ProgenitorSolution, ReleaseFrame, SolutionMemory};
 pub use progenitor_solution_vjp::SolutionVjpKernel;
-pub use settings::{ModelSettings, StepRule, StepsPer};
+pub use settings::{ModelSettings, Precision, StepRule, StepsPer};
 pub use step_sizes::StepSizes;
 pub use system::{SYSTEM_LEN, System};
 pub use threads::Threads;

@@ -1,10 +1,10 @@
 //! The particles of a stream today, as columns.
 
-use super::lane_groups::{Interleaved, LaneGroupPair, UNROLL};
+use super::lane_groups::{Batch, Interleaved};
 use super::step_sizes::StepSizes;
 use crate::error::Tally;
-use crate::orbit::{FinalParticle, State};
-use crate::scalar::{Isa, LaneArray, angle};
+use crate::orbit::{FinalParticle, MAX_TOGETHER, State};
+use crate::scalar::{LANES, LaneArray, Vectors, angle};
 use crate::spray::Neighbourhood;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -96,46 +96,47 @@ impl<'a> Columns<'a> {
         (before, after)
     }
 
-    /// Stores the lanes of a pair. Returns their number of ambiguous windings, NaN if any state is not finite.
+    /// Stores the lanes of a batch. Returns their number of ambiguous windings, NaN if any state is not finite.
     #[inline(always)]
-    pub fn store<I: Isa>(
+    pub fn store<V: Vectors>(
         &mut self,
-        pair: &LaneGroupPair<'_>,
-        particle: &FinalParticle<Interleaved<I>>,
+        batch: &Batch<'_>,
+        particle: &FinalParticle<Interleaved<V>>,
     ) -> f64 {
         let State { x, v } = particle.state;
         // Zero for finite states, NaN otherwise.
-        let not_finite = ((x.norm2() + v.norm2()) * 0.0).sum();
-        let values = [
-            x.x.store(),
-            x.y.store(),
-            x.z.store(),
-            v.x.store(),
-            v.y.store(),
-            v.z.store(),
-            particle.winding_number.store(),
+        let not_finite = (x.norm2() + v.norm2()) * 0.0;
+        let columns = [
+            x.x,
+            x.y,
+            x.z,
+            v.x,
+            v.y,
+            v.z,
+            particle.winding_number,
+            particle.ambiguous_windings + not_finite,
         ];
-        not_finite + self.copy(pair, &values, &particle.ambiguous_windings.store())
+        let mut values = [LaneArray([[0.0; LANES]; MAX_TOGETHER]); 8];
+        for i in 0..columns.len() {
+            columns[i].store_groups(&mut values[i].0);
+        }
+        self.copy(batch, &values)
     }
 
     /// Copies lanes into the columns. Returns the number of ambiguous windings.
     #[inline(never)]
-    fn copy(
-        &mut self,
-        pair: &LaneGroupPair<'_>,
-        values: &[LaneArray<UNROLL>; 7],
-        ambiguous_windings: &LaneArray<UNROLL>,
-    ) -> f64 {
+    fn copy(&mut self, batch: &Batch<'_>, values: &[LaneArray<MAX_TOGETHER>; 8]) -> f64 {
+        let [columns @ .., ambiguous_windings] = values;
         let mut sum = 0.0;
-        for (k, len) in pair
+        for (k, len) in batch
             .lens
             .into_iter()
             .enumerate()
             .filter(|(_, len)| *len > 0)
         {
             sum += ambiguous_windings.0[k][..len].iter().sum::<f64>();
-            let from = pair.lane_groups[k].first - self.first;
-            for (column, values) in self.columns.iter_mut().zip(values) {
+            let from = batch.lane_groups[k].first - self.first;
+            for (column, values) in self.columns.iter_mut().zip(columns) {
                 column[from..from + len].copy_from_slice(&values.0[k][..len]);
             }
         }

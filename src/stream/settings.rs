@@ -45,6 +45,17 @@ impl StepsPer {
     }
 }
 
+/// The precision of the numbers in which particles are integrated. Everything else is computed in doubles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// Doubles, 16 particles together.
+    #[default]
+    Double,
+    /// Singles, 32 particles together: half the time, and rounding far below the error of a coarse model (docs/validation.md, section 4).
+    Single,
+}
+
 /// Settings of the model of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -66,6 +77,8 @@ pub struct ModelSettings {
     /// How often the longest adaptive step is halved to make the shortest. A system whose progenitor would need shorter steps is rejected,
     /// because the time to compute it would have no bound.
     pub max_halvings: u8,
+    /// The precision of the particles' integration.
+    pub precision: Precision,
 }
 
 impl Default for ModelSettings {
@@ -79,6 +92,7 @@ impl Default for ModelSettings {
             orbit_steps: 64,
             step_phase: 0.85,
             max_halvings: 7,
+            precision: Precision::default(),
         }
     }
 }

@@ -1,16 +1,16 @@
 //! The step schedules of the release times (docs/physics.md, section 5).
 
-use super::lane_groups::{Interleaved, LaneGroupPair, StepSchedules, UNROLL};
+use super::lane_groups::{Batch, Interleaved, StepSchedules};
 use super::model::Model;
 use super::progenitor_solution::ProgenitorSolution;
 use super::settings::StepRule;
 use super::step_sizes::StepSizes;
 use crate::orbit::{
-    AdaptiveSteps, DRIFTS, HermiteWeights, InterleavedSchedules, KICKS, STAGES, StepSchedule,
-    TIMES, length,
+    AdaptiveSteps, DRIFTS, HermiteWeights, InterleavedSchedules, KICKS, MAX_TOGETHER, STAGES,
+    StepSchedule, TIMES, length,
 };
 use crate::potential::Halo;
-use crate::scalar::{Isa, Lanes, Real, Vec3};
+use crate::scalar::{Lanes, Real, Vec3, Vectors};
 
 impl Model {
     /// Hermite weights of the progenitor's position for the particles of one release time, if the steps are equal.
@@ -88,36 +88,40 @@ impl Model {
     }
 }
 
-/// The adaptive steps of one pair of lane groups.
-pub(super) struct PairSteps<'a, H: Halo> {
+/// The adaptive steps of one batch of lane groups.
+pub(super) struct BatchSteps<'a, H: Halo> {
     solution: &'a ProgenitorSolution<f64, H>,
     step_sizes: &'a mut StepSizes,
-    taus: [f64; UNROLL],
+    taus: [f64; MAX_TOGETHER],
+    /// Whether each lane group has the release time of the one before it.
+    repeated: [bool; MAX_TOGETHER],
     steps: usize,
     max_phase: f64,
     max_halvings: u8,
 }
 
-impl<'a, H: Halo> PairSteps<'a, H> {
+impl<'a, H: Halo> BatchSteps<'a, H> {
     #[inline(always)]
     pub fn new(
         model: &'a Model,
         solution: &'a ProgenitorSolution<f64, H>,
-        pair: &LaneGroupPair<'_>,
+        batch: &Batch<'_>,
         step_sizes: &'a mut StepSizes,
     ) -> Self {
-        let [a, b] = pair.release_times();
+        let [a, b, c, d] = batch.release_times();
+        let taus = &model.table.taus;
         Self {
             solution,
             step_sizes,
-            taus: [model.table.taus[a], model.table.taus[b]],
+            taus: [taus[a], taus[b], taus[c], taus[d]],
+            repeated: [false, b == a, c == b, d == c],
             steps: model.steps[a],
             max_phase: model.settings.step_phase,
             max_halvings: model.settings.max_halvings,
         }
     }
 
-    /// The progenitor's position for lane group `k` of the pair, at the time `left` before today in its longest steps.
+    /// The progenitor's position for lane group `k` of the batch, at the time `left` before today in its longest steps.
     #[inline(always)]
     fn position(&self, k: usize, left: f64) -> Vec3<f64> {
         let orbit = &self.solution.orbit;
@@ -127,7 +131,7 @@ impl<'a, H: Halo> PairSteps<'a, H> {
     }
 }
 
-impl<I: Isa, H: Halo> AdaptiveSteps<Interleaved<I>> for PairSteps<'_, H> {
+impl<V: Vectors, H: Halo> AdaptiveSteps<Interleaved<V>> for BatchSteps<'_, H> {
     #[inline(always)]
     fn steps(&self) -> usize {
         self.steps
@@ -144,23 +148,25 @@ impl<I: Isa, H: Halo> AdaptiveSteps<Interleaved<I>> for PairSteps<'_, H> {
     }
 
     #[inline(always)]
-    fn step_gyr(&self) -> Interleaved<I> {
-        let (age, [a, b]) = (self.solution.age_gyr, self.taus);
-        Lanes::interleave(
-            age * (-a / self.steps as f64),
-            age * (-b / self.steps as f64),
-        )
+    fn step_gyr(&self) -> Interleaved<V> {
+        let mut steps = [0.0; MAX_TOGETHER];
+        for k in 0..Interleaved::<V>::GROUPS {
+            steps[k] = self.solution.age_gyr * (-self.taus[k] / self.steps as f64);
+        }
+        Lanes::splat_groups(&steps)
     }
 
     #[inline(always)]
-    fn progenitor_at(&self, left: f64) -> Vec3<Interleaved<I>> {
-        let [a, b] = self.taus;
-        let one = self.position(0, left);
-        // The same release time: bits are compared, because floats must not be.
-        if a.to_bits() == b.to_bits() {
-            return Vec3::from_f64(one);
+    fn progenitor_at(&self, left: f64) -> Vec3<Interleaved<V>> {
+        let mut positions = [self.position(0, left); MAX_TOGETHER];
+        for k in 1..Interleaved::<V>::GROUPS {
+            positions[k] = if self.repeated[k] {
+                positions[k - 1]
+            } else {
+                self.position(k, left)
+            };
         }
-        Lanes::interleave_vectors(one, self.position(1, left))
+        Lanes::splat_vectors(&positions)
     }
 
     #[inline(always)]
@@ -169,13 +175,13 @@ impl<I: Isa, H: Halo> AdaptiveSteps<Interleaved<I>> for PairSteps<'_, H> {
     }
 }
 
-/// Writes the step schedules of one pair after the other. Equal steps of the same release times are not written again.
+/// Writes the step schedules of one batch after the other. Equal steps of the same release times are not written again.
 pub(super) struct Planner<'a, H: Halo> {
     model: &'a Model,
     solution: &'a ProgenitorSolution<f64, H>,
     schedules: &'a mut StepSchedules,
     /// The release times whose schedules are in the buffers.
-    planned: [usize; UNROLL],
+    planned: [usize; MAX_TOGETHER],
 }
 
 impl<'a, H: Halo> Planner<'a, H> {
@@ -190,31 +196,36 @@ impl<'a, H: Halo> Planner<'a, H> {
             model,
             solution,
             schedules,
-            planned: [usize::MAX; UNROLL],
+            planned: [usize::MAX; MAX_TOGETHER],
         }
     }
 
-    /// The step schedules of a pair whose adaptive steps have these sizes.
+    /// The step schedules of a batch whose adaptive steps have these sizes.
     #[inline(always)]
-    pub fn schedules(
+    pub fn schedules<V: Vectors>(
         &mut self,
-        pair: &LaneGroupPair<'_>,
+        batch: &Batch<'_>,
         step_sizes: &[u8],
     ) -> InterleavedSchedules<'_> {
-        let [a, b] = pair.release_times();
-        let [one, other] = &mut *self.schedules;
         let adaptive = self.model.settings.step_rule == StepRule::Adaptive;
-        if adaptive || self.planned[0] != a {
-            self.planned[0] = a;
-            self.model.plan(a, step_sizes, self.solution, one);
+        let release_times = batch.release_times();
+        // The buffer of each lane group: that of the one before it if it has the same release time.
+        let mut buffers = [0; MAX_TOGETHER];
+        for k in 0..Interleaved::<V>::GROUPS {
+            let release_time = release_times[k];
+            if k > 0 && release_time == release_times[k - 1] {
+                buffers[k] = buffers[k - 1];
+                continue;
+            }
+            buffers[k] = k;
+            if adaptive || self.planned[k] != release_time {
+                self.planned[k] = release_time;
+                self.model
+                    .plan(release_time, step_sizes, self.solution, &mut self.schedules[k]);
+            }
         }
-        if a == b {
-            return InterleavedSchedules(one, one);
-        }
-        if adaptive || self.planned[1] != b {
-            self.planned[1] = b;
-            self.model.plan(b, step_sizes, self.solution, other);
-        }
-        InterleavedSchedules(one, other)
+        let [a, b, c, d] = buffers;
+        let schedules = &*self.schedules;
+        InterleavedSchedules([&schedules[a], &schedules[b], &schedules[c], &schedules[d]])
     }
 }

@@ -1,18 +1,23 @@
-//! Eight numbers in the registers of one instruction set. CPU intrinsics are called only in `x86`.
+//! Vectors of numbers in the registers of one instruction set, in double and in single precision. CPU intrinsics are called only in `x86`.
 //!
 //! Intrinsics are used because automatic vectorisation is incomplete in large loops: in the leapfrog some operations are compiled for
 //! single numbers or for registers of half the width.
 
+mod portable;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+pub use portable::Portable;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::{Avx2, Avx512};
 
 use std::fmt::Debug;
 
-/// Number of lanes: numbers in one [`Isa::Vector`].
+/// Number of lanes in a group: a vector of an instruction set has one group in double precision, two in single precision.
 pub const LANES: usize = 8;
+
+/// Largest [`Vectors::GROUPS`].
+pub const MAX_GROUPS: usize = 2;
 
 /// `K` times eight numbers in memory, the array form of [`Lanes`](super::Lanes).
 ///
@@ -31,25 +36,29 @@ pub trait Kernel {
     fn run<I: Isa>(self) -> Self::Output;
 }
 
-/// The operations of an instruction set on eight numbers at a time.
-///
-/// The instruction sets that the present CPU may lack are private to this crate. Inside it only
-/// `compile_kernel` names them, and it runs them only where the CPU has reported them.
-pub trait Isa: Copy + Debug + Send + Sync + 'static {
-    /// Eight numbers.
+/// The operations of an instruction set on vectors of one precision. A vector has [`GROUPS`](Self::GROUPS) times eight lanes; in memory
+/// its numbers are doubles.
+pub trait Vectors: Copy + Debug + Send + Sync + 'static {
+    /// The lanes.
     type Vector: Copy + Debug + Send + Sync;
     /// The outcome of a comparison.
     type Mask: Copy + Debug + Send + Sync;
 
-    /// Runs a kernel within another one of this instruction set. The function is called and not inlined, so that a computation that is
-    /// used in many places is compiled once.
-    fn call<K: Kernel>(kernel: K) -> K::Output;
-    /// The same number eight times.
+    /// Number of groups of eight lanes, at most [`MAX_GROUPS`].
+    const GROUPS: usize;
+    /// The smallest positive normal number.
+    const MIN_POSITIVE: f64;
+    /// Added to a number of at most a third of it in magnitude, it rounds the number to an integer.
+    const NO_FRACTION: f64;
+
+    /// The same number in all lanes.
     fn splat(a: f64) -> Self::Vector;
-    /// From memory.
-    fn load(a: &[f64; LANES]) -> Self::Vector;
-    /// To memory.
-    fn store(a: Self::Vector) -> [f64; LANES];
+    /// One number for each group, in all of its lanes.
+    fn splat_groups(groups: &[f64]) -> Self::Vector;
+    /// From memory, group by group.
+    fn load(groups: &[[f64; LANES]]) -> Self::Vector;
+    /// To memory, group by group.
+    fn store(a: Self::Vector, groups: &mut [[f64; LANES]]);
     /// a + b
     fn add(a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// a - b
@@ -72,14 +81,33 @@ pub trait Isa: Copy + Debug + Send + Sync + 'static {
     fn any(mask: Self::Mask) -> bool;
     /// `a` where the mask is set, `b` elsewhere.
     fn select(mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector;
-    /// The sum of the eight numbers: the last four are added to the first four, of these the last two to the first two, and these two.
-    fn sum(a: Self::Vector) -> f64;
     /// `(2^k, k ln 2)` with `a / 2^k` in [sqrt(1/2), sqrt(2)), for positive normal numbers.
     fn split_exponent(a: Self::Vector) -> (Self::Vector, Self::Vector);
 }
 
+/// An instruction set: its vectors of eight doubles, and of sixteen singles.
+///
+/// The instruction sets that the present CPU may lack are private to this crate. Inside it only
+/// `compile_kernel` names them, and it runs them only where the CPU has reported them.
+pub trait Isa: Vectors {
+    /// Vectors of sixteen numbers in single precision.
+    type Singles: Vectors;
+
+    /// Runs a kernel within another one of this instruction set. The function is called and not inlined, so that a computation that is
+    /// used in many places is compiled once.
+    fn call<K: Kernel>(kernel: K) -> K::Output;
+    /// The sum of eight doubles: the last four are added to the first four, of these the last two to the first two, and these two.
+    fn sum(a: Self::Vector) -> f64;
+}
+
 /// Mantissa bits of a double.
 const MANTISSA: u64 = (1 << 52) - 1;
+/// Mantissa bits of a single.
+const SINGLE_MANTISSA: u32 = (1 << 23) - 1;
+/// Bias of a single's exponent.
+const SINGLE_BIAS: i32 = 127;
+/// As [`SHIFT`], for singles.
+const SINGLE_SHIFT: u32 = 0x3f80_0000 - 0x3f35_04f3;
 /// Added to a double's bits, the distance from sqrt(1/2) to 1 increments the exponent exactly for numbers above sqrt(2).
 const SHIFT: u64 = 0x3ff0_0000_0000_0000 - 0x3fe6_a09e_667f_3bcd;
 /// The bits of 2^52: an integer below 2^52 in the mantissa makes the double 2^52 + integer.
@@ -95,108 +123,21 @@ pub(super) fn split_exponent(x: f64) -> (f64, f64) {
     (f64::from_bits(exponent), k * std::f64::consts::LN_2)
 }
 
+/// As [`split_exponent`], in single precision.
+#[inline(always)]
+fn split_exponent_of_single(x: f32) -> (f32, f32) {
+    let exponent = (x.to_bits() + SINGLE_SHIFT) & !SINGLE_MANTISSA;
+    let k = ((exponent >> 23).cast_signed() - SINGLE_BIAS) as f32;
+    (f32::from_bits(exponent), k * std::f32::consts::LN_2)
+}
+
 /// 1.5 * 2^52: added to a number below 2^51 in magnitude, it rounds the number to an integer.
-pub(super) const NO_FRACTION: f64 = 6_755_399_441_055_744.0;
+const NO_FRACTION: f64 = 6_755_399_441_055_744.0;
+/// 1.5 * 2^23, the same for singles.
+const SINGLE_NO_FRACTION: f64 = 12_582_912.0;
 
 /// The nearest integer, ties to even; for magnitudes below 2^51.
 #[inline(always)]
 pub(super) fn round_ties_even(x: f64) -> f64 {
     (x + NO_FRACTION) - NO_FRACTION
-}
-
-/// An array of eight numbers, computed one by one. A macro and not a function of a closure, because closures are not always inlined.
-macro_rules! lane_by_lane {
-    ($i:ident => $value:expr) => {{
-        let mut lanes = [Default::default(); LANES];
-        for $i in 0..LANES {
-            lanes[$i] = $value;
-        }
-        lanes
-    }};
-}
-
-/// Arrays of numbers, compiled for the baseline of the target: runs on every CPU.
-#[derive(Clone, Copy, Debug)]
-pub struct Portable;
-
-impl Isa for Portable {
-    type Vector = [f64; LANES];
-    type Mask = [u64; LANES];
-
-    #[inline(never)]
-    fn call<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run::<Self>()
-    }
-    #[inline(always)]
-    fn splat(a: f64) -> Self::Vector {
-        [a; LANES]
-    }
-    #[inline(always)]
-    fn load(a: &[f64; LANES]) -> Self::Vector {
-        *a
-    }
-    #[inline(always)]
-    fn store(a: Self::Vector) -> [f64; LANES] {
-        a
-    }
-    #[inline(always)]
-    fn add(a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        lane_by_lane!(i => a[i] + b[i])
-    }
-    #[inline(always)]
-    fn sub(a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        lane_by_lane!(i => a[i] - b[i])
-    }
-    #[inline(always)]
-    fn mul(a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        lane_by_lane!(i => a[i] * b[i])
-    }
-    #[inline(always)]
-    fn div(a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        lane_by_lane!(i => a[i] / b[i])
-    }
-    #[inline(always)]
-    fn neg(a: Self::Vector) -> Self::Vector {
-        lane_by_lane!(i => -a[i])
-    }
-    #[inline(always)]
-    fn sqrt(a: Self::Vector) -> Self::Vector {
-        lane_by_lane!(i => a[i].sqrt())
-    }
-    #[inline(always)]
-    fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector {
-        lane_by_lane!(i => a[i] * b[i] + c[i])
-    }
-    #[inline(always)]
-    fn lt(a: Self::Vector, b: Self::Vector) -> Self::Mask {
-        lane_by_lane!(i => if a[i] < b[i] { u64::MAX } else { 0 })
-    }
-    #[inline(always)]
-    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask {
-        lane_by_lane!(i => a[i] & b[i])
-    }
-    #[inline(always)]
-    fn any(mask: Self::Mask) -> bool {
-        let mut bits = 0;
-        for lane in 0..LANES {
-            bits |= mask[lane];
-        }
-        bits != 0
-    }
-    #[inline(always)]
-    fn select(mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector {
-        lane_by_lane!(i => f64::from_bits((a[i].to_bits() & mask[i]) | (b[i].to_bits() & !mask[i])))
-    }
-    #[inline(always)]
-    fn sum(a: Self::Vector) -> f64 {
-        let [a, b, c, d] = [a[0] + a[4], a[1] + a[5], a[2] + a[6], a[3] + a[7]];
-        (a + c) + (b + d)
-    }
-    #[inline(always)]
-    fn split_exponent(a: Self::Vector) -> (Self::Vector, Self::Vector) {
-        (
-            lane_by_lane!(i => split_exponent(a[i]).0),
-            lane_by_lane!(i => split_exponent(a[i]).1),
-        )
-    }
 }

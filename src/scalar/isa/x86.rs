@@ -1,7 +1,10 @@
 //! AVX-512 and AVX2 by their intrinsics. This file has no closures or iterators: they are functions that may not be inlined, and would be
 //! compiled without the instructions of the instruction set.
 
-use super::{Isa, Kernel, LANES, MANTISSA, SHIFT, TWO_52_AND_BIAS, TWO_52_BITS};
+use super::{
+    Isa, Kernel, LANES, MANTISSA, NO_FRACTION, SHIFT, SINGLE_BIAS, SINGLE_MANTISSA,
+    SINGLE_NO_FRACTION, SINGLE_SHIFT, TWO_52_AND_BIAS, TWO_52_BITS, Vectors,
+};
 use std::arch::x86_64::*;
 use std::f64::consts::LN_2;
 
@@ -11,6 +14,90 @@ macro_rules! cpu {
         // SAFETY: only `scalar::dispatch` names the marker types, and runs code with them only on a CPU that has reported their
         // features.
         unsafe { $($instructions)* }
+    };
+}
+
+/// The operations of [`Vectors`] that are one intrinsic each, on vectors of one register, with masks in mask registers.
+macro_rules! one_register {
+    ($vector:ty, $mask:ty: $($name:ident $intrinsic:ident),*; $sqrt:ident $mul_add:ident $xor:ident $set1:ident $compare:ident $blend:ident) => {
+        type Vector = $vector;
+        type Mask = $mask;
+        $(
+            #[inline(always)]
+            fn $name(a: $vector, b: $vector) -> $vector {
+                cpu! { $intrinsic(a, b) }
+            }
+        )*
+        #[inline(always)]
+        fn neg(a: $vector) -> $vector {
+            cpu! { $xor(a, $set1(-0.0)) }
+        }
+        #[inline(always)]
+        fn sqrt(a: $vector) -> $vector {
+            cpu! { $sqrt(a) }
+        }
+        #[inline(always)]
+        fn mul_add(a: $vector, b: $vector, c: $vector) -> $vector {
+            cpu! { $mul_add(a, b, c) }
+        }
+        #[inline(always)]
+        fn lt(a: $vector, b: $vector) -> $mask {
+            cpu! { $compare::<_CMP_LT_OQ>(a, b) }
+        }
+        #[inline(always)]
+        fn both(a: $mask, b: $mask) -> $mask {
+            a & b
+        }
+        #[inline(always)]
+        fn any(mask: $mask) -> bool {
+            mask != 0
+        }
+        #[inline(always)]
+        fn select(mask: $mask, a: $vector, b: $vector) -> $vector {
+            cpu! { $blend(mask, b, a) }
+        }
+    };
+}
+
+/// As `one_register`, on vectors of two registers, with masks in registers of the same type.
+macro_rules! two_registers {
+    ($register:ty: $($name:ident $intrinsic:ident),*; $sqrt:ident $mul_add:ident $xor:ident $set1:ident $compare:ident $blend:ident $and:ident $or:ident $signs:ident) => {
+        type Vector = [$register; 2];
+        type Mask = [$register; 2];
+        $(
+            #[inline(always)]
+            fn $name(a: [$register; 2], b: [$register; 2]) -> [$register; 2] {
+                cpu! { [$intrinsic(a[0], b[0]), $intrinsic(a[1], b[1])] }
+            }
+        )*
+        #[inline(always)]
+        fn neg(a: [$register; 2]) -> [$register; 2] {
+            cpu! { [$xor(a[0], $set1(-0.0)), $xor(a[1], $set1(-0.0))] }
+        }
+        #[inline(always)]
+        fn sqrt(a: [$register; 2]) -> [$register; 2] {
+            cpu! { [$sqrt(a[0]), $sqrt(a[1])] }
+        }
+        #[inline(always)]
+        fn mul_add(a: [$register; 2], b: [$register; 2], c: [$register; 2]) -> [$register; 2] {
+            cpu! { [$mul_add(a[0], b[0], c[0]), $mul_add(a[1], b[1], c[1])] }
+        }
+        #[inline(always)]
+        fn lt(a: [$register; 2], b: [$register; 2]) -> [$register; 2] {
+            cpu! { [$compare::<_CMP_LT_OQ>(a[0], b[0]), $compare::<_CMP_LT_OQ>(a[1], b[1])] }
+        }
+        #[inline(always)]
+        fn both(a: [$register; 2], b: [$register; 2]) -> [$register; 2] {
+            cpu! { [$and(a[0], b[0]), $and(a[1], b[1])] }
+        }
+        #[inline(always)]
+        fn any(mask: [$register; 2]) -> bool {
+            cpu! { $signs($or(mask[0], mask[1])) != 0 }
+        }
+        #[inline(always)]
+        fn select(mask: [$register; 2], a: [$register; 2], b: [$register; 2]) -> [$register; 2] {
+            cpu! { [$blend(b[0], a[0], mask[0]), $blend(b[1], a[1], mask[1])] }
+        }
     };
 }
 
@@ -33,9 +120,12 @@ fn sum_of_four(a: __m256d) -> f64 {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx512;
 
+/// Its vectors of singles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx512Singles;
+
 impl Isa for Avx512 {
-    type Vector = __m512d;
-    type Mask = __mmask8;
+    type Singles = Avx512Singles;
 
     #[inline(always)]
     fn call<K: Kernel>(kernel: K) -> K::Output {
@@ -46,65 +136,6 @@ impl Isa for Avx512 {
         }
         cpu! { compiled(kernel) }
     }
-
-    #[inline(always)]
-    fn splat(a: f64) -> __m512d {
-        cpu! { _mm512_set1_pd(a) }
-    }
-    #[inline(always)]
-    fn load(a: &[f64; LANES]) -> __m512d {
-        cpu! { _mm512_loadu_pd(a.as_ptr()) }
-    }
-    #[inline(always)]
-    fn store(a: __m512d) -> [f64; LANES] {
-        let mut out = [0.0; LANES];
-        cpu! { _mm512_storeu_pd(out.as_mut_ptr(), a) };
-        out
-    }
-    #[inline(always)]
-    fn add(a: __m512d, b: __m512d) -> __m512d {
-        cpu! { _mm512_add_pd(a, b) }
-    }
-    #[inline(always)]
-    fn sub(a: __m512d, b: __m512d) -> __m512d {
-        cpu! { _mm512_sub_pd(a, b) }
-    }
-    #[inline(always)]
-    fn mul(a: __m512d, b: __m512d) -> __m512d {
-        cpu! { _mm512_mul_pd(a, b) }
-    }
-    #[inline(always)]
-    fn div(a: __m512d, b: __m512d) -> __m512d {
-        cpu! { _mm512_div_pd(a, b) }
-    }
-    #[inline(always)]
-    fn neg(a: __m512d) -> __m512d {
-        cpu! { _mm512_xor_pd(a, _mm512_set1_pd(-0.0)) }
-    }
-    #[inline(always)]
-    fn sqrt(a: __m512d) -> __m512d {
-        cpu! { _mm512_sqrt_pd(a) }
-    }
-    #[inline(always)]
-    fn mul_add(a: __m512d, b: __m512d, c: __m512d) -> __m512d {
-        cpu! { _mm512_fmadd_pd(a, b, c) }
-    }
-    #[inline(always)]
-    fn lt(a: __m512d, b: __m512d) -> __mmask8 {
-        cpu! { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b) }
-    }
-    #[inline(always)]
-    fn both(a: __mmask8, b: __mmask8) -> __mmask8 {
-        a & b
-    }
-    #[inline(always)]
-    fn any(mask: __mmask8) -> bool {
-        mask != 0
-    }
-    #[inline(always)]
-    fn select(mask: __mmask8, a: __m512d, b: __m512d) -> __m512d {
-        cpu! { _mm512_mask_blend_pd(mask, b, a) }
-    }
     #[inline(always)]
     fn sum(a: __m512d) -> f64 {
         cpu! {
@@ -113,6 +144,34 @@ impl Isa for Avx512 {
                 _mm512_extractf64x4_pd::<1>(a),
             ))
         }
+    }
+}
+
+impl Vectors for Avx512 {
+    one_register! {
+        __m512d, __mmask8: add _mm512_add_pd, sub _mm512_sub_pd, mul _mm512_mul_pd, div _mm512_div_pd;
+        _mm512_sqrt_pd _mm512_fmadd_pd _mm512_xor_pd _mm512_set1_pd _mm512_cmp_pd_mask _mm512_mask_blend_pd
+    }
+
+    const GROUPS: usize = 1;
+    const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
+    const NO_FRACTION: f64 = NO_FRACTION;
+
+    #[inline(always)]
+    fn splat(a: f64) -> __m512d {
+        cpu! { _mm512_set1_pd(a) }
+    }
+    #[inline(always)]
+    fn splat_groups(groups: &[f64]) -> __m512d {
+        Self::splat(groups[0])
+    }
+    #[inline(always)]
+    fn load(groups: &[[f64; LANES]]) -> __m512d {
+        cpu! { _mm512_loadu_pd(groups[0].as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(a: __m512d, groups: &mut [[f64; LANES]]) {
+        cpu! { _mm512_storeu_pd(groups[0].as_mut_ptr(), a) }
     }
     #[inline(always)]
     fn split_exponent(a: __m512d) -> (__m512d, __m512d) {
@@ -129,15 +188,91 @@ impl Isa for Avx512 {
     }
 }
 
-/// AVX2 with fused multiply-add: two registers for eight numbers.
+impl Vectors for Avx512Singles {
+    one_register! {
+        __m512, __mmask16: add _mm512_add_ps, sub _mm512_sub_ps, mul _mm512_mul_ps, div _mm512_div_ps;
+        _mm512_sqrt_ps _mm512_fmadd_ps _mm512_xor_ps _mm512_set1_ps _mm512_cmp_ps_mask _mm512_mask_blend_ps
+    }
+
+    const GROUPS: usize = 2;
+    const MIN_POSITIVE: f64 = f32::MIN_POSITIVE as f64;
+    const NO_FRACTION: f64 = SINGLE_NO_FRACTION;
+
+    #[inline(always)]
+    fn splat(a: f64) -> __m512 {
+        cpu! { _mm512_set1_ps(single(a)) }
+    }
+    #[inline(always)]
+    fn splat_groups(groups: &[f64]) -> __m512 {
+        cpu! { _mm512_mask_blend_ps(0xff00, Self::splat(groups[0]), Self::splat(groups[1])) }
+    }
+    #[inline(always)]
+    fn load(groups: &[[f64; LANES]]) -> __m512 {
+        cpu! {
+            _mm512_insertf32x8::<1>(
+                _mm512_castps256_ps512(_mm512_cvtpd_ps(_mm512_loadu_pd(groups[0].as_ptr()))),
+                _mm512_cvtpd_ps(_mm512_loadu_pd(groups[1].as_ptr())),
+            )
+        }
+    }
+    #[inline(always)]
+    fn store(a: __m512, groups: &mut [[f64; LANES]]) {
+        cpu! {
+            let (low, high) = (_mm512_castps512_ps256(a), _mm512_extractf32x8_ps::<1>(a));
+            _mm512_storeu_pd(groups[0].as_mut_ptr(), _mm512_cvtps_pd(low));
+            _mm512_storeu_pd(groups[1].as_mut_ptr(), _mm512_cvtps_pd(high));
+        }
+    }
+    #[inline(always)]
+    fn split_exponent(a: __m512) -> (__m512, __m512) {
+        cpu! {
+            let shift = _mm512_set1_epi32(SINGLE_SHIFT.cast_signed());
+            let bits = _mm512_add_epi32(_mm512_castps_si512(a), shift);
+            let exponent = _mm512_and_si512(bits, _mm512_set1_epi32((!SINGLE_MANTISSA).cast_signed()));
+            let k = _mm512_cvtepi32_ps(_mm512_sub_epi32(
+                _mm512_srli_epi32::<23>(exponent),
+                _mm512_set1_epi32(SINGLE_BIAS),
+            ));
+            (_mm512_castsi512_ps(exponent), _mm512_mul_ps(k, Self::splat(LN_2)))
+        }
+    }
+}
+
+/// The nearest number in single precision.
+#[inline(always)]
+#[allow(clippy::cast_possible_truncation, reason = "rounding is meant")]
+const fn single(a: f64) -> f32 {
+    a as f32
+}
+
+/// AVX2 with fused multiply-add: two registers for a vector.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx2;
 
-/// Eight numbers, or a mask, in two registers.
-type Two = [__m256d; 2];
+/// Its vectors of singles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx2Singles;
+
+impl Isa for Avx2 {
+    type Singles = Avx2Singles;
+
+    #[inline(always)]
+    fn call<K: Kernel>(kernel: K) -> K::Output {
+        #[inline(never)]
+        #[target_feature(enable = "avx2,fma")]
+        fn compiled<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run::<Avx2>()
+        }
+        cpu! { compiled(kernel) }
+    }
+    #[inline(always)]
+    fn sum(a: [__m256d; 2]) -> f64 {
+        cpu! { sum_of_four(_mm256_add_pd(a[0], a[1])) }
+    }
+}
 
 impl Avx2 {
-    /// [`Isa::split_exponent`] of one register.
+    /// [`Vectors::split_exponent`] of one register.
     #[inline(always)]
     fn split_exponent_of_four(a: __m256d) -> (__m256d, __m256d) {
         cpu! {
@@ -153,105 +288,117 @@ impl Avx2 {
     }
 }
 
-impl Isa for Avx2 {
-    type Vector = Two;
-    type Mask = Two;
-
-    #[inline(always)]
-    fn call<K: Kernel>(kernel: K) -> K::Output {
-        #[inline(never)]
-        #[target_feature(enable = "avx2,fma")]
-        fn compiled<K: Kernel>(kernel: K) -> K::Output {
-            kernel.run::<Avx2>()
-        }
-        cpu! { compiled(kernel) }
+impl Vectors for Avx2 {
+    two_registers! {
+        __m256d: add _mm256_add_pd, sub _mm256_sub_pd, mul _mm256_mul_pd, div _mm256_div_pd;
+        _mm256_sqrt_pd _mm256_fmadd_pd _mm256_xor_pd _mm256_set1_pd _mm256_cmp_pd _mm256_blendv_pd
+        _mm256_and_pd _mm256_or_pd _mm256_movemask_pd
     }
 
+    const GROUPS: usize = 1;
+    const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
+    const NO_FRACTION: f64 = NO_FRACTION;
+
     #[inline(always)]
-    fn splat(a: f64) -> Two {
+    fn splat(a: f64) -> [__m256d; 2] {
         cpu! { [_mm256_set1_pd(a); 2] }
     }
     #[inline(always)]
-    fn load(a: &[f64; LANES]) -> Two {
-        let (low, high) = a.split_at(LANES / 2);
+    fn splat_groups(groups: &[f64]) -> [__m256d; 2] {
+        Self::splat(groups[0])
+    }
+    #[inline(always)]
+    fn load(groups: &[[f64; LANES]]) -> [__m256d; 2] {
+        let (low, high) = groups[0].split_at(LANES / 2);
         cpu! { [_mm256_loadu_pd(low.as_ptr()), _mm256_loadu_pd(high.as_ptr())] }
     }
     #[inline(always)]
-    fn store(a: Two) -> [f64; LANES] {
-        let mut out = [0.0; LANES];
-        let (low, high) = out.split_at_mut(LANES / 2);
+    fn store(a: [__m256d; 2], groups: &mut [[f64; LANES]]) {
+        let (low, high) = groups[0].split_at_mut(LANES / 2);
         cpu! {
             _mm256_storeu_pd(low.as_mut_ptr(), a[0]);
             _mm256_storeu_pd(high.as_mut_ptr(), a[1]);
         }
-        out
     }
     #[inline(always)]
-    fn add(a: Two, b: Two) -> Two {
-        cpu! { [_mm256_add_pd(a[0], b[0]), _mm256_add_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn sub(a: Two, b: Two) -> Two {
-        cpu! { [_mm256_sub_pd(a[0], b[0]), _mm256_sub_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn mul(a: Two, b: Two) -> Two {
-        cpu! { [_mm256_mul_pd(a[0], b[0]), _mm256_mul_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn div(a: Two, b: Two) -> Two {
-        cpu! { [_mm256_div_pd(a[0], b[0]), _mm256_div_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn neg(a: Two) -> Two {
-        cpu! {
-            let sign = _mm256_set1_pd(-0.0);
-            [_mm256_xor_pd(a[0], sign), _mm256_xor_pd(a[1], sign)]
-        }
-    }
-    #[inline(always)]
-    fn sqrt(a: Two) -> Two {
-        cpu! { [_mm256_sqrt_pd(a[0]), _mm256_sqrt_pd(a[1])] }
-    }
-    #[inline(always)]
-    fn mul_add(a: Two, b: Two, c: Two) -> Two {
-        cpu! { [_mm256_fmadd_pd(a[0], b[0], c[0]), _mm256_fmadd_pd(a[1], b[1], c[1])] }
-    }
-    #[inline(always)]
-    fn lt(a: Two, b: Two) -> Two {
-        cpu! {
-            [
-                _mm256_cmp_pd::<_CMP_LT_OQ>(a[0], b[0]),
-                _mm256_cmp_pd::<_CMP_LT_OQ>(a[1], b[1]),
-            ]
-        }
-    }
-    #[inline(always)]
-    fn both(a: Two, b: Two) -> Two {
-        cpu! { [_mm256_and_pd(a[0], b[0]), _mm256_and_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn any(mask: Two) -> bool {
-        cpu! { _mm256_movemask_pd(_mm256_or_pd(mask[0], mask[1])) != 0 }
-    }
-    #[inline(always)]
-    fn select(mask: Two, a: Two, b: Two) -> Two {
-        cpu! {
-            [
-                _mm256_blendv_pd(b[0], a[0], mask[0]),
-                _mm256_blendv_pd(b[1], a[1], mask[1]),
-            ]
-        }
-    }
-    #[inline(always)]
-    fn sum(a: Two) -> f64 {
-        cpu! { sum_of_four(_mm256_add_pd(a[0], a[1])) }
-    }
-    #[inline(always)]
-    fn split_exponent(a: Two) -> (Two, Two) {
+    fn split_exponent(a: [__m256d; 2]) -> ([__m256d; 2], [__m256d; 2]) {
         let (low, high) = (
             Self::split_exponent_of_four(a[0]),
             Self::split_exponent_of_four(a[1]),
+        );
+        ([low.0, high.0], [low.1, high.1])
+    }
+}
+
+impl Avx2Singles {
+    /// One group.
+    #[inline(always)]
+    fn load_group(group: &[f64; LANES]) -> __m256 {
+        let [low, high] = Avx2::load(std::slice::from_ref(group));
+        cpu! { _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low)) }
+    }
+
+    /// One group.
+    #[inline(always)]
+    fn store_group(a: __m256, group: &mut [f64; LANES]) {
+        let halves = cpu! {
+            [
+                _mm256_cvtps_pd(_mm256_castps256_ps128(a)),
+                _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(a)),
+            ]
+        };
+        Avx2::store(halves, std::slice::from_mut(group));
+    }
+
+    /// [`Vectors::split_exponent`] of one register.
+    #[inline(always)]
+    fn split_exponent_of_eight(a: __m256) -> (__m256, __m256) {
+        cpu! {
+            let shift = _mm256_set1_epi32(SINGLE_SHIFT.cast_signed());
+            let bits = _mm256_add_epi32(_mm256_castps_si256(a), shift);
+            let exponent = _mm256_and_si256(bits, _mm256_set1_epi32((!SINGLE_MANTISSA).cast_signed()));
+            let k = _mm256_cvtepi32_ps(_mm256_sub_epi32(
+                _mm256_srli_epi32::<23>(exponent),
+                _mm256_set1_epi32(SINGLE_BIAS),
+            ));
+            (_mm256_castsi256_ps(exponent), _mm256_mul_ps(k, _mm256_set1_ps(single(LN_2))))
+        }
+    }
+}
+
+impl Vectors for Avx2Singles {
+    two_registers! {
+        __m256: add _mm256_add_ps, sub _mm256_sub_ps, mul _mm256_mul_ps, div _mm256_div_ps;
+        _mm256_sqrt_ps _mm256_fmadd_ps _mm256_xor_ps _mm256_set1_ps _mm256_cmp_ps _mm256_blendv_ps
+        _mm256_and_ps _mm256_or_ps _mm256_movemask_ps
+    }
+
+    const GROUPS: usize = 2;
+    const MIN_POSITIVE: f64 = f32::MIN_POSITIVE as f64;
+    const NO_FRACTION: f64 = SINGLE_NO_FRACTION;
+
+    #[inline(always)]
+    fn splat(a: f64) -> [__m256; 2] {
+        cpu! { [_mm256_set1_ps(single(a)); 2] }
+    }
+    #[inline(always)]
+    fn splat_groups(groups: &[f64]) -> [__m256; 2] {
+        cpu! { [_mm256_set1_ps(single(groups[0])), _mm256_set1_ps(single(groups[1]))] }
+    }
+    #[inline(always)]
+    fn load(groups: &[[f64; LANES]]) -> [__m256; 2] {
+        [Self::load_group(&groups[0]), Self::load_group(&groups[1])]
+    }
+    #[inline(always)]
+    fn store(a: [__m256; 2], groups: &mut [[f64; LANES]]) {
+        Self::store_group(a[0], &mut groups[0]);
+        Self::store_group(a[1], &mut groups[1]);
+    }
+    #[inline(always)]
+    fn split_exponent(a: [__m256; 2]) -> ([__m256; 2], [__m256; 2]) {
+        let (low, high) = (
+            Self::split_exponent_of_eight(a[0]),
+            Self::split_exponent_of_eight(a[1]),
         );
         ([low.0, high.0], [low.1, high.1])
     }

@@ -1,0 +1,120 @@
+//! What does single precision cost in ln L and its gradient, and what does it gain?
+//!
+//! `cargo bench --bench precision` prints a table for the coarse model of a fit at the draws of `benches/draws.csv`, by largest phase of a
+//! step. *Rounding* is ln L in single precision minus that in double precision with the same steps. *Double* is the
+//! difference from the model in double precision, whose particles take other steps because fewer are integrated together, and *finer*
+//! that model's own difference from steps of a phase of 0.4. The *gradient* is the norm of the difference from the gradient in double precision with the same
+//! steps over the norm of that. Each is the median of magnitudes and the largest. Times of a value and of a gradient are medians over draws of
+//! the least of 15 turns, in double and in single precision on one thread.
+
+mod draws;
+
+use oblate::data::ObservedTrack;
+use oblate::inference::{FitSettings, StreamTarget};
+use oblate::likelihood::StreamLikelihood;
+use oblate::params::{DIM, StreamParams};
+use oblate::scalar::{Dual, gradient_of, lift};
+use oblate::stream::{Model, ModelSettings, Precision};
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Instant;
+
+const TURNS: usize = 15;
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Median and largest magnitude.
+fn summary(values: &[f64]) -> String {
+    let magnitudes: Vec<f64> = values.iter().map(|value| value.abs()).collect();
+    let largest = magnitudes.iter().copied().fold(0.0, f64::max);
+    format!("{:.1e}, {largest:.1e}", median(magnitudes))
+}
+
+/// The least of the times of each piece of work in milliseconds; they take turns.
+fn milliseconds<const N: usize>(work: [&dyn Fn(); N]) -> [f64; N] {
+    let mut least = [f64::INFINITY; N];
+    for _ in 0..TURNS {
+        for (least, work) in least.iter_mut().zip(work) {
+            let start = Instant::now();
+            work();
+            *least = least.min(1e3 * start.elapsed().as_secs_f64());
+        }
+    }
+    least
+}
+
+/// The likelihood with other settings of the model.
+fn with(likelihood: &StreamLikelihood, settings: ModelSettings) -> StreamLikelihood {
+    likelihood.with_model(Model::new(&settings).expect("a model"))
+}
+
+fn norm(gradient: &[f64; DIM]) -> f64 {
+    gradient.iter().map(|g| g * g).sum::<f64>().sqrt()
+}
+
+fn main() {
+    println!(
+        "| phase | rounding | double | finer | gradient | value, ms | gradient, ms |\n|---|---|---|---|---|---|---|"
+    );
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks");
+    for step_phase in [0.85, 1.6] {
+        let [mut rounding, mut other_steps, mut finer, mut gradients] =
+            [const { Vec::new() }; 4];
+        let mut times: [Vec<f64>; 4] = Default::default();
+        for draw in draws::draws() {
+            let track = ObservedTrack::read(&folder.join(format!("{}.ecsv", draw.track)));
+            let track = track.expect("a gala track");
+            let coarse = FitSettings::default().coarse(track.bin_width_deg);
+            let mut coarse = coarse.expect("a coarse model");
+            coarse.model.step_phase = step_phase;
+            let target = StreamTarget::from_track(&track, &coarse).expect("a target");
+            let settings = |precision, step_phase| ModelSettings {
+                precision,
+                step_phase,
+                ..coarse.model
+            };
+            let likelihood =
+                |precision, phase| with(target.likelihood(), settings(precision, phase));
+            let double = likelihood(Precision::Double, step_phase);
+            let single = likelihood(Precision::Single, step_phase);
+            let fine = likelihood(Precision::Double, 0.4);
+            let value = |likelihood: &StreamLikelihood| {
+                let evaluation = likelihood.ln_likelihood(&draw.theta);
+                evaluation.expect("a draw has a likelihood").ln_likelihood
+            };
+            let gradient = |likelihood: &StreamLikelihood| {
+                let evaluation = likelihood.gradient(&draw.theta);
+                evaluation.expect("a draw has a gradient").1
+            };
+            let exact = single
+                .ln_likelihood_on::<Dual<DIM>>(&StreamParams::from_array(lift(&draw.theta)))
+                .expect("a draw has a likelihood");
+            rounding.push(value(&single) - exact.re);
+            other_steps.push(value(&single) - value(&double));
+            finer.push(value(&double) - value(&fine));
+            let (ours, exact) = (gradient(&single), gradient_of(&exact));
+            let difference: [f64; DIM] = std::array::from_fn(|i| ours[i] - exact[i]);
+            gradients.push(norm(&difference) / norm(&exact));
+            let of_draw = milliseconds([
+                &|| drop(black_box(value(black_box(&double)))),
+                &|| drop(black_box(value(black_box(&single)))),
+                &|| drop(black_box(gradient(black_box(&double)))),
+                &|| drop(black_box(gradient(black_box(&single)))),
+            ]);
+            for (times, time) in times.iter_mut().zip(of_draw) {
+                times.push(time);
+            }
+        }
+        let [double, single, double_gradient, single_gradient] = times.map(median);
+        println!(
+            "| {step_phase} | {} | {} | {} | {} | {double:.3}, {single:.3} | {double_gradient:.3}, {single_gradient:.3} |",
+            summary(&rounding),
+            summary(&other_steps),
+            summary(&finer),
+            summary(&gradients)
+        );
+    }
+}
