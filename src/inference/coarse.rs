@@ -1,11 +1,12 @@
 //! The coarse model that a fit starts with.
 //!
-//! A likelihood of few particles and long steps costs little, but it is rough, and rough likelihoods are slow to explore. Bin edges as wide
-//! as the bins allow and a smaller penalty for uncovered bins make it smoother (`cargo bench --bench roughness`). The SMC bridge then
-//! corrects its posterior to that of the model itself.
+//! A likelihood of few particles and long steps, in single precision, costs little. But it is rough, and rough likelihoods are slow to
+//! explore. Bin edges as wide as the bins allow and a smaller penalty for uncovered bins make it smoother (`cargo bench --bench
+//! roughness`). The SMC bridge then corrects its posterior to that of the model itself.
 
 use super::settings::FitSettings;
 use crate::likelihood::Coverage;
+use crate::stream::Precision;
 use crate::track::BinEdges;
 
 /// Phase of a coarse model's steps, radians: they change ln L by less than its few particles do, at three fifths of the price
@@ -34,6 +35,7 @@ impl FitSettings {
             releases.release_times = 0;
             releases.particles = self.coarse_particles;
             coarse.model.step_phase = coarse.model.step_phase.max(STEP_PHASE);
+            coarse.model.precision = Precision::Single;
             coarse.likelihood.edges = BinEdges::Soft {
                 half_width_deg: 0.5 * bin_width_deg,
             };

@@ -78,6 +78,7 @@ impl<V: Vectors, const K: usize> Scalar for Lanes<V, K> {
     type Mask = LaneMask<V, K>;
 
     const MIN_POSITIVE: f64 = V::MIN_POSITIVE;
+    const EPSILON: f64 = V::EPSILON;
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {

@@ -53,6 +53,8 @@ pub trait Scalar:
 
     /// The smallest positive normal number.
     const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
+    /// The distance from 1 to the next larger number.
+    const EPSILON: f64 = f64::EPSILON;
 
     /// A number with derivatives of zero, the same in every lane.
     fn from_f64(value: f64) -> Self;
@@ -208,13 +210,16 @@ pub fn ln_1p<S: Scalar>(s: S) -> S {
 }
 
 /// `(2 atanh u - 2 u) / u^3` at `z = u^2 <= 0.0295`: the series 2/3 + 2 z/5 + 2 z^2/7 + .., cut where the next term is
-/// below 1e-18 of the logarithm.
+/// below 1e-18 of the logarithm, in single precision 1e-8.
 #[inline(always)]
 pub fn two_atanh_tail<S: Scalar>(z: S) -> S {
     // Estrin's scheme has shorter dependency chains than Horner's: the latency of this sum matters in the inner loop.
     let z2 = z * z;
-    let z4 = z2 * z2;
     let low = tail_pair(1, z).mul_add(z2, tail_pair(0, z));
+    if S::EPSILON > f64::EPSILON {
+        return low;
+    }
+    let z4 = z2 * z2;
     let high = tail_pair(3, z).mul_add(z2, tail_pair(2, z));
     tail_pair(4, z).mul_add(z4, high).mul_add(z4, low)
 }

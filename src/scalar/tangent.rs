@@ -176,6 +176,7 @@ impl<S: Scalar, const N: usize> Scalar for Tangent<S, N> {
     type Mask = S::Mask;
 
     const MIN_POSITIVE: f64 = S::MIN_POSITIVE;
+    const EPSILON: f64 = S::EPSILON;
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {

@@ -1,6 +1,6 @@
 //! Derivatives of a result with respect to the progenitor solution, summed over particles.
 
-use super::lane_groups::{Batch, Interleaved, UNROLL};
+use super::lane_groups::{Bundle, Interleaved, UNROLL};
 use super::progenitor_solution::ReleaseFrame;
 use crate::orbit::{Node, State};
 use crate::potential::{HaloCotangent, PlummerCotangent};
@@ -77,11 +77,7 @@ impl Cotangents {
     /// Reverse mode of [`ReleaseFrame::release`]: adds the derivatives with respect to the initial states of a pair to those with respect to
     /// its release frames.
     #[inline(always)]
-    pub fn release_vjp<I: Isa>(
-        &mut self,
-        pair: &Batch<'_>,
-        start_bar: &State<Interleaved<I>>,
-    ) {
+    pub fn release_vjp<I: Isa>(&mut self, pair: &Bundle<'_>, start_bar: &State<Interleaved<I>>) {
         let State { x, v } = *start_bar;
         let (position, velocity) = (pair.position::<I>(), pair.velocity::<I>());
         let (x_bar, v_bar) = (sums_of_vector(x), sums_of_vector(v));

@@ -59,7 +59,7 @@ impl Model {
         let forward = IntegrateKernel {
             model: self,
             solution,
-            batches: &self.batches,
+            bundles: &self.bundles,
             schedules,
             step_sizes,
             out: columns,
@@ -81,27 +81,27 @@ impl Model {
     ) -> std::result::Result<(), Rejection> {
         // More chunks than threads, because some take longer.
         let count = 4 * rayon::current_num_threads();
-        let per_chunk = self.batches.len().div_ceil(count);
+        let per_chunk = self.bundles.len().div_ceil(count);
         let (mut left, step_sizes) = out.columns(self.table.len());
         step_sizes.reset(self.pairs.len(), 0);
         let mut chunks = Vec::with_capacity(count);
-        for batches in self.batches.chunks(per_chunk) {
-            let end = batches.last().map_or(0, |batch| {
-                let last = &self.lane_groups[batch.end - 1];
+        for bundles in self.bundles.chunks(per_chunk) {
+            let end = bundles.last().map_or(0, |bundle| {
+                let last = &self.lane_groups[bundle.end - 1];
                 last.first + last.len
             });
             let (columns, rest) = left.split(end);
-            chunks.push((batches, columns));
+            chunks.push((bundles, columns));
             left = rest;
         }
         let integrated: Vec<(f64, StepSizes)> = chunks
             .into_par_iter()
-            .map(|(batches, out)| {
+            .map(|(bundles, out)| {
                 let mut step_sizes = StepSizes::default();
                 let forward = IntegrateKernel {
                     model: self,
                     solution,
-                    batches,
+                    bundles,
                     schedules: &mut StepSchedules::default(),
                     step_sizes: &mut step_sizes,
                     out,
@@ -122,16 +122,16 @@ impl Model {
 }
 
 impl Model {
-    /// Largest number of adaptive steps that can be recorded for all batches; 0 if the steps are equal.
+    /// Largest number of adaptive steps that can be recorded for all bundles; 0 if the steps are equal.
     fn max_steps(&self) -> usize {
         match self.settings.step_rule {
             StepRule::Uniform => 0,
             StepRule::Adaptive => {
                 let steps =
-                    |batch: &Range<usize>| self.steps[self.lane_groups[batch.start].release_time];
+                    |bundle: &Range<usize>| self.steps[self.lane_groups[bundle.start].release_time];
                 let shortest =
-                    self.batches.iter().map(steps).sum::<usize>() << self.settings.max_halvings;
-                shortest + self.batches.len()
+                    self.bundles.iter().map(steps).sum::<usize>() << self.settings.max_halvings;
+                shortest + self.bundles.len()
             }
         }
     }

@@ -1,11 +1,11 @@
 //! Integration of particles from their release to today: in SIMD lanes, and one by one on any number type.
 
-use super::lane_groups::{Batch, Interleaved, StepSchedules, UNROLL};
+use super::lane_groups::{Bundle, Interleaved, StepSchedules, UNROLL};
 use super::model::Model;
 use super::particles::Columns;
 use super::progenitor_solution::ProgenitorSolution;
 use super::settings::{Precision, StepRule};
-use super::step_schedules::{BatchSteps, Planner};
+use super::step_schedules::{BundleSteps, Planner};
 use super::step_sizes::StepSizes;
 use crate::error::Rejection;
 use crate::orbit::{FinalParticle, StepSchedule, advance, advance_adaptively};
@@ -13,11 +13,11 @@ use crate::potential::{Halo, Plummer};
 use crate::scalar::{Isa, Kernel, Level, Real, Vectors, compile_kernel};
 use std::ops::Range;
 
-/// The integration of some batches of lane groups.
+/// The integration of some bundles of lane groups.
 pub struct IntegrateKernel<'a, H: Halo> {
     pub(super) model: &'a Model,
     pub(super) solution: &'a ProgenitorSolution<f64, H>,
-    pub(super) batches: &'a [Range<usize>],
+    pub(super) bundles: &'a [Range<usize>],
     pub(super) schedules: &'a mut StepSchedules,
     pub(super) step_sizes: &'a mut StepSizes,
     pub(super) out: Columns<'a>,
@@ -26,7 +26,7 @@ pub struct IntegrateKernel<'a, H: Halo> {
 impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
     type Output = f64;
 
-    /// Integrates every batch. Returns the number of ambiguous windings, NaN if any state is not finite.
+    /// Integrates every bundle. Returns the number of ambiguous windings, NaN if any state is not finite.
     #[inline(always)]
     fn run<I: Isa>(self) -> f64 {
         match self.model.settings.precision {
@@ -43,7 +43,7 @@ impl<H: Halo> IntegrateKernel<'_, H> {
         let Self {
             model,
             solution,
-            batches,
+            bundles,
             schedules,
             step_sizes,
             mut out,
@@ -52,27 +52,28 @@ impl<H: Halo> IntegrateKernel<'_, H> {
         let progenitor = Plummer::<Interleaved<V>>::broadcast(&solution.progenitor);
         let mut planner = Planner::new(model, solution, schedules);
         let mut ambiguous_windings = 0.0;
-        for range in batches {
-            let batch = Batch::new(&model.lane_groups, range);
-            let release_frame = batch.release_frames::<V, H>(solution);
-            let (start, winding_number) = release_frame.release(batch.position(), batch.velocity());
+        for range in bundles {
+            let bundle = Bundle::new(&model.lane_groups, range);
+            let release_frame = bundle.release_frames::<V, H>(solution);
+            let (start, winding_number) =
+                release_frame.release(bundle.position(), bundle.velocity());
             let particle = match model.settings.step_rule {
                 StepRule::Uniform => advance(
                     &host,
                     &progenitor,
-                    &planner.schedules::<V>(&batch, &[]),
+                    &planner.schedules::<V>(&bundle, &[]),
                     start,
                     winding_number,
                 ),
                 StepRule::Adaptive => {
-                    let mut steps = BatchSteps::new(model, solution, &batch, step_sizes);
+                    let mut steps = BundleSteps::new(model, solution, &bundle, step_sizes);
                     let particle =
                         advance_adaptively(&host, &progenitor, &mut steps, start, winding_number);
                     step_sizes.finish(range.len().div_ceil(UNROLL));
                     particle
                 }
             };
-            ambiguous_windings += out.store(&batch, &particle);
+            ambiguous_windings += out.store(&bundle, &particle);
         }
         ambiguous_windings
     }

@@ -4,7 +4,7 @@
 //! product.
 
 use super::cotangents::{Cotangents, sums_of_vector};
-use super::lane_groups::{Batch, Interleaved, StepSchedules, UNROLL};
+use super::lane_groups::{Bundle, Interleaved, StepSchedules, UNROLL};
 use super::model::Model;
 use super::particles::Particles;
 use super::progenitor_solution::ProgenitorSolution;
@@ -39,10 +39,7 @@ impl SkyCotangents<'_> {
     /// The states of a pair and the derivatives with respect to its positions. A lane without a particle has the state of another particle
     /// and derivatives of zero.
     #[inline(always)]
-    fn lanes<I: Isa>(
-        &self,
-        pair: &Batch<'_>,
-    ) -> (State<Interleaved<I>>, Vec3<Interleaved<I>>) {
+    fn lanes<I: Isa>(&self, pair: &Bundle<'_>) -> (State<Interleaved<I>>, Vec3<Interleaved<I>>) {
         let Particles { x, y, z, v, .. } = self.particles;
         let state = State {
             x: Vec3::new(repeated(pair, x), repeated(pair, y), repeated(pair, z)),
@@ -63,7 +60,7 @@ impl SkyCotangents<'_> {
 
 /// A pair's numbers of a column; lanes without a particle repeat the last one.
 #[inline(always)]
-fn repeated<I: Isa>(pair: &Batch<'_>, column: &[f64]) -> Interleaved<I> {
+fn repeated<I: Isa>(pair: &Bundle<'_>, column: &[f64]) -> Interleaved<I> {
     let mut lanes = LaneArray([[0.0; LANES]; UNROLL]);
     for k in 0..UNROLL {
         let lane_group = pair.lane_groups[k];
@@ -77,7 +74,7 @@ fn repeated<I: Isa>(pair: &Batch<'_>, column: &[f64]) -> Interleaved<I> {
 
 /// A pair's numbers of a column; zeros in lanes without a particle.
 #[inline(always)]
-fn padded<I: Isa>(pair: &Batch<'_>, column: &[f64]) -> Interleaved<I> {
+fn padded<I: Isa>(pair: &Bundle<'_>, column: &[f64]) -> Interleaved<I> {
     let mut lanes = LaneArray([[0.0; LANES]; UNROLL]);
     for k in 0..UNROLL {
         let first = pair.lane_groups[k].first;
@@ -123,10 +120,11 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
         let mut planner = Planner::new(model, solution, schedules);
         let adaptive = model.settings.step_rule == StepRule::Adaptive;
         for number in chunk.pairs.clone() {
-            let pair = Batch::new(&model.lane_groups, &model.pairs[number]);
+            let pair = Bundle::new(&model.lane_groups, &model.pairs[number]);
             let (end, position_bar) = today.lanes::<I>(&pair);
             let limit2 = position_bar.norm2() * max_stretch2;
-            let schedules = planner.schedules::<I>(&pair, today.particles.step_sizes.of_pair(number));
+            let schedules =
+                planner.schedules::<I>(&pair, today.particles.step_sizes.of_pair(number));
             progenitor_positions_bar.resize(schedules.0[0].drift_gyr.len(), Vec3::zero());
             let start_bar = advance_vjp::<_, H>(
                 &host,
@@ -143,9 +141,8 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
             cotangents.release_vjp(&pair, &start_bar);
             // With equal steps, consecutive pairs of the same release times have the same schedules, and their lanes are added.
             let [a, b, ..] = pair.release_times();
-            let next = (number + 1 < chunk.pairs.end).then(|| {
-                Batch::new(&model.lane_groups, &model.pairs[number + 1]).release_times()
-            });
+            let next = (number + 1 < chunk.pairs.end)
+                .then(|| Bundle::new(&model.lane_groups, &model.pairs[number + 1]).release_times());
             if adaptive || next != Some([a, b, b, b]) {
                 sum_lanes(&mut progenitor_positions_bar, a == b, positions_bar);
                 let release_times = if a == b { 1 } else { UNROLL };

@@ -1,4 +1,4 @@
-//! Particles in lanes, and lane groups in batches: arithmetic of one vector is computed while the other one's square roots are.
+//! Particles in lanes, and lane groups in bundles: arithmetic of one vector is computed while the other one's square roots are.
 
 use super::progenitor_solution::{ProgenitorSolution, ReleaseFrame};
 use super::settings::Precision;
@@ -73,9 +73,9 @@ pub(super) fn release_times_per_chunk(release_times: usize) -> usize {
     release_times.div_ceil(RELEASE_TIME_CHUNKS)
 }
 
-/// Divides lane groups into batches with equally many steps and in the same chunk of release times: ranges of `together`, or of fewer where
+/// Divides lane groups into bundles with equally many steps and in the same chunk of release times: ranges of `together`, or of fewer where
 /// no other fits.
-pub(super) fn batches(
+pub(super) fn bundles(
     lane_groups: &[LaneGroup],
     steps: &[usize],
     together: usize,
@@ -104,25 +104,25 @@ pub(super) fn split(range: Range<usize>, len: usize) -> impl Iterator<Item = Ran
 /// Lane groups that are integrated together, with equally many steps. The last one is repeated where there are fewer than four; the
 /// repetitions have no particles.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Batch<'a> {
+pub(super) struct Bundle<'a> {
     pub lane_groups: [&'a LaneGroup; MAX_TOGETHER],
     /// Number of particles of each.
     pub lens: [usize; MAX_TOGETHER],
 }
 
-impl<'a> Batch<'a> {
-    /// The batch of a range of at most four lane groups.
+impl<'a> Bundle<'a> {
+    /// The bundle of a range of at most four lane groups.
     #[inline]
     pub fn new(lane_groups: &'a [LaneGroup], range: &Range<usize>) -> Self {
-        let mut batch = Self {
+        let mut bundle = Self {
             lane_groups: [&lane_groups[range.end - 1]; MAX_TOGETHER],
             lens: [0; MAX_TOGETHER],
         };
         for (k, lane_group) in lane_groups[range.clone()].iter().enumerate() {
-            batch.lane_groups[k] = lane_group;
-            batch.lens[k] = lane_group.len;
+            bundle.lane_groups[k] = lane_group;
+            bundle.lens[k] = lane_group.len;
         }
-        batch
+        bundle
     }
 
     /// Numbers of their release times.
@@ -173,9 +173,7 @@ impl<'a> Batch<'a> {
 
 /// The components of release offsets as lanes.
 #[inline(always)]
-fn offsets<V: Vectors>(
-    groups: [&[[f64; LANES]; 3]; MAX_TOGETHER],
-) -> [Interleaved<V>; 3] {
+fn offsets<V: Vectors>(groups: [&[[f64; LANES]; 3]; MAX_TOGETHER]) -> [Interleaved<V>; 3] {
     let [a, b, c, d] = groups;
     [
         Lanes::load_groups(&LaneArray([a[0], b[0], c[0], d[0]]).0),
@@ -186,9 +184,7 @@ fn offsets<V: Vectors>(
 
 /// The vectors of release frames as lanes.
 #[inline(always)]
-fn splat_frames<V: Vectors>(
-    groups: [&[Vec3<f64>; 3]; MAX_TOGETHER],
-) -> [Vec3<Interleaved<V>>; 3] {
+fn splat_frames<V: Vectors>(groups: [&[Vec3<f64>; 3]; MAX_TOGETHER]) -> [Vec3<Interleaved<V>>; 3] {
     let [a, b, c, d] = groups;
     [
         Lanes::splat_vectors(&[a[0], b[0], c[0], d[0]]),

@@ -1,6 +1,6 @@
 //! The model of a stream: everything that does not depend on the parameters.
 
-use super::lane_groups::{LaneGroup, UNROLL, batches, lane_groups, split};
+use super::lane_groups::{LaneGroup, UNROLL, bundles, lane_groups, split};
 use super::progenitor_solution::{ProgenitorSolution, SolutionMemory};
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
@@ -18,8 +18,8 @@ pub struct Model {
     pub(super) table: ReleaseTable,
     pub(super) lane_groups: Vec<LaneGroup>,
     /// The lane groups that are integrated together, as ranges.
-    pub(super) batches: Vec<Range<usize>>,
-    /// The batches in pairs of lane groups, as ranges: those whose derivatives are computed together, in double precision.
+    pub(super) bundles: Vec<Range<usize>>,
+    /// The bundles in pairs of lane groups, as ranges: those whose derivatives are computed together, in double precision.
     pub(super) pairs: Vec<Range<usize>>,
     /// Number of steps of the particles of each release time; of adaptive steps, if all are as long as possible.
     pub(super) steps: Vec<usize>,
@@ -76,13 +76,13 @@ impl Model {
             }));
         }
         let together = settings.precision.groups_together();
-        let batches = batches(&lane_groups, &steps, together);
-        let pairs = |batch: &Range<usize>| split(batch.clone(), UNROLL);
+        let bundles = bundles(&lane_groups, &steps, together);
+        let pairs = |bundle: &Range<usize>| split(bundle.clone(), UNROLL);
         Self {
             settings,
             table,
-            pairs: batches.iter().flat_map(pairs).collect(),
-            batches,
+            pairs: bundles.iter().flat_map(pairs).collect(),
+            bundles,
             lane_groups,
             steps,
             hermite_weights,

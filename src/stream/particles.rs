@@ -1,6 +1,6 @@
 //! The particles of a stream today, as columns.
 
-use super::lane_groups::{Batch, Interleaved};
+use super::lane_groups::{Bundle, Interleaved};
 use super::step_sizes::StepSizes;
 use crate::error::Tally;
 use crate::orbit::{FinalParticle, MAX_TOGETHER, State};
@@ -96,11 +96,11 @@ impl<'a> Columns<'a> {
         (before, after)
     }
 
-    /// Stores the lanes of a batch. Returns their number of ambiguous windings, NaN if any state is not finite.
+    /// Stores the lanes of a bundle. Returns their number of ambiguous windings, NaN if any state is not finite.
     #[inline(always)]
     pub fn store<V: Vectors>(
         &mut self,
-        batch: &Batch<'_>,
+        bundle: &Bundle<'_>,
         particle: &FinalParticle<Interleaved<V>>,
     ) -> f64 {
         let State { x, v } = particle.state;
@@ -120,22 +120,22 @@ impl<'a> Columns<'a> {
         for i in 0..columns.len() {
             columns[i].store_groups(&mut values[i].0);
         }
-        self.copy(batch, &values)
+        self.copy(bundle, &values)
     }
 
     /// Copies lanes into the columns. Returns the number of ambiguous windings.
     #[inline(never)]
-    fn copy(&mut self, batch: &Batch<'_>, values: &[LaneArray<MAX_TOGETHER>; 8]) -> f64 {
+    fn copy(&mut self, bundle: &Bundle<'_>, values: &[LaneArray<MAX_TOGETHER>; 8]) -> f64 {
         let [columns @ .., ambiguous_windings] = values;
         let mut sum = 0.0;
-        for (k, len) in batch
+        for (k, len) in bundle
             .lens
             .into_iter()
             .enumerate()
             .filter(|(_, len)| *len > 0)
         {
             sum += ambiguous_windings.0[k][..len].iter().sum::<f64>();
-            let from = batch.lane_groups[k].first - self.first;
+            let from = bundle.lane_groups[k].first - self.first;
             for (column, values) in self.columns.iter_mut().zip(columns) {
                 column[from..from + len].copy_from_slice(&values.0[k][..len]);
             }

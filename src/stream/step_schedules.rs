@@ -1,6 +1,6 @@
 //! The step schedules of the release times (docs/physics.md, section 5).
 
-use super::lane_groups::{Batch, Interleaved, StepSchedules};
+use super::lane_groups::{Bundle, Interleaved, StepSchedules};
 use super::model::Model;
 use super::progenitor_solution::ProgenitorSolution;
 use super::settings::StepRule;
@@ -88,8 +88,8 @@ impl Model {
     }
 }
 
-/// The adaptive steps of one batch of lane groups.
-pub(super) struct BatchSteps<'a, H: Halo> {
+/// The adaptive steps of one bundle of lane groups.
+pub(super) struct BundleSteps<'a, H: Halo> {
     solution: &'a ProgenitorSolution<f64, H>,
     step_sizes: &'a mut StepSizes,
     taus: [f64; MAX_TOGETHER],
@@ -100,15 +100,15 @@ pub(super) struct BatchSteps<'a, H: Halo> {
     max_halvings: u8,
 }
 
-impl<'a, H: Halo> BatchSteps<'a, H> {
+impl<'a, H: Halo> BundleSteps<'a, H> {
     #[inline(always)]
     pub fn new(
         model: &'a Model,
         solution: &'a ProgenitorSolution<f64, H>,
-        batch: &Batch<'_>,
+        bundle: &Bundle<'_>,
         step_sizes: &'a mut StepSizes,
     ) -> Self {
-        let [a, b, c, d] = batch.release_times();
+        let [a, b, c, d] = bundle.release_times();
         let taus = &model.table.taus;
         Self {
             solution,
@@ -121,7 +121,7 @@ impl<'a, H: Halo> BatchSteps<'a, H> {
         }
     }
 
-    /// The progenitor's position for lane group `k` of the batch, at the time `left` before today in its longest steps.
+    /// The progenitor's position for lane group `k` of the bundle, at the time `left` before today in its longest steps.
     #[inline(always)]
     fn position(&self, k: usize, left: f64) -> Vec3<f64> {
         let orbit = &self.solution.orbit;
@@ -131,7 +131,7 @@ impl<'a, H: Halo> BatchSteps<'a, H> {
     }
 }
 
-impl<V: Vectors, H: Halo> AdaptiveSteps<Interleaved<V>> for BatchSteps<'_, H> {
+impl<V: Vectors, H: Halo> AdaptiveSteps<Interleaved<V>> for BundleSteps<'_, H> {
     #[inline(always)]
     fn steps(&self) -> usize {
         self.steps
@@ -175,7 +175,7 @@ impl<V: Vectors, H: Halo> AdaptiveSteps<Interleaved<V>> for BatchSteps<'_, H> {
     }
 }
 
-/// Writes the step schedules of one batch after the other. Equal steps of the same release times are not written again.
+/// Writes the step schedules of one bundle after the other. Equal steps of the same release times are not written again.
 pub(super) struct Planner<'a, H: Halo> {
     model: &'a Model,
     solution: &'a ProgenitorSolution<f64, H>,
@@ -200,15 +200,15 @@ impl<'a, H: Halo> Planner<'a, H> {
         }
     }
 
-    /// The step schedules of a batch whose adaptive steps have these sizes.
+    /// The step schedules of a bundle whose adaptive steps have these sizes.
     #[inline(always)]
     pub fn schedules<V: Vectors>(
         &mut self,
-        batch: &Batch<'_>,
+        bundle: &Bundle<'_>,
         step_sizes: &[u8],
     ) -> InterleavedSchedules<'_> {
         let adaptive = self.model.settings.step_rule == StepRule::Adaptive;
-        let release_times = batch.release_times();
+        let release_times = bundle.release_times();
         // The buffer of each lane group: that of the one before it if it has the same release time.
         let mut buffers = [0; MAX_TOGETHER];
         for k in 0..Interleaved::<V>::GROUPS {
@@ -220,8 +220,12 @@ impl<'a, H: Halo> Planner<'a, H> {
             buffers[k] = k;
             if adaptive || self.planned[k] != release_time {
                 self.planned[k] = release_time;
-                self.model
-                    .plan(release_time, step_sizes, self.solution, &mut self.schedules[k]);
+                self.model.plan(
+                    release_time,
+                    step_sizes,
+                    self.solution,
+                    &mut self.schedules[k],
+                );
             }
         }
         let [a, b, c, d] = buffers;

@@ -10,7 +10,7 @@ use oblate::potential::Potential;
 use oblate::scalar::Level;
 use oblate::scalar::Vec3;
 use oblate::spray::{Recipe, SamplingScheme, TableSettings, Tail, Tidal};
-use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepSchedules, System};
+use oblate::stream::{Model, ModelSettings, Particles, Precision, StepRule, StepSchedules, System};
 use rayon::prelude::*;
 
 /// Steps of the test orbits: the golden streams were made at a tolerance of 1e-10.
@@ -216,7 +216,7 @@ fn the_default_steps_come_to_galas_final_states() {
     }
 }
 
-fn model(sampling_scheme: SamplingScheme, particles: usize) -> Model {
+fn model(sampling_scheme: SamplingScheme, particles: usize, precision: Precision) -> Model {
     let releases = TableSettings {
         particles,
         sampling_scheme,
@@ -224,6 +224,7 @@ fn model(sampling_scheme: SamplingScheme, particles: usize) -> Model {
     };
     Model::new(&ModelSettings {
         releases,
+        precision,
         ..ModelSettings::default()
     })
     .expect("a model")
@@ -232,10 +233,23 @@ fn model(sampling_scheme: SamplingScheme, particles: usize) -> Model {
 #[test]
 fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
     // Rounding differs (fused or not); the flow amplifies it, most for the few particles that pass close to a centre.
-    const TOLERANCE_KPC: f64 = 1e-8;
-    const MEDIAN_KPC: f64 = 1e-11;
-    for sampling_scheme in [SamplingScheme::Random, SamplingScheme::Sobol] {
-        let model = model(sampling_scheme, 1_000);
+    const TOLERANCE: f64 = 1e-8 / f64::EPSILON;
+    const MEDIAN: f64 = 1e-11 / f64::EPSILON;
+    for (sampling_scheme, precision, rounding_kpc) in [
+        (SamplingScheme::Random, Precision::Double, f64::EPSILON),
+        (SamplingScheme::Sobol, Precision::Double, f64::EPSILON),
+        (
+            SamplingScheme::Random,
+            Precision::Single,
+            f64::from(f32::EPSILON),
+        ),
+        (
+            SamplingScheme::Sobol,
+            Precision::Single,
+            f64::from(f32::EPSILON),
+        ),
+    ] {
+        let model = model(sampling_scheme, 1_000, precision);
         for name in NAMES {
             let solution = model
                 .progenitor_solution(&system(name))
@@ -263,8 +277,8 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
                 differences.sort_by(f64::total_cmp);
                 let (median, worst) = (differences[500], differences[999]);
                 assert!(
-                    median < MEDIAN_KPC && worst < TOLERANCE_KPC,
-                    "{name} {level:?}: {median:e} {worst:e}"
+                    median < MEDIAN * rounding_kpc && worst < TOLERANCE * rounding_kpc,
+                    "{name} {level:?} {precision:?}: {median:e} {worst:e}"
                 );
             }
         }
@@ -273,13 +287,17 @@ fn lanes_equal_the_scalar_path_at_every_level_of_this_cpu() {
 
 #[test]
 fn a_stream_over_many_threads_has_the_bits_of_one_thread() {
-    for (sampling_scheme, particles) in [
-        (SamplingScheme::Random, 1_000),
-        (SamplingScheme::Sobol, 1_016),
-        (SamplingScheme::Sobol, 8),
-        (SamplingScheme::SobolSmeared, 512),
+    for (sampling_scheme, particles, precision) in [
+        (SamplingScheme::Random, 1_000, Precision::Double),
+        (SamplingScheme::Sobol, 1_016, Precision::Double),
+        (SamplingScheme::Sobol, 8, Precision::Double),
+        (SamplingScheme::SobolSmeared, 512, Precision::Double),
+        (SamplingScheme::Random, 1_000, Precision::Single),
+        (SamplingScheme::Sobol, 1_016, Precision::Single),
+        (SamplingScheme::Sobol, 8, Precision::Single),
+        (SamplingScheme::SobolSmeared, 512, Precision::Single),
     ] {
-        let model = model(sampling_scheme, particles);
+        let model = model(sampling_scheme, particles, precision);
         let solution = model
             .progenitor_solution(&system(NAMES[0]))
             .expect("a progenitor solution");
@@ -295,7 +313,10 @@ fn a_stream_over_many_threads_has_the_bits_of_one_thread() {
             let mut many = Particles::default();
             pool.install(|| model.integrate_in_parallel(&solution, &mut many))
                 .expect("particles");
-            assert_eq!(one, many, "{sampling_scheme:?} {particles} {threads}");
+            assert_eq!(
+                one, many,
+                "{sampling_scheme:?} {particles} {precision:?} {threads}"
+            );
         }
     }
 }

@@ -48,6 +48,8 @@ pub trait Vectors: Copy + Debug + Send + Sync + 'static {
     const GROUPS: usize;
     /// The smallest positive normal number.
     const MIN_POSITIVE: f64;
+    /// The distance from 1 to the next larger number.
+    const EPSILON: f64;
     /// Added to a number of at most a third of it in magnitude, it rounds the number to an integer.
     const NO_FRACTION: f64;
 

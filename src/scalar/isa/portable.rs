@@ -39,6 +39,7 @@ macro_rules! arrays {
 
             const GROUPS: usize = $groups;
             const MIN_POSITIVE: f64 = $number::MIN_POSITIVE as f64;
+            const EPSILON: f64 = $number::EPSILON as f64;
             const NO_FRACTION: f64 = $no_fraction;
 
             #[inline(always)]

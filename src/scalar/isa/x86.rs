@@ -155,6 +155,7 @@ impl Vectors for Avx512 {
 
     const GROUPS: usize = 1;
     const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
+    const EPSILON: f64 = f64::EPSILON;
     const NO_FRACTION: f64 = NO_FRACTION;
 
     #[inline(always)]
@@ -196,6 +197,7 @@ impl Vectors for Avx512Singles {
 
     const GROUPS: usize = 2;
     const MIN_POSITIVE: f64 = f32::MIN_POSITIVE as f64;
+    const EPSILON: f64 = f32::EPSILON as f64;
     const NO_FRACTION: f64 = SINGLE_NO_FRACTION;
 
     #[inline(always)]
@@ -297,6 +299,7 @@ impl Vectors for Avx2 {
 
     const GROUPS: usize = 1;
     const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
+    const EPSILON: f64 = f64::EPSILON;
     const NO_FRACTION: f64 = NO_FRACTION;
 
     #[inline(always)]
@@ -375,6 +378,7 @@ impl Vectors for Avx2Singles {
 
     const GROUPS: usize = 2;
     const MIN_POSITIVE: f64 = f32::MIN_POSITIVE as f64;
+    const EPSILON: f64 = f32::EPSILON as f64;
     const NO_FRACTION: f64 = SINGLE_NO_FRACTION;
 
     #[inline(always)]

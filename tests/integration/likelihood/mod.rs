@@ -3,6 +3,7 @@
 
 mod adjoint;
 mod gradient;
+mod precision;
 
 use oblate::error::Rejection;
 use oblate::likelihood::{
@@ -12,7 +13,9 @@ use oblate::orbit::OrbitMethod;
 use oblate::params::{DIM, PriorSettings, QRange, StreamParams, StreamPrior};
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::{Recipe, SamplingScheme, TableSettings};
-use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepSchedules, StepsPer, System};
+use oblate::stream::{
+    Model, ModelSettings, Particles, Precision, StepRule, StepSchedules, StepsPer, System,
+};
 use oblate::track::{BinEdges, Sums, Track};
 use oblate_samplers::Prior;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -434,6 +437,7 @@ proptest! {
         steps_per in prop_oneof![Just(StepsPer::Particle), Just(StepsPer::Age)],
         (step_phase, max_halvings) in prop_oneof![Just((1.2, 4)), Just((0.3, 0)), Just((3.0, 6))],
         orbit in prop_oneof![Just(OrbitMethod::Accurate), Just(OrbitMethod::Leapfrog)],
+        precision in prop_oneof![Just(Precision::Double), Just(Precision::Single)],
     ) {
         let settings = ModelSettings {
             releases: TableSettings { particles, release_times, ..TableSettings::default() },
@@ -444,6 +448,7 @@ proptest! {
             orbit_steps: 64,
             step_phase,
             max_halvings,
+            precision,
         };
         let bin = |bin| DataBin { bin, r_kpc: 50.0, r_err_kpc: 1.0 };
         let data = [bin(-1), bin(0), bin(1)];
