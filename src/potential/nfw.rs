@@ -27,6 +27,16 @@ pub struct FlattenedNfw<S> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nfw;
 
+/// Added to m^2, kpc^2, so that the centre is finite; below rounding elsewhere. The cube of its root is a normal number of the precision.
+#[inline(always)]
+const fn tiny_m2<S: Scalar>() -> f64 {
+    if S::EPSILON > f64::EPSILON {
+        1e-20
+    } else {
+        1e-40
+    }
+}
+
 /// `g(s) / s^3` (docs/physics.md, section 2).
 ///
 /// With `1 + s = 2^k (1+u)/(1-u)` the logarithm is `k ln 2 + 2 u + u^3 tail(u^2)`, and
@@ -77,8 +87,7 @@ impl<S: Scalar> FlattenedNfw<S> {
         let along = self.axis.dot(x);
         let y = x.add_scaled(self.axis, self.flattening * along);
         // m^2 = x.y, bounded because rounding can make it negative for q > 1.
-        // The root of the smallest number, kpc^2, keeps the centre finite and is below rounding elsewhere.
-        let m2 = (x.dot(y)).max(S::zero()) + S::MIN_POSITIVE.sqrt();
+        let m2 = (x.dot(y)).max(S::zero()) + tiny_m2::<S>();
         (along, y, m2.sqrt() * self.inverse_r_s)
     }
 

@@ -58,15 +58,15 @@ fn values_and_gradients_in_single_precision_are_those_in_double_with_the_same_st
 
 #[test]
 fn equal_steps_in_single_precision_are_those_in_double() {
+    let likelihood = likelihood_at(&BASE, &model(small()), &LikelihoodSettings::default());
+    let likelihood = likelihood.expect("a likelihood");
     let values = [Precision::Double, Precision::Single].map(|precision| {
-        let model = model(ModelSettings {
+        let settings = ModelSettings {
             precision,
             ..small()
-        });
-        let likelihood = likelihood_at(&BASE, &model, &LikelihoodSettings::default());
-        let theta = BASE.map(|component| component * 1.001);
-        let likelihood = likelihood.expect("a likelihood");
-        let (value, gradient) = likelihood.gradient(&theta).expect("a gradient");
+        };
+        let likelihood = likelihood.with_model(model(settings));
+        let (value, gradient) = likelihood.gradient(&BASE).expect("a gradient");
         (value.ln_likelihood, gradient)
     });
     let [(double, double_gradient), (single, single_gradient)] = values;
