@@ -41,8 +41,8 @@ fn main() {
     );
     let fast = FitSettings::default();
     let coarse = fast.coarse(track.bin_width_deg).expect("a coarse model");
-    let mut single = coarse.clone();
-    single.model.precision = Precision::Single;
+    let mut double = coarse.clone();
+    double.model.precision = Precision::Double;
     let paper = FitSettings {
         model: Profile::Paper.model(),
         likelihood: Profile::Paper.likelihood(),
@@ -51,7 +51,7 @@ fn main() {
     for (name, config) in [
         ("fast", fast),
         ("coarse", coarse),
-        ("coarse, single", single),
+        ("coarse in doubles", double),
         ("paper", paper),
     ] {
         let target = StreamTarget::from_track(&track, &config).expect("a gala track is data");

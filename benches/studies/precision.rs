@@ -4,8 +4,9 @@
 //! step. *Rounding* is ln L in single precision minus that in double precision with the same steps, *gradient* the norm of the difference
 //! of the gradients over the norm of that in double precision. *Steps, double* and *steps, single* are ln L of the model minus that with
 //! steps of a phase of 0.4: in single precision more particles share their steps, which are shorter therefore. Each is the median of
-//! magnitudes, the upper end of their central 68 %, and the largest. Times of a value and of a gradient are medians over draws of the least of 15 turns, in double
-//! and in single precision on one thread.
+//! magnitudes, the number above 84 % of them, and the largest. Times of a value and of a gradient, in double and in single precision on
+//! one thread, are medians over draws of the least of 15 turns. A second table has the times of the coarse model's particles by
+//! instruction set.
 
 mod draws;
 
@@ -13,8 +14,9 @@ use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, StreamTarget};
 use oblate::likelihood::StreamLikelihood;
 use oblate::params::{DIM, StreamParams};
-use oblate::scalar::{Dual, gradient_of, lift};
-use oblate::stream::{Model, ModelSettings, Precision};
+use oblate::scalar::{Dual, Level, gradient_of, lift};
+use oblate::stream::{Model, ModelSettings, Particles, Precision, StepSchedules};
+use std::cell::RefCell;
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
@@ -57,25 +59,72 @@ fn norm(gradient: &[f64; DIM]) -> f64 {
     gradient.iter().map(|g| g * g).sum::<f64>().sqrt()
 }
 
+/// The target of the coarse model of a fit to the track of a draw, with steps of this phase.
+fn target(draw: &draws::Draw, step_phase: f64) -> StreamTarget {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks");
+    let track = ObservedTrack::read(&folder.join(format!("{}.ecsv", draw.track)));
+    let track = track.expect("a gala track");
+    let coarse = FitSettings::default().coarse(track.bin_width_deg);
+    let mut coarse = coarse.expect("a coarse model");
+    coarse.model.step_phase = step_phase;
+    StreamTarget::from_track(&track, &coarse).expect("a target")
+}
+
 fn main() {
+    errors_and_times();
+    times_by_instruction_set();
+}
+
+fn times_by_instruction_set() {
+    println!("\n| instruction set | particles in doubles, ms | in singles |\n|---|---|---|");
+    for &level in Level::available() {
+        let mut times: [Vec<f64>; 2] = Default::default();
+        for draw in draws::draws() {
+            let target = target(&draw, 1.6);
+            let model = |precision| {
+                let settings = *target.likelihood().model().settings();
+                with(
+                    target.likelihood(),
+                    ModelSettings {
+                        precision,
+                        ..settings
+                    },
+                )
+            };
+            let [double, single] = [Precision::Double, Precision::Single].map(model);
+            let system = double.system(&target.params(&draw.theta));
+            let solution = double.model().progenitor_solution(&system);
+            let solution = solution.expect("an orbit");
+            let buffers = RefCell::new((StepSchedules::default(), Particles::default()));
+            let particles = |likelihood: &StreamLikelihood| {
+                let (schedules, out) = &mut *buffers.borrow_mut();
+                let model = likelihood.model();
+                let tally = model.integrate_at(level, black_box(&solution), schedules, out);
+                tally.expect("particles");
+            };
+            let least = milliseconds([&|| particles(&double), &|| particles(&single)]);
+            for (times, time) in times.iter_mut().zip(least) {
+                times.push(time);
+            }
+        }
+        let [double, single] = times.map(median);
+        println!("| {level:?} | {double:.3} | {single:.3} |");
+    }
+}
+
+fn errors_and_times() {
     println!(
         "| phase | rounding | gradient | steps, double | steps, single | value, ms | gradient, ms |\n|---|---|---|---|---|---|---|"
     );
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks");
     for step_phase in [0.85, 1.6, 1.8, 2.0] {
         let [mut rounding, mut gradients, mut of_double, mut of_single] = [const { Vec::new() }; 4];
         let mut times: [Vec<f64>; 4] = Default::default();
         for draw in draws::draws() {
-            let track = ObservedTrack::read(&folder.join(format!("{}.ecsv", draw.track)));
-            let track = track.expect("a gala track");
-            let coarse = FitSettings::default().coarse(track.bin_width_deg);
-            let mut coarse = coarse.expect("a coarse model");
-            coarse.model.step_phase = step_phase;
-            let target = StreamTarget::from_track(&track, &coarse).expect("a target");
+            let target = target(&draw, step_phase);
             let settings = |precision, step_phase| ModelSettings {
                 precision,
                 step_phase,
-                ..coarse.model
+                ..*target.likelihood().model().settings()
             };
             let likelihood =
                 |precision, phase| with(target.likelihood(), settings(precision, phase));

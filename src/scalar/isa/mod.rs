@@ -44,7 +44,7 @@ pub trait Vectors: Copy + Debug + Send + Sync + 'static {
     /// The outcome of a comparison.
     type Mask: Copy + Debug + Send + Sync;
 
-    /// Number of groups of eight lanes, at most [`MAX_GROUPS`].
+    /// Number of groups of eight lanes: one or two.
     const GROUPS: usize;
     /// The smallest positive normal number.
     const MIN_POSITIVE: f64;
