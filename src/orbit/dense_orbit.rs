@@ -4,6 +4,7 @@
 //! the quintic Hermite interpolant of position, velocity and acceleration. Its weights do not depend on the parameters:
 //! [`HermiteWeights`].
 
+use super::nystrom::nystrom_step;
 use super::{State, crossing};
 use crate::potential::Potential;
 use crate::scalar::{Real, Scalar, Vec3};
@@ -16,7 +17,7 @@ const CORE2: f64 = 1e-4;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OrbitMethod {
-    /// A 4th-order symplectic method with a small error constant (PEFRL: Omelyan, Mryglod & Folk 2002).
+    /// A Runge-Kutta-Nystrom method of 6th order (Dormand, El-Mikkawy & Prince 1987).
     #[default]
     Accurate,
     /// The leapfrog (kick, drift, kick) of Chemaly et al. (2026), who take 100 steps.
@@ -36,11 +37,10 @@ impl<S: Scalar> Node<S> {
         Self([[S::zero(); 4]; 3])
     }
 
-    /// The node of a state, `spacing` Gyr from the next.
+    /// The node of position, velocity and acceleration in units of the spacing.
     #[inline(always)]
-    fn from_state(host: &impl Potential<S>, s: State<S>, spacing: S) -> Self {
-        let (dx, ddx) = (s.v * spacing, host.acceleration(s.x) * (spacing * spacing));
-        Self([row(s.x), row(dx), row(ddx)])
+    fn from_vectors([x, dx, ddx]: [Vec3<S>; 3]) -> Self {
+        Self([row(x), row(dx), row(ddx)])
     }
 
     /// The vector in a row.
@@ -203,6 +203,17 @@ pub struct DenseOrbit<S> {
     pub spacing_gyr: S,
 }
 
+impl<S: Scalar> Default for DenseOrbit<S> {
+    /// Without nodes: buffers.
+    fn default() -> Self {
+        Self {
+            nodes: Vec::new(),
+            winding_numbers: Vec::new(),
+            spacing_gyr: S::zero(),
+        }
+    }
+}
+
 impl<S: Real> DenseOrbit<S> {
     /// Integrates back from `today` over `age_gyr` in `steps` steps of equal length.
     #[inline(always)]
@@ -213,45 +224,53 @@ impl<S: Real> DenseOrbit<S> {
         steps: usize,
         method: OrbitMethod,
     ) -> Self {
-        Self::integrate_reusing(host, today, age_gyr, steps, method, None)
+        let mut orbit = Self::default();
+        orbit.integrate_resolved(host, today, age_gyr, steps, method, f64::INFINITY);
+        orbit
     }
 
-    /// As [`integrate`](Self::integrate), in the buffers of another orbit.
+    /// As [`integrate`](Self::integrate), in these buffers, until the phase of an interval at a node, in radians, exceeds `max_phase`
+    /// (docs/physics.md, section 3). Returns the largest phase.
     #[inline(always)]
-    pub fn integrate_reusing(
+    pub fn integrate_resolved(
+        &mut self,
         host: &impl Potential<S>,
         today: State<S>,
         age_gyr: S,
         steps: usize,
         method: OrbitMethod,
-        buffers: Option<Self>,
-    ) -> Self {
+        max_phase: f64,
+    ) -> f64 {
         let spacing = age_gyr / steps as f64;
-        let mut state = today;
-        let (mut nodes, mut winding_numbers) =
-            buffers.map_or_else(Default::default, |b| (b.nodes, b.winding_numbers));
-        clear_and_reserve(&mut nodes, steps + 1);
-        clear_and_reserve(&mut winding_numbers, steps + 1);
-        nodes.push(Node::from_state(host, today, spacing));
-        winding_numbers.push(S::zero());
+        let spacing2 = spacing * spacing;
+        self.spacing_gyr = spacing;
+        clear_and_reserve(&mut self.nodes, steps + 1);
+        clear_and_reserve(&mut self.winding_numbers, steps + 1);
+        let mut vectors = [
+            today.x,
+            today.v * spacing,
+            host.acceleration(today.x) * spacing2,
+        ];
         let mut winding_number = S::zero();
-        for _ in 0..steps {
-            let before = state.x;
-            state = match method {
-                OrbitMethod::Accurate => pefrl(host, state, -spacing),
-                OrbitMethod::Leapfrog => kick_drift_kick(host, state, -spacing),
+        let mut phase2 = 0.0;
+        for left in (0..=steps).rev() {
+            let node = Node::from_vectors(vectors);
+            self.nodes.push(node);
+            self.winding_numbers.push(winding_number);
+            phase2 = f64::max(phase2, node.phase2().re());
+            if left == 0 || phase2 > max_phase * max_phase {
+                break;
+            }
+            let [after, ..] = vectors;
+            vectors = match method {
+                OrbitMethod::Accurate => nystrom_step(host, vectors, spacing2),
+                OrbitMethod::Leapfrog => leapfrog_step(host, vectors, spacing2),
             };
-            winding_number += crossing(before, state.x);
-            nodes.push(Node::from_state(host, state, spacing));
-            winding_numbers.push(winding_number);
+            winding_number += crossing(after, vectors[0]);
         }
-        nodes.reverse();
-        winding_numbers.reverse();
-        Self {
-            nodes,
-            winding_numbers,
-            spacing_gyr: spacing,
-        }
+        self.nodes.reverse();
+        self.winding_numbers.reverse();
+        phase2.sqrt()
     }
 
     /// State and winding number at the time `tau` in [-1, 0].
@@ -292,13 +311,6 @@ impl<S: Real> DenseOrbit<S> {
         self.nodes.len() - 1
     }
 
-    /// The largest phase of an interval at a node, in radians (docs/physics.md, section 3).
-    #[must_use]
-    pub fn max_phase(&self) -> f64 {
-        let squares = self.nodes.iter().map(|node| node.phase2().re());
-        squares.fold(0.0, f64::max).sqrt()
-    }
-
     /// Largest relative difference of the energy at a node from that today; `host` is the potential that the orbit was integrated in.
     #[must_use]
     pub fn energy_error(&self, host: &impl Potential<S>) -> f64 {
@@ -322,35 +334,16 @@ impl<S: Real> DenseOrbit<S> {
     }
 }
 
-/// One step of PEFRL (docs/physics.md, section 3).
+/// As [`nystrom_step`], by the second-order leapfrog: kick, drift, kick.
 #[inline(always)]
-fn pefrl<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
-    const XI: f64 = 0.178_617_895_844_809_1;
-    const LAMBDA: f64 = -0.212_341_831_062_605_4;
-    const CHI: f64 = -0.066_264_582_669_818_5;
-    let outer = h * (0.5 - LAMBDA);
-    let inner = h * LAMBDA;
-    let x = s.x.add_scaled(s.v, h * XI);
-    let v = s.v.add_scaled(host.acceleration(x), outer);
-    let x = x.add_scaled(v, h * CHI);
-    let v = v.add_scaled(host.acceleration(x), inner);
-    let x = x.add_scaled(v, h * (1.0 - 2.0 * (CHI + XI)));
-    let v = v.add_scaled(host.acceleration(x), inner);
-    let x = x.add_scaled(v, h * CHI);
-    let v = v.add_scaled(host.acceleration(x), outer);
-    State {
-        x: x.add_scaled(v, h * XI),
-        v,
-    }
-}
-
-/// One step of the second-order leapfrog.
-#[inline(always)]
-fn kick_drift_kick<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
-    let v = s.v.add_scaled(host.acceleration(s.x), h * 0.5);
-    let x = s.x.add_scaled(v, h);
-    State {
-        x,
-        v: v.add_scaled(host.acceleration(x), h * 0.5),
-    }
+fn leapfrog_step<S: Scalar>(
+    host: &impl Potential<S>,
+    [x, dx, ddx]: [Vec3<S>; 3],
+    step2: S,
+) -> [Vec3<S>; 3] {
+    let half = S::from_f64(0.5);
+    let kicked = dx - ddx * half;
+    let x = x - kicked;
+    let ddx = host.acceleration(x) * step2;
+    [x, kicked - ddx * half, ddx]
 }

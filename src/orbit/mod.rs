@@ -4,6 +4,7 @@ mod adaptive;
 mod dense_orbit;
 mod leapfrog;
 mod leapfrog_vjp;
+mod nystrom;
 mod schedule;
 mod winding;
 

@@ -69,7 +69,15 @@ pub(super) fn release_frame<S: Real>(
     (release_frame, tidal.bounded)
 }
 
-/// The progenitor's orbit; with adaptive steps, in as many intervals as it needs (docs/physics.md, section 3).
+/// Largest phase of an interval of the orbit over that of a particle's step. An orbit of this phase has a smaller error than the particles
+/// (docs/validation.md, section 4); it must, because the error of the orbit is common to all particles.
+const ORBIT_PHASE: f64 = 0.6;
+
+/// With adaptive steps an orbit has at least `orbit_steps` over this number of intervals.
+const FEWER_STEPS: usize = 8;
+
+/// Integrates the progenitor's orbit in the buffers `orbit`; with adaptive steps, in as many intervals as it needs (docs/physics.md,
+/// section 3).
 ///
 /// # Errors
 /// [`Rejection::BadOrbit`] if it is not finite; [`Rejection::UnresolvedOrbit`] if it needs more intervals than the settings allow.
@@ -78,37 +86,34 @@ fn resolved_orbit<S: Real>(
     today: State<S>,
     age_gyr: S,
     settings: &ModelSettings,
-    mut buffers: Option<DenseOrbit<S>>,
-) -> Result<DenseOrbit<S>, Rejection> {
-    // Half of the particles' largest phase, because the error of the orbit is common to all particles.
-    let max_phase = 0.5 * settings.step_phase;
+    orbit: &mut DenseOrbit<S>,
+) -> Result<(), Rejection> {
+    let (mut intervals, max_phase) = match settings.step_rule {
+        StepRule::Uniform => (settings.orbit_steps, f64::INFINITY),
+        StepRule::Adaptive => (
+            settings.orbit_steps.div_ceil(FEWER_STEPS),
+            ORBIT_PHASE * settings.step_phase,
+        ),
+    };
     // The phase of the age if every one of the particles' shortest steps has the largest phase.
     let max_age_phase = settings.step_phase * (settings.steps << settings.max_halvings) as f64;
-    let mut intervals = settings.orbit_steps;
     loop {
-        let orbit = DenseOrbit::integrate_reusing(
-            host,
-            today,
-            age_gyr,
-            intervals,
-            settings.orbit,
-            buffers.take(),
-        );
+        let method = settings.orbit;
+        let phase =
+            orbit.integrate_resolved(host, today, age_gyr, intervals, method, max_phase);
         if !orbit.is_finite() {
             return Err(Rejection::BadOrbit);
         }
         if settings.step_rule == StepRule::Uniform {
-            return Ok(orbit);
+            return Ok(());
         }
-        let phase = orbit.max_phase();
         if phase <= max_phase && phase * intervals as f64 <= max_age_phase {
-            return Ok(orbit);
+            return Ok(());
         }
         if max_phase * intervals as f64 >= max_age_phase {
             return Err(Rejection::UnresolvedOrbit);
         }
         intervals *= 2;
-        buffers = Some(orbit);
     }
 }
 
@@ -134,6 +139,16 @@ pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
 pub struct SolutionMemory<S> {
     orbit: DenseOrbit<S>,
     release_frames: Vec<ReleaseFrame<S>>,
+}
+
+impl<S: Scalar> Default for SolutionMemory<S> {
+    /// Without memory.
+    fn default() -> Self {
+        Self {
+            orbit: DenseOrbit::default(),
+            release_frames: Vec::new(),
+        }
+    }
 }
 
 impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
@@ -180,9 +195,11 @@ impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
         {
             return Err(Rejection::BadParameter);
         }
-        let (buffers, mut release_frames) =
-            memory.map_or((None, Vec::new()), |m| (Some(m.orbit), m.release_frames));
-        let orbit = resolved_orbit(&host, today, age_gyr, settings, buffers)?;
+        let SolutionMemory {
+            mut orbit,
+            mut release_frames,
+        } = memory.unwrap_or_default();
+        resolved_orbit(&host, today, age_gyr, settings, &mut orbit)?;
         let mut tally = Tally::default();
         release_frames.clear();
         for tau in &table.taus {
