@@ -3,7 +3,7 @@
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Tally};
-use crate::orbit::{DenseOrbit, State, crossing};
+use crate::orbit::{DenseOrbit, Resolution, State, crossing};
 use crate::potential::{Halo, Nfw, Plummer, Potential};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
@@ -73,8 +73,8 @@ pub(super) fn release_frame<S: Real>(
 /// (docs/validation.md, section 4); it must, because the error of the orbit is common to all particles.
 const ORBIT_PHASE: f64 = 0.6;
 
-/// With adaptive steps an orbit has at least `orbit_steps` over this number of intervals.
-const FEWER_STEPS: usize = 8;
+/// With adaptive steps an orbit has `orbit_steps` over this number of blocks.
+const STEPS_PER_BLOCK: usize = 4;
 
 /// Integrates the progenitor's orbit in the buffers `orbit`; with adaptive steps, in as many intervals as it needs (docs/physics.md,
 /// section 3).
@@ -88,32 +88,23 @@ fn resolved_orbit<S: Real>(
     settings: &ModelSettings,
     orbit: &mut DenseOrbit<S>,
 ) -> Result<(), Rejection> {
-    let (mut intervals, max_phase) = match settings.step_rule {
-        StepRule::Uniform => (settings.orbit_steps, f64::INFINITY),
-        StepRule::Adaptive => (
-            settings.orbit_steps.div_ceil(FEWER_STEPS),
-            ORBIT_PHASE * settings.step_phase,
-        ),
+    let resolution = match settings.step_rule {
+        StepRule::Uniform => Resolution::uniform(settings.orbit_steps),
+        StepRule::Adaptive => Resolution {
+            blocks: settings.orbit_steps.div_ceil(STEPS_PER_BLOCK),
+            intervals: 1,
+            max_phase: ORBIT_PHASE * settings.step_phase,
+            // The phase of the age if every one of the particles' shortest steps has the largest phase.
+            max_age_phase: settings.step_phase * (settings.steps << settings.max_halvings) as f64,
+        },
     };
-    // The phase of the age if every one of the particles' shortest steps has the largest phase.
-    let max_age_phase = settings.step_phase * (settings.steps << settings.max_halvings) as f64;
-    loop {
-        let method = settings.orbit;
-        let phase =
-            orbit.integrate_resolved(host, today, age_gyr, intervals, method, max_phase);
-        if !orbit.is_finite() {
-            return Err(Rejection::BadOrbit);
-        }
-        if settings.step_rule == StepRule::Uniform {
-            return Ok(());
-        }
-        if phase <= max_phase && phase * intervals as f64 <= max_age_phase {
-            return Ok(());
-        }
-        if max_phase * intervals as f64 >= max_age_phase {
-            return Err(Rejection::UnresolvedOrbit);
-        }
-        intervals *= 2;
+    if !orbit.integrate_resolved(host, today, age_gyr, resolution, settings.orbit) {
+        return Err(Rejection::UnresolvedOrbit);
+    }
+    if orbit.is_finite() {
+        Ok(())
+    } else {
+        Err(Rejection::BadOrbit)
     }
 }
 

@@ -59,8 +59,8 @@ impl Model {
         }
         schedule.hermite_weights.clear();
         schedule.kick_gyr.clear();
-        let intervals = solution.orbit.intervals();
-        let weights_at = |left: f64| HermiteWeights::at(tau * (left / steps as f64), intervals);
+        let times = solution.orbit.times();
+        let weights_at = |left: f64| HermiteWeights::at(tau * (left / steps as f64), times);
         let (mut left, mut kick_before) = (steps as f64, S::zero());
         schedule.hermite_weights.push(weights_at(left));
         for &number in step_sizes {
@@ -117,13 +117,34 @@ impl<'a, H: Halo> PairSteps<'a, H> {
         }
     }
 
-    /// The progenitor's position for lane group `k` of the pair, at the time `left` before today in its longest steps.
+    /// The progenitor's positions for lane group `k` of the pair, at `N` times before today in its longest steps.
     #[inline(always)]
-    fn position(&self, k: usize, left: f64) -> Vec3<f64> {
-        let orbit = &self.solution.orbit;
-        let tau = self.taus[k] * (left / self.steps as f64);
-        let [x, y, z, _] = orbit.position(&HermiteWeights::at(tau, orbit.intervals()));
-        Vec3::new(x, y, z)
+    fn positions<I: Isa, const N: usize>(&self, k: usize, left: [f64; N]) -> [[f64; 4]; N] {
+        let mut taus = left;
+        for j in 0..N {
+            taus[j] = self.taus[k] * (left[j] / self.steps as f64);
+        }
+        self.solution.orbit.positions::<I, N>(taus)
+    }
+
+    /// The progenitor's positions at `N` times before today in the longest steps.
+    #[inline(always)]
+    fn progenitor<I: Isa, const N: usize>(&self, left: [f64; N]) -> [Vec3<Interleaved<I>>; N] {
+        let [a, b] = self.taus;
+        // The same release time: bits are compared, because floats must not be.
+        let same = a.to_bits() == b.to_bits();
+        let one = self.positions::<I, N>(0, left);
+        let other = if same {
+            one
+        } else {
+            self.positions::<I, N>(1, left)
+        };
+        let mut centres = [Vec3::zero(); N];
+        for j in 0..N {
+            let ([x, y, z, _], [x2, y2, z2, _]) = (one[j], other[j]);
+            centres[j] = Lanes::interleave_vectors(Vec3::new(x, y, z), Vec3::new(x2, y2, z2));
+        }
+        centres
     }
 }
 
@@ -154,13 +175,17 @@ impl<I: Isa, H: Halo> AdaptiveSteps<Interleaved<I>> for PairSteps<'_, H> {
 
     #[inline(always)]
     fn progenitor_at(&self, left: f64) -> Vec3<Interleaved<I>> {
-        let [a, b] = self.taus;
-        let one = self.position(0, left);
-        // The same release time: bits are compared, because floats must not be.
-        if a.to_bits() == b.to_bits() {
-            return Vec3::from_f64(one);
+        let [centre] = self.progenitor::<I, 1>([left]);
+        centre
+    }
+
+    #[inline(always)]
+    fn progenitor_during(&self, left: f64, length: f64) -> [Vec3<Interleaved<I>>; STAGES] {
+        let mut times = [left; STAGES];
+        for stage in 0..STAGES {
+            times[stage] = left - TIMES[stage + 1] * length;
         }
-        Lanes::interleave_vectors(one, self.position(1, left))
+        self.progenitor::<I, STAGES>(times)
     }
 
     #[inline(always)]
