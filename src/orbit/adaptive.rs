@@ -68,7 +68,7 @@ pub fn length(number: u8, left: f64) -> f64 {
 }
 
 /// The settings of an integration by adaptive steps, and the record of the sizes of its steps.
-pub trait AdaptiveSteps<S> {
+pub trait AdaptiveSteps<S: Scalar> {
     /// Number of steps if all are as long as possible.
     fn steps(&self) -> usize;
     /// How often the longest step is halved to make the shortest.
@@ -80,7 +80,15 @@ pub trait AdaptiveSteps<S> {
     /// The progenitor's position at a time that is counted in longest steps before today.
     fn progenitor_at(&self, left: f64) -> Vec3<S>;
     /// The progenitor's position at the end of each drift of a step of this length that begins at `left`.
-    fn progenitor_during(&self, left: f64, length: f64) -> [Vec3<S>; STAGES];
+    /// It may be implemented to compute all together.
+    #[inline(always)]
+    fn progenitor_during(&self, left: f64, length: f64) -> [Vec3<S>; STAGES] {
+        let mut centres = [Vec3::zero(); STAGES];
+        for stage in 0..STAGES {
+            centres[stage] = self.progenitor_at(left - TIMES[stage + 1] * length);
+        }
+        centres
+    }
     /// Records the size of the next step, as [`length()`] numbers it.
     fn record(&mut self, number: u8);
 }

@@ -69,9 +69,9 @@ pub(super) fn release_frame<S: Real>(
     (release_frame, tidal.bounded)
 }
 
-/// Largest phase of an interval of the orbit over that of a particle's step. An orbit of this phase has a smaller error than the particles
-/// (docs/validation.md, section 4); it must, because the error of the orbit is common to all particles.
-const ORBIT_PHASE: f64 = 0.6;
+/// Largest phase of an interval of the orbit over that of a particle's step: the error of the orbit must be smaller, because it is common to
+/// all particles.
+const ORBIT_PHASE: f64 = 0.5;
 
 /// With adaptive steps an orbit has `orbit_steps` over this number of blocks.
 const STEPS_PER_BLOCK: usize = 4;
