@@ -229,6 +229,7 @@ impl DenseOrbit<f64> {
     /// The positions in kpc at `N` times, as rows of a [`Node`]; the same bits as by [`HermiteWeights::at`], whose weights are computed in
     /// lanes here.
     #[inline(always)]
+    #[must_use]
     pub fn positions<I: Isa, const N: usize>(&self, taus: [f64; N]) -> [[f64; 4]; N] {
         const { assert!(N <= LANES) };
         let mut nodes = [0; N];
