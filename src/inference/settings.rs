@@ -78,9 +78,9 @@ impl SamplerSettings {
         sampling.pt_hmc.slice_updates = 4;
         sampling.pt_hmc.max_leapfrogs = 1;
         sampling.pt_hmc.target_acceptance = 0.6;
-        sampling.pt_hmc.first_scans = 256;
+        sampling.pt_hmc.first_scans = 128;
         sampling.pt_hmc.rounds = 4;
-        sampling.pt_hmc.extensions = 15;
+        sampling.pt_hmc.extensions = 9;
         // The largest number of rounds allowed, so that every round starts at a mixture.
         sampling.pt_hmc.mixture_rounds = 24;
         sampling

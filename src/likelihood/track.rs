@@ -2,7 +2,7 @@
 
 use crate::data::{RADII_KPC, RADIUS_ERRORS_KPC};
 use crate::error::{Error, Rejection, Result};
-use crate::scalar::{Dual, Real, gradient_of, lift, smooth_step};
+use crate::scalar::{Dual, LANES, Real, gradient_of, lift, smooth_step};
 use crate::spray::TableSettings;
 use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, BinGrid, Sums};
 use oblate_samplers::limits::{Memory, in_range};
@@ -202,10 +202,10 @@ impl TrackLikelihood {
     }
 
     /// An estimate of the memory of the sums of `threads` values that are computed at once: for each bin three sums, their derivatives,
-    /// and the sums over a chunk of particles.
+    /// and the sums over a chunk of particles, lane by lane.
     #[must_use]
     pub fn memory(&self, threads: usize) -> Memory {
-        let per_bin = 14 * size_of::<f64>();
+        let per_bin = (6 + 3 * LANES) * size_of::<f64>();
         let bytes = (per_bin * self.grid.len * threads) as f64;
         Memory::default().with("threads", bytes)
     }

@@ -68,7 +68,7 @@ pub fn length(number: u8, left: f64) -> f64 {
 }
 
 /// The settings of an integration by adaptive steps, and the record of the sizes of its steps.
-pub trait AdaptiveSteps<S> {
+pub trait AdaptiveSteps<S: Scalar> {
     /// Number of steps if all are as long as possible.
     fn steps(&self) -> usize;
     /// How often the longest step is halved to make the shortest.
@@ -79,6 +79,16 @@ pub trait AdaptiveSteps<S> {
     fn step_gyr(&self) -> S;
     /// The progenitor's position at a time that is counted in longest steps before today.
     fn progenitor_at(&self, left: f64) -> Vec3<S>;
+    /// The progenitor's position at the end of each drift of a step of this length that begins at `left`.
+    /// It may be implemented to compute all together.
+    #[inline(always)]
+    fn progenitor_during(&self, left: f64, length: f64) -> [Vec3<S>; STAGES] {
+        let mut centres = [Vec3::zero(); STAGES];
+        for stage in 0..STAGES {
+            centres[stage] = self.progenitor_at(left - TIMES[stage + 1] * length);
+        }
+        centres
+    }
     /// Records the size of the next step, as [`length()`] numbers it.
     fn record(&mut self, number: u8);
 }
@@ -135,13 +145,14 @@ pub fn advance_adaptively<S: Scalar>(
         }
         let length = length(number, left);
         let h = step * length;
+        let centres = steps.progenitor_during(left, length);
         v = v.add_scaled(a, kick_before + h * KICKS[0]);
         for stage in 0..STAGES {
             let before = x;
             x = x.add_scaled(v, h * DRIFTS[stage]);
             winding_number += crossing(before, x);
             ambiguous_windings += is_negative(before.x * x.x + before.y * x.y);
-            centre = steps.progenitor_at(left - TIMES[stage + 1] * length);
+            centre = centres[stage];
             a = force(host, progenitor, x, centre);
             if stage + 1 < STAGES {
                 v = v.add_scaled(a, h * KICKS[stage + 1]);

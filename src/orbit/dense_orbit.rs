@@ -1,12 +1,13 @@
 //! The progenitor's dense orbit, integrated once from today back to the first release (docs/physics.md, section 3).
 //!
-//! Times are fractions `tau` of the age: -1 at the first release, 0 today. Nodes are equidistant in `tau`; between them the position is
-//! the quintic Hermite interpolant of position, velocity and acceleration. Its weights do not depend on the parameters:
-//! [`HermiteWeights`].
+//! Between nodes the position is the quintic Hermite interpolant of position, velocity and acceleration. Its weights depend on times
+//! alone: [`HermiteWeights`].
 
+use super::node_times::{NodeTimes, Place};
+use super::nystrom::nystrom_step;
 use super::{State, crossing};
 use crate::potential::Potential;
-use crate::scalar::{Real, Scalar, Vec3};
+use crate::scalar::{Isa, LANES, LaneArray, Lanes, Real, Scalar, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Added to the squared radius, kpc^2, in the phase of an interval, which stays finite for a progenitor at the centre.
@@ -16,15 +17,15 @@ const CORE2: f64 = 1e-4;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OrbitMethod {
-    /// A 4th-order symplectic method with a small error constant (PEFRL: Omelyan, Mryglod & Folk 2002).
+    /// A Runge-Kutta-Nystrom method of 6th order (Dormand, El-Mikkawy & Prince 1987).
     #[default]
     Accurate,
     /// The leapfrog (kick, drift, kick) of Chemaly et al. (2026), who take 100 steps.
     Leapfrog,
 }
 
-/// One node of the orbit, in rows: position in kpc, velocity times the node spacing (kpc), acceleration times the spacing
-/// squared (kpc). Each row has a zero as fourth number, so that it fills a register of four.
+/// One node of the orbit, in rows: position in kpc, velocity times the length of an interval (kpc), acceleration times its
+/// square (kpc). Each row has a zero as fourth number, so that it fills a register of four.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node<S>(pub [[S; 4]; 3]);
 
@@ -36,11 +37,10 @@ impl<S: Scalar> Node<S> {
         Self([[S::zero(); 4]; 3])
     }
 
-    /// The node of a state, `spacing` Gyr from the next.
+    /// The node of position, velocity and acceleration in units of the interval.
     #[inline(always)]
-    fn from_state(host: &impl Potential<S>, s: State<S>, spacing: S) -> Self {
-        let (dx, ddx) = (s.v * spacing, host.acceleration(s.x) * (spacing * spacing));
-        Self([row(s.x), row(dx), row(ddx)])
+    fn from_vectors([x, dx, ddx]: [Vec3<S>; 3]) -> Self {
+        Self([row(x), row(dx), row(ddx)])
     }
 
     /// The vector in a row.
@@ -57,7 +57,7 @@ impl<S: Scalar> Node<S> {
         self.vector(0)
     }
 
-    /// Acceleration times the spacing squared, kpc.
+    /// Acceleration times the square of the interval, kpc.
     #[inline(always)]
     #[must_use]
     pub fn ddx(&self) -> Vec3<S> {
@@ -79,13 +79,6 @@ impl<S: Scalar> Node<S> {
             self.0[row][c] += addend[c];
         }
     }
-}
-
-/// Clears a vector and reserves memory for `n` elements.
-#[inline(always)]
-fn clear_and_reserve<T>(vector: &mut Vec<T>, n: usize) {
-    vector.clear();
-    vector.reserve_exact(n);
 }
 
 /// The vector in a row.
@@ -110,11 +103,11 @@ pub struct HermiteWeights {
 }
 
 impl HermiteWeights {
-    /// The weights at the time `tau` in [-1, 0] on an orbit of `intervals` intervals.
+    /// The weights at the time `tau` in [-1, 0] on an orbit with nodes at these times.
     #[inline(always)]
     #[must_use]
-    pub fn at(tau: f64, intervals: usize) -> Self {
-        let (node, t) = locate(tau, intervals);
+    pub fn at(tau: f64, times: &NodeTimes) -> Self {
+        let Place { node, t, .. } = times.locate(tau);
         Self {
             node,
             weights: quintic(t),
@@ -137,19 +130,6 @@ pub fn position_vjp(
             row_bar[c] += weights[k] * position_bar[c];
         }
     }
-}
-
-/// The interval of `tau` and the fraction within it.
-#[inline(always)]
-fn locate(tau: f64, intervals: usize) -> (usize, f64) {
-    let position = (tau + 1.0).clamp(0.0, 1.0) * intervals as f64;
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "clamped to the node range just above"
-    )]
-    let node = (position as usize).min(intervals - 1);
-    (node, position - node as f64)
 }
 
 /// Weights as numbers of another type.
@@ -198,9 +178,82 @@ pub struct DenseOrbit<S> {
     /// Nodes, oldest first.
     pub nodes: Vec<Node<S>>,
     /// Winding number of the projected orbit at each node: 0 today, counted at the negative x axis.
-    pub winding_numbers: Vec<S>,
-    /// Spacing of the nodes in Gyr.
-    pub spacing_gyr: S,
+    winding_numbers: Vec<S>,
+    times: NodeTimes,
+    age_gyr: S,
+    /// Number of intervals of each block, the latest first: a buffer.
+    intervals: Vec<usize>,
+}
+
+impl<S: Scalar> Default for DenseOrbit<S> {
+    /// Without nodes: buffers.
+    fn default() -> Self {
+        Self {
+            nodes: Vec::new(),
+            winding_numbers: Vec::new(),
+            times: NodeTimes::default(),
+            age_gyr: S::zero(),
+            intervals: Vec::new(),
+        }
+    }
+}
+
+/// How an orbit is divided into intervals (docs/physics.md, section 3).
+#[derive(Clone, Copy, Debug)]
+pub struct Resolution {
+    /// Number of equal blocks of the age.
+    pub blocks: usize,
+    /// Number of intervals that the latest block has at least. It is doubled as long as a limit is exceeded, and each block has at least
+    /// half of that of the block after it.
+    pub intervals: usize,
+    /// Largest phase of an interval at a node, radians.
+    pub max_phase: f64,
+    /// Largest phase of the age at a node, radians.
+    pub max_age_phase: f64,
+}
+
+impl Resolution {
+    /// Equal intervals.
+    #[must_use]
+    pub fn uniform(intervals: usize) -> Self {
+        Self {
+            blocks: 1,
+            intervals,
+            max_phase: f64::INFINITY,
+            max_age_phase: f64::INFINITY,
+        }
+    }
+}
+
+impl DenseOrbit<f64> {
+    /// The positions in kpc at `N` times, as rows of a [`Node`]; the same bits as by [`HermiteWeights::at`], whose weights are computed in
+    /// lanes here.
+    #[inline(always)]
+    #[must_use]
+    pub fn positions<I: Isa, const N: usize>(&self, taus: [f64; N]) -> [[f64; 4]; N] {
+        const { assert!(N <= LANES) };
+        let mut nodes = [0; N];
+        let mut fractions = LaneArray([[0.0; LANES]]);
+        for k in 0..N {
+            let Place { node, t, .. } = self.times.locate(taus[k]);
+            nodes[k] = node;
+            fractions.0[0][k] = t;
+        }
+        let basis = quintic(Lanes::<I, 1>::load(&fractions));
+        let mut weights = [[0.0; LANES]; 6];
+        for row in 0..6 {
+            weights[row] = basis[row].store().0[0];
+        }
+        let mut positions = [[0.0; 4]; N];
+        for k in 0..N {
+            let mut of_time = [0.0; 6];
+            for row in 0..6 {
+                of_time[row] = weights[row][k];
+            }
+            positions[k] = self.combine(nodes[k], of_time);
+        }
+        positions
+    }
 }
 
 impl<S: Real> DenseOrbit<S> {
@@ -213,58 +266,167 @@ impl<S: Real> DenseOrbit<S> {
         steps: usize,
         method: OrbitMethod,
     ) -> Self {
-        Self::integrate_reusing(host, today, age_gyr, steps, method, None)
+        let mut orbit = Self::default();
+        let resolution = Resolution::uniform(steps);
+        orbit.integrate_resolved(host, today, age_gyr, resolution, method);
+        orbit
     }
 
-    /// As [`integrate`](Self::integrate), in the buffers of another orbit.
+    /// As [`integrate`](Self::integrate), with nodes at these times.
     #[inline(always)]
-    pub fn integrate_reusing(
+    pub fn integrate_at(
         host: &impl Potential<S>,
         today: State<S>,
         age_gyr: S,
-        steps: usize,
+        times: &NodeTimes,
         method: OrbitMethod,
-        buffers: Option<Self>,
     ) -> Self {
-        let spacing = age_gyr / steps as f64;
-        let mut state = today;
-        let (mut nodes, mut winding_numbers) =
-            buffers.map_or_else(Default::default, |b| (b.nodes, b.winding_numbers));
-        clear_and_reserve(&mut nodes, steps + 1);
-        clear_and_reserve(&mut winding_numbers, steps + 1);
-        nodes.push(Node::from_state(host, today, spacing));
-        winding_numbers.push(S::zero());
-        let mut winding_number = S::zero();
-        for _ in 0..steps {
-            let before = state.x;
-            state = match method {
-                OrbitMethod::Accurate => pefrl(host, state, -spacing),
-                OrbitMethod::Leapfrog => kick_drift_kick(host, state, -spacing),
-            };
-            winding_number += crossing(before, state.x);
-            nodes.push(Node::from_state(host, state, spacing));
-            winding_numbers.push(winding_number);
+        let mut orbit = Self::default();
+        let blocks = times.blocks();
+        let mut now = orbit.begin(host, today, age_gyr, blocks.len());
+        for block in (0..blocks.len()).rev() {
+            let intervals = blocks[block].intervals;
+            if let Some(earlier) = orbit.block(host, now, intervals, method, f64::INFINITY) {
+                now = earlier;
+            }
         }
-        nodes.reverse();
-        winding_numbers.reverse();
-        Self {
-            nodes,
-            winding_numbers,
-            spacing_gyr: spacing,
+        orbit.end();
+        orbit
+    }
+
+    /// As [`integrate`](Self::integrate), in these buffers and with this resolution. Returns whether the phase of the age is within its
+    /// limit; if not, the orbit is not complete.
+    #[inline(always)]
+    pub fn integrate_resolved(
+        &mut self,
+        host: &impl Potential<S>,
+        today: State<S>,
+        age_gyr: S,
+        resolution: Resolution,
+        method: OrbitMethod,
+    ) -> bool {
+        let Resolution {
+            blocks,
+            mut intervals,
+            max_phase,
+            max_age_phase,
+        } = resolution;
+        let mut now = self.begin(host, today, age_gyr, blocks);
+        for _ in 0..blocks {
+            loop {
+                let limit_by_age = max_age_phase / (intervals * blocks) as f64;
+                let limit = f64::min(max_phase, limit_by_age);
+                if let Some(earlier) = self.block(host, now, intervals, method, limit) {
+                    now = earlier;
+                    break;
+                }
+                if max_phase >= limit_by_age {
+                    return false;
+                }
+                intervals *= 2;
+            }
+            intervals = usize::max(intervals / 2, 1);
         }
+        self.end();
+        true
+    }
+
+    /// Clears the buffers. Returns where the integration starts.
+    #[inline(always)]
+    fn begin(
+        &mut self,
+        host: &impl Potential<S>,
+        today: State<S>,
+        age_gyr: S,
+        blocks: usize,
+    ) -> Moment<S> {
+        self.nodes.clear();
+        self.winding_numbers.clear();
+        self.intervals.clear();
+        self.age_gyr = age_gyr;
+        let length = age_gyr * (1.0 / blocks as f64);
+        let length2 = length * length;
+        Moment {
+            vectors: [
+                today.x,
+                today.v * length,
+                host.acceleration(today.x) * length2,
+            ],
+            winding_number: S::zero(),
+            length2,
+        }
+    }
+
+    /// Integrates the block before `now` and appends its nodes, the latest first. `None`, without nodes, if the phase of an interval
+    /// exceeds `max_phase` at one of them.
+    #[inline(always)]
+    fn block(
+        &mut self,
+        host: &impl Potential<S>,
+        now: Moment<S>,
+        intervals: usize,
+        method: OrbitMethod,
+        max_phase: f64,
+    ) -> Option<Moment<S>> {
+        let first = self.nodes.len();
+        let per_interval = 1.0 / intervals as f64;
+        let step2 = now.length2 * (per_interval * per_interval);
+        let mut vectors = rescaled(now.vectors, per_interval);
+        let mut winding_number = now.winding_number;
+        for left in (0..=intervals).rev() {
+            let node = Node::from_vectors(vectors);
+            let phase2 = node.phase2().re();
+            // An orbit that is not finite is found as a whole.
+            if phase2 > max_phase * max_phase && phase2 < f64::INFINITY {
+                self.nodes.truncate(first);
+                self.winding_numbers.truncate(first);
+                return None;
+            }
+            self.nodes.push(node);
+            self.winding_numbers.push(winding_number);
+            if left > 0 {
+                let [after, ..] = vectors;
+                vectors = match method {
+                    OrbitMethod::Accurate => nystrom_step(host, vectors, step2),
+                    OrbitMethod::Leapfrog => leapfrog_step(host, vectors, step2),
+                };
+                winding_number += crossing(after, vectors[0]);
+            }
+        }
+        self.intervals.push(intervals);
+        Some(Moment {
+            vectors: rescaled(vectors, intervals as f64),
+            winding_number,
+            length2: now.length2,
+        })
+    }
+
+    /// Puts the nodes in order of time.
+    #[inline(always)]
+    fn end(&mut self) {
+        self.nodes.reverse();
+        self.winding_numbers.reverse();
+        self.times.set(&self.intervals);
     }
 
     /// State and winding number at the time `tau` in [-1, 0].
     #[inline(always)]
     pub fn at(&self, tau: f64) -> (State<S>, S) {
-        let (node, t) = locate(tau, self.intervals());
+        let Place { node, t, per_age } = self.times.locate(tau);
         let x = vector(&self.combine(node, constants(quintic(t))));
         let dx = vector(&self.combine(node, constants(quintic_slope(t))));
-        let v = dx * (S::one() / self.spacing_gyr);
+        let v = dx * (S::from_f64(per_age) / self.age_gyr);
         (
             State { x, v },
             self.winding_numbers[node] + crossing(self.nodes[node].x(), x),
         )
+    }
+
+    /// The times of the nodes.
+    #[inline(always)]
+    #[must_use]
+    pub fn times(&self) -> &NodeTimes {
+        &self.times
     }
 
     /// Position in kpc at given Hermite weights, as a row of a [`Node`].
@@ -285,29 +447,20 @@ impl<S: Real> DenseOrbit<S> {
         sum
     }
 
-    /// Number of intervals between nodes.
-    #[inline]
-    #[must_use]
-    pub fn intervals(&self) -> usize {
-        self.nodes.len() - 1
-    }
-
-    /// The largest phase of an interval at a node, in radians (docs/physics.md, section 3).
-    #[must_use]
-    pub fn max_phase(&self) -> f64 {
-        let squares = self.nodes.iter().map(|node| node.phase2().re());
-        squares.fold(0.0, f64::max).sqrt()
-    }
-
     /// Largest relative difference of the energy at a node from that today; `host` is the potential that the orbit was integrated in.
     #[must_use]
     pub fn energy_error(&self, host: &impl Potential<S>) -> f64 {
-        let energies = self.nodes.iter().map(|node| {
-            let v = node.vector(1) * (S::one() / self.spacing_gyr);
-            (v.norm2() * 0.5 + host.value(node.x())).re()
-        });
-        let today = energies.clone().next_back().unwrap_or(f64::NAN);
+        let mut energies = Vec::with_capacity(self.nodes.len());
+        for block in self.times.blocks() {
+            let per_gyr = S::from_f64(block.per_age) / self.age_gyr;
+            for node in &self.nodes[block.first_node..=block.first_node + block.intervals] {
+                let v = node.vector(1) * per_gyr;
+                energies.push((v.norm2() * 0.5 + host.value(node.x())).re());
+            }
+        }
+        let today = energies.last().copied().unwrap_or(f64::NAN);
         energies
+            .iter()
             .map(|energy| ((energy - today) / today).abs())
             .fold(0.0, f64::max)
     }
@@ -322,35 +475,37 @@ impl<S: Real> DenseOrbit<S> {
     }
 }
 
-/// One step of PEFRL (docs/physics.md, section 3).
-#[inline(always)]
-fn pefrl<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
-    const XI: f64 = 0.178_617_895_844_809_1;
-    const LAMBDA: f64 = -0.212_341_831_062_605_4;
-    const CHI: f64 = -0.066_264_582_669_818_5;
-    let outer = h * (0.5 - LAMBDA);
-    let inner = h * LAMBDA;
-    let x = s.x.add_scaled(s.v, h * XI);
-    let v = s.v.add_scaled(host.acceleration(x), outer);
-    let x = x.add_scaled(v, h * CHI);
-    let v = v.add_scaled(host.acceleration(x), inner);
-    let x = x.add_scaled(v, h * (1.0 - 2.0 * (CHI + XI)));
-    let v = v.add_scaled(host.acceleration(x), inner);
-    let x = x.add_scaled(v, h * CHI);
-    let v = v.add_scaled(host.acceleration(x), outer);
-    State {
-        x: x.add_scaled(v, h * XI),
-        v,
-    }
+/// The orbit at the start of a block.
+#[derive(Clone, Copy)]
+struct Moment<S> {
+    /// Position, velocity and acceleration in units of the block.
+    vectors: [Vec3<S>; 3],
+    winding_number: S,
+    /// The square of the length of a block, Gyr^2.
+    length2: S,
 }
 
-/// One step of the second-order leapfrog.
+/// Position, velocity and acceleration in a unit of time that is `factor` times the present one.
 #[inline(always)]
-fn kick_drift_kick<S: Scalar>(host: &impl Potential<S>, s: State<S>, h: S) -> State<S> {
-    let v = s.v.add_scaled(host.acceleration(s.x), h * 0.5);
-    let x = s.x.add_scaled(v, h);
-    State {
+fn rescaled<S: Scalar>([x, dx, ddx]: [Vec3<S>; 3], factor: f64) -> [Vec3<S>; 3] {
+    let factor2 = factor * factor;
+    [
         x,
-        v: v.add_scaled(host.acceleration(x), h * 0.5),
-    }
+        Vec3::new(dx.x * factor, dx.y * factor, dx.z * factor),
+        Vec3::new(ddx.x * factor2, ddx.y * factor2, ddx.z * factor2),
+    ]
+}
+
+/// As [`nystrom_step`], by the second-order leapfrog: kick, drift, kick.
+#[inline(always)]
+fn leapfrog_step<S: Scalar>(
+    host: &impl Potential<S>,
+    [x, dx, ddx]: [Vec3<S>; 3],
+    step2: S,
+) -> [Vec3<S>; 3] {
+    let half = S::from_f64(0.5);
+    let kicked = dx - ddx * half;
+    let x = x - kicked;
+    let ddx = host.acceleration(x) * step2;
+    [x, kicked - ddx * half, ddx]
 }

@@ -4,13 +4,16 @@ mod adaptive;
 mod dense_orbit;
 mod leapfrog;
 mod leapfrog_vjp;
+mod node_times;
+mod nystrom;
 mod schedule;
 mod winding;
 
 pub use adaptive::{AdaptiveSteps, DRIFTS, KICKS, STAGES, TIMES, advance_adaptively, length};
-pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, position_vjp};
+pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, Resolution, position_vjp};
 pub use leapfrog::{FinalParticle, advance};
 pub use leapfrog_vjp::advance_vjp;
+pub use node_times::NodeTimes;
 pub use schedule::{InterleavedSchedules, MAX_TOGETHER, Schedule, StepSchedule};
 pub use winding::crossing;
 

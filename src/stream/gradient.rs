@@ -108,6 +108,7 @@ impl Model {
         let kernel = SolutionVjpKernel {
             model: self,
             system,
+            times: solution.orbit.times(),
             solution_bar,
         };
         (H::kernels().progenitor_solution_vjp)(kernel, Level::best())

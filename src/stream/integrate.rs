@@ -30,8 +30,8 @@ impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
     #[inline(always)]
     fn run<I: Isa>(self) -> f64 {
         match self.model.settings.precision {
-            Precision::Double => self.integrate::<I>(),
-            Precision::Single => self.integrate::<I::Singles>(),
+            Precision::Double => self.integrate::<I, I>(),
+            Precision::Single => self.integrate::<I, I::Singles>(),
         }
     }
 }
@@ -39,7 +39,7 @@ impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
 impl<H: Halo> IntegrateKernel<'_, H> {
     /// As [`run`](Self::run), in the precision of `V`.
     #[inline(always)]
-    fn integrate<V: Vectors>(self) -> f64 {
+    fn integrate<I: Isa, V: Vectors>(self) -> f64 {
         let Self {
             model,
             solution,
@@ -66,7 +66,7 @@ impl<H: Halo> IntegrateKernel<'_, H> {
                     winding_number,
                 ),
                 StepRule::Adaptive => {
-                    let mut steps = BundleSteps::new(model, solution, &bundle, step_sizes);
+                    let mut steps = BundleSteps::<I, H>::new(model, solution, &bundle, step_sizes);
                     let particle =
                         advance_adaptively(&host, &progenitor, &mut steps, start, winding_number);
                     step_sizes.finish(range.len().div_ceil(UNROLL));

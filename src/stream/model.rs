@@ -5,7 +5,7 @@ use super::progenitor_solution::{ProgenitorSolution, SolutionMemory};
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Result};
-use crate::orbit::HermiteWeights;
+use crate::orbit::{HermiteWeights, NodeTimes};
 use crate::potential::Halo;
 use crate::scalar::Real;
 use crate::spray::ReleaseTable;
@@ -67,12 +67,13 @@ impl Model {
         let mut hermite_weights = Vec::new();
         let mut hermite_starts = Vec::new();
         let equal = settings.step_rule == StepRule::Uniform;
+        let times = NodeTimes::uniform(settings.orbit_steps);
         for (tau, steps) in table.taus.iter().zip(&steps).filter(|_| equal) {
             hermite_starts.push(hermite_weights.len());
             hermite_weights.extend((0..=*steps).map(|j| {
                 // A fraction of the whole, so that the last one is exactly 0: today.
                 let left = 1.0 - j as f64 / *steps as f64;
-                HermiteWeights::at(tau * left, settings.orbit_steps)
+                HermiteWeights::at(tau * left, &times)
             }));
         }
         let together = settings.precision.groups_together();

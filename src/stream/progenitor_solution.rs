@@ -3,7 +3,7 @@
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Tally};
-use crate::orbit::{DenseOrbit, State, crossing};
+use crate::orbit::{DenseOrbit, Resolution, State, crossing};
 use crate::potential::{Halo, Nfw, Plummer, Potential};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
@@ -69,7 +69,15 @@ pub(super) fn release_frame<S: Real>(
     (release_frame, tidal.bounded)
 }
 
-/// The progenitor's orbit; with adaptive steps, in as many intervals as it needs (docs/physics.md, section 3).
+/// Largest phase of an interval of the orbit over that of a particle's step: the error of the orbit must be smaller, because it is common to
+/// all particles.
+const ORBIT_PHASE: f64 = 0.5;
+
+/// With adaptive steps an orbit has `orbit_steps` over this number of blocks.
+const STEPS_PER_BLOCK: usize = 4;
+
+/// Integrates the progenitor's orbit in the buffers `orbit`; with adaptive steps, in as many intervals as it needs (docs/physics.md,
+/// section 3).
 ///
 /// # Errors
 /// [`Rejection::BadOrbit`] if it is not finite; [`Rejection::UnresolvedOrbit`] if it needs more intervals than the settings allow.
@@ -78,37 +86,25 @@ fn resolved_orbit<S: Real>(
     today: State<S>,
     age_gyr: S,
     settings: &ModelSettings,
-    mut buffers: Option<DenseOrbit<S>>,
-) -> Result<DenseOrbit<S>, Rejection> {
-    // Half of the particles' largest phase, because the error of the orbit is common to all particles.
-    let max_phase = 0.5 * settings.step_phase;
-    // The phase of the age if every one of the particles' shortest steps has the largest phase.
-    let max_age_phase = settings.step_phase * (settings.steps << settings.max_halvings) as f64;
-    let mut intervals = settings.orbit_steps;
-    loop {
-        let orbit = DenseOrbit::integrate_reusing(
-            host,
-            today,
-            age_gyr,
-            intervals,
-            settings.orbit,
-            buffers.take(),
-        );
-        if !orbit.is_finite() {
-            return Err(Rejection::BadOrbit);
-        }
-        if settings.step_rule == StepRule::Uniform {
-            return Ok(orbit);
-        }
-        let phase = orbit.max_phase();
-        if phase <= max_phase && phase * intervals as f64 <= max_age_phase {
-            return Ok(orbit);
-        }
-        if max_phase * intervals as f64 >= max_age_phase {
-            return Err(Rejection::UnresolvedOrbit);
-        }
-        intervals *= 2;
-        buffers = Some(orbit);
+    orbit: &mut DenseOrbit<S>,
+) -> Result<(), Rejection> {
+    let resolution = match settings.step_rule {
+        StepRule::Uniform => Resolution::uniform(settings.orbit_steps),
+        StepRule::Adaptive => Resolution {
+            blocks: settings.orbit_steps.div_ceil(STEPS_PER_BLOCK),
+            intervals: 1,
+            max_phase: ORBIT_PHASE * settings.step_phase,
+            // The phase of the age if every one of the particles' shortest steps has the largest phase.
+            max_age_phase: settings.step_phase * (settings.steps << settings.max_halvings) as f64,
+        },
+    };
+    if !orbit.integrate_resolved(host, today, age_gyr, resolution, settings.orbit) {
+        return Err(Rejection::UnresolvedOrbit);
+    }
+    if orbit.is_finite() {
+        Ok(())
+    } else {
+        Err(Rejection::BadOrbit)
     }
 }
 
@@ -134,6 +130,16 @@ pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
 pub struct SolutionMemory<S> {
     orbit: DenseOrbit<S>,
     release_frames: Vec<ReleaseFrame<S>>,
+}
+
+impl<S: Scalar> Default for SolutionMemory<S> {
+    /// Without memory.
+    fn default() -> Self {
+        Self {
+            orbit: DenseOrbit::default(),
+            release_frames: Vec::new(),
+        }
+    }
 }
 
 impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
@@ -180,9 +186,11 @@ impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
         {
             return Err(Rejection::BadParameter);
         }
-        let (buffers, mut release_frames) =
-            memory.map_or((None, Vec::new()), |m| (Some(m.orbit), m.release_frames));
-        let orbit = resolved_orbit(&host, today, age_gyr, settings, buffers)?;
+        let SolutionMemory {
+            mut orbit,
+            mut release_frames,
+        } = memory.unwrap_or_default();
+        resolved_orbit(&host, today, age_gyr, settings, &mut orbit)?;
         let mut tally = Tally::default();
         release_frames.clear();
         for tau in &table.taus {

@@ -5,7 +5,7 @@ use super::cotangents::{Cotangents, SharedCotangent};
 use super::model::Model;
 use super::progenitor_solution::release_frame;
 use super::system::{SYSTEM_LEN, System};
-use crate::orbit::DenseOrbit;
+use crate::orbit::{DenseOrbit, NodeTimes};
 use crate::potential::{Halo, Potential};
 use crate::scalar::{Isa, Kernel, LANES, LaneDual, Lanes, Level, Scalar, Vec3, compile_kernel};
 use std::marker::PhantomData;
@@ -14,6 +14,8 @@ use std::marker::PhantomData;
 pub struct SolutionVjpKernel<'a, H: Halo> {
     pub(super) model: &'a Model,
     pub(super) system: &'a System<f64, H>,
+    /// The times of the orbit's nodes.
+    pub(super) times: &'a NodeTimes,
     /// Derivatives of the result with respect to the solution.
     pub(super) solution_bar: &'a Cotangents,
 }
@@ -29,6 +31,7 @@ impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
         let Self {
             model,
             system,
+            times,
             solution_bar,
         } = self;
         let mut vector = [LaneDual::<I, VECTORS>::zero(); SYSTEM_LEN];
@@ -36,11 +39,11 @@ impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
             vector[i] = LaneDual::variable(number, i);
         }
         let system = System::<_, H>::from_vector(vector);
-        let orbit = DenseOrbit::integrate(
+        let orbit = DenseOrbit::integrate_at(
             &OutOfLine::<I, _>::new(&system.host),
             system.today,
             system.age_gyr,
-            solution_bar.nodes.len() - 1,
+            times,
             model.settings.orbit,
         );
         let mut sum = Contraction::<I>(Lanes::zero());

@@ -70,7 +70,8 @@ pub struct ModelSettings {
     pub step_rule: StepRule,
     /// How the progenitor is integrated.
     pub orbit: OrbitMethod,
-    /// Number of steps of the progenitor's orbit; with adaptive steps, it is doubled until their phase is at most half of `step_phase`.
+    /// Number of steps of the progenitor's orbit; with adaptive steps, four times the number of blocks of the age that are divided until
+    /// the phase of each step is at most half of `step_phase`.
     pub orbit_steps: usize,
     /// Largest phase of an adaptive step, radians (docs/physics.md, section 3). The error grows with its fourth power.
     pub step_phase: f64,

@@ -10,7 +10,8 @@ use crate::orbit::{
     StepSchedule, TIMES, length,
 };
 use crate::potential::Halo;
-use crate::scalar::{Lanes, Real, Vec3, Vectors};
+use crate::scalar::{Isa, Lanes, Real, Vec3, Vectors};
+use std::marker::PhantomData;
 
 impl Model {
     /// Hermite weights of the progenitor's position for the particles of one release time, if the steps are equal.
@@ -59,8 +60,8 @@ impl Model {
         }
         schedule.hermite_weights.clear();
         schedule.kick_gyr.clear();
-        let intervals = solution.orbit.intervals();
-        let weights_at = |left: f64| HermiteWeights::at(tau * (left / steps as f64), intervals);
+        let times = solution.orbit.times();
+        let weights_at = |left: f64| HermiteWeights::at(tau * (left / steps as f64), times);
         let (mut left, mut kick_before) = (steps as f64, S::zero());
         schedule.hermite_weights.push(weights_at(left));
         for &number in step_sizes {
@@ -89,7 +90,7 @@ impl Model {
 }
 
 /// The adaptive steps of one bundle of lane groups.
-pub(super) struct BundleSteps<'a, H: Halo> {
+pub(super) struct BundleSteps<'a, I: Isa, H: Halo> {
     solution: &'a ProgenitorSolution<f64, H>,
     step_sizes: &'a mut StepSizes,
     taus: [f64; MAX_TOGETHER],
@@ -98,9 +99,10 @@ pub(super) struct BundleSteps<'a, H: Halo> {
     steps: usize,
     max_phase: f64,
     max_halvings: u8,
+    isa: PhantomData<I>,
 }
 
-impl<'a, H: Halo> BundleSteps<'a, H> {
+impl<'a, I: Isa, H: Halo> BundleSteps<'a, I, H> {
     #[inline(always)]
     pub fn new(
         model: &'a Model,
@@ -118,20 +120,45 @@ impl<'a, H: Halo> BundleSteps<'a, H> {
             steps: model.steps[a],
             max_phase: model.settings.step_phase,
             max_halvings: model.settings.max_halvings,
+            isa: PhantomData,
         }
     }
 
-    /// The progenitor's position for lane group `k` of the bundle, at the time `left` before today in its longest steps.
+    /// The progenitor's positions for lane group `k` of the bundle, at `N` times before today in its longest steps.
     #[inline(always)]
-    fn position(&self, k: usize, left: f64) -> Vec3<f64> {
-        let orbit = &self.solution.orbit;
-        let tau = self.taus[k] * (left / self.steps as f64);
-        let [x, y, z, _] = orbit.position(&HermiteWeights::at(tau, orbit.intervals()));
-        Vec3::new(x, y, z)
+    fn positions<const N: usize>(&self, k: usize, left: [f64; N]) -> [[f64; 4]; N] {
+        let mut taus = left;
+        for j in 0..N {
+            taus[j] = self.taus[k] * (left[j] / self.steps as f64);
+        }
+        self.solution.orbit.positions::<I, N>(taus)
+    }
+
+    /// The progenitor's positions at `N` times before today in the longest steps, in lanes of `V`.
+    #[inline(always)]
+    fn progenitor<V: Vectors, const N: usize>(&self, left: [f64; N]) -> [Vec3<Interleaved<V>>; N] {
+        let mut positions = [self.positions(0, left); MAX_TOGETHER];
+        for k in 1..Interleaved::<V>::GROUPS {
+            positions[k] = if self.repeated[k] {
+                positions[k - 1]
+            } else {
+                self.positions(k, left)
+            };
+        }
+        let mut centres = [Vec3::zero(); N];
+        for j in 0..N {
+            let mut of_groups = [Vec3::zero(); MAX_TOGETHER];
+            for k in 0..Interleaved::<V>::GROUPS {
+                let [x, y, z, _] = positions[k][j];
+                of_groups[k] = Vec3::new(x, y, z);
+            }
+            centres[j] = Lanes::splat_vectors(&of_groups);
+        }
+        centres
     }
 }
 
-impl<V: Vectors, H: Halo> AdaptiveSteps<Interleaved<V>> for BundleSteps<'_, H> {
+impl<I: Isa, V: Vectors, H: Halo> AdaptiveSteps<Interleaved<V>> for BundleSteps<'_, I, H> {
     #[inline(always)]
     fn steps(&self) -> usize {
         self.steps
@@ -158,15 +185,17 @@ impl<V: Vectors, H: Halo> AdaptiveSteps<Interleaved<V>> for BundleSteps<'_, H> {
 
     #[inline(always)]
     fn progenitor_at(&self, left: f64) -> Vec3<Interleaved<V>> {
-        let mut positions = [self.position(0, left); MAX_TOGETHER];
-        for k in 1..Interleaved::<V>::GROUPS {
-            positions[k] = if self.repeated[k] {
-                positions[k - 1]
-            } else {
-                self.position(k, left)
-            };
+        let [centre] = self.progenitor::<V, 1>([left]);
+        centre
+    }
+
+    #[inline(always)]
+    fn progenitor_during(&self, left: f64, length: f64) -> [Vec3<Interleaved<V>>; STAGES] {
+        let mut times = [left; STAGES];
+        for stage in 0..STAGES {
+            times[stage] = left - TIMES[stage + 1] * length;
         }
-        Lanes::splat_vectors(&positions)
+        self.progenitor::<V, STAGES>(times)
     }
 
     #[inline(always)]

@@ -105,14 +105,9 @@ impl BinGrid {
     #[inline(always)]
     pub(super) fn sky_point<S: Scalar>(&self, x: S, y: S, winding_number: S) -> SkyPoint<S> {
         let r = (x * x + y * y).sqrt().max(S::from_f64(TINY_R));
-        let inverse = S::one() / r;
         SkyPoint {
             position: (angle(y, x) + winding_number * TAU) * self.per_radian(),
-            sky: Sky {
-                x: x * inverse,
-                y: y * inverse,
-                r,
-            },
+            sky: Sky::new(x, y, r),
         }
     }
 

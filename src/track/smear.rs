@@ -1,7 +1,7 @@
 //! Smeared particles: each is spread over an angle, with a slope in radius, both from the places of its neighbours and its partner on the
 //! sky (docs/physics.md, section 6).
 
-use crate::scalar::Scalar;
+use crate::scalar::{Isa, LANES, LaneArray, Lanes, Scalar};
 use crate::spray::MAX_NORMALS;
 
 /// Distance to a neighbour on the unit circle at which it has a weight of 1/sqrt(2). Neighbours may be far from each other on the sky, and
@@ -34,6 +34,8 @@ pub struct Sky<S> {
     pub x: S,
     pub y: S,
     pub r: S,
+    /// The inverse of the difference in radius at which a neighbour has a weight of 1/sqrt(2), 1/kpc.
+    per_reach: S,
 }
 
 /// From a particle to another: the sine of the angle, and the difference in radius in kpc, both times a factor that falls with distance:
@@ -45,6 +47,18 @@ pub struct Displacement<S> {
 }
 
 impl<S: Scalar> Sky<S> {
+    /// The particle at the position (`x`, `y`) of length `r`.
+    #[inline(always)]
+    pub fn new(x: S, y: S, r: S) -> Self {
+        let inverse = S::one() / r;
+        Self {
+            x: x * inverse,
+            y: y * inverse,
+            r,
+            per_reach: inverse * (1.0 / REACH_RADII),
+        }
+    }
+
     /// The displacement to another particle, periodic in the angle.
     #[inline(always)]
     pub fn displacement_to(self, other: Self) -> Displacement<S> {
@@ -69,9 +83,51 @@ impl<S: Scalar> Sky<S> {
     /// The factor that falls with distance, at the cosine of the angle and the difference in radius.
     #[inline(always)]
     fn factor(self, cosine: S, dr: S) -> S {
-        let radii = dr / (self.r * REACH_RADII);
+        let radii = dr * self.per_reach;
         let angle2 = (S::one() - cosine) * (2.0 / (REACH_ANGLE * REACH_ANGLE));
         S::one() / (S::one() + angle2 + radii * radii).sqrt()
+    }
+}
+
+impl<I: Isa> Sky<Lanes<I, 1>> {
+    /// Loads from memory.
+    #[inline(always)]
+    pub fn load(skies: &[Sky<f64>; LANES]) -> Self {
+        let [mut x, mut y, mut r, mut per_reach] = [LaneArray([[0.0; LANES]]); 4];
+        for lane in 0..LANES {
+            x.0[0][lane] = skies[lane].x;
+            y.0[0][lane] = skies[lane].y;
+            r.0[0][lane] = skies[lane].r;
+            per_reach.0[0][lane] = skies[lane].per_reach;
+        }
+        Self {
+            x: Lanes::load(&x),
+            y: Lanes::load(&y),
+            r: Lanes::load(&r),
+            per_reach: Lanes::load(&per_reach),
+        }
+    }
+
+    /// Stores to memory.
+    #[inline(always)]
+    pub fn store(self) -> [Sky<f64>; LANES] {
+        let (x, y) = (self.x.store().0[0], self.y.store().0[0]);
+        let (r, per_reach) = (self.r.store().0[0], self.per_reach.store().0[0]);
+        let mut skies = [Sky {
+            x: 0.0,
+            y: 0.0,
+            r: 0.0,
+            per_reach: 0.0,
+        }; LANES];
+        for lane in 0..LANES {
+            skies[lane] = Sky {
+                x: x[lane],
+                y: y[lane],
+                r: r[lane],
+                per_reach: per_reach[lane],
+            };
+        }
+        skies
     }
 }
 
@@ -182,9 +238,8 @@ pub fn displacement_vjp(
     let dr = other.r - here.r;
     let factor = here.factor(cosine, dr);
     let cube = factor * factor * factor;
-    let reach = here.r * REACH_RADII;
     let factor_bar = displacement_bar.angle * sine + displacement_bar.r * dr;
-    let slope = cube * dr / (reach * reach);
+    let slope = cube * dr * here.per_reach * here.per_reach;
     let angle = -cube * sine / (REACH_ANGLE * REACH_ANGLE) * factor_bar
         + displacement_bar.angle * factor * cosine;
     let other_r = -slope * factor_bar + displacement_bar.r * factor;

@@ -1,7 +1,7 @@
 //! Sums over the particles of each bin, in SIMD lanes and on several threads.
 
 use super::grid::{BinGrid, NearestEdge, SkyPoint};
-use super::smear::{Displacement, Sky, Smear, StreamExtent, WHOLE_MOMENTS, moments_below};
+use super::smear::{Displacement, Sky, Smear, StreamExtent, moments_below};
 use super::sums::Sums;
 use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, Scalar, compile_kernel};
 use crate::spray::Neighbourhood;
@@ -12,16 +12,14 @@ use rayon::prelude::*;
 /// of threads.
 const PARTICLES_PER_CHUNK: usize = 1_024;
 
-/// Largest number of bins of all chunks that are summed at once: 256 MB.
-const MAX_BINS_AT_ONCE: usize = 1 << 22;
+/// Largest number of bins of all chunks that are summed at once: 200 MB.
+const MAX_BINS_AT_ONCE: usize = 1 << 20;
 
 /// Sums over the particles of a chunk; the buffers are reused.
-///
-/// Weight, r and r^2 of a bin are adjacent, and one more bin at each end takes what lies outside. Consecutive particles often fall in one
-/// bin, and the second addition would wait for the first: even and odd particles are added to different sets of bins.
 #[derive(Clone, Debug, Default)]
 pub struct PartialSums {
-    bins: Vec<[f64; 4]>,
+    /// Weight, r and r^2 of each bin, of each lane for itself: additions of particles that are computed together do not wait for each other.
+    bins: Vec<[LaneArray<1>; 3]>,
     /// phi in bin widths of the particles of the chunk, their neighbours and partners; a multiple of [`LANES`].
     positions: Vec<f64>,
     /// Their directions and radii.
@@ -31,35 +29,43 @@ pub struct PartialSums {
 impl PartialSums {
     fn reset(&mut self, len: usize) {
         self.bins.clear();
-        self.bins.resize(2 * (len + 2), [0.0; 4]);
+        self.bins.resize(len, [LaneArray([[0.0; LANES]]); 3]);
     }
 
-    /// Adds particle number `i` of a lane array to the bin of this index.
+    /// Adds the particles in lanes to the bin of this index.
     #[inline(always)]
-    fn add(&mut self, i: usize, bin: f64, [weight, r, r2]: [f64; 3]) {
-        let per_set = self.bins.len() / 2;
+    fn add<I: Isa>(&mut self, bin: usize, addends: [Lanes<I, 1>; 3]) {
+        let bin = &mut self.bins[bin];
+        for c in 0..3 {
+            bin[c] = (Lanes::load(&bin[c]) + addends[c]).store();
+        }
+    }
+
+    /// Adds the particle in a lane to the bin of this index, if there is one.
+    #[inline(always)]
+    fn add_one(&mut self, lane: usize, bin: f64, addends: [f64; 3]) {
+        if bin < 0.0 || bin >= self.bins.len() as f64 {
+            return;
+        }
         #[allow(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "between -1 and the number of bins"
+            reason = "between 0 and the number of bins"
         )]
-        let row = (bin.max(-1.0).min(per_set as f64 - 2.0) + 1.0) as usize + (i % 2) * per_set;
-        let bin = &mut self.bins[row];
-        let addend = [weight, r, r2, 0.0];
-        for c in 0..4 {
-            bin[c] += addend[c];
+        let bin = &mut self.bins[bin as usize];
+        for c in 0..3 {
+            bin[c].0[0][lane] += addends[c];
         }
     }
 
     /// Adds the sums of the chunk to those of all particles.
     fn add_to(&self, sums: &mut Sums<f64>) {
-        let (even, odd) = self.bins.split_at(self.bins.len() / 2);
-        let bins = even.iter().zip(odd).skip(1);
+        let total = |lanes: &LaneArray<1>| lanes.0[0].iter().sum::<f64>();
         let columns = sums.weight.iter_mut().zip(&mut sums.r).zip(&mut sums.r2);
-        for ((even, odd), ((weight, r), r2)) in bins.zip(columns) {
-            *weight += even[0] + odd[0];
-            *r += even[1] + odd[1];
-            *r2 += even[2] + odd[2];
+        for (bin, ((weight, r), r2)) in self.bins.iter().zip(columns) {
+            *weight += total(&bin[0]);
+            *r += total(&bin[1]);
+            *r2 += total(&bin[2]);
         }
     }
 }
@@ -89,7 +95,7 @@ impl BinGrid {
     pub fn sum_in_parallel(&self, particles: &Particles, sums: &mut Sums<f64>) {
         sums.reset(self.len);
         // A bounded number of chunks at once, so that memory does not grow with the number of particles.
-        let fitting = MAX_BINS_AT_ONCE / (self.len + 1);
+        let fitting = MAX_BINS_AT_ONCE / self.len;
         let count = (4 * rayon::current_num_threads()).min(fitting.max(1));
         let mut partial = vec![PartialSums::default(); count];
         let at_once = partial.len() * PARTICLES_PER_CHUNK;
@@ -120,7 +126,7 @@ impl BinGrid {
     }
 }
 
-/// The sums over a chunk of particles: weights are computed in lanes, and added to the bins one by one.
+/// The sums over a chunk of particles.
 struct BinKernel<'a> {
     grid: &'a BinGrid,
     particles: &'a Particles,
@@ -168,25 +174,14 @@ impl Kernel for BinKernel<'_> {
             let winding_number = Lanes::load(&repeated(&particles.winding_numbers[at..]));
             let SkyPoint { position, sky } = grid.sky_point(x, y, winding_number);
             sums.positions.extend_from_slice(&position.store().0[0]);
-            let (x, y, r) = (sky.x.store().0[0], sky.y.store().0[0], sky.r.store().0[0]);
-            for lane in 0..LANES {
-                sums.skies.push(Sky {
-                    x: x[lane],
-                    y: y[lane],
-                    r: r[lane],
-                });
-            }
+            sums.skies.extend_from_slice(&sky.store());
         }
         for at in (first..last).step_by(LANES) {
             let n = LANES.min(last - at);
             let position = Lanes::<I, 1>::load(&repeated(&sums.positions[at - from..]));
-            let mut skies = [Sky {
-                x: 0.0,
-                y: 0.0,
-                r: 0.0,
-            }; LANES];
+            let mut skies = [sums.skies[0]; LANES];
             skies.copy_from_slice(&sums.skies[at - from..at - from + LANES]);
-            let sky = load::<I>(&skies);
+            let sky = Sky::load(&skies);
             match neighbourhood {
                 None => add_points(grid, position, sky, n, sums),
                 Some(neighbourhood) => {
@@ -199,22 +194,6 @@ impl Kernel for BinKernel<'_> {
 }
 
 compile_kernel!(BinKernel);
-
-/// Directions and radii in lanes.
-#[inline(always)]
-fn load<I: Isa>(skies: &[Sky<f64>; LANES]) -> Sky<Lanes<I, 1>> {
-    let [mut x, mut y, mut r] = [LaneArray([[0.0; LANES]]); 3];
-    for lane in 0..LANES {
-        x.0[0][lane] = skies[lane].x;
-        y.0[0][lane] = skies[lane].y;
-        r.0[0][lane] = skies[lane].r;
-    }
-    Sky {
-        x: Lanes::load(&x),
-        y: Lanes::load(&y),
-        r: Lanes::load(&r),
-    }
-}
 
 /// The smearing of the particles of a block; `from` is the number of the first particle in `sums.skies`.
 #[inline(always)]
@@ -250,7 +229,7 @@ fn displacements<I: Isa>(
     for lane in 0..LANES {
         skies[lane] = sums.skies[others[lane] as usize - from];
     }
-    here.displacement_to(load(&skies))
+    here.displacement_to(Sky::load(&skies))
 }
 
 /// Adds `n` particles, each to the two bins beside its nearest edge.
@@ -272,7 +251,7 @@ fn add_points<I: Isa>(
         let weights = [1.0 - above[i], above[i]];
         for k in 0..2 {
             let (weight, r) = (weights[k], r[i]);
-            sums.add(
+            sums.add_one(
                 i,
                 edge[i] - 1.0 + k as f64,
                 [weight, weight * r, weight * r * r],
@@ -281,7 +260,7 @@ fn add_points<I: Isa>(
     }
 }
 
-/// Adds `n` smeared particles.
+/// Adds `n` smeared particles, which are computed together in every bin that one of them reaches.
 #[inline(always)]
 fn add_smeared<I: Isa>(
     grid: &BinGrid,
@@ -292,28 +271,38 @@ fn add_smeared<I: Isa>(
     sums: &mut PartialSums,
 ) {
     let half_width = smear.half_width(grid.soft());
-    let mut widest = 0.0;
-    for width in half_width.store().0[0] {
-        widest = f64::max(widest, width);
+    let reach = half_width * grid.per_radian();
+    let place = position - grid.first as f64;
+    let (lowest, highest) = ((place - reach).store().0[0], (place + reach).store().0[0]);
+    let mut range = (lowest[0], highest[0]);
+    for i in 1..n {
+        range.0 = f64::min(range.0, lowest[i]);
+        range.1 = f64::max(range.1, highest[i]);
     }
-    let (_, reach) = grid.edges_within(0.0, widest);
-    let middle = position.round_ties_even();
-    let scale = Lanes::one() / (half_width * grid.per_radian());
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "between 0 and the number of bins"
+    )]
+    let (first, end) = (
+        range.0.max(0.0) as usize,
+        range.1.ceil().clamp(0.0, grid.len as f64) as usize,
+    );
+    if first >= end {
+        return;
+    }
+    // Lanes without a particle have theirs beyond all bins.
+    let mut places = place.store();
+    for i in n..LANES {
+        places.0[0][i] = f64::INFINITY;
+    }
+    let place = Lanes::<I, 1>::load(&places);
+    let scale = Lanes::one() / reach;
     let rise = smear.slope * half_width;
-    let bins = (middle - (grid.first as f64 + 1.0)).store().0[0];
     let rise2 = rise * rise;
-    let mut before = [Lanes::<I, 1>::zero(); 3];
-    for k in -reach..=reach + 1 {
-        let here = if k > reach {
-            let [weight, offset, offset2] = WHOLE_MOMENTS;
-            [
-                Lanes::from_f64(weight),
-                Lanes::from_f64(offset),
-                Lanes::from_f64(offset2),
-            ]
-        } else {
-            moments_below((middle - position + f64::from(k)) * scale)
-        };
+    let mut before = moments_below((-place + first as f64) * scale);
+    for bin in first..end {
+        let here = moments_below((-place + (bin + 1) as f64) * scale);
         let [weight, offset, offset2] = [
             here[0] - before[0],
             here[1] - before[1],
@@ -321,10 +310,7 @@ fn add_smeared<I: Isa>(
         ];
         let r = weight * sky.r + rise * offset;
         let r2 = sky.r * (r * 2.0 - weight * sky.r) + rise2 * offset2;
-        let (weight, r, r2) = (weight.store().0[0], r.store().0[0], r2.store().0[0]);
-        for i in 0..n {
-            sums.add(i, bins[i] + f64::from(k), [weight[i], r[i], r2[i]]);
-        }
+        sums.add(bin, [weight, r, r2]);
         before = here;
     }
 }

@@ -50,8 +50,8 @@ impl Fault {
     fn calls(self) -> &'static [&'static str] {
         match self {
             Self::Kill => &CALLS,
-            // A file that exists can be opened, renamed and removed on a full disk.
-            Self::NoSpace => &["write", "fsync", "mkdir"],
+            // A file that exists can be opened and removed on a full disk; renaming it may need room in the directory.
+            Self::NoSpace => &["write", "fsync", "rename", "renameat", "mkdir"],
         }
     }
 

@@ -152,7 +152,8 @@ impl State {
             .collect();
         self.next_reference(target);
         if self.is_last_round() {
-            let (beta, scans) = (self.beta(), self.settings.scans(self.round));
+            let scans = self.settings.scans_of_extension(self.extensions);
+            let beta = self.beta();
             self.record.begin_extension(dim, &beta, scans);
         } else {
             self.next_round(dim);

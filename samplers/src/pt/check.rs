@@ -45,10 +45,15 @@ impl State {
             }
             None => {
                 self.check_chains(dim)?;
-                let extensions = 1 + self.extensions;
-                let scans = settings.scans(self.round);
+                let planned: Vec<usize> = if self.is_last_round() {
+                    (0..=self.extensions)
+                        .map(|extension| settings.scans_of_extension(extension))
+                        .collect()
+                } else {
+                    vec![settings.scans(self.round)]
+                };
                 self.record
-                    .check(dim, settings, &self.beta(), [extensions, scans, self.scan])
+                    .check(dim, settings, &self.beta(), &planned, self.scan)
             }
         }
     }
@@ -152,7 +157,7 @@ mod tests {
         for step in 0..steps {
             assert_eq!(state.check(&settings, 1, 2), Ok(()), "{step}");
             if state.finished() {
-                state.go_on(&target);
+                state.go_on(&target, false);
             }
             state.advance(&target).unwrap();
         }

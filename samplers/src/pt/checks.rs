@@ -1,12 +1,13 @@
 //! Convergence checks of a tempered run, each with a remedy.
 
 use super::evidence::Estimate;
+use super::posterior_draws::Agreement;
 use super::record::Record;
 use super::schedule::round_trip_rate;
 use super::state::Finished;
 use crate::diagnostics::chi2_p_value;
 use crate::hmc::MAX_STEP;
-use crate::output::{Check, Ess};
+use crate::output::Check;
 
 /// The numbers that the checks need.
 pub(super) struct CheckInputs<'a> {
@@ -16,11 +17,8 @@ pub(super) struct CheckInputs<'a> {
     pub(super) history: &'a [Finished],
     /// Step of each temperature.
     pub(super) steps: &'a [f64],
-    pub(super) ess: &'a Ess,
-    /// Largest R-hat over coordinates, their squares and ln L.
-    pub(super) worst_r_hat: f64,
-    /// p-value that the chain sets give the modes the same weights.
-    pub(super) mode_agreement: f64,
+    /// How well the chain sets agree.
+    pub(super) agreement: &'a Agreement,
     /// Whether slice updates are made as well. Then round trips, R-hat and effective sample sizes measure how far
     /// states move, and short trajectories are no failure.
     pub(super) slices: bool,
@@ -31,7 +29,7 @@ pub(super) fn checks(run: &CheckInputs<'_>) -> Vec<Check> {
     let mut checks = index_processes(run);
     checks.extend(schedule(run));
     checks.extend(evidence(run.estimate));
-    checks.extend(draws(run));
+    checks.extend(draws(run.agreement));
     checks.extend(moves(run));
     checks
 }
@@ -141,31 +139,64 @@ fn evidence(estimate: &Estimate) -> Vec<Check> {
     ]
 }
 
-fn draws(run: &CheckInputs<'_>) -> Vec<Check> {
+/// Minimum effective size of the draws of a run, and of those of its newest extension alone.
+const MIN_ESS: f64 = 400.0;
+const MIN_NEWEST_ESS: f64 = 200.0;
+
+/// Minimum p-value of an agreement of chain sets.
+const MIN_P: f64 = 0.01;
+
+/// Checks that a pass is no coincidence: the draws of the newest extension, which nobody has looked at before, and the
+/// number of looks in succession at which all other checks passed.
+pub(super) fn confirmation(newest: &Agreement, looks_passed: usize) -> Vec<Check> {
+    vec![
+        Check::at_least(
+            "newest-ess",
+            newest.ess.quoted,
+            MIN_NEWEST_ESS,
+            "smallest bulk or tail ESS over parameters of the newest extension alone; if too small, allow more `extensions`",
+        ),
+        Check::at_least(
+            "newest-mode-agreement",
+            newest.modes,
+            MIN_P,
+            "p-value that in the newest extension all chain sets give two modes (or halves) of the posterior the same weights; if too small, allow more `extensions`",
+        ),
+        Check::at_least(
+            "looks-passed",
+            looks_passed as f64,
+            2.0,
+            "looks in succession, one after each extension, at which all checks of the draws so far passed: a single pass may be chance; allow more `extensions`",
+        ),
+    ]
+}
+
+/// Checks of the draws at the posterior.
+pub(super) fn draws(agreement: &Agreement) -> Vec<Check> {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     vec![
         Check::at_most(
             "r-hat",
-            run.worst_r_hat,
+            agreement.worst_r_hat,
             1.01,
             "largest rank-normalised split R-hat of coordinates, their squares and ln L; if too large, the chain sets do not agree yet: allow more `extensions`, or add rounds",
         ),
         Check::at_least(
             "ess-bulk",
-            least(&run.ess.bulk),
-            400.0,
+            least(&agreement.ess.bulk),
+            MIN_ESS,
             "smallest bulk ESS over parameters; if too small, allow more `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
         ),
         Check::at_least(
             "ess-tail",
-            least(&run.ess.tail),
-            400.0,
+            least(&agreement.ess.tail),
+            MIN_ESS,
             "smallest tail ESS over parameters; if too small, allow more `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
         ),
         Check::at_least(
             "mode-agreement-of-chain-sets",
-            run.mode_agreement,
-            0.01,
+            agreement.modes,
+            MIN_P,
             "p-value that all chain sets give two modes (or halves) of the posterior the same weights; if too small, allow more `extensions`, or add rounds",
         ),
     ]
@@ -222,7 +253,12 @@ fn moves(run: &CheckInputs<'_>) -> Vec<Check> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::posterior_draws::PosteriorDraws;
+    use super::super::settings::Settings;
     use super::*;
+    use crate::diagnostics::error_of_mean;
+    use crate::rng::{Domain, standard_normal, stream, unit_open};
+    use rayon::prelude::*;
 
     fn estimate(chain_sets: Vec<f64>, error: f64) -> Estimate {
         let ln_z = chain_sets.iter().sum::<f64>() / chain_sets.len() as f64;
@@ -262,5 +298,141 @@ mod tests {
         assert!(!passes(name, &different));
         different.forward = f64::NEG_INFINITY;
         assert!(!passes(name, &different));
+    }
+
+    /// Weight of the mode that simulated chains visit rarely.
+    const WEIGHT: f64 = 0.05;
+
+    /// A simulated run that is confirmed: the weight of the mode, its error by its own effective size, and scans.
+    struct Confirmed {
+        weight: f64,
+        error: f64,
+        scans: f64,
+    }
+
+    /// A run of four chain sets whose states at the posterior leave a mode, six deviations away, after `stay` scans on average; none
+    /// if it is not confirmed.
+    fn sticky(run: u64, stay: f64) -> Option<Confirmed> {
+        // Every eighth scan of a last round of 1,024 scans and its extensions.
+        let settings = Settings {
+            first_scans: 32,
+            rounds: 3,
+            extensions: 9,
+            ..Settings::default()
+        };
+        let all = settings.scans_with(settings.extensions);
+        let chain_sets: Vec<(Vec<f64>, Vec<f64>)> = (0..4)
+            .map(|chain_set| {
+                let mut rng = stream(1, Domain::Test, run, chain_set);
+                let mut inside = unit_open(&mut rng) < WEIGHT;
+                (0..all)
+                    .map(|_| {
+                        let leave = 8.0 / stay * if inside { 1.0 } else { WEIGHT / (1.0 - WEIGHT) };
+                        inside ^= unit_open(&mut rng) < leave;
+                        let mode = f64::from(u8::from(inside));
+                        (mode, 6.0 * mode + standard_normal(&mut rng))
+                    })
+                    .unzip()
+            })
+            .collect();
+        let burn_in = settings.scans_of_extension(0);
+        let mut passed_before = false;
+        for extensions in 1..=settings.extensions {
+            let counted = burn_in..settings.scans_with(extensions);
+            let part = |of: fn(&(Vec<f64>, Vec<f64>)) -> &Vec<f64>| -> Vec<Vec<f64>> {
+                let own = |c: &(Vec<f64>, Vec<f64>)| of(c)[counted.clone()].to_vec();
+                chain_sets.iter().map(own).collect()
+            };
+            let x = part(|c| &c.1);
+            let drawn = PosteriorDraws {
+                ln_likelihood: x.clone(),
+                positions: x,
+            };
+            let newest = drawn.newest(settings.scans_of_extension(extensions), 1);
+            let passed = draws(&drawn.agreement(1, 4)).iter().all(|check| check.pass);
+            let looks = usize::from(passed) + usize::from(passed && passed_before);
+            let confirmed = confirmation(&newest.agreement(1, 4), looks);
+            if passed && confirmed.iter().all(|check| check.pass) {
+                let modes = part(|c| &c.0);
+                let modes: Vec<&[f64]> = modes.iter().map(Vec::as_slice).collect();
+                return Some(Confirmed {
+                    weight: modes.concat().iter().sum::<f64>() / (4 * counted.len()) as f64,
+                    error: error_of_mean(&modes),
+                    scans: 8.0 * counted.end as f64,
+                });
+            }
+            passed_before = passed;
+        }
+        None
+    }
+
+    /// What became of simulated runs.
+    struct Outcomes {
+        /// Fraction of the runs that are confirmed.
+        confirmed: f64,
+        /// Of these, the fraction whose weight of the mode is wrong by more than a factor of two.
+        wrong: f64,
+        /// And the fraction whose weight is within two of its errors.
+        covered: f64,
+        /// Their mean weight.
+        weight: f64,
+        /// Their mean number of scans.
+        scans: f64,
+    }
+
+    fn outcomes(runs: u64, stay: f64) -> Outcomes {
+        let ended: Vec<Confirmed> = (0..runs)
+            .into_par_iter()
+            .filter_map(|run| sticky(run, stay))
+            .collect();
+        let mean =
+            |of: fn(&Confirmed) -> f64| ended.iter().map(of).sum::<f64>() / ended.len() as f64;
+        Outcomes {
+            confirmed: ended.len() as f64 / runs as f64,
+            wrong: mean(|run| f64::from(u8::from(!(0.025..=0.1).contains(&run.weight)))),
+            covered: mean(|run| {
+                f64::from(u8::from((run.weight - WEIGHT).abs() <= 2.0 * run.error))
+            }),
+            weight: mean(|run| run.weight),
+            scans: mean(|run| run.scans),
+        }
+    }
+
+    /// The recorded rates are those of 1,000 runs (docs/validation.md, section 5).
+    #[test]
+    fn confirmed_runs_rarely_miss_what_chains_visit_rarely() {
+        let runs = 200;
+        let above = |rate: f64| rate + 3.0 * (rate * (1.0 - rate) / runs as f64).sqrt();
+        let easy = outcomes(runs, 20.0);
+        assert!(
+            easy.confirmed > 0.99 && easy.wrong <= above(0.002),
+            "{} {}",
+            easy.confirmed,
+            easy.wrong
+        );
+        assert!(1.0 - easy.covered <= above(0.07), "{}", easy.covered);
+        let sticky = outcomes(runs, 100.0);
+        assert!(sticky.wrong <= above(0.053), "{}", sticky.wrong);
+        assert!(1.0 - sticky.covered <= above(0.12), "{}", sticky.covered);
+    }
+
+    #[test]
+    #[ignore = "prints a table, ten minutes"]
+    fn table_of_confirmed_runs() {
+        println!(
+            "| stay, scans | confirmed | of these wrong | weight within two errors | mean weight | mean scans |\n|---|---|---|---|---|---|"
+        );
+        for stay in [20.0, 100.0, 600.0] {
+            let Outcomes {
+                confirmed,
+                wrong,
+                covered,
+                weight,
+                scans,
+            } = outcomes(1_000, stay);
+            println!(
+                "| {stay} | {confirmed:.3} | {wrong:.3} | {covered:.2} | {weight:.4} | {scans:.0} |"
+            );
+        }
     }
 }

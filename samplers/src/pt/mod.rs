@@ -45,6 +45,7 @@ mod check;
 mod checks;
 mod evidence;
 mod outcome;
+mod posterior_draws;
 mod record;
 mod scan;
 mod schedule;
@@ -105,10 +106,14 @@ pub fn run(
     stop |= control.tell_memory(&settings.memory(target.dim()));
     let status = loop {
         if state.finished() {
-            if !state.may_extend() || outcome::passes(&state, target.dim()) {
+            if !state.may_extend() {
                 break Status::Complete;
             }
-            state.go_on(target);
+            let look = outcome::look(&state, target.dim());
+            if look.confirmed {
+                break Status::Complete;
+            }
+            state.go_on(target, look.passed);
         }
         let interrupted = stop || control.interrupted();
         let spent = control.spent(state.cost.all_calls());

@@ -1,11 +1,10 @@
 //! From the state of a run to its result.
 
-use super::checks::{CheckInputs, checks};
+use super::checks::{CheckInputs, checks, confirmation};
 use super::evidence::Estimate;
-use super::record::PosteriorDraws;
+use super::posterior_draws::PosteriorDraws;
 use super::schedule::communication_barrier;
 use super::state::State;
-use crate::diagnostics::{bulk_ess, mode_agreement, r_hat, tail_ess, two_means};
 use crate::error::Result;
 use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
@@ -21,8 +20,10 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
         estimate,
         ess,
         steps,
-        checks,
+        mut checks,
+        confirmation,
     } = assess(state, &cold, target.dim());
+    checks.extend(confirmation);
     let draws = draws(target, state, &cold)?;
     Ok(Run {
         method: Method::PtHmc,
@@ -49,11 +50,13 @@ struct Assessment {
     /// Step of each temperature.
     steps: Vec<f64>,
     checks: Vec<Check>,
+    /// Checks that a pass is no coincidence, of a run that looks more than once.
+    confirmation: Vec<Check>,
 }
 
 fn assess(state: &State, cold: &PosteriorDraws, dim: usize) -> Assessment {
     let estimate = state.evidence();
-    let (ess, worst_r_hat) = effective_sizes(state, cold, dim);
+    let agreement = cold.agreement(dim, state.clusters());
     let steps: Vec<f64> = state
         .temperatures
         .iter()
@@ -64,26 +67,45 @@ fn assess(state: &State, cold: &PosteriorDraws, dim: usize) -> Assessment {
         estimate: &estimate,
         history: &state.history,
         steps: &steps,
-        ess: &ess,
-        worst_r_hat,
-        mode_agreement: modes(cold, dim),
+        agreement: &agreement,
         slices: state.slices(),
     });
+    let confirmation = if state.settings.extensions == 0 {
+        Vec::new()
+    } else {
+        let newest = cold.newest(state.newest_scans(), dim);
+        let looks_passed = state.looks_passed(all_pass(&checks));
+        confirmation(&newest.agreement(dim, state.clusters()), looks_passed)
+    };
     Assessment {
         estimate,
-        ess,
+        ess: agreement.ess,
         steps,
         checks,
+        confirmation,
     }
 }
 
-/// Whether the round in progress passes all checks.
-pub(super) fn passes(state: &State, dim: usize) -> bool {
-    let cold = state.record.cold();
-    assess(state, &cold, dim)
-        .checks
-        .iter()
-        .all(|check| check.pass)
+fn all_pass(checks: &[Check]) -> bool {
+    checks.iter().all(|check| check.pass)
+}
+
+/// What the checks say at the end of the last round or of one of its extensions.
+pub(super) struct Look {
+    /// Whether all checks of the draws so far passed.
+    pub(super) passed: bool,
+    /// Whether this is confirmed: the run may end.
+    pub(super) confirmed: bool,
+}
+
+/// A look at the draws so far.
+pub(super) fn look(state: &State, dim: usize) -> Look {
+    let assessment = assess(state, &state.record.cold(), dim);
+    let passed = all_pass(&assessment.checks);
+    Look {
+        passed,
+        confirmed: passed && all_pass(&assessment.confirmation),
+    }
 }
 
 fn draws(target: &dyn Target, state: &State, cold: &PosteriorDraws) -> Result<Draws> {
@@ -135,80 +157,6 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
         estimates: estimates.into_iter().collect(),
         information: mean - estimate.ln_z,
     }
-}
-
-/// Design effect of clusters: the variance of their means over that expected from the effective sample sizes of their
-/// chain sets, as the mean over all parameters, at least 1. The mean is over all parameters because few clusters give a
-/// noisy estimate for each. Chain sets that started from the same SMC sampler have its errors in common.
-fn design_effect(columns: &[Vec<Vec<f64>>], bulk: &[f64], clusters: usize) -> f64 {
-    let excess = columns.iter().zip(bulk).map(|(chain_sets, bulk)| {
-        let of_cluster = |cluster: usize| -> Vec<f64> {
-            let own = chain_sets.iter().skip(cluster).step_by(clusters);
-            own.flatten().copied().collect()
-        };
-        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
-        let scatter = |x: &[f64]| {
-            let centre = mean(x);
-            x.iter().map(|x| (x - centre).powi(2)).sum::<f64>() / (x.len() as f64 - 1.0)
-        };
-        let means: Vec<f64> = (0..clusters).map(|f| mean(&of_cluster(f))).collect();
-        scatter(&means) * bulk / (clusters as f64 * scatter(&chain_sets.concat()))
-    });
-    let mean = excess.sum::<f64>() / columns.len() as f64;
-    if mean.is_finite() { mean.max(1.0) } else { 1.0 }
-}
-
-/// Effective sizes and R-hat per parameter (of its coordinate `z`: ranks do not change under a monotone map), and the
-/// largest R-hat of all, ln L included.
-fn effective_sizes(state: &State, cold: &PosteriorDraws, dim: usize) -> (Ess, f64) {
-    let chain_sets = cold.positions.len();
-    let mut ess = Ess {
-        kish: (chain_sets * state.record.scans()) as f64,
-        ..Ess::default()
-    };
-    let columns: Vec<Vec<Vec<f64>>> = (0..dim)
-        .map(|j| {
-            let of = |rows: &Vec<f64>| rows.iter().skip(j).step_by(dim).copied().collect();
-            cold.positions.iter().map(of).collect()
-        })
-        .collect();
-    for chain_sets in &columns {
-        let squares: Vec<Vec<f64>> = chain_sets
-            .iter()
-            .map(|column| column.iter().map(|z| z * z).collect())
-            .collect();
-        let chains = slices(chain_sets);
-        ess.bulk.push(bulk_ess(&chains));
-        ess.tail.push(tail_ess(&chains));
-        ess.r_hat.push(r_hat(&chains).max(r_hat(&slices(&squares))));
-    }
-    if state.clusters() < chain_sets {
-        let design_effect = design_effect(&columns, &ess.bulk, state.clusters());
-        for size in ess.bulk.iter_mut().chain(&mut ess.tail) {
-            *size /= design_effect;
-        }
-    }
-    ess.quoted = ess
-        .bulk
-        .iter()
-        .chain(&ess.tail)
-        .copied()
-        .fold(f64::INFINITY, f64::min);
-    let of_ln_l = r_hat(&slices(&cold.ln_likelihood));
-    let worst = ess.r_hat.iter().copied().fold(of_ln_l, f64::max);
-    (ess, worst)
-}
-
-fn slices(chains: &[Vec<f64>]) -> Vec<&[f64]> {
-    chains.iter().map(Vec::as_slice).collect()
-}
-
-/// p-value that all chain sets give the two modes the same weights.
-fn modes(cold: &PosteriorDraws, dim: usize) -> f64 {
-    let scans = cold.ln_likelihood.first().map_or(0, Vec::len);
-    let labels = two_means(&cold.positions.concat(), dim);
-    let labels: Vec<&[bool]> = labels.chunks_exact(scans.max(1)).collect();
-    mode_agreement(&labels, &slices(&cold.ln_likelihood))
 }
 
 fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History {
@@ -279,39 +227,4 @@ fn warnings(state: &State) -> Vec<String> {
         ));
     }
     warnings
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::rng::{Domain, standard_normal, stream};
-
-    /// 32 chain sets of 10 independent draws in each of 13 parameters, with this standard deviation of the part that
-    /// the chain sets of each of four clusters have in common.
-    fn columns(common: f64) -> Vec<Vec<Vec<f64>>> {
-        let mut rng = stream(3, Domain::Test, 0, 0);
-        (0..13)
-            .map(|_| {
-                let shared: Vec<f64> = (0..4).map(|_| common * standard_normal(&mut rng)).collect();
-                let chain_set = |k: usize, rng: &mut _| -> Vec<f64> {
-                    (0..10)
-                        .map(|_| shared[k % 4] + standard_normal(rng))
-                        .collect()
-                };
-                (0..32).map(|k| chain_set(k, &mut rng)).collect()
-            })
-            .collect()
-    }
-
-    #[test]
-    fn what_chain_sets_of_a_cluster_have_in_common_makes_their_draws_fewer() {
-        // Variance of a cluster's mean: 1 / 80 of its own draws, and the common part. 39 degrees of freedom in all: a
-        // standard error of 23 %.
-        let alone = design_effect(&columns(0.0), &[320.0; 13], 4);
-        assert!((1.0..1.7).contains(&alone), "{alone}");
-        let shared = design_effect(&columns(0.5), &[320.0; 13], 4);
-        // The draws' own variance is 1.25 with it.
-        let exact = (0.25 + 1.0 / 80.0) * 80.0 / 1.25;
-        assert!((shared / exact - 1.0).abs() < 0.7, "{shared} {exact}");
-    }
 }

@@ -1,6 +1,7 @@
 //! What is recorded of one round.
 
 use super::evidence::Traces;
+use super::posterior_draws::PosteriorDraws;
 use super::settings::Settings;
 use super::swap::{self, IndexProcess};
 use crate::hmc::{End, Moments, Point, Transition, shorten};
@@ -215,13 +216,6 @@ impl Extension {
     }
 }
 
-/// Draws at beta = 1, one list per chain set.
-pub(super) struct PosteriorDraws {
-    /// Scan by scan.
-    pub(super) positions: Vec<Vec<f64>>,
-    pub(super) ln_likelihood: Vec<Vec<f64>>,
-}
-
 /// The record of a round: for adaptation, evidence, checks and draws.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Record {
@@ -249,17 +243,19 @@ impl Record {
         }
     }
 
-    /// Checks a record that was read from a file: of at most so many extensions, each of so many scans, of which so many are done in all.
+    /// Checks a record that was read from a file: `planned` has the scans of the round and of its extensions, of which `done` are done in
+    /// all.
     pub(super) fn check(
         &self,
         dim: usize,
         settings: &Settings,
         beta: &[f64],
-        [extensions, scans, done]: [usize; 3],
+        planned: &[usize],
+        done: usize,
     ) -> Valid {
         let (chain_sets, clusters) = (settings.chain_sets, settings.clusters());
         ensure(
-            (1..=extensions).contains(&self.extensions.len())
+            (1..=planned.len()).contains(&self.extensions.len())
                 && self.trails.len() == chain_sets
                 && self.clusters == clusters,
             "a record has other extensions, chain sets or clusters",
@@ -269,8 +265,9 @@ impl Record {
             self.trails.iter().all(whole),
             "a list of positions has another dimension, or is not finite",
         )?;
-        (self.extensions.iter())
-            .try_for_each(|extension| extension.check(dim, chain_sets, clusters, scans))?;
+        (self.extensions.iter().zip(planned)).try_for_each(|(extension, scans)| {
+            extension.check(dim, chain_sets, clusters, *scans)
+        })?;
         let noted: usize = self
             .extensions
             .iter()
@@ -281,7 +278,7 @@ impl Record {
             noted == done
                 && before
                     .iter()
-                    .all(|extension| extension.traces.scans() == scans),
+                    .all(|extension| extension.traces.scans() == extension.scans),
             "a record has other scans than the round",
         )?;
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
@@ -315,15 +312,11 @@ impl Record {
         &mut self.extensions[last]
     }
 
-    /// The extensions that count: the later half of the complete ones, because the mode weights of the earlier ones
-    /// were still adapting, and the one in progress.
+    /// The extensions that count: all but the round itself, which is the burn-in of a path from a mixture. The round counts
+    /// until an extension is complete.
     pub(super) fn counted(&self) -> &[Extension] {
-        let whole = self
-            .extensions
-            .iter()
-            .filter(|extension| extension.whole())
-            .count();
-        &self.extensions[whole / 2..]
+        let extended = self.extensions.len() > 1 && self.extensions[1].whole();
+        &self.extensions[usize::from(extended)..]
     }
 
     /// Those of them that are long enough for temperatures and ln Z: at least a tenth of the longest.

@@ -54,6 +54,7 @@ impl State {
             round: 0,
             scan: 0,
             extensions: 0,
+            passed_before: false,
             clock: 0,
             reference: Reference::default(),
             training: Default::default(),
@@ -143,9 +144,10 @@ impl State {
         stream(self.seed, domain, task as u64, scan)
     }
 
-    /// Extends the last round by its own length: with the same settings on a path from the prior, with settings fitted
-    /// anew on a path from a mixture.
-    pub(super) fn go_on(&mut self, target: &dyn Target) {
+    /// Extends the last round: with the same settings on a path from the prior, with settings fitted anew on a path from
+    /// a mixture. `passed` says whether all checks of the draws so far have passed.
+    pub(super) fn go_on(&mut self, target: &dyn Target, passed: bool) {
+        self.passed_before = self.looks_passed(passed) > 0;
         self.extensions += 1;
         if self.mixture_next() {
             self.adapt(target);

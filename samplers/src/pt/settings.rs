@@ -39,10 +39,12 @@ pub struct Settings {
     pub chain_sets: usize,
     /// Rounds, each twice as long as the one before; all but the last adapt.
     pub rounds: usize,
-    /// Maximum number of extensions: the last round is continued for as long again until the run passes its checks. 0: none.
-    /// From the prior all scans count. From a mixture the mixture, temperatures and metrics are fitted anew to all draws
-    /// before each extension, and the later half of the extensions counts, rounded up. A run that ended too soon is
-    /// continued from its checkpoint if more are allowed.
+    /// Maximum number of extensions of the last round: 0 for a round of fixed length. The first is as long as the round
+    /// itself, the second and third are twice, the fourth and fifth four times as long, and so on. The run ends after
+    /// two extensions in succession at whose ends all draws that count pass the checks ([module](super)). From the prior
+    /// all scans of the last round count. From a mixture the round itself does not, and mixture, temperatures and
+    /// metrics are fitted anew to all draws before each extension. A run that ended too soon is continued from its
+    /// checkpoint if more are allowed.
     pub extensions: usize,
     /// Scans of the first round.
     pub first_scans: usize,
@@ -105,8 +107,22 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Maximum number of extensions of the last round.
-    pub(super) const MAX_EXTENSIONS: usize = 1024;
+    /// Maximum number of extensions of the last round: they are then 8,000 times as long as the round.
+    pub(super) const MAX_EXTENSIONS: usize = 24;
+
+    /// Scans of the last round (0) or of one of its extensions (from 1 on).
+    #[must_use]
+    pub(super) fn scans_of_extension(&self, extension: usize) -> usize {
+        self.scans(self.rounds - 1) << (extension / 2)
+    }
+
+    /// Scans of the last round with so many extensions.
+    #[must_use]
+    pub(super) fn scans_with(&self, extensions: usize) -> usize {
+        (0..=extensions)
+            .map(|extension| self.scans_of_extension(extension))
+            .sum()
+    }
 
     /// Scans of a round, the first of which is 0.
     #[must_use]
@@ -153,7 +169,7 @@ impl Settings {
     pub fn check_ranges(&self) -> Result<()> {
         in_range("chain_sets", self.chain_sets, 2..=1024)?;
         in_range("rounds", self.rounds, 2..=24)?;
-        in_range("extensions", self.extensions, 0..=1024)?;
+        in_range("extensions", self.extensions, 0..=Self::MAX_EXTENSIONS)?;
         in_range("first_scans", self.first_scans, 2..=4096)?;
         in_range("temperatures", self.temperatures, 3..=1024)?;
         in_range("min_temperatures", self.min_temperatures, 3..=1024)?;
@@ -212,9 +228,10 @@ impl Settings {
         // Of every scan ln L at all temperatures; coordinates as drawn, by parameter, and as the result's draws.
         let scans = chain_sets * self.scans(self.rounds - 1) as f64;
         let scan = NUMBER * (temperatures + COPIES * dim + NUMBERS_PER_DRAW);
+        let more = chain_sets * self.scans_with(self.extensions) as f64 - scans;
         let last = Memory::default()
             .with("rounds", scan * scans)
-            .with("extensions", scan * scans * self.extensions as f64);
+            .with("extensions", scan * more);
         // Every move of every scan of the round before.
         let hmc_transitions = (self.slice_updates + self.hmc_transitions) as f64;
         let mixes = self.mixture_rounds > 0;
@@ -274,7 +291,7 @@ mod tests {
             }
         };
         assert_eq!(key(&|s| s.rounds = 24), "rounds");
-        let long = |s: &mut Settings| (s.rounds, s.extensions) = (12, 1024);
+        let long = |s: &mut Settings| (s.rounds, s.extensions) = (12, 24);
         assert_eq!(key(&long), "extensions");
         let crowd =
             |s: &mut Settings| (s.smc_particles, s.chain_sets, s.smc_samplers) = (65_536, 64, 64);

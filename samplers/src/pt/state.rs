@@ -51,6 +51,8 @@ pub(super) struct State {
     pub(super) scan: usize,
     /// Extensions of the last round so far.
     pub(super) extensions: usize,
+    /// Whether the checks passed at the end of the extension before.
+    pub(super) passed_before: bool,
     /// Scans done in all rounds: the index of the random streams.
     pub(super) clock: u64,
     /// The distribution at beta = 0.
@@ -68,12 +70,32 @@ pub(super) struct State {
 impl State {
     /// Scans of the present round.
     pub(super) fn scans(&self) -> usize {
-        self.settings.scans(self.round) * (1 + self.extensions)
+        if self.is_last_round() {
+            self.settings.scans_with(self.extensions)
+        } else {
+            self.settings.scans(self.round)
+        }
     }
 
     /// Whether the last round and its extensions are done.
     pub(super) fn finished(&self) -> bool {
         self.is_last_round() && self.scan == self.scans()
+    }
+
+    /// Scans of the present extension of the last round, or of the round itself.
+    pub(super) fn newest_scans(&self) -> usize {
+        self.settings.scans_of_extension(self.extensions)
+    }
+
+    /// Number of looks in succession at which all checks passed, at most 2: the present one if `passed`, and the one
+    /// before. Draws of the burn-in of a path from a mixture do not count, and a look at them neither.
+    pub(super) fn looks_passed(&self, passed: bool) -> usize {
+        let burn_in = self.extensions == 0 && self.settings.mixture_rounds > 0;
+        if passed && !burn_in {
+            1 + usize::from(self.passed_before)
+        } else {
+            0
+        }
     }
 
     /// The same state with another maximum number of extensions.
