@@ -4,6 +4,7 @@ mod check;
 
 pub use check::RunFault;
 
+use crate::diagnostics::{kish_ess, mean_ess, size_of_mean};
 use crate::error::{Error, Result};
 use crate::target::{Cause, Outcome, Target};
 use crate::valid::{Valid, countable, ensure};
@@ -174,6 +175,30 @@ impl Draws {
     #[must_use]
     pub fn clusters(&self) -> Vec<Vec<usize>> {
         rows_by(&self.cluster)
+    }
+
+    /// The numbers of each row, chain by chain.
+    #[must_use]
+    pub fn by_chain(&self, values: &[f64]) -> Vec<Vec<f64>> {
+        let of = |rows: Vec<usize>| rows.into_iter().map(|row| values[row]).collect();
+        self.chains().into_iter().map(of).collect()
+    }
+
+    /// Effective size of the draws for the mean of one number per row: of Markov chains by their autocorrelation and agreement; of
+    /// other draws by the scatter of their clusters, at most Kish's.
+    #[must_use]
+    pub fn ess_of_mean(&self, values: &[f64]) -> f64 {
+        let chains = self.by_chain(values);
+        if chains.len() > 1 {
+            let chains: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
+            return mean_ess(&chains);
+        }
+        let kish = kish_ess(&self.ln_weight);
+        if self.clusters().len() > 1 {
+            size_of_mean(values, &self.weights(), &self.cluster).min(kish)
+        } else {
+            kish
+        }
     }
 
     /// `count` equal-weight rows by systematic resampling with the one uniform `offset` in [0, 1): row numbers, in

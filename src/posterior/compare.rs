@@ -5,8 +5,7 @@ use super::modes::{Mode, Probability, mode_weights, prolate_probability};
 use super::summary::ValueError;
 use crate::error::{Error, Result};
 use oblate_samplers::Run;
-use oblate_samplers::diagnostics::{bulk_ess, normal_deviate, wasserstein, weighted_quantile};
-use oblate_samplers::output::Method;
+use oblate_samplers::diagnostics::{normal_deviate, wasserstein, weighted_quantile};
 use serde::Serialize;
 
 /// Runs disagree if they differ by more than this many combined standard errors.
@@ -58,7 +57,7 @@ pub struct CostRow {
     pub cpu_seconds: f64,
     /// The effective sample size to quote.
     pub ess: f64,
-    /// ESS of q per CPU second, where there is a q.
+    /// ESS of the mean of q per CPU second, where there is a q.
     pub q_ess_per_cpu_second: Option<f64>,
 }
 
@@ -141,11 +140,11 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
     });
     let (columns_a, columns_b) = (columns(a), columns(b));
     let weights = [a.draws.weights(), b.draws.weights()];
-    let ess = [a, b].map(|r| r.ess.quoted.max(1.0));
     let marginals = columns_a
         .iter()
         .filter_map(|ca| {
             let cb = columns_b.iter().find(|cb| cb.name == ca.name)?;
+            let ess = [(a, ca), (b, cb)].map(|(r, c)| r.draws.ess_of_mean(&c.values).max(1.0));
             Some(marginal(ca, cb, &weights, ess))
         })
         .collect();
@@ -165,7 +164,9 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
         gradients: r.cost.gradients,
         cpu_seconds: r.cost.cpu_seconds,
         ess: r.ess.quoted,
-        q_ess_per_cpu_second: q_ess(r).map(|ess| ess / r.cost.cpu_seconds),
+        q_ess_per_cpu_second: column(r, "q")
+            .ok()
+            .map(|q| r.draws.ess_of_mean(&q.values) / r.cost.cpu_seconds),
     });
     Ok(Comparison {
         names: [name_a.to_owned(), name_b.to_owned()],
@@ -188,20 +189,6 @@ fn mode_row(name: String, a: Probability, b: Probability) -> ModeRow {
         error: [a.error, b.error],
         sigma: normal_deviate((a.weight - b.weight) / error, degrees_of_freedom),
     }
-}
-
-/// ESS of q: that of its chains, or of the weights where draws are independent.
-fn q_ess(run: &Run) -> Option<f64> {
-    let q = column(run, "q").ok()?.values;
-    if run.method != Method::PtHmc {
-        return Some(run.ess.quoted);
-    }
-    let chains = run.draws.chains().into_iter();
-    let chains: Vec<Vec<f64>> = chains
-        .map(|rows| rows.into_iter().map(|row| q[row]).collect())
-        .collect();
-    let chains: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
-    Some(bulk_ess(&chains))
 }
 
 fn mode_name(mode: Mode) -> String {

@@ -34,15 +34,16 @@ pub struct ModeWeight {
     pub probability: Probability,
 }
 
-/// The posterior probability of one of several exclusive cases, and its Monte-Carlo standard error: by bootstrap over clusters of
-/// dependent draws, or over the draws where they are independent.
+/// The posterior probability of one of several exclusive cases, and its Monte-Carlo standard error: of Markov chains by the effective size
+/// of the case's own draws; otherwise by bootstrap over clusters of dependent draws, or over the draws where they are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Probability {
     /// Posterior probability.
     pub weight: f64,
     /// Its error. A run without draws of this case has an error of 0, which then says nothing about the true error.
     pub error: f64,
-    /// Degrees of freedom of the error: the effective number of clusters, or of draws, minus one. Not stored, because it follows from the draws.
+    /// Degrees of freedom of the error: the effective number of clusters, or of draws, minus one. Not stored, because it follows from the
+    /// draws.
     #[serde(skip)]
     pub degrees_of_freedom: f64,
 }
@@ -87,6 +88,11 @@ pub fn prolate_probability(run: &Run) -> Option<Probability> {
 fn probabilities<const N: usize>(run: &Run, labels: &[usize]) -> [Probability; N] {
     let weights = run.draws.weights();
     let clusters = run.draws.clusters();
+    // Chain sets that are independent of each other; those of one cluster have its error in common.
+    if clusters.len() > 1 && clusters == run.draws.chains() {
+        let whole: [f64; N] = normalised(sums_of(labels, &weights, 0..labels.len()));
+        return std::array::from_fn(|label| of_chains(run, labels, label, whole[label]));
+    }
     // Clusters of dependent draws are resampled as a whole; independent draws one by one.
     let clusters: Vec<[f64; N]> = if clusters.len() > 1 {
         let sums = clusters.into_iter();
@@ -123,6 +129,19 @@ fn probabilities<const N: usize>(run: &Run, labels: &[usize]) -> [Probability; N
             degrees_of_freedom,
         }
     })
+}
+
+/// The probability of a label in independent Markov chains.
+fn of_chains(run: &Run, labels: &[usize], label: usize, weight: f64) -> Probability {
+    let has = |own: &usize| f64::from(u8::from(*own == label));
+    let ess = run
+        .draws
+        .ess_of_mean(&labels.iter().map(has).collect::<Vec<f64>>());
+    Probability {
+        weight,
+        error: (weight * (1.0 - weight) / ess).sqrt(),
+        degrees_of_freedom: ess - 1.0,
+    }
 }
 
 /// Summed weights of the labels of some rows.
