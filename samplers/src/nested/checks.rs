@@ -17,7 +17,7 @@ const MAX_BOOTSTRAP_TO_SIMULATED: f64 = 2.5;
 
 /// Minimum effective number of lineages of the posterior; docs/validation.md, section 5, has how well errors of means
 /// hold with few lineages (`cargo bench -p oblate-samplers --bench errors_of_means`).
-const MIN_LINEAGES: f64 = 4.0;
+const MIN_LINEAGES: f64 = 12.0;
 
 /// All checks that apply to a run with these targets and this kernel.
 pub(super) fn checks(context: &Context<'_>, state: &State, measured: &CheckInputs) -> Vec<Check> {
