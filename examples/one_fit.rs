@@ -8,6 +8,7 @@
 
 use oblate::FitSettings;
 use oblate::data::ObservedTrack;
+use oblate::inference::Sampler;
 use oblate::samplers::nested::Kernel;
 use std::path::Path;
 
@@ -33,6 +34,7 @@ fn main() -> oblate::Result<()> {
     for (name, value) in KNOWN {
         settings.prior.fix(name, value)?;
     }
+    settings.sampling.sampler = Sampler::Nested;
     settings.sampling.nested.n_live = 100;
     settings.sampling.nested.kernel = Kernel::RandomSlice;
     settings.sampling.nested.dlnz = 0.1;

@@ -60,6 +60,7 @@
     )
 )]
 
+mod autoregressive;
 pub mod bridge;
 pub mod checkpoint;
 mod checkpointer;

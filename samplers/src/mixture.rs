@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 /// Gaussian.
 const DEGREES_OF_FREEDOM: u32 = 5;
 
-/// Rows of each half, per dimension, below which no mixture is fitted.
+/// Rows to be fitted, per dimension, below which no mixture is fitted.
 const MIN_ROWS_PER_DIM: usize = 10;
 
 /// Maximum number of iterations of expectation-maximisation.
@@ -192,16 +192,15 @@ impl Mixture {
     }
 
     /// The mixture whose size, a power of 2 up to `max`, is chosen by the rows that were not used to fit it, then fitted again to
-    /// all of them;
-    /// `rng` gives the stream of each size. None if the rows do not span their space, or are fewer than ten per dimension in
-    /// either half.
+    /// all of them; `rng` gives the stream of each size. None if the rows do not span their space, or if fewer than ten per
+    /// dimension are to be fitted.
     pub fn choose(
         [first, second]: [&Rows; 2],
         most: usize,
         rng: impl Fn(usize) -> RandomStream,
     ) -> Option<Self> {
-        let (dim, few) = (first.dim, first.len().min(second.len()));
-        if few < MIN_ROWS_PER_DIM * dim {
+        let (dim, few) = (first.dim, first.len());
+        if few < MIN_ROWS_PER_DIM * dim || second.len() == 0 {
             return None;
         }
         let mut best: Option<(f64, usize)> = None;

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// Flags of `oblate fit`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Example:\n  oblate fit track.ecsv --sampler pt-hmc --seed 3 --out runs/track_pt",
+    after_help = "Example:\n  oblate fit track.ecsv --seed 3 --out runs/track\n  oblate fit track.ecsv --sampler nested --out runs/track_nested",
     mut_arg("out", |out| out.required(false).required_unless_present("print_config"))
 )]
 pub struct Args {

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// Flags of `oblate merge`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Example:\n  oblate fit track.ecsv --seed 1 --out runs/one\n  oblate fit track.ecsv --seed 2 --out runs/two\n  oblate merge runs/one runs/two --out runs/both"
+    after_help = "Example:\n  oblate fit track.ecsv --sampler nested --seed 1 --out runs/one\n  oblate fit track.ecsv --sampler nested --seed 2 --out runs/two\n  oblate merge runs/one runs/two --out runs/both"
 )]
 pub struct Args {
     /// Finished nested fits of one track, each with another seed

@@ -14,10 +14,10 @@ use std::result::Result as StdResult;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sampler {
-    /// Nested sampling, the default.
+    /// Nested sampling; the default of populations.
     #[default]
     Nested,
-    /// Parallel tempering with Hamiltonian Monte Carlo.
+    /// Parallel tempering with Hamiltonian Monte Carlo; the default of fits.
     PtHmc,
 }
 
@@ -68,19 +68,29 @@ impl SamplerSettings {
     /// With fewer live points nested runs lose modes, and with fewer slice updates new points remain correlated with
     /// the points that they started from. The tempered sampler finds the modes by SMC, starts its annealing path at a
     /// mixture fitted to them, which makes the path shorter than that from the prior, and extends its last round until
-    /// the convergence checks pass. Gradients are used for MALA only, because longer trajectories are rejected.
+    /// the convergence checks pass. Rounds and extensions are short at first, so that an easy track ends early. There are
+    /// no HMC transitions: a gradient costs as much as seven values, and per value slice updates alone give twice as many
+    /// effective draws (docs/validation.md, section 5).
     #[must_use]
     pub fn for_streams() -> Self {
-        let mut sampling = Self::default();
+        let mut sampling = Self {
+            sampler: Sampler::PtHmc,
+            ..Self::default()
+        };
         sampling.nested.n_live = 1_000;
         sampling.nested.steps = Some(16);
+        // Half of the updates of other bridges leave as many ancestors and the same effective size.
+        sampling.bridge.mcmc_steps = 6;
         sampling.pt_hmc.smc_particles = 400;
-        sampling.pt_hmc.slice_updates = 4;
+        sampling.pt_hmc.mcmc_steps = 5;
+        sampling.pt_hmc.slice_updates = 2;
+        sampling.pt_hmc.hmc_transitions = 0;
+        // With HMC transitions, MALA: longer trajectories are rejected.
         sampling.pt_hmc.max_leapfrogs = 1;
         sampling.pt_hmc.target_acceptance = 0.6;
-        sampling.pt_hmc.first_scans = 128;
+        sampling.pt_hmc.first_scans = 32;
         sampling.pt_hmc.rounds = 4;
-        sampling.pt_hmc.extensions = 9;
+        sampling.pt_hmc.extensions = 13;
         // The largest number of rounds allowed, so that every round starts at a mixture.
         sampling.pt_hmc.mixture_rounds = 24;
         sampling

@@ -1,7 +1,7 @@
 //! The target of the samplers, draws of its prior, the fit in memory, and the settings of the coarse fit.
 
 use oblate::data::ObservedTrack;
-use oblate::inference::{Fit, FitSettings, Profile, StreamTarget, fit_with, prior_draws};
+use oblate::inference::{Fit, FitSettings, Profile, Sampler, StreamTarget, fit_with, prior_draws};
 use oblate::likelihood::Coverage;
 use oblate::run::{Destination, IfExists, Monitor};
 use oblate::stream::{Model, Precision};
@@ -138,6 +138,7 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
         "#,
     )
     .unwrap();
+    settings.sampling.sampler = Sampler::Nested;
     settings.sampling.nested.n_live = 40;
     settings.sampling.nested.kernel = nested::Kernel::RandomSlice;
     settings.sampling.nested.steps = Some(6);
@@ -222,6 +223,7 @@ fn short(model: &str) -> (ObservedTrack, FitSettings) {
         "#
     ))
     .unwrap();
+    settings.sampling.sampler = Sampler::Nested;
     settings.sampling.nested.n_live = 60;
     settings.sampling.nested.kernel = nested::Kernel::Differential;
     settings.sampling.nested.steps = Some(4);

@@ -12,7 +12,7 @@ pub(super) fn assemble(bridge: &Bridge<'_>, parent: &Run) -> Result<Run> {
     let prior = bridge.target.prior();
     let draws = draws(bridge)?;
     let evidence = evidence(bridge, &draws, parent);
-    let ess = effective_sizes(&draws, bridge);
+    let ess = effective_sizes(&draws, bridge, parent);
     let checks = checks(parent, &evidence, &ess);
     Ok(Run {
         method: Method::Bridge,
@@ -111,19 +111,29 @@ fn lineage_weight_error(draws: &Draws, parent: &Draws) -> f64 {
     moved.map(|m| m * m).sum::<f64>().sqrt()
 }
 
-/// ESS of means by the scatter of lineages (design effect).
-fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
-    let weights = draws.weights();
+/// Effective sizes of the result. The variance of a mean is that of the parent's draws and that of the resampling, which
+/// leaves a number of ancestors: 1 / ESS = 1 / ESS of the parent + 1 / ancestors. For nested parents both are in the scatter of
+/// lineages (design effect); the few clusters of a tempered parent have too noisy a scatter.
+fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>, parent: &Run) -> Ess {
     // An effective size is at most the number of draws, also if lineages agree by coincidence.
     let most = draws.len() as f64;
-    let bulk: Vec<f64> = (0..draws.dim)
-        .map(|k| size_of_mean(&draws.column(k), &weights, &draws.cluster).min(most))
-        .collect();
     let kish = effective_kinds(bridge.state.particles.iter().map(|m| m.eve));
+    let resampled = |sizes: &[f64]| -> Vec<f64> {
+        let both = sizes.iter().map(|size| 1.0 / (1.0 / size + 1.0 / kish));
+        both.collect()
+    };
+    let (bulk, tail) = if parent.method == Method::PtHmc {
+        (resampled(&parent.ess.bulk), resampled(&parent.ess.tail))
+    } else {
+        let weights = draws.weights();
+        let size = |k| size_of_mean(&draws.column(k), &weights, &draws.cluster).min(most);
+        ((0..draws.dim).map(size).collect(), Vec::new())
+    };
     Ess {
         kish,
-        quoted: bulk.iter().copied().fold(kish, f64::min),
+        quoted: bulk.iter().chain(&tail).copied().fold(kish, f64::min),
         bulk,
+        tail,
         ..Ess::default()
     }
 }
@@ -138,10 +148,10 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
             "convergence checks that the coarse run failed; a bridge cannot find what the coarse run has missed: make that run converge first",
         ),
         Check::at_least(
-            "effective-ancestors",
-            ess.kish,
+            "effective-sample-size",
+            ess.quoted,
             100.0,
-            "effective number of draws of the coarse run from which the result descends; if too small, raise `smc_particles` or `mcmc_steps`, or use a coarse likelihood closer to the fine one",
+            "smallest effective sample size over parameters, of the coarse run and of the resampling together; if too small, raise `smc_particles`, continue the coarse run, or use a coarse likelihood closer to the fine one",
         ),
         Check::at_most(
             "bridge-error",

@@ -1,10 +1,11 @@
-//! The reference of an annealing path: the prior, or a mixture that resembles the posterior and can be drawn from
+//! The reference of an annealing path: the prior, or a density that resembles the posterior and can be drawn from
 //! directly as well (a variational reference; Surjanovic, Syed, Bouchard-Cote & Campbell 2022).
 //!
 //! At inverse temperature beta the density is `reference^(1 - beta) (prior L)^beta`. With the log ratio of reference to
 //! prior, `ln_over_prior`, it is `prior exp{beta ln L + (1 - beta) ln_over_prior}`; the log ratio is 0 on a path from the
 //! prior. The integral over the whole path is the evidence, whatever the reference.
 
+use crate::autoregressive::Autoregressive;
 use crate::diagnostics::ln_sum_exp;
 use crate::mixture::{Mixture, Rows};
 use crate::normal;
@@ -16,37 +17,63 @@ use serde::{Deserialize, Serialize};
 /// mode can be reached.
 const PRIOR_WEIGHT: f64 = 0.05;
 
+/// Weight of the mixture beside the autoregressive density: the latter follows the posterior closely, the former has
+/// the tails that it lacks (docs/validation.md, section 5, parallel tempering).
+const MIXTURE_WEIGHT: f64 = 0.3;
+
 /// Factor by which the components of the best-fitting mixture are widened: where the reference has too little density,
 /// replicas stay for long (docs/validation.md, section 5, parallel tempering).
 const WIDENING: f64 = 1.3;
 
 /// Maximum number of components of a mixture.
-const MAX_COMPONENTS: usize = 64;
+const MAX_COMPONENTS: usize = 16;
+
+/// Number of blocks of successive draws; one of `HELD_OUT` is held out when densities are fitted to the others.
+const BLOCKS: usize = 20;
+const HELD_OUT: usize = 4;
 
 /// The distribution at beta = 0.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Reference(Option<Mixture>);
+pub struct Reference(Option<Fitted>);
+
+/// What a reference is made of besides the prior.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Fitted {
+    mixture: Mixture,
+    /// None if the draws were too few for it.
+    autoregressive: Option<Autoregressive>,
+}
 
 /// The prior as reference.
 pub(super) const PRIOR: &Reference = &Reference(None);
 
 impl Reference {
-    /// The mixture, made a little wider, that fits two independent sets of `dim` standard-normal coordinates per point, one after the
-    /// other, and a little of the prior; `rng` gives the stream for each size of the mixture. None if they are too few or do not span
-    /// their space.
+    /// The densities that fit rows of `dim` standard-normal coordinates per point, and a little of the prior; `rng` gives the
+    /// stream for each size of the mixture, and for 0 that of the autoregressive density. None if the rows are too few or do
+    /// not span their space.
     pub fn resembling(
-        halves: &[Vec<f64>; 2],
+        rows: &[f64],
         dim: usize,
-        rng: impl Fn(usize) -> RandomStream,
+        rng: impl Fn(usize) -> RandomStream + Sync,
     ) -> Option<Self> {
-        let [first, second] = halves.clone().map(|values| Rows { dim, values });
-        let mixture = Mixture::choose([&first, &second], MAX_COMPONENTS, rng)?;
-        Some(Self(Some(mixture.widened(WIDENING)?)))
+        let (rows, held_out) = divided(rows, dim);
+        let (mixture, autoregressive) = rayon::join(
+            || Mixture::choose([&rows, &held_out], MAX_COMPONENTS, &rng)?.widened(WIDENING),
+            || Autoregressive::fit(&rows.values, &held_out.values, dim, &mut rng(0)),
+        );
+        Some(Self(Some(Fitted {
+            mixture: mixture?,
+            autoregressive,
+        })))
     }
 
     /// Checks a reference that was read from a file.
     pub(crate) fn check(&self, dim: usize) -> Valid {
-        self.0.as_ref().map_or(Ok(()), |mixture| mixture.check(dim))
+        self.0.as_ref().map_or(Ok(()), |fitted| {
+            fitted.mixture.check(dim)?;
+            let autoregressive = fitted.autoregressive.as_ref();
+            autoregressive.map_or(Ok(()), |density| density.check(dim))
+        })
     }
 
     /// Whether it is the prior.
@@ -58,49 +85,105 @@ impl Reference {
     /// Components of the mixture; 0 for the prior.
     #[must_use]
     pub fn components(&self) -> usize {
-        self.0.as_ref().map_or(0, Mixture::len)
+        self.0.as_ref().map_or(0, |fitted| fitted.mixture.len())
     }
 
     /// Log ratio of the reference to the prior; 0 for the prior.
     #[must_use]
     pub fn ln_over_prior(&self, z: &[f64]) -> f64 {
-        self.0
-            .as_ref()
-            .map_or(0.0, |mixture| blend(mixture.ln_density(z) - ln_prior(z)).0)
+        let Some(fitted) = &self.0 else {
+            return 0.0;
+        };
+        let autoregressive = fitted.autoregressive.as_ref();
+        fitted
+            .blend(
+                ln_prior(z),
+                fitted.mixture.ln_density(z),
+                autoregressive.map(|density| density.ln_density(z)),
+            )
+            .0
     }
 
     /// The log ratio of reference to prior, with its gradient written into `gradient`, which stays empty for the prior.
     pub fn ln_over_prior_and_gradient(&self, z: &[f64], gradient: &mut Vec<f64>) -> f64 {
         gradient.clear();
-        let Some(mixture) = &self.0 else {
+        let Some(fitted) = &self.0 else {
             return 0.0;
         };
         gradient.resize(z.len(), 0.0);
-        let over_prior = mixture.ln_density_and_gradient(z, gradient) - ln_prior(z);
-        let (ln_over_prior, fraction) = blend(over_prior);
-        for (g, z) in gradient.iter_mut().zip(z) {
-            *g = fraction * (*g + z);
+        let mut second = vec![0.0; z.len()];
+        let mixture = fitted.mixture.ln_density_and_gradient(z, gradient);
+        let autoregressive = fitted.autoregressive.as_ref();
+        let autoregressive =
+            autoregressive.map(|density| density.ln_density_and_gradient(z, &mut second));
+        let (ln_over_prior, [first, other]) = fitted.blend(ln_prior(z), mixture, autoregressive);
+        for ((g, second), z) in gradient.iter_mut().zip(&second).zip(z) {
+            *g = first * (*g + z) + other * (second + z);
         }
         ln_over_prior
     }
 
     /// Draws `z` from the reference.
     pub fn draw(&self, z: &mut [f64], rng: &mut RandomStream) {
-        match &self.0 {
-            Some(mixture) if unit_open(rng) >= PRIOR_WEIGHT => {
-                z.copy_from_slice(&mixture.draw(rng))
-            }
-            _ => z.iter_mut().for_each(|z| *z = standard_normal(rng)),
+        let Some(fitted) = &self.0 else {
+            z.iter_mut().for_each(|z| *z = standard_normal(rng));
+            return;
+        };
+        let which = unit_open(rng);
+        let mixture = PRIOR_WEIGHT + fitted.weights()[0];
+        match &fitted.autoregressive {
+            _ if which < PRIOR_WEIGHT => z.iter_mut().for_each(|z| *z = standard_normal(rng)),
+            Some(density) if which >= mixture => z.copy_from_slice(&density.draw(rng)),
+            _ => z.copy_from_slice(&fitted.mixture.draw(rng)),
         }
     }
 }
 
-/// The log ratio to the prior of mixture and prior by their weights, from that of the mixture alone; and the part of the
-/// mixture in it.
-fn blend(over_prior: f64) -> (f64, f64) {
-    let mixture = over_prior + (-PRIOR_WEIGHT).ln_1p();
-    let ln_over_prior = ln_sum_exp(&[PRIOR_WEIGHT.ln(), mixture]);
-    (ln_over_prior, (mixture - ln_over_prior).exp())
+impl Fitted {
+    /// Weights of the mixture and of the autoregressive density; the rest is the prior's.
+    fn weights(&self) -> [f64; 2] {
+        let rest = 1.0 - PRIOR_WEIGHT;
+        if self.autoregressive.is_some() {
+            [MIXTURE_WEIGHT, rest - MIXTURE_WEIGHT]
+        } else {
+            [rest, 0.0]
+        }
+    }
+
+    /// The log ratio to the prior of all parts by their weights, from their log densities; and the fractions of it that
+    /// mixture and autoregressive density have.
+    fn blend(&self, prior: f64, mixture: f64, autoregressive: Option<f64>) -> (f64, [f64; 2]) {
+        let [of_mixture, of_autoregressive] = self.weights();
+        let mixture = mixture - prior + of_mixture.ln();
+        let autoregressive = autoregressive.map_or(f64::NEG_INFINITY, |ln_density| {
+            ln_density - prior + of_autoregressive.ln()
+        });
+        let ln_over_prior = ln_sum_exp(&[PRIOR_WEIGHT.ln(), mixture, autoregressive]);
+        let fraction = |part: f64| (part - ln_over_prior).exp();
+        (ln_over_prior, [fraction(mixture), fraction(autoregressive)])
+    }
+}
+
+/// The rows of all blocks but those held out, and the latter.
+fn divided(all: &[f64], dim: usize) -> (Rows, Rows) {
+    let (mut rows, mut held_out) = (Vec::new(), Vec::new());
+    let count = all.len() / dim;
+    for block in 0..BLOCKS {
+        let place = block * count / BLOCKS..(block + 1) * count / BLOCKS;
+        let to = if block % HELD_OUT == HELD_OUT - 1 {
+            &mut held_out
+        } else {
+            &mut rows
+        };
+        to.extend_from_slice(&all[place.start * dim..place.end * dim]);
+    }
+    (
+        Rows { dim, values: rows },
+        Rows {
+            dim,
+            values: held_out,
+        },
+    )
 }
 
 /// Log density of the prior.

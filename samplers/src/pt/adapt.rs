@@ -9,7 +9,7 @@ use crate::hmc::{Metric, Reference, StepSize};
 use crate::rng::{Domain, below, stream};
 use crate::target::{Symmetry, Target};
 
-/// Maximum number of rows of half of the chain sets that a mixture is fitted to. Half as many rows of earlier rounds
+/// Maximum number of rows that a reference is fitted to. Half as many rows of earlier rounds
 /// are kept, so that the oldest, which are the least accurate, lose their influence.
 const MAX_TRAINING: usize = 5_000;
 
@@ -76,12 +76,12 @@ impl State {
         self.record = self.new_record(dim, 0);
     }
 
-    /// Gives the first round a mixture as reference, fitted to the SMC particles at their last temperature, and takes
+    /// Gives the first round references fitted to the SMC particles at their last temperature, and takes
     /// its states from them.
     fn begin_at_mixture(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
         let coldest: Vec<&Level> = smc_samplers.iter().filter_map(|l| l.last()).collect();
         let rows = of_others(coldest.iter().map(|level| &level.z));
-        let Some(reference) = self.resembling(rows, target.dim()) else {
+        let Some(references) = self.resembling(rows, target.dim()) else {
             return;
         };
         self.one_metric();
@@ -94,7 +94,7 @@ impl State {
             let most = temperatures * self.settings.chain_sets;
             self.chains[chain].point = level.point(turn * particles / most);
         }
-        self.take_reference(reference);
+        self.take_references(references);
     }
 
     /// Ends a round, or an extension of the last: new temperatures, metrics and steps from its record.
@@ -171,39 +171,51 @@ impl State {
         } else {
             of_others(self.record.trails.iter())
         };
-        // Without a mixture that fits, the reference stays what it was, and the result has a warning.
-        let Some(reference) = self.resembling(rows, target.dim()) else {
+        // Without a mixture that fits, the references stay what they were, and the result has a warning.
+        let Some(references) = self.resembling(rows, target.dim()) else {
             return;
         };
-        if self.reference.is_prior() {
+        if self.path_from_prior() {
             self.leave_prior();
         }
-        self.take_reference(reference);
+        self.take_references(references);
     }
 
-    /// The reference fitted to new halves of draws and to the kept ones of earlier rounds; none if they are too few. Draws
-    /// of the last round are not kept: they are among those of its next extension.
-    fn resembling(&mut self, halves: [Vec<f64>; 2], dim: usize) -> Option<Reference> {
+    /// References fitted to the new draws of each half of the clusters and to the kept ones of earlier rounds; none if they are
+    /// too few. Draws of the last round are not kept: they are among those of its next extension.
+    fn resembling(&mut self, halves: [Vec<f64>; 2], dim: usize) -> Option<[Reference; 2]> {
         let mut training = self.training.clone();
         for (known, new) in training.iter_mut().zip(halves) {
             *known = thinned(known, dim, MAX_TRAINING / 2);
             known.extend(thinned(&new, dim, MAX_TRAINING));
         }
-        let rng = |count: usize| stream(self.seed, Domain::PtReference, self.clock, count as u64);
-        let reference = Reference::resembling(&training, dim, rng);
+        let fit = |half: usize| {
+            let rng = |part: usize| {
+                let part = (part * 2 + half) as u64;
+                stream(self.seed, Domain::PtReference, self.clock, part)
+            };
+            Reference::resembling(&training[half], dim, rng)
+        };
+        let references = rayon::join(|| fit(0), || fit(1));
         if !self.is_last_round() {
             self.training = training;
         }
-        reference
+        Some([references.0?, references.1?])
     }
 
-    /// Sets the reference.
-    fn take_reference(&mut self, reference: Reference) {
-        for chain in &mut self.chains {
-            chain.point.ln_over_prior = reference.ln_over_prior(&chain.point.z);
+    /// Sets the references.
+    fn take_references(&mut self, references: [Reference; 2]) {
+        self.references = references;
+        let ln_over_prior: Vec<f64> = (0..self.chains.len())
+            .map(|chain| {
+                let reference = self.reference(chain);
+                reference.ln_over_prior(&self.chains[chain].point.z)
+            })
+            .collect();
+        for (chain, ln_over_prior) in self.chains.iter_mut().zip(ln_over_prior) {
+            chain.point.ln_over_prior = ln_over_prior;
             chain.point.has_gradient = false;
         }
-        self.reference = reference;
     }
 
     /// Gives all temperatures the metric and step of the posterior: on a path from a reference like the posterior they

@@ -2,6 +2,7 @@
 
 use super::Settings;
 use super::state::{Chain, State, Temperature};
+use crate::hmc::Reference;
 use crate::valid::{Valid, countable, ensure, moderate};
 
 impl State {
@@ -28,11 +29,16 @@ impl State {
         )?;
         ensure(countable([self.clock]), "a count is too large")?;
         self.cost.check()?;
-        self.reference.check(dim)?;
+        self.references.iter().try_for_each(|r| r.check(dim))?;
+        let [first, second] = self.references.each_ref().map(Reference::is_prior);
+        ensure(
+            first == second,
+            "annealing paths from the prior and from another reference",
+        )?;
         let whole = |rows: &Vec<f64>| rows.len().is_multiple_of(dim) && moderate(rows);
         ensure(
             self.training.iter().all(whole),
-            "the draws that the mixture was fitted to have another dimension, or are not finite",
+            "the draws that the references were fitted to have another dimension, or are not finite",
         )?;
         self.check_temperatures(dim)?;
         match &self.smc_samplers {
@@ -90,11 +96,12 @@ impl State {
             self.chains.len() == self.settings.chain_sets * count,
             "another number of states than chain sets and temperatures",
         )?;
-        for chain_set in self.chains.chunks_exact(count) {
+        for (chains, chain_set) in self.chains.chunks_exact(count).enumerate() {
+            let reference = self.reference(chains * count);
             let mut seen = vec![false; count];
             for (k, Chain { point, replica }) in chain_set.iter().enumerate() {
                 // A state without a likelihood comes from the reference, and is never swapped to a larger beta.
-                point.check(dim, &self.reference, k + 1 < count)?;
+                point.check(dim, reference, k + 1 < count)?;
                 let place = seen.get_mut(*replica);
                 ensure(
                     place.is_some_and(|seen| !std::mem::replace(seen, true)),

@@ -75,12 +75,12 @@ impl Traces {
         self.values.last().map_or(0, Vec::len)
     }
 
-    /// Mean and variance (ln L, nats) over the finite values at one temperature, all chain sets.
+    /// Mean and variance (ln L, nats) over the finite values of these chain sets at one temperature.
     #[must_use]
-    pub fn moments(&self, temperature: usize) -> (f64, f64) {
+    pub fn moments(&self, chain_sets: &[usize], temperature: usize) -> (f64, f64) {
         let values = || {
-            (0..self.chain_sets())
-                .flat_map(|chain_set| self.of(chain_set, temperature))
+            (chain_sets.iter())
+                .flat_map(|chain_set| self.of(*chain_set, temperature))
                 .filter(|l| l.is_finite())
         };
         let count = values().count().max(1) as f64;
@@ -126,22 +126,31 @@ impl Estimate {
 /// Estimates ln Z from the extensions of a round: inverse temperatures, and the traces of the chain sets at them. Each
 /// extension gives one estimate, weighted by its scans.
 ///
-/// The difference of the forward and the backward estimate is a check and no error, because it is smaller than the true
-/// error (docs/validation.md, section 5). With a single scan errors are infinite. Chain set `k` belongs to cluster `k %
-/// clusters`; only clusters are independent.
+/// Chain set `k` belongs to cluster `k % clusters`; only clusters are independent. Cluster `c` follows the annealing path
+/// `c % paths`; the estimates of different paths are averaged, with the number of their chain sets as weight. The difference
+/// of the forward and the backward estimate is a check and no error, because it is smaller than the true error
+/// (docs/validation.md, section 5). With a single scan errors are infinite.
 #[must_use]
-pub fn estimate(extensions: &[(&[f64], &Traces)], clusters: usize) -> Estimate {
+pub fn estimate(extensions: &[(&[f64], &Traces)], clusters: usize, paths: usize) -> Estimate {
     let count = extensions
         .first()
         .map_or(0, |(_, traces)| traces.chain_sets());
     let all: Vec<usize> = (0..count).collect();
-    let whole = bennett(extensions, &all);
+    let clusters = clusters.min(count);
+    let of_path = |path: usize| -> Vec<usize> {
+        let on_path = |k: &usize| (k % clusters) % paths == path;
+        all.iter().copied().filter(on_path).collect()
+    };
+    let whole: Vec<OfPath> = (0..paths)
+        .map(of_path)
+        .filter(|chain_sets| !chain_sets.is_empty())
+        .map(|chain_sets| OfPath::new(extensions, &chain_sets, count))
+        .collect();
     let single: Vec<Bennett> = all
         .iter()
         .map(|chain_set| bennett(extensions, &[*chain_set]))
         .collect();
     let chain_sets: Vec<f64> = single.iter().map(|b| b.ln_z).collect();
-    let clusters = clusters.min(all.len());
     let clusters: Vec<f64> = (0..clusters)
         .map(|cluster| {
             let particles: Vec<usize> = all
@@ -157,20 +166,14 @@ pub fn estimate(extensions: &[(&[f64], &Traces)], clusters: usize) -> Estimate {
     let scatter = clusters.iter().map(|l| (l - mean).powi(2)).sum::<f64>();
     let degrees_of_freedom = clusters.len().saturating_sub(1) as f64;
     let spread = scatter / (degrees_of_freedom * clusters.len() as f64);
-    let stones: Vec<Stones> = extensions
-        .iter()
-        .map(|(b, t)| stepping_stones(b, t))
-        .collect();
-    let mean_of = |of: fn(&Stones) -> f64| mean_by_scans(extensions, stones.iter().map(of));
-    let valid = mean_of(|stones| stones.valid);
-    let paths = extensions
-        .iter()
-        .map(|(beta, traces)| thermodynamic(beta, traces));
+    let mean_of = |of: fn(&OfPath) -> f64| whole.iter().map(|path| path.weight * of(path)).sum();
+    let valid: f64 = mean_of(|path| path.valid);
     Estimate {
-        ln_z: whole.ln_z,
-        forward: mean_of(|stones| stones.forward),
-        backward: mean_of(|stones| stones.backward),
-        thermodynamic: (valid >= 1.0).then(|| mean_by_scans(extensions, paths)),
+        ln_z: mean_of(|path| path.bennett.ln_z),
+        forward: mean_of(|path| path.forward),
+        backward: mean_of(|path| path.backward),
+        thermodynamic: (whole.iter().all(|path| path.valid >= 1.0))
+            .then(|| mean_of(|path| path.thermodynamic)),
         valid,
         chain_set_errors: single.iter().map(|b| b.error).collect(),
         chain_sets,
@@ -179,7 +182,42 @@ pub fn estimate(extensions: &[(&[f64], &Traces)], clusters: usize) -> Estimate {
         } else {
             f64::INFINITY
         },
-        error_scans: whole.error,
+        error_scans: (whole.iter())
+            .map(|path| (path.weight * path.bennett.error).powi(2))
+            .sum::<f64>()
+            .sqrt(),
+    }
+}
+
+/// The estimates of the chain sets of one annealing path.
+struct OfPath {
+    /// Fraction of all chain sets.
+    weight: f64,
+    bennett: Bennett,
+    forward: f64,
+    backward: f64,
+    thermodynamic: f64,
+    valid: f64,
+}
+
+impl OfPath {
+    fn new(extensions: &[(&[f64], &Traces)], chain_sets: &[usize], count: usize) -> Self {
+        let stones: Vec<Stones> = extensions
+            .iter()
+            .map(|(beta, traces)| stepping_stones(beta, traces, chain_sets))
+            .collect();
+        let mean_of = |of: fn(&Stones) -> f64| mean_by_scans(extensions, stones.iter().map(of));
+        let paths = extensions
+            .iter()
+            .map(|(beta, traces)| thermodynamic(beta, traces, chain_sets));
+        Self {
+            weight: chain_sets.len() as f64 / count as f64,
+            bennett: bennett(extensions, chain_sets),
+            forward: mean_of(|stones| stones.forward),
+            backward: mean_of(|stones| stones.backward),
+            thermodynamic: mean_by_scans(extensions, paths),
+            valid: mean_of(|stones| stones.valid),
+        }
     }
 }
 
@@ -197,9 +235,9 @@ struct Stones {
     valid: f64,
 }
 
-fn stepping_stones(beta: &[f64], traces: &Traces) -> Stones {
+fn stepping_stones(beta: &[f64], traces: &Traces, chain_sets: &[usize]) -> Stones {
     let pooled = |temperature: usize, factor: f64| -> (f64, usize, usize) {
-        let all = (0..traces.chain_sets()).flat_map(|chain_set| traces.of(chain_set, temperature));
+        let all = chain_sets.iter().flat_map(|k| traces.of(*k, temperature));
         let total = all.clone().count();
         let terms: Vec<f64> = all.filter(|l| l.is_finite()).map(|l| factor * l).collect();
         (ln_sum_exp(&terms), terms.len(), total)
@@ -222,9 +260,9 @@ fn stepping_stones(beta: &[f64], traces: &Traces) -> Stones {
 }
 
 /// Trapezoid with the end correction that the variance, the slope of the mean, gives.
-fn thermodynamic(beta: &[f64], traces: &Traces) -> f64 {
+fn thermodynamic(beta: &[f64], traces: &Traces, chain_sets: &[usize]) -> f64 {
     let moments: Vec<(f64, f64)> = (0..beta.len())
-        .map(|temperature| traces.moments(temperature))
+        .map(|temperature| traces.moments(chain_sets, temperature))
         .collect();
     beta.windows(2)
         .zip(moments.windows(2))
@@ -427,7 +465,7 @@ mod tests {
     }
 
     fn of(beta: &[f64], traces: &Traces) -> Estimate {
-        estimate(&[(beta, traces)], usize::MAX)
+        estimate(&[(beta, traces)], usize::MAX, 1)
     }
 
     fn even(n: usize) -> Vec<f64> {
@@ -472,7 +510,7 @@ mod tests {
                 let short = toy(13, &few, 200, 0.0, seed);
                 let long = toy(13, &many, 600, 0.0, 100 + seed);
                 let parts = [of(&few, &short), of(&many, &long)];
-                let both = estimate(&[(&few, &short), (&many, &long)], usize::MAX);
+                let both = estimate(&[(&few, &short), (&many, &long)], usize::MAX, 1);
                 let mean = 0.25 * parts[0].ln_z + 0.75 * parts[1].ln_z;
                 assert!((both.ln_z - mean).abs() < 1e-12);
                 assert!(both.error_scans < parts[0].error_scans);

@@ -163,8 +163,9 @@ fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History 
     let record = &state.record;
     let extension = record.last_long_enough();
     let temperatures = extension.beta.len();
+    let chain_sets: Vec<usize> = (0..extension.traces.chain_sets()).collect();
     let (mean, variance) = (0..temperatures)
-        .map(|temperature| extension.traces.moments(temperature))
+        .map(|temperature| extension.traces.moments(&chain_sets, temperature))
         .unzip();
     let rejection = extension.mean_rejection();
     History::Tempered {
@@ -202,7 +203,7 @@ fn warnings(state: &State) -> Vec<String> {
             state.round + 1
         ));
     }
-    if state.mixture_due() && state.reference.is_prior() {
+    if state.mixture_due() && state.path_from_prior() {
         warnings.push(
             "too few draws to fit a mixture, so the reference is the prior; raise `first_scans`, `rounds` or `chain_sets`"
                 .to_owned(),

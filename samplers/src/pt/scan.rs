@@ -6,7 +6,7 @@ use super::smc::{Level, SmcSamplers};
 use super::state::{Chain, State, Temperature};
 use super::{Settings, swap};
 use crate::error::{Error, Result};
-use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Reference, StepSize};
+use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, StepSize};
 use crate::output::{Calls, Cost};
 use crate::rng::{Domain, RandomStream, stream, unit_open};
 use crate::target::Target;
@@ -56,7 +56,7 @@ impl State {
             extensions: 0,
             passed_before: false,
             clock: 0,
-            reference: Reference::default(),
+            references: Default::default(),
             training: Default::default(),
             record: Record::new(
                 dim,
@@ -227,7 +227,7 @@ impl State {
     fn explore(&self, target: &dyn Target, chain: usize) -> Result<Explored> {
         let temperature = &self.temperatures[chain % self.temperatures.len()];
         let mut rng = self.stream(Domain::PtExplore, chain, self.clock + 1);
-        let evaluator = Evaluator::from_reference(target, &self.reference);
+        let evaluator = Evaluator::from_reference(target, self.reference(chain));
         let mut local_sampler = LocalSampler::of(evaluator, temperature.beta, &temperature.metric);
         let mut point = self.chains[chain].point.clone();
         let mut local = Local::default();
@@ -244,11 +244,11 @@ impl State {
                 .evaluator
                 .draw_reference(&mut point.z, &mut rng);
             point.ln_likelihood = local_sampler.evaluator.value(&point.z)?;
-            point.ln_over_prior = self.reference.ln_over_prior(&point.z);
+            point.ln_over_prior = self.reference(chain).ln_over_prior(&point.z);
             point.has_gradient = false;
         } else {
-            let cluster = chain / self.temperatures.len() % self.settings.clusters();
-            let (metric, pool) = (&temperature.metric, &temperature.pools[cluster % 2]);
+            let metric = &temperature.metric;
+            let pool = &temperature.pools[self.cluster(chain) % 2];
             let (evaluator, slices) = (&mut local_sampler.evaluator, self.settings.slice_updates);
             hmc::involutions_and_slice_updates(
                 evaluator,

@@ -62,7 +62,7 @@ pub struct Settings {
     pub max_leapfrogs: usize,
     /// Mean length of a trajectory in metric units.
     pub trajectory: f64,
-    /// HMC transitions per scan and temperature.
+    /// HMC transitions per scan and temperature; 0: none, if there are slice updates.
     pub hmc_transitions: usize,
     /// SMC particles per chain set, moved from the prior to the posterior to find the first states, temperatures and
     /// metrics; 0: draws of the prior everywhere. For posteriors of many modes.
@@ -177,7 +177,7 @@ impl Settings {
         in_range("target_acceptance", self.target_acceptance, 0.2..=0.99)?;
         in_range("max_leapfrogs", self.max_leapfrogs, 1..=100_000)?;
         in_range("trajectory", self.trajectory, 1e-3..=1e3)?;
-        in_range("hmc_transitions", self.hmc_transitions, 1..=1000)?;
+        in_range("hmc_transitions", self.hmc_transitions, 0..=1000)?;
         in_range("smc_particles", self.smc_particles, 0..=65_536)?;
         in_range("smc_samplers", self.smc_samplers, 2..=1024)?;
         in_range("mcmc_steps", self.mcmc_steps, 0..=1000)?;
@@ -198,6 +198,13 @@ impl Settings {
                 name: "temperatures",
                 value: self.temperatures.to_string(),
                 remedy: "give a number from min_temperatures to max_temperatures",
+            });
+        }
+        if self.hmc_transitions + self.slice_updates == 0 {
+            return Err(Error::Setting {
+                name: "hmc_transitions",
+                value: self.hmc_transitions.to_string(),
+                remedy: "give at least one HMC transition or slice update per scan",
             });
         }
         if self.particles_per_sampler() > MAX_PARTICLES {

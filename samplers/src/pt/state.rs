@@ -55,9 +55,10 @@ pub(super) struct State {
     pub(super) passed_before: bool,
     /// Scans done in all rounds: the index of the random streams.
     pub(super) clock: u64,
-    /// The distribution at beta = 0.
-    pub(super) reference: Reference,
-    /// The two halves of the draws that the reference was fitted to.
+    /// The distributions at beta = 0: of the chain sets of even clusters, and of those of odd ones.
+    pub(super) references: [Reference; 2],
+    /// The draws that the references were fitted to: those of odd clusters for the chain sets of even ones, and of even
+    /// clusters for the odd. So a mode that only some clusters have found makes them disagree, and is passed on.
     pub(super) training: [Vec<f64>; 2],
     pub(super) temperatures: Vec<Temperature>,
     /// Chain-set-major.
@@ -128,6 +129,21 @@ impl State {
         self.settings.clusters()
     }
 
+    /// The cluster of a chain.
+    pub(super) fn cluster(&self, chain: usize) -> usize {
+        chain / self.temperatures.len() % self.clusters()
+    }
+
+    /// The distribution at beta = 0 on the annealing path of a chain.
+    pub(super) fn reference(&self, chain: usize) -> &Reference {
+        &self.references[self.cluster(chain) % 2]
+    }
+
+    /// Whether the references are the prior.
+    pub(super) fn path_from_prior(&self) -> bool {
+        self.references[0].is_prior()
+    }
+
     /// Whether slice updates are made besides HMC transitions.
     pub(super) fn slices(&self) -> bool {
         self.settings.slice_updates > 0
@@ -145,7 +161,7 @@ impl State {
             return self.settings.mixture_rounds > 0;
         }
         let next = self.round + 1;
-        self.settings.mixes(next) && (next + 1 < self.settings.rounds || self.reference.is_prior())
+        self.settings.mixes(next) && (next + 1 < self.settings.rounds || self.path_from_prior())
     }
 
     pub(super) fn is_early_round(&self) -> bool {
@@ -164,7 +180,12 @@ impl State {
         let extensions: Vec<(&[f64], &Traces)> = extensions
             .map(|extension| (extension.beta.as_slice(), &extension.traces))
             .collect();
-        estimate(&extensions, self.settings.clusters())
+        let paths = if self.path_from_prior() {
+            1
+        } else {
+            self.references.len()
+        };
+        estimate(&extensions, self.settings.clusters(), paths)
     }
 
     /// The event of a scan; evidence and communication barrier are NaN before a round has finished.

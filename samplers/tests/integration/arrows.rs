@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// From the lowest layer up. `checkpoint` stands before `output`, whose hash of a run is that of checkpoints; `nested` and `hmc`
 /// do not import each other, which the order alone cannot say (see the second test).
-const ORDER: [&str; 20] = [
+const ORDER: [&str; 21] = [
     "limits",
     "error",
     "normal",
@@ -25,6 +25,7 @@ const ORDER: [&str; 20] = [
     "difference_pool",
     "smc_weights",
     "mixture",
+    "autoregressive",
     "hmc",
     "nested",
     "pt",

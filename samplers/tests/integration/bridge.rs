@@ -132,7 +132,7 @@ fn a_coarse_likelihood_far_from_the_fine_one_fails_the_checks() {
     let parent = parent(&coarse, 1);
     let run = bridge::run(&fine, &coarse, &parent, &settings, 1, &mut control).unwrap();
     assert!(
-        failed(&run).contains(&"effective-ancestors"),
+        failed(&run).contains(&"effective-sample-size"),
         "{:?}",
         run.checks
     );

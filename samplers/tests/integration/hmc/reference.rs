@@ -10,20 +10,18 @@ use oblate_samplers::hmc::{
 use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
 use rayon::prelude::*;
 
-/// A mixture of two neighbouring components, and a little of the prior.
+/// Densities fitted to two neighbouring clumps, and a little of the prior.
 fn clumps() -> Reference {
     let mut rng = stream(24, Domain::Test, 0, 0);
-    let halves = [0, 1].map(|_| {
-        let clump = |i: usize, rng: &mut RandomStream| {
-            let centre = if i.is_multiple_of(3) { -0.8 } else { 0.6 };
-            [
-                centre + 0.3 * standard_normal(rng),
-                0.4 * standard_normal(rng),
-            ]
-        };
-        (0..1000).flat_map(|i| clump(i, &mut rng)).collect()
-    });
-    Reference::resembling(&halves, 2, |k| stream(24, Domain::Test, 1, k as u64)).unwrap()
+    let clump = |i: usize, rng: &mut RandomStream| {
+        let centre = if i.is_multiple_of(3) { -0.8 } else { 0.6 };
+        [
+            centre + 0.3 * standard_normal(rng),
+            0.4 * standard_normal(rng),
+        ]
+    };
+    let rows: Vec<f64> = (0..2000).flat_map(|i| clump(i, &mut rng)).collect();
+    Reference::resembling(&rows, 2, |k| stream(24, Domain::Test, 1, k as u64)).unwrap()
 }
 
 /// A draw of the path from a reference at an inverse temperature with data drawn given it, before and after the steps of a

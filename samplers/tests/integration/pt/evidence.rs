@@ -110,7 +110,7 @@ fn evidence_from_a_mixture() {
 #[test]
 fn evidence_from_a_mixture_of_smc_samplers() {
     let settings = Settings {
-        smc_particles: 96,
+        smc_particles: 192,
         slice_updates: 4,
         max_leapfrogs: 1,
         first_scans: 64,
