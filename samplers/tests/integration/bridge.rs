@@ -172,6 +172,26 @@ impl Observer for Hasty {
     }
 }
 
+/// ln L of a state that a symmetry moved, or whose gradient was computed, differs by rounding from a new value; in single precision by
+/// hundredths.
+#[test]
+fn a_parent_may_have_its_likelihoods_to_rounding_and_not_worse() {
+    let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
+    let parent = parent(&coarse, 1);
+    let attempt = |shift: f64| {
+        let mut parent = parent.clone();
+        for l in &mut parent.draws.ln_likelihood {
+            *l += shift;
+        }
+        let mut silent = Silent;
+        let mut control = Control::new(&mut silent);
+        let settings = bridge::Settings::default();
+        bridge::run(&fine, &coarse, &parent, &settings, 1, &mut control)
+    };
+    assert!(attempt(0.01).is_ok());
+    assert!(matches!(attempt(0.1), Err(Error::OtherLikelihood { .. })));
+}
+
 #[test]
 fn what_cannot_be_bridged_is_refused_and_an_interrupt_ends_it() {
     let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));

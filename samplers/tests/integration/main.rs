@@ -7,6 +7,7 @@
 mod arrows;
 mod batch;
 mod bridge;
+mod calibration;
 mod checkpoint;
 mod exact;
 mod files;
