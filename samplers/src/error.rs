@@ -131,9 +131,9 @@ pub enum Error {
         /// Which run: of a bridge or a merge.
         run: &'static str,
     },
-    /// ln L of a run's best draw is not what the target gives there.
+    /// ln L of a draw of a run is not what the target gives there.
     #[error(
-        "ln L of its best draw in {run} is {there}, and {here} for this target; give the data and settings with which it was made"
+        "ln L of a draw of {run} is {there}, and {here} for this target; give the data and settings with which it was made"
     )]
     OtherLikelihood {
         /// Which run: of a bridge or a merge.

@@ -64,6 +64,9 @@ const WEIGHT_SUM_TOLERANCE: f64 = 1e-6;
 /// in another precision than values, and be symmetric only to rounding.
 const ROUNDING: f64 = 0.05;
 
+/// Number of draws of equal weight whose ln L is compared, besides the best.
+const COMPARED: usize = 16;
+
 fn length(array: &'static str, found: usize, needed: usize) -> Sound {
     if found == needed {
         Ok(())
@@ -298,8 +301,8 @@ impl Run {
         Ok(())
     }
 
-    /// Whether it is a consistent run ([`check`](Self::check)) on this target: parameters have the same names, and the best draw the same
-    /// ln L. `run` names it in errors.
+    /// Whether it is a consistent run ([`check`](Self::check)) on this target: parameters have the same names, and some draws the same
+    /// ln L to rounding. `run` names it in errors.
     ///
     /// # Errors
     /// [`Error::Inconsistent`], [`Error::OtherParameters`], [`Error::NoDraws`] or [`Error::OtherLikelihood`] if it is not; [`Error::Fatal`] and
@@ -317,11 +320,15 @@ impl Run {
         let Some(best) = self.draws.best() else {
             return Err(Error::NoDraws { run });
         };
-        let theta = self.draws.theta_row(best);
-        let there = self.draws.ln_likelihood[best];
-        let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
-        if (here - there).abs() > ROUNDING + 1e-9 * here.abs() {
-            return Err(Error::OtherLikelihood { run, here, there });
+        let mut rows = self.draws.resample(COMPARED, 0.5);
+        rows.push(best);
+        for row in rows {
+            let theta = self.draws.theta_row(row);
+            let there = self.draws.ln_likelihood[row];
+            let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
+            if (here - there).abs() > ROUNDING + 1e-9 * here.abs() {
+                return Err(Error::OtherLikelihood { run, here, there });
+            }
         }
         Ok(())
     }
