@@ -5,7 +5,7 @@
 //! A posterior of thin, bent ridges needs hundreds of ellipsoids; a conditional density follows the bend. Value and draw
 //! cost one pass through the network, because each hidden unit needs only the coordinates before its own place.
 
-use crate::diagnostics::ln_sum_exp;
+use crate::diagnostics::{column_moments, ln_sum_exp};
 use crate::rng::{RandomStream, below, standard_normal, unit_open};
 use crate::valid::{Valid, ensure, moderate};
 use serde::{Deserialize, Serialize};
@@ -80,7 +80,7 @@ impl Layout {
     fn unit(self, degree: usize) -> usize {
         // Unit j has degree 1 + j (dim - 1) / units, rounded down.
         ((degree - 1) * self.units)
-            .div_ceil(self.dim.saturating_sub(1).max(1))
+            .div_ceil((self.dim - 1).max(1))
             .min(self.units)
     }
 
@@ -168,8 +168,8 @@ impl Conditional<'_> {
         ln_sum_exp(&terms) - ln_sum_exp(&self.0[..NORMALS]) - 0.5 * (2.0 * PI).ln()
     }
 
-    /// Derivatives of the log density by the outputs, written into `gradient`; returns that by `x`.
-    fn gradient(&self, x: f64, gradient: &mut [f64]) -> f64 {
+    /// Log density and its derivative by `x`; those by the outputs are written into `gradient`.
+    fn ln_density_and_slope(&self, x: f64, gradient: &mut [f64]) -> (f64, f64) {
         let terms = self.terms(x);
         let sum = ln_sum_exp(&terms.map(|(term, _)| term));
         let weights = ln_sum_exp(&self.0[..NORMALS]);
@@ -183,7 +183,7 @@ impl Conditional<'_> {
             gradient[2 * NORMALS + k] = if free { belongs * (u * u - 1.0) } else { 0.0 };
             slope -= pull;
         }
-        slope
+        (sum - weights - 0.5 * (2.0 * PI).ln(), slope)
     }
 
     fn draw(&self, rng: &mut RandomStream) -> f64 {
@@ -203,20 +203,13 @@ impl Autoregressive {
     /// Fits a density to rows of `dim` coordinates, until `held_out` rows do not become more probable. None if the rows are too
     /// few or have a coordinate that does not vary.
     pub fn fit(rows: &[f64], held_out: &[f64], dim: usize, rng: &mut RandomStream) -> Option<Self> {
-        let count = rows.len() / dim;
-        if count < MIN_ROWS || held_out.is_empty() {
+        if rows.len() / dim < MIN_ROWS || held_out.is_empty() {
             return None;
         }
-        let column = |c: usize| rows.iter().skip(c).step_by(dim);
-        let mean: Vec<f64> = (0..dim)
-            .map(|c| column(c).sum::<f64>() / count as f64)
-            .collect();
-        let sd: Vec<f64> = (0..dim)
-            .map(|c| {
-                let squares = column(c).map(|x| (x - mean[c]).powi(2));
-                (squares.sum::<f64>() / count as f64).sqrt()
-            })
-            .collect();
+        let moments = column_moments(rows, dim);
+        let (mean, sd): (Vec<f64>, Vec<f64>) = (moments.into_iter())
+            .map(|(mean, variance)| (mean, variance.sqrt()))
+            .unzip();
         if sd.iter().any(|sd| !sd.is_normal()) {
             return None;
         }
@@ -345,8 +338,9 @@ impl Autoregressive {
         for (i, y) in y.iter().enumerate() {
             let place = i * OUTPUTS..(i + 1) * OUTPUTS;
             let conditional = Conditional(&pass.outputs[place.clone()]);
-            sum += conditional.ln_density(*y);
-            gradient[i] = conditional.gradient(*y, &mut by_outputs[place]);
+            let (ln_density, slope) = conditional.ln_density_and_slope(*y, &mut by_outputs[place]);
+            sum += ln_density;
+            gradient[i] = slope;
         }
         let mut by_second = vec![0.0; layout.units];
         let mut by_first = vec![0.0; layout.units];

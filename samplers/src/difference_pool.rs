@@ -11,6 +11,7 @@
 //! does not leave the cell. So all states that the move can connect have the same distribution of pairs, and the move
 //! leaves the density invariant within each cell, hence everywhere.
 
+use crate::diagnostics::column_moments;
 use crate::rng::{RandomStream, below};
 use crate::target::Orbit;
 use crate::valid::{Valid, ensure, moderate, rows};
@@ -86,12 +87,9 @@ impl DifferencePool {
             .chunks_exact(dim)
             .flat_map(|row| place_of(row, orbit))
             .collect();
-        let n = kept as f64;
-        let inverse_sd: Vec<f64> = (0..dim)
-            .map(|c| {
-                let column = || places.iter().skip(c).step_by(dim);
-                let mean = column().sum::<f64>() / n;
-                let variance = column().map(|p| (p - mean).powi(2)).sum::<f64>() / n;
+        let inverse_sd: Vec<f64> = column_moments(&places, dim)
+            .into_iter()
+            .map(|(mean, variance)| {
                 // A spread of the size of rounding counts as none.
                 if variance > 1e-20 * mean * mean {
                     1.0 / variance.sqrt()

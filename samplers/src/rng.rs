@@ -26,7 +26,8 @@ pub enum Domain {
     PtSwap = 17,
     /// One SMC particle of a tempered run; task = SMC sampler * 2^20 + SMC particle, index = MCMC step.
     PtSmc = 18,
-    /// The reference of a tempered run; task = scan, index = components.
+    /// The references of a tempered run; task = scan, index = 2 x (components of the mixture, or 0 for the autoregressive density) + half
+    /// of the clusters.
     PtReference = 19,
     /// SMC bridge to a finer model; task = step, index = particle.
     Bridge = 25,

@@ -44,6 +44,20 @@ pub fn weighted_moments(values: &[f64], weights: &[f64]) -> (f64, f64) {
     (mean, variance)
 }
 
+/// Mean and variance of every column of `rows` of `columns` numbers each, one row after the other.
+#[must_use]
+pub fn column_moments(rows: &[f64], columns: usize) -> Vec<(f64, f64)> {
+    let count = (rows.len() / columns) as f64;
+    (0..columns)
+        .map(|c| {
+            let column = || rows.iter().skip(c).step_by(columns);
+            let mean = column().sum::<f64>() / count;
+            let variance = column().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+            (mean, variance)
+        })
+        .collect()
+}
+
 /// Sums of one number per row over the rows of each cluster; `clusters` has the cluster of each row, counted from 0.
 #[must_use]
 pub fn sums_by_group(groups: &[u32], numbers: impl Iterator<Item = f64>) -> Vec<f64> {

@@ -96,8 +96,8 @@ impl State {
             self.chains.len() == self.settings.chain_sets * count,
             "another number of states than chain sets and temperatures",
         )?;
-        for (chains, chain_set) in self.chains.chunks_exact(count).enumerate() {
-            let reference = self.reference(chains * count);
+        for (number, chain_set) in self.chains.chunks_exact(count).enumerate() {
+            let reference = self.reference(number * count);
             let mut seen = vec![false; count];
             for (k, Chain { point, replica }) in chain_set.iter().enumerate() {
                 // A state without a likelihood comes from the reference, and is never swapped to a larger beta.

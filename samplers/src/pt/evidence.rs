@@ -93,7 +93,7 @@ impl Traces {
 /// ln Z, its errors and other estimates of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
-    /// Bennett's estimate of ln Z from all chain sets together: the one to quote.
+    /// Bennett's estimate of ln Z, the mean over annealing paths of that from all their chain sets together: the one to quote.
     pub ln_z: f64,
     /// Stepping-stone estimate from the side of the reference: the sum of `ln <exp(db l)>` at the smaller beta of each pair.
     pub forward: f64,

@@ -248,7 +248,7 @@ impl State {
             point.has_gradient = false;
         } else {
             let metric = &temperature.metric;
-            let pool = &temperature.pools[self.cluster(chain) % 2];
+            let pool = &temperature.pools[self.half(chain)];
             let (evaluator, slices) = (&mut local_sampler.evaluator, self.settings.slice_updates);
             hmc::involutions_and_slice_updates(
                 evaluator,

@@ -283,6 +283,7 @@ mod tests {
         assert!(Settings::default().check(3).is_ok());
         assert_eq!(name(&|s| s.temperatures = 65), "temperatures");
         assert_eq!(name(&|s| s.min_temperatures = 65), "temperatures");
+        assert_eq!(name(&|s| s.hmc_transitions = 0), "hmc_transitions");
         let crowd = |s: &mut Settings| (s.smc_particles, s.chain_sets) = (65_536, 1024);
         assert_eq!(name(&crowd), "smc_particles");
     }

@@ -129,14 +129,15 @@ impl State {
         self.settings.clusters()
     }
 
-    /// The cluster of a chain.
-    pub(super) fn cluster(&self, chain: usize) -> usize {
-        chain / self.temperatures.len() % self.clusters()
+    /// The half of the clusters that a chain belongs to: 0 for even clusters, 1 for odd ones. Each half has a reference and
+    /// pools from the draws of the other.
+    pub(super) fn half(&self, chain: usize) -> usize {
+        chain / self.temperatures.len() % self.clusters() % 2
     }
 
     /// The distribution at beta = 0 on the annealing path of a chain.
     pub(super) fn reference(&self, chain: usize) -> &Reference {
-        &self.references[self.cluster(chain) % 2]
+        &self.references[self.half(chain)]
     }
 
     /// Whether the references are the prior.
