@@ -2,9 +2,8 @@
 
 use super::exit::Exit;
 use super::folder::FolderFlags;
-use super::options::{Common, FitFlags, sampler};
+use super::options::{Common, FitFlags, TrackFlags, sampler};
 use super::output::{Output, note};
-use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::{Fit, FitSettings, Sampler};
 use crate::run::{RunFolder, fit};
@@ -41,6 +40,8 @@ pub struct Args {
     #[arg(long)]
     extensions: Option<usize>,
     #[command(flatten)]
+    reading: TrackFlags,
+    #[command(flatten)]
     settings: FitFlags,
     #[command(flatten)]
     folder: FolderFlags,
@@ -60,7 +61,7 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
             remedy: "name the track to fit".to_owned(),
         });
     };
-    let track = ObservedTrack::read(path)?;
+    let track = args.reading.read(path)?;
     let label = format!("{} {}", track.name, settings.sampling.sampler.name());
     args.folder
         .fill(&label, command, common, out, |destination, monitor| {

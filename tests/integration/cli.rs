@@ -251,7 +251,17 @@ fn bad_tracks_name_file_line_and_remedy_and_leave_nothing_behind() {
         (
             "column.csv",
             good.replace("phi,r,", "phi,radius,"),
-            vec!["`r`"],
+            vec!["line 1", "`radius` is not known"],
+        ),
+        (
+            "errors.csv",
+            good.replace(",r_err", "").replace(",1.2", ""),
+            vec!["no errors", "--assume-error 2%"],
+        ),
+        (
+            "near.csv",
+            good.replace("r_err", "r_errs"),
+            vec!["the nearest name is `r_err`"],
         ),
         ("nan.csv", good.replace("61", "nan"), vec!["line 3"]),
         ("negative.csv", good.replace("61", "-61"), vec!["line 3"]),
