@@ -186,6 +186,17 @@ fn every_setting_is_printed_and_read_back() {
     let path = write(folder.path(), "all.toml", &text);
     let again = oblate(&["fit", "--print-config", "--config", &path], "");
     assert_eq!(String::from_utf8_lossy(&again.stdout), text);
+    // Every table of the first level has a comment that says where it is explained.
+    let mut before = "";
+    for line in text.lines() {
+        if line.starts_with('[') && !line.contains('.') {
+            assert!(
+                before.starts_with("# ") && before.contains("docs/"),
+                "{line}"
+            );
+        }
+        before = line;
+    }
 }
 
 #[test]
@@ -271,7 +282,11 @@ fn bad_tracks_name_file_line_and_remedy_and_leave_nothing_behind() {
             vec!["line 4"],
         ),
         ("unequal.csv", good.replace("5,62", "2,62"), vec!["line"]),
-        ("two.csv", "phi,r\n-5,60\n5,61\n".to_owned(), vec!["3"]),
+        (
+            "two.csv",
+            "phi,r,r_err\n-5,60,1\n5,61,1\n".to_owned(),
+            vec!["at least 3"],
+        ),
     ] {
         let path = write(folder.path(), name, &text);
         let output = oblate(&["fit", &path, "--out", &out], "");
@@ -378,7 +393,10 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
     refused(&output, &["prior"]);
     // The page holds the figures.
     let page = folder.path().join("page.html").display().to_string();
-    let output = oblate(&["report", &one, &two, "--out", &page], "");
+    let other = write(folder.path(), "notes.txt", "no run");
+    let output = oblate(&["report", &one, &other, &two, "--out", &page], "");
+    let skipped = String::from_utf8_lossy(&output.stderr).contains("skipped: ");
+    assert!(skipped, "{output:?}");
     assert_eq!(
         output.status.code(),
         Some(0),
