@@ -5,6 +5,7 @@ use crate::config::read;
 use crate::data::{AssumedError, Handedness, ObservedTrack, ReadOptions};
 use crate::error::{Error, OutputFault, Result};
 use crate::inference::{FitSettings, Profile, Sampler};
+use crate::likelihood::LikelihoodSettings;
 use crate::spray::SamplingScheme;
 use crate::stream::ModelSettings;
 use clap::{Args, ValueEnum};
@@ -137,7 +138,11 @@ impl ModelFlags {
     pub fn apply_to_fit(&self, settings: &mut FitSettings) {
         if let Some(profile) = self.profile() {
             settings.model = profile.model();
-            settings.likelihood = profile.likelihood();
+            settings.likelihood = LikelihoodSettings {
+                // It belongs to the data, not to the profile.
+                error_floor_percent: settings.likelihood.error_floor_percent,
+                ..profile.likelihood()
+            };
         }
         self.apply(&mut settings.model);
     }
@@ -217,9 +222,12 @@ impl TrackFlags {
     }
 }
 
-/// A value of the library on the command line, with the library's own words where it is wrong.
+/// A value of the library on the command line, with the library's own remedy where it is wrong.
 fn parsed<T: FromStr<Err = Error>>(text: &str) -> std::result::Result<T, String> {
-    text.parse::<T>().map_err(|e| e.to_string())
+    text.parse::<T>().map_err(|error| match error {
+        Error::Setting { remedy, .. } => remedy,
+        other => other.to_string(),
+    })
 }
 
 /// A sampler's name on the command line.

@@ -318,6 +318,54 @@ sampling.bridge = { smc_particles = 60, mcmc_steps = 4 }
 "#;
 
 #[test]
+fn an_assumed_error_is_named_in_the_summary_and_on_the_page() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let config = write(
+        folder.path(),
+        "small.toml",
+        &format!("coarse_particles = 0\n{SMALL}likelihood.error_floor_percent = 3.0\n"),
+    );
+    let bare = "phi,r\n-15,57\n-5,63\n5,55\n15,51\n";
+    let track = write(folder.path(), "bare.csv", bare);
+    let out = path("run");
+    let output = oblate(
+        &[
+            "fit",
+            &track,
+            "--assume-error",
+            "2.5%",
+            "--profile",
+            "fast",
+            "--particles",
+            "128",
+            "--config",
+            &config,
+            "--out",
+            &out,
+            "--allow-unconverged",
+        ],
+        "",
+    );
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let said = "the errors of r are 2.5% of r";
+    let printed = String::from_utf8(output.stdout).expect("text");
+    assert!(printed.contains(&format!("Assumed: {said}")), "{printed}");
+    let read = |name: &str| std::fs::read_to_string(Path::new(&out).join(name)).expect("a file");
+    let summary: serde_json::Value = serde_json::from_str(&read("summary.json")).expect("JSON");
+    let assumed = summary["assumptions"][0].as_str().expect("a text");
+    assert!(assumed.starts_with(said), "{assumed}");
+    assert!(read("track.ecsv").contains("assume_error: \"2.5%\""));
+    // A profile replaces the model, not the floor of the data's errors.
+    assert!(read("config.toml").contains("error_floor_percent = 3.0"));
+    let page = path("page.html");
+    let output = oblate(&["report", &out, "--out", &page], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let html = std::fs::read_to_string(&page).expect("a page");
+    assert!(html.contains(&format!("Assumed: {said}")));
+}
+
+#[test]
 fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);

@@ -99,7 +99,11 @@ fn the_tracks_on_the_pages_can_be_read() {
     let path = folder.path().join("track.csv");
     let mut count = 0;
     for page in ["docs/tracks.md", "docs/files.md"] {
-        for block in text(page).split("```\n").filter(|b| b.starts_with("# ")) {
+        for block in text(page)
+            .split("```\n")
+            .skip(1)
+            .filter(|b| b.starts_with("# "))
+        {
             std::fs::write(&path, block).unwrap();
             ObservedTrack::read(&path).unwrap_or_else(|e| panic!("{page}: {e}"));
             count += 1;
