@@ -104,8 +104,8 @@ fn errors_may_differ_to_both_sides() {
     assert_eq!(track.r_err_lo_kpc, [1.0, 1.0, 3.0]);
     assert_eq!(track.r_err_hi_kpc, [2.0, 1.0, 2.0]);
     assert!(!track.has_symmetric_errors());
-    assert_eq!(track.r_err_towards_kpc(0, 61.0), 2.0);
-    assert_eq!(track.r_err_towards_kpc(0, 59.0), 1.0);
+    let sides = [61.0, 59.0].map(|r| track.r_err_towards_kpc(0, r));
+    assert_eq!(sides, [2.0, 1.0]);
     let half = "phi,r,r_err_lo\n5,60,1\n15,61,1\n25,62,3\n";
     assert_refused("csv", half, &["both `r_err_lo` and `r_err_hi`"]);
     let three = "phi,r,r_err,r_err_lo,r_err_hi\n5,60,1,1,1\n15,61,1,1,1\n25,62,1,3,1\n";
@@ -123,7 +123,8 @@ fn bins_may_lie_anywhere_on_an_even_grid() {
     let on = of([-5.0, 5.0, 25.0]);
     assert_eq!((on.offset_deg(), on.bins()), (0.0, vec![-1, 0, 2]));
     // Angles that a file rounds are those of a grid without an offset.
-    assert_eq!(of([-5.001, 4.999, 25.003]).offset_deg(), 0.0);
+    let rounded = of([-5.001, 4.999, 25.003]);
+    assert_eq!(rounded.offset_deg().to_bits(), 0.0_f64.to_bits());
     for phi in [[-3.0, 7.0, 27.0], [0.0, 10.0, 20.0], [-41.5, -31.5, -11.5]] {
         let track = of(phi);
         for (k, phi) in track.bins().into_iter().zip(phi) {
@@ -405,7 +406,7 @@ fn a_header_that_is_nested_too_deeply_or_too_long_is_refused() {
     assert_refused(
         "ecsv",
         &header(&flow(100)),
-        &["line 9", "nested more than 32 levels"],
+        &["line 8", "nested more than 32 levels"],
     );
     assert_refused(
         "ecsv",
