@@ -1,21 +1,10 @@
 //! The header of a CSV track: comment lines `# key: value` above the table. Other comments are free text.
 
 use super::ecsv::Header;
-use super::table::nearest;
+use super::header_keys::{KEYS, meant_by};
 use crate::error::{Error, Result, TrackFault};
 use serde_json::{Value, json};
 use std::path::Path;
-
-/// The keys that are read.
-const KEYS: [&str; 7] = [
-    "name",
-    "units",
-    "bin_width",
-    "distance",
-    "assume_error",
-    "handedness",
-    "progenitor_pa",
-];
 
 /// Reads the comment lines above the table.
 pub fn header(path: &Path, comments: &[&str]) -> Result<Header> {
@@ -59,8 +48,7 @@ pub fn header(path: &Path, comments: &[&str]) -> Result<Header> {
                 header.meta.insert((*known).to_owned(), typed(value));
             }
             None => {
-                let meant = nearest(key, &KEYS).filter(|known| known.len() > 4);
-                if let Some(meant) = meant {
+                if let Some(meant) = meant_by(key) {
                     return Err(fail(TrackFault::HeaderKey {
                         key: key.to_owned(),
                         nearest: meant.to_owned(),

@@ -13,6 +13,7 @@ mod assumed_error;
 mod check;
 mod csv_header;
 mod ecsv;
+mod header_keys;
 mod mock;
 mod observed;
 mod read;

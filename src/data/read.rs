@@ -3,6 +3,7 @@
 use super::angles::{Handedness, header_angle_deg, phi_deg};
 use super::assumed_error::AssumedError;
 use super::ecsv::{self, Header, quantity};
+use super::header_keys::meant_by;
 use super::observed::{MIRRORED, ObservedTrack};
 use super::table::Table;
 use super::{check, csv_header};
@@ -44,11 +45,18 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
     let usual = if is_ecsv { b' ' } else { b',' };
     let mut table = Table::parse(path, &text, header.delimiter.unwrap_or(usual))?;
     let fail = |table: &Table, fault| table.fail(path, fault);
-    let in_header = |key: &'static str, fault| Error::TrackFile {
+    let in_header = |key: &str, fault| Error::TrackFile {
         path: path.to_path_buf(),
         line: line_of(&lines, key),
         fault,
     };
+    if let Some(fault) = header_fault(&header, &table, is_ecsv) {
+        let key = match &fault {
+            TrackFault::HeaderKey { key, .. } => key.as_str(),
+            _ => "units",
+        };
+        return Err(in_header(key, fault.clone()));
+    }
 
     let handedness = match options.handedness {
         Some(handedness) => handedness,
@@ -131,6 +139,27 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
             fault: found.fault,
         }),
     }
+}
+
+/// An entry of the header that would be ignored: in ECSV a key that is nearly one that is read, in CSV a unit of a column that is not
+/// there.
+fn header_fault(header: &Header, table: &Table, is_ecsv: bool) -> Option<TrackFault> {
+    if is_ecsv {
+        // Units of ECSV are those of its columns.
+        let meant = |key: &String| meant_by(key).filter(|meant| *meant != "units");
+        return header.meta.keys().find_map(|key| {
+            Some(TrackFault::HeaderKey {
+                key: key.clone(),
+                nearest: meant(key)?.to_owned(),
+            })
+        });
+    }
+    let column = header.units.keys().find(|column| !table.has(column))?;
+    Some(TrackFault::HeaderValue {
+        key: "units",
+        text: format!("for `{column}`"),
+        expected: "units of columns that the table has",
+    })
 }
 
 /// An entry of the header that is a word with a meaning.

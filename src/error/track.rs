@@ -110,9 +110,9 @@ pub enum TrackFault {
         "the columns of errors do not go together; give either `r_err`, or both `r_err_lo` and `r_err_hi`"
     )]
     ErrorColumns,
-    /// A line of a CSV header is nearly one with a meaning.
+    /// An entry of the header is nearly one that is read.
     #[error(
-        "`{key}` in the header is not read; write `# {nearest}: value`, or begin the comment with another word"
+        "`{key}` in the header is not read; write it as `{nearest}: value`, or use another word"
     )]
     HeaderKey {
         /// Its key or first word.

@@ -105,7 +105,7 @@ fn errors_may_differ_to_both_sides() {
     assert_eq!(track.r_err_hi_kpc, [2.0, 1.0, 2.0]);
     assert!(!track.has_symmetric_errors());
     let sides = [61.0, 59.0].map(|r| track.r_err_towards_kpc(0, r));
-    assert_eq!(sides, [2.0, 1.0]);
+    assert_eq!(sides.map(f64::to_bits), [2.0_f64, 1.0].map(f64::to_bits));
     let half = "phi,r,r_err_lo\n5,60,1\n15,61,1\n25,62,3\n";
     assert_refused("csv", half, &["both `r_err_lo` and `r_err_hi`"]);
     let three = "phi,r,r_err,r_err_lo,r_err_hi\n5,60,1,1,1\n15,61,1,1,1\n25,62,1,3,1\n";
@@ -219,9 +219,10 @@ fn a_csv_header_gives_units_and_distance() {
         ("# units: arcsec\n", vec!["line 1", "`phi deg, r arcsec`"]),
         (
             "# distanse: 20 Mpc\n",
-            vec!["line 1", "`distanse`", "# distance: value"],
+            vec!["line 1", "`distanse`", "`distance: value`"],
         ),
-        ("# distance 20 Mpc\n", vec!["line 1", "# distance: value"]),
+        ("# distance 20 Mpc\n", vec!["line 1", "`distance: value`"]),
+        ("# units: r_kpc arcsec\n", vec!["line 1", "`r_kpc`"]),
         ("# bin_width: 1 kpc\n", vec!["line 1", "`bin_width`"]),
     ] {
         assert_refused("csv", &format!("{header}{body}"), &parts);
@@ -377,6 +378,23 @@ fn unknown_units_are_refused() {
         &swap("deg", "arcsec"),
         &["line 10", "no `distance`", "Mpc"],
     );
+}
+
+#[test]
+fn a_misspelt_key_of_an_ecsv_header_is_refused() {
+    let text = HEADER.replace("PHI", "deg").replace("unit: R", "unit: kpc");
+    for (key, meant) in [
+        ("handednes", "handedness"),
+        ("Distance", "distance"),
+        ("assumed_error", "assume_error"),
+    ] {
+        let text = text.replace("# schema", &format!("#   {key}: 1\n# schema"));
+        assert_refused(
+            "ecsv",
+            &text,
+            &["line 9", key, &format!("`{meant}: value`")],
+        );
+    }
 }
 
 #[test]
