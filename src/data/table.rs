@@ -96,6 +96,11 @@ impl Table {
     /// What is wrong with the names of the columns.
     fn name_fault(&self) -> Option<TrackFault> {
         let unknown = self.names.iter().find(|n| !COLUMNS.contains(&n.as_str()));
+        if let Some(line) = unknown.filter(|name| name.contains([';', '\t', ' '])) {
+            return Some(TrackFault::Delimiter {
+                names: line.clone(),
+            });
+        }
         if let Some(column) = unknown {
             return Some(TrackFault::UnknownColumn {
                 column: column.clone(),

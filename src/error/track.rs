@@ -61,6 +61,14 @@ pub enum TrackFault {
         /// The units that are known.
         known: &'static str,
     },
+    /// The names of the columns are not separated as they must be.
+    #[error(
+        "the names of the columns are not separated in {names:?}; separate names and values by commas in CSV, and as the header says in ECSV"
+    )]
+    Delimiter {
+        /// What stands between two delimiters.
+        names: String,
+    },
     /// A column is not known, and what it says would be ignored.
     #[error(
         "column `{column}` is not known{}; {}: the known columns are {}",

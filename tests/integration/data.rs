@@ -90,6 +90,11 @@ fn unknown_columns_are_refused_with_the_nearest_name() {
         let near = format!("the nearest name is `{nearest}`");
         assert_refused("csv", &of(column), &["line 1", column, &near, "rename"]);
     }
+    assert_refused(
+        "csv",
+        "phi;r;r_err\n5;60;1\n15;61;1\n25;62;1\n",
+        &["line 1", "phi;r;r_err", "by commas"],
+    );
     let words = refusal("csv", &of("velocity"));
     assert!(
         words.contains("`velocity` is not known; remove it"),
