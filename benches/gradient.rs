@@ -37,11 +37,7 @@ fn likelihood(particles: usize) -> StreamLikelihood {
         q_min: 0.5,
         q_max: 1.5,
     };
-    let empty = DataBin {
-        bin: 0,
-        r_kpc: 1.0,
-        r_err_kpc: 1.0,
-    };
+    let empty = DataBin::symmetric(0, 1.0, 1.0);
     let track =
         |data: &[DataBin]| TrackLikelihood::new(&settings, 10.0, data, &releases).expect("a track");
     let solution = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
@@ -55,11 +51,7 @@ fn likelihood(particles: usize) -> StreamLikelihood {
         .expect("a track")
         .bins
         .iter()
-        .map(|b| DataBin {
-            bin: b.bin,
-            r_kpc: b.r_kpc,
-            r_err_kpc: 0.02 * b.r_kpc,
-        })
+        .map(|b| DataBin::symmetric(b.bin, b.r_kpc, 0.02 * b.r_kpc))
         .collect();
     StreamLikelihood::new(model, track(&data), q_range)
 }

@@ -1,6 +1,6 @@
 //! Settings files: reading and writing them, and the settings of populations and studies.
 
-use crate::data::{MockSettings, NUMBERS_OF_MOCKS};
+use crate::data::{AssumedError, MockSettings, NUMBERS_OF_MOCKS};
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, Sampler, SamplerSettings, over_defaults};
 use crate::population::{PopulationSettings, TruncatedGaussianSettings};
@@ -116,6 +116,9 @@ impl StudyConfig {
 pub struct StudyTracks {
     /// Track files, relative to the folder of the study file.
     pub files: Vec<PathBuf>,
+    /// The errors of tracks that have none.
+    #[serde(default)]
+    pub assume_error: Option<AssumedError>,
     /// Samplers; each fits every track.
     pub samplers: Vec<Sampler>,
     /// Settings of the fits; `sampling.sampler` is set by `samplers`.

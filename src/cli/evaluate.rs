@@ -1,9 +1,8 @@
 //! `oblate evaluate`: the likelihood for programs in any language.
 
 use super::exit::Exit;
-use super::options::{Common, FitFlags};
-use super::output::Output;
-use crate::data::ObservedTrack;
+use super::options::{Common, FitFlags, TrackFlags};
+use super::output::{Output, note};
 use crate::error::{Error, Result};
 use crate::inference::StreamTarget;
 use crate::params::{NAMES, ParameterLines};
@@ -26,6 +25,8 @@ pub struct Args {
     #[arg(long)]
     gradient: bool,
     #[command(flatten)]
+    reading: TrackFlags,
+    #[command(flatten)]
     settings: FitFlags,
 }
 
@@ -37,7 +38,10 @@ pub fn run(
     out: &mut Output<'_>,
 ) -> Result<Exit> {
     let settings = args.settings.settings()?;
-    let track = ObservedTrack::read(&args.track)?;
+    let track = args.reading.read(&args.track)?;
+    for assumption in track.assumptions() {
+        note(&format!("assumed: {assumption}"));
+    }
     let target = StreamTarget::from_track(&track, &settings)?;
     common.tell_memory(&target.memory(1));
     let stdin = PathBuf::from("standard input");

@@ -2,9 +2,8 @@
 
 use super::exit::Exit;
 use super::folder::FolderFlags;
-use super::options::{Common, FitFlags, sampler};
+use super::options::{Common, FitFlags, TrackFlags, sampler};
 use super::output::{Output, note};
-use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::{Fit, FitSettings, Sampler};
 use crate::run::{RunFolder, fit};
@@ -41,6 +40,8 @@ pub struct Args {
     #[arg(long)]
     extensions: Option<usize>,
     #[command(flatten)]
+    reading: TrackFlags,
+    #[command(flatten)]
     settings: FitFlags,
     #[command(flatten)]
     folder: FolderFlags,
@@ -50,7 +51,7 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
     let settings = settings(args)?;
     if args.print_config {
-        out.bytes(crate::config::to_toml(&settings)?.as_bytes())?;
+        out.bytes(commented(&crate::config::to_toml(&settings)?).as_bytes())?;
         return Ok(Exit::Done);
     }
     let Some(path) = &args.track else {
@@ -60,7 +61,7 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
             remedy: "name the track to fit".to_owned(),
         });
     };
-    let track = ObservedTrack::read(path)?;
+    let track = args.reading.read(path)?;
     let label = format!("{} {}", track.name, settings.sampling.sampler.name());
     args.folder
         .fill(&label, command, common, out, |destination, monitor| {
@@ -70,6 +71,39 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
             }
             Ok(done)
         })
+}
+
+/// Comments of the printed settings, each above its table; the first is above all.
+const COMMENTS: [(&str, &str); 5] = [
+    (
+        "",
+        "Settings of a fit; docs/limits.md has the smallest and the largest value of each.",
+    ),
+    (
+        "[model]",
+        "The model of the stream: docs/physics.md, sections 3 to 5",
+    ),
+    (
+        "[likelihood]",
+        "Its comparison with the data: docs/physics.md, sections 6 and 7",
+    ),
+    (
+        "[prior]",
+        "Range of q, distributions and fixed values: docs/files.md, section 3",
+    ),
+    ("[sampling]", "The samplers: docs/samplers.md, section 6"),
+];
+
+/// Settings as TOML with the comments.
+fn commented(toml: &str) -> String {
+    let mut text = format!("# {}\n", COMMENTS[0].1);
+    for line in toml.lines() {
+        if let Some((_, comment)) = COMMENTS[1..].iter().find(|(table, _)| *table == line) {
+            text += &format!("# {comment}\n");
+        }
+        text += &format!("{line}\n");
+    }
+    text
 }
 
 /// The file's settings with the flags applied.

@@ -1,6 +1,6 @@
 //! The message of an error on the command line: the library's own, and which flags of the subcommand help.
 
-use crate::error::{Error, Rejection};
+use crate::error::{Error, Rejection, TrackFault};
 use clap::Command;
 use clap::parser::ValueSource;
 use oblate_samplers::error::CheckpointFault;
@@ -108,6 +108,10 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
             ways.extend(finer.iter().map(|flag| format!("more {flag}")));
             alternatives(&ways)
         }
+        Error::TrackFile {
+            fault: TrackFault::NoErrors,
+            ..
+        } => some("or give --assume-error 2%").filter(|_| flags.has("--assume-error")),
         Error::NotAFit { .. } => some("give a run folder that `oblate fit` made"),
         Error::NotNested { .. } => some("`oblate bridge` makes one"),
         Error::Syntax { path, .. } if path.extension().is_some_and(|e| e == "toml") => {

@@ -2,8 +2,10 @@
 
 use super::output::note;
 use crate::config::read;
+use crate::data::{AssumedError, Handedness, ObservedTrack, ReadOptions};
 use crate::error::{Error, OutputFault, Result};
 use crate::inference::{FitSettings, Profile, Sampler};
+use crate::likelihood::LikelihoodSettings;
 use crate::spray::SamplingScheme;
 use crate::stream::ModelSettings;
 use clap::{Args, ValueEnum};
@@ -12,6 +14,7 @@ use oblate_samplers::limits::{Memory, in_range};
 use std::io::ErrorKind;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 /// Allowed numbers of threads: more than the cores of any computer only take memory and time to start.
 const THREADS: RangeInclusive<usize> = 1..=1024;
@@ -135,7 +138,11 @@ impl ModelFlags {
     pub fn apply_to_fit(&self, settings: &mut FitSettings) {
         if let Some(profile) = self.profile() {
             settings.model = profile.model();
-            settings.likelihood = profile.likelihood();
+            settings.likelihood = LikelihoodSettings {
+                // It belongs to the data, not to the profile.
+                error_floor_percent: settings.likelihood.error_floor_percent,
+                ..profile.likelihood()
+            };
         }
         self.apply(&mut settings.model);
     }
@@ -193,9 +200,39 @@ impl FitFlags {
     }
 }
 
+/// Flags of subcommands that read a track.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct TrackFlags {
+    /// Standard error of all radii, in per cent of the radius, for a track without errors; it is named with the result
+    #[arg(long, value_name = "PERCENT", value_parser = parsed::<AssumedError>)]
+    assume_error: Option<AssumedError>,
+    /// `as-given` where the leading tail is at positive phi; `mirrored` changes the sign of phi
+    #[arg(long, value_name = "SENSE", value_parser = parsed::<Handedness>)]
+    handedness: Option<Handedness>,
+}
+
+impl TrackFlags {
+    /// Reads a track; these flags come before its header.
+    pub fn read(&self, path: &Path) -> Result<ObservedTrack> {
+        let options = ReadOptions {
+            assumed_error: self.assume_error,
+            handedness: self.handedness,
+        };
+        ObservedTrack::read_with(path, &options)
+    }
+}
+
+/// A value of the library on the command line, with the library's own remedy where it is wrong.
+fn parsed<T: FromStr<Err = Error>>(text: &str) -> std::result::Result<T, String> {
+    text.parse::<T>().map_err(|error| match error {
+        Error::Setting { remedy, .. } => remedy,
+        other => other.to_string(),
+    })
+}
+
 /// A sampler's name on the command line.
 pub fn sampler(text: &str) -> std::result::Result<Sampler, String> {
-    text.parse::<Sampler>().map_err(|e| e.to_string())
+    parsed(text)
 }
 
 /// A finite number on the command line.

@@ -84,6 +84,12 @@ fn print(result: &StudyResult, out: &mut Output<'_>) -> Result<()> {
     for run in result.runs() {
         out.line(&row(run))?;
     }
+    for run in result.runs() {
+        for assumption in &run.summary.assumptions {
+            let sampler = run.sampler.name();
+            out.line(&format!("{} {sampler}: assumed: {assumption}", run.name))?;
+        }
+    }
     if let Some(acceptance) = result.acceptance {
         out.line(&format!(
             "{:.1} % of prior draws met the criteria of a mock",

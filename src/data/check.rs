@@ -1,15 +1,9 @@
 //! The checks that columns must pass to be a track, shared by files and tracks made in memory.
 
-use super::observed::{
-    NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS, default_errors,
-};
+use super::observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, SLACK, STARS};
 use crate::error::{Error, Result, TrackFault};
 use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG};
 use std::collections::BTreeMap;
-
-/// Maximum distance of a bin centre from its exact position, as a fraction of the bin width, because files round their
-/// angles.
-const SLACK: f64 = 1e-3;
 
 /// A fault of a track, and the row, from 0, if one row is at fault.
 pub struct Fault {
@@ -36,7 +30,8 @@ impl Fault {
 pub fn fault(track: &ObservedTrack) -> Option<Fault> {
     let rows = track.phi_deg.len();
     let same = track.r_kpc.len() == rows
-        && track.r_err_kpc.len() == rows
+        && track.r_err_lo_kpc.len() == rows
+        && track.r_err_hi_kpc.len() == rows
         && track.n.as_ref().is_none_or(|n| n.len() == rows);
     if !same {
         return Fault::whole(TrackFault::ColumnLengths);
@@ -48,19 +43,30 @@ pub fn fault(track: &ObservedTrack) -> Option<Fault> {
     if rows > max {
         return Fault::whole(TrackFault::TooManyBins { bins: rows, max });
     }
+    let errors = if track.has_symmetric_errors() {
+        ["r_err", "r_err"]
+    } else {
+        ["r_err_lo", "r_err_hi"]
+    };
     (0..rows)
-        .find_map(|row| row_fault(track, row))
+        .find_map(|row| row_fault(track, errors, row))
         .or_else(|| width_fault(track))
 }
 
-fn row_fault(track: &ObservedTrack, row: usize) -> Option<Fault> {
-    let (phi, r, r_err) = (track.phi_deg[row], track.r_kpc[row], track.r_err_kpc[row]);
-    for (column, value) in [("phi", phi), ("r", r), ("r_err", r_err)] {
+fn row_fault(
+    track: &ObservedTrack,
+    [lo_name, hi_name]: [&'static str; 2],
+    row: usize,
+) -> Option<Fault> {
+    let (phi, r) = (track.phi_deg[row], track.r_kpc[row]);
+    let (lo, hi) = (track.r_err_lo_kpc[row], track.r_err_hi_kpc[row]);
+    let errors = [(lo_name, lo), (hi_name, hi)];
+    for (column, value) in [("phi", phi), ("r", r)].into_iter().chain(errors) {
         if !value.is_finite() {
             return Fault::at(row, TrackFault::NotFinite { column, value });
         }
     }
-    for (column, value) in [("r", r), ("r_err", r_err)] {
+    for (column, value) in [("r", r)].into_iter().chain(errors) {
         if value <= 0.0 {
             return Fault::at(row, TrackFault::NotPositive { column, value });
         }
@@ -68,7 +74,8 @@ fn row_fault(track: &ObservedTrack, row: usize) -> Option<Fault> {
     let columns = [
         ("phi", phi, ANGLES_DEG, "deg"),
         ("r", r, RADII_KPC, "kpc"),
-        ("r_err", r_err, RADIUS_ERRORS_KPC, "kpc"),
+        (lo_name, lo, RADIUS_ERRORS_KPC, "kpc"),
+        (hi_name, hi, RADIUS_ERRORS_KPC, "kpc"),
     ];
     for (column, value, range, unit) in columns {
         if !range.contains(&value) {
@@ -122,17 +129,12 @@ fn width_fault(track: &ObservedTrack) -> Option<Fault> {
             );
         }
     }
-    let phi_deg = track.phi_deg[0];
-    let first = phi_deg / width_deg - 0.5;
-    if (first - first.round()).abs() > SLACK {
-        return Fault::at(0, TrackFault::OffGrid { phi_deg, width_deg });
-    }
     None
 }
 
 impl ObservedTrack {
     /// A track from columns of one length: centres in degrees, the bins' width in degrees, radii and their errors in
-    /// kpc (2 % of the radius if `None`).
+    /// kpc. Errors that differ to both sides can be set afterwards.
     ///
     /// # Errors
     /// [`Error::Track`] if the columns do not make a track (see [`ObservedTrack::read`]).
@@ -141,15 +143,16 @@ impl ObservedTrack {
         phi_deg: &[f64],
         bin_width_deg: f64,
         r_kpc: &[f64],
-        r_err_kpc: Option<&[f64]>,
+        r_err_kpc: &[f64],
     ) -> Result<Self> {
         let track = Self {
             name: name.to_owned(),
             phi_deg: phi_deg.to_vec(),
             bin_width_deg,
             r_kpc: r_kpc.to_vec(),
-            r_err_kpc: r_err_kpc.map_or_else(|| default_errors(r_kpc), <[f64]>::to_vec),
-            r_err_assumed: r_err_kpc.is_none(),
+            r_err_lo_kpc: r_err_kpc.to_vec(),
+            r_err_hi_kpc: r_err_kpc.to_vec(),
+            assumed_error: None,
             n: None,
             meta: BTreeMap::new(),
         };

@@ -211,14 +211,30 @@ fn json(node: &Yaml) -> Value {
     }
 }
 
+/// A number of a header with its unit as astropy writes it: a plain number, or a quantity.
+pub fn quantity(value: &Value) -> Option<(f64, Option<String>)> {
+    let number = value.get("value").unwrap_or(value).as_f64()?;
+    let unit = value.get("unit").map(|unit| {
+        let text = unit.get("unit").unwrap_or(unit).as_str();
+        text.unwrap_or("unknown").to_owned()
+    });
+    number.is_finite().then_some((number, unit))
+}
+
 /// The whole file of a track.
 pub fn text(track: &ObservedTrack) -> String {
     let mut columns = vec![
         ("phi", "deg", &track.phi_deg, "bin centre"),
         ("r", "kpc", &track.r_kpc, "mean projected radius"),
     ];
-    if !track.r_err_assumed {
-        columns.push(("r_err", "kpc", &track.r_err_kpc, "standard error of r"));
+    if track.assumed_error.is_some() {
+        // The header says how the errors follow from r.
+    } else if track.has_symmetric_errors() {
+        columns.push(("r_err", "kpc", &track.r_err_lo_kpc, "standard error of r"));
+    } else {
+        let (lo, hi) = (&track.r_err_lo_kpc, &track.r_err_hi_kpc);
+        columns.push(("r_err_lo", "kpc", lo, "standard error towards smaller r"));
+        columns.push(("r_err_hi", "kpc", hi, "standard error towards larger r"));
     }
     if let Some(n) = &track.n {
         columns.push(("n", "", n, "stars in the bin"));
@@ -243,8 +259,12 @@ pub fn text(track: &ObservedTrack) -> String {
         "#   bin_width: {}",
         yaml(&Value::from(track.bin_width_deg))
     );
+    if let Some(assumed) = track.assumed_error {
+        let text = Value::from(assumed.to_string());
+        let _ = writeln!(out, "#   assume_error: {}", yaml(&text));
+    }
     for (key, value) in &track.meta {
-        if key != "name" && key != "bin_width" {
+        if !["name", "bin_width", "assume_error"].contains(&key.as_str()) {
             let _ = writeln!(out, "#   {}: {}", key_text(key), yaml(value));
         }
     }

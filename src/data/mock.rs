@@ -246,7 +246,13 @@ fn draw(
         .integrate(&solution, &mut schedules, &mut particles)
         .map_err(|_| Cut::NoStream)?;
     let min_n = settings.min_fraction * particles.len() as f64;
-    let track = Track::from_checked(&particles, settings.bin_width_deg, BinEdges::Hard, min_n);
+    let track = Track::from_checked(
+        &particles,
+        settings.bin_width_deg,
+        0.0,
+        BinEdges::Hard,
+        min_n,
+    );
     let length_kpc = criteria(&track, settings)?;
     let phi: Vec<f64> = track.bins.iter().map(|b| b.phi_deg).collect();
     let r: Vec<f64> = track
@@ -256,7 +262,7 @@ fn draw(
         .collect();
     let r_err: Vec<f64> = r.iter().map(|r| settings.noise.max(1e-6) * r).collect();
     let name = format!("mock_{seed}_{index}");
-    let mut observed = ObservedTrack::new(&name, &phi, settings.bin_width_deg, &r, Some(&r_err))
+    let mut observed = ObservedTrack::new(&name, &phi, settings.bin_width_deg, &r, &r_err)
         .map_err(|_| Cut::Radius)?;
     observed.n = Some(track.bins.iter().map(|b| b.n).collect());
     observed.meta.insert("truth".to_owned(), truth(&params, q));

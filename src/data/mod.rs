@@ -2,19 +2,25 @@
 //!
 //! ```
 //! use oblate::data::ObservedTrack;
-//! let track = ObservedTrack::new("toy", &[-15.0, -5.0, 5.0, 15.0], 10.0, &[62.0, 60.0, 59.0, 57.5], None)?;
+//! let (phi_deg, r_kpc) = ([-15.0, -5.0, 5.0, 15.0], [62.0, 60.0, 59.0, 57.5]);
+//! let track = ObservedTrack::new("toy", &phi_deg, 10.0, &r_kpc, &[1.2; 4])?;
 //! assert_eq!(track.bins(), [-2, -1, 0, 1]);
-//! assert!(track.r_err_assumed);
 //! # Ok::<(), oblate::Error>(())
 //! ```
 
+mod angles;
+mod assumed_error;
 mod check;
+mod csv_header;
 mod ecsv;
+mod header_keys;
 mod mock;
 mod observed;
 mod read;
+mod table;
 
+pub use angles::Handedness;
+pub use assumed_error::AssumedError;
 pub use mock::{Mock, MockSettings, Mocks, NUMBERS_OF_MOCKS, QPopulation, mocks};
-pub use observed::{
-    DEFAULT_RELATIVE_ERROR, NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS,
-};
+pub use observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS};
+pub use read::ReadOptions;

@@ -1,11 +1,9 @@
 //! The observed track.
 
+use super::assumed_error::AssumedError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
-
-/// Relative error of a radius where a file gives none: `sigma_b = 0.02 r_b` (Chemaly et al. 2026).
-pub const DEFAULT_RELATIVE_ERROR: f64 = 0.02;
 
 /// Numbers of bins that a track may have.
 pub const NUMBERS_OF_BINS: RangeInclusive<usize> = 3..=10_000;
@@ -19,21 +17,30 @@ pub const RADIUS_ERRORS_KPC: RangeInclusive<f64> = 1e-9..=1e5;
 /// Numbers of stars that a bin may have.
 pub const STARS: RangeInclusive<f64> = 0.0..=1e12;
 
+/// Maximum distance of a bin centre from its exact position, as a fraction of the bin width, because files round their
+/// angles.
+pub(super) const SLACK: f64 = 1e-3;
+
+/// Key of the header of a track whose phi was mirrored when it was read.
+pub(super) const MIRRORED: &str = "phi_mirrored";
+
 /// A track on the sky: one mean projected radius per bin of angle around the host, counted from the progenitor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObservedTrack {
     /// The stream's name: the header's `name`, or the file's stem.
     pub name: String,
-    /// Bin centres in degrees, increasing, each at `(k + 1/2) bin_width_deg` for a whole number k. Bins may be missing.
+    /// Bin centres in degrees, increasing, at whole bin widths from each other. Bins may be missing.
     pub phi_deg: Vec<f64>,
     /// Width of every bin in degrees.
     pub bin_width_deg: f64,
     /// Mean projected radius per bin, in kpc.
     pub r_kpc: Vec<f64>,
-    /// Its standard error, in kpc.
-    pub r_err_kpc: Vec<f64>,
-    /// Whether the errors are [`DEFAULT_RELATIVE_ERROR`] times the radius because the source gave none.
-    pub r_err_assumed: bool,
+    /// Its standard error towards smaller radii, in kpc.
+    pub r_err_lo_kpc: Vec<f64>,
+    /// Its standard error towards larger radii, in kpc.
+    pub r_err_hi_kpc: Vec<f64>,
+    /// The relative error that the user assumed, because the source gives no errors.
+    pub assumed_error: Option<AssumedError>,
     /// Stars (or particles) per bin, where known.
     pub n: Option<Vec<f64>>,
     /// Everything else that the header says (origin, distance, truth), as it was read.
@@ -53,13 +60,63 @@ impl ObservedTrack {
         self.phi_deg.is_empty()
     }
 
-    /// The whole number k of each bin, which covers `[k, k + 1) bin_width_deg`.
+    /// Angle in degrees from the progenitor to the lower edge of bin 0, at most half of a bin to either side; 0 if an edge is at the
+    /// progenitor, to a thousandth of a bin.
+    #[must_use]
+    pub fn offset_deg(&self) -> f64 {
+        let Some(first) = self.phi_deg.first() else {
+            return 0.0;
+        };
+        // The mean over all bins, because files round their angles.
+        let from_first = |phi: &f64| (phi - first) / self.bin_width_deg;
+        let roundings = self.phi_deg.iter().map(from_first).map(|x| x - x.round());
+        let mean = roundings.sum::<f64>() / self.len() as f64;
+        let edge = first / self.bin_width_deg - 0.5;
+        let offset = edge - edge.round() + mean;
+        if offset.abs() <= SLACK {
+            0.0
+        } else {
+            offset * self.bin_width_deg
+        }
+    }
+
+    /// The whole number k of each bin, which covers `offset_deg() + [k, k + 1) bin_width_deg`.
     #[must_use]
     pub fn bins(&self) -> Vec<i64> {
+        let offset_deg = self.offset_deg();
         self.phi_deg
             .iter()
-            .map(|phi| bin_of(*phi, self.bin_width_deg))
+            .map(|phi| bin_of(phi - offset_deg, self.bin_width_deg))
             .collect()
+    }
+
+    /// Whether each radius has the same error to both sides.
+    #[must_use]
+    pub fn has_symmetric_errors(&self) -> bool {
+        let mut pairs = self.r_err_lo_kpc.iter().zip(&self.r_err_hi_kpc);
+        pairs.all(|(lo, hi)| lo.total_cmp(hi).is_eq())
+    }
+
+    /// Standard error in kpc of the radius in this row, on the side where the radius `r_kpc` lies.
+    #[must_use]
+    pub fn r_err_towards_kpc(&self, row: usize, r_kpc: f64) -> f64 {
+        if r_kpc > self.r_kpc[row] {
+            self.r_err_hi_kpc[row]
+        } else {
+            self.r_err_lo_kpc[row]
+        }
+    }
+
+    /// What was assumed because the source does not say it, and what was changed on reading, one sentence each.
+    #[must_use]
+    pub fn assumptions(&self) -> Vec<String> {
+        let error = self.assumed_error.map(|assumed| {
+            format!("the errors of r are {assumed} of r, because the track has none")
+        });
+        let mirrored = self.meta.contains_key(MIRRORED).then(|| {
+            "phi was mirrored on reading, so that the leading tail is at positive phi".to_owned()
+        });
+        error.into_iter().chain(mirrored).collect()
     }
 }
 
@@ -70,9 +127,4 @@ impl ObservedTrack {
 )]
 fn bin_of(phi_deg: f64, width_deg: f64) -> i64 {
     (phi_deg / width_deg - 0.5).round() as i64
-}
-
-/// The errors of radii without errors.
-pub(super) fn default_errors(r_kpc: &[f64]) -> Vec<f64> {
-    r_kpc.iter().map(|r| DEFAULT_RELATIVE_ERROR * r).collect()
 }

@@ -1,7 +1,12 @@
 //! Files to tracks: finds the columns, applies the units, and turns each fault into an error with its line.
 
-use super::observed::{NUMBERS_OF_BINS, ObservedTrack, default_errors};
-use super::{check, ecsv};
+use super::angles::{Handedness, header_angle_deg, phi_deg};
+use super::assumed_error::AssumedError;
+use super::ecsv::{self, Header, quantity};
+use super::header_keys::meant_by;
+use super::observed::{MIRRORED, ObservedTrack};
+use super::table::Table;
+use super::{check, csv_header};
 use crate::error::{Error, Result, TrackFault};
 use oblate_samplers::read;
 use serde_json::Value;
@@ -13,14 +18,16 @@ const MAX_BYTES: u64 = 4 << 20;
 /// Kiloparsecs per arcsecond and megaparsec: 1000 / 206264.806...
 const KPC_PER_ARCSEC_MPC: f64 = 1000.0 * std::f64::consts::PI / (180.0 * 3600.0);
 
-/// The body of a file: columns by name, each row with its line.
-struct Table {
-    names: Vec<String>,
-    names_line: usize,
-    rows: Vec<(usize, Vec<String>)>,
+/// What a file of a track may leave open.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ReadOptions {
+    /// The errors of a track that has none; instead of the header's `assume_error`.
+    pub assumed_error: Option<AssumedError>,
+    /// The sense of phi; instead of the header's `handedness`.
+    pub handedness: Option<Handedness>,
 }
 
-fn track(path: &Path) -> Result<ObservedTrack> {
+fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
     let text = read::text(path, MAX_BYTES).map_err(|source| Error::Io {
         path: path.to_path_buf(),
         source,
@@ -28,50 +35,68 @@ fn track(path: &Path) -> Result<ObservedTrack> {
     })?;
     let lines: Vec<&str> = text.lines().collect();
     let comments = lines.iter().take_while(|l| l.starts_with('#')).count();
-    let header = if lines.first().is_some_and(|l| l.starts_with("# %ECSV")) {
-        Some(ecsv::header(path, &lines[..comments])?)
+    let is_ecsv = lines.first().is_some_and(|l| l.starts_with("# %ECSV"));
+    let mut header = if is_ecsv {
+        ecsv::header(path, &lines[..comments])?
     } else {
-        None
+        csv_header::header(path, &lines[..comments])?
     };
     // ECSV without a delimiter is separated by spaces; that is its default.
-    let delimiter = match &header {
-        Some(h) => h.delimiter.unwrap_or(b' '),
-        None => b',',
+    let usual = if is_ecsv { b' ' } else { b',' };
+    let mut table = Table::parse(path, &text, header.delimiter.unwrap_or(usual))?;
+    let fail = |table: &Table, fault| table.fail(path, fault);
+    let in_header = |key: &str, fault| Error::TrackFile {
+        path: path.to_path_buf(),
+        line: line_of(&lines, key),
+        fault,
     };
-    let table = Table::parse(path, &text, delimiter)?;
-    let mut header = header.unwrap_or_default();
+    if let Some(fault) = header_fault(&header, &table, is_ecsv) {
+        let key = match &fault {
+            TrackFault::HeaderKey { key, .. } => key.as_str(),
+            _ => "units",
+        };
+        return Err(in_header(key, fault.clone()));
+    }
 
-    let (phi, phi_unit) = (table.need(path, "phi")?, header.units.get("phi"));
-    let to_deg = factor(path, &table, "phi", phi_unit, |u| match u {
-        "deg" => Some(1.0),
-        "rad" => Some(180.0 / std::f64::consts::PI),
-        _ => None,
-    })?;
-    let phi_deg: Vec<f64> = phi.iter().map(|x| x * to_deg).collect();
-    let kpc = |column: &str| -> Result<f64> {
-        if header.units.get(column).map(String::as_str) == Some("arcsec") {
-            return Ok(KPC_PER_ARCSEC_MPC * distance_mpc(path, &table, &header)?);
-        }
-        let unit = header.units.get(column);
-        factor(path, &table, column, unit, |u| (u == "kpc").then_some(1.0))
+    let handedness = match options.handedness {
+        Some(handedness) => handedness,
+        None => entry(&header, "handedness", "`as-given` or `mirrored`")
+            .map_err(|fault| in_header("handedness", fault))?
+            .unwrap_or_default(),
     };
-    let to_kpc = kpc("r")?;
-    let r_kpc: Vec<f64> = table.need(path, "r")?.iter().map(|x| x * to_kpc).collect();
-    let r_err_kpc = match table.find(path, "r_err")? {
-        Some(values) => {
-            let to_kpc = kpc("r_err")?;
-            Some(values.iter().map(|x| x * to_kpc).collect())
-        }
-        None => None,
+    let mut phi_deg = phi_deg(path, &table, &header)?;
+    if handedness == Handedness::Mirrored {
+        // Reversed, so that phi increases.
+        table.rows.reverse();
+        phi_deg = phi_deg.iter().rev().map(|phi| -phi).collect();
+        header.meta.insert(MIRRORED.to_owned(), Value::from(true));
+    }
+    let kpc = |column: &'static str| kpc(path, &table, &header, column);
+    let Some(r_kpc) = kpc("r")? else {
+        table.need(path, "r")?;
+        return Err(fail(&table, TrackFault::NoTable));
     };
-    let bin_width_deg = match header.meta.get("bin_width") {
-        Some(width) => number(width).ok_or_else(|| Error::TrackFile {
-            path: path.to_path_buf(),
-            line: line_of(&lines, "bin_width"),
-            fault: TrackFault::BinWidthNotANumber {
-                text: width.to_string(),
-            },
-        })?,
+    let given = (kpc("r_err")?, kpc("r_err_lo")?, kpc("r_err_hi")?);
+    let assumed = match options.assumed_error {
+        Some(assumed) => Some(assumed),
+        None => entry(&header, "assume_error", "per cent of r, such as `2%`")
+            .map_err(|fault| in_header("assume_error", fault))?,
+    };
+    let (r_err_lo_kpc, r_err_hi_kpc) = match (given, assumed) {
+        ((Some(both), None, None), None) => (both.clone(), both),
+        ((None, Some(lo), Some(hi)), None) => (lo, hi),
+        ((None, None, None), Some(assumed)) => {
+            let errors: Vec<f64> = r_kpc.iter().map(|r| assumed.of(*r)).collect();
+            (errors.clone(), errors)
+        }
+        ((None, None, None), None) => return Err(fail(&table, TrackFault::NoErrors)),
+        ((Some(_), None, None) | (None, Some(_), Some(_)), Some(_)) => {
+            return Err(fail(&table, TrackFault::ErrorsAndAssumption));
+        }
+        _ => return Err(fail(&table, TrackFault::ErrorColumns)),
+    };
+    let bin_width_deg = match header_angle_deg(&header, "bin_width") {
+        Some(width) => width.map_err(|fault| in_header("bin_width", fault))?,
         None => smallest_step(&phi_deg),
     };
     let name = match header.meta.get("name").and_then(Value::as_str) {
@@ -80,15 +105,23 @@ fn track(path: &Path) -> Result<ObservedTrack> {
             .file_stem()
             .map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
     };
-    // The first two have fields of their own; the last is astropy's note on how it packed its quantities.
-    for key in ["name", "bin_width", "__serialized_columns__"] {
+    // The first ones have been used and would be used twice; the last is astropy's note on how it packed its quantities.
+    for key in [
+        "name",
+        "bin_width",
+        "assume_error",
+        "handedness",
+        "progenitor_pa",
+        "__serialized_columns__",
+    ] {
         header.meta.remove(key);
     }
     let track = ObservedTrack {
         name,
         bin_width_deg,
-        r_err_assumed: r_err_kpc.is_none(),
-        r_err_kpc: r_err_kpc.unwrap_or_else(|| default_errors(&r_kpc)),
+        r_err_lo_kpc,
+        r_err_hi_kpc,
+        assumed_error: assumed,
         n: table.find(path, "n")?,
         phi_deg,
         r_kpc,
@@ -108,6 +141,44 @@ fn track(path: &Path) -> Result<ObservedTrack> {
     }
 }
 
+/// An entry of the header that would be ignored: in ECSV a key that is nearly one that is read, in CSV a unit of a column that is not
+/// there.
+fn header_fault(header: &Header, table: &Table, is_ecsv: bool) -> Option<TrackFault> {
+    if is_ecsv {
+        // Units of ECSV are those of its columns.
+        let meant = |key: &String| meant_by(key).filter(|meant| *meant != "units");
+        return header.meta.keys().find_map(|key| {
+            Some(TrackFault::HeaderKey {
+                key: key.clone(),
+                nearest: meant(key)?.to_owned(),
+            })
+        });
+    }
+    let column = header.units.keys().find(|column| !table.has(column))?;
+    Some(TrackFault::HeaderValue {
+        key: "units",
+        text: format!("for `{column}`"),
+        expected: "units of columns that the table has",
+    })
+}
+
+/// An entry of the header that is a word with a meaning.
+fn entry<T: std::str::FromStr>(
+    header: &Header,
+    key: &'static str,
+    expected: &'static str,
+) -> std::result::Result<Option<T>, TrackFault> {
+    let Some(value) = header.meta.get(key) else {
+        return Ok(None);
+    };
+    let word = value.as_str().and_then(|word| word.parse().ok());
+    word.map(Some).ok_or_else(|| TrackFault::HeaderValue {
+        key,
+        text: value.to_string(),
+        expected,
+    })
+}
+
 /// The smallest positive step, or 0 where there is none (the checks then name the row).
 fn smallest_step(phi_deg: &[f64]) -> f64 {
     let min = phi_deg
@@ -118,60 +189,45 @@ fn smallest_step(phi_deg: &[f64]) -> f64 {
     if min.is_finite() { min } else { 0.0 }
 }
 
-/// The factor from a column's unit to degrees or kpc.
-fn factor(
+/// A column of radii or of their errors in kpc, if it is there. Errors without a unit have that of the radii.
+fn kpc(
     path: &Path,
     table: &Table,
-    column: &str,
-    unit: Option<&String>,
-    known: impl Fn(&str) -> Option<f64>,
-) -> Result<f64> {
-    let Some(unit) = unit else { return Ok(1.0) };
-    known(unit).ok_or_else(|| Error::TrackFile {
-        path: path.to_path_buf(),
-        line: Some(table.names_line),
-        fault: TrackFault::UnknownUnit {
-            column: column.to_owned(),
-            unit: unit.to_owned(),
-            known: if column == "phi" {
-                "deg or rad"
-            } else {
-                "kpc, or in arcsec with `distance` [Mpc] in the header"
-            },
-        },
-    })
-}
-
-/// A number as astropy writes it: plain, or a quantity.
-fn number(value: &Value) -> Option<f64> {
-    value
-        .as_f64()
-        .or_else(|| value.get("value").and_then(Value::as_f64))
-        .filter(|x| x.is_finite())
+    header: &Header,
+    column: &'static str,
+) -> Result<Option<Vec<f64>>> {
+    let Some(values) = table.find(path, column)? else {
+        return Ok(None);
+    };
+    let fail = |fault| table.fail(path, fault);
+    let unit = header.units.get(column).or_else(|| header.units.get("r"));
+    let to_kpc = match unit.map(String::as_str) {
+        Some("arcsec") => KPC_PER_ARCSEC_MPC * distance_mpc(header).map_err(fail)?,
+        Some("kpc") => 1.0,
+        Some(unit) => {
+            return Err(fail(TrackFault::UnknownUnit {
+                column: column.to_owned(),
+                unit: unit.to_owned(),
+                known: "kpc, or in arcsec with `distance` [Mpc] in the header",
+            }));
+        }
+        // A distance is of use only where radii are angles.
+        None if header.meta.contains_key("distance") => {
+            return Err(fail(TrackFault::DistanceWithoutUnit));
+        }
+        None => 1.0,
+    };
+    Ok(Some(values.iter().map(|x| x * to_kpc).collect()))
 }
 
 /// The header's distance, which must be in Mpc.
-fn distance_mpc(path: &Path, table: &Table, header: &ecsv::Header) -> Result<f64> {
-    let fail = |fault| Error::TrackFile {
-        path: path.to_path_buf(),
-        line: Some(table.names_line),
-        fault,
-    };
-    let Some(value) = header.meta.get("distance") else {
-        return Err(fail(TrackFault::NoDistance));
-    };
-    let unit = value.get("unit").map(|u| {
-        u.get("unit")
-            .unwrap_or(u)
-            .as_str()
-            .unwrap_or("unknown")
-            .to_owned()
-    });
-    match (number(value), unit.as_deref()) {
-        (Some(mpc), None | Some("Mpc")) if mpc > 0.0 => Ok(mpc),
-        _ => Err(fail(TrackFault::BadDistance {
+fn distance_mpc(header: &Header) -> std::result::Result<f64, TrackFault> {
+    let value = header.meta.get("distance").ok_or(TrackFault::NoDistance)?;
+    match quantity(value) {
+        Some((mpc, unit)) if mpc > 0.0 && unit.as_deref().is_none_or(|u| u == "Mpc") => Ok(mpc),
+        _ => Err(TrackFault::BadDistance {
             text: value.to_string(),
-        })),
+        }),
     }
 }
 
@@ -180,116 +236,27 @@ fn line_of(lines: &[&str], key: &str) -> Option<usize> {
     lines.iter().position(|l| l.contains(key)).map(|i| i + 1)
 }
 
-impl Table {
-    fn parse(path: &Path, text: &str, delimiter: u8) -> Result<Self> {
-        let mut names = Vec::new();
-        let mut names_line = 0;
-        let mut rows = Vec::new();
-        // Line by line, so that every error has its line; quoted fields with line breaks are not supported.
-        for (line, content) in text.lines().enumerate().map(|(i, l)| (i + 1, l)) {
-            if content.trim().is_empty() || content.starts_with('#') {
-                continue;
-            }
-            let mut record = csv::StringRecord::new();
-            csv::ReaderBuilder::new()
-                .has_headers(false)
-                .delimiter(delimiter)
-                .trim(csv::Trim::All)
-                .from_reader(content.trim().as_bytes())
-                .read_record(&mut record)
-                .map_err(|e| Error::TrackFile {
-                    path: path.to_path_buf(),
-                    line: Some(line),
-                    fault: TrackFault::BadRow {
-                        message: e.to_string(),
-                    },
-                })?;
-            let fields: Vec<String> = record.iter().map(str::to_owned).collect();
-            if names_line == 0 {
-                names_line = line;
-                names = fields;
-            } else if rows.len() == *NUMBERS_OF_BINS.end() {
-                return Err(Error::TrackFile {
-                    path: path.to_path_buf(),
-                    line: Some(line),
-                    fault: TrackFault::TooManyBins {
-                        bins: rows.len() + 1,
-                        max: rows.len(),
-                    },
-                });
-            } else if fields.len() == names.len() {
-                rows.push((line, fields));
-            } else {
-                return Err(Error::TrackFile {
-                    path: path.to_path_buf(),
-                    line: Some(line),
-                    fault: TrackFault::RowLength {
-                        values: fields.len(),
-                        columns: names.len(),
-                    },
-                });
-            }
-        }
-        if names.is_empty() {
-            return Err(Error::TrackFile {
-                path: path.to_path_buf(),
-                line: None,
-                fault: TrackFault::NoTable,
-            });
-        }
-        Ok(Self {
-            names,
-            names_line,
-            rows,
-        })
-    }
-
-    /// A column that must be there.
-    fn need(&self, path: &Path, name: &str) -> Result<Vec<f64>> {
-        self.find(path, name)?.ok_or_else(|| Error::TrackFile {
-            path: path.to_path_buf(),
-            line: Some(self.names_line),
-            fault: TrackFault::MissingColumn {
-                column: name.to_owned(),
-                found: self.names.clone(),
-            },
-        })
-    }
-
-    /// A column's numbers, if the column is there.
-    fn find(&self, path: &Path, name: &str) -> Result<Option<Vec<f64>>> {
-        let Some(at) = self.names.iter().position(|n| n == name) else {
-            return Ok(None);
-        };
-        self.rows
-            .iter()
-            .map(|(line, fields)| {
-                fields[at].parse::<f64>().map_err(|_| Error::TrackFile {
-                    path: path.to_path_buf(),
-                    line: Some(*line),
-                    fault: TrackFault::NotANumber {
-                        column: name.to_owned(),
-                        text: fields[at].clone(),
-                    },
-                })
-            })
-            .collect::<Result<Vec<f64>>>()
-            .map(Some)
-    }
-}
-
 impl ObservedTrack {
-    /// Reads a track from ECSV (a file that starts with `# %ECSV`) or plain CSV.
-    ///
-    /// Columns: `phi` (deg or rad), `r` (kpc, or arcsec with `distance` in Mpc in the header), optionally `r_err` (as
-    /// `r`) and `n`; others are ignored. CSV has no place for units: there `phi` is in degrees, `r` and `r_err` in kpc.
-    /// The header may give `bin_width` in degrees; otherwise it is the smallest step of `phi`.
+    /// As [`read_with`](Self::read_with), for a file that leaves nothing open.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be read; [`Error::TrackFile`] with line and column if it is not a table, a column
-    /// is missing, a unit is unknown, a value is not finite, not positive or out of its range, bins are fewer than three or more
-    /// than 10,000, not increasing, not equally wide, or do not have their edges at multiples of the bin width from the progenitor.
+    /// Those of [`read_with`](Self::read_with).
     pub fn read(path: &Path) -> Result<Self> {
-        track(path)
+        track(path, &ReadOptions::default())
+    }
+
+    /// Reads a track from ECSV (a file that starts with `# %ECSV`) or plain CSV; docs/tracks.md explains both.
+    ///
+    /// Columns: `phi`, or `PA` with `progenitor_pa` in the header (deg, rad, arcmin or arcsec); `r` (kpc, or arcsec with `distance` in
+    /// Mpc in the header); `r_err`, or `r_err_lo` and `r_err_hi` (as `r`); optionally `n`. The header may give `bin_width` in degrees;
+    /// otherwise it is the smallest step of `phi`. Without units, angles are in degrees and radii in kpc.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read; [`Error::TrackFile`] with line and column if it is not a table, a column is missing or
+    /// not known, the radii have neither errors nor an assumed one, a unit is unknown, an entry of the header cannot be understood, a
+    /// value is not finite, not positive or out of its range, bins are fewer than three or more than 10,000, not increasing or not
+    /// equally wide.
+    pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Self> {
+        track(path, options)
     }
 }

@@ -13,7 +13,7 @@ pub enum TrackFault {
         message: String,
     },
     /// There is no table.
-    #[error("the file has no table; give columns phi and r, with r_err and n where known")]
+    #[error("the file has no table; give columns phi and r with r_err, and n where known")]
     NoTable,
     /// A line is not a row.
     #[error(
@@ -35,11 +35,11 @@ pub enum TrackFault {
     },
     /// A column is missing.
     #[error(
-        "column `{column}` is missing (found {}); name the columns phi, r and, where known, r_err and n", found.join(", ")
+        "column `{column}` is missing (found {}); name the columns phi, r and r_err, and n where known", found.join(", ")
     )]
     MissingColumn {
         /// The missing column.
-        column: String,
+        column: &'static str,
         /// The columns of the file.
         found: Vec<String>,
     },
@@ -61,12 +61,89 @@ pub enum TrackFault {
         /// The units that are known.
         known: &'static str,
     },
-    /// The header's bin width is not a number.
-    #[error("`bin_width` is {text}; give the width of a bin in degrees as a plain number")]
-    BinWidthNotANumber {
+    /// The names of the columns are not separated as they must be.
+    #[error(
+        "the names of the columns are not separated in {names:?}; separate names and values by commas in CSV, and as the header says in ECSV"
+    )]
+    Delimiter {
+        /// What stands between two delimiters.
+        names: String,
+    },
+    /// A column is not known, and what it says would be ignored.
+    #[error(
+        "column `{column}` is not known{}; {}: the known columns are {}",
+        nearest.map(|name| format!(" (the nearest name is `{name}`)")).unwrap_or_default(),
+        if nearest.is_some() { "rename or remove it" } else { "remove it" },
+        known.join(", ")
+    )]
+    UnknownColumn {
+        /// The column.
+        column: String,
+        /// The known name that it may be meant for.
+        nearest: Option<&'static str>,
+        /// All that are known.
+        known: &'static [&'static str],
+    },
+    /// Two columns have the same name.
+    #[error("column `{column}` is there twice; remove one of the two")]
+    RepeatedColumn {
+        /// The column.
+        column: String,
+    },
+    /// Both columns of angles are there.
+    #[error("the columns `phi` and `PA` are both there; keep one of them")]
+    PhiAndPa,
+    /// Position angles without that of the progenitor.
+    #[error(
+        "column `PA` needs the progenitor's position angle; give `progenitor_pa` in degrees, east of north, in the header"
+    )]
+    NoProgenitorPa,
+    /// Position angles of a track that covers a turn or more.
+    #[error(
+        "column `PA` covers a whole turn or more, so that it does not tell how often the stream is around the host; give `phi`, \
+         counted from the progenitor and increasing past 180 deg, in its place"
+    )]
+    PaOverATurn,
+    /// The radii have no errors.
+    #[error(
+        "the radii have no errors; add a column `r_err`, or `r_err_lo` and `r_err_hi`, or state an error for all bins in the header, such \
+         as `assume_error: 2%`"
+    )]
+    NoErrors,
+    /// The radii have errors, and others are to be assumed.
+    #[error("the radii have errors, and an assumed error is given too; remove one of the two")]
+    ErrorsAndAssumption,
+    /// The columns of errors do not go together.
+    #[error(
+        "the columns of errors do not go together; give either `r_err`, or both `r_err_lo` and `r_err_hi`"
+    )]
+    ErrorColumns,
+    /// An entry of the header is nearly one that is read.
+    #[error(
+        "`{key}` in the header is not read; write it as `{nearest}: value`, or use another word"
+    )]
+    HeaderKey {
+        /// Its key or first word.
+        key: String,
+        /// The key that may be meant.
+        nearest: String,
+    },
+    /// An entry of the header cannot be understood.
+    #[error("`{key}` in the header is {text}; give {expected}")]
+    HeaderValue {
+        /// The key.
+        key: &'static str,
         /// What the header gives.
         text: String,
+        /// What it must be.
+        expected: &'static str,
     },
+    /// The header has a distance, and the radii have no unit.
+    #[error(
+        "the header has a `distance`, but column `r` has no unit, so that it is not clear whether `r` is an angle; give the unit, \
+         arcsec or kpc: in ECSV with the column, in CSV as `# units: r arcsec`"
+    )]
+    DistanceWithoutUnit,
     /// Radii in arcsec need a distance.
     #[error(
         "column `r` is in arcsec and the header has no `distance`; add `distance` in Mpc, a number above zero, to the header's meta, or \
@@ -171,17 +248,6 @@ pub enum TrackFault {
     UnequalBins {
         /// The step between two centres.
         step_deg: f64,
-        /// The bin width.
-        width_deg: f64,
-    },
-    /// Bin edges are not multiples of the bin width.
-    #[error(
-        "column `phi` is {phi_deg} deg, not the centre of a bin whose edges are multiples of {width_deg} deg; bin the stars with the \
-         progenitor at phi = 0 on an edge, so that centres are (k + 1/2) bin widths"
-    )]
-    OffGrid {
-        /// The centre.
-        phi_deg: f64,
         /// The bin width.
         width_deg: f64,
     },

@@ -37,13 +37,10 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     found.insert("bounded_tidal_radius", tally.bounded_tidal_radius as f64);
     found.insert("ambiguous_windings", tally.ambiguous_windings as f64);
     let mut chi2 = 0.0;
-    for (bin, (r, sigma)) in track
-        .bins()
-        .into_iter()
-        .zip(track.r_kpc.iter().zip(&track.r_err_kpc))
-    {
+    for (row, bin) in track.bins().into_iter().enumerate() {
         if let Some(model) = modelled.bins.iter().find(|b| b.bin == bin) {
-            chi2 += ((model.r_kpc - r) / sigma).powi(2);
+            let sigma = track.r_err_towards_kpc(row, model.r_kpc);
+            chi2 += ((model.r_kpc - track.r_kpc[row]) / sigma).powi(2);
         }
     }
     found.insert("best_fit_chi2", chi2);

@@ -146,6 +146,7 @@ pub fn summarize(
     };
     let context = SummaryContext {
         command: command.to_owned(),
+        assumptions: track.assumptions(),
         q_prior: Some(target.stream_prior().q_prior()),
         warnings: found.warnings,
         model_checks,

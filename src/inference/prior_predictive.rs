@@ -47,7 +47,7 @@ pub fn check_prior_predictive(target: &StreamTarget, seed: u64) -> Result<()> {
         None => Ok(()),
         Some(i) => Err(Error::UnreachableTrack {
             tries: DRAWS,
-            phi_deg: (data[i].bin as f64 + 0.5) * grid.width_deg,
+            phi_deg: grid.centre_deg(data[i].bin),
             r_kpc: data[i].r_kpc,
         }),
     }

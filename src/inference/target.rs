@@ -32,11 +32,12 @@ impl StreamTarget {
         let data: Vec<DataBin> = track
             .bins()
             .into_iter()
-            .zip(track.r_kpc.iter().zip(&track.r_err_kpc))
-            .map(|(bin, (r, e))| DataBin {
+            .enumerate()
+            .map(|(row, bin)| DataBin {
                 bin,
-                r_kpc: *r,
-                r_err_kpc: *e,
+                r_kpc: track.r_kpc[row],
+                r_err_lo_kpc: track.r_err_lo_kpc[row],
+                r_err_hi_kpc: track.r_err_hi_kpc[row],
             })
             .collect();
         let likelihood = TrackLikelihood::new(
@@ -44,7 +45,8 @@ impl StreamTarget {
             track.bin_width_deg,
             &data,
             &model.settings().releases,
-        )?;
+        )?
+        .with_offset_deg(track.offset_deg())?;
         let q_range = prior.q_range();
         Ok(Self::new(
             StreamLikelihood::new(model, likelihood, q_range),

@@ -252,7 +252,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         self.track.ln_likelihood(&sums)
     }
 
-    /// The track of a parameter set with the width and the edges of the data's bins, every bin that is covered, and the particles.
+    /// The track of a parameter set with the data's bins: their width, offset and edges, every bin that is covered, and the particles.
     ///
     /// # Errors
     /// [`Rejection::BadParameter`], [`Rejection::BadOrbit`], [`Rejection::UnresolvedOrbit`] or [`Rejection::BadParticle`] where there
@@ -266,6 +266,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         let track = Track::from_checked(
             &particles,
             grid.width_deg,
+            grid.offset_deg,
             grid.edges,
             self.track.threshold().max(1.0),
         );

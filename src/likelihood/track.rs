@@ -47,6 +47,8 @@ pub struct LikelihoodSettings {
     pub model_noise: bool,
     /// The threshold on a bin's weight over the number of particles: half of that of mocks.
     pub min_fraction: f64,
+    /// Smallest standard error of a radius, per cent of the radius: smaller errors of the data are raised to it. 0: none.
+    pub error_floor_percent: f64,
 }
 
 impl Default for LikelihoodSettings {
@@ -56,6 +58,7 @@ impl Default for LikelihoodSettings {
             coverage: Coverage::default(),
             model_noise: true,
             min_fraction: 0.005,
+            error_floor_percent: 0.0,
         }
     }
 }
@@ -75,6 +78,8 @@ impl LikelihoodSettings {
             in_range("likelihood.coverage.penalty.lambda", lambda, 0.0..=1e7)?;
         }
         in_range("likelihood.min_fraction", self.min_fraction, 0.0..=1.0)?;
+        let floor = self.error_floor_percent;
+        in_range("likelihood.error_floor_percent", floor, 0.0..=100.0)?;
         Ok(())
     }
 }
@@ -85,12 +90,48 @@ const BOUND_SLACK: f64 = 1e-6;
 /// Data of one bin.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DataBin {
-    /// Number of the bin: it covers [bin, bin + 1) widths.
+    /// Number of the bin: it covers [bin, bin + 1) widths from the lower edge of bin 0.
     pub bin: i64,
     /// Measured mean radius, kpc.
     pub r_kpc: f64,
-    /// Its standard error, kpc.
-    pub r_err_kpc: f64,
+    /// Its standard error towards smaller radii, kpc.
+    pub r_err_lo_kpc: f64,
+    /// Its standard error towards larger radii, kpc.
+    pub r_err_hi_kpc: f64,
+}
+
+impl DataBin {
+    /// A radius with the same error to both sides.
+    #[must_use]
+    pub fn symmetric(bin: i64, r_kpc: f64, r_err_kpc: f64) -> Self {
+        Self {
+            bin,
+            r_kpc,
+            r_err_lo_kpc: r_err_kpc,
+            r_err_hi_kpc: r_err_kpc,
+        }
+    }
+
+    /// Whether the errors to both sides are the same.
+    #[inline(always)]
+    fn is_symmetric(&self) -> bool {
+        self.r_err_lo_kpc.to_bits() == self.r_err_hi_kpc.to_bits()
+    }
+
+    /// The mean of both errors, which normalises the likelihood without model noise.
+    #[inline(always)]
+    fn mean_error_kpc(&self) -> f64 {
+        0.5 * (self.r_err_lo_kpc + self.r_err_hi_kpc)
+    }
+
+    /// With errors of at least `floor_kpc`.
+    fn with_floor(self, floor_kpc: f64) -> Self {
+        Self {
+            r_err_lo_kpc: self.r_err_lo_kpc.max(floor_kpc),
+            r_err_hi_kpc: self.r_err_hi_kpc.max(floor_kpc),
+            ..self
+        }
+    }
 }
 
 /// The likelihood of a binned track.
@@ -145,7 +186,9 @@ impl TrackLikelihood {
                 ANGLES_DEG,
             )?;
             in_range("track.r_kpc", d.r_kpc, RADII_KPC)?;
-            in_range("track.r_err_kpc", d.r_err_kpc, RADIUS_ERRORS_KPC)?;
+            for error in [d.r_err_lo_kpc, d.r_err_hi_kpc] {
+                in_range("track.r_err_kpc", error, RADIUS_ERRORS_KPC)?;
+            }
         }
         let (Some(first), Some(last)) = (
             data.iter().map(|d| d.bin).min(),
@@ -161,7 +204,8 @@ impl TrackLikelihood {
         let mut by_bin = vec![None; len];
         for d in data {
             let index = usize::try_from(d.bin - first).unwrap_or(0);
-            if by_bin[index].replace(*d).is_some() {
+            let floored = d.with_floor(settings.error_floor_percent / 100.0 * d.r_kpc);
+            if by_bin[index].replace(floored).is_some() {
                 return fail(
                     "track",
                     format!("bin {} twice", d.bin),
@@ -173,6 +217,7 @@ impl TrackLikelihood {
             settings: *settings,
             grid: BinGrid {
                 width_deg,
+                offset_deg: 0.0,
                 first,
                 len,
                 edges: settings.edges,
@@ -183,6 +228,18 @@ impl TrackLikelihood {
             variance_factor: 1.0,
         }
         .with_releases(releases))
+    }
+
+    /// The same data in bins of which the lower edge of bin 0 is at `offset_deg` from the progenitor, in place of at the progenitor; at
+    /// most a bin to either side.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] beyond that.
+    pub fn with_offset_deg(mut self, offset_deg: f64) -> Result<Self> {
+        let width_deg = self.grid.width_deg;
+        in_range("track.offset_deg", offset_deg, -width_deg..=width_deg)?;
+        self.grid.offset_deg = offset_deg;
+        Ok(self)
     }
 
     /// The same data and rules for models with other releases.
@@ -216,7 +273,7 @@ impl TrackLikelihood {
         self.threshold
     }
 
-    /// The data, in the order of the bins.
+    /// The data, in the order of the bins, with the error floor applied.
     pub fn data(&self) -> impl Iterator<Item = &DataBin> {
         self.data.iter().flatten()
     }
@@ -226,7 +283,7 @@ impl TrackLikelihood {
     pub fn ln_likelihood_bound(&self) -> f64 {
         let exact_fit = self
             .data()
-            .map(|d| -d.r_err_kpc.ln() - LN_SQRT_2PI)
+            .map(|d| -d.mean_error_kpc().ln() - LN_SQRT_2PI)
             .sum::<f64>();
         exact_fit + BOUND_SLACK
     }
@@ -315,17 +372,25 @@ impl TrackLikelihood {
         // Bounded, so that the mean is finite where the cover is 0.
         let bounded_weight = weight.max(S::from_f64(0.25 * self.threshold).max(S::from_f64(1e-9)));
         let mean = r / bounded_weight;
-        let mut variance = S::from_f64(d.r_err_kpc * d.r_err_kpc);
+        let mut noise = S::zero();
         if self.settings.model_noise {
             let variance_of_r = (r2 / bounded_weight - mean * mean).max(S::zero());
-            variance += variance_of_r * self.variance_factor / bounded_weight;
+            noise += variance_of_r * self.variance_factor / bounded_weight;
         }
         let residual = mean - d.r_kpc;
-        let ln_covered = -(residual * residual / variance + variance.ln()) * 0.5 - LN_SQRT_2PI;
+        let lower = noise + d.r_err_lo_kpc * d.r_err_lo_kpc;
+        let ln_covered = if d.is_symmetric() {
+            -(residual * residual / lower + lower.ln()) * 0.5 - LN_SQRT_2PI
+        } else {
+            let upper = noise + d.r_err_hi_kpc * d.r_err_hi_kpc;
+            let variance = if residual.re() > 0.0 { upper } else { lower };
+            let mean_sd = (lower.sqrt() + upper.sqrt()) * 0.5;
+            -residual * residual / variance * 0.5 - mean_sd.ln() - LN_SQRT_2PI
+        };
         let ln_likelihood = match self.settings.coverage {
             Coverage::Reject => ln_covered,
             Coverage::Penalty { z_miss, .. } => {
-                let ln_miss = -0.5 * z_miss * z_miss - d.r_err_kpc.ln() - LN_SQRT_2PI;
+                let ln_miss = -0.5 * z_miss * z_miss - d.mean_error_kpc().ln() - LN_SQRT_2PI;
                 covered * (ln_covered - ln_miss) + ln_miss
             }
         };

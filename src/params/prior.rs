@@ -121,7 +121,18 @@ impl PriorSettings {
             marginals[i].check_range(&key, range)?;
             check_marginal(name, &marginals[i], POSITIVE.contains(name))?;
             if let Some(value) = fixed[i] {
-                in_range(&format!("prior.fixed.{name}"), value, range.clone())?;
+                let key = format!("prior.fixed.{name}");
+                in_range(&key, value, range.clone())?;
+                let (lo, hi) = marginals[i].support();
+                if value < lo || value > hi {
+                    return Err(Error::Setting {
+                        key,
+                        value: value.to_string(),
+                        remedy: format!(
+                            "its prior has values from {lo} to {hi}: give one of these, or widen prior.marginals.{name}"
+                        ),
+                    });
+                }
             }
         }
         Ok(())

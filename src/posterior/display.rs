@@ -16,6 +16,9 @@ impl fmt::Display for Summary {
                 check.name, check.value, check.limit, check.message
             )?;
         }
+        for assumption in &self.assumptions {
+            writeln!(f, "Assumed: {assumption}.")?;
+        }
         writeln!(f, "ln Z = {:.3} +- {:.3}", self.ln_z.value, self.ln_z.error)?;
         for (name, i) in self.parameters.iter().chain(&self.derived) {
             writeln!(

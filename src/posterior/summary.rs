@@ -73,6 +73,8 @@ impl Interval {
 pub struct SummaryContext {
     /// The command line that made the run.
     pub command: String,
+    /// What was assumed about the data, one sentence each.
+    pub assumptions: Vec<String>,
     /// The prior on q, where q is measured.
     pub q_prior: Option<QPrior>,
     /// More warnings, each with its remedy (the model's own: density below zero).
@@ -147,6 +149,9 @@ pub struct Summary {
     /// `converged`.
     #[serde(with = "json::checks")]
     pub model_checks: Vec<Check>,
+    /// What was assumed about the data because the track does not say it, and what was changed on reading, one sentence each.
+    #[serde(default)]
+    pub assumptions: Vec<String>,
     /// The sampler's warnings.
     pub warnings: Vec<String>,
     /// The model's warnings.
@@ -213,6 +218,7 @@ impl Summary {
             cost: run.cost.clone(),
             checks: run.checks.clone(),
             model_checks: context.model_checks.clone(),
+            assumptions: context.assumptions.clone(),
             warnings: run.warnings.clone(),
             model_warnings: context.warnings.clone(),
             diagnostics: context.diagnostics.clone(),

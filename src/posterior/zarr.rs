@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | `posterior` | each parameter and derived quantity by name | chain, draw |
 //! | `sample_stats` | `ln_likelihood` | chain, draw |
-//! | `observed_data` | `phi`, `r`, `r_err` (and `n`) of the track | bin |
+//! | `observed_data` | `phi`, `r`, `r_err` (or `r_err_lo` and `r_err_hi`; and `n`) of the track | bin |
 //! | `prior` | each parameter and derived quantity by name | chain, draw |
 //! | `weighted` | `theta`, `derived`, `ln_weight`, `ln_likelihood`, `chain`, `cluster`: the sampler's own draws, to the bit | row, ... |
 //! | `history` | the path of the run from the prior to the posterior | step, insertion, temperature or chain set |

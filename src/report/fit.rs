@@ -100,11 +100,17 @@ impl FitPicture<'_> {
             track.phi_deg.iter().flat_map(|p| [p - half, p + half]),
             0.03,
         );
-        let ends = track.r_kpc.iter().zip(&track.r_err_kpc);
+        let ends = (0..track.len()).flat_map(|i| {
+            let r = track.r_kpc[i];
+            [
+                r - 1.5 * track.r_err_lo_kpc[i],
+                r + 1.5 * track.r_err_hi_kpc[i],
+            ]
+        });
         let top = Axes {
             rect: (46.0, 12.0, 262.0, 160.0),
             x,
-            y: range_of(ends.flat_map(|(r, e)| [r - 1.5 * e, r + 1.5 * e]), 0.08),
+            y: range_of(ends, 0.08),
         };
         self.radii(&mut canvas, &top);
         self.residuals(&mut canvas, x);
@@ -121,9 +127,12 @@ impl FitPicture<'_> {
             canvas.area(&band.rings(axes, 1, 2), COLOURS[5], 0.55);
             let best = axes.all(&self.best.phi_deg, &self.best.r_kpc);
             canvas.line(&best, COLOURS[0], 1.2, "");
-            self.points(canvas, axes, |i| {
-                (self.track.r_kpc[i], self.track.r_err_kpc[i])
-            });
+            for (i, phi) in self.track.phi_deg.iter().enumerate() {
+                let (r, track) = (self.track.r_kpc[i], self.track);
+                let ends = [r - track.r_err_lo_kpc[i], r + track.r_err_hi_kpc[i]];
+                canvas.line(&ends.map(|end| axes.at(*phi, end)), INK, 0.7, "");
+                canvas.dot(axes.at(*phi, r), 1.9, INK, 1.0, "datum");
+            }
         });
         axes.frame(canvas);
         axes.draw_x(canvas, "", 7, 8.0);
@@ -178,20 +187,12 @@ impl FitPicture<'_> {
         }
     }
 
-    fn points(&self, canvas: &mut Canvas, axes: &Axes, value: impl Fn(usize) -> (f64, f64)) {
-        for (i, phi) in self.track.phi_deg.iter().enumerate() {
-            let (middle, error) = value(i);
-            let bar = [axes.at(*phi, middle - error), axes.at(*phi, middle + error)];
-            canvas.line(&bar, INK, 0.7, "");
-            canvas.dot(axes.at(*phi, middle), 1.9, INK, 1.0, "datum");
-        }
-    }
-
     fn residuals(&self, canvas: &mut Canvas, x: (f64, f64)) {
         let track = self.track;
         let residual = |i: usize| {
-            radius_at(self.best, track.phi_deg[i], track.bin_width_deg)
-                .map_or(f64::NAN, |r| (track.r_kpc[i] - r) / track.r_err_kpc[i])
+            radius_at(self.best, track.phi_deg[i], track.bin_width_deg).map_or(f64::NAN, |r| {
+                (track.r_kpc[i] - r) / track.r_err_towards_kpc(i, r)
+            })
         };
         let worst = (0..track.len())
             .map(residual)

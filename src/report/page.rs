@@ -117,8 +117,9 @@ fn verdict(out: &mut String, run: &PageRun<'_>) {
         );
     }
     let failed = s.checks.iter().chain(&s.model_checks).filter(|g| !g.pass);
-    let notes: Vec<String> = failed
-        .map(|g| format!("{}: {}", g.name, g.message))
+    let assumed = s.assumptions.iter().map(|a| format!("Assumed: {a}"));
+    let notes: Vec<String> = assumed
+        .chain(failed.map(|g| format!("{}: {}", g.name, g.message)))
         .chain(s.warnings.iter().cloned())
         .chain(s.model_warnings.iter().cloned())
         .collect();

@@ -87,6 +87,7 @@ pub fn population(
     };
     monitor.tell_memory(&config.reweighting.memory(streams.len()));
     let context = |command: &str, input_hash: &str| SummaryContext {
+        assumptions: Vec::new(),
         model_checks: Vec::new(),
         command: command.to_owned(),
         q_prior: None,

@@ -2,8 +2,8 @@
 
 use super::population;
 use crate::config::StudyConfig;
-use crate::data::{ObservedTrack, mocks};
-use crate::error::{Error, Result};
+use crate::data::{ObservedTrack, ReadOptions, mocks};
+use crate::error::{Error, Result, TrackFault};
 use crate::inference::{FitPlan, FitSettings, Sampler};
 use crate::params::StreamPrior;
 use crate::population::{Family, QPosterior};
@@ -50,9 +50,21 @@ impl StudyInputs {
         if let Some(study) = &config.tracks {
             some(&study.samplers).map_err(|e| e.within("tracks"))?;
             for file in &study.files {
-                inputs
-                    .tracks
-                    .push(ObservedTrack::read(&files_from.join(file))?);
+                let path = files_from.join(file);
+                let mut track = ObservedTrack::read(&path);
+                // Only a track without errors takes the assumed one.
+                if let Err(Error::TrackFile {
+                    fault: TrackFault::NoErrors,
+                    ..
+                }) = track
+                {
+                    let options = ReadOptions {
+                        assumed_error: study.assume_error,
+                        ..ReadOptions::default()
+                    };
+                    track = ObservedTrack::read_with(&path, &options);
+                }
+                inputs.tracks.push(track?);
             }
             for track in &inputs.tracks {
                 check(track, &study.fit, &study.samplers).map_err(|e| e.within("tracks.fit"))?;

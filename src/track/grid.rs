@@ -1,6 +1,7 @@
 //! The grid of angular bins, with hard or soft edges (docs/physics.md, section 6).
 //!
-//! Angles are counted from the progenitor and unwrapped; the leading tail is at positive angles. Bin b covers [b, b + 1) bin widths.
+//! Angles are counted from the progenitor and unwrapped; the leading tail is at positive angles. Bin b covers [b, b + 1) bin widths from the
+//! lower edge of bin 0, which is at the progenitor unless the grid has an offset.
 
 use super::smear::Sky;
 use crate::error::Result;
@@ -59,7 +60,9 @@ impl BinEdges {
 pub struct BinGrid {
     /// Width in degrees.
     pub width_deg: f64,
-    /// Number of the first bin: it begins at `first * width_deg` from the progenitor.
+    /// Angle from the progenitor to the lower edge of bin 0, degrees.
+    pub offset_deg: f64,
+    /// Number of the first bin: it begins at `offset_deg + first * width_deg` from the progenitor.
     pub first: i64,
     /// Number of bins.
     pub len: usize,
@@ -75,7 +78,7 @@ pub(super) struct NearestEdge<S> {
     pub above: S,
 }
 
-/// A particle on the sky: phi in bin widths, and its direction and radius.
+/// A particle on the sky: phi in bin widths from the lower edge of bin 0, and its direction and radius.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SkyPoint<S> {
     pub position: S,
@@ -92,6 +95,18 @@ impl BinGrid {
         180.0 / (PI * self.width_deg)
     }
 
+    /// Lower edge of bin 0 in bin widths.
+    #[inline(always)]
+    fn offset(&self) -> f64 {
+        self.offset_deg / self.width_deg
+    }
+
+    /// phi at the centre of a bin, degrees.
+    #[must_use]
+    pub fn centre_deg(&self, bin: i64) -> f64 {
+        (bin as f64 + 0.5) * self.width_deg + self.offset_deg
+    }
+
     /// Half-width of an edge in radians, 0 for hard edges.
     #[inline(always)]
     pub(super) fn soft(&self) -> f64 {
@@ -106,7 +121,7 @@ impl BinGrid {
     pub(super) fn sky_point<S: Scalar>(&self, x: S, y: S, winding_number: S) -> SkyPoint<S> {
         let r = (x * x + y * y).sqrt().max(S::from_f64(TINY_R));
         SkyPoint {
-            position: (angle(y, x) + winding_number * TAU) * self.per_radian(),
+            position: (angle(y, x) + winding_number * TAU) * self.per_radian() - self.offset(),
             sky: Sky::new(x, y, r),
         }
     }

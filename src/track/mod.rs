@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 /// One bin of a track.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrackBin {
-    /// Number of the bin: it covers [bin, bin + 1) widths.
+    /// Number of the bin: it covers [bin, bin + 1) widths from the lower edge of bin 0, which is at the progenitor or at the offset of the
+    /// data's bins.
     pub bin: i64,
     /// phi at the centre of the bin, degrees.
     pub phi_deg: f64,
@@ -71,13 +72,14 @@ impl Track {
     pub fn new(particles: &Particles, width_deg: f64, edges: BinEdges, min_n: f64) -> Result<Self> {
         in_range("width_deg", width_deg, BIN_WIDTHS_DEG)?;
         edges.check("half_width_deg", width_deg)?;
-        Ok(Self::from_checked(particles, width_deg, edges, min_n))
+        Ok(Self::from_checked(particles, width_deg, 0.0, edges, min_n))
     }
 
-    /// As [`new`](Self::new), with a width and edges that have been checked.
+    /// As [`new`](Self::new), with a width, an offset and edges that have been checked.
     pub(crate) fn from_checked(
         particles: &Particles,
         width_deg: f64,
+        offset_deg: f64,
         edges: BinEdges,
         min_n: f64,
     ) -> Self {
@@ -87,7 +89,7 @@ impl Track {
                 clippy::cast_possible_truncation,
                 reason = "clamped to the angles that a bin may have"
             )]
-            let bin = (particles.angle(i).to_degrees() / width_deg)
+            let bin = ((particles.angle(i).to_degrees() - offset_deg) / width_deg)
                 .floor()
                 .clamp(-last, last - 1.0) as i64;
             bin
@@ -106,6 +108,7 @@ impl Track {
         let len = usize::try_from(hi - lo + 1 + 2 * beyond).unwrap_or(0);
         let grid = BinGrid {
             width_deg,
+            offset_deg,
             first,
             len,
             edges,
@@ -125,7 +128,7 @@ impl Track {
                 let bin = first + i as i64;
                 TrackBin {
                     bin,
-                    phi_deg: (bin as f64 + 0.5) * width_deg,
+                    phi_deg: grid.centre_deg(bin),
                     r_kpc: mean,
                     r_err_kpc: (variance / n).sqrt(),
                     n,

@@ -56,8 +56,14 @@ fn seed(path: &Path, run: Run, part: Part) -> Seed {
         q_prior: Some(QPrior::Uniform { lo: 0.5, hi: 1.5 }),
         ..SummaryContext::default()
     };
-    let track =
-        ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
+    let track = ObservedTrack::new(
+        "toy",
+        &[5.0, 15.0, 25.0],
+        10.0,
+        &[60.0, 61.0, 62.0],
+        &[1.2, 1.22, 1.24],
+    )
+    .unwrap();
     let beginning = Beginning {
         versions: Versions::new(&[config.as_bytes()]),
         config_toml: config,

@@ -89,7 +89,7 @@ readers! {
     };
     settings, 3, "settings", 500, 1.0, |cases, reader, folder| {
         let (seeds, path) = (text::fit_seeds(), folder.path().join("fit.toml"));
-        let track = ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
+        let track = ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], &[1.2, 1.22, 1.24]).unwrap();
         reader.run(cases, |rng| text::fit_case(rng, &seeds, &track, &path))
     };
     study, 4, "study", 500, 1.0, |cases, reader, folder| {

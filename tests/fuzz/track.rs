@@ -23,8 +23,8 @@ pub fn ecsv_seeds() -> Vec<Vec<u8>> {
 /// Tracks in CSV.
 pub fn csv_seeds() -> Vec<Vec<u8>> {
     [
-        "phi,r\n-15,60\n-5,61\n5,63\n15,62.5\n",
-        "# by hand\nname,phi,r,r_err,n\n\"a\",-25,60,1.2,300\nb,5,61,1e0,0\nc,15,63,.5,12\n",
+        "# distance: 20 Mpc\n# units: phi arcmin, r arcsec\n# assume_error: 2%\nphi,r\n-900,600\n-300,610\n300,630\n900,625\n",
+        "# by hand\n# progenitor_pa: 10\n# handedness: mirrored\nPA,r,r_err_lo,r_err_hi,n\n\"-25\",60,1.2,1.5,300\n5,61,1e0,2,0\n15,63,.5,1,12\n",
     ]
     .map(|text| text.as_bytes().to_vec())
     .into()

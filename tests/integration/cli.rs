@@ -41,7 +41,8 @@ pub fn json(bytes: &[u8]) -> serde_json::Value {
 pub fn refused(output: &Output, words: &[&str]) {
     let text = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{text}");
-    assert_eq!(text.matches("error: ").count(), 1, "{text}");
+    let errors = text.lines().filter(|line| line.starts_with("error: "));
+    assert_eq!(errors.count(), 1, "{text}");
     for word in words {
         assert!(text.contains(word), "`{word}` is not in: {text}");
     }
@@ -186,6 +187,17 @@ fn every_setting_is_printed_and_read_back() {
     let path = write(folder.path(), "all.toml", &text);
     let again = oblate(&["fit", "--print-config", "--config", &path], "");
     assert_eq!(String::from_utf8_lossy(&again.stdout), text);
+    // Every table of the first level has a comment that says where it is explained.
+    let mut before = "";
+    for line in text.lines() {
+        if line.starts_with('[') && !line.contains('.') {
+            assert!(
+                before.starts_with("# ") && before.contains("docs/"),
+                "{line}"
+            );
+        }
+        before = line;
+    }
 }
 
 #[test]
@@ -251,7 +263,17 @@ fn bad_tracks_name_file_line_and_remedy_and_leave_nothing_behind() {
         (
             "column.csv",
             good.replace("phi,r,", "phi,radius,"),
-            vec!["`r`"],
+            vec!["line 1", "`radius` is not known"],
+        ),
+        (
+            "errors.csv",
+            good.replace(",r_err", "").replace(",1.2", ""),
+            vec!["no errors", "--assume-error 2%"],
+        ),
+        (
+            "near.csv",
+            good.replace("r_err", "r_errs"),
+            vec!["the nearest name is `r_err`"],
         ),
         ("nan.csv", good.replace("61", "nan"), vec!["line 3"]),
         ("negative.csv", good.replace("61", "-61"), vec!["line 3"]),
@@ -261,7 +283,11 @@ fn bad_tracks_name_file_line_and_remedy_and_leave_nothing_behind() {
             vec!["line 4"],
         ),
         ("unequal.csv", good.replace("5,62", "2,62"), vec!["line"]),
-        ("two.csv", "phi,r\n-5,60\n5,61\n".to_owned(), vec!["3"]),
+        (
+            "two.csv",
+            "phi,r,r_err\n-5,60,1\n5,61,1\n".to_owned(),
+            vec!["at least 3"],
+        ),
     ] {
         let path = write(folder.path(), name, &text);
         let output = oblate(&["fit", &path, "--out", &out], "");
@@ -291,6 +317,54 @@ sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6 }
 sampling.pt_hmc = { chain_sets = 2, first_scans = 4, smc_particles = 24, slice_updates = 3, extensions = 1 }
 sampling.bridge = { smc_particles = 60, mcmc_steps = 4 }
 "#;
+
+#[test]
+fn an_assumed_error_is_named_in_the_summary_and_on_the_page() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let config = write(
+        folder.path(),
+        "small.toml",
+        &format!("coarse_particles = 0\n{SMALL}likelihood.error_floor_percent = 3.0\n"),
+    );
+    let bare = "phi,r\n-15,57\n-5,63\n5,55\n15,51\n";
+    let track = write(folder.path(), "bare.csv", bare);
+    let out = path("run");
+    let output = oblate(
+        &[
+            "fit",
+            &track,
+            "--assume-error",
+            "2.5%",
+            "--profile",
+            "fast",
+            "--particles",
+            "128",
+            "--config",
+            &config,
+            "--out",
+            &out,
+            "--allow-unconverged",
+        ],
+        "",
+    );
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let said = "the errors of r are 2.5% of r";
+    let printed = String::from_utf8(output.stdout).expect("text");
+    assert!(printed.contains(&format!("Assumed: {said}")), "{printed}");
+    let read = |name: &str| std::fs::read_to_string(Path::new(&out).join(name)).expect("a file");
+    let summary: serde_json::Value = serde_json::from_str(&read("summary.json")).expect("JSON");
+    let assumed = summary["assumptions"][0].as_str().expect("a text");
+    assert!(assumed.starts_with(said), "{assumed}");
+    assert!(read("track.ecsv").contains("assume_error: \"2.5%\""));
+    // A profile replaces the model, not the floor of the data's errors.
+    assert!(read("config.toml").contains("error_floor_percent = 3.0"));
+    let page = path("page.html");
+    let output = oblate(&["report", &out, "--out", &page], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let html = std::fs::read_to_string(&page).expect("a page");
+    assert!(html.contains(&format!("Assumed: {said}")));
+}
 
 #[test]
 fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
@@ -368,7 +442,10 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
     refused(&output, &["prior"]);
     // The page holds the figures.
     let page = folder.path().join("page.html").display().to_string();
-    let output = oblate(&["report", &one, &two, "--out", &page], "");
+    let other = write(folder.path(), "notes.txt", "no run");
+    let output = oblate(&["report", &one, &other, &two, "--out", &page], "");
+    let skipped = String::from_utf8_lossy(&output.stderr).contains("skipped: ");
+    assert!(skipped, "{output:?}");
     assert_eq!(
         output.status.code(),
         Some(0),

@@ -1,7 +1,7 @@
 //! Reading and writing of tracks, and the messages about faulty ones.
 
 use oblate::Error;
-use oblate::data::ObservedTrack;
+use oblate::data::{Handedness, ObservedTrack, ReadOptions};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -32,19 +32,206 @@ fn assert_refused(extension: &str, text: &str, parts: &[&str]) {
     assert!(words.contains("; "), "{words:?} has no remedy");
 }
 
-const HEADER: &str = "# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n# - {name: phi, unit: PHI, datatype: float64}\n# - {name: r, unit: R, datatype: float64}\n# schema: astropy-2.0\nphi,r\n5,60\n15,61\n25,62\n";
+const HEADER: &str = "# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n# - {name: phi, unit: PHI, datatype: float64}\n# - {name: r, unit: R, datatype: float64}\n# meta:\n#   assume_error: 2%\n# schema: astropy-2.0\nphi,r\n5,60\n15,61\n25,62\n";
 
-#[test]
-fn csv_without_errors_gets_two_percent_and_says_so() {
+/// Reads `text` as a CSV file.
+fn csv(text: &str) -> ObservedTrack {
+    read_csv(text, &ReadOptions::default()).unwrap()
+}
+
+fn read_csv(text: &str, options: &ReadOptions) -> oblate::Result<ObservedTrack> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("arc.csv");
-    std::fs::write(&path, "# by hand\nphi,r\n-5,60\n5,61\n25,63\n").unwrap();
-    let track = ObservedTrack::read(&path).unwrap();
-    assert_eq!(track.name, "arc");
-    assert!(track.r_err_assumed);
-    assert_eq!(track.r_err_kpc, [1.2, 1.22, 1.26]);
-    assert_eq!(track.bins(), [-1, 0, 2]);
-    assert_eq!(track.bin_width_deg.to_bits(), 10.0_f64.to_bits());
+    std::fs::write(&path, text).unwrap();
+    ObservedTrack::read_with(&path, options)
+}
+
+#[test]
+fn errors_are_assumed_only_where_the_user_says_so() {
+    let bare = "phi,r\n-5,60\n5,61\n25,63\n";
+    assert_refused("csv", bare, &["no errors", "r_err_lo", "assume_error: 2%"]);
+    let stated = csv(&format!("# by hand\n# assume_error: 2%\n{bare}"));
+    let options = ReadOptions {
+        assumed_error: Some("2 %".parse().unwrap()),
+        ..ReadOptions::default()
+    };
+    for track in [stated, read_csv(bare, &options).unwrap()] {
+        assert_eq!(track.name, "arc");
+        assert_eq!(track.r_err_lo_kpc, [1.2, 1.22, 1.26]);
+        assert_eq!(track.r_err_hi_kpc, track.r_err_lo_kpc);
+        assert!(track.assumptions()[0].contains("2% of r"));
+        assert_eq!(track.bins(), [-1, 0, 2]);
+        assert_eq!(track.bin_width_deg.to_bits(), 10.0_f64.to_bits());
+        // It is said again where the track is read back.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("track.ecsv");
+        track.write(&path).unwrap();
+        assert_eq!(ObservedTrack::read(&path).unwrap(), track);
+    }
+    let whole = "phi,r,r_err\n-5,60,1\n5,61,1\n25,63,1\n";
+    assert!(csv(whole).assumptions().is_empty());
+    let words = read_csv(whole, &options).unwrap_err().to_string();
+    assert!(words.contains("remove one of the two"), "{words}");
+    for wrong in ["0.02", "0%", "200%", "nan%", "%"] {
+        let text = format!("# assume_error: {wrong}\n{bare}");
+        assert_refused("csv", &text, &["line 1", "`assume_error`", "2%"]);
+    }
+}
+
+#[test]
+fn unknown_columns_are_refused_with_the_nearest_name() {
+    let of = |column: &str| format!("phi,r,{column}\n5,60,1\n15,61,1\n25,62,1\n");
+    for (column, nearest) in [
+        ("r_eror", "r_err"),
+        ("r_err_low", "r_err_lo"),
+        ("pa", "PA"),
+        ("N", "n"),
+    ] {
+        let near = format!("the nearest name is `{nearest}`");
+        assert_refused("csv", &of(column), &["line 1", column, &near, "rename"]);
+    }
+    assert_refused(
+        "csv",
+        "phi;r;r_err\n5;60;1\n15;61;1\n25;62;1\n",
+        &["line 1", "phi;r;r_err", "by commas"],
+    );
+    let words = refusal("csv", &of("velocity"));
+    assert!(
+        words.contains("`velocity` is not known; remove it"),
+        "{words}"
+    );
+    assert_refused("csv", &of("r"), &["`r` is there twice"]);
+}
+
+#[test]
+fn errors_may_differ_to_both_sides() {
+    let track = csv("phi,r,r_err_lo,r_err_hi\n5,60,1,2\n15,61,1,1\n25,62,3,2\n");
+    assert_eq!(track.r_err_lo_kpc, [1.0, 1.0, 3.0]);
+    assert_eq!(track.r_err_hi_kpc, [2.0, 1.0, 2.0]);
+    assert!(!track.has_symmetric_errors());
+    let sides = [61.0, 59.0].map(|r| track.r_err_towards_kpc(0, r));
+    assert_eq!(sides.map(f64::to_bits), [2.0_f64, 1.0].map(f64::to_bits));
+    let half = "phi,r,r_err_lo\n5,60,1\n15,61,1\n25,62,3\n";
+    assert_refused("csv", half, &["both `r_err_lo` and `r_err_hi`"]);
+    let three = "phi,r,r_err,r_err_lo,r_err_hi\n5,60,1,1,1\n15,61,1,1,1\n25,62,1,3,1\n";
+    assert_refused("csv", three, &["either `r_err`"]);
+    let negative = "phi,r,r_err_lo,r_err_hi\n5,60,1,2\n15,61,1,-1\n25,62,3,2\n";
+    assert_refused("csv", negative, &["line 3", "`r_err_hi` is -1"]);
+}
+
+#[test]
+fn bins_may_lie_anywhere_on_an_even_grid() {
+    let of = |phi: [f64; 3]| {
+        let rows = phi.map(|phi| format!("{phi},60,1\n")).concat();
+        csv(&format!("phi,r,r_err\n{rows}"))
+    };
+    let on = of([-5.0, 5.0, 25.0]);
+    assert_eq!((on.offset_deg(), on.bins()), (0.0, vec![-1, 0, 2]));
+    // Angles that a file rounds are those of a grid without an offset.
+    let rounded = of([-5.001, 4.999, 25.003]);
+    assert_eq!(rounded.offset_deg().to_bits(), 0.0_f64.to_bits());
+    for phi in [[-3.0, 7.0, 27.0], [0.0, 10.0, 20.0], [-41.5, -31.5, -11.5]] {
+        let track = of(phi);
+        for (k, phi) in track.bins().into_iter().zip(phi) {
+            let centre = track.offset_deg() + (k as f64 + 0.5) * track.bin_width_deg;
+            assert!((centre - phi).abs() < 1e-12, "{phi}: {centre}");
+        }
+        assert!(track.offset_deg().abs() <= 5.0);
+    }
+}
+
+#[test]
+fn position_angles_count_from_the_progenitor() {
+    let of = |header: &str, angles: [f64; 3]| {
+        let rows = angles.map(|angle| format!("{angle},60,1\n")).concat();
+        format!("{header}PA,r,r_err\n{rows}")
+    };
+    let from =
+        |progenitor: f64, angles| csv(&of(&format!("# progenitor_pa: {progenitor}\n"), angles));
+    assert_eq!(from(20.0, [15.0, 25.0, 35.0]).phi_deg, [-5.0, 5.0, 15.0]);
+    // Over north, to both sides.
+    assert_eq!(from(0.0, [355.0, 5.0, 15.0]).phi_deg, [-5.0, 5.0, 15.0]);
+    assert_eq!(from(350.0, [345.0, 355.0, 5.0]).phi_deg, [-5.0, 5.0, 15.0]);
+    assert_eq!(
+        from(10.0, [340.0, 350.0, 0.0]).phi_deg,
+        [-30.0, -20.0, -10.0]
+    );
+    assert_refused("csv", &of("", [5.0, 15.0, 25.0]), &["`progenitor_pa`"]);
+    let both = "phi,PA,r,r_err\n5,5,60,1\n15,15,60,1\n25,25,60,1\n";
+    assert_refused("csv", both, &["`phi` and `PA`"]);
+    let turn: String = (0..36)
+        .map(|k| format!("{},60,1\n", (10 * k + 40) % 360))
+        .collect();
+    let turn = format!("# progenitor_pa: 0\nPA,r,r_err\n{turn}40,60,1\n");
+    assert_refused("csv", &turn, &["a whole turn", "give `phi`"]);
+}
+
+#[test]
+fn a_mirrored_track_has_its_phi_reversed() {
+    let body = "phi,r,r_err\n-15,60,1\n-5,61,2\n15,62,3\n";
+    let options = ReadOptions {
+        handedness: Some(Handedness::Mirrored),
+        ..ReadOptions::default()
+    };
+    let header = csv(&format!("# handedness: mirrored\n{body}"));
+    for track in [header, read_csv(body, &options).unwrap()] {
+        assert_eq!(track.phi_deg, [-15.0, 5.0, 15.0]);
+        assert_eq!(track.r_kpc, [62.0, 61.0, 60.0]);
+        assert_eq!(track.r_err_lo_kpc, [3.0, 2.0, 1.0]);
+        assert!(track.assumptions()[0].contains("mirrored"));
+        // Once only.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("track.ecsv");
+        track.write(&path).unwrap();
+        assert_eq!(ObservedTrack::read(&path).unwrap(), track);
+    }
+    let text = format!("# handedness: left\n{body}");
+    assert_refused("csv", &text, &["line 1", "`mirrored`"]);
+    // A fault keeps the line of its row.
+    let text = "# handedness: mirrored\nphi,r,r_err\n-15,60,1\n-5,-61,2\n15,62,3\n";
+    assert_refused("csv", text, &["line 4", "`r` is -61"]);
+}
+
+#[test]
+fn a_csv_header_gives_units_and_distance() {
+    let body = "phi,r,r_err\n-300,600,20\n300,610,20\n900,620,20\n";
+    let track = csv(&format!(
+        "# NGC 1\n# name: south\n# units: phi arcmin, r arcsec\n# distance = 20 Mpc\n# bin_width: 10 deg\n{body}"
+    ));
+    assert_eq!(
+        (track.name.as_str(), track.bins()),
+        ("south", vec![-1, 0, 1])
+    );
+    let kpc_per_arcsec = 20e3 / 206_264.806_247;
+    assert!((track.r_kpc[0] / (600.0 * kpc_per_arcsec) - 1.0).abs() < 1e-11);
+    // The errors have the unit of the radii.
+    assert!((track.r_err_hi_kpc[0] / (20.0 * kpc_per_arcsec) - 1.0).abs() < 1e-11);
+    for (header, parts) in [
+        ("# distance: 20 Mpc\n", vec!["no unit", "# units: r arcsec"]),
+        ("# units: r arcsec\n", vec!["no `distance`"]),
+        (
+            "# units: r arcsec\n# distance: far\n",
+            vec!["`distance` is"],
+        ),
+        (
+            "# units: r arcsec\n# distance: 20 kpc\n",
+            vec!["`distance` is"],
+        ),
+        (
+            "# units: phi hourangle\n",
+            vec!["`phi` is in `hourangle`", "arcmin"],
+        ),
+        ("# units: arcsec\n", vec!["line 1", "`phi deg, r arcsec`"]),
+        (
+            "# distanse: 20 Mpc\n",
+            vec!["line 1", "`distanse`", "`distance: value`"],
+        ),
+        ("# distance 20 Mpc\n", vec!["line 1", "`distance: value`"]),
+        ("# units: r_kpc arcsec\n", vec!["line 1", "`r_kpc`"]),
+        ("# bin_width: 1 kpc\n", vec!["line 1", "`bin_width`"]),
+    ] {
+        assert_refused("csv", &format!("{header}{body}"), &parts);
+    }
 }
 
 #[test]
@@ -57,11 +244,11 @@ fn astropy_quantities_in_arcsec_become_kpc() {
     let track = ObservedTrack::read(&golden("astropy_track.ecsv")).unwrap();
     assert_eq!(track.name, "NGC 0000 south");
     assert_eq!(track.bins(), [-4, -3, -2, 0, 1, 2]);
-    assert!(!track.r_err_assumed);
+    assert!(track.assumptions().is_empty());
     for (i, phi) in track.phi_deg.iter().enumerate() {
         let r = 60.0 + 0.2 * phi + 0.004 * phi * phi;
         assert!((track.r_kpc[i] / r - 1.0).abs() < tolerance);
-        assert!((track.r_err_kpc[i] / (0.03 * r) - 1.0).abs() < tolerance);
+        assert!((track.r_err_lo_kpc[i] / (0.03 * r) - 1.0).abs() < tolerance);
     }
     assert_eq!(track.n.unwrap()[2].to_bits(), 320.0_f64.to_bits());
     assert_eq!(track.meta["origin"], "made by astropy_track.py");
@@ -85,11 +272,11 @@ fn angles_in_radians_become_degrees() {
 fn a_missing_column_is_refused() {
     assert_refused(
         "csv",
-        "phi,radius\n5,60\n15,61\n25,62\n",
+        "phi,n\n5,60\n15,61\n25,62\n",
         &[
             "line 1",
             "column `r` is missing",
-            "phi, radius",
+            "phi, n",
             "name the columns",
         ],
     );
@@ -100,7 +287,7 @@ fn nan_and_infinity_are_refused_with_their_line() {
     for bad in ["nan", "inf"] {
         assert_refused(
             "csv",
-            &format!("phi,r\n5,60\n\n15,{bad}\n25,62\n"),
+            &format!("phi,r,r_err\n5,60,1\n\n15,{bad},1\n25,62,1\n"),
             &["line 4", "column `r`", "finite"],
         );
     }
@@ -119,7 +306,7 @@ fn text_in_a_number_is_refused() {
 fn radii_and_errors_at_or_below_zero_are_refused() {
     assert_refused(
         "csv",
-        "phi,r\n5,60\n15,0\n25,62\n",
+        "phi,r,r_err\n5,60,1\n15,0,1\n25,62,1\n",
         &["line 3", "column `r` is 0", "above zero"],
     );
     assert_refused(
@@ -133,7 +320,7 @@ fn radii_and_errors_at_or_below_zero_are_refused() {
 fn unsorted_and_repeated_bins_are_refused() {
     assert_refused(
         "csv",
-        "phi,r\n15,60\n5,61\n25,62\n",
+        "phi,r,r_err\n15,60,1\n5,61,1\n25,62,1\n",
         &[
             "line 3",
             "column `phi` is 5 deg after 15 deg",
@@ -142,7 +329,7 @@ fn unsorted_and_repeated_bins_are_refused() {
     );
     assert_refused(
         "csv",
-        "phi,r\n5,60\n5,61\n15,62\n",
+        "phi,r,r_err\n5,60,1\n5,61,1\n15,62,1\n",
         &["line 3", "`phi`", "each bin once"],
     );
 }
@@ -151,7 +338,7 @@ fn unsorted_and_repeated_bins_are_refused() {
 fn unequal_bins_are_refused() {
     assert_refused(
         "csv",
-        "phi,r\n5,60\n15,61\n27,62\n",
+        "phi,r,r_err\n5,60,1\n15,61,1\n27,62,1\n",
         &[
             "line 4",
             "`phi` steps by 12 deg",
@@ -162,24 +349,10 @@ fn unequal_bins_are_refused() {
 }
 
 #[test]
-fn bins_off_the_progenitors_grid_are_refused() {
-    assert_refused(
-        "csv",
-        "phi,r\n0,60\n10,61\n20,62\n",
-        &[
-            "line 2",
-            "`phi` is 0 deg",
-            "multiples of 10 deg",
-            "on an edge",
-        ],
-    );
-}
-
-#[test]
 fn two_bins_are_refused() {
     assert_refused(
         "csv",
-        "phi,r\n5,60\n15,61\n",
+        "phi,r,r_err\n5,60,1\n15,61,1\n",
         &["line 1", "2 bins", "at least 3"],
     );
 }
@@ -194,18 +367,39 @@ fn unknown_units_are_refused() {
     assert_refused(
         "ecsv",
         &swap("hourangle", "kpc"),
-        &["line 8", "column `phi` is in `hourangle`", "deg or rad"],
+        &[
+            "line 10",
+            "column `phi` is in `hourangle`",
+            "deg, rad, arcmin or arcsec",
+        ],
     );
     assert_refused(
         "ecsv",
         &swap("deg", "pc"),
-        &["line 8", "column `r` is in `pc`", "kpc"],
+        &["line 10", "column `r` is in `pc`", "kpc"],
     );
     assert_refused(
         "ecsv",
         &swap("deg", "arcsec"),
-        &["line 8", "no `distance`", "Mpc"],
+        &["line 10", "no `distance`", "Mpc"],
     );
+}
+
+#[test]
+fn a_misspelt_key_of_an_ecsv_header_is_refused() {
+    let text = HEADER.replace("PHI", "deg").replace("unit: R", "unit: kpc");
+    for (key, meant) in [
+        ("handednes", "handedness"),
+        ("Distance", "distance"),
+        ("assumed_error", "assume_error"),
+    ] {
+        let text = text.replace("# schema", &format!("#   {key}: 1\n# schema"));
+        assert_refused(
+            "ecsv",
+            &text,
+            &["line 9", key, &format!("`{meant}: value`")],
+        );
+    }
 }
 
 #[test]
@@ -223,7 +417,7 @@ fn a_header_that_is_nested_too_deeply_or_too_long_is_refused() {
         HEADER
             .replace("PHI", "deg")
             .replace("unit: R", "unit: kpc")
-            .replace("# schema", &format!("# meta:\n#   {meta}\n# schema"))
+            .replace("assume_error: 2%", meta)
     };
     let deep = |n: usize| "- ".repeat(n);
     let flow = |n: usize| format!("a: {}1{}", "[".repeat(n), "]".repeat(n));
@@ -266,7 +460,8 @@ fn a_header_that_is_nested_too_deeply_or_too_long_is_refused() {
     // Values that are nested less deeply are kept.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("t.ecsv");
-    std::fs::write(&path, header(&flow(20))).unwrap();
+    let meta = format!("assume_error: 2%\n#   {}", flow(20));
+    std::fs::write(&path, header(&meta)).unwrap();
     let track = ObservedTrack::read(&path).unwrap();
     assert_eq!(
         track.meta["a"].to_string(),
@@ -329,7 +524,10 @@ proptest! {
         let phi: Vec<f64> = (0..bins.len()).map(|i| ((first + i as i64) as f64 + 0.5) * width).collect();
         let r: Vec<f64> = bins.iter().map(|b| b.0).collect();
         let err: Vec<f64> = bins.iter().map(|b| b.1).collect();
-        let mut track = ObservedTrack::new("a: \"name\"", &phi, width, &r, with[0].then_some(&err[..])).unwrap();
+        let mut track = ObservedTrack::new("a: \"name\"", &phi, width, &r, &err).unwrap();
+        if with[0] {
+            track.r_err_hi_kpc = err.iter().map(|e| 1.5 * e).collect();
+        }
         track.n = with[1].then(|| bins.iter().map(|b| b.2).collect());
         track.meta.insert("small".to_owned(), serde_json::json!(number * 1e-30));
         track.meta.insert("origin".to_owned(), serde_json::json!({"by": word, "at": [1, 2.5, true]}));

@@ -401,7 +401,7 @@ fn the_ranges_of_a_track_are_those_of_the_page() {
                     let sign = end.signum();
                     let mut phi = [end - 128.0 * sign, end - 64.0 * sign, end];
                     phi.sort_by(f64::total_cmp);
-                    ObservedTrack::new("far", &phi, 64.0, &[60.0; 3], None)
+                    ObservedTrack::new("far", &phi, 64.0, &[60.0; 3], &[1.2; 3])
                 };
                 for end in [lo, hi] {
                     assert!(at(end).is_ok());
@@ -412,7 +412,7 @@ fn the_ranges_of_a_track_are_those_of_the_page() {
             "bin_width" => {
                 let of = |width: f64| {
                     let phi = [0.5 * width, 1.5 * width, 2.5 * width];
-                    ObservedTrack::new("wide", &phi, width, &[60.0; 3], None)
+                    ObservedTrack::new("wide", &phi, width, &[60.0; 3], &[1.2; 3])
                 };
                 assert!(of(lo).is_ok() && of(hi).is_ok());
                 for wrong in [lo.next_down(), hi.next_up(), 0.0, f64::NAN] {
@@ -425,9 +425,9 @@ fn the_ranges_of_a_track_are_those_of_the_page() {
             }
             _ => {
                 let of = |rows: usize| {
-                    let row = |i: usize| format!("{},60\n", (i as f64 + 0.5) * 0.25);
+                    let row = |i: usize| format!("{},60,1\n", (i as f64 + 0.5) * 0.25);
                     track(&format!(
-                        "phi,r\n{}",
+                        "phi,r,r_err\n{}",
                         (0..rows).map(row).collect::<String>()
                     ))
                 };
@@ -444,16 +444,12 @@ fn the_ranges_of_a_track_are_those_of_the_page() {
 #[test]
 fn a_bin_at_any_distance_is_refused_with_its_line() {
     for far in ["1e10", "1e300", "-1e300"] {
-        let words = track(&format!("phi,r\n5,60\n15,60\n{far},60\n")).unwrap_err();
+        let words = track(&format!("phi,r,r_err\n5,60,1\n15,60,1\n{far},60,1\n")).unwrap_err();
         assert!(words.contains("line 4"), "{words}");
     }
     // The same through the library, where bins are numbered.
     for bin in [i64::MAX, i64::MIN, 1_000_000_000] {
-        let data = [0, 1, bin].map(|bin| DataBin {
-            bin,
-            r_kpc: 60.0,
-            r_err_kpc: 1.0,
-        });
+        let data = [0, 1, bin].map(|bin| DataBin::symmetric(bin, 60.0, 1.0));
         let likelihood = TrackLikelihood::new(
             &LikelihoodSettings::default(),
             10.0,
@@ -539,11 +535,7 @@ fn the_memory_of_a_model_and_its_gradient_is_what_was_estimated() {
                 .expect("a track")
                 .bins
                 .iter()
-                .map(|b| DataBin {
-                    bin: b.bin,
-                    r_kpc: b.r_kpc,
-                    r_err_kpc: 1.0,
-                })
+                .map(|b| DataBin::symmetric(b.bin, b.r_kpc, 1.0))
                 .collect();
             let track = TrackLikelihood::new(
                 &LikelihoodSettings::default(),
@@ -707,7 +699,7 @@ proptest! {
         });
         let mut settings = ModelSettings::default();
         settings.releases.particles = 64;
-        let data = [-1, 0, 1].map(|bin| DataBin { bin, r_kpc: 60.0, r_err_kpc: 1e-9 });
+        let data = [-1, 0, 1].map(|bin| DataBin::symmetric(bin, 60.0, 1e-9));
         let model = Model::new(&settings).unwrap();
         let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, &settings.releases).unwrap();
         let likelihood = StreamLikelihood::new(model, track, QRange::default());

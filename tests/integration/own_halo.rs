@@ -33,10 +33,12 @@ fn a_likelihood_in_an_own_halo_has_an_exact_gradient() {
         .bins
         .iter()
         .enumerate()
-        .map(|(i, bin)| DataBin {
-            bin: bin.bin,
-            r_kpc: bin.r_kpc * (1.0 + 0.03 * (i as f64).sin()),
-            r_err_kpc: 0.02 * bin.r_kpc,
+        .map(|(i, bin)| {
+            DataBin::symmetric(
+                bin.bin,
+                bin.r_kpc * (1.0 + 0.03 * (i as f64).sin()),
+                0.02 * bin.r_kpc,
+            )
         })
         .collect();
     let track = TrackLikelihood::new(

@@ -1,11 +1,12 @@
 //! The pages of documentation agree with the code: links, names of parameters, settings, checks and benches.
 
 use oblate::config::to_toml;
+use oblate::data::ObservedTrack;
 use oblate::inference::FitSettings;
 use oblate::params::NAMES;
 use std::path::{Path, PathBuf};
 
-const PAGES: [&str; 14] = [
+const PAGES: [&str; 15] = [
     "README.md",
     "CHANGELOG.md",
     "docs/files.md",
@@ -14,6 +15,7 @@ const PAGES: [&str; 14] = [
     "docs/reliability.md",
     "docs/physics.md",
     "docs/samplers.md",
+    "docs/tracks.md",
     "docs/validation.md",
     "benches/RESULTS.md",
     "benches/peers/README.md",
@@ -89,6 +91,25 @@ fn every_setting_is_explained() {
         let mut words = pages.split(|c: char| !(c.is_alphanumeric() || c == '_'));
         assert!(words.any(|word| word == key), "{key}");
     }
+}
+
+#[test]
+fn the_tracks_on_the_pages_can_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("track.csv");
+    let mut count = 0;
+    for page in ["docs/tracks.md", "docs/files.md"] {
+        for block in text(page)
+            .split("```\n")
+            .skip(1)
+            .filter(|b| b.starts_with("# "))
+        {
+            std::fs::write(&path, block).unwrap();
+            ObservedTrack::read(&path).unwrap_or_else(|e| panic!("{page}: {e}"));
+            count += 1;
+        }
+    }
+    assert_eq!(count, 3);
 }
 
 #[test]

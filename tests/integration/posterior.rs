@@ -194,8 +194,14 @@ fn same(a: &Run, b: &Run) -> bool {
 #[test]
 fn a_run_comes_back_from_its_files_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
-    let track =
-        ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
+    let track = ObservedTrack::new(
+        "toy",
+        &[5.0, 15.0, 25.0],
+        10.0,
+        &[60.0, 61.0, 62.0],
+        &[1.2, 1.22, 1.24],
+    )
+    .unwrap();
     for (name, run) in [
         ("n", runs::nested(900, 1)),
         ("t", runs::tempered(400, 2)),
@@ -251,8 +257,14 @@ fn draws_are_written_to_a_new_folder_and_their_arrays_into_their_groups() {
 #[test]
 fn every_file_that_is_written_is_known_as_our_own_and_in_the_checksum() {
     let folder = tempfile::tempdir().unwrap();
-    let track =
-        ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap();
+    let track = ObservedTrack::new(
+        "toy",
+        &[5.0, 15.0, 25.0],
+        10.0,
+        &[60.0, 61.0, 62.0],
+        &[1.2, 1.22, 1.24],
+    )
+    .unwrap();
     for (name, run) in [
         ("n", runs::nested(90, 1)),
         ("t", runs::tempered(40, 2)),

@@ -45,7 +45,14 @@ fn track() -> (ObservedTrack, ModelTrack, Vec<ModelTrack>) {
         .iter()
         .map(|p| truth(*p) * (1.0 + 0.02 * standard_normal(&mut rng)))
         .collect();
-    let data = ObservedTrack::new("NGC 0000 south", &phi, 10.0, &r, None).unwrap();
+    let data = ObservedTrack::new(
+        "NGC 0000 south",
+        &phi,
+        10.0,
+        &r,
+        &r.iter().map(|r| 0.02 * r).collect::<Vec<_>>(),
+    )
+    .unwrap();
     let grid: Vec<f64> = (-8..9).map(|k| (f64::from(k) + 0.5) * 10.0).collect();
     let model = |shift: f64, tilt: f64| ModelTrack {
         phi_deg: grid.clone(),
@@ -103,7 +110,14 @@ fn the_legend_of_a_fit_overlay_covers_no_datum() {
         ("turns", |phi| 60.0 + phi * phi / 50.0),
     ] {
         let r: Vec<f64> = phi.iter().copied().map(truth).collect();
-        let data = ObservedTrack::new(what, &phi, 10.0, &r, None).unwrap();
+        let data = ObservedTrack::new(
+            what,
+            &phi,
+            10.0,
+            &r,
+            &r.iter().map(|r| 0.02 * r).collect::<Vec<_>>(),
+        )
+        .unwrap();
         let best = ModelTrack {
             phi_deg: phi.clone(),
             r_kpc: r,

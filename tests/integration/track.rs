@@ -168,6 +168,35 @@ fn at_places(places: &[(f64, f64)], neighbourhood: Neighbourhood) -> Particles {
 }
 
 #[test]
+fn bins_with_an_offset_are_those_of_particles_turned_back() {
+    let places = [(50.0, 0.05), (52.0, 0.2), (47.0, -0.4), (61.0, 1.3)];
+    let offset_deg = 3.7_f64;
+    let turned = places.map(|(r, angle)| (r, angle - offset_deg.to_radians()));
+    for edges in [BinEdges::Hard, BinEdges::default()] {
+        let sums = |places: &[(f64, f64); 4], offset_deg| {
+            let grid = BinGrid {
+                width_deg: 10.0,
+                offset_deg,
+                first: -9,
+                len: 18,
+                edges,
+            };
+            let particles = at_places(places, neighbourhood(4, 0, &[]));
+            let mut sums = Sums::default();
+            grid.sum(&particles, &mut sums, &mut PartialSums::default());
+            assert!((grid.centre_deg(2) - 25.0 - offset_deg).abs() < 1e-12);
+            sums
+        };
+        let (a, b) = (sums(&places, offset_deg), sums(&turned, 0.0));
+        let apart = a.weight.iter().zip(&b.weight).chain(a.r.iter().zip(&b.r));
+        assert!(apart.clone().any(|(a, _)| *a > 0.1));
+        for (a, b) in apart {
+            assert!((a - b).abs() < 1e-11, "{edges:?}: {a} {b}");
+        }
+    }
+}
+
+#[test]
 fn a_smeared_particle_has_the_width_and_slope_that_its_partner_gives() {
     // Ten degrees and two kpc apart; what is wider than that is bounded.
     let (apart, rise) = (10.0_f64.to_radians(), 2.0);
@@ -177,6 +206,7 @@ fn a_smeared_particle_has_the_width_and_slope_that_its_partner_gives() {
     );
     let grid = BinGrid {
         width_deg: 10.0,
+        offset_deg: 0.0,
         first: -9,
         len: 18,
         edges: BinEdges::Soft {
@@ -257,6 +287,7 @@ fn every_level_bins_as_the_reference_does() {
         for edges in [BinEdges::Hard, BinEdges::default()] {
             let grid = BinGrid {
                 width_deg: 10.0,
+                offset_deg: 3.7,
                 first: -20,
                 len: 40,
                 edges,
@@ -297,7 +328,7 @@ proptest! {
             if k % 2 == 0 { r * angle.cos() } else { r * angle.sin() }
         });
         let duals: [Dual<8>; 8] = lift(&numbers);
-        let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges };
+        let grid = BinGrid { width_deg: 10.0, offset_deg: 3.7, first: -90, len: 180, edges };
         let around = neighbourhood(n, count, &weights);
         let zero = Dual::<8>::from_re(0.0);
         let reference: Vec<FinalParticle<Dual<8>>> = (0..n)
@@ -343,7 +374,7 @@ proptest! {
             (x, y)
         };
         prop_assume!(x.hypot(y) > 0.1);
-        let grid = BinGrid { width_deg: 10.0, first: -90, len: 180, edges };
+        let grid = BinGrid { width_deg: 10.0, offset_deg: 0.0, first: -90, len: 180, edges };
         let [dx, dy]: [Dual<2>; 2] = lift(&[x, y]);
         let turns = f64::from(turns);
         let particle = FinalParticle {

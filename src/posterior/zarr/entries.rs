@@ -10,7 +10,10 @@ use std::path::{Path, PathBuf};
 const GROUPS: [(&str, &[&str]); 6] = [
     ("posterior", &["chain", "draw"]),
     ("sample_stats", &["chain", "draw", "ln_likelihood"]),
-    ("observed_data", &["phi", "r", "r_err", "n"]),
+    (
+        "observed_data",
+        &["phi", "r", "r_err", "r_err_lo", "r_err_hi", "n"],
+    ),
     ("prior", &["chain", "draw"]),
     (
         "weighted",

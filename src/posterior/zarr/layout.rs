@@ -111,11 +111,13 @@ pub fn write_posterior(store: &Store, run: &Run) -> Result<()> {
 /// Writes group `observed_data`.
 pub fn write_track(store: &Store, track: &ObservedTrack) -> Result<()> {
     store.group("/observed_data", &text(&[("name", &track.name)]))?;
-    let mut columns = vec![
-        ("phi", "deg", &track.phi_deg),
-        ("r", "kpc", &track.r_kpc),
-        ("r_err", "kpc", &track.r_err_kpc),
-    ];
+    let mut columns = vec![("phi", "deg", &track.phi_deg), ("r", "kpc", &track.r_kpc)];
+    if track.has_symmetric_errors() {
+        columns.push(("r_err", "kpc", &track.r_err_lo_kpc));
+    } else {
+        columns.push(("r_err_lo", "kpc", &track.r_err_lo_kpc));
+        columns.push(("r_err_hi", "kpc", &track.r_err_hi_kpc));
+    }
     if let Some(n) = &track.n {
         columns.push(("n", "", n));
     }

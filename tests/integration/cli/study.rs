@@ -18,7 +18,7 @@ mock = { model = { releases = { particles = 2000 } } }
 samplers = ["nested"]
 "#;
 
-const TRACK: &str = "phi,r\n-15,60\n-5,61\n5,62\n15,63\n";
+const TRACK: &str = "phi,r,r_err\n-15,60,1\n-5,61,1\n5,62,1\n15,63,1\n";
 
 #[test]
 fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
@@ -85,6 +85,10 @@ fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
                 "fit = { model = { releases = { particles = 1001 } } }",
             ),
             &["[tracks.fit]", "particles = 1001"],
+        ),
+        (
+            with("tracks", "assume_error = \"0.02\""),
+            &["assume_error", "2%"],
         ),
         (
             study.replace("[\"track.csv\"]", "[\"track.csv\", \"track.csv\"]"),

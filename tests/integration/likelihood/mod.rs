@@ -95,10 +95,12 @@ fn likelihood_at(
         .bins
         .iter()
         .enumerate()
-        .map(|(i, b)| DataBin {
-            bin: b.bin,
-            r_kpc: b.r_kpc * (1.0 + 0.03 * (i as f64).sin()),
-            r_err_kpc: 0.02 * b.r_kpc,
+        .map(|(i, b)| {
+            DataBin::symmetric(
+                b.bin,
+                b.r_kpc * (1.0 + 0.03 * (i as f64).sin()),
+                0.02 * b.r_kpc,
+            )
         })
         .collect();
     if data.len() < 3 {
@@ -200,6 +202,75 @@ fn mirrored_streams_have_the_same_track() {
     );
 }
 
+/// Sums of bins with these means: a hundred particles each, of one radius.
+fn sums_of(means_kpc: &[f64]) -> Sums<f64> {
+    Sums {
+        weight: vec![100.0; means_kpc.len()],
+        r: means_kpc.iter().map(|r| 100.0 * r).collect(),
+        r2: means_kpc.iter().map(|r| 100.0 * r * r).collect(),
+    }
+}
+
+/// The likelihood of one radius of 50 kpc with these errors.
+fn one_bin(lo: f64, hi: f64, settings: &LikelihoodSettings) -> TrackLikelihood {
+    let data = [DataBin {
+        bin: 0,
+        r_kpc: 50.0,
+        r_err_lo_kpc: lo,
+        r_err_hi_kpc: hi,
+    }];
+    let releases = TableSettings {
+        particles: 100,
+        ..TableSettings::default()
+    };
+    TrackLikelihood::new(settings, 10.0, &data, &releases).expect("a track")
+}
+
+#[test]
+fn asymmetric_errors_are_a_normalised_split_normal_with_a_continuous_slope() {
+    let track = one_bin(1.0, 3.0, &LikelihoodSettings::default());
+    let at = |r: f64| track.ln_likelihood(&sums_of(&[r])).expect("finite");
+    // Residuals of one sigma to each side cost the same.
+    assert!((at(50.0) - at(49.0) - 0.5).abs() < 1e-9);
+    assert!((at(50.0) - at(53.0) - 0.5).abs() < 1e-9);
+    let step = 0.01;
+    let integral: f64 = (0..10_000)
+        .map(|k| step * at(20.0 + step * (f64::from(k) + 0.5)).exp())
+        .sum();
+    assert!((integral - 1.0).abs() < 1e-4, "{integral}");
+    // The slope is that of the value, also where the two halves meet.
+    for r in [48.0, 49.999_999, 50.0, 50.000_001, 55.0] {
+        let mut bar = Sums::default();
+        track.vjp(&sums_of(&[r]), &mut bar).expect("finite");
+        let slope = 100.0 * (bar.r[0] + 2.0 * r * bar.r2[0]);
+        let expected = -(r - 50.0) / if r > 50.0 { 9.0 } else { 1.0 };
+        assert!((slope - expected).abs() < 1e-6, "{r}: {slope} {expected}");
+    }
+    // With equal errors it is the normal, to rounding where the errors are nearly equal.
+    let equal = one_bin(2.0, 2.0, &LikelihoodSettings::default());
+    let nearly = one_bin(2.0, 2.0_f64.next_up(), &LikelihoodSettings::default());
+    for r in [45.0, 50.0, 56.0] {
+        let [a, b] = [&equal, &nearly].map(|t| t.ln_likelihood(&sums_of(&[r])).expect("finite"));
+        assert!((a - b).abs() < 1e-12, "{a} {b}");
+    }
+}
+
+#[test]
+fn an_error_floor_raises_smaller_errors_only() {
+    let settings = LikelihoodSettings {
+        error_floor_percent: 4.0,
+        ..LikelihoodSettings::default()
+    };
+    let floored = one_bin(1.0, 3.0, &settings);
+    let expected = one_bin(2.0, 3.0, &LikelihoodSettings::default());
+    let at = |t: &TrackLikelihood| t.ln_likelihood(&sums_of(&[48.5])).expect("finite");
+    assert_eq!(at(&floored).to_bits(), at(&expected).to_bits());
+    assert_eq!(
+        floored.ln_likelihood_bound().to_bits(),
+        expected.ln_likelihood_bound().to_bits()
+    );
+}
+
 #[test]
 fn an_uncovered_track_is_rejected_by_name_or_penalised_smoothly() {
     let model = model(small());
@@ -237,7 +308,7 @@ fn an_uncovered_track_is_rejected_by_name_or_penalised_smoothly() {
     // One missing bin of n costs z_miss^2/2 and lambda/n^2.
     let n = data.len() as f64;
     let miss =
-        -50.0 - last.r_err_kpc.ln() - oblate_samplers::normal::LN_SQRT_2PI - 1_000.0 / (n * n);
+        -50.0 - last.r_err_lo_kpc.ln() - oblate_samplers::normal::LN_SQRT_2PI - 1_000.0 / (n * n);
     assert!(
         (penalised - covered - miss).abs() < 1e-6,
         "{penalised} {covered} {miss}"
@@ -386,7 +457,7 @@ proptest! {
     /// Bins with any weight, mean (in sigma from the datum) and scatter (kpc); the best ones come up to it.
     #[test]
     fn no_track_is_likelier_than_the_bound(
-        bins in proptest::array::uniform3((0.0..300.0, -4.0..4.0, 0.0..30.0, 0.1..20.0)),
+        bins in proptest::array::uniform3((0.0..300.0, -4.0..4.0, 0.0..30.0, 0.1..20.0, prop_oneof![Just(1.0), 0.2..5.0])),
         model_noise: bool,
         reject: bool,
         best: bool,
@@ -394,14 +465,17 @@ proptest! {
         let data: Vec<DataBin> = bins
             .iter()
             .zip(0..)
-            .map(|((_, _, _, r_err_kpc), bin)| DataBin { bin, r_kpc: 50.0, r_err_kpc: *r_err_kpc })
+            .map(|((_, _, _, r_err_kpc, ratio), bin)| DataBin {
+                r_err_hi_kpc: ratio * r_err_kpc,
+                ..DataBin::symmetric(bin, 50.0, *r_err_kpc)
+            })
             .collect();
         let releases = TableSettings { particles: 300, ..TableSettings::default() };
         let coverage = if reject { Coverage::Reject } else { LikelihoodSettings::default().coverage };
         let settings = LikelihoodSettings { model_noise, coverage, ..LikelihoodSettings::default() };
         let track = TrackLikelihood::new(&settings, 10.0, &data, &releases).expect("a track");
         let mut sums = Sums::default();
-        for (weight, off, scatter, r_err_kpc) in bins {
+        for (weight, off, scatter, r_err_kpc, _) in bins {
             let (weight, off, scatter) = if best { (100.0, 0.0, 0.0) } else { (weight, off, scatter) };
             let mean: f64 = 50.0 + off * r_err_kpc;
             sums.weight.push(weight);
@@ -450,7 +524,7 @@ proptest! {
             max_halvings,
             precision,
         };
-        let bin = |bin| DataBin { bin, r_kpc: 50.0, r_err_kpc: 1.0 };
+        let bin = |bin| DataBin::symmetric(bin, 50.0, 1.0);
         let data = [bin(-1), bin(0), bin(1)];
         let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, &settings.releases)
             .expect("a track");

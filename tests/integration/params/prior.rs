@@ -117,6 +117,27 @@ fn impossible_settings_are_refused_with_their_key() {
         with(&|s| s.fixed.vx0_km_s = Some(f64::NAN)),
         "prior.fixed.vx0_km_s"
     );
+    // In the range of the parameter, but not in its prior.
+    assert_eq!(
+        with(&|s| s.fixed.age_gyr = Some(4.5)),
+        "prior.fixed.age_gyr"
+    );
+    assert_eq!(
+        with(&|s| s.fixed.vy0_km_s = Some(-100.0)),
+        "prior.fixed.vy0_km_s"
+    );
+    let wide = PriorSettings {
+        fixed: StreamParams {
+            age_gyr: Some(4.5),
+            ..StreamParams::default()
+        },
+        marginals: StreamParams {
+            age_gyr: uniform(1.0, 5.0),
+            ..PriorSettings::default().marginals
+        },
+        ..PriorSettings::default()
+    };
+    assert!(wide.check().is_ok());
     assert_eq!(with(&|s| s.fixed = params().map(Some)), "prior.fixed");
     let mut settings = PriorSettings::default();
     let error = settings.fix("age", 2.0).unwrap_err().to_string();

@@ -25,7 +25,14 @@ pub fn message(error: &Error) -> String {
 }
 
 fn track() -> ObservedTrack {
-    ObservedTrack::new("toy", &[5.0, 15.0, 25.0], 10.0, &[60.0, 61.0, 62.0], None).unwrap()
+    ObservedTrack::new(
+        "toy",
+        &[5.0, 15.0, 25.0],
+        10.0,
+        &[60.0, 61.0, 62.0],
+        &[1.2, 1.22, 1.24],
+    )
+    .unwrap()
 }
 
 fn beginning(track: &ObservedTrack) -> Beginning<'_> {

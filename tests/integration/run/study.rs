@@ -60,6 +60,31 @@ fn no_name_of_a_track_leads_out_of_the_study() {
 }
 
 #[test]
+fn an_error_is_assumed_for_tracks_without_errors_and_named() {
+    let temporary = tempfile::tempdir().unwrap();
+    let study = study(temporary.path(), &["whole"]);
+    let bare = "phi,r\n-15,57\n-5,63\n5,55\n15,51\n";
+    fs::write(temporary.path().join("bare.csv"), bare).unwrap();
+    let text = fs::read_to_string(&study).unwrap();
+    let files = "files = [\"track0.ecsv\"]";
+    assert!(text.contains(files));
+    let both = "files = [\"track0.ecsv\", \"bare.csv\"]";
+    fs::write(&study, text.replace(files, both)).unwrap();
+    refused(
+        &oblate(&["run", &study, "-q"], ""),
+        &["bare.csv", "no errors"],
+    );
+    let assumed = format!("{both}\nassume_error = \"3%\"");
+    fs::write(&study, text.replace(files, &assumed)).unwrap();
+    let output = oblate(&["run", &study, "-q"], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let said: Vec<&str> = printed.lines().filter(|l| l.contains("assumed")).collect();
+    assert_eq!(said.len(), 1, "{printed}");
+    assert!(said[0].starts_with("bare nested: assumed: the errors of r are 3% of r"));
+}
+
+#[test]
 fn names_that_cannot_have_folders_of_their_own_are_refused_before_any_work() {
     let long = "x".repeat(300);
     for (names, words) in [

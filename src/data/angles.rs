@@ -1,0 +1,132 @@
+//! The angle phi of the bins, from a column of phi or of position angles, and its sense.
+
+use super::ecsv::{Header, quantity};
+use super::table::Table;
+use crate::error::{Error, Result, TrackFault};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::str::FromStr;
+
+/// The sense of phi in a file. The model needs phi to increase from the trailing tail to the leading one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Handedness {
+    /// The leading tail is at positive phi.
+    #[default]
+    AsGiven,
+    /// The leading tail is at negative phi: the sign of phi is changed on reading.
+    Mirrored,
+}
+
+impl FromStr for Handedness {
+    type Err = Error;
+
+    /// # Errors
+    /// [`Error::Setting`] for anything but `as-given` and `mirrored`.
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "as-given" => Ok(Self::AsGiven),
+            "mirrored" => Ok(Self::Mirrored),
+            _ => Err(Error::Setting {
+                key: "handedness".to_owned(),
+                value: text.to_owned(),
+                remedy:
+                    "give `as-given` where the leading tail is at positive phi, else `mirrored`"
+                        .to_owned(),
+            }),
+        }
+    }
+}
+
+/// Units of angles.
+const UNITS: &str = "deg, rad, arcmin or arcsec";
+
+/// Degrees in a unit of angle.
+fn degrees_per(unit: &str) -> Option<f64> {
+    match unit {
+        "deg" => Some(1.0),
+        "rad" => Some(180.0 / std::f64::consts::PI),
+        "arcmin" => Some(1.0 / 60.0),
+        "arcsec" => Some(1.0 / 3600.0),
+        _ => None,
+    }
+}
+
+/// An angle of the header in degrees: a number, or a quantity with its unit.
+pub fn header_angle_deg(
+    header: &Header,
+    key: &'static str,
+) -> Option<std::result::Result<f64, TrackFault>> {
+    let value = header.meta.get(key)?;
+    let angle = quantity(value).and_then(|(x, unit)| {
+        let per = degrees_per(unit.as_deref().unwrap_or("deg"))?;
+        Some(x * per)
+    });
+    Some(angle.ok_or_else(|| TrackFault::HeaderValue {
+        key,
+        text: value.to_string(),
+        expected: "an angle in degrees as a plain number",
+    }))
+}
+
+/// phi of the rows in degrees, counted from the progenitor, in the sense of the file.
+pub fn phi_deg(path: &Path, table: &Table, header: &Header) -> Result<Vec<f64>> {
+    let fail = |fault| table.fail(path, fault);
+    let column = match (table.has("phi"), table.has("PA")) {
+        (true, true) => return Err(fail(TrackFault::PhiAndPa)),
+        (false, true) => "PA",
+        _ => "phi",
+    };
+    let unit = header.units.get(column).map_or("deg", String::as_str);
+    let per = degrees_per(unit).ok_or_else(|| {
+        fail(TrackFault::UnknownUnit {
+            column: column.to_owned(),
+            unit: unit.to_owned(),
+            known: UNITS,
+        })
+    })?;
+    let angles: Vec<f64> = table.need(path, column)?.iter().map(|x| x * per).collect();
+    if column == "phi" {
+        return Ok(angles);
+    }
+    let progenitor = header_angle_deg(header, "progenitor_pa")
+        .unwrap_or(Err(TrackFault::NoProgenitorPa))
+        .map_err(fail)?;
+    from_progenitor(&angles, progenitor).ok_or_else(|| fail(TrackFault::PaOverATurn))
+}
+
+/// Position angles counted from that of the progenitor, without jumps by a turn; `None` for a track of a turn or more, whose
+/// position angles do not tell on which turn a bin is.
+fn from_progenitor(pa_deg: &[f64], progenitor_deg: f64) -> Option<Vec<f64>> {
+    let turn = 360.0;
+    let mut phi = Vec::with_capacity(pa_deg.len());
+    let mut turns = 0.0;
+    for (i, pa) in pa_deg.iter().enumerate() {
+        if i > 0 {
+            // Only a step over north changes a position angle by more than half of a turn.
+            let step: f64 = pa - pa_deg[i - 1];
+            if step.abs() > 0.5 * turn {
+                turns -= step.signum();
+            }
+        }
+        phi.push(pa - progenitor_deg + turns * turn);
+    }
+    let (lo, hi) = phi
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| {
+            (lo.min(*x), hi.max(*x))
+        });
+    if hi - lo >= turn {
+        return None;
+    }
+    // The whole turn by which the bin nearest to the progenitor is within half of a turn of it.
+    let nearest = |k: f64| {
+        let distances = phi.iter().map(|x| (x + k * turn).abs());
+        distances.fold(f64::INFINITY, f64::min)
+    };
+    let middle = -(0.5 * (lo + hi) / turn).round();
+    let k = [middle, middle - 1.0, middle + 1.0]
+        .into_iter()
+        .min_by(|a, b| nearest(*a).total_cmp(&nearest(*b)))?;
+    Some(phi.iter().map(|x| x + k * turn).collect())
+}
