@@ -27,7 +27,7 @@ pub struct FlattenedNfw<S> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nfw;
 
-/// Added to m^2, kpc^2, so that the centre is finite; below rounding elsewhere. The cube of its root is a normal number of the precision.
+/// Smallest m^2, kpc^2, so that the centre is finite. The cube of its root is a normal number of the precision.
 #[inline(always)]
 const fn tiny_m2<S: Scalar>() -> f64 {
     if S::EPSILON > f64::EPSILON {
@@ -84,9 +84,11 @@ impl<S: Scalar> FlattenedNfw<S> {
     #[inline(always)]
     fn geometry(&self, x: Vec3<S>) -> (S, Vec3<S>, S) {
         let along = self.axis.dot(x);
-        let y = x.add_scaled(self.axis, self.flattening * along);
-        // m^2 = x.y, bounded because rounding can make it negative for q > 1.
-        let m2 = (x.dot(y)).max(S::zero()) + tiny_m2::<S>();
+        let pull = self.flattening * along;
+        // Not x.y, which waits for y.
+        let m2 = pull.mul_add(along, x.norm2());
+        let m2 = m2.max(S::from_f64(tiny_m2::<S>()));
+        let y = x.add_scaled(self.axis, pull);
         (along, y, m2.sqrt() * self.inverse_r_s)
     }
 

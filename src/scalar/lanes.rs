@@ -94,6 +94,14 @@ impl<V: Vectors, const K: usize> Scalar for Lanes<V, K> {
     }
 
     #[inline(always)]
+    fn inverse_sqrt(mut self) -> Self {
+        for vector in &mut self.0 {
+            *vector = V::inverse_sqrt(*vector);
+        }
+        self
+    }
+
+    #[inline(always)]
     fn mul_add(mut self, a: Self, b: Self) -> Self {
         for i in 0..K {
             self.0[i] = V::mul_add(self.0[i], a.0[i], b.0[i]);
@@ -125,6 +133,22 @@ impl<V: Vectors, const K: usize> Scalar for Lanes<V, K> {
             a.0[i] = V::select(mask.0[i], a.0[i], b.0[i]);
         }
         a
+    }
+
+    #[inline(always)]
+    fn max(mut self, other: Self) -> Self {
+        for i in 0..K {
+            self.0[i] = V::max(self.0[i], other.0[i]);
+        }
+        self
+    }
+
+    #[inline(always)]
+    fn min(mut self, other: Self) -> Self {
+        for i in 0..K {
+            self.0[i] = V::min(self.0[i], other.0[i]);
+        }
+        self
     }
 
     #[inline(always)]
@@ -234,5 +258,22 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
             total = I::add(total, self.0[i]);
         }
         I::sum(total)
+    }
+}
+
+impl<I: Isa> Lanes<I, 1> {
+    /// The columns of a matrix of eight rows.
+    #[inline(always)]
+    #[must_use]
+    pub fn columns(rows: [&[f64; 4]; LANES]) -> [Self; 4] {
+        let [a, b, c, d] = I::columns(rows);
+        [Self([a]), Self([b]), Self([c]), Self([d])]
+    }
+
+    /// The rows of a matrix of eight rows, from its columns.
+    #[inline(always)]
+    #[must_use]
+    pub fn rows([a, b, c, d]: [Self; 4]) -> [[f64; 4]; LANES] {
+        I::rows([a.0[0], b.0[0], c.0[0], d.0[0]])
     }
 }

@@ -62,6 +62,13 @@ pub trait Scalar:
     /// Square root.
     fn sqrt(self) -> Self;
 
+    /// 1/sqrt, for positive normal numbers.
+    #[inline(always)]
+    #[must_use]
+    fn inverse_sqrt(self) -> Self {
+        Self::one() / self.sqrt()
+    }
+
     /// `self * a + b`, fused where the hardware does that for free.
     fn mul_add(self, a: Self, b: Self) -> Self;
 

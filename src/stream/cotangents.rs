@@ -79,7 +79,7 @@ impl Cotangents {
     #[inline(always)]
     pub fn release_vjp<I: Isa>(&mut self, pair: &Bundle<'_>, start_bar: &State<Interleaved<I>>) {
         let State { x, v } = *start_bar;
-        let (position, velocity) = (pair.position::<I>(), pair.velocity::<I>());
+        let (position, velocity) = (pair.position::<I, UNROLL>(), pair.velocity::<I, UNROLL>());
         let (x_bar, v_bar) = (sums_of_vector(x), sums_of_vector(v));
         // A lane group without particles adds zeros.
         for k in 0..UNROLL {

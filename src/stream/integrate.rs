@@ -4,13 +4,13 @@ use super::lane_groups::{Bundle, Interleaved, StepSchedules, UNROLL};
 use super::model::Model;
 use super::particles::Columns;
 use super::progenitor_solution::ProgenitorSolution;
-use super::settings::{Precision, StepRule};
+use super::settings::{ModelSettings, Precision, StepRule};
 use super::step_schedules::{BundleSteps, Planner};
 use super::step_sizes::StepSizes;
 use crate::error::Rejection;
-use crate::orbit::{FinalParticle, StepSchedule, advance, advance_adaptively};
+use crate::orbit::{FinalParticle, MAX_TOGETHER, StepSchedule, advance, advance_adaptively};
 use crate::potential::{Halo, Plummer};
-use crate::scalar::{Isa, Kernel, Level, Real, Vectors, compile_kernel};
+use crate::scalar::{Isa, Kernel, Lanes, Level, Real, Vectors, compile_kernel};
 use std::ops::Range;
 
 /// The integration of some bundles of lane groups.
@@ -29,50 +29,57 @@ impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
     /// Integrates every bundle. Returns the number of ambiguous windings, NaN if any state is not finite.
     #[inline(always)]
     fn run<I: Isa>(self) -> f64 {
-        match self.model.settings.precision {
-            Precision::Double => self.integrate::<I, I>(),
-            Precision::Single => self.integrate::<I, I::Singles>(),
+        let ModelSettings {
+            precision,
+            step_rule,
+            ..
+        } = self.model.settings;
+        match (precision, step_rule) {
+            (Precision::Double, StepRule::Uniform) => self.uniformly::<I, MAX_TOGETHER>(),
+            (Precision::Single, StepRule::Uniform) => self.uniformly::<I::Singles, UNROLL>(),
+            (Precision::Double, StepRule::Adaptive) => self.adaptively::<I, I>(),
+            (Precision::Single, StepRule::Adaptive) => self.adaptively::<I, I::Singles>(),
         }
     }
 }
 
 impl<H: Halo> IntegrateKernel<'_, H> {
-    /// As [`run`](Self::run), in the precision of `V`.
+    /// As [`run`](Self::run), by equal steps in `K` vectors of `V`.
     #[inline(always)]
-    fn integrate<I: Isa, V: Vectors>(self) -> f64 {
-        let Self {
-            model,
-            solution,
-            bundles,
-            schedules,
-            step_sizes,
-            mut out,
-        } = self;
-        let host = H::broadcast::<Interleaved<V>>(&solution.host);
-        let progenitor = Plummer::<Interleaved<V>>::broadcast(&solution.progenitor);
-        let mut planner = Planner::new(model, solution, schedules);
+    fn uniformly<V: Vectors, const K: usize>(self) -> f64 {
+        let (model, solution, mut out) = (self.model, self.solution, self.out);
+        let host = H::broadcast::<Lanes<V, K>>(&solution.host);
+        let progenitor = Plummer::<Lanes<V, K>>::broadcast(&solution.progenitor);
+        let mut planner = Planner::new(model, solution, self.schedules);
         let mut ambiguous_windings = 0.0;
-        for range in bundles {
+        for range in self.bundles {
             let bundle = Bundle::new(&model.lane_groups, range);
-            let release_frame = bundle.release_frames::<V, H>(solution);
+            let release_frame = bundle.release_frames::<V, K, H>(solution);
             let (start, winding_number) =
                 release_frame.release(bundle.position(), bundle.velocity());
-            let particle = match model.settings.step_rule {
-                StepRule::Uniform => advance(
-                    &host,
-                    &progenitor,
-                    &planner.schedules::<V>(&bundle, &[]),
-                    start,
-                    winding_number,
-                ),
-                StepRule::Adaptive => {
-                    let mut steps = BundleSteps::<I, H>::new(model, solution, &bundle, step_sizes);
-                    let particle =
-                        advance_adaptively(&host, &progenitor, &mut steps, start, winding_number);
-                    step_sizes.finish(range.len().div_ceil(UNROLL));
-                    particle
-                }
-            };
+            let schedules = planner.schedules::<V, K>(&bundle, &[]);
+            let particle = advance(&host, &progenitor, &schedules, start, winding_number);
+            ambiguous_windings += out.store(&bundle, &particle);
+        }
+        ambiguous_windings
+    }
+
+    /// As [`run`](Self::run), by adaptive steps in two vectors of `V`.
+    #[inline(always)]
+    fn adaptively<I: Isa, V: Vectors>(self) -> f64 {
+        let (model, solution, mut out) = (self.model, self.solution, self.out);
+        let host = H::broadcast::<Interleaved<V>>(&solution.host);
+        let progenitor = Plummer::<Interleaved<V>>::broadcast(&solution.progenitor);
+        let mut ambiguous_windings = 0.0;
+        for range in self.bundles {
+            let bundle = Bundle::new(&model.lane_groups, range);
+            let release_frame = bundle.release_frames::<V, UNROLL, H>(solution);
+            let (start, winding_number) =
+                release_frame.release(bundle.position(), bundle.velocity());
+            let mut steps = BundleSteps::<I, H>::new(model, solution, &bundle, self.step_sizes);
+            let particle =
+                advance_adaptively(&host, &progenitor, &mut steps, start, winding_number);
+            self.step_sizes.finish(range.len().div_ceil(UNROLL));
             ambiguous_windings += out.store(&bundle, &particle);
         }
         ambiguous_windings

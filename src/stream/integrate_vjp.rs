@@ -124,7 +124,7 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
             let (end, position_bar) = today.lanes::<I>(&pair);
             let limit2 = position_bar.norm2() * max_stretch2;
             let schedules =
-                planner.schedules::<I>(&pair, today.particles.step_sizes.of_pair(number));
+                planner.schedules::<I, UNROLL>(&pair, today.particles.step_sizes.of_pair(number));
             progenitor_positions_bar.resize(schedules.0[0].drift_gyr.len(), Vec3::zero());
             let start_bar = advance_vjp::<_, H>(
                 &host,

@@ -1,7 +1,7 @@
 //! Particles in lanes, and lane groups in bundles: arithmetic of one vector is computed while the other one's square roots are.
 
 use super::progenitor_solution::{ProgenitorSolution, ReleaseFrame};
-use super::settings::Precision;
+use super::settings::{ModelSettings, Precision, StepRule};
 use crate::orbit::{MAX_TOGETHER, State, StepSchedule};
 use crate::potential::Halo;
 use crate::scalar::{LANES, LaneArray, Lanes, Vec3, Vectors};
@@ -26,18 +26,19 @@ pub struct LaneGroup {
 /// Number of vectors that are computed together.
 pub const UNROLL: usize = 2;
 
-/// The numbers of lane groups that are integrated together: of two in double precision, of four in single precision.
+/// The numbers of lane groups that are integrated together with adaptive steps: of two in double precision, of four in single precision.
 pub type Interleaved<V> = Lanes<V, UNROLL>;
 
 /// The step schedules of the lane groups that are integrated together; their buffers are reused from call to call.
 pub type StepSchedules = [StepSchedule<f64>; MAX_TOGETHER];
 
-impl Precision {
-    /// Number of lane groups that are integrated together.
-    pub(super) fn groups_together(self) -> usize {
-        match self {
-            Self::Double => UNROLL,
-            Self::Single => 2 * UNROLL,
+impl ModelSettings {
+    /// Number of lane groups that are integrated together. In double precision twice as many if their steps are equal: adaptive steps
+    /// are those of the particle that needs the shortest.
+    pub(super) fn groups_together(&self) -> usize {
+        match (self.precision, self.step_rule) {
+            (Precision::Double, StepRule::Adaptive) => UNROLL,
+            _ => MAX_TOGETHER,
         }
     }
 }
@@ -133,24 +134,24 @@ impl<'a> Bundle<'a> {
 
     /// The positions of their release offsets.
     #[inline(always)]
-    pub fn position<V: Vectors>(&self) -> [Interleaved<V>; 3] {
+    pub fn position<V: Vectors, const K: usize>(&self) -> [Lanes<V, K>; 3] {
         let [a, b, c, d] = self.lane_groups;
         offsets([&a.position, &b.position, &c.position, &d.position])
     }
 
     /// The velocities of their release offsets.
     #[inline(always)]
-    pub fn velocity<V: Vectors>(&self) -> [Interleaved<V>; 3] {
+    pub fn velocity<V: Vectors, const K: usize>(&self) -> [Lanes<V, K>; 3] {
         let [a, b, c, d] = self.lane_groups;
         offsets([&a.velocity, &b.velocity, &c.velocity, &d.velocity])
     }
 
     /// Their release frames.
     #[inline(always)]
-    pub fn release_frames<V: Vectors, H: Halo>(
+    pub fn release_frames<V: Vectors, const K: usize, H: Halo>(
         &self,
         solution: &ProgenitorSolution<f64, H>,
-    ) -> ReleaseFrame<Interleaved<V>> {
+    ) -> ReleaseFrame<Lanes<V, K>> {
         let [a, b, c, d] = self.release_times();
         let frames = &solution.release_frames;
         let [a, b, c, d] = [&frames[a], &frames[b], &frames[c], &frames[d]];
@@ -173,7 +174,9 @@ impl<'a> Bundle<'a> {
 
 /// The components of release offsets as lanes.
 #[inline(always)]
-fn offsets<V: Vectors>(groups: [&[[f64; LANES]; 3]; MAX_TOGETHER]) -> [Interleaved<V>; 3] {
+fn offsets<V: Vectors, const K: usize>(
+    groups: [&[[f64; LANES]; 3]; MAX_TOGETHER],
+) -> [Lanes<V, K>; 3] {
     let [a, b, c, d] = groups;
     [
         Lanes::load_groups(&LaneArray([a[0], b[0], c[0], d[0]]).0),
@@ -184,7 +187,9 @@ fn offsets<V: Vectors>(groups: [&[[f64; LANES]; 3]; MAX_TOGETHER]) -> [Interleav
 
 /// The vectors of release frames as lanes.
 #[inline(always)]
-fn splat_frames<V: Vectors>(groups: [&[Vec3<f64>; 3]; MAX_TOGETHER]) -> [Vec3<Interleaved<V>>; 3] {
+fn splat_frames<V: Vectors, const K: usize>(
+    groups: [&[Vec3<f64>; 3]; MAX_TOGETHER],
+) -> [Vec3<Lanes<V, K>>; 3] {
     let [a, b, c, d] = groups;
     [
         Lanes::splat_vectors(&[a[0], b[0], c[0], d[0]]),

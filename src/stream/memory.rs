@@ -30,8 +30,8 @@ impl ModelSettings {
             StepRule::Uniform => (longest, nodes),
             StepRule::Adaptive => {
                 let shortest = longest * f64::from(self.max_halvings).exp2();
-                // The phase of an orbit step may have to be half of that of the shortest step, and the number of orbit steps is doubled.
-                (STAGES as f64 * shortest, nodes.max(4.0 * shortest))
+                // The phase of an orbit step may have to be three quarters of that of the shortest step, and the number of orbit steps is doubled.
+                (STAGES as f64 * shortest, nodes.max(3.0 * shortest))
             }
         };
         let release_times = self.releases.number_of_release_times() as f64;

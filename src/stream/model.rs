@@ -76,7 +76,7 @@ impl Model {
                 HermiteWeights::at(tau * left, &times)
             }));
         }
-        let together = settings.precision.groups_together();
+        let together = settings.groups_together();
         let bundles = bundles(&lane_groups, &steps, together);
         let pairs = |bundle: &Range<usize>| split(bundle.clone(), UNROLL);
         Self {

@@ -1,10 +1,10 @@
 //! The particles of a stream today, as columns.
 
-use super::lane_groups::{Bundle, Interleaved};
+use super::lane_groups::Bundle;
 use super::step_sizes::StepSizes;
 use crate::error::Tally;
 use crate::orbit::{FinalParticle, MAX_TOGETHER, State};
-use crate::scalar::{LANES, LaneArray, Vectors, angle};
+use crate::scalar::{LANES, LaneArray, Lanes, Vectors, angle};
 use crate::spray::Neighbourhood;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -98,10 +98,10 @@ impl<'a> Columns<'a> {
 
     /// Stores the lanes of a bundle. Returns their number of ambiguous windings, NaN if any state is not finite.
     #[inline(always)]
-    pub fn store<V: Vectors>(
+    pub fn store<V: Vectors, const K: usize>(
         &mut self,
         bundle: &Bundle<'_>,
-        particle: &FinalParticle<Interleaved<V>>,
+        particle: &FinalParticle<Lanes<V, K>>,
     ) -> f64 {
         let State { x, v } = particle.state;
         // Zero for finite states, NaN otherwise.

@@ -71,7 +71,7 @@ pub(super) fn release_frame<S: Real>(
 
 /// Largest phase of an interval of the orbit over that of a particle's step: the error of the orbit must be smaller, because it is common to
 /// all particles.
-const ORBIT_PHASE: f64 = 0.5;
+const ORBIT_PHASE: f64 = 0.75;
 
 /// With adaptive steps an orbit has `orbit_steps` over this number of blocks.
 const STEPS_PER_BLOCK: usize = 4;

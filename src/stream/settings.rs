@@ -49,7 +49,7 @@ impl StepsPer {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
-    /// Doubles, 16 particles together.
+    /// Doubles: 16 particles together, 32 with equal steps.
     #[default]
     Double,
     /// Singles, 32 particles together: half the time, and rounding far below the error of a coarse model (docs/validation.md, section 4).
@@ -71,7 +71,7 @@ pub struct ModelSettings {
     /// How the progenitor is integrated.
     pub orbit: OrbitMethod,
     /// Number of steps of the progenitor's orbit; with adaptive steps, four times the number of blocks of the age that are divided until
-    /// the phase of each step is at most half of `step_phase`.
+    /// the phase of each step is at most three quarters of `step_phase`.
     pub orbit_steps: usize,
     /// Largest phase of an adaptive step, radians (docs/physics.md, section 3). The error grows with its fourth power.
     pub step_phase: f64,

@@ -96,6 +96,8 @@ pub(super) struct BundleSteps<'a, I: Isa, H: Halo> {
     taus: [f64; MAX_TOGETHER],
     /// Whether each lane group has the release time of the one before it.
     repeated: [bool; MAX_TOGETHER],
+    /// Whether all have the same.
+    alike: bool,
     steps: usize,
     max_phase: f64,
     max_halvings: u8,
@@ -117,6 +119,7 @@ impl<'a, I: Isa, H: Halo> BundleSteps<'a, I, H> {
             step_sizes,
             taus: [taus[a], taus[b], taus[c], taus[d]],
             repeated: [false, b == a, c == b, d == c],
+            alike: b == a && c == a && d == a,
             steps: model.steps[a],
             max_phase: model.settings.step_phase,
             max_halvings: model.settings.max_halvings,
@@ -137,7 +140,16 @@ impl<'a, I: Isa, H: Halo> BundleSteps<'a, I, H> {
     /// The progenitor's positions at `N` times before today in the longest steps, in lanes of `V`.
     #[inline(always)]
     fn progenitor<V: Vectors, const N: usize>(&self, left: [f64; N]) -> [Vec3<Interleaved<V>>; N] {
-        let mut positions = [self.positions(0, left); MAX_TOGETHER];
+        let first = self.positions(0, left);
+        let mut centres = [Vec3::zero(); N];
+        if self.alike {
+            for j in 0..N {
+                let [x, y, z, _] = first[j];
+                centres[j] = Vec3::from_f64(Vec3::new(x, y, z));
+            }
+            return centres;
+        }
+        let mut positions = [first; MAX_TOGETHER];
         for k in 1..Interleaved::<V>::GROUPS {
             positions[k] = if self.repeated[k] {
                 positions[k - 1]
@@ -145,7 +157,6 @@ impl<'a, I: Isa, H: Halo> BundleSteps<'a, I, H> {
                 self.positions(k, left)
             };
         }
-        let mut centres = [Vec3::zero(); N];
         for j in 0..N {
             let mut of_groups = [Vec3::zero(); MAX_TOGETHER];
             for k in 0..Interleaved::<V>::GROUPS {
@@ -231,7 +242,7 @@ impl<'a, H: Halo> Planner<'a, H> {
 
     /// The step schedules of a bundle whose adaptive steps have these sizes.
     #[inline(always)]
-    pub fn schedules<V: Vectors>(
+    pub fn schedules<V: Vectors, const K: usize>(
         &mut self,
         bundle: &Bundle<'_>,
         step_sizes: &[u8],
@@ -240,7 +251,7 @@ impl<'a, H: Halo> Planner<'a, H> {
         let release_times = bundle.release_times();
         // The buffer of each lane group: that of the one before it if it has the same release time.
         let mut buffers = [0; MAX_TOGETHER];
-        for k in 0..Interleaved::<V>::GROUPS {
+        for k in 0..Lanes::<V, K>::GROUPS {
             let release_time = release_times[k];
             if k > 0 && release_time == release_times[k - 1] {
                 buffers[k] = buffers[k - 1];

@@ -1,7 +1,7 @@
 //! Smeared particles: each is spread over an angle, with a slope in radius, both from the places of its neighbours and its partner on the
 //! sky (docs/physics.md, section 6).
 
-use crate::scalar::{Isa, LANES, LaneArray, Lanes, Scalar};
+use crate::scalar::{Isa, LANES, Lanes, Scalar};
 use crate::spray::MAX_NORMALS;
 
 /// Distance to a neighbour on the unit circle at which it has a weight of 1/sqrt(2). Neighbours may be far from each other on the sky, and
@@ -37,6 +37,9 @@ pub struct Sky<S> {
     /// The inverse of the difference in radius at which a neighbour has a weight of 1/sqrt(2), 1/kpc.
     per_reach: S,
 }
+
+/// The numbers of a [`Sky`] in memory, in its order.
+pub type SkyRow = [f64; 4];
 
 /// From a particle to another: the sine of the angle, and the difference in radius in kpc, both times a factor that falls with distance:
 /// a and b of docs/physics.md, section 6.
@@ -85,49 +88,22 @@ impl<S: Scalar> Sky<S> {
     fn factor(self, cosine: S, dr: S) -> S {
         let radii = dr * self.per_reach;
         let angle2 = (S::one() - cosine) * (2.0 / (REACH_ANGLE * REACH_ANGLE));
-        S::one() / (S::one() + angle2 + radii * radii).sqrt()
+        (S::one() + angle2 + radii * radii).inverse_sqrt()
     }
 }
 
 impl<I: Isa> Sky<Lanes<I, 1>> {
-    /// Loads from memory.
+    /// From rows of `x`, `y`, `r` and the inverse reach.
     #[inline(always)]
-    pub fn load(skies: &[Sky<f64>; LANES]) -> Self {
-        let [mut x, mut y, mut r, mut per_reach] = [LaneArray([[0.0; LANES]]); 4];
-        for lane in 0..LANES {
-            x.0[0][lane] = skies[lane].x;
-            y.0[0][lane] = skies[lane].y;
-            r.0[0][lane] = skies[lane].r;
-            per_reach.0[0][lane] = skies[lane].per_reach;
-        }
-        Self {
-            x: Lanes::load(&x),
-            y: Lanes::load(&y),
-            r: Lanes::load(&r),
-            per_reach: Lanes::load(&per_reach),
-        }
+    pub fn from_rows(rows: [&SkyRow; LANES]) -> Self {
+        let [x, y, r, per_reach] = Lanes::columns(rows);
+        Self { x, y, r, per_reach }
     }
 
-    /// Stores to memory.
+    /// The rows.
     #[inline(always)]
-    pub fn store(self) -> [Sky<f64>; LANES] {
-        let (x, y) = (self.x.store().0[0], self.y.store().0[0]);
-        let (r, per_reach) = (self.r.store().0[0], self.per_reach.store().0[0]);
-        let mut skies = [Sky {
-            x: 0.0,
-            y: 0.0,
-            r: 0.0,
-            per_reach: 0.0,
-        }; LANES];
-        for lane in 0..LANES {
-            skies[lane] = Sky {
-                x: x[lane],
-                y: y[lane],
-                r: r[lane],
-                per_reach: per_reach[lane],
-            };
-        }
-        skies
+    pub fn rows(self) -> [SkyRow; LANES] {
+        Lanes::rows([self.x, self.y, self.r, self.per_reach])
     }
 }
 

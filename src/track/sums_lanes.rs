@@ -1,10 +1,10 @@
 //! Sums over the particles of each bin, in SIMD lanes and on several threads.
 
 use super::grid::{BinGrid, NearestEdge, SkyPoint};
-use super::smear::{Displacement, Sky, Smear, StreamExtent, moments_below};
+use super::smear::{Displacement, Sky, SkyRow, Smear, StreamExtent, moments_below};
 use super::sums::Sums;
 use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, Scalar, compile_kernel};
-use crate::spray::Neighbourhood;
+use crate::spray::{MAX_NORMALS, Neighbourhood};
 use crate::stream::Particles;
 use rayon::prelude::*;
 
@@ -23,7 +23,7 @@ pub struct PartialSums {
     /// phi in bin widths of the particles of the chunk, their neighbours and partners; a multiple of [`LANES`].
     positions: Vec<f64>,
     /// Their directions and radii.
-    skies: Vec<Sky<f64>>,
+    skies: Vec<SkyRow>,
 }
 
 impl PartialSums {
@@ -174,14 +174,16 @@ impl Kernel for BinKernel<'_> {
             let winding_number = Lanes::load(&repeated(&particles.winding_numbers[at..]));
             let SkyPoint { position, sky } = grid.sky_point(x, y, winding_number);
             sums.positions.extend_from_slice(&position.store().0[0]);
-            sums.skies.extend_from_slice(&sky.store());
+            sums.skies.extend_from_slice(&sky.rows());
         }
         for at in (first..last).step_by(LANES) {
             let n = LANES.min(last - at);
             let position = Lanes::<I, 1>::load(&repeated(&sums.positions[at - from..]));
-            let mut skies = [sums.skies[0]; LANES];
-            skies.copy_from_slice(&sums.skies[at - from..at - from + LANES]);
-            let sky = Sky::load(&skies);
+            let mut rows = [&sums.skies[0]; LANES];
+            for lane in 0..LANES {
+                rows[lane] = &sums.skies[at - from + lane];
+            }
+            let sky = Sky::from_rows(rows);
             match neighbourhood {
                 None => add_points(grid, position, sky, n, sums),
                 Some(neighbourhood) => {
@@ -209,9 +211,12 @@ fn smear<I: Isa>(
     for j in 0..neighbourhood.count {
         let row = block * neighbourhood.count + j;
         let neighbour = displacements(here, &neighbourhood.indices[row], from, sums);
-        for k in 0..neighbourhood.normals {
-            let weights = &neighbourhood.weights[row * neighbourhood.normals + k];
-            extent.add(k, Lanes::load(&LaneArray([*weights])), neighbour);
+        // A constant number of iterations, so that the sums are in registers.
+        for k in 0..MAX_NORMALS {
+            if k < neighbourhood.normals {
+                let weights = &neighbourhood.weights[row * neighbourhood.normals + k];
+                extent.add(k, Lanes::load(&LaneArray([*weights])), neighbour);
+            }
         }
     }
     Smear::new(extent.moments(), here.r)
@@ -225,11 +230,11 @@ fn displacements<I: Isa>(
     from: usize,
     sums: &PartialSums,
 ) -> Displacement<Lanes<I, 1>> {
-    let mut skies = [sums.skies[0]; LANES];
+    let mut rows = [&sums.skies[0]; LANES];
     for lane in 0..LANES {
-        skies[lane] = sums.skies[others[lane] as usize - from];
+        rows[lane] = &sums.skies[others[lane] as usize - from];
     }
-    here.displacement_to(Sky::load(&skies))
+    here.displacement_to(Sky::from_rows(rows))
 }
 
 /// Adds `n` particles, each to the two bins beside its nearest edge.
@@ -273,11 +278,14 @@ fn add_smeared<I: Isa>(
     let half_width = smear.half_width(grid.soft());
     let reach = half_width * grid.per_radian();
     let place = position - grid.first as f64;
-    let (lowest, highest) = ((place - reach).store().0[0], (place + reach).store().0[0]);
-    let mut range = (lowest[0], highest[0]);
-    for i in 1..n {
-        range.0 = f64::min(range.0, lowest[i]);
-        range.1 = f64::max(range.1, highest[i]);
+    // Lanes without a particle repeat the last one.
+    let mut lowest = (place - reach).store().0[0];
+    let mut highest = (place + reach).store().0[0];
+    for half in [LANES / 2, LANES / 4, LANES / 8] {
+        for i in 0..half {
+            lowest[i] = Scalar::min(lowest[i], lowest[i + half]);
+            highest[i] = Scalar::max(highest[i], highest[i + half]);
+        }
     }
     #[allow(
         clippy::cast_possible_truncation,
@@ -285,8 +293,8 @@ fn add_smeared<I: Isa>(
         reason = "between 0 and the number of bins"
     )]
     let (first, end) = (
-        range.0.max(0.0) as usize,
-        range.1.ceil().clamp(0.0, grid.len as f64) as usize,
+        lowest[0].max(0.0) as usize,
+        highest[0].ceil().clamp(0.0, grid.len as f64) as usize,
     );
     if first >= end {
         return;

@@ -73,6 +73,15 @@ pub trait Vectors: Copy + Debug + Send + Sync + 'static {
     fn neg(a: Self::Vector) -> Self::Vector;
     /// Square root.
     fn sqrt(a: Self::Vector) -> Self::Vector;
+    /// 1/sqrt(a) for positive normal numbers, to a few units in the last place.
+    #[inline(always)]
+    fn inverse_sqrt(a: Self::Vector) -> Self::Vector {
+        Self::div(Self::splat(1.0), Self::sqrt(a))
+    }
+    /// The larger of two; `a` if one is NaN.
+    fn max(a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// The smaller of two; `a` if one is NaN.
+    fn min(a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// a b + c, fused where there is an instruction for it.
     fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
     /// a < b
@@ -98,6 +107,10 @@ pub trait Isa: Vectors {
     /// Runs a kernel within another one of this instruction set. The function is called and not inlined, so that a computation that is
     /// used in many places is compiled once.
     fn call<K: Kernel>(kernel: K) -> K::Output;
+    /// The columns of a matrix of eight rows.
+    fn columns(rows: [&[f64; 4]; LANES]) -> [Self::Vector; 4];
+    /// The rows of a matrix of eight rows, from its columns.
+    fn rows(columns: [Self::Vector; 4]) -> [[f64; 4]; LANES];
     /// The sum of eight doubles: the last four are added to the first four, of these the last two to the first two, and these two.
     fn sum(a: Self::Vector) -> f64;
 }

@@ -85,6 +85,14 @@ macro_rules! arrays {
                 lane_by_lane!($groups, i => a[i].sqrt())
             }
             #[inline(always)]
+            fn max(a: Self::Vector, b: Self::Vector) -> Self::Vector {
+                lane_by_lane!($groups, i => if a[i] < b[i] { b[i] } else { a[i] })
+            }
+            #[inline(always)]
+            fn min(a: Self::Vector, b: Self::Vector) -> Self::Vector {
+                lane_by_lane!($groups, i => if b[i] < a[i] { b[i] } else { a[i] })
+            }
+            #[inline(always)]
             fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector {
                 lane_by_lane!($groups, i => a[i] * b[i] + c[i])
             }
@@ -127,6 +135,26 @@ impl Isa for Portable {
     #[inline(never)]
     fn call<K: Kernel>(kernel: K) -> K::Output {
         kernel.run::<Self>()
+    }
+    #[inline(always)]
+    fn columns(rows: [&[f64; 4]; LANES]) -> [Self::Vector; 4] {
+        let mut columns = [[0.0; LANES]; 4];
+        for lane in 0..LANES {
+            for k in 0..4 {
+                columns[k][lane] = rows[lane][k];
+            }
+        }
+        columns
+    }
+    #[inline(always)]
+    fn rows(columns: [Self::Vector; 4]) -> [[f64; 4]; LANES] {
+        let mut rows = [[0.0; 4]; LANES];
+        for lane in 0..LANES {
+            for k in 0..4 {
+                rows[lane][k] = columns[k][lane];
+            }
+        }
+        rows
     }
     #[inline(always)]
     fn sum(a: Self::Vector) -> f64 {

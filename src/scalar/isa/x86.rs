@@ -19,7 +19,7 @@ macro_rules! cpu {
 
 /// The operations of [`Vectors`] that are one intrinsic each, on vectors of one register, with masks in mask registers.
 macro_rules! one_register {
-    ($vector:ty, $mask:ty: $($name:ident $intrinsic:ident),*; $sqrt:ident $mul_add:ident $xor:ident $set1:ident $compare:ident $blend:ident) => {
+    ($vector:ty, $mask:ty: $($name:ident $intrinsic:ident),*; $sqrt:ident $max:ident $min:ident $mul_add:ident $xor:ident $set1:ident $compare:ident $blend:ident) => {
         type Vector = $vector;
         type Mask = $mask;
         $(
@@ -35,6 +35,15 @@ macro_rules! one_register {
         #[inline(always)]
         fn sqrt(a: $vector) -> $vector {
             cpu! { $sqrt(a) }
+        }
+        // The instructions give their second operand if one is NaN.
+        #[inline(always)]
+        fn max(a: $vector, b: $vector) -> $vector {
+            cpu! { $max(b, a) }
+        }
+        #[inline(always)]
+        fn min(a: $vector, b: $vector) -> $vector {
+            cpu! { $min(b, a) }
         }
         #[inline(always)]
         fn mul_add(a: $vector, b: $vector, c: $vector) -> $vector {
@@ -61,7 +70,7 @@ macro_rules! one_register {
 
 /// As `one_register`, on vectors of two registers, with masks in registers of the same type.
 macro_rules! two_registers {
-    ($register:ty: $($name:ident $intrinsic:ident),*; $sqrt:ident $mul_add:ident $xor:ident $set1:ident $compare:ident $blend:ident $and:ident $or:ident $signs:ident) => {
+    ($register:ty: $($name:ident $intrinsic:ident),*; $sqrt:ident $max:ident $min:ident $mul_add:ident $xor:ident $set1:ident $compare:ident $blend:ident $and:ident $or:ident $signs:ident) => {
         type Vector = [$register; 2];
         type Mask = [$register; 2];
         $(
@@ -77,6 +86,15 @@ macro_rules! two_registers {
         #[inline(always)]
         fn sqrt(a: [$register; 2]) -> [$register; 2] {
             cpu! { [$sqrt(a[0]), $sqrt(a[1])] }
+        }
+        // The instructions give their second operand if one is NaN.
+        #[inline(always)]
+        fn max(a: [$register; 2], b: [$register; 2]) -> [$register; 2] {
+            cpu! { [$max(b[0], a[0]), $max(b[1], a[1])] }
+        }
+        #[inline(always)]
+        fn min(a: [$register; 2], b: [$register; 2]) -> [$register; 2] {
+            cpu! { [$min(b[0], a[0]), $min(b[1], a[1])] }
         }
         #[inline(always)]
         fn mul_add(a: [$register; 2], b: [$register; 2], c: [$register; 2]) -> [$register; 2] {
@@ -116,6 +134,38 @@ fn sum_of_four(a: __m256d) -> f64 {
     }
 }
 
+/// The transpose of a matrix of four rows.
+#[inline(always)]
+fn transposed_4_by_4([a, b, c, d]: [__m256d; 4]) -> [__m256d; 4] {
+    cpu! {
+        let (even, odd) = (_mm256_unpacklo_pd(a, b), _mm256_unpackhi_pd(a, b));
+        let (later_even, later_odd) = (_mm256_unpacklo_pd(c, d), _mm256_unpackhi_pd(c, d));
+        [
+            _mm256_permute2f128_pd::<0x20>(even, later_even),
+            _mm256_permute2f128_pd::<0x20>(odd, later_odd),
+            _mm256_permute2f128_pd::<0x31>(even, later_even),
+            _mm256_permute2f128_pd::<0x31>(odd, later_odd),
+        ]
+    }
+}
+
+/// As [`transposed_4_by_4`], of two matrices, one in each half of the registers.
+#[inline(always)]
+fn transposed([a, b, c, d]: [__m512d; 4]) -> [__m512d; 4] {
+    cpu! {
+        let (even, odd) = (_mm512_unpacklo_pd(a, b), _mm512_unpackhi_pd(a, b));
+        let (later_even, later_odd) = (_mm512_unpacklo_pd(c, d), _mm512_unpackhi_pd(c, d));
+        let low = _mm512_setr_epi64(0, 1, 8, 9, 4, 5, 12, 13);
+        let high = _mm512_setr_epi64(2, 3, 10, 11, 6, 7, 14, 15);
+        [
+            _mm512_permutex2var_pd(even, low, later_even),
+            _mm512_permutex2var_pd(odd, low, later_odd),
+            _mm512_permutex2var_pd(even, high, later_even),
+            _mm512_permutex2var_pd(odd, high, later_odd),
+        ]
+    }
+}
+
 /// AVX-512 (F, DQ, VL) with fused multiply-add.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Avx512;
@@ -137,6 +187,31 @@ impl Isa for Avx512 {
         cpu! { compiled(kernel) }
     }
     #[inline(always)]
+    fn columns(rows: [&[f64; 4]; LANES]) -> [__m512d; 4] {
+        cpu! {
+            let mut pairs = [_mm512_setzero_pd(); 4];
+            for k in 0..4 {
+                let (low, high) = (rows[k].as_ptr(), rows[k + 4].as_ptr());
+                let low = _mm512_castpd256_pd512(_mm256_loadu_pd(low));
+                pairs[k] = _mm512_insertf64x4::<1>(low, _mm256_loadu_pd(high));
+            }
+            transposed(pairs)
+        }
+    }
+    #[inline(always)]
+    fn rows(columns: [__m512d; 4]) -> [[f64; 4]; LANES] {
+        let mut rows = [[0.0; 4]; LANES];
+        cpu! {
+            let pairs = transposed(columns);
+            for k in 0..4 {
+                _mm256_storeu_pd(rows[k].as_mut_ptr(), _mm512_castpd512_pd256(pairs[k]));
+                let high = _mm512_extractf64x4_pd::<1>(pairs[k]);
+                _mm256_storeu_pd(rows[k + 4].as_mut_ptr(), high);
+            }
+        }
+        rows
+    }
+    #[inline(always)]
     fn sum(a: __m512d) -> f64 {
         cpu! {
             sum_of_four(_mm256_add_pd(
@@ -150,7 +225,7 @@ impl Isa for Avx512 {
 impl Vectors for Avx512 {
     one_register! {
         __m512d, __mmask8: add _mm512_add_pd, sub _mm512_sub_pd, mul _mm512_mul_pd, div _mm512_div_pd;
-        _mm512_sqrt_pd _mm512_fmadd_pd _mm512_xor_pd _mm512_set1_pd _mm512_cmp_pd_mask _mm512_mask_blend_pd
+        _mm512_sqrt_pd _mm512_max_pd _mm512_min_pd _mm512_fmadd_pd _mm512_xor_pd _mm512_set1_pd _mm512_cmp_pd_mask _mm512_mask_blend_pd
     }
 
     const GROUPS: usize = 1;
@@ -158,6 +233,20 @@ impl Vectors for Avx512 {
     const EPSILON: f64 = f64::EPSILON;
     const NO_FRACTION: f64 = NO_FRACTION;
 
+    /// An approximation to 14 bits and two Newton steps: no division and no root.
+    #[inline(always)]
+    fn inverse_sqrt(a: __m512d) -> __m512d {
+        cpu! {
+            let half = _mm512_set1_pd(0.5);
+            let half_a = _mm512_mul_pd(a, half);
+            let mut inverse = _mm512_rsqrt14_pd(a);
+            for _ in 0..2 {
+                let error = _mm512_fnmadd_pd(_mm512_mul_pd(half_a, inverse), inverse, half);
+                inverse = _mm512_fmadd_pd(inverse, error, inverse);
+            }
+            inverse
+        }
+    }
     #[inline(always)]
     fn splat(a: f64) -> __m512d {
         cpu! { _mm512_set1_pd(a) }
@@ -192,7 +281,7 @@ impl Vectors for Avx512 {
 impl Vectors for Avx512Singles {
     one_register! {
         __m512, __mmask16: add _mm512_add_ps, sub _mm512_sub_ps, mul _mm512_mul_ps, div _mm512_div_ps;
-        _mm512_sqrt_ps _mm512_fmadd_ps _mm512_xor_ps _mm512_set1_ps _mm512_cmp_ps_mask _mm512_mask_blend_ps
+        _mm512_sqrt_ps _mm512_max_ps _mm512_min_ps _mm512_fmadd_ps _mm512_xor_ps _mm512_set1_ps _mm512_cmp_ps_mask _mm512_mask_blend_ps
     }
 
     const GROUPS: usize = 2;
@@ -268,6 +357,33 @@ impl Isa for Avx2 {
         cpu! { compiled(kernel) }
     }
     #[inline(always)]
+    fn columns(rows: [&[f64; 4]; LANES]) -> [[__m256d; 2]; 4] {
+        let mut columns = [[Self::splat(0.0)[0]; 2]; 4];
+        for half in 0..2 {
+            let mut of_half = [columns[0][0]; 4];
+            for k in 0..4 {
+                of_half[k] = cpu! { _mm256_loadu_pd(rows[4 * half + k].as_ptr()) };
+            }
+            of_half = transposed_4_by_4(of_half);
+            for k in 0..4 {
+                columns[k][half] = of_half[k];
+            }
+        }
+        columns
+    }
+    #[inline(always)]
+    fn rows(columns: [[__m256d; 2]; 4]) -> [[f64; 4]; LANES] {
+        let mut rows = [[0.0; 4]; LANES];
+        for half in 0..2 {
+            let [a, b, c, d] = columns;
+            let of_half = transposed_4_by_4([a[half], b[half], c[half], d[half]]);
+            for k in 0..4 {
+                cpu! { _mm256_storeu_pd(rows[4 * half + k].as_mut_ptr(), of_half[k]) }
+            }
+        }
+        rows
+    }
+    #[inline(always)]
     fn sum(a: [__m256d; 2]) -> f64 {
         cpu! { sum_of_four(_mm256_add_pd(a[0], a[1])) }
     }
@@ -293,7 +409,7 @@ impl Avx2 {
 impl Vectors for Avx2 {
     two_registers! {
         __m256d: add _mm256_add_pd, sub _mm256_sub_pd, mul _mm256_mul_pd, div _mm256_div_pd;
-        _mm256_sqrt_pd _mm256_fmadd_pd _mm256_xor_pd _mm256_set1_pd _mm256_cmp_pd _mm256_blendv_pd
+        _mm256_sqrt_pd _mm256_max_pd _mm256_min_pd _mm256_fmadd_pd _mm256_xor_pd _mm256_set1_pd _mm256_cmp_pd _mm256_blendv_pd
         _mm256_and_pd _mm256_or_pd _mm256_movemask_pd
     }
 
@@ -372,7 +488,7 @@ impl Avx2Singles {
 impl Vectors for Avx2Singles {
     two_registers! {
         __m256: add _mm256_add_ps, sub _mm256_sub_ps, mul _mm256_mul_ps, div _mm256_div_ps;
-        _mm256_sqrt_ps _mm256_fmadd_ps _mm256_xor_ps _mm256_set1_ps _mm256_cmp_ps _mm256_blendv_ps
+        _mm256_sqrt_ps _mm256_max_ps _mm256_min_ps _mm256_fmadd_ps _mm256_xor_ps _mm256_set1_ps _mm256_cmp_ps _mm256_blendv_ps
         _mm256_and_ps _mm256_or_ps _mm256_movemask_ps
     }
 
