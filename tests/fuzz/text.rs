@@ -107,7 +107,7 @@ pub fn study_case(rng: &mut RandomStream, seeds: &[String], path: &Path) -> Verd
     };
     if let Some(population) = study.population {
         let settings: PopulationConfig = population.settings;
-        if settings.sampling.check(2).is_err() || TruncatedGaussian::new(settings.family).is_err() {
+        if settings.family.dim().map_or(true, |dim| settings.sampling.check(dim).is_err()) {
             return Verdict::Refused;
         }
     }

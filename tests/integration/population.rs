@@ -46,6 +46,7 @@ fn weighted(name: &str, (measured, error): (f64, f64), count: u32) -> QPosterior
         name: name.to_owned(),
         ln_weight: ln_l.iter().map(|l| l - sum.ln()).collect(),
         q,
+        effective_size: f64::from(count),
         prior: UNIFORM,
     }
 }
