@@ -87,7 +87,7 @@ impl PopulationDensity {
         })
     }
 
-    /// As a table with commas: one line of names, one line per value of q, digits to the bit.
+    /// As a table with commas: one line of names, then one line for each value of q, with all digits.
     #[must_use]
     pub fn csv(&self) -> String {
         let columns = [
@@ -101,7 +101,7 @@ impl PopulationDensity {
         ];
         let mut table = columns.map(|(name, _)| name).join(",") + "\n";
         for row in 0..self.q.len() {
-            table += &columns.map(|(_, values)| values[row].to_string()).join(",");
+            table += &columns.map(|(_, values)| format!("{:?}", values[row])).join(",");
             table.push('\n');
         }
         table

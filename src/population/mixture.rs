@@ -10,6 +10,10 @@ use crate::scalar::Real;
 use oblate_samplers::Marginal;
 use serde::{Deserialize, Serialize};
 
+/// Smallest standard deviation of a component under the default hyperprior. A narrower component could hold a single draw of one stream, whose
+/// sum would grow without bound as the component shrinks to it.
+const MIN_SIGMA: f64 = 0.02;
+
 /// Hyperpriors of the family.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -20,21 +24,25 @@ pub struct MixturePriors {
     pub mu_middle_pop: Marginal,
     /// Prior of the difference of the two means; uniform on [0, 1].
     pub mu_gap_pop: Marginal,
-    /// Prior of the standard deviation before truncation of the component with the lower mean; uniform on [0, 1].
+    /// Prior of the standard deviation before truncation of the component with the lower mean; uniform on [0.02, 1].
     pub sigma_lower_pop: Marginal,
-    /// The same of the component with the upper mean; uniform on [0, 1].
+    /// The same of the component with the upper mean; uniform on [0.02, 1].
     pub sigma_upper_pop: Marginal,
 }
 
 impl Default for MixturePriors {
     fn default() -> Self {
         let unit = Marginal::Uniform { lo: 0.0, hi: 1.0 };
+        let sigma = Marginal::Uniform {
+            lo: MIN_SIGMA,
+            hi: 1.0,
+        };
         Self {
             weight_pop: unit,
             mu_middle_pop: Marginal::Uniform { lo: 0.5, hi: 1.5 },
             mu_gap_pop: unit,
-            sigma_lower_pop: unit,
-            sigma_upper_pop: unit,
+            sigma_lower_pop: sigma,
+            sigma_upper_pop: sigma,
         }
     }
 }

@@ -21,6 +21,6 @@ pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compar
 pub use interval::Interval;
 pub use modes::{Mode, ModeWeight, Probability, mode_weights, prolate_probability};
 pub use population_summary::{
-    EQUAL_TO_PRIOR, PopulationSummary, StreamInPopulation, prior_distances,
+    EQUAL_TO_PRIOR, PopulationSummary, StreamInPopulation, marginal_information,
 };
 pub use summary::{SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals};

@@ -1,13 +1,16 @@
-//! What the summary of a population says beside that of any run: its streams, and how far its hyperparameters are from their priors.
+//! What the summary of a population says beside that of any run: its streams, and what they say about its hyperparameters.
 
 use super::interval::Interval;
 use super::json;
 use oblate_samplers::{Marginal, Prior, Run};
 use serde::{Deserialize, Serialize};
 
-/// A posterior whose cumulative probabilities differ by at most this from those of its prior is called equal to it. The median then moves
-/// by less than a tenth of the prior's probability, and 400 draws of the prior itself reach 0.07 once in twenty times.
+/// A posterior with less information than this about a hyperparameter, in nats, is called equal to its prior: a normal distribution that is shifted by
+/// less than half of its width, or that is not narrower than 0.7 times its width.
 pub const EQUAL_TO_PRIOR: f64 = 0.1;
+
+/// Cells of equal prior probability over which the information is summed.
+const CELLS: usize = 20;
 
 /// One stream of a population.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,27 +32,31 @@ pub struct StreamInPopulation {
     pub ln_likelihood_variance: f64,
 }
 
-/// The streams of a population, and its hyperparameters' distances from their priors.
+/// The streams of a population, and their information about its hyperparameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PopulationSummary {
     /// The streams, in the order in which their fits were given.
     pub streams: Vec<StreamInPopulation>,
-    /// The largest difference between the cumulative probabilities of posterior and prior (Kolmogorov-Smirnov distance) of each
-    /// hyperparameter, in the run's order.
+    /// Information that the streams give about each hyperparameter, in the run's order; see [`marginal_information`].
     #[serde(with = "json::ordered")]
-    pub prior_distances: Vec<(String, f64)>,
+    pub information: Vec<(String, f64)>,
 }
 
 impl PopulationSummary {
     /// Names of the hyperparameters whose posterior equals the prior, by [`EQUAL_TO_PRIOR`].
     #[must_use]
     pub fn equal_to_prior(&self) -> Vec<&str> {
-        let equal = |distance: &f64| *distance <= EQUAL_TO_PRIOR;
-        self.prior_distances
+        self.information
             .iter()
-            .filter(|(_, distance)| equal(distance))
+            .filter(|(_, information)| *information < EQUAL_TO_PRIOR)
             .map(|(name, _)| name.as_str())
             .collect()
+    }
+
+    /// Whether every hyperparameter's posterior equals its prior.
+    #[must_use]
+    pub fn measures_nothing(&self) -> bool {
+        self.equal_to_prior().len() == self.information.len()
     }
 
     /// The verdict on what the streams say: which hyperparameters are only their priors. None if every posterior differs from its prior.
@@ -65,33 +72,37 @@ impl PopulationSummary {
             ("the posteriors", "their priors")
         };
         Some(format!(
-            "NOT MEASURED: {posterior} of {} equal{} {prior} (cumulative probabilities differ by at most {EQUAL_TO_PRIOR}); add streams, or \
-             streams that constrain q.",
+            "NOT MEASURED: {posterior} of {} equal{} {prior} (less than {EQUAL_TO_PRIOR} nat of information); add streams, or streams that \
+             constrain q better.",
             equal.join(", "),
-            if equal.len() == 1 { "s" } else { "" },
+            if equal.len() == 1 { "s" } else { "" }
         ))
     }
 }
 
-/// The largest difference between the cumulative probabilities of each parameter's posterior and of its prior.
+/// Kullback-Leibler divergence of the marginal posterior of each parameter from its prior, in nats: the sum over twenty cells of equal prior
+/// probability, less its expectation for as many draws of the prior as the run has effective ones, and at least 0. At most ln 20.
 #[must_use]
-pub fn prior_distances(run: &Run, prior: &Prior) -> Vec<(String, f64)> {
+pub fn marginal_information(run: &Run, prior: &Prior) -> Vec<(String, f64)> {
     let weights = run.draws.weights();
-    let marginals = prior.names().iter().zip(prior.marginals()).enumerate();
-    let distance = |k: usize, marginal: &Marginal| {
-        let values = run.draws.column(k);
-        let u = values.iter().map(|value| marginal.u_from_theta(*value));
-        let mut rows: Vec<(f64, f64)> = u.zip(weights.iter().copied()).collect();
-        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (mut below, mut distance) = (0.0_f64, 0.0_f64);
-        for (u, weight) in rows {
-            distance = distance.max((u - below).abs());
-            below += weight;
-            distance = distance.max((below - u).abs());
+    let expected = (CELLS - 1) as f64 / (2.0 * run.ess.quoted.max(1.0));
+    let information = |k: usize, marginal: &Marginal| {
+        let mut cells = [0.0; CELLS];
+        for (value, weight) in run.draws.column(k).iter().zip(&weights) {
+            #[allow(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a probability times the number of cells"
+            )]
+            let cell = (marginal.u_from_theta(*value) * CELLS as f64) as usize;
+            cells[cell.min(CELLS - 1)] += weight;
         }
-        distance
+        let filled = cells.iter().filter(|p| **p > 0.0);
+        let sum: f64 = filled.map(|p| p * (p * CELLS as f64).ln()).sum();
+        (sum - expected).max(0.0)
     };
-    marginals
-        .map(|(k, (name, marginal))| (name.clone(), distance(k, marginal)))
+    let names = prior.names().iter().zip(prior.marginals()).enumerate();
+    names
+        .map(|(k, (name, marginal))| (name.clone(), information(k, marginal)))
         .collect()
 }

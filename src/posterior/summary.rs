@@ -103,7 +103,7 @@ pub struct Summary {
     /// Orientation modes, where the run has `dir_x`, `dir_y` and q.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub modes: Option<Vec<ModeWeight>>,
-    /// The streams of a population, and the distances of its hyperparameters from their priors; none in a fit.
+    /// The streams of a population, and what they say about its hyperparameters; none in a fit.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub population: Option<PopulationSummary>,
     /// What it cost.

@@ -96,7 +96,8 @@ fn verdict(out: &mut String, run: &PageRun<'_>) {
     let s = run.summary;
     let prior = s.population.as_ref().and_then(|p| p.verdict());
     let model = s.model_checks.iter().all(|check| check.pass);
-    let class = if s.converged && model && prior.is_none() {
+    let measured = !s.population.as_ref().is_some_and(|p| p.measures_nothing());
+    let class = if s.converged && model && measured {
         "verdict"
     } else {
         "verdict bad"

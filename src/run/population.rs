@@ -9,7 +9,7 @@ use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
 use crate::inference::{Fit, sample};
 use crate::population::{QPosterior, checks};
-use crate::posterior::{PopulationSummary, Summary, SummaryContext, prior_distances};
+use crate::posterior::{PopulationSummary, Summary, SummaryContext, marginal_information};
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::output::Status;
 use oblate_samplers::Run;
@@ -91,7 +91,7 @@ pub fn population(
             input_hash: input_hash.to_owned(),
             population: Some(PopulationSummary {
                 streams,
-                prior_distances: prior_distances(run, target.prior()),
+                information: marginal_information(run, target.prior()),
             }),
         }
     };
