@@ -53,7 +53,11 @@ impl FolderFlags {
         if common.json {
             out.json(&fit.summary)?;
         } else {
-            out.line(&format!("{}\nin {}", fit.summary, destination.folder.display()))?;
+            out.line(&format!(
+                "{}\nin {}",
+                fit.summary,
+                destination.folder.display()
+            ))?;
         }
         Ok(Exit::from_converged(
             fit.summary.converged || self.allow_unconverged,

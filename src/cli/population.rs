@@ -96,9 +96,7 @@ fn print(runs: &[FamilyRun], out: &mut Output<'_>) -> Result<()> {
     let mut order: Vec<&FamilyRun> = runs.iter().collect();
     order.sort_by(|a, b| b.summary.ln_z.value.total_cmp(&a.summary.ln_z.value));
     let best = order[0].summary.ln_z;
-    out.line(
-        "family              converged  ln Z               ln Bayes factor    ESS    in",
-    )?;
+    out.line("family              converged  ln Z               ln Bayes factor    ESS    in")?;
     for run in &order {
         let ln_z = run.summary.ln_z;
         let error = if run.family == order[0].family {

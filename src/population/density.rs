@@ -101,7 +101,9 @@ impl PopulationDensity {
         ];
         let mut table = columns.map(|(name, _)| name).join(",") + "\n";
         for row in 0..self.q.len() {
-            table += &columns.map(|(_, values)| format!("{:?}", values[row])).join(",");
+            table += &columns
+                .map(|(_, values)| format!("{:?}", values[row]))
+                .join(",");
             table.push('\n');
         }
         table

@@ -2,9 +2,7 @@
 
 use super::family::Family;
 use super::hyperprior::{self, ANY, POSITIVE};
-use super::truncated_gaussian::{
-    DEVIATIONS, MEANS, TruncatedGaussian, TruncatedGaussianSettings,
-};
+use super::truncated_gaussian::{DEVIATIONS, MEANS, TruncatedGaussian, TruncatedGaussianSettings};
 use crate::error::Result;
 use crate::scalar::Real;
 use oblate_samplers::Marginal;
@@ -58,8 +56,18 @@ impl MixturePriors {
             ("weight_pop", self.weight_pop, weights.clone(), weights),
             ("mu_middle_pop", self.mu_middle_pop, MEANS, ANY),
             ("mu_gap_pop", self.mu_gap_pop, DEVIATIONS, POSITIVE),
-            ("sigma_lower_pop", self.sigma_lower_pop, DEVIATIONS, POSITIVE),
-            ("sigma_upper_pop", self.sigma_upper_pop, DEVIATIONS, POSITIVE),
+            (
+                "sigma_lower_pop",
+                self.sigma_lower_pop,
+                DEVIATIONS,
+                POSITIVE,
+            ),
+            (
+                "sigma_upper_pop",
+                self.sigma_upper_pop,
+                DEVIATIONS,
+                POSITIVE,
+            ),
         ] {
             hyperprior::check(&format!("mixture.{key}"), &prior, &range, &values)?;
         }

@@ -12,13 +12,16 @@ use serde::{Deserialize, Serialize};
 /// stream's draws enter one by one.
 const RAMP: f64 = 0.05;
 
+/// Smallest width under the default hyperprior: a narrower population could hold a single draw of a stream.
+const MIN_WIDTH: f64 = 0.05;
+
 /// Hyperpriors of the family.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct UniformPriors {
     /// Prior of the centre; uniform on [0.5, 1.5].
     pub centre_pop: Marginal,
-    /// Prior of the width between the edges; uniform on [0, 2].
+    /// Prior of the width between the edges; uniform on [0.05, 2].
     pub width_pop: Marginal,
 }
 
@@ -26,7 +29,10 @@ impl Default for UniformPriors {
     fn default() -> Self {
         Self {
             centre_pop: Marginal::Uniform { lo: 0.5, hi: 1.5 },
-            width_pop: Marginal::Uniform { lo: 0.0, hi: 2.0 },
+            width_pop: Marginal::Uniform {
+                lo: MIN_WIDTH,
+                hi: 2.0,
+            },
         }
     }
 }
@@ -107,6 +113,9 @@ impl Family<2> for Uniform {
 
     fn derived(&self, [centre, width]: [f64; 2]) -> Vec<f64> {
         let (lo, hi) = self.support;
-        vec![(centre - 0.5 * width).max(lo), (centre + 0.5 * width).min(hi)]
+        vec![
+            (centre - 0.5 * width).max(lo),
+            (centre + 0.5 * width).min(hi),
+        ]
     }
 }

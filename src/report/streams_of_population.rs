@@ -28,8 +28,18 @@ pub fn streams_of_population(streams: &[StreamInPopulation]) -> String {
     };
     let mut bar = |interval: &Interval, y: f64, colour: &str| {
         let px = |q: f64| axes.at(q, 0.0).0;
-        canvas.line(&[(px(interval.lo95), y), (px(interval.hi95), y)], colour, 0.8, "");
-        canvas.line(&[(px(interval.lo68), y), (px(interval.hi68), y)], colour, 2.2, "");
+        canvas.line(
+            &[(px(interval.lo95), y), (px(interval.hi95), y)],
+            colour,
+            0.8,
+            "",
+        );
+        canvas.line(
+            &[(px(interval.lo68), y), (px(interval.hi68), y)],
+            colour,
+            2.2,
+            "",
+        );
         canvas.dot((px(interval.median), y), 2.0, colour, 1.0, "median");
     };
     for (k, stream) in streams.iter().enumerate() {
@@ -47,8 +57,16 @@ pub fn streams_of_population(streams: &[StreamInPopulation]) -> String {
     }
     axes.mark(&mut canvas, 1.0, GREY, "1 2");
     axes.frame(&mut canvas);
-    axes.draw_x(&mut canvas, "axis ratio q  (< 1 oblate, > 1 prolate)", 6, 8.0);
-    for (x, colour, label) in [(96.0, GREY, "own fit"), (190.0, COLOURS[0], "given the population")] {
+    axes.draw_x(
+        &mut canvas,
+        "axis ratio q  (< 1 oblate, > 1 prolate)",
+        6,
+        8.0,
+    );
+    for (x, colour, label) in [
+        (96.0, GREY, "own fit"),
+        (190.0, COLOURS[0], "given the population"),
+    ] {
         let y = 12.0 + height + 42.0;
         canvas.line(&[(x, y), (x + 18.0, y)], colour, 2.2, "");
         canvas.text((x + 22.0, y + 2.5), label, 7.0, Anchor::Start, 0.0);

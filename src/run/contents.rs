@@ -267,7 +267,14 @@ pub(super) fn remove_leftovers(folder: &Path) {
 
 fn is_file_of_a_run(name: &str) -> bool {
     let figure = name.strip_suffix(".svg");
-    [CONFIG_FILE, TRACK_FILE, SUMMARY_FILE, CHECKPOINT_FILE, DENSITY_FILE].contains(&name)
+    [
+        CONFIG_FILE,
+        TRACK_FILE,
+        SUMMARY_FILE,
+        CHECKPOINT_FILE,
+        DENSITY_FILE,
+    ]
+    .contains(&name)
         || previous(Path::new(CHECKPOINT_FILE)) == Path::new(name)
         || figure.is_some_and(|figure| FIGURES.contains(&figure))
 }

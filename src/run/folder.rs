@@ -1,8 +1,8 @@
 //! The run folder for readers: its files, and a finished run read back from them.
 
 use super::contents::{
-    CHECKPOINT_FILE, COARSE_FOLDER, CONFIG_FILE, DENSITY_FILE, LOG_FILE, POSTERIOR_FOLDER, RESULT_FOLDER,
-    SUMMARY_FILE, TRACK_FILE,
+    CHECKPOINT_FILE, COARSE_FOLDER, CONFIG_FILE, DENSITY_FILE, LOG_FILE, POSTERIOR_FOLDER,
+    RESULT_FOLDER, SUMMARY_FILE, TRACK_FILE,
 };
 use super::versions::{FOLDER_FORMAT, VERSIONS_FILE, Versions};
 use crate::data::ObservedTrack;

@@ -10,9 +10,9 @@ use crate::error::{Error, Result};
 use crate::inference::{Fit, sample};
 use crate::population::{QPosterior, checks};
 use crate::posterior::{PopulationSummary, Summary, SummaryContext, marginal_information};
+use oblate_samplers::Run;
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::output::Status;
-use oblate_samplers::Run;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

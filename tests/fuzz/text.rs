@@ -107,7 +107,11 @@ pub fn study_case(rng: &mut RandomStream, seeds: &[String], path: &Path) -> Verd
     };
     if let Some(population) = study.population {
         let settings: PopulationConfig = population.settings;
-        if settings.family.dim().map_or(true, |dim| settings.sampling.check(dim).is_err()) {
+        if settings
+            .family
+            .dim()
+            .map_or(true, |dim| settings.sampling.check(dim).is_err())
+        {
             return Verdict::Refused;
         }
     }
