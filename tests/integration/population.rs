@@ -496,8 +496,8 @@ fn the_monte_carlo_variance_is_that_of_repeated_draws() {
     let mean = values.iter().sum::<f64>() / n;
     let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
     // A variance of 400 values has a standard error of 7 %: four of these; the second order of the logarithm is of the size of the
-    // variance itself, 2 %.
-    assert!(variance > 0.01, "{variance}");
+    // variance itself, 1 %.
+    assert!(variance > 0.005, "{variance}");
     assert!(
         (estimates / variance - 1.0).abs() < 0.3,
         "{estimates} {variance}"
