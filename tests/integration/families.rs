@@ -119,11 +119,13 @@ fn the_edges_of_a_uniform_population_have_a_gradient() {
         );
         assert!(gradient_error(&family, [0.9, width], edge) < 1.0);
     }
-    assert_eq!(family.ln_pdf([0.9, width])(1.2), f64::NEG_INFINITY);
+    let outside = family.ln_pdf([0.9, width])(1.2);
+    assert!(outside.is_infinite() && outside < 0.0, "{outside}");
     // Cut at an end of the support: full density up to it.
     let cut = family.ln_pdf([0.6, 0.6])(0.5);
     assert!((cut + 0.4_f64.ln()).abs() < 1e-12, "{cut}");
-    assert_eq!(family.derived([0.6, 0.6]), [0.5, 0.8999999999999999]);
+    let edges = family.derived([0.6, 0.6]);
+    assert!((edges[0] - 0.5).abs() < 1e-15 && (edges[1] - 0.9).abs() < 1e-15);
     assert!(family.ln_pdf([0.9_f64, 0.0])(0.9).is_nan());
 }
 
@@ -169,7 +171,8 @@ fn a_mixture_of_one_component_is_that_component() {
         }
     }
     assert!(mixture.ln_pdf([0.5_f64, 0.9, 0.4, -0.1, 0.1])(0.9).is_nan());
-    assert_eq!(mixture.derived([0.5, 0.9, 0.4, 0.1, 0.1])[0], 0.7);
+    let lower = mixture.derived([0.5, 0.9, 0.4, 0.1, 0.1])[0];
+    assert!((lower - 0.7).abs() < 1e-15, "{lower}");
 }
 
 #[test]
@@ -486,22 +489,27 @@ fn calibrated(family: FamilyName, sampler: Sampler, count: u64) {
 
 #[test]
 fn posteriors_of_populations_are_calibrated() {
-    for family in [
-        FamilyName::TruncatedGaussian,
-        FamilyName::Uniform,
-        FamilyName::Beta,
-    ] {
-        calibrated(family, Sampler::Nested, 24);
-    }
+    calibrated(FamilyName::TruncatedGaussian, Sampler::Nested, 24);
+    calibrated(FamilyName::Beta, Sampler::Nested, 24);
 }
 
-/// The same for every family by both samplers, with more populations: half an hour.
-#[test]
-#[ignore = "half an hour"]
-fn posteriors_of_populations_are_calibrated_long() {
-    for family in FamilyName::ALL {
-        for sampler in [Sampler::Nested, Sampler::PtHmc] {
-            calibrated(family, sampler, 200);
+/// The same for every family by both samplers, with more populations.
+macro_rules! calibrated_at_length {
+    ($($name:ident: $family:ident),*) => {$(
+        #[test]
+        #[ignore = "minutes: run before a release with --ignored --nocapture"]
+        fn $name() {
+            for sampler in [Sampler::Nested, Sampler::PtHmc] {
+                calibrated(FamilyName::$family, sampler, 100);
+            }
         }
-    }
+    )*};
+}
+
+calibrated_at_length! {
+    truncated_gaussians_are_calibrated_at_length: TruncatedGaussian,
+    uniforms_are_calibrated_at_length: Uniform,
+    mixtures_are_calibrated_at_length: Mixture,
+    betas_are_calibrated_at_length: Beta,
+    histograms_are_calibrated_at_length: Histogram
 }
