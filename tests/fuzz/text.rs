@@ -7,7 +7,6 @@ use oblate::config::{PopulationConfig, StudyConfig, read, to_toml};
 use oblate::data::ObservedTrack;
 use oblate::inference::StreamTarget;
 use oblate::params::{ParameterLines, PriorSettings, StreamParams, StreamPrior};
-use oblate::population::TruncatedGaussian;
 use oblate_samplers::rng::{RandomStream, below};
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};

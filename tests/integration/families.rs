@@ -444,7 +444,7 @@ fn draw_q(settings: &FamilySettings, alpha: &[f64], rng: &mut RandomStream) -> f
     SUPPORT.1
 }
 
-/// Simulation-based calibration (Talts et al. 2018): hyperparameters from the hyperprior, q of six streams from their member, measurements
+/// Simulation-based calibration (Talts et al. 2018): hyperparameters from the hyperprior, q of five streams from their member, measurements
 /// with an error of 0.1, and the posterior probability below the true hyperparameter, which is uniform if and only if posteriors are right
 /// on average. Exponents, roughness and gap are compared with the others; all hyperparameters of a family share its runs, so that the
 /// Kolmogorov-Smirnov limit of probability 1e-4 holds for each.
@@ -461,14 +461,14 @@ fn calibrated(family: FamilyName, sampler: Sampler, count: u64) {
         let u: Vec<f64> = (0..dim).map(|_| unit_open(&mut rng)).collect();
         let mut truth = vec![0.0; dim];
         some.prior().theta_from_u(&u, &mut truth);
-        let streams: Vec<QPosterior> = (0..6)
+        let streams: Vec<QPosterior> = (0..5)
             .map(|i| {
                 let q = draw_q(&settings, &truth, &mut rng) + 0.1 * standard_normal(&mut rng);
-                measured(i, q, 0.1, 80)
+                measured(i, q, 0.1, 60)
             })
             .collect();
         let target = population(family, &streams);
-        let run = run(target.as_ref(), sampler, 100, 6, number);
+        let run = run(target.as_ref(), sampler, 60, 6, number);
         let weights = run.draws.weights();
         for k in 0..dim {
             let rows = run.draws.column(k);
