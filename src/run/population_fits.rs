@@ -19,7 +19,8 @@ pub fn q_posterior(stored: &StoredRun) -> Result<QPosterior> {
         name: stored.name.clone(),
         q: q.values,
         ln_weight: stored.run.draws.ln_weight.clone(),
-        effective_size: stored.summary.ess,
+        // A run of a single lineage cannot tell, and states 0; with one draw the variance of its sum fails the check.
+        effective_size: stored.summary.ess.max(1.0),
         prior: stored.summary.q_prior.unwrap_or(QPrior::Unknown),
     })
 }
