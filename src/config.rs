@@ -3,7 +3,7 @@
 use crate::data::{AssumedError, MockSettings, NUMBERS_OF_MOCKS};
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, Sampler, SamplerSettings, over_defaults};
-use crate::population::{PopulationSettings, TruncatedGaussianSettings};
+use crate::population::{FamilyName, FamilySettings, PopulationSettings};
 use oblate_samplers::limits::{MAX_SEED, in_range};
 use oblate_samplers::read::text;
 use serde::de::DeserializeOwned;
@@ -25,7 +25,7 @@ pub struct PopulationConfig {
     /// Master seed of the sampler.
     pub seed: u64,
     /// The family of distributions of q.
-    pub family: TruncatedGaussianSettings,
+    pub family: FamilySettings,
     /// The reweighting of the streams' posteriors.
     pub reweighting: PopulationSettings,
     /// The samplers.
@@ -37,7 +37,7 @@ impl Default for PopulationConfig {
     fn default() -> Self {
         Self {
             seed: 1,
-            family: TruncatedGaussianSettings::default(),
+            family: FamilySettings::default(),
             reweighting: PopulationSettings::default(),
             sampling: SamplerSettings::for_populations(),
         }
@@ -150,9 +150,24 @@ pub struct StudyMocks {
 pub struct StudyPopulation {
     /// Samplers; each samples the population.
     pub samplers: Vec<Sampler>,
+    /// Families; each is sampled. None: the family of the settings.
+    #[serde(default)]
+    pub families: Vec<FamilyName>,
     /// Settings.
     #[serde(default)]
     pub settings: PopulationConfig,
+}
+
+impl StudyPopulation {
+    /// The families that are sampled: those listed, else that of the settings.
+    #[must_use]
+    pub fn families(&self) -> Vec<FamilyName> {
+        if self.families.is_empty() {
+            vec![self.settings.family.name]
+        } else {
+            self.families.clone()
+        }
+    }
 }
 
 /// Reads a settings file, of at most 1 MiB.

@@ -7,7 +7,7 @@ use super::output::{Output, note};
 use super::progress::Progress;
 use crate::error::{Error, Result};
 use crate::inference::Fit;
-use crate::run::{Destination, IfExists, Monitor};
+use crate::run::{Destination, IfExists, Monitor, Monitored};
 use oblate_samplers::output::Status;
 use std::path::PathBuf;
 
@@ -43,6 +43,48 @@ impl FolderFlags {
         out: &mut Output<'_>,
         work: impl FnOnce(Destination<'_>, &mut Monitor<'_>) -> Result<Fit>,
     ) -> Result<Exit> {
+        let command = without_folder_flags(command);
+        let destination = self.destination(&command)?;
+        let mut progress = Progress::new(label, common, self.limits);
+        let fit = work(destination, &mut progress.monitor())?;
+        if fit.run.status == Status::Interrupted {
+            return Ok(interrupted());
+        }
+        if common.json {
+            out.json(&fit.summary)?;
+        } else {
+            out.line(&format!(
+                "{}\nin {}",
+                fit.summary,
+                destination.folder.display()
+            ))?;
+        }
+        Ok(Exit::from_converged(
+            fit.summary.converged || self.allow_unconverged,
+        ))
+    }
+
+    /// Does several runs in the folder, each under a progress display of its own; `None` if one was interrupted.
+    ///
+    /// # Errors
+    /// Those of `work`.
+    pub fn fill_several<T>(
+        &self,
+        command: &str,
+        common: &Common,
+        work: impl FnOnce(Destination<'_>, &mut Monitored<'_>) -> Result<Option<T>>,
+    ) -> Result<Option<T>> {
+        let command = without_folder_flags(command);
+        let destination = self.destination(&command)?;
+        let limits = self.limits;
+        work(destination, &mut |label, work| {
+            let mut progress = Progress::new(label, common, limits);
+            work(&mut progress.monitor())
+        })
+    }
+
+    /// Checks the flags; `command` is the command line for the summary.
+    fn destination<'a>(&'a self, command: &'a str) -> Result<Destination<'a>> {
         self.limits.check()?;
         let Some(folder) = &self.out else {
             return Err(Error::Setting {
@@ -51,26 +93,11 @@ impl FolderFlags {
                 remedy: "name the run folder to make".to_owned(),
             });
         };
-        let command = without_folder_flags(command);
-        let destination = Destination {
+        Ok(Destination {
             folder,
             if_exists: self.if_exists(),
-            command: &command,
-        };
-        let mut progress = Progress::new(label, common, self.limits);
-        let fit = work(destination, &mut progress.monitor())?;
-        if fit.run.status == Status::Interrupted {
-            note("interrupted; continue with the same command and --resume");
-            return Ok(Exit::Interrupted);
-        }
-        if common.json {
-            out.json(&fit.summary)?;
-        } else {
-            out.line(&format!("{}\nin {}", fit.summary, folder.display()))?;
-        }
-        Ok(Exit::from_converged(
-            fit.summary.converged || self.allow_unconverged,
-        ))
+            command,
+        })
     }
 
     fn if_exists(&self) -> IfExists {
@@ -82,6 +109,12 @@ impl FolderFlags {
             IfExists::Refuse
         }
     }
+}
+
+/// Says how an interrupted run is continued.
+pub fn interrupted() -> Exit {
+    note("interrupted; continue with the same command and --resume");
+    Exit::Interrupted
 }
 
 /// A command line without the flags for an existing folder: they change no result, and a resumed run has the summary of

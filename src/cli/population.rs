@@ -1,24 +1,31 @@
 //! `oblate population`.
 
 use super::exit::Exit;
-use super::folder::FolderFlags;
+use super::folder::{FolderFlags, interrupted};
 use super::options::{Common, sampler};
-use super::output::Output;
+use super::output::{Output, shown};
 use crate::config::{PopulationConfig, read};
 use crate::error::Result;
 use crate::inference::Sampler;
-use crate::run::population;
+use crate::population::FamilyName;
+use crate::run::{FamilyRun, population, populations};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Flags of `oblate population`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Example:\n  oblate population runs/mock_* --sampler nested --out runs/population"
+    after_help = "Examples:\n  oblate population runs/mock_* --sampler nested --out runs/population\n  \
+oblate population runs/mock_* --family truncated-gaussian,mixture --out runs/families\n\n\
+Several families have a run folder each in FOLDER, and a table of their evidences is printed."
 )]
 pub struct Args {
     /// Finished fits
     #[arg(required = true)]
     runs: Vec<PathBuf>,
+    /// truncated-gaussian (the default), uniform, mixture, beta or histogram; several, with commas or repeated, are compared
+    #[arg(long, value_name = "NAME", value_parser = family, value_delimiter = ',')]
+    family: Vec<FamilyName>,
     /// nested or pt-hmc
     #[arg(long, value_parser = sampler)]
     sampler: Option<Sampler>,
@@ -32,7 +39,11 @@ pub struct Args {
     folder: FolderFlags,
 }
 
-/// Samples the population of finished fits: a truncated Gaussian of q.
+fn family(text: &str) -> std::result::Result<FamilyName, String> {
+    text.parse().map_err(|e: crate::Error| e.to_string())
+}
+
+/// Samples the population of finished fits by one family of distributions of q, or by several.
 pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
     let mut config: PopulationConfig = match &args.config {
         Some(path) => read(path)?,
@@ -40,15 +51,80 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
     };
     config.sampling.sampler = args.sampler.unwrap_or(config.sampling.sampler);
     config.seed = args.seed.unwrap_or(config.seed);
-    let label = format!("population {}", config.sampling.sampler.name());
-    args.folder
-        .fill(&label, command, common, out, |destination, monitor| {
+    let folder = &args.folder;
+    if let [] | [_] = args.family[..] {
+        config.family.name = *args.family.first().unwrap_or(&config.family.name);
+        let label = format!("population {}", config.sampling.sampler.name());
+        return folder.fill(&label, command, common, out, |destination, monitor| {
             population(
                 &args.runs,
                 &config,
-                args.folder.allow_unconverged,
+                folder.allow_unconverged,
                 destination,
                 monitor,
             )
-        })
+        });
+    }
+    let runs = folder.fill_several(command, common, |destination, monitored| {
+        populations(
+            &args.runs,
+            &config,
+            &args.family,
+            folder.allow_unconverged,
+            destination,
+            monitored,
+        )
+    })?;
+    let Some(runs) = runs else {
+        return Ok(interrupted());
+    };
+    if common.json {
+        let rows: Vec<_> = runs
+            .iter()
+            .map(|run| json!({"family": run.family, "folder": shown(&run.folder), "summary": run.summary}))
+            .collect();
+        out.json(&json!({"families": rows}))?;
+    } else {
+        print(&runs, out)?;
+    }
+    let converged = runs.iter().all(|run| run.summary.converged);
+    Ok(Exit::from_converged(converged || folder.allow_unconverged))
+}
+
+/// The families, the best first, with their ln Bayes factors against it; then what is wrong with any of them.
+fn print(runs: &[FamilyRun], out: &mut Output<'_>) -> Result<()> {
+    let mut order: Vec<&FamilyRun> = runs.iter().collect();
+    order.sort_by(|a, b| b.summary.ln_z.value.total_cmp(&a.summary.ln_z.value));
+    let best = order[0].summary.ln_z;
+    out.line("family              converged  ln Z               ln Bayes factor    ESS    in")?;
+    for run in &order {
+        let ln_z = run.summary.ln_z;
+        let error = if run.family == order[0].family {
+            0.0
+        } else {
+            ln_z.error.hypot(best.error)
+        };
+        out.line(&format!(
+            "{:<18}  {:<9}  {:8.3} +- {:.3}  {:8.3} +- {:.3}  {:5.0}  {}",
+            run.family.name(),
+            if run.summary.converged { "yes" } else { "NO" },
+            ln_z.value,
+            ln_z.error,
+            ln_z.value - best.value,
+            error,
+            run.summary.ess,
+            run.folder.display()
+        ))?;
+    }
+    for run in &order {
+        let summary = &run.summary;
+        let verdict = (!summary.converged).then(|| summary.verdict());
+        let model = summary.model_checks.iter().any(|check| !check.pass);
+        let model = summary.model_verdict().filter(|_| model);
+        let prior = summary.population.as_ref().and_then(|p| p.verdict());
+        for words in [verdict, model, prior].into_iter().flatten() {
+            out.line(&format!("{}: {words}", run.family.name()))?;
+        }
+    }
+    Ok(())
 }

@@ -22,6 +22,9 @@ pub enum OutputFault {
         /// The entries, relative to the folder.
         names: Vec<String>,
     },
+    /// The folder of one run was given for several.
+    #[error("is the folder of one run, and several are to be made; choose another folder")]
+    RunFolder,
     /// The path is a symbolic link.
     #[error("is a symbolic link; give the path that it leads to, or another one")]
     Link,

@@ -1,7 +1,7 @@
 //! Reasons why a posterior of q cannot be part of a population.
 
 /// A fault of a posterior of q; the message ends with what to do.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PosteriorFault {
     /// There are no draws.
@@ -53,6 +53,28 @@ pub enum PosteriorFault {
     WeightSum {
         /// Their sum.
         sum: f64,
+    },
+    /// The effective size is not a positive number.
+    #[error("the effective sample size is {size}; finish the fit, or leave the stream out")]
+    EffectiveSize {
+        /// The size.
+        size: f64,
+    },
+    /// Another fit has the same track.
+    #[error("the track is that of {other} too, and would count twice; give one fit of each track")]
+    SameTrack {
+        /// Name of the other fit.
+        other: String,
+    },
+    /// The fits do not measure q in the same way.
+    #[error(
+        "the fit differs from {other} in its {part}, so that the two do not measure one population; fit both with the same {part}"
+    )]
+    OtherFit {
+        /// Name of the other fit.
+        other: String,
+        /// What differs, as a table of the settings.
+        part: &'static str,
     },
     /// No draw lies inside the population's support.
     #[error("no draw of q lies in [{lo}, {hi}]; widen the family's support")]

@@ -145,6 +145,7 @@ pub fn summarize(
         Status::Complete | Status::BudgetSpent => model_error(target, run, &mut found),
     };
     let context = SummaryContext {
+        population: None,
         command: command.to_owned(),
         assumptions: track.assumptions(),
         q_prior: Some(target.stream_prior().q_prior()),

@@ -86,4 +86,26 @@ impl PopulationDensity {
             q,
         })
     }
+
+    /// As a table with commas: one line of names, then one line for each value of q, with all digits.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let columns = [
+            ("q", &self.q),
+            ("mean", &self.mean),
+            ("median", &self.median),
+            ("lo68", &self.lo68),
+            ("hi68", &self.hi68),
+            ("lo95", &self.lo95),
+            ("hi95", &self.hi95),
+        ];
+        let mut table = columns.map(|(name, _)| name).join(",") + "\n";
+        for row in 0..self.q.len() {
+            table += &columns
+                .map(|(_, values)| format!("{:?}", values[row]))
+                .join(",");
+            table.push('\n');
+        }
+        table
+    }
 }

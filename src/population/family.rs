@@ -16,4 +16,15 @@ pub trait Family<const N: usize>: Send + Sync {
     /// Called once per evaluation; what does not depend on q should be computed before the returned function. The
     /// hyperparameters have derivatives, q does not. A member without a density (a negative width) returns NaN.
     fn ln_pdf<S: Real>(&self, alpha: [S; N]) -> impl Fn(f64) -> S;
+
+    /// Names of quantities that follow from the hyperparameters, in the order of [`derived`](Self::derived).
+    fn derived_names(&self) -> &'static [&'static str] {
+        &[]
+    }
+
+    /// Those quantities for given hyperparameters.
+    fn derived(&self, alpha: [f64; N]) -> Vec<f64> {
+        let _ = alpha;
+        Vec::new()
+    }
 }

@@ -9,16 +9,30 @@
 //! `p(q | d)`; on draws of that posterior this would count the data twice, so it is left out here.
 //!
 //! docs/physics.md, section 10, has the derivation. [`QPosterior`] is one stream, [`Family`] the set of population
-//! densities, [`PopulationTarget`] the target of a sampler, [`PopulationDensity`] the density of q from its draws.
+//! densities, [`PopulationTarget`] the target of a sampler, [`PopulationDensity`] the density of q from its draws, [`FamilySettings`] the
+//! choice among all families, and [`Population`] the error of the sums and each stream's q given the population.
 
+mod beta;
 mod density;
+mod families;
 mod family;
+mod histogram;
+mod hyperprior;
+mod mixture;
 mod q_posterior;
+mod reweighting;
 mod target;
 mod truncated_gaussian;
+mod uniform;
 
+pub use beta::{Beta, BetaPriors};
 pub use density::PopulationDensity;
+pub use families::{FamilyName, FamilySettings};
 pub use family::Family;
+pub use histogram::{CELLS, Histogram, HistogramPriors};
+pub use mixture::{Mixture, MixturePriors};
 pub use q_posterior::QPosterior;
+pub use reweighting::{Population, checks};
 pub use target::{PopulationSettings, PopulationTarget};
 pub use truncated_gaussian::{TruncatedGaussian, TruncatedGaussianSettings, gauss_legendre};
+pub use uniform::{Uniform, UniformPriors};

@@ -15,17 +15,20 @@ pub struct QPosterior {
     pub q: Vec<f64>,
     /// Their log weights, one per draw; the exponentials add up to 1.
     pub ln_weight: Vec<f64>,
+    /// Number of independent draws that they are worth: their effective sample size.
+    pub effective_size: f64,
     /// The prior of q in the fit.
     pub prior: QPrior,
 }
 
 impl QPosterior {
-    /// A posterior of draws of equal weight.
+    /// A posterior of independent draws of equal weight.
     #[must_use]
     pub fn equal_weights(name: &str, q: Vec<f64>, prior: QPrior) -> Self {
         let ln_weight = vec![-(q.len() as f64).ln(); q.len()];
         Self {
             name: name.to_owned(),
+            effective_size: q.len() as f64,
             q,
             ln_weight,
             prior,
@@ -54,7 +57,7 @@ impl QPosterior {
     ///
     /// # Errors
     /// [`Error::Posterior`] with the stream's name: no draws, lengths that differ, weights that do not add up to 1, a
-    /// draw outside its own prior, an unknown prior, or one that does not cover the support.
+    /// draw outside its own prior, an effective size that is none, an unknown prior, or one that does not cover the support.
     pub fn check(&self, support: (f64, f64)) -> Result<f64> {
         let refuse = |fault| {
             Err(Error::Posterior {
@@ -77,6 +80,11 @@ impl QPosterior {
         };
         if let Some(&q) = self.q.iter().find(|q| !(**q >= lo && **q <= hi)) {
             return refuse(PosteriorFault::OutsideOwnPrior { q, lo, hi });
+        }
+        let size = self.effective_size;
+        // A NaN is not above zero.
+        if !(size > 0.0 && size.is_finite()) {
+            return refuse(PosteriorFault::EffectiveSize { size });
         }
         let sum: f64 = self.ln_weight.iter().map(|w| w.exp()).sum();
         // A NaN weight makes a NaN sum.
@@ -106,6 +114,9 @@ impl QPosterior {
         }
         // Weights that add up to 1 leave at least half a cell of margin; their tolerance cannot lose a draw unless
         // count is near 1e6.
-        Self::equal_weights(&self.name, thinned, self.prior)
+        Self {
+            effective_size: self.effective_size,
+            ..Self::equal_weights(&self.name, thinned, self.prior)
+        }
     }
 }

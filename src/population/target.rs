@@ -56,10 +56,17 @@ impl PopulationSettings {
 
 /// One stream, ready for evaluation.
 #[derive(Clone, Debug)]
-struct WeightedStream {
-    q: Vec<f64>,
+pub(super) struct WeightedStream {
+    /// The fit's name.
+    pub name: String,
+    /// Draws of q.
+    pub q: Vec<f64>,
     /// `ln (w_i / pi(q_i))`.
-    ln_factor: Vec<f64>,
+    pub ln_factor: Vec<f64>,
+    /// `ln pi(q)`, the same for all draws.
+    pub ln_prior: f64,
+    /// Number of independent draws that they are worth.
+    pub effective_size: f64,
 }
 
 /// `prior of the hyperparameters x product over streams of sum_i w_i pi(q_i | alpha) / pi(q_i)`.
@@ -105,7 +112,13 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
                     fault: PosteriorFault::OutsideSupport { lo, hi },
                 });
             }
-            prepared.push(WeightedStream { q, ln_factor });
+            prepared.push(WeightedStream {
+                name: posterior.name,
+                q,
+                ln_factor,
+                ln_prior,
+                effective_size: posterior.effective_size,
+            });
         }
         let prior = Prior::new(
             family
@@ -123,6 +136,17 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
     #[must_use]
     pub fn streams(&self) -> usize {
         self.streams.len()
+    }
+
+    /// The streams, as they are evaluated.
+    pub(super) fn weighted_streams(&self) -> &[WeightedStream] {
+        &self.streams
+    }
+
+    /// The family.
+    #[must_use]
+    pub fn family(&self) -> &F {
+        &self.family
     }
 
     /// `ln` of the product over streams at hyperparameters `alpha`, on any number type; minus infinity or NaN where it
@@ -231,7 +255,10 @@ impl<F: Family<N>, const N: usize> Target for PopulationTarget<F, N> {
     }
 
     fn derived_names(&self) -> Vec<(String, String)> {
-        vec![("min_effective_draws".to_owned(), String::new())]
+        let own = self.family.derived_names();
+        let all = ["min_effective_draws"].iter().chain(own);
+        all.map(|name| ((*name).to_owned(), String::new()))
+            .collect()
     }
 
     fn derived(&self, theta: &[f64], out: &mut Vec<f64>) {
@@ -241,6 +268,10 @@ impl<F: Family<N>, const N: usize> Target for PopulationTarget<F, N> {
                 .fold(f64::INFINITY, f64::min)
         });
         out.push(smallest);
+        match <[f64; N]>::try_from(theta) {
+            Ok(alpha) => out.extend(self.family.derived(alpha)),
+            Err(_) => out.extend(self.family.derived_names().iter().map(|_| f64::NAN)),
+        }
     }
 }
 

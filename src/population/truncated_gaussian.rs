@@ -1,6 +1,7 @@
 //! The normal distribution truncated to the range of q, with its normalisation computed from the side of the tail.
 
 use super::family::Family;
+use super::hyperprior::{self, ANY, POSITIVE};
 use crate::error::{Error, Result};
 use crate::params::AXIS_RATIOS;
 use crate::scalar::Real;
@@ -11,11 +12,11 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::ops::RangeInclusive;
 
-/// Means before truncation that the hyperprior of `mu_pop` may name.
-const MEANS: RangeInclusive<f64> = -100.0..=100.0;
+/// Means before truncation that a hyperprior may name.
+pub(super) const MEANS: RangeInclusive<f64> = -100.0..=100.0;
 
-/// Standard deviations before truncation that the hyperprior of `sigma_pop` may name.
-const DEVIATIONS: RangeInclusive<f64> = 0.0..=100.0;
+/// Standard deviations before truncation that a hyperprior may name.
+pub(super) const DEVIATIONS: RangeInclusive<f64> = 0.0..=100.0;
 
 /// Nodes of the quadrature over a tail; see [`ln_tail_mass`].
 const NODES: usize = 48;
@@ -55,13 +56,6 @@ impl TruncatedGaussianSettings {
     /// # Errors
     /// [`Error::OutOfRange`] or [`Error::Setting`] with the first key that is at fault.
     pub fn check(&self) -> Result<()> {
-        let refuse = |key: &str, value: String, remedy: &str| {
-            Err(Error::Setting {
-                key: format!("family.{key}"),
-                value,
-                remedy: remedy.to_owned(),
-            })
-        };
         let Self {
             q_min,
             q_max,
@@ -70,20 +64,14 @@ impl TruncatedGaussianSettings {
         } = self;
         in_range("family.q_min", *q_min, 0.0..=*AXIS_RATIOS.end())?;
         in_range("family.q_max", *q_max, AXIS_RATIOS)?;
-        mu_pop.check_range("family.mu_pop", &MEANS)?;
-        sigma_pop.check_range("family.sigma_pop", &DEVIATIONS)?;
+        hyperprior::check("mu_pop", mu_pop, &MEANS, &ANY)?;
+        hyperprior::check("sigma_pop", sigma_pop, &DEVIATIONS, &POSITIVE)?;
         if q_min >= q_max {
-            return refuse("q_min", q_min.to_string(), "give a number below q_max");
-        }
-        if !mu_pop.is_valid() {
-            return refuse("mu_pop", format!("{mu_pop:?}"), "give lo < hi");
-        }
-        if !(sigma_pop.is_valid() && sigma_pop.support().0 >= 0.0) {
-            return refuse(
-                "sigma_pop",
-                format!("{sigma_pop:?}"),
-                "give a uniform with lo < hi, or a half_normal",
-            );
+            return Err(Error::Setting {
+                key: "family.q_min".to_owned(),
+                value: q_min.to_string(),
+                remedy: "give a number below q_max".to_owned(),
+            });
         }
         Ok(())
     }

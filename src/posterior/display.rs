@@ -19,6 +19,9 @@ impl fmt::Display for Summary {
         for assumption in &self.assumptions {
             writeln!(f, "Assumed: {assumption}.")?;
         }
+        if let Some(verdict) = self.population.as_ref().and_then(|p| p.verdict()) {
+            writeln!(f, "{verdict}")?;
+        }
         writeln!(f, "ln Z = {:.3} +- {:.3}", self.ln_z.value, self.ln_z.error)?;
         for (name, i) in self.parameters.iter().chain(&self.derived) {
             writeln!(

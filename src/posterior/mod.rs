@@ -8,13 +8,19 @@ mod assemble;
 mod columns;
 mod compare;
 mod display;
+mod interval;
 pub mod json;
 pub mod modes;
+mod population_summary;
 mod summary;
 pub mod zarr;
 
 pub use assemble::assemble_run;
 pub use columns::{Column, column, columns};
 pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare};
+pub use interval::Interval;
 pub use modes::{Mode, ModeWeight, Probability, mode_weights, prolate_probability};
-pub use summary::{Interval, SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals};
+pub use population_summary::{
+    EQUAL_TO_PRIOR, PopulationSummary, StreamInPopulation, marginal_information,
+};
+pub use summary::{SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals};

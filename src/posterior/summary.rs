@@ -1,12 +1,13 @@
 //! `summary.json`: all scalar numbers of a run, with the keys that scripts use.
 
 use super::columns::{Column, columns};
+use super::interval::Interval;
 use super::json;
 use super::modes::{ModeWeight, mode_weights};
+use super::population_summary::PopulationSummary;
 use super::zarr::Checksum;
 use crate::error::{Error, Result};
 use crate::params::QPrior;
-use oblate_samplers::diagnostics::weighted_quantile;
 use oblate_samplers::output::{Check, Cost, Method, Status};
 use oblate_samplers::{Run, read};
 use serde::{Deserialize, Serialize};
@@ -30,44 +31,6 @@ pub struct ValueError {
     pub error: f64,
 }
 
-/// A marginal posterior in five quantiles.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Interval {
-    /// The median.
-    #[serde(with = "json::number")]
-    pub median: f64,
-    /// Lower end of the central 68 %.
-    #[serde(with = "json::number")]
-    pub lo68: f64,
-    /// Upper end of the central 68 %.
-    #[serde(with = "json::number")]
-    pub hi68: f64,
-    /// Lower end of the central 95 %.
-    #[serde(with = "json::number")]
-    pub lo95: f64,
-    /// Upper end of the central 95 %.
-    #[serde(with = "json::number")]
-    pub hi95: f64,
-    /// The unit, empty where there is none.
-    pub unit: String,
-}
-
-impl Interval {
-    /// Quantiles of weighted values; NaN throughout without values.
-    #[must_use]
-    pub fn new(values: &[f64], weights: &[f64], unit: &str) -> Self {
-        let at = |p| weighted_quantile(values, weights, p);
-        Self {
-            median: at(0.5),
-            lo68: at(0.16),
-            hi68: at(0.84),
-            lo95: at(0.025),
-            hi95: at(0.975),
-            unit: unit.to_owned(),
-        }
-    }
-}
-
 /// Additions to the sampler's result in a summary.
 #[derive(Clone, Debug, Default)]
 pub struct SummaryContext {
@@ -85,6 +48,8 @@ pub struct SummaryContext {
     pub diagnostics: BTreeMap<String, f64>,
     /// Hash of the inputs (track and resolved configuration), in hexadecimal.
     pub input_hash: String,
+    /// The streams and priors of a population.
+    pub population: Option<PopulationSummary>,
 }
 
 /// All of `summary.json`.
@@ -140,6 +105,9 @@ pub struct Summary {
     /// Orientation modes, where the run has `dir_x`, `dir_y` and q.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub modes: Option<Vec<ModeWeight>>,
+    /// The streams of a population, and what they say about its hyperparameters; none in a fit.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub population: Option<PopulationSummary>,
     /// What it cost.
     pub cost: Cost,
     /// Every convergence check.
@@ -215,6 +183,7 @@ impl Summary {
             derived,
             q_prior: context.q_prior,
             modes: mode_weights(run),
+            population: context.population.clone(),
             cost: run.cost.clone(),
             checks: run.checks.clone(),
             model_checks: context.model_checks.clone(),

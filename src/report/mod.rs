@@ -13,6 +13,7 @@ mod label;
 mod page;
 mod population_density;
 mod q_posterior;
+mod streams_of_population;
 
 pub use corner::{CornerColumn, corner};
 pub use diagnostics::diagnostics;
@@ -20,3 +21,4 @@ pub use fit::{FitPicture, ModelTrack};
 pub use page::{PageRun, Section, is_page, page};
 pub use population_density::population_density;
 pub use q_posterior::{QCurve, q_posterior};
+pub use streams_of_population::streams_of_population;

@@ -84,6 +84,7 @@ pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
         parameters(&mut out, run.summary);
         figures(&mut out, run.figures);
         modes(&mut out, run.summary);
+        streams(&mut out, run.summary);
         checks(&mut out, run.summary);
         again(&mut out, run);
     }
@@ -93,17 +94,21 @@ pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
 
 fn verdict(out: &mut String, run: &PageRun<'_>) {
     let s = run.summary;
-    let class = if s.converged && s.model_checks.iter().all(|check| check.pass) {
+    let prior = s.population.as_ref().and_then(|p| p.verdict());
+    let model = s.model_checks.iter().all(|check| check.pass);
+    let measured = !s.population.as_ref().is_some_and(|p| p.measures_nothing());
+    let class = if s.converged && model && measured {
         "verdict"
     } else {
         "verdict bad"
     };
     put!(
         out,
-        "<div class=\"{class}\"><b>{}</b>: {} {}",
+        "<div class=\"{class}\"><b>{}</b>: {} {} {}",
         escape(run.name),
         escape(&s.verdict()),
-        escape(&s.model_verdict().unwrap_or_default())
+        escape(&s.model_verdict().unwrap_or_default()),
+        escape(&prior.unwrap_or_default())
     );
     if let Some(q) = &s.q {
         put!(
@@ -284,6 +289,35 @@ fn modes(out: &mut String, s: &Summary) {
             if m.mode.prolate { "prolate" } else { "oblate" },
             m.probability.weight,
             m.probability.error
+        );
+    }
+    put!(out, "</tbody></table>");
+}
+
+fn streams(out: &mut String, s: &Summary) {
+    let Some(population) = &s.population else {
+        return;
+    };
+    put!(
+        out,
+        "<table><thead><tr><th>stream</th><th>q in its fit</th><th>68 %</th><th>q given the population</th><th>68 %</th>\
+         <th>effective draws</th><th>Pareto k</th><th>variance of ln L</th></tr></thead><tbody>"
+    );
+    for stream in &population.streams {
+        let (own, given) = (&stream.q, &stream.q_given_population);
+        put!(
+            out,
+            "<tr><td>{}</td><td>{}</td><td>[{}, {}]</td><td>{}</td><td>[{}, {}]</td><td>{:.0}</td><td>{}</td><td>{}</td></tr>",
+            escape(&stream.name),
+            number(own.median),
+            number(own.lo68),
+            number(own.hi68),
+            number(given.median),
+            number(given.lo68),
+            number(given.hi68),
+            stream.effective_draws,
+            number(stream.pareto_k),
+            number(stream.ln_likelihood_variance)
         );
     }
     put!(out, "</tbody></table>");

@@ -27,6 +27,9 @@ pub(super) const CHECKPOINT_FILE: &str = "checkpoint";
 /// The draws.
 pub(super) const POSTERIOR_FOLDER: &str = "posterior.zarr";
 
+/// The density of q in a population.
+pub(super) const DENSITY_FILE: &str = "density.csv";
+
 /// The run folder of the coarse fit that came first.
 pub(super) const COARSE_FOLDER: &str = "coarse";
 
@@ -40,7 +43,15 @@ pub(super) const OLD_POSTERIOR_FOLDER: &str = "old.zarr";
 pub(super) const RESULT_FILES: [&str; 3] = [VERSIONS_FILE, CONFIG_FILE, SUMMARY_FILE];
 
 /// Figures that a report draws of a run, each a file `NAME.svg`.
-const FIGURES: [&str; 5] = ["fit", "q", "corner", "diagnostics", "coarse-diagnostics"];
+const FIGURES: [&str; 7] = [
+    "fit",
+    "q",
+    "density",
+    "streams",
+    "corner",
+    "diagnostics",
+    "coarse-diagnostics",
+];
 
 /// The entries of a folder, as they are without following any link. Paths are relative to the folder.
 #[derive(Debug, Default)]
@@ -256,7 +267,14 @@ pub(super) fn remove_leftovers(folder: &Path) {
 
 fn is_file_of_a_run(name: &str) -> bool {
     let figure = name.strip_suffix(".svg");
-    [CONFIG_FILE, TRACK_FILE, SUMMARY_FILE, CHECKPOINT_FILE].contains(&name)
+    [
+        CONFIG_FILE,
+        TRACK_FILE,
+        SUMMARY_FILE,
+        CHECKPOINT_FILE,
+        DENSITY_FILE,
+    ]
+    .contains(&name)
         || previous(Path::new(CHECKPOINT_FILE)) == Path::new(name)
         || figure.is_some_and(|figure| FIGURES.contains(&figure))
 }

@@ -1,8 +1,8 @@
 //! The run folder for readers: its files, and a finished run read back from them.
 
 use super::contents::{
-    CHECKPOINT_FILE, COARSE_FOLDER, CONFIG_FILE, LOG_FILE, POSTERIOR_FOLDER, RESULT_FOLDER,
-    SUMMARY_FILE, TRACK_FILE,
+    CHECKPOINT_FILE, COARSE_FOLDER, CONFIG_FILE, DENSITY_FILE, LOG_FILE, POSTERIOR_FOLDER,
+    RESULT_FOLDER, SUMMARY_FILE, TRACK_FILE,
 };
 use super::versions::{FOLDER_FORMAT, VERSIONS_FILE, Versions};
 use crate::data::ObservedTrack;
@@ -145,6 +145,12 @@ impl RunFolder {
     #[must_use]
     pub fn coarse(&self) -> PathBuf {
         self.path.join(COARSE_FOLDER)
+    }
+
+    /// Path of the table of a population's density of q.
+    #[must_use]
+    pub fn density(&self) -> PathBuf {
+        self.path.join(DENSITY_FILE)
     }
 
     /// Path of a figure, an SVG file.

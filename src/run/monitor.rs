@@ -1,6 +1,7 @@
 //! Monitoring a run: the caller's observer, interrupt and time limits, and the log in the run folder.
 
 use super::log::Log;
+use crate::error::Result;
 use oblate_samplers::limits::Memory;
 use oblate_samplers::{Event, Observer};
 use std::ops::ControlFlow;
@@ -19,6 +20,10 @@ pub struct Monitor<'a> {
     /// Wall time after which the run ends with the result so far; it can be resumed.
     pub max_wall: Duration,
 }
+
+/// Makes the monitor of one run, whose label is given, and does the work under it.
+pub type Monitored<'a> =
+    dyn FnMut(&str, &mut dyn FnMut(&mut Monitor<'_>) -> Result<()>) -> Result<()> + 'a;
 
 impl Monitor<'_> {
     /// Sends the observer a warning if the run will take much memory.

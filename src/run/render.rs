@@ -1,16 +1,16 @@
 //! From run folders to figures and one page: reads the runs, computes the model tracks again, and passes the numbers to the report.
 
 use super::folder::{RunFolder, StoredRun};
+use super::population::DENSITY_POINTS;
 use crate::config::PopulationConfig;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, StreamTarget};
 use crate::params::{NAMES, QPrior};
-use crate::population::{PopulationDensity, TruncatedGaussian};
 use crate::posterior::{Column, Comparison, column, columns, compare};
 use crate::report::{
     CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, page,
-    population_density, q_posterior,
+    population_density, q_posterior, streams_of_population,
 };
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
@@ -23,9 +23,6 @@ const TRACKS: usize = 100;
 
 /// Number of the best fit's particles that are shown.
 const DOTS: usize = 1_500;
-
-/// Points of the curves of a population's density.
-const DENSITY_POINTS: usize = 201;
 
 /// Substream within [`Domain::Post`] of the choice of posterior draws.
 const CHOICE_TASK: u64 = 0x7061_6765;
@@ -147,12 +144,18 @@ fn figures_of(path: &Path) -> Result<RunFigures> {
     // A run without a track is a population.
     if track.is_none() {
         let config: PopulationConfig = crate::config::read(&folder.config())?;
-        let family = TruncatedGaussian::new(config.family)?;
-        let density = PopulationDensity::new(&family, &stored.run.draws, DENSITY_POINTS)?;
+        let density = config.family.density(&stored.run.draws, DENSITY_POINTS)?;
         figures.push((
             "density",
             "Density of q in the population: posterior mean (solid) and median (dashed), pointwise 68 and 95 % (shaded)".to_owned(),
             population_density(&density),
+        ));
+    }
+    if let Some(population) = &stored.summary.population {
+        figures.push((
+            "streams",
+            "q of each stream: median, 68 and 95 % in its own fit (grey) and given the population (blue)".to_owned(),
+            streams_of_population(&population.streams),
         ));
     }
     let weights = stored.run.draws.weights();

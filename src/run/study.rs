@@ -5,7 +5,7 @@ use super::contents::remove_leftovers;
 use super::fit::fit;
 use super::folder::RunFolder;
 use super::locked::IfExists;
-use super::monitor::Monitor;
+use super::monitor::{Monitor, Monitored};
 use super::names::file_name;
 use super::population::population;
 use super::session::Destination;
@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 pub struct StudyRun {
     /// Its run folder.
     pub folder: PathBuf,
-    /// The name of the track, or `population`.
+    /// The name of the track, `population`, or `population_FAMILY`.
     pub name: String,
     /// The sampler.
     pub sampler: Sampler,
@@ -59,10 +59,6 @@ impl StudyResult {
             .chain(&self.populations)
     }
 }
-
-/// Makes the monitor of one run, whose label is given, and does the work under it.
-pub type Monitored<'a> =
-    dyn FnMut(&str, &mut dyn FnMut(&mut Monitor<'_>) -> Result<()>) -> Result<()> + 'a;
 
 /// Runs a study. Track files are relative to `files_from`; `monitored` does the work of one run under a monitor of the
 /// caller.
@@ -128,17 +124,26 @@ pub fn study(
             .filter(|run| Some(run.sampler) == first)
             .map(|run| run.folder.clone())
             .collect();
-        for sampler in &study.samplers {
-            let mut settings = study.settings.clone();
-            settings.sampling.sampler = *sampler;
-            let folder = config.out.join(format!("population_{}", sampler.name()));
-            // A study reports unconverged fits at its end instead of stopping at them.
-            let run = runner.run("population", *sampler, folder, |destination, monitor| {
-                population(&fits, &settings, true, destination, monitor)
-            })?;
-            match run {
-                Some(run) => result.populations.push(run),
-                None => return Ok(result.interrupted()),
+        for family in study.families() {
+            // The one family of a study without a list needs no name.
+            let name = if study.families.is_empty() {
+                "population".to_owned()
+            } else {
+                format!("population_{}", family.name())
+            };
+            for sampler in &study.samplers {
+                let mut settings = study.settings.clone();
+                settings.family.name = family;
+                settings.sampling.sampler = *sampler;
+                let folder = config.out.join(format!("{name}_{}", sampler.name()));
+                // A study reports unconverged fits at its end instead of stopping at them.
+                let run = runner.run(&name, *sampler, folder, |destination, monitor| {
+                    population(&fits, &settings, true, destination, monitor)
+                })?;
+                match run {
+                    Some(run) => result.populations.push(run),
+                    None => return Ok(result.interrupted()),
+                }
             }
         }
     }

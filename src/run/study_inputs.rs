@@ -6,7 +6,7 @@ use crate::data::{ObservedTrack, ReadOptions, mocks};
 use crate::error::{Error, Result, TrackFault};
 use crate::inference::{FitPlan, FitSettings, Sampler};
 use crate::params::StreamPrior;
-use crate::population::{Family, QPosterior};
+use crate::population::QPosterior;
 use std::path::Path;
 
 /// The streams of a study.
@@ -42,10 +42,12 @@ impl StudyInputs {
             for sampler in &study.samplers {
                 let mut settings = study.settings.clone();
                 settings.sampling.sampler = *sampler;
-                let family =
+                for family in study.families() {
+                    settings.family.name = family;
                     population::check(&settings).map_err(|e| e.within("population.settings"))?;
-                support = Some(family.support());
+                }
             }
+            support = Some(study.settings.family.support());
         }
         if let Some(study) = &config.tracks {
             some(&study.samplers).map_err(|e| e.within("tracks"))?;

@@ -7,7 +7,6 @@ use oblate::config::{PopulationConfig, StudyConfig, read, to_toml};
 use oblate::data::ObservedTrack;
 use oblate::inference::StreamTarget;
 use oblate::params::{ParameterLines, PriorSettings, StreamParams, StreamPrior};
-use oblate::population::TruncatedGaussian;
 use oblate_samplers::rng::{RandomStream, below};
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
@@ -107,7 +106,11 @@ pub fn study_case(rng: &mut RandomStream, seeds: &[String], path: &Path) -> Verd
     };
     if let Some(population) = study.population {
         let settings: PopulationConfig = population.settings;
-        if settings.sampling.check(2).is_err() || TruncatedGaussian::new(settings.family).is_err() {
+        if settings
+            .family
+            .dim()
+            .map_or(true, |dim| settings.sampling.check(dim).is_err())
+        {
             return Verdict::Refused;
         }
     }

@@ -4,6 +4,7 @@ mod arguments;
 mod exit;
 mod message;
 mod output;
+mod population;
 mod study;
 
 use std::io::Write;
@@ -428,18 +429,8 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
     assert!(String::from_utf8_lossy(&output.stdout).contains("they agree"));
     // Fixed shape components leave no closed prior of q: a population must refuse.
     let out = folder.path().join("population").display().to_string();
-    let output = oblate(
-        &[
-            "population",
-            &one,
-            &two,
-            "--out",
-            &out,
-            "--allow-unconverged",
-        ],
-        "",
-    );
-    refused(&output, &["prior"]);
+    let arguments = ["population", &one, "--out", &out, "--allow-unconverged"];
+    refused(&oblate(&arguments, ""), &["prior"]);
     // The page holds the figures.
     let page = folder.path().join("page.html").display().to_string();
     let other = write(folder.path(), "notes.txt", "no run");

@@ -8,6 +8,7 @@ mod arrows;
 mod cli;
 mod config;
 mod data;
+mod families;
 #[cfg(target_os = "linux")]
 mod faults;
 mod folders;

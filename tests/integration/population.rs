@@ -4,13 +4,15 @@ use crate::golden::{cases, json, number};
 use oblate::Error;
 use oblate::params::QPrior;
 use oblate::population::{
-    Family, PopulationDensity, PopulationSettings, PopulationTarget, QPosterior, TruncatedGaussian,
-    TruncatedGaussianSettings, gauss_legendre,
+    Family, Population, PopulationDensity, PopulationSettings, PopulationTarget, QPosterior,
+    TruncatedGaussian, TruncatedGaussianSettings, checks, gauss_legendre,
 };
+use oblate::posterior::{PopulationSummary, marginal_information};
 use oblate::scalar::{gradient_of, lift};
 use oblate_samplers::control::Silent;
 use oblate_samplers::output::Draws;
-use oblate_samplers::{Control, Marginal, Outcome, Run, Target, nested, pt};
+use oblate_samplers::rng::{Domain, standard_normal, stream};
+use oblate_samplers::{Control, Marginal, Outcome, Prior, Run, Target, nested, pt};
 
 const UNIFORM: QPrior = QPrior::Uniform { lo: 0.5, hi: 1.5 };
 
@@ -46,6 +48,7 @@ fn weighted(name: &str, (measured, error): (f64, f64), count: u32) -> QPosterior
         name: name.to_owned(),
         ln_weight: ln_l.iter().map(|l| l - sum.ln()).collect(),
         q,
+        effective_size: f64::from(count),
         prior: UNIFORM,
     }
 }
@@ -438,6 +441,145 @@ fn both_samplers_recover_the_hyperposterior_of_quadrature() {
     check(&pt);
     let combined = nested.evidence.error.hypot(pt.evidence.error);
     assert!((nested.evidence.ln_z - pt.evidence.ln_z).abs() < 3.0 * combined);
+}
+
+/// Draws of the hyperparameters that are all the same.
+fn one_member(alpha: [f64; 2]) -> Draws {
+    Draws {
+        dim: 2,
+        theta: alpha.to_vec(),
+        ln_likelihood: vec![0.0],
+        ln_weight: vec![0.0],
+        chain: vec![0],
+        cluster: vec![0],
+        ..Draws::default()
+    }
+}
+
+#[test]
+fn a_stream_given_the_population_is_measurement_times_population() {
+    // A normal measurement and a normal population, both well inside the support: their product is a normal.
+    let (measured, error, mu, sigma) = (1.1_f64, 0.06_f64, 0.9_f64, 0.08_f64);
+    let target = target(&[weighted("a", (measured, error), 4_000)]);
+    let streams = target.streams_given_population(&one_member([mu, sigma]));
+    let variance = 1.0 / (1.0 / (error * error) + 1.0 / (sigma * sigma));
+    let mean = variance * (measured / (error * error) + mu / (sigma * sigma));
+    // Quantiles to a cell of the grid, 1/4000, and rounded normal deviates of 16 and 2.5 %.
+    for (found, deviate) in [
+        (streams[0].q_given_population.median, 0.0),
+        (streams[0].q_given_population.lo68, -0.994_458),
+        (streams[0].q_given_population.hi95, 1.959_964),
+    ] {
+        let exact = mean + deviate * variance.sqrt();
+        assert!((found - exact).abs() < 3e-4, "{found} {exact}");
+    }
+    assert!((streams[0].q.median - measured).abs() < 3e-4);
+    assert_eq!(streams[0].name, "a");
+}
+
+#[test]
+fn the_monte_carlo_variance_is_that_of_repeated_draws() {
+    const REPEATS: u64 = 400;
+    const DRAWS: u32 = 300;
+    let (mut values, mut estimates) = (Vec::new(), 0.0);
+    let alpha = [0.85, 0.05];
+    for repeat in 0..REPEATS {
+        let mut rng = stream(5, Domain::Post, 1, repeat);
+        let q = (0..DRAWS).map(|_| 1.0 + 0.1 * standard_normal(&mut rng));
+        let posterior = QPosterior::equal_weights("a", q.collect(), UNIFORM);
+        let target = target(&[posterior]);
+        values.push(target.ln_product(alpha));
+        let streams = target.streams_given_population(&one_member(alpha));
+        estimates += streams[0].ln_likelihood_variance / REPEATS as f64;
+    }
+    let n = REPEATS as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    // A variance of 400 values has a standard error of 7 %: four of these; the second order of the logarithm is of the size of the
+    // variance itself, 1 %.
+    assert!(variance > 0.005, "{variance}");
+    assert!(
+        (estimates / variance - 1.0).abs() < 0.3,
+        "{estimates} {variance}"
+    );
+}
+
+#[test]
+fn sums_of_few_draws_fail_their_checks_under_the_name_of_the_stream() {
+    let draws = one_member([0.8, 0.02]);
+    let wide = weighted("many draws", (0.8, 0.1), 4_000);
+    let few = QPosterior {
+        effective_size: 3.0,
+        ..weighted("few draws", (0.95, 0.05), 4_000)
+    };
+    let all = |streams: &[QPosterior]| checks(&target(streams).streams_given_population(&draws));
+    assert!(
+        all(std::slice::from_ref(&wide))
+            .iter()
+            .all(|check| check.pass)
+    );
+    let found = all(&[wide, few]);
+    let variance = &found[0];
+    assert!(variance.name == "reweighting-variance" && !variance.pass);
+    assert!(
+        variance.message.contains("few draws has most of it"),
+        "{variance:?}"
+    );
+    // Draws that barely reach the population: a heavy tail.
+    let q: Vec<f64> = (0..1_000).map(|i| 0.55 + 0.0005 * f64::from(i)).collect();
+    let ln_l: Vec<f64> = q.iter().map(|q| -25.0 * (q - 0.55)).collect();
+    let sum: f64 = ln_l.iter().map(|l| l.exp()).sum();
+    let tail = QPosterior {
+        ln_weight: ln_l.iter().map(|l| l - sum.ln()).collect(),
+        ..QPosterior::equal_weights("far", q, UNIFORM)
+    }
+    .thinned(500);
+    let streams = target(&[tail]).streams_given_population(&one_member([0.9, 0.01]));
+    let found = checks(&streams);
+    assert!(
+        found[1].name == "reweighting-pareto-k" && !found[1].pass,
+        "{streams:?}"
+    );
+    assert!(found[1].message.contains("that of far"));
+}
+
+#[test]
+fn a_posterior_that_is_its_prior_is_named() {
+    let unit = Marginal::Uniform { lo: 0.0, hi: 1.0 };
+    let prior = Prior::new([("filled", "", unit), ("measured", "", unit)]).unwrap();
+    let mut run = crate::runs::nested(400, 3);
+    let count: u32 = 2_000;
+    let theta = (0..count).flat_map(|i| {
+        let u = (f64::from(i) + 0.5) / f64::from(count);
+        [u, 0.3 + 0.4 * u]
+    });
+    run.draws = Draws {
+        dim: 2,
+        theta: theta.collect(),
+        ln_likelihood: vec![0.0; 2_000],
+        ln_weight: vec![-f64::from(count).ln(); 2_000],
+        chain: vec![0; 2_000],
+        cluster: vec![0; 2_000],
+        ..Draws::default()
+    };
+    run.ess.quoted = f64::from(count);
+    let population = PopulationSummary {
+        streams: Vec::new(),
+        information: marginal_information(&run, &prior),
+    };
+    assert_eq!(population.equal_to_prior(), ["filled"]);
+    // Uniform on 40 % of the prior: ln 2.5 nats, less the bias of 19 / 4000.
+    let information = population.information[1].1;
+    assert!(
+        (information - 2.5_f64.ln() + 19.0 / 4_000.0).abs() < 1e-9,
+        "{information}"
+    );
+    let verdict = population.verdict().unwrap();
+    assert!(
+        verdict.starts_with("NOT MEASURED: the posterior of filled equals its prior"),
+        "{verdict}"
+    );
+    assert!(!population.measures_nothing());
 }
 
 #[test]

@@ -4,10 +4,12 @@ use crate::runs;
 use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
 use oblate::population::PopulationDensity;
-use oblate::posterior::{Column, Summary, SummaryContext, columns, compare};
+use oblate::posterior::{
+    Column, Interval, StreamInPopulation, Summary, SummaryContext, columns, compare,
+};
 use oblate::report::{
     CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, page,
-    population_density, q_posterior,
+    population_density, q_posterior, streams_of_population,
 };
 use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -340,6 +342,32 @@ fn the_density_of_a_population_is_drawn_with_its_bands() {
         q,
     };
     sound("population_density_of_zeros", population_density(&flat));
+}
+
+#[test]
+fn the_streams_of_a_population_are_drawn_twice_each() {
+    let interval = |centre: f64, half: f64| Interval {
+        median: centre,
+        lo68: centre - half,
+        hi68: centre + half,
+        lo95: centre - 2.0 * half,
+        hi95: centre + 2.0 * half,
+        unit: String::new(),
+    };
+    let streams: Vec<StreamInPopulation> = (0..3)
+        .map(|i| StreamInPopulation {
+            name: format!("a stream of a long name <{i}>"),
+            q: interval(0.8 + 0.1 * f64::from(i), 0.1),
+            q_given_population: interval(0.9, 0.05),
+            effective_draws: 100.0,
+            pareto_k: f64::NEG_INFINITY,
+            ln_likelihood_variance: 0.1,
+        })
+        .collect();
+    let svg = sound("streams_of_population", streams_of_population(&streams));
+    assert_eq!(svg.matches("<circle").count(), 6);
+    assert!(svg.contains("a stream of a long\u{2026}"), "names are cut");
+    sound("streams_of_no_population", streams_of_population(&[]));
 }
 
 #[test]

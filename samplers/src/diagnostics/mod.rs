@@ -3,10 +3,12 @@
 mod chains;
 mod distance;
 mod modes;
+mod pareto;
 
 pub use chains::{autocovariance, bulk_ess, error_of_mean, mean_ess, r_hat, tail_ess};
 pub use distance::{Distance, wasserstein};
 pub use modes::{mode_agreement, two_means};
+pub use pareto::pareto_k;
 
 use crate::normal;
 use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};

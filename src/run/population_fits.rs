@@ -1,0 +1,80 @@
+//! The fits of a population, read and compared: each of another track, all with one prior and one recipe.
+
+use super::folder::StoredRun;
+use super::stored_fit::StoredFit;
+use crate::error::{Error, PosteriorFault, Result};
+use crate::inference::FitSettings;
+use crate::params::QPrior;
+use crate::population::QPosterior;
+use crate::posterior::column;
+use std::path::PathBuf;
+
+/// The posterior of q of a finished fit, with the prior of that fit.
+///
+/// # Errors
+/// [`Error::NoColumn`] if the run has no q.
+pub fn q_posterior(stored: &StoredRun) -> Result<QPosterior> {
+    let q = column(&stored.run, "q")?;
+    Ok(QPosterior {
+        name: stored.name.clone(),
+        q: q.values,
+        ln_weight: stored.run.draws.ln_weight.clone(),
+        // A run of a single lineage cannot tell, and states 0; with one draw the variance of its sum fails the check.
+        effective_size: stored.summary.ess.max(1.0),
+        prior: stored.summary.q_prior.unwrap_or(QPrior::Unknown),
+    })
+}
+
+/// Reads the fits of a population.
+///
+/// # Errors
+/// As of [`StoredFit::read`]; [`Error::Posterior`] for two fits of one track, or with different priors or recipes.
+pub(super) fn read(paths: &[PathBuf]) -> Result<Vec<StoredRun>> {
+    let fits = paths
+        .iter()
+        .map(|path| StoredFit::read(path))
+        .collect::<Result<Vec<_>>>()?;
+    for (i, fit) in fits.iter().enumerate() {
+        for other in &fits[..i] {
+            belongs_with(fit, other).map_err(|fault| Error::Posterior {
+                name: fit.stored.name.clone(),
+                fault,
+            })?;
+        }
+    }
+    Ok(fits.into_iter().map(|fit| fit.stored).collect())
+}
+
+/// Checks that two fits are of two streams, whose q have one meaning and one prior.
+///
+/// The numbers of particles and steps may differ, because the error that they make is checked in every fit; so may the values of fixed
+/// parameters, which are what is known of each stream.
+fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), PosteriorFault> {
+    let track = |fit: &StoredFit| (fit.track.phi_deg.clone(), fit.track.r_kpc.clone());
+    let differs = |part| PosteriorFault::OtherFit {
+        other: other.stored.name.clone(),
+        part,
+    };
+    if track(fit) == track(other) {
+        return Err(PosteriorFault::SameTrack {
+            other: other.stored.name.clone(),
+        });
+    }
+    if !same_prior(&fit.settings, &other.settings) {
+        return Err(differs("[prior]"));
+    }
+    let recipe = |fit: &StoredFit| fit.settings.model.releases.recipe;
+    if recipe(fit) != recipe(other) {
+        return Err(differs("model.releases.recipe"));
+    }
+    Ok(())
+}
+
+fn same_prior(one: &FitSettings, other: &FitSettings) -> bool {
+    let prior = |settings: &FitSettings| {
+        let prior = &settings.prior;
+        let fixed = prior.fixed.to_array().map(|value| value.is_some());
+        ([prior.q_min, prior.q_max], prior.marginals, fixed)
+    };
+    prior(one) == prior(other)
+}

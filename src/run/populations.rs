@@ -1,0 +1,96 @@
+//! One population by several families: each a run folder of its own, in one folder.
+
+use super::monitor::Monitored;
+use super::population::{check, population};
+use super::session::Destination;
+use super::versions::marked;
+use crate::config::PopulationConfig;
+use crate::error::{Error, OutputFault, Result};
+use crate::population::FamilyName;
+use crate::posterior::Summary;
+use oblate_samplers::output::Status;
+use std::path::PathBuf;
+
+/// A finished population of one family.
+#[derive(Clone, Debug)]
+pub struct FamilyRun {
+    /// The family.
+    pub family: FamilyName,
+    /// Its run folder.
+    pub folder: PathBuf,
+    /// Its summary.
+    pub summary: Summary,
+}
+
+/// Samples the population of finished fits by several families, each into the run folder of its name in the destination. `None` if a run was
+/// interrupted; those before it are finished. All have the same data, so that differences of their ln Z are ln Bayes factors.
+///
+/// # Errors
+/// As of [`population`]; [`Error::Setting`] for a family that is named twice; [`Error::OutputPath`] if the destination itself is a run folder.
+pub fn populations(
+    fits: &[PathBuf],
+    config: &PopulationConfig,
+    families: &[FamilyName],
+    allow_unconverged: bool,
+    destination: Destination<'_>,
+    monitored: &mut Monitored<'_>,
+) -> Result<Option<Vec<FamilyRun>>> {
+    let of = |family: FamilyName| {
+        let mut config = config.clone();
+        config.family.name = family;
+        config
+    };
+    for (i, family) in families.iter().enumerate() {
+        if families[..i].contains(family) {
+            return Err(Error::Setting {
+                key: "family".to_owned(),
+                value: family.name().to_owned(),
+                remedy: "name each family once".to_owned(),
+            });
+        }
+        check(&of(*family))?;
+    }
+    destination.is_apart_from(fits)?;
+    refuse_run(&destination)?;
+    let mut runs = Vec::new();
+    for family in families {
+        let config = of(*family);
+        let folder = destination.folder.join(family.name());
+        let own = Destination {
+            folder: &folder,
+            ..destination
+        };
+        let label = format!("{} {}", family.name(), config.sampling.sampler.name());
+        let mut fit = None;
+        monitored(&label, &mut |monitor| {
+            fit = Some(population(fits, &config, allow_unconverged, own, monitor)?);
+            Ok(())
+        })?;
+        match fit.filter(|fit| fit.run.status != Status::Interrupted) {
+            Some(fit) => runs.push(FamilyRun {
+                family: *family,
+                folder,
+                summary: fit.summary,
+            }),
+            None => return Ok(None),
+        }
+    }
+    Ok(Some(runs))
+}
+
+/// Refuses a destination that is the folder of one run, which would hold others then.
+fn refuse_run(destination: &Destination<'_>) -> Result<()> {
+    let path = destination.folder;
+    let is_run = marked(path).map_err(|source| Error::Io {
+        path: path.to_path_buf(),
+        source,
+        remedy: "check that the folder is readable",
+    })?;
+    if is_run {
+        return Err(Error::OutputPath {
+            path: path.to_path_buf(),
+            fault: OutputFault::RunFolder,
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,141 @@
+//! Populations on the command line: several families at once, what is refused, and what is written.
+
+use super::{json, oblate, refused, write};
+use crate::folders::copy;
+use std::path::Path;
+
+/// Three mocks, fitted quickly and badly, and their population by two families.
+const STUDY: &str = r#"
+title = "three mocks"
+out = "OUT"
+allow_unconverged = true
+[mocks]
+count = 3
+seed = 3
+samplers = ["nested"]
+[mocks.fit]
+model = { releases = { particles = 128 }, step_phase = 2.0, max_halvings = 3 }
+prior.fixed = { r_s_halo_kpc = 15.0, r_s_prog_kpc = 2.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
+sampling.nested = { n_live = 40, kernel = "random-slice", steps = 4 }
+[population]
+samplers = ["nested"]
+families = ["truncated-gaussian", "beta"]
+settings.sampling.nested = { n_live = 60 }
+"#;
+
+#[test]
+fn a_population_is_compared_by_family_and_its_streams_are_checked() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let study = write(
+        folder.path(),
+        "study.toml",
+        &STUDY.replace("OUT", &path("study")),
+    );
+    let output = oblate(&["run", &study, "-q"], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(text.contains("population_beta") && text.contains("population_truncated-gaussian"));
+    let mocks = folder.path().join("study/mocks");
+    let mut fits: Vec<String> = std::fs::read_dir(&mocks)
+        .expect("fits")
+        .map(|entry| entry.expect("an entry").path().display().to_string())
+        .collect();
+    fits.sort();
+    assert_eq!(fits.len(), 3);
+    let population = |fits: &[String], more: &[&str]| {
+        let mut args = vec!["population"];
+        args.extend(fits.iter().map(String::as_str));
+        args.extend(["-q", "--allow-unconverged"]);
+        args.extend(more);
+        oblate(&args, "")
+    };
+
+    // Several families: a run folder each, which a report reads as any other.
+    let out = path("families");
+    let several = ["--family", "uniform,truncated-gaussian", "--out", &out];
+    let output = population(&fits, &[&several[..], &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let families = json(&output.stdout);
+    let rows = families["families"].as_array().expect("rows");
+    assert_eq!(rows.len(), 2);
+    for row in rows {
+        let summary = &row["summary"];
+        let population = &summary["population"];
+        assert_eq!(population["streams"].as_array().expect("streams").len(), 3);
+        for check in summary["model_checks"].as_array().expect("checks") {
+            assert!(
+                check["message"]
+                    .as_str()
+                    .expect("words")
+                    .contains("mock_3_")
+            );
+        }
+        let run = Path::new(row["folder"].as_str().expect("a folder"));
+        let table = std::fs::read_to_string(run.join("density.csv")).expect("a table");
+        assert!(table.starts_with("q,mean,median,lo68,hi68,lo95,hi95\n0.5,"));
+        assert_eq!(table.lines().count(), 202);
+    }
+    let names = |row: usize| rows[row]["summary"]["parameters"].clone();
+    assert!(names(0)["width_pop"].is_object() && names(1)["sigma_pop"].is_object());
+    // Again, as text, and read back to the bit; a lost table is written again.
+    let lost = Path::new(&out).join("uniform/density.csv");
+    std::fs::remove_file(&lost).expect("the table");
+    let output = population(&fits, &[&several[..], &["--resume"]].concat());
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        text.starts_with("family ") && text.contains("ln Bayes factor"),
+        "{text}"
+    );
+    assert!(text.contains("NOT MEASURED: "), "{text}");
+    assert!(lost.exists());
+    let page = path("page.html");
+    let (uniform, gaussian) = (
+        path("families/uniform"),
+        path("families/truncated-gaussian"),
+    );
+    let output = oblate(&["report", &uniform, &gaussian, "--out", &page], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let text = std::fs::read_to_string(&page).expect("the page");
+    assert!(text.contains("q given the population") && text.contains("NOT MEASURED"));
+    // The figures are ours, so that the run can be replaced.
+    let output = population(&fits, &[&several[..], &["--force"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+
+    // Refusals, each before anything is written.
+    let nowhere = path("nowhere");
+    let at = ["--out", nowhere.as_str()];
+    let unknown = population(&fits, &[&at[..], &["--family", "gauss"]].concat());
+    refused(
+        &unknown,
+        &[
+            "gauss",
+            "truncated-gaussian, uniform, mixture, beta, histogram",
+        ],
+    );
+    let twice = population(&fits, &[&at[..], &["--family", "beta,beta"]].concat());
+    refused(&twice, &["family = beta", "once"]);
+    let into_run = population(&fits, &["--family", "beta,uniform", "--out", &uniform]);
+    refused(&into_run, &["is the folder of one run"]);
+    let into_fit = population(&fits, &["--family", "beta,uniform", "--out", &fits[0]]);
+    refused(&into_fit, &["choose another folder"]);
+    let again = path("again");
+    copy(Path::new(&fits[0]), Path::new(&again));
+    let same = population(&[&fits[..], &[again]].concat(), &at);
+    refused(&same, &["again: the track is that of mock_3_", "twice"]);
+    for (key, value, words) in [
+        ("q_max = 1.5", "q_max = 1.6", "[prior]"),
+        ("fardal2015", "chen2025", "model.releases.recipe"),
+    ] {
+        let other = path("other");
+        copy(Path::new(&fits[1]), Path::new(&other));
+        let config = Path::new(&other).join("config.toml");
+        let text = std::fs::read_to_string(&config).expect("settings");
+        assert!(text.contains(key), "{text}");
+        std::fs::write(&config, text.replace(key, value)).expect("settings");
+        let output = population(&[fits[0].clone(), other.clone()], &at);
+        refused(&output, &[words]);
+        std::fs::remove_dir_all(&other).expect("a folder");
+    }
+    assert!(!Path::new(&nowhere).exists());
+}
