@@ -40,7 +40,7 @@
 //!
 //! Modules, each of which may only import the ones before it: [`limits`], [`error`], [`normal`], [`rng`], [`target`],
 //! [`files`], [`read`], checks of states, [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`difference_pool`],
-//! [`smc_weights`], mixtures, then the samplers: [`hmc`], [`nested`] and
+//! [`smc_weights`], mixtures, [`surrogate`], then the samplers: [`hmc`], [`nested`] and
 //! [`pt`], and [`bridge`], the SMC bridge from a finished run to a finer likelihood.
 #![cfg_attr(
     test,
@@ -79,6 +79,7 @@ pub mod pt;
 pub mod read;
 pub mod rng;
 pub mod smc_weights;
+pub mod surrogate;
 pub mod target;
 mod valid;
 

@@ -105,14 +105,22 @@ impl Observer for Progress {
             Event::Smc { beta, ln_z, calls } => {
                 self.show(&format!("SMC, beta {beta:.2e}, ln Z {ln_z:.2}, {calls} calls"), false);
             }
-            Event::Tempered { round, scan, scans, communication_barrier, round_trips, ln_z, gradients } => self.show(
-                &format!(
-                    "round {round}, scan {} of {scans}, communication barrier {communication_barrier:.1}, {round_trips} round trips, ln Z \
-                     {ln_z:.2}, {gradients} gradients",
-                    scan + 1
-                ),
-                false,
-            ),
+            Event::Tempered {
+                round, scan, scans, communication_barrier, round_trips, ln_z, gradients, surrogate_acceptance,
+            } => {
+                let last = surrogate_acceptance.map_or_else(
+                    || format!("{gradients} gradients"),
+                    |acceptance| format!("surrogate moves accepted {acceptance:.2}"),
+                );
+                self.show(
+                    &format!(
+                        "round {round}, scan {} of {scans}, communication barrier {communication_barrier:.1}, {round_trips} round trips, \
+                         ln Z {ln_z:.2}, {last}",
+                        scan + 1
+                    ),
+                    false,
+                );
+            }
             Event::Bridge { fraction, ln_z, calls } => {
                 self.show(
                     &format!("bridge {:.0} %, ln Z {ln_z:.2}, {calls} calls", 100.0 * fraction),

@@ -132,6 +132,11 @@ impl Target for StreamTarget {
         }))
     }
 
+    fn ln_likelihood_and_residuals(&self, theta: &[f64], residuals: &mut Vec<f64>) -> Outcome {
+        let all = self.params(theta).to_array();
+        outcome(self.likelihood.ln_likelihood_and_residuals(&all, residuals))
+    }
+
     fn gradient_cost(&self) -> Option<f64> {
         Some(GRADIENT_COST)
     }

@@ -116,6 +116,22 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         with_buffers(|b| self.value(theta, Threads::One, b))
     }
 
+    /// ln L, with the bins' [residuals](TrackLikelihood::residuals) appended to `residuals`.
+    ///
+    /// # Errors
+    /// As [`ln_likelihood`](Self::ln_likelihood).
+    pub fn ln_likelihood_and_residuals(
+        &self,
+        theta: &[f64; DIM],
+        residuals: &mut Vec<f64>,
+    ) -> Result<Evaluation, Rejection> {
+        with_buffers(|b| {
+            let evaluation = self.value(theta, Threads::One, b)?;
+            self.track.residuals(&b.sums, residuals)?;
+            Ok(evaluation)
+        })
+    }
+
     /// As [`ln_likelihood`](Self::ln_likelihood), on all threads of the present rayon pool. The result has the same bits.
     ///
     /// # Errors

@@ -153,6 +153,8 @@ pub struct TrackLikelihood {
 struct BinTerm<S> {
     ln_likelihood: S,
     covered: S,
+    /// Residual in standard errors, where the bin is covered; it falls to 0 with the cover.
+    residual: S,
 }
 
 impl TrackLikelihood {
@@ -310,6 +312,25 @@ impl TrackLikelihood {
         }
     }
 
+    /// Appends the residual of each bin of the data in standard errors, times the root of its cover: they are smooth, and
+    /// `ln L + |residuals|^2 / 2` varies little where all bins are covered.
+    ///
+    /// # Errors
+    /// As [`ln_likelihood`](Self::ln_likelihood).
+    pub fn residuals(
+        &self,
+        sums: &Sums<f64>,
+        residuals: &mut Vec<f64>,
+    ) -> std::result::Result<(), Rejection> {
+        for (i, d) in self.data.iter().enumerate() {
+            if let Some(d) = d {
+                let term = self.bin_term(d, sums.weight[i], sums.r[i], sums.r2[i])?;
+                residuals.push(term.residual);
+            }
+        }
+        Ok(())
+    }
+
     /// ln L, with the same bits as from [`ln_likelihood`](Self::ln_likelihood). Its derivatives with respect to the sums are written into
     /// `sums_bar`.
     ///
@@ -379,13 +400,15 @@ impl TrackLikelihood {
         }
         let residual = mean - d.r_kpc;
         let lower = noise + d.r_err_lo_kpc * d.r_err_lo_kpc;
-        let ln_covered = if d.is_symmetric() {
-            -(residual * residual / lower + lower.ln()) * 0.5 - LN_SQRT_2PI
+        let (variance, ln_covered) = if d.is_symmetric() {
+            let ln_covered = -(residual * residual / lower + lower.ln()) * 0.5 - LN_SQRT_2PI;
+            (lower, ln_covered)
         } else {
             let upper = noise + d.r_err_hi_kpc * d.r_err_hi_kpc;
             let variance = if residual.re() > 0.0 { upper } else { lower };
             let mean_sd = (lower.sqrt() + upper.sqrt()) * 0.5;
-            -residual * residual / variance * 0.5 - mean_sd.ln() - LN_SQRT_2PI
+            let ln_covered = -residual * residual / variance * 0.5 - mean_sd.ln() - LN_SQRT_2PI;
+            (variance, ln_covered)
         };
         let ln_likelihood = match self.settings.coverage {
             Coverage::Reject => ln_covered,
@@ -397,6 +420,7 @@ impl TrackLikelihood {
         Ok(BinTerm {
             ln_likelihood,
             covered,
+            residual: covered.sqrt() * residual / variance.sqrt(),
         })
     }
 

@@ -188,11 +188,16 @@ pub fn pt_seeds() -> Vec<Seed> {
         max_leapfrogs: 4,
         ..plain.clone()
     };
+    let along_surrogate = pt::Settings {
+        surrogate_points: 6_000,
+        ..mixed.clone()
+    };
     let diagonal = pt::Settings { ..plain.clone() };
     let all = [
         (plain.clone(), 3),
         (plain, 10),
         (diagonal, 4),
+        (along_surrogate, 40),
         (mixed.clone(), 3),
         (mixed.clone(), 40),
         (mixed.clone(), 47),

@@ -620,6 +620,10 @@ fn the_memory_of_samplers_is_within_what_was_estimated() {
         mixture_rounds: 7,
         ..pt::Settings::default()
     };
+    let surrogate = pt::Settings {
+        surrogate_points: 20_000,
+        ..many.clone()
+    };
     let control = |work: &dyn Fn(&mut Control<'_>) -> Run| work(&mut Control::new(&mut Silent));
     let run_nested = |settings: &nested::Settings| {
         peak_of_run(|| {
@@ -637,6 +641,7 @@ fn the_memory_of_samplers_is_within_what_was_estimated() {
         ("dynamic", run_nested(&dynamic), dynamic.memory(dim)),
         ("many", run_pt(&many), many.memory(dim)),
         ("long", run_pt(&long), long.memory(dim)),
+        ("surrogate", run_pt(&surrogate), surrogate.memory(dim)),
     ] {
         let ratio = measured / estimate.bytes();
         assert!(

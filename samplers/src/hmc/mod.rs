@@ -13,6 +13,7 @@ mod point;
 mod reference;
 mod slice;
 mod step_size;
+mod surrogate_move;
 mod symmetry;
 
 pub use leapfrog::{End, LocalSampler, Plan, Transition, shorten};
@@ -22,4 +23,5 @@ pub use point::{Evaluator, Point};
 pub use reference::Reference;
 pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};
 pub use step_size::{MAX_STEP, StepSize};
+pub use surrogate_move::surrogate_move;
 pub use symmetry::{propose_involution, refresh};

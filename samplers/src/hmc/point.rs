@@ -4,8 +4,10 @@ use super::reference::{PRIOR, Reference};
 use crate::error::Result;
 use crate::output::Calls;
 use crate::rng::RandomStream;
-use crate::target::Target;
+use crate::surrogate::{Examples, Scratch, Surrogate};
+use crate::target::{Outcome, Target};
 use crate::valid::{Valid, ensure, moderate};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A state of a chain.
@@ -96,6 +98,8 @@ pub(super) fn ln_density(beta: f64, z: &[f64], ln_likelihood: f64, ln_over_prior
 pub struct Evaluator<'a> {
     target: &'a dyn Target,
     reference: &'a Reference,
+    surrogate: Option<&'a Surrogate>,
+    scratch: Scratch,
     theta: Vec<f64>,
     /// Calls so far.
     pub calls: Calls,
@@ -114,8 +118,19 @@ impl<'a> Evaluator<'a> {
         Self {
             target,
             reference,
+            surrogate: None,
+            scratch: Scratch::default(),
             theta: vec![0.0; target.dim()],
             calls: Calls::default(),
+        }
+    }
+
+    /// The same with a surrogate of ln L in its place, which is not counted.
+    #[must_use]
+    pub fn with_surrogate(self, surrogate: &'a Surrogate) -> Self {
+        Self {
+            surrogate: Some(surrogate),
+            ..self
         }
     }
 
@@ -163,12 +178,49 @@ impl<'a> Evaluator<'a> {
             .collect()
     }
 
+    /// ln L and residuals at rows of coordinates; those where it is rejected are left out.
+    ///
+    /// # Errors
+    /// As [`value`](Self::value).
+    pub fn examples(&mut self, rows: &[f64]) -> Result<Examples> {
+        let (target, dim) = (self.target, self.target.dim());
+        let evaluated: Vec<(Vec<f64>, Outcome, Vec<f64>)> = rows
+            .par_chunks_exact(dim)
+            .map(|z| {
+                let (mut theta, mut residuals) = (vec![0.0; dim], Vec::new());
+                target.prior().theta_from_z(z, &mut theta);
+                let outcome = target.ln_likelihood_and_residuals(&theta, &mut residuals);
+                (theta, outcome, residuals)
+            })
+            .collect();
+        let mut examples = Examples::default();
+        self.calls.values += evaluated.len() as u64;
+        for ((theta, outcome, residuals), z) in evaluated.iter().zip(rows.chunks_exact(dim)) {
+            self.calls.note(outcome);
+            let ln_likelihood = outcome.ln_likelihood(theta)?;
+            if ln_likelihood.is_finite() {
+                examples.push(z, ln_likelihood, residuals);
+            }
+        }
+        Ok(examples)
+    }
+
     /// Computes ln L, the log ratio of reference to prior and the gradients of `point` at its `z`; ln L is minus
     /// infinity if rejected, also where a derivative is not finite.
     ///
     /// # Errors
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn fill(&mut self, point: &mut Point) -> Result<()> {
+        if let Some(surrogate) = self.surrogate {
+            let scratch = &mut self.scratch;
+            point.ln_likelihood =
+                surrogate.ln_likelihood_and_gradient(&point.z, &mut point.gradient, scratch);
+            point.ln_over_prior = self
+                .reference
+                .ln_over_prior_and_gradient(&point.z, &mut point.ln_over_prior_gradient);
+            point.has_gradient = point.ln_likelihood.is_finite();
+            return Ok(());
+        }
         let prior = self.target.prior();
         prior.theta_from_z(&point.z, &mut self.theta);
         self.calls.gradients += 1;

@@ -30,6 +30,8 @@ impl State {
         ensure(countable([self.clock]), "a count is too large")?;
         self.cost.check()?;
         self.references.iter().try_for_each(|r| r.check(dim))?;
+        self.surrogate.iter().try_for_each(|s| s.check(dim))?;
+        self.examples.check(dim)?;
         let [first, second] = self.references.each_ref().map(Reference::is_prior);
         ensure(
             first == second,
@@ -151,6 +153,7 @@ mod tests {
             slice_updates: 1,
             extensions: 2,
             mixture_rounds: 3,
+            surrogate_points: 6_000,
             ..Settings::default()
         }
     }
@@ -164,7 +167,7 @@ mod tests {
         for step in 0..steps {
             assert_eq!(state.check(&settings, 1, 2), Ok(()), "{step}");
             if state.finished() {
-                state.go_on(&target, false);
+                state.go_on(&target, false).unwrap();
             }
             state.advance(&target).unwrap();
         }

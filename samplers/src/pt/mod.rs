@@ -52,6 +52,7 @@ mod schedule;
 mod settings;
 mod smc;
 mod state;
+mod surrogate_points;
 mod swap;
 
 pub use schedule::round_trip_rate;
@@ -84,7 +85,8 @@ pub fn run(
     control: &mut Control<'_>,
 ) -> Result<Run> {
     settings.check(target.dim())?;
-    if target.gradient_cost().is_none() {
+    let follows_gradient = settings.hmc_transitions > 0 && settings.surrogate_points == 0;
+    if follows_gradient && target.gradient_cost().is_none() {
         return Err(Error::TemperingWithoutGradient);
     }
     // The number of extensions decides where a run ends, but not what it draws.
@@ -99,7 +101,7 @@ pub fn run(
         |state| state.check(settings, seed, target.dim()),
     )?;
     let mut state = match saved {
-        Some(state) => state.allowed(settings.extensions),
+        Some(state) => state.resumed(settings.extensions),
         None => State::start(target, settings, seed)?,
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
@@ -113,7 +115,9 @@ pub fn run(
             if look.confirmed {
                 break Status::Complete;
             }
-            state.go_on(target, look.passed);
+            if let Err(error) = state.go_on(target, look.passed) {
+                return Err(checkpointer.save_after(error, &state, control));
+            }
         }
         let interrupted = stop || control.interrupted();
         let spent = control.spent(state.cost.all_calls());

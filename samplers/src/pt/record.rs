@@ -34,6 +34,9 @@ pub(super) struct Local {
     pub(super) diverged: u64,
     /// Transitions that met a rejected point.
     pub(super) rejected: u64,
+    /// Moves along the surrogate, and the sum of their acceptance probabilities.
+    pub(super) surrogate_moves: u64,
+    pub(super) surrogate_acceptance: f64,
 }
 
 impl Local {
@@ -54,9 +57,11 @@ impl Local {
             self.capped,
             self.diverged,
             self.rejected,
+            self.surrogate_moves,
         ];
+        let sums = [self.acceptance, self.surrogate_acceptance];
         ensure(
-            countable(counts) && self.rejected <= self.moves && self.acceptance.is_finite(),
+            countable(counts) && self.rejected <= self.moves && sums.iter().all(|s| s.is_finite()),
             "a count of moves is too large, or acceptance is not finite",
         )
     }
@@ -68,6 +73,14 @@ impl Local {
         self.capped += other.capped;
         self.diverged += other.diverged;
         self.rejected += other.rejected;
+        self.surrogate_moves += other.surrogate_moves;
+        self.surrogate_acceptance += other.surrogate_acceptance;
+    }
+
+    /// Mean acceptance of surrogate moves; none without any.
+    pub(super) fn surrogate_acceptance(&self) -> Option<f64> {
+        let moves = self.surrogate_moves as f64;
+        (self.surrogate_moves > 0).then_some(self.surrogate_acceptance / moves)
     }
 
     /// Mean acceptance; 1 without transitions (at beta = 0 the reference is drawn independently).

@@ -4,16 +4,21 @@ use super::record::{Local, Record};
 use super::schedule::first_schedule;
 use super::smc::{Level, SmcSamplers};
 use super::state::{Chain, State, Temperature};
+use super::surrogate_points::states_near_posterior;
 use super::{Settings, swap};
 use crate::error::{Error, Result};
 use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, StepSize};
 use crate::output::{Calls, Cost};
 use crate::rng::{Domain, RandomStream, stream, unit_open};
+use crate::surrogate::Examples;
 use crate::target::Target;
 use rayon::prelude::*;
 
 /// Maximum number of draws of the prior in search of one with a likelihood.
 const START_TRIES: usize = 100_000;
+
+/// Extensions of the last round before which the surrogate is fitted anew.
+const FITTED_EXTENSIONS: usize = 4;
 
 /// Maximum number of leapfrog steps of a transition in an early round.
 const EARLY_LEAPFROGS: usize = 32;
@@ -58,6 +63,8 @@ impl State {
             clock: 0,
             references: Default::default(),
             training: Default::default(),
+            surrogate: None,
+            examples: Default::default(),
             record: Record::new(
                 dim,
                 settings.chain_sets,
@@ -145,31 +152,43 @@ impl State {
     }
 
     /// Extends the last round: with the same settings on a path from the prior, with settings fitted anew on a path from
-    /// a mixture. `passed` says whether all checks of the draws so far have passed.
-    pub(super) fn go_on(&mut self, target: &dyn Target, passed: bool) {
+    /// a mixture, and along a surrogate that is fitted anew before the first [`FITTED_EXTENSIONS`]. `passed` says whether all checks of
+    /// the draws so far have passed. On an error nothing has changed.
+    pub(super) fn go_on(&mut self, target: &dyn Target, passed: bool) -> Result<()> {
+        if self.extensions < FITTED_EXTENSIONS {
+            self.next_surrogate(target, self.visited_states())?;
+        } else {
+            self.examples = Examples::default();
+        }
         self.passed_before = self.looks_passed(passed) > 0;
         self.extensions += 1;
         if self.mixture_next() {
             self.adapt(target);
         }
+        Ok(())
     }
 
     /// One scan, and the adaptation before it if a round has just ended. On an error the state is that before the
     /// scan.
     pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
         if let Some(smc_samplers) = &mut self.smc_samplers {
-            let mcmc_steps = self.settings.mcmc_steps(target.dim());
-            let calls = smc_samplers.advance(target, mcmc_steps, self.seed)?;
-            self.cost.count(&calls);
+            if !smc_samplers.done() {
+                let mcmc_steps = self.settings.mcmc_steps(target.dim());
+                let calls = smc_samplers.advance(target, mcmc_steps, self.seed)?;
+                self.cost.count(&calls);
+            }
             if smc_samplers.done() {
                 let levels: Vec<Vec<Level>> =
                     smc_samplers.levels().map(<[Level]>::to_vec).collect();
+                let states = states_near_posterior(&levels, target.dim());
+                self.next_surrogate(target, states)?;
                 self.begin(&levels, target);
                 self.smc_samplers = None;
             }
             return Ok(());
         }
         if self.scan == self.scans() {
+            self.next_surrogate(target, self.visited_states())?;
             self.adapt(target);
         }
         let explored: Vec<Result<Explored>> = (0..self.chains.len())
@@ -261,10 +280,28 @@ impl State {
                 &mut visit,
             )?;
             let plan = self.plan(temperature);
-            for _ in 0..self.settings.hmc_transitions {
-                let moved = local_sampler.transition(&mut point, &plan, &mut rng)?;
-                local.note(&moved);
+            if let Some(surrogate) = &self.surrogate {
+                let own = Evaluator::from_reference(target, self.reference(chain));
+                let own = own.with_surrogate(surrogate);
+                let mut along = LocalSampler::of(own, temperature.beta, metric);
+                local.surrogate_acceptance += hmc::surrogate_move(
+                    evaluator,
+                    &mut along,
+                    temperature.beta,
+                    &plan,
+                    self.settings.hmc_transitions,
+                    &mut point,
+                    &mut rng,
+                    |moved| local.note(moved),
+                )?;
+                local.surrogate_moves += 1;
                 visit(&point);
+            } else if self.settings.surrogate_points == 0 {
+                for _ in 0..self.settings.hmc_transitions {
+                    let moved = local_sampler.transition(&mut point, &plan, &mut rng)?;
+                    local.note(&moved);
+                    visit(&point);
+                }
             }
         }
         Ok(Explored {
@@ -275,7 +312,7 @@ impl State {
         })
     }
 
-    fn plan(&self, temperature: &Temperature) -> Plan {
+    pub(super) fn plan(&self, temperature: &Temperature) -> Plan {
         let early = self.is_early_round();
         let most = self.settings.max_leapfrogs;
         Plan {

@@ -77,6 +77,10 @@ pub struct Settings {
     /// Slice updates per scan and temperature, before the HMC transitions: for likelihoods too rough for long
     /// trajectories. Each costs several values and no gradient.
     pub slice_updates: usize,
+    /// Points at which ln L is computed to fit a surrogate of it, before the first round and after each. In every scan each chain then
+    /// makes `hmc_transitions` along the surrogate, whose end is accepted by ln L itself. 0: HMC transitions follow ln L. For
+    /// likelihoods that cost much, are rough, or have no gradient.
+    pub surrogate_points: usize,
     /// Number of rounds at the end whose reference is a mixture fitted to earlier draws, most of them of the round
     /// before, plus a little of the prior: a shorter annealing path. 0: the reference is always the prior. With as many
     /// as `rounds`, the first reference is fitted to the SMC particles, or is the prior without them.
@@ -101,12 +105,16 @@ impl Default for Settings {
             smc_samplers: 4,
             mcmc_steps: 0,
             slice_updates: 0,
+            surrogate_points: 0,
             mixture_rounds: 0,
         }
     }
 }
 
 impl Settings {
+    /// Maximum number of examples that a surrogate is fitted to, in units of `surrogate_points`.
+    pub(super) const EXAMPLES_KEPT: usize = 4;
+
     /// Maximum number of extensions of the last round: they are then 8,000 times as long as the round.
     pub(super) const MAX_EXTENSIONS: usize = 24;
 
@@ -182,6 +190,7 @@ impl Settings {
         in_range("smc_samplers", self.smc_samplers, 2..=1024)?;
         in_range("mcmc_steps", self.mcmc_steps, 0..=1000)?;
         in_range("slice_updates", self.slice_updates, 0..=1000)?;
+        in_range("surrogate_points", self.surrogate_points, 0..=1 << 24)?;
         in_range("mixture_rounds", self.mixture_rounds, 0..=24)?;
         Ok(())
     }
@@ -205,6 +214,13 @@ impl Settings {
                 name: "hmc_transitions",
                 value: self.hmc_transitions.to_string(),
                 remedy: "give at least one HMC transition or slice update per scan",
+            });
+        }
+        if self.surrogate_points > 0 && self.hmc_transitions == 0 {
+            return Err(Error::Setting {
+                name: "surrogate_points",
+                value: self.surrogate_points.to_string(),
+                remedy: "give at least one HMC transition per scan, which follows the surrogate, or 0 points",
             });
         }
         if self.particles_per_sampler() > MAX_PARTICLES {
@@ -249,6 +265,9 @@ impl Settings {
         };
         let trails = Memory::default().with("rounds", NUMBER * 2.0 * dim * trails);
         let held = [levels, last, trails];
+        // Examples in single precision as kept, chosen and in the network's units; as many residuals as coordinates twice.
+        let examples = (Self::EXAMPLES_KEPT * self.surrogate_points) as f64;
+        let examples = Memory::default().with("surrogate_points", 12.0 * examples * 3.0 * dim);
         let most = held
             .into_iter()
             .max_by(|a, b| a.bytes().total_cmp(&b.bytes()));
@@ -256,6 +275,7 @@ impl Settings {
         let temperature = NUMBER * dim * (2.0 * dim + POOL);
         let memory = most
             .unwrap_or_default()
+            .and(&examples, "")
             .with("max_temperatures", temperature * temperatures);
         if mixes {
             let row = NUMBER * (COPIES_OF_TRAINING * dim + COMPONENTS);

@@ -203,7 +203,7 @@ impl SmcSamplers {
         }
     }
 
-    /// Checks SMC samplers that were read from a file and have not yet reached the posterior.
+    /// Checks SMC samplers that were read from a file.
     pub(super) fn check(&self, settings: &Settings, dim: usize) -> Valid {
         ensure(
             self.smc_samplers.len() == settings.clusters(),
@@ -214,9 +214,7 @@ impl SmcSamplers {
         ensure(
             beta.first() == Some(&0.0)
                 && beta.windows(2).all(|b| b[0] <= b[1])
-                && beta
-                    .last()
-                    .is_some_and(|last| *last < 1.0 && *last <= self.beta)
+                && beta.last().is_some_and(|last| *last <= self.beta)
                 && self.beta <= 1.0,
             "SMC samplers whose temperatures do not fall from the prior on",
         )?;

@@ -2,12 +2,13 @@
 
 use super::Settings;
 use super::evidence::{Estimate, Traces, estimate};
-use super::record::Record;
+use super::record::{Local, Record};
 use super::smc::SmcSamplers;
 use crate::control::Event;
 use crate::difference_pool::DifferencePool;
 use crate::hmc::{Metric, Point, Reference, StepSize};
 use crate::output::Cost;
+use crate::surrogate::{Examples, Surrogate};
 use serde::{Deserialize, Serialize};
 
 /// A round of fewer scans is early: it only finds the scales, so its trajectories are short and their energy range has
@@ -60,6 +61,10 @@ pub(super) struct State {
     /// The draws that the references were fitted to: those of odd clusters for the chain sets of even ones, and of even
     /// clusters for the odd. So a mode that only some clusters have found makes them disagree, and is passed on.
     pub(super) training: [Vec<f64>; 2],
+    /// The surrogate of ln L that HMC transitions follow, where the settings ask for one.
+    pub(super) surrogate: Option<Surrogate>,
+    /// What it was fitted to.
+    pub(super) examples: Examples,
     pub(super) temperatures: Vec<Temperature>,
     /// Chain-set-major.
     pub(super) chains: Vec<Chain>,
@@ -99,9 +104,12 @@ impl State {
         }
     }
 
-    /// The same state with another maximum number of extensions.
-    pub(super) fn allowed(mut self, extensions: usize) -> Self {
+    /// A state that was read from a file, with another maximum number of extensions.
+    pub(super) fn resumed(mut self, extensions: usize) -> Self {
         self.settings.extensions = extensions;
+        if let Some(surrogate) = &mut self.surrogate {
+            surrogate.prepare();
+        }
         self
     }
 
@@ -205,6 +213,8 @@ impl State {
             round_trips: self.record.round_trips(),
             ln_z: last.map_or(f64::NAN, |r| r.ln_z),
             gradients: self.cost.gradients,
+            surrogate_acceptance: (self.record.extension().locals.last())
+                .and_then(Local::surrogate_acceptance),
         }
     }
 

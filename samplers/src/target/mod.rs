@@ -100,6 +100,13 @@ pub trait Target: Sync {
         None
     }
 
+    /// ln L as of [`ln_likelihood`](Self::ln_likelihood), with numbers r appended to `residuals`, always as many, that are smooth in
+    /// `theta` and for which `ln L + |r|^2 / 2` varies little: a surrogate of ln L learns them instead of ln L.
+    fn ln_likelihood_and_residuals(&self, theta: &[f64], residuals: &mut Vec<f64>) -> Outcome {
+        let _ = residuals;
+        self.ln_likelihood(theta)
+    }
+
     /// Symmetry moves, exact or approximate.
     fn symmetries(&self) -> &[Symmetry] {
         &[]

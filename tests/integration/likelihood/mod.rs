@@ -256,6 +256,29 @@ fn asymmetric_errors_are_a_normalised_split_normal_with_a_continuous_slope() {
 }
 
 #[test]
+fn residuals_are_in_standard_errors_and_fall_to_zero_with_the_cover() {
+    // With half of their squares ln L is the same for every radius, which is what a surrogate relies on.
+    for (lo, hi) in [(2.0, 2.0), (1.0, 3.0)] {
+        let track = one_bin(lo, hi, &LikelihoodSettings::default());
+        for r in [44.0, 50.0, 53.0] {
+            let sums = sums_of(&[r]);
+            let mut residuals = Vec::new();
+            track.residuals(&sums, &mut residuals).expect("finite");
+            let expected = (r - 50.0) / if r > 50.0 { hi } else { lo };
+            assert!((residuals[0] - expected).abs() < 1e-9, "{residuals:?}");
+            let at = |sums: &Sums<f64>| track.ln_likelihood(sums).expect("finite");
+            let rest = at(&sums) + 0.5 * residuals[0] * residuals[0];
+            assert!((rest - at(&sums_of(&[50.0]))).abs() < 1e-9, "{rest}");
+        }
+        let mut uncovered = sums_of(&[53.0]);
+        uncovered.weight = vec![0.0];
+        let mut residuals = Vec::new();
+        track.residuals(&uncovered, &mut residuals).expect("finite");
+        assert_eq!(residuals, [0.0]);
+    }
+}
+
+#[test]
 fn an_error_floor_raises_smaller_errors_only() {
     let settings = LikelihoodSettings {
         error_floor_percent: 4.0,

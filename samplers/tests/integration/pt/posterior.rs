@@ -44,6 +44,33 @@ fn twins_have_their_exact_weights_with_and_without_a_flip() {
 }
 
 #[test]
+fn twins_have_their_exact_weights_and_evidence_along_a_surrogate() {
+    let settings = Settings {
+        smc_particles: 200,
+        rounds: 4,
+        first_scans: 32,
+        mixture_rounds: 4,
+        slice_updates: 1,
+        hmc_transitions: 3,
+        max_leapfrogs: 8,
+        surrogate_points: 10_000,
+        ..Settings::default()
+    };
+    let target = smooth::twins13(0.9);
+    let run = run(&target, &settings, 2);
+    let (weight, error) = weight_of_plus(&run);
+    assert!(error < 0.1, "{weight} +- {error}");
+    assert!((weight - 0.9).abs() < 3.0 * error, "{weight} +- {error}");
+    let (ln_z, error) = (run.evidence.ln_z, run.evidence.error);
+    assert!(error < 0.2, "{ln_z} +- {error}");
+    // The error is that of four clusters: the 99 % quantile of Student's t with three degrees of freedom is 5.8.
+    assert!(
+        (ln_z - target.ln_z).abs() < 5.8 * error,
+        "{ln_z} +- {error}"
+    );
+}
+
+#[test]
 fn likelihoods_that_cannot_matter_are_not_asked_for_and_change_nothing() {
     let settings = Settings {
         smc_particles: 100,

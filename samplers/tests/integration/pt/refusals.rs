@@ -70,6 +70,15 @@ fn settings_out_of_range_are_refused_by_name() {
             },
         ),
         (
+            "surrogate_points",
+            Settings {
+                surrogate_points: 1_000,
+                hmc_transitions: 0,
+                slice_updates: 1,
+                ..good.clone()
+            },
+        ),
+        (
             "rounds",
             Settings {
                 rounds: 1,

@@ -146,6 +146,34 @@ fn a_run_stopped_during_smc_says_so_and_resumes_to_the_same_bits() {
 }
 
 #[test]
+fn a_run_along_a_surrogate_has_the_same_bits_on_threads_and_after_stops() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pt.ckpt");
+    let settings = Settings {
+        surrogate_points: 8_000,
+        ..from_smc()
+    };
+    let target = target();
+    let expected = whole(&target, &settings);
+    // Rounds of 4, 8 and 16 scans and an extension of 16: stops before and after each fit.
+    for scans in [1, 3, 1, 7, 1, 15, 1, 3] {
+        let run = resumed(&target, &settings, &path, scans).unwrap();
+        assert_eq!(run.status, Status::Interrupted);
+    }
+    let run = resumed(&target, &settings, &path, u64::MAX).unwrap();
+    assert_eq!(run.bits(), expected.bits());
+    assert_ne!(run.bits(), whole(&target, &from_smc()).bits());
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(3)
+        .build()
+        .unwrap();
+    assert_eq!(
+        pool.install(|| whole(&target, &settings).bits()),
+        expected.bits()
+    );
+}
+
+#[test]
 fn a_spent_budget_stops_with_a_valid_unconverged_run_that_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pt.ckpt");

@@ -1,0 +1,516 @@
+//! A surrogate of ln L: a neural network fitted to values of ln L at many points. It costs a hundredth of the likelihoods for
+//! which it is meant, is smooth, and has a gradient. Moves that follow it are accepted by ln L itself, so that it decides how far
+//! they go, and not what they sample.
+//!
+//! A likelihood of residuals, `ln L = rest - |r|^2 / 2`, is learned residual by residual: they are smooth where ln L itself is
+//! steep.
+
+mod network;
+
+use crate::diagnostics::column_moments;
+use crate::rng::{RandomStream, below};
+use crate::valid::{Valid, ensure, moderate, rows};
+use network::{Batch, Network, Pass};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Depth below the largest ln L at which points are no longer learned.
+pub const DEPTH: f64 = 100.0;
+
+/// Passes through the examples of a first fit, and of a fit that begins with an earlier network.
+const PASSES: usize = 20;
+const MORE_PASSES: usize = 5;
+
+/// Step of the optimiser (Adam; Kingma & Ba 2015) at the beginning, from where it falls as a cosine to zero, its averaging
+/// factors, and its guard against division by zero.
+const RATE: f32 = 2e-3;
+const MOMENTS: [f32; 2] = [0.9, 0.999];
+const TINY: f32 = 1e-8;
+
+/// Examples of a step, and those of a task of a step.
+const BATCH: usize = 512;
+const TASK: usize = 128;
+
+/// Relative error of ln L, below its largest value, that counts as much as an error of 1 there.
+const RELATIVE: f32 = 0.04;
+
+/// Weight of the errors of residuals beside those of ln L, and the relative error that counts as much as an error of 1 at zero.
+const RESIDUALS_WEIGHT: f32 = 0.3;
+const RESIDUALS_RELATIVE: f32 = 0.1;
+
+/// Fewest examples of a fit.
+const MIN_EXAMPLES: usize = 2_000;
+
+/// Values of ln L at many points, in single precision.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Examples {
+    /// Rows of standard-normal coordinates.
+    z: Vec<f32>,
+    ln_likelihood: Vec<f32>,
+    /// Rows of residuals.
+    residuals: Vec<f32>,
+}
+
+impl Examples {
+    /// Number of examples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.ln_likelihood.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.ln_likelihood.is_empty()
+    }
+
+    /// Adds an example with a finite ln L; all have the same numbers of coordinates and of residuals.
+    pub fn push(&mut self, z: &[f64], ln_likelihood: f64, residuals: &[f64]) {
+        self.z.extend(z.iter().copied().map(single));
+        self.ln_likelihood.push(single(ln_likelihood));
+        self.residuals.extend(residuals.iter().copied().map(single));
+    }
+
+    /// Adds others.
+    pub fn append(&mut self, others: Self) {
+        self.z.extend(others.z);
+        self.ln_likelihood.extend(others.ln_likelihood);
+        self.residuals.extend(others.residuals);
+    }
+
+    /// Keeps the last `count` examples.
+    pub fn keep_last(&mut self, count: usize) {
+        let present = self.len().max(1);
+        let (dim, per_row) = (self.z.len() / present, self.residuals.len() / present);
+        let gone = self.len().saturating_sub(count);
+        self.z.drain(..gone * dim);
+        self.ln_likelihood.drain(..gone);
+        self.residuals.drain(..gone * per_row);
+    }
+
+    /// Checks examples of `dim` coordinates that were read from a file.
+    pub(crate) fn check(&self, dim: usize) -> Valid {
+        let count = self.len();
+        let all = self
+            .z
+            .iter()
+            .chain(&self.ln_likelihood)
+            .chain(&self.residuals);
+        ensure(
+            rows(self.z.len(), count, dim)
+                && self.residuals.len().is_multiple_of(count.max(1))
+                && all.copied().all(f32::is_finite),
+            "examples of a surrogate have another dimension, or are not finite",
+        )
+    }
+}
+
+/// The surrogate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Surrogate {
+    /// Mean and standard deviation of each coordinate of the examples, and of each output.
+    inputs: Vec<(f64, f64)>,
+    outputs: Vec<(f64, f64)>,
+    network: Network,
+}
+
+/// Space for the evaluations of one task.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    x: Vec<f32>,
+    x_bar: Vec<f32>,
+    y: Vec<f32>,
+    outputs_bar: Vec<f32>,
+    pass: Pass,
+}
+
+/// Space for a task of a step of the optimiser.
+#[derive(Clone, Debug, Default)]
+struct Task {
+    x: Vec<f32>,
+    y: Vec<f32>,
+    outputs_bar: Vec<f32>,
+    batch: Batch,
+}
+
+/// Examples in the units of a network.
+struct Learned {
+    x: Vec<f32>,
+    y: Vec<f32>,
+    ln_likelihood: Vec<f32>,
+    /// Largest ln L.
+    top: f32,
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "single precision")]
+fn single(x: f64) -> f32 {
+    x as f32
+}
+
+impl Surrogate {
+    /// Fits a surrogate of `dim` coordinates, beginning with an earlier one if there is one. None if the examples with a likelihood
+    /// near the largest are too few, or have a coordinate that does not vary.
+    #[must_use]
+    pub fn fit(
+        examples: &Examples,
+        dim: usize,
+        earlier: Option<&Self>,
+        rng: &mut RandomStream,
+    ) -> Option<Self> {
+        let count = examples.len();
+        let per_row = examples.residuals.len() / count.max(1);
+        let top = examples
+            .ln_likelihood
+            .iter()
+            .copied()
+            .fold(f32::NEG_INFINITY, f32::max);
+        let kept: Vec<usize> = (0..count)
+            .filter(|&i| examples.ln_likelihood[i] > top - single(DEPTH))
+            .collect();
+        if kept.len() < MIN_EXAMPLES {
+            return None;
+        }
+        let z: Vec<f64> = kept
+            .iter()
+            .flat_map(|&i| {
+                examples.z[i * dim..(i + 1) * dim]
+                    .iter()
+                    .copied()
+                    .map(f64::from)
+            })
+            .collect();
+        let y: Vec<f64> = kept
+            .iter()
+            .flat_map(|&i| {
+                let residuals = &examples.residuals[i * per_row..(i + 1) * per_row];
+                let residuals = residuals.iter().copied().map(f64::from);
+                let square: f64 = residuals.clone().map(|r| r * r).sum();
+                residuals.chain([f64::from(examples.ln_likelihood[i]) + 0.5 * square])
+            })
+            .collect();
+        let mut surrogate = match earlier {
+            Some(earlier) if earlier.network.outputs() == per_row + 1 => earlier.clone(),
+            _ => {
+                let units = |rows: &[f64], width: usize| -> Vec<(f64, f64)> {
+                    let moments = column_moments(rows, width).into_iter();
+                    moments
+                        .map(|(mean, variance)| (mean, variance.sqrt()))
+                        .collect()
+                };
+                let inputs = units(&z, dim);
+                if inputs.iter().any(|(_, sd)| !sd.is_normal()) {
+                    return None;
+                }
+                // A residual that is the same everywhere has no unit of its own.
+                let outputs = units(&y, per_row + 1).into_iter();
+                let outputs = outputs.map(|(mean, sd)| (mean, if sd > 1e-6 { sd } else { 1.0 }));
+                Self {
+                    network: Network::new(dim, per_row + 1, rng),
+                    inputs,
+                    outputs: outputs.collect(),
+                }
+            }
+        };
+        let standard = |row: &[f64]| -> Vec<f32> {
+            let units = row.iter().zip(&surrogate.inputs);
+            units
+                .map(|(z, (mean, sd))| single((z - mean) / sd))
+                .collect()
+        };
+        let learned = Learned {
+            x: z.chunks_exact(dim).flat_map(standard).collect(),
+            y: y.into_iter().map(single).collect(),
+            ln_likelihood: kept.iter().map(|&i| examples.ln_likelihood[i]).collect(),
+            top,
+        };
+        let passes = if earlier.is_some() {
+            MORE_PASSES
+        } else {
+            PASSES
+        };
+        surrogate.learn(&learned, passes, rng);
+        surrogate.network.prepare();
+        let finite = surrogate.network.parameters().iter().all(|p| p.is_finite());
+        finite.then_some(surrogate)
+    }
+
+    /// Prepares a surrogate that was read from a file for use.
+    pub(crate) fn prepare(&mut self) {
+        self.network.prepare();
+    }
+
+    /// Checks a surrogate that was read from a file.
+    pub(crate) fn check(&self, dim: usize) -> Valid {
+        self.network.check(dim)?;
+        let units = self.inputs.iter().chain(&self.outputs);
+        ensure(
+            self.inputs.len() == dim
+                && self.outputs.len() == self.network.outputs()
+                && units
+                    .clone()
+                    .all(|(mean, sd)| moderate([mean, sd]) && *sd > 0.0),
+            "a surrogate has another dimension, or is not finite",
+        )
+    }
+
+    /// The estimate of ln L at standard-normal coordinates.
+    pub fn ln_likelihood(&self, z: &[f64], scratch: &mut Scratch) -> f64 {
+        self.forward(z, scratch);
+        let (rest, residuals) = split(&scratch.y);
+        f64::from(rest) - 0.5 * f64::from(square(residuals))
+    }
+
+    /// The estimate of ln L, with its gradient written into `gradient`.
+    pub fn ln_likelihood_and_gradient(
+        &self,
+        z: &[f64],
+        gradient: &mut [f64],
+        scratch: &mut Scratch,
+    ) -> f64 {
+        let value = self.ln_likelihood(z, scratch);
+        let last = self.outputs.len() - 1;
+        scratch.outputs_bar.clear();
+        for (i, (y, (_, sd))) in scratch.y.iter().zip(&self.outputs).enumerate() {
+            let by_y = if i == last { 1.0 } else { -y };
+            scratch.outputs_bar.push(by_y * single(*sd));
+        }
+        scratch.x_bar.resize(z.len(), 0.0);
+        self.network
+            .backward(&scratch.outputs_bar, &mut scratch.pass, &mut scratch.x_bar);
+        for ((g, x_bar), (_, sd)) in gradient.iter_mut().zip(&scratch.x_bar).zip(&self.inputs) {
+            *g = f64::from(*x_bar) / sd;
+        }
+        value
+    }
+
+    /// Residuals and rest at `z`, into `scratch.y`.
+    fn forward(&self, z: &[f64], scratch: &mut Scratch) {
+        scratch.x.clear();
+        let units = z.iter().zip(&self.inputs);
+        scratch
+            .x
+            .extend(units.map(|(z, (mean, sd))| single((z - mean) / sd)));
+        self.network.forward(&scratch.x, &mut scratch.pass);
+        scratch.y.clear();
+        self.in_units(&scratch.pass.outputs, &mut scratch.y);
+    }
+
+    /// Appends residuals and rest from the outputs of the network.
+    fn in_units(&self, outputs: &[f32], y: &mut Vec<f32>) {
+        let units = outputs.iter().zip(&self.outputs);
+        y.extend(units.map(|(o, (mean, sd))| o * single(*sd) + single(*mean)));
+    }
+
+    /// Steps of the optimiser through the examples in random order, pass after pass.
+    fn learn(&mut self, examples: &Learned, passes: usize, rng: &mut RandomStream) {
+        let count = examples.ln_likelihood.len();
+        let mut order: Vec<usize> = (0..count).collect();
+        let size = self.network.parameters().len();
+        let [mut means, mut squares] = [vec![0.0_f32; size], vec![0.0_f32; size]];
+        let mut decay = [1.0_f32; 2];
+        let steps = passes * count.div_ceil(BATCH);
+        let mut step = 0;
+        let mut buffers = vec![(vec![0.0_f32; size], Task::default()); BATCH / TASK];
+        for _ in 0..passes {
+            for i in (1..count).rev() {
+                order.swap(i, below(rng, i + 1));
+            }
+            for batch in order.chunks(BATCH) {
+                // Tasks of fixed rows, summed in their order: the same bits on any number of threads.
+                buffers.par_iter_mut().zip(batch.par_chunks(TASK)).for_each(
+                    |((gradient, task), rows)| {
+                        gradient.fill(0.0);
+                        self.add_gradient(examples, rows, gradient, task);
+                    },
+                );
+                let tasks = batch.len().div_ceil(TASK);
+                let (first, others) = buffers.split_at_mut(1);
+                let gradient = &mut first[0].0;
+                for (other, _) in &others[..tasks - 1] {
+                    for (g, o) in gradient.iter_mut().zip(other) {
+                        *g += o;
+                    }
+                }
+                for (decay, moment) in decay.iter_mut().zip(MOMENTS) {
+                    *decay *= moment;
+                }
+                let place = single(step as f64 / steps as f64 * std::f64::consts::PI);
+                let rate = 0.5 * RATE * (1.0 + place.cos()) / (1.0 - decay[0]);
+                let (scale, bias) = (1.0 / batch.len() as f32, 1.0 / (1.0 - decay[1]));
+                let parameters = self.network.parameters_mut();
+                let averages = means.iter_mut().zip(&mut squares);
+                for ((p, g), (m, s)) in parameters.iter_mut().zip(gradient).zip(averages) {
+                    let g = *g * scale;
+                    *m = MOMENTS[0] * *m + (1.0 - MOMENTS[0]) * g;
+                    *s = MOMENTS[1] * *s + (1.0 - MOMENTS[1]) * g * g;
+                    *p -= rate * *m / ((*s * bias).sqrt() + TINY);
+                }
+                step += 1;
+            }
+        }
+    }
+
+    /// Adds the gradient of the loss at some examples by the parameters: a Huber loss of ln L and the mean square of the residuals'
+    /// errors, both relative far from the maximum.
+    fn add_gradient(
+        &self,
+        examples: &Learned,
+        rows: &[usize],
+        gradient: &mut [f32],
+        task: &mut Task,
+    ) {
+        let (inputs, outputs) = (self.inputs.len(), self.outputs.len());
+        let Task {
+            x,
+            y,
+            outputs_bar,
+            batch,
+        } = task;
+        x.clear();
+        for row in rows {
+            x.extend_from_slice(&examples.x[row * inputs..(row + 1) * inputs]);
+        }
+        self.network.forward_many(x, batch);
+        outputs_bar.clear();
+        for (row, outputs_of_row) in rows.iter().zip(batch.outputs.chunks_exact(outputs)) {
+            y.clear();
+            self.in_units(outputs_of_row, y);
+            let truth = &examples.y[row * outputs..(row + 1) * outputs];
+            let (rest, residuals) = split(y);
+            let ln_likelihood = examples.ln_likelihood[*row];
+            let unit = 1.0 + RELATIVE * (examples.top - ln_likelihood);
+            let error = (rest - 0.5 * square(residuals) - ln_likelihood) / unit;
+            let by_ln_likelihood = error.clamp(-1.0, 1.0) / unit;
+            for (i, ((y, t), (_, sd))) in y.iter().zip(truth).zip(&self.outputs).enumerate() {
+                let unit = 1.0 + RESIDUALS_RELATIVE * t.abs();
+                let by_error = 2.0 * RESIDUALS_WEIGHT / outputs as f32 * (y - t) / (unit * unit);
+                let by_y = if i + 1 == outputs { 1.0 } else { -y };
+                outputs_bar.push((by_ln_likelihood * by_y + by_error) * single(*sd));
+            }
+        }
+        self.network.backward_many(outputs_bar, batch, gradient);
+    }
+}
+
+/// The rest, which is last, and the residuals.
+fn split(y: &[f32]) -> (f32, &[f32]) {
+    y.split_last()
+        .map_or((0.0, y), |(rest, residuals)| (*rest, residuals))
+}
+
+fn square(residuals: &[f32]) -> f32 {
+    residuals.iter().map(|r| r * r).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Domain, standard_normal, stream};
+
+    const DIM: usize = 4;
+
+    /// ln L of residuals that are bent functions of the coordinates.
+    fn ln_likelihood(z: &[f64]) -> (f64, Vec<f64>) {
+        let residual = |i: usize| 3.0 * (z[i] - 0.3 * z[(i + 1) % DIM].powi(2));
+        let residuals: Vec<f64> = (0..DIM).map(residual).collect();
+        let square: f64 = residuals.iter().map(|r| r * r).sum();
+        (0.2 * z[0] - 0.5 * square, residuals)
+    }
+
+    /// Values at points of a normal distribution, with residuals or without.
+    fn examples(count: usize, with_residuals: bool, seed: u64) -> Examples {
+        let mut rng = stream(seed, Domain::Test, 0, 0);
+        let mut examples = Examples::default();
+        for _ in 0..count {
+            let z: Vec<f64> = (0..DIM).map(|_| standard_normal(&mut rng)).collect();
+            let (l, residuals) = ln_likelihood(&z);
+            examples.push(&z, l, if with_residuals { &residuals } else { &[] });
+        }
+        examples
+    }
+
+    fn fitted(with_residuals: bool) -> Surrogate {
+        let mut rng = stream(1, Domain::Test, 1, 0);
+        Surrogate::fit(&examples(10_000, with_residuals, 1), DIM, None, &mut rng).unwrap()
+    }
+
+    /// Root mean square error at other points, where ln L is within ten of the largest.
+    fn error(surrogate: &Surrogate) -> f64 {
+        let others = examples(2_000, false, 2);
+        let mut scratch = Scratch::default();
+        let errors: Vec<f64> = (others.z.chunks_exact(DIM).zip(&others.ln_likelihood))
+            .filter(|(_, l)| **l > -10.0)
+            .map(|(z, l)| {
+                let z: Vec<f64> = z.iter().copied().map(f64::from).collect();
+                surrogate.ln_likelihood(&z, &mut scratch) - f64::from(*l)
+            })
+            .collect();
+        (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn residuals_are_learned_better_than_their_square() {
+        // ln L of these points has a standard deviation of some 3; 0.3 and 1 were measured as about twice the errors.
+        let (with, without) = (error(&fitted(true)), error(&fitted(false)));
+        assert!(
+            with < 0.3 && without < 1.0 && with < without,
+            "{with} {without}"
+        );
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_value() {
+        let surrogate = fitted(true);
+        let mut scratch = Scratch::default();
+        let mut gradient = [0.0; DIM];
+        let z = [0.3, -0.2, 0.5, 0.1];
+        surrogate.ln_likelihood_and_gradient(&z, &mut gradient, &mut scratch);
+        for i in 0..DIM {
+            let mut at = |step: f64| {
+                let mut z = z;
+                z[i] += step;
+                surrogate.ln_likelihood(&z, &mut scratch)
+            };
+            // In single precision a value has an error of some 1e-5, and the difference one of 1e-3.
+            let difference = (at(0.01) - at(-0.01)) / 0.02;
+            assert!(
+                (gradient[i] - difference).abs() < 0.02 * (1.0 + difference.abs()),
+                "{i}: {gradient:?} {difference}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_fit_has_the_same_bits_on_any_number_of_threads_and_after_reading() {
+        let examples = examples(5_000, true, 1);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| {
+                let mut rng = stream(1, Domain::Test, 1, 0);
+                Surrogate::fit(&examples, DIM, None, &mut rng).unwrap()
+            })
+        };
+        let (one, three) = (on(1), on(3));
+        assert_eq!(one, three);
+        let mut read: Surrogate =
+            postcard::from_bytes(&postcard::to_allocvec(&one).unwrap()).unwrap();
+        assert_eq!(read.check(DIM), Ok(()));
+        read.prepare();
+        assert_eq!(read, one);
+    }
+
+    #[test]
+    fn too_few_examples_or_a_constant_coordinate_give_none() {
+        let mut rng = stream(1, Domain::Test, 1, 0);
+        assert!(Surrogate::fit(&Examples::default(), DIM, None, &mut rng).is_none());
+        assert!(Surrogate::fit(&examples(1_000, true, 1), DIM, None, &mut rng).is_none());
+        let mut flat = Examples::default();
+        for _ in 0..5_000 {
+            flat.push(&[1.0; DIM], -1.0, &[]);
+        }
+        assert!(Surrogate::fit(&flat, DIM, None, &mut rng).is_none());
+    }
+}
