@@ -153,8 +153,9 @@ pub struct TrackLikelihood {
 struct BinTerm<S> {
     ln_likelihood: S,
     covered: S,
-    /// Residual in standard errors, where the bin is covered; it falls to 0 with the cover.
+    /// Model minus data, kpc, and its variance.
     residual: S,
+    variance: S,
 }
 
 impl TrackLikelihood {
@@ -325,7 +326,7 @@ impl TrackLikelihood {
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
                 let term = self.bin_term(d, sums.weight[i], sums.r[i], sums.r2[i])?;
-                residuals.push(term.residual);
+                residuals.push(term.covered.sqrt() * term.residual / term.variance.sqrt());
             }
         }
         Ok(())
@@ -420,7 +421,8 @@ impl TrackLikelihood {
         Ok(BinTerm {
             ln_likelihood,
             covered,
-            residual: covered.sqrt() * residual / variance.sqrt(),
+            residual,
+            variance,
         })
     }
 

@@ -32,6 +32,8 @@ pub(super) struct States {
     beta: f64,
     /// Rows of coordinates.
     rows: Vec<f64>,
+    /// ln L of each, once it has been needed.
+    ln_likelihood: Vec<f64>,
     /// Sums of the weights with which the states are chosen: all alike, or more where the surrogate is wrong.
     sums: Vec<f64>,
 }
@@ -39,17 +41,24 @@ pub(super) struct States {
 impl States {
     fn new(beta: f64, rows: Vec<f64>, dim: usize) -> Self {
         let sums = (1..=rows.len() / dim).map(|count| count as f64).collect();
-        Self { beta, rows, sums }
+        Self {
+            beta,
+            rows,
+            ln_likelihood: Vec::new(),
+            sums,
+        }
     }
 
-    /// Weighs the states by the errors of a surrogate.
+    /// Weighs the states by the errors of a surrogate. ln L of the states is computed the first time.
     fn weigh(&mut self, evaluator: &mut Evaluator<'_>, surrogate: &Surrogate) -> Result<()> {
         let dim = evaluator.target().dim();
         let places: Vec<&[f64]> = self.rows.chunks_exact(dim).collect();
-        let values = evaluator.values(&places)?;
+        if self.ln_likelihood.is_empty() {
+            self.ln_likelihood = evaluator.values(&places)?;
+        }
         let mut scratch = Scratch::default();
         let mut sum = 0.0;
-        let weighed = places.iter().zip(values).map(|(z, value)| {
+        let weighed = places.iter().zip(&self.ln_likelihood).map(|(z, value)| {
             let error = self.beta * (value - surrogate.ln_likelihood(z, &mut scratch)).abs();
             // A state without a likelihood has an infinite error.
             sum += LEAST_ERROR + error.min(MOST_ERROR);
