@@ -222,6 +222,43 @@ pub fn to_toml<T: Serialize>(settings: &T) -> Result<String> {
     })
 }
 
+/// Settings with one of them changed. `key` has the names of its tables before it, with dots; `value` is TOML, or a text without quotes.
+///
+/// # Errors
+/// [`Error::Setting`] for an unknown key or a value of another type.
+pub fn with_value<T: Serialize + DeserializeOwned>(
+    settings: &T,
+    key: &str,
+    value: &str,
+) -> Result<T> {
+    let wrong = |message: &str| Error::Setting {
+        key: key.to_owned(),
+        value: value.to_owned(),
+        remedy: format!(
+            "{}; give a key of the settings file with a value of its type",
+            message.trim().replace('\n', " ")
+        ),
+    };
+    let parsed = toml::from_str::<toml::Table>(&format!("value = {value}"));
+    let parsed = parsed.ok().filter(|table| table.len() == 1);
+    let parsed = parsed.and_then(|mut table| table.remove("value"));
+    let parsed = parsed.unwrap_or_else(|| toml::Value::String(value.to_owned()));
+    let mut all = toml::Table::try_from(settings).map_err(|e| wrong(&e.to_string()))?;
+    let mut names = key.split('.').map(str::to_owned).collect::<Vec<_>>();
+    let last = names.pop().unwrap_or_default();
+    let mut table = &mut all;
+    for name in names {
+        let inner = table
+            .entry(name.clone())
+            .or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        table = inner
+            .as_table_mut()
+            .ok_or_else(|| wrong(&format!("`{name}` is not a table")))?;
+    }
+    table.insert(last, parsed);
+    T::deserialize(all).map_err(|e| wrong(e.message()))
+}
+
 /// Position of an unknown key in `text`, the table that the parser's error points at. Tables that are merged with defaults are checked
 /// as a whole, so that the parser itself knows only the table.
 fn unknown_key(message: &str, text: &str) -> Option<usize> {

@@ -1,6 +1,7 @@
 //! The command line, one file per subcommand. A subcommand parses its flags, calls the library and writes its results to standard output.
 
 mod bridge;
+mod command_line;
 mod compare;
 mod evaluate;
 mod exit;
@@ -9,11 +10,13 @@ mod folder;
 mod merge;
 mod message;
 mod mock;
+mod next;
 mod options;
 mod output;
 mod population;
 mod progress;
 mod report;
+mod set;
 mod stream;
 mod study;
 
@@ -21,6 +24,7 @@ pub use exit::Exit;
 
 use crate::error::{Error, Result};
 use clap::{CommandFactory, Parser, Subcommand};
+use command_line::CommandLine;
 use message::{Flags, with_flags};
 use options::Common;
 use output::{Output, note};
@@ -102,8 +106,7 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
             return Ok(Exit::Done);
         }
     };
-    let words: Vec<_> = args.iter().skip(1).map(|a| a.to_string_lossy()).collect();
-    let line = words.join(" ");
+    let line = CommandLine::of(args);
     cli.common.in_pool(|| match &cli.verb {
         Verb::Mock(a) => mock::run(a, &cli.common, out),
         Verb::Stream(a) => stream::run(a, &cli.common, out),

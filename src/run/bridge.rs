@@ -18,10 +18,10 @@ use std::path::Path;
 /// [`Error::NotAFit`] if `parent` is not a fit; [`Error::OutputIsInput`] if the destination is `parent`, is in it or
 /// holds it; [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`] or [`Error::InFile`] if `parent`
 /// cannot be read; [`Error::Exists`], [`Error::OutputPath`], [`Error::OtherInputs`] or [`Error::FolderInUse`] if the
-/// destination cannot be used.
+/// destination cannot be used; those of `change`.
 pub fn bridge(
     parent: &Path,
-    change: impl FnOnce(&mut FitSettings),
+    change: impl FnOnce(&mut FitSettings) -> Result<()>,
     destination: Destination<'_>,
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
@@ -32,7 +32,7 @@ pub fn bridge(
         settings: coarse,
     } = StoredFit::read(parent)?;
     let mut settings = coarse.clone();
-    change(&mut settings);
+    change(&mut settings)?;
     if settings.model == coarse.model && settings.likelihood == coarse.likelihood {
         return Err(Error::SameModel);
     }

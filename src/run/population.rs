@@ -102,6 +102,7 @@ pub fn population(
         let streams = target.streams_given_population(&run.draws);
         SummaryContext {
             assumptions: Vec::new(),
+            marginal_information: Vec::new(),
             model_checks: checks(&streams),
             command: command.to_owned(),
             q_prior: None,

@@ -3,6 +3,7 @@
 mod arguments;
 mod exit;
 mod message;
+mod next;
 mod output;
 mod population;
 mod study;
@@ -608,7 +609,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let say = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
-        say.contains("coarse fit") && say.contains("--resume"),
+        say.contains("coarse model") && say.contains("--resume"),
         "{say}"
     );
     arguments.push("--resume");
