@@ -50,16 +50,20 @@ impl FolderFlags {
     ) -> Result<Exit> {
         let text = command.without_folder_flags().text();
         let destination = self.destination(&text)?;
-        let mut progress = Progress::new(label, common, self.limits);
-        let fit = match work(destination, &mut progress.monitor()) {
+        let mut progress = Progress::new(label, common);
+        let done = work(destination, &mut progress.monitor(&self.limits));
+        let stopped_at = progress.current().to_owned();
+        // The display ends before anything else is written.
+        drop(progress);
+        let fit = match done {
             // Stopped before the first result, of which there is no part.
             Err(Error::Sampler(oblate_samplers::Error::Interrupted)) => {
-                return Ok(interrupted(command));
+                return Ok(interrupted(command, &stopped_at));
             }
             done => done?,
         };
         if fit.run.status == Status::Interrupted {
-            return Ok(interrupted(command));
+            return Ok(interrupted(command, &stopped_at));
         }
         if common.json {
             out.json(&fit.summary)?;
@@ -90,10 +94,9 @@ impl FolderFlags {
     ) -> Result<Option<T>> {
         let text = command.without_folder_flags().text();
         let destination = self.destination(&text)?;
-        let limits = self.limits;
         work(destination, &mut |label, work| {
-            let mut progress = Progress::new(label, common, limits);
-            work(&mut progress.monitor())
+            let mut progress = Progress::new(label, common);
+            work(&mut progress.monitor(&self.limits))
         })
     }
 
@@ -125,15 +128,15 @@ impl FolderFlags {
     }
 }
 
-/// Says how an interrupted run is continued.
-pub fn interrupted(command: &CommandLine) -> Exit {
+/// Says at which point a run was stopped, and how it is continued.
+pub fn interrupted(command: &CommandLine, stopped_at: &str) -> Exit {
     let cause = if interrupt().load(Ordering::Relaxed) {
         "Interrupted"
     } else {
         "The time limit was reached"
     };
     note(&format!(
-        "{cause} before the result; the work so far is in the checkpoint."
+        "{cause} before the result, at {stopped_at}; the work so far is kept."
     ));
     Step::resume(command).tell();
     Exit::Interrupted

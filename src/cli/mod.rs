@@ -3,6 +3,7 @@
 mod bridge;
 mod command_line;
 mod compare;
+mod eta;
 mod evaluate;
 mod exit;
 mod fit;

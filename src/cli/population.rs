@@ -94,7 +94,7 @@ pub fn run(
         )
     })?;
     let Some(runs) = runs else {
-        return Ok(interrupted(command));
+        return Ok(interrupted(command, "one of the families"));
     };
     if common.json {
         let rows: Vec<_> = runs

@@ -54,8 +54,8 @@ pub fn run(
     }
     let files_from = args.study.parent().unwrap_or(Path::new("."));
     let result = study(&config, files_from, &command.text(), &mut |label, work| {
-        let mut progress = Progress::new(label, common, args.limits);
-        work(&mut progress.monitor())
+        let mut progress = Progress::new(label, common);
+        work(&mut progress.monitor(&args.limits))
     })
     .map_err(|error| match error {
         Error::InTable { .. } => Error::InFile {

@@ -1,7 +1,7 @@
 //! The SMC bridge from a finished fit to a finer model, into another run folder.
 
 use super::locked::RunState;
-use super::monitor::Monitor;
+use super::monitor::{MODEL_ERROR, Monitor};
 use super::session::{Destination, RunSession};
 use super::stored_fit::StoredFit;
 use crate::error::{Error, Result};
@@ -49,7 +49,9 @@ pub fn bridge(
         RunState::Unfinished(session) => session,
     };
     monitor.tell_memory(&memory);
-    session.complete_fit(&fine, &track, monitor, |control| {
+    monitor.stage(1, 2, "bridge to the finer model");
+    let error_of_model = |monitor: &mut Monitor<'_>| monitor.stage(2, 2, MODEL_ERROR);
+    session.complete_fit(&fine, &track, monitor, error_of_model, |control| {
         let (sampling, seed) = (&settings.sampling, settings.seed);
         inference::bridge(&fine, &coarse, &stored.run, sampling, seed, control)
     })

@@ -6,6 +6,7 @@ mod message;
 mod next;
 mod output;
 mod population;
+mod progress;
 mod study;
 
 use std::io::Write;
