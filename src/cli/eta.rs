@@ -30,12 +30,14 @@ impl Trend {
     }
 
     /// Change per second; none before two values apart in time.
+    #[must_use]
     pub fn rate(&self) -> Option<f64> {
         let ((t0, first), (t1, last)) = (self.noted.front()?, self.noted.back()?);
         (t1 > t0).then(|| (last - first) / (t1 - t0))
     }
 
     /// Seconds until the value is 0, if it goes on falling as it did; none if it does not fall.
+    #[must_use]
     pub fn seconds_to_zero(&self) -> Option<f64> {
         let rate = self.rate().filter(|rate| *rate < 0.0)?;
         self.noted.back().map(|(_, last)| last / -rate)
@@ -43,6 +45,7 @@ impl Trend {
 }
 
 /// A time as text: `40 s`, `12 min`, `3.5 h`.
+#[must_use]
 pub fn duration(seconds: f64) -> String {
     if seconds < 100.0 {
         format!("{:.0} s", seconds.max(1.0))
@@ -50,41 +53,5 @@ pub fn duration(seconds: f64) -> String {
         format!("{:.0} min", seconds / 60.0)
     } else {
         format!("{:.1} h", seconds / 3_600.0)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Trend, duration};
-
-    #[test]
-    fn a_line_ends_where_it_meets_zero_and_the_first_half_of_the_time_is_forgotten() {
-        let mut trend = Trend::default();
-        assert_eq!(trend.rate(), None);
-        // Fast at first: 100 per second until 10 s, then 1 per second from 50 down to 10 at 50 s.
-        for k in 0..10 {
-            trend.note(f64::from(k), 1_050.0 - 100.0 * f64::from(k));
-        }
-        for k in 10..=50 {
-            trend.note(f64::from(k), 60.0 - f64::from(k));
-        }
-        assert_eq!(trend.rate(), Some(-1.0));
-        assert_eq!(trend.seconds_to_zero(), Some(10.0));
-        trend.note(51.0, f64::INFINITY);
-        assert_eq!(trend.seconds_to_zero(), Some(10.0));
-    }
-
-    #[test]
-    fn what_does_not_fall_has_no_end() {
-        let mut trend = Trend::default();
-        trend.note(0.0, 1.0);
-        trend.note(1.0, 2.0);
-        assert_eq!(trend.seconds_to_zero(), None);
-    }
-
-    #[test]
-    fn times_have_units() {
-        let texts = [0.2, 40.0, 720.0, 12_600.0].map(duration);
-        assert_eq!(texts, ["1 s", "40 s", "12 min", "3.5 h"]);
     }
 }

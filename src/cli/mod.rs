@@ -3,8 +3,10 @@
 mod bridge;
 mod command_line;
 mod compare;
-mod eta;
+mod doctor;
+pub mod eta;
 mod evaluate;
+mod excerpt;
 mod exit;
 mod fit;
 mod folder;
@@ -26,6 +28,7 @@ pub use exit::Exit;
 use crate::error::{Error, Result};
 use clap::{CommandFactory, Parser, Subcommand};
 use command_line::CommandLine;
+use excerpt::excerpt;
 use message::{Flags, with_flags};
 use options::Common;
 use output::{Output, note};
@@ -64,6 +67,8 @@ enum Verb {
     Report(report::Args),
     /// Runs a study: mocks or tracks, their fits, a population and a report; it can be repeated to continue
     Run(study::Args),
+    /// Describes this machine: versions, instruction set, threads, speed, and how long a fit will take
+    Doctor(doctor::Args),
     /// Prints completions for a shell
     Completions {
         /// The shell
@@ -90,6 +95,9 @@ pub fn message(error: &Error, args: &[OsString]) -> String {
 pub fn run(args: &[OsString], out: &mut dyn Write) -> Exit {
     answer(args, &mut Output::new(out)).unwrap_or_else(|error| {
         note(&format!("error: {}", message(&error, args)));
+        if let Some(lines) = excerpt(&error) {
+            note(&lines);
+        }
         Exit::from_error(&error)
     })
 }
@@ -119,6 +127,7 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
         Verb::Population(a) => population::run(a, &cli.common, &line, out),
         Verb::Report(a) => report::run(a, &cli.common, out),
         Verb::Run(a) => study::run(a, &cli.common, &line, out),
+        Verb::Doctor(a) => doctor::run(a, &cli.common, out),
         Verb::Completions { shell } => {
             // Into memory first: clap's generator panics where it cannot write.
             let mut script = Vec::new();

@@ -1,6 +1,8 @@
 //! The command itself: machine-readable output, exit codes, and one clear error for each bad input.
 
 mod arguments;
+mod doctor;
+mod eta;
 mod exit;
 mod message;
 mod next;
@@ -220,12 +222,21 @@ fn bad_settings_and_parameters_name_file_line_and_remedy() {
     assert!(!folder.path().join("run").exists());
     refused(
         &fit(&unknown),
-        &["unknown.toml", "line 2", "sneed", "--print-config"],
+        &[
+            "unknown.toml",
+            "line 2",
+            "sneed",
+            "--print-config",
+            "\n2 | sneed = 2\n  | ^^^^^\n",
+        ],
     );
     // Keys of a table that is merged with defaults are reported with their own lines as well.
     let deep = "[sampling]\nsampler = \"nested\"\n\n[sampling.nested]\nn_live = 100\nn_alive = 3\n";
     let deep = write(folder.path(), "deep.toml", deep);
-    refused(&fit(&deep), &["deep.toml", "line 6", "n_alive"]);
+    refused(
+        &fit(&deep),
+        &["deep.toml", "line 6", "\n6 | n_alive = 3\n  | ^^^^^^^\n"],
+    );
     refused(&fit("nowhere.toml"), &["nowhere.toml", "readable"]);
     let odd = write(
         folder.path(),

@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::path::Path;
 
 /// A valid command line of every subcommand.
-const LINES: [&str; 12] = [
+const LINES: [&str; 13] = [
     "mock --out x",
     "stream p.toml --particles-out x",
     "evaluate t.ecsv",
@@ -18,6 +18,7 @@ const LINES: [&str; 12] = [
     "population a --out x",
     "report a --out x",
     "run s.toml --out x",
+    "doctor",
     "completions bash",
     "man",
 ];
