@@ -202,7 +202,7 @@ pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T> {
         path: path.to_path_buf(),
         line: e.span().map(|span| {
             let start = span.start.min(text.len());
-            let own = unknown_key(e.message(), &text[start..]).unwrap_or(0);
+            let own = key_at_fault(&e.message().replace('\n', " "), &text[start..]).unwrap_or(0);
             line_at(start + own)
         }),
         message: e.message().trim().replace('\n', " "),
@@ -259,10 +259,15 @@ pub fn with_value<T: Serialize + DeserializeOwned>(
     T::deserialize(all).map_err(|e| wrong(e.message()))
 }
 
-/// Position of an unknown key in `text`, the table that the parser's error points at. Tables that are merged with defaults are checked
-/// as a whole, so that the parser itself knows only the table.
-fn unknown_key(message: &str, text: &str) -> Option<usize> {
-    let key = message.split("unknown field `").nth(1)?.split('`').next()?;
+/// Position in `text` of the key that the parser's message is about, where `text` begins with the table that the parser points at. Tables
+/// that are merged with defaults are checked as a whole, so that the parser itself knows only the table.
+fn key_at_fault(message: &str, text: &str) -> Option<usize> {
+    let quoted = |start: &str| message.split(start).nth(1)?.split('`').next();
+    let key = match quoted("unknown field `") {
+        Some(unknown) => unknown,
+        // The path of a value of another type, such as `nested.n_live`.
+        None => quoted(" in `")?.rsplit('.').next()?,
+    };
     let stands_alone = |at: &usize| {
         let before = text[..*at].chars().next_back();
         let after = text[at + key.len()..].trim_start();

@@ -48,14 +48,22 @@ fn line_of(path: &Path, number: usize) -> Option<String> {
     (!text.trim().is_empty()).then_some(text)
 }
 
-/// The first word in backquotes or quotes of a message that is in a line: characters before it, and its own.
+/// The first word in backquotes or quotes of a message that is in a line, or the last part of one that has dots: characters before it,
+/// and its own.
 fn named(message: &str, line: &str) -> Option<(usize, usize)> {
     let quoted = |quote: char| message.split(quote).skip(1).step_by(2);
-    quoted('`')
-        .chain(quoted('"'))
+    let words = quoted('`').chain(quoted('"'));
+    words
+        .map(|word| word.rsplit('.').next().unwrap_or(word))
         .filter(|word| !word.is_empty())
         .find_map(|word| {
-            let at = line.find(word)?;
+            let part_of_a_word =
+                |c: Option<char>| c.is_some_and(|c| c.is_alphanumeric() || c == '_');
+            let mut places = line.match_indices(word);
+            let (at, _) = places.find(|(at, _)| {
+                !part_of_a_word(line[..*at].chars().next_back())
+                    && !part_of_a_word(line[at + word.len()..].chars().next())
+            })?;
             Some((line[..at].chars().count(), word.chars().count()))
         })
 }

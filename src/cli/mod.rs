@@ -8,6 +8,7 @@ pub mod eta;
 mod evaluate;
 mod excerpt;
 mod exit;
+mod export;
 mod fit;
 mod folder;
 mod merge;
@@ -63,6 +64,8 @@ enum Verb {
     Compare(compare::Args),
     /// Samples the population of q of finished fits into a run folder
     Population(population::Args),
+    /// Writes the draws of a run as a table, ECSV or FITS
+    Export(export::Args),
     /// Writes one self-contained HTML page of runs, and each of its figures
     Report(report::Args),
     /// Runs a study: mocks or tracks, their fits, a population and a report; it can be repeated to continue
@@ -125,6 +128,7 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
         Verb::Merge(a) => merge::run(a, &cli.common, &line, out),
         Verb::Compare(a) => compare::run(a, &cli.common, out),
         Verb::Population(a) => population::run(a, &cli.common, &line, out),
+        Verb::Export(a) => export::run(a, &cli.common, out),
         Verb::Report(a) => report::run(a, &cli.common, out),
         Verb::Run(a) => study::run(a, &cli.common, &line, out),
         Verb::Doctor(a) => doctor::run(a, &cli.common, out),

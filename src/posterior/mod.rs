@@ -8,6 +8,7 @@ mod assemble;
 mod columns;
 mod compare;
 mod display;
+mod export;
 mod information;
 mod interval;
 pub mod json;
@@ -19,6 +20,7 @@ pub mod zarr;
 pub use assemble::assemble_run;
 pub use columns::{Column, column, columns};
 pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare};
+pub use export::{DrawTable, TableFormat};
 pub use information::{
     EQUAL_TO_PRIOR, MIN_ESS_FOR_INFORMATION, equal_to_prior, information, marginal_information,
     not_measured,

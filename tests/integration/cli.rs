@@ -4,6 +4,7 @@ mod arguments;
 mod doctor;
 mod eta;
 mod exit;
+mod export;
 mod message;
 mod next;
 mod output;
@@ -236,6 +237,16 @@ fn bad_settings_and_parameters_name_file_line_and_remedy() {
     refused(
         &fit(&deep),
         &["deep.toml", "line 6", "\n6 | n_alive = 3\n  | ^^^^^^^\n"],
+    );
+    let text = "[sampling]\nsampler = \"nested\"\nnested.steps = 4\nnested.n_live = \"a\"\n";
+    let typed = write(folder.path(), "typed.toml", text);
+    refused(
+        &fit(&typed),
+        &[
+            "typed.toml",
+            "line 4",
+            "\n4 | nested.n_live = \"a\"\n  |        ^^^^^^\n",
+        ],
     );
     refused(&fit("nowhere.toml"), &["nowhere.toml", "readable"]);
     let odd = write(
