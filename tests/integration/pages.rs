@@ -6,9 +6,10 @@ use oblate::inference::FitSettings;
 use oblate::params::NAMES;
 use std::path::{Path, PathBuf};
 
-const PAGES: [&str; 16] = [
+const PAGES: [&str; 17] = [
     "README.md",
     "CHANGELOG.md",
+    "docs/faq.md",
     "docs/files.md",
     "docs/glossary.md",
     "docs/installation.md",
