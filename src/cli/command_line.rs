@@ -46,7 +46,7 @@ impl CommandLine {
 
     /// The same command for another run folder, without a time limit.
     #[must_use]
-    pub fn into_folder(&self, folder: &str) -> Self {
+    pub fn for_folder(&self, folder: &str) -> Self {
         self.without_folder_flags()
             .unlimited()
             .with_value("--out", folder)

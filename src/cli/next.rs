@@ -205,7 +205,7 @@ fn model_changes(summary: &Summary, model: &ModelSettings) -> Vec<Change> {
 
 /// The same command into another folder with some settings changed; none without changes.
 fn again(changes: &[Change], folder: &Path, command: &CommandLine) -> Option<Step> {
-    let next = command.into_folder(&unused(folder));
+    let next = command.for_folder(&unused(folder));
     with_changes("sample again with other settings", next, changes)
 }
 
