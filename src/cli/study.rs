@@ -10,7 +10,9 @@ use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
 use crate::inference::Sampler;
 use crate::posterior::{Summary, compare};
-use crate::run::{RunFolder, StudyResult, StudyRun, render_report, report_path, study};
+use crate::run::{
+    RunFolder, SUMMARY_FILE, StudyResult, StudyRun, render_report, report_path, study,
+};
 use oblate_samplers::output::Status;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -56,6 +58,18 @@ pub fn run(
     let result = study(&config, files_from, &command.text(), &mut |label, work| {
         let mut progress = Progress::new(label, common);
         work(&mut progress.monitor(&args.limits))
+    })
+    .inspect_err(|error| {
+        // A fit that the time limit left without draws.
+        let stopped = match error {
+            Error::Posterior { .. } | Error::Sampler(oblate_samplers::Error::Interrupted) => true,
+            Error::Io { path, .. } => path.ends_with(SUMMARY_FILE),
+            _ => false,
+        };
+        if stopped && args.limits.max_minutes.is_some() {
+            note("The time limit was reached before the first result of a run.");
+            Step::again("continue the study", command).tell();
+        }
     })
     .map_err(|error| match error {
         Error::InTable { .. } => Error::InFile {

@@ -307,23 +307,25 @@ impl Summary {
 /// The checks that failed, each with its value, its limit and its remedy.
 fn explained(checks: &[Check]) -> impl Iterator<Item = String> {
     checks.iter().filter(|check| !check.pass).map(|check| {
-        format!(
-            "{} = {}, limit {}: {}",
-            check.name,
-            number(check.value),
-            number(check.limit),
-            check.message
-        )
+        let limit = number(check.limit, 2);
+        // As many digits as it takes to tell the value from the limit.
+        let value = [2, 4, 8]
+            .map(|digits| number(check.value, digits))
+            .into_iter()
+            .find(|value| *value != limit)
+            .unwrap_or_else(|| limit.clone());
+        format!("{} = {value}, limit {limit}: {}", check.name, check.message)
     })
 }
 
 /// A number of a check: small ones are p-values, of which the exponent matters.
-fn number(value: f64) -> String {
+fn number(value: f64, digits: usize) -> String {
     if value != 0.0 && value.abs() < 0.01 {
         format!("{value:.1e}")
     } else {
-        let text = format!("{value:.2}");
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        let text = format!("{value:.digits$}");
+        let text = text.trim_end_matches('0').trim_end_matches('.');
+        text.to_owned()
     }
 }
 

@@ -46,6 +46,8 @@ fn a_summary_says_why_checks_failed_and_which_posteriors_are_only_priors() {
     let mut run = runs::nested(2_000, 11);
     run.checks
         .push(Check::at_least("p-value", 1.5e-4, 0.01, "raise `n_live`"));
+    run.checks
+        .push(Check::at_most("close", 3.004, 3.0, "add scans"));
     let context = SummaryContext {
         warnings: vec!["the density is negative: raise `prior.q_min`".to_owned()],
         marginal_information: vec![("age_gyr".to_owned(), 0.05), ("q".to_owned(), 0.2)],
@@ -55,6 +57,7 @@ fn a_summary_says_why_checks_failed_and_which_posteriors_are_only_priors() {
     let text = summary.to_string();
     for line in [
         "\n    p-value = 1.5e-4, limit 0.01: raise `n_live`\n",
+        "\n    close = 3.004, limit 3: add scans\n",
         "\nWarning: the density is negative: raise `prior.q_min`.\n",
         "\nNOT MEASURED: the posterior of age_gyr equals its prior (less than 0.1 nat",
         "quantity     median   68 % interval          95 % interval          unit\n",
