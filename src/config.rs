@@ -202,7 +202,7 @@ pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T> {
         path: path.to_path_buf(),
         line: e.span().map(|span| {
             let start = span.start.min(text.len());
-            let own = unknown_key(e.message(), &text[start..]).unwrap_or(0);
+            let own = key_at_fault(&e.message().replace('\n', " "), &text[start..]).unwrap_or(0);
             line_at(start + own)
         }),
         message: e.message().trim().replace('\n', " "),
@@ -222,10 +222,52 @@ pub fn to_toml<T: Serialize>(settings: &T) -> Result<String> {
     })
 }
 
-/// Position of an unknown key in `text`, the table that the parser's error points at. Tables that are merged with defaults are checked
-/// as a whole, so that the parser itself knows only the table.
-fn unknown_key(message: &str, text: &str) -> Option<usize> {
-    let key = message.split("unknown field `").nth(1)?.split('`').next()?;
+/// Settings with one of them changed. `key` has the names of its tables before it, with dots; `value` is TOML, or a text without quotes.
+///
+/// # Errors
+/// [`Error::Setting`] for an unknown key or a value of another type.
+pub fn with_value<T: Serialize + DeserializeOwned>(
+    settings: &T,
+    key: &str,
+    value: &str,
+) -> Result<T> {
+    let wrong = |message: &str| Error::Setting {
+        key: key.to_owned(),
+        value: value.to_owned(),
+        remedy: format!(
+            "{}; give a key of the settings file with a value of its type",
+            message.trim().replace('\n', " ")
+        ),
+    };
+    let parsed = toml::from_str::<toml::Table>(&format!("value = {value}"));
+    let parsed = parsed.ok().filter(|table| table.len() == 1);
+    let parsed = parsed.and_then(|mut table| table.remove("value"));
+    let parsed = parsed.unwrap_or_else(|| toml::Value::String(value.to_owned()));
+    let mut all = toml::Table::try_from(settings).map_err(|e| wrong(&e.to_string()))?;
+    let mut names = key.split('.').map(str::to_owned).collect::<Vec<_>>();
+    let last = names.pop().unwrap_or_default();
+    let mut table = &mut all;
+    for name in names {
+        let inner = table
+            .entry(name.clone())
+            .or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        table = inner
+            .as_table_mut()
+            .ok_or_else(|| wrong(&format!("`{name}` is not a table")))?;
+    }
+    table.insert(last, parsed);
+    T::deserialize(all).map_err(|e| wrong(e.message()))
+}
+
+/// Position in `text` of the key that the parser's message is about, where `text` begins with the table that the parser points at. Tables
+/// that are merged with defaults are checked as a whole, so that the parser itself knows only the table.
+fn key_at_fault(message: &str, text: &str) -> Option<usize> {
+    let quoted = |start: &str| message.split(start).nth(1)?.split('`').next();
+    let key = match quoted("unknown field `") {
+        Some(unknown) => unknown,
+        // The path of a value of another type, such as `nested.n_live`.
+        None => quoted(" in `")?.rsplit('.').next()?,
+    };
     let stands_alone = |at: &usize| {
         let before = text[..*at].chars().next_back();
         let after = text[at + key.len()..].trim_start();

@@ -13,6 +13,22 @@ use std::time::{Duration, Instant};
 #[serde(tag = "event", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Event {
+    /// A stage of a task of several begins. Samplers have one stage and do not send it; their callers do.
+    Stage {
+        /// Its number, from 1.
+        number: usize,
+        /// How many stages there are.
+        of: usize,
+        /// What it does.
+        name: String,
+    },
+    /// A part of a stage that counts its work is done.
+    Advanced {
+        /// Pieces done.
+        done: u64,
+        /// All pieces.
+        of: u64,
+    },
     /// Work begins.
     Started {
         /// Number of parameters.
@@ -30,6 +46,8 @@ pub enum Event {
         ln_z_error: f64,
         /// Log-evidence that the live points could still add.
         delta_ln_z: f64,
+        /// At less than this the run, or its first batch, ends.
+        dlnz: f64,
         /// Likelihood calls so far.
         calls: u64,
         /// New points per call in the last iteration.

@@ -23,6 +23,18 @@ pub enum Method {
     Bridge,
 }
 
+impl Method {
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nested => "nested",
+            Self::PtHmc => "pt-hmc",
+            Self::Bridge => "bridge",
+        }
+    }
+}
+
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -1,13 +1,16 @@
 //! `oblate bridge`.
 
+use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
+use super::next::after_run;
 use super::options::{Common, ModelFlags};
 use super::output::Output;
+use super::set::SetFlags;
 use crate::config::read;
 use crate::error::Result;
 use crate::inference::FitSettings;
-use crate::run::bridge;
+use crate::run::{RunFolder, bridge};
 use std::path::PathBuf;
 
 /// Flags of `oblate bridge`.
@@ -33,11 +36,18 @@ pub struct Args {
     #[command(flatten)]
     model: ModelFlags,
     #[command(flatten)]
+    set: SetFlags,
+    #[command(flatten)]
     folder: FolderFlags,
 }
 
 /// Continues one fit to a finer model.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(
+    args: &Args,
+    common: &Common,
+    command: &CommandLine,
+    out: &mut Output<'_>,
+) -> Result<Exit> {
     let given: Option<FitSettings> = args.config.as_deref().map(read).transpose()?;
     let change = |settings: &mut FitSettings| {
         if let Some(given) = given {
@@ -50,9 +60,18 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
         bridge.smc_particles = args.smc_particles.unwrap_or(bridge.smc_particles);
         bridge.mcmc_steps = args.mcmc_steps.unwrap_or(bridge.mcmc_steps);
         settings.seed = args.seed.unwrap_or(settings.seed);
+        args.set.apply(settings)
     };
-    args.folder
-        .fill("bridge", command, common, out, |destination, monitor| {
-            bridge(&args.run, change, destination, monitor)
-        })
+    args.folder.fill(
+        "bridge",
+        command,
+        common,
+        out,
+        |destination, monitor| bridge(&args.run, change, destination, monitor),
+        |fit, folder| {
+            let settings: Option<FitSettings> = read(&RunFolder::open(folder)?.config()).ok();
+            let sampling = settings.map(|settings| settings.sampling);
+            Ok(after_run(&fit.summary, sampling.as_ref(), folder, command))
+        },
+    )
 }

@@ -2,7 +2,7 @@
 
 use super::exit::Exit;
 use super::options::Common;
-use super::output::Output;
+use super::output::{Output, note};
 use crate::error::{Error, Result};
 use crate::posterior::{Comparison, compare};
 use crate::run::{RunFolder, StoredRun};
@@ -41,7 +41,14 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
             print(&comparison, out)?;
         }
     }
-    Ok(if agree { Exit::Done } else { Exit::Failed })
+    if agree {
+        return Ok(Exit::Done);
+    }
+    note(
+        "To decide between runs that disagree, continue those that have not converged; if all have, fit again with another seed, and trust \
+         those that agree.",
+    );
+    Ok(Exit::Failed)
 }
 
 fn print(c: &Comparison, out: &mut Output<'_>) -> Result<()> {

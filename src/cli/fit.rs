@@ -1,14 +1,16 @@
 //! `oblate fit`.
 
+use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
+use super::next::{after_fit, coarse_summary};
 use super::options::{Common, FitFlags, TrackFlags, sampler};
 use super::output::{Output, note};
+use super::set::SetFlags;
 use crate::error::{Error, Result};
 use crate::inference::{Fit, FitSettings, Sampler};
 use crate::run::{RunFolder, fit};
-use oblate_samplers::output::Status;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Flags of `oblate fit`.
 #[derive(clap::Args, Debug)]
@@ -44,11 +46,18 @@ pub struct Args {
     #[command(flatten)]
     settings: FitFlags,
     #[command(flatten)]
+    set: SetFlags,
+    #[command(flatten)]
     folder: FolderFlags,
 }
 
 /// Fits one track.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(
+    args: &Args,
+    common: &Common,
+    command: &CommandLine,
+    out: &mut Output<'_>,
+) -> Result<Exit> {
     let settings = settings(args)?;
     if args.print_config {
         out.bytes(commented(&crate::config::to_toml(&settings)?).as_bytes())?;
@@ -63,14 +72,40 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
     };
     let track = args.reading.read(path)?;
     let label = format!("{} {}", track.name, settings.sampling.sampler.name());
-    args.folder
-        .fill(&label, command, common, out, |destination, monitor| {
-            let done = fit(&track, &settings, destination, monitor)?;
-            if let Some(hint) = hint(&done, &settings, destination.folder)? {
-                note(&hint);
-            }
-            Ok(done)
-        })
+    args.folder.fill(
+        &label,
+        command,
+        common,
+        out,
+        |destination, monitor| fit(&track, &settings, destination, monitor),
+        |fit, folder| {
+            let folder = RunFolder::open(folder)?;
+            tell_coarse(fit, &folder);
+            Ok(after_fit(fit, &settings, &folder, command))
+        },
+    )
+}
+
+/// Says what is wrong with the coarse fit, if it is the reason why the fit has not ended or not converged.
+fn tell_coarse(fit: &Fit, folder: &RunFolder) {
+    let Some(coarse) = coarse_summary(folder) else {
+        return;
+    };
+    if !folder.finished() {
+        note(
+            "The result is that of the coarse model, which is fitted first: the time limit was reached there.",
+        );
+    } else if !fit.summary.converged && !coarse.converged {
+        let path = folder.coarse();
+        note(&format!(
+            "The coarse fit, {}: {}",
+            path.display(),
+            coarse.verdict()
+        ));
+        for failed in coarse.failed_checks() {
+            note(&format!("    {failed}"));
+        }
+    }
 }
 
 /// Comments of the printed settings, each above its table; the first is above all.
@@ -115,25 +150,6 @@ fn settings(args: &Args) -> Result<FitSettings> {
     sampling.pt_hmc.rounds = args.rounds.unwrap_or(sampling.pt_hmc.rounds);
     sampling.pt_hmc.extensions = args.extensions.unwrap_or(sampling.pt_hmc.extensions);
     settings.coarse_particles = args.coarse_particles.unwrap_or(settings.coarse_particles);
+    args.set.apply(&mut settings)?;
     Ok(settings)
-}
-
-/// How to continue a fit that has not reached its end.
-fn hint(fit: &Fit, settings: &FitSettings, folder: &Path) -> Result<Option<String>> {
-    let status = fit.run.status;
-    if status == Status::BudgetSpent && !RunFolder::open(folder)?.finished() {
-        return Ok(Some(
-            "the time limit was reached in the coarse fit, whose result follows; the same command with --resume continues it"
-                .to_owned(),
-        ));
-    }
-    let tempered = settings.sampling.sampler == Sampler::PtHmc;
-    Ok(
-        (tempered && status == Status::Complete && !fit.run.converged()).then(|| {
-            format!(
-                "the same command with --resume and more --extensions than {} extends this fit",
-                settings.sampling.pt_hmc.extensions
-            )
-        }),
-    )
 }

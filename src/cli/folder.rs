@@ -1,15 +1,18 @@
 //! The common part of the subcommands that fill a run folder: its flags, the work under a progress display, and the
 //! printed result.
 
+use super::command_line::CommandLine;
 use super::exit::Exit;
+use super::next::Step;
 use super::options::{Common, LimitFlags};
 use super::output::{Output, note};
-use super::progress::Progress;
+use super::progress::{Progress, interrupt};
 use crate::error::{Error, Result};
 use crate::inference::Fit;
 use crate::run::{Destination, IfExists, Monitor, Monitored};
 use oblate_samplers::output::Status;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 /// Flags of a run folder.
 #[derive(clap::Args, Debug)]
@@ -31,24 +34,36 @@ pub struct FolderFlags {
 }
 
 impl FolderFlags {
-    /// Does `work` into the folder under a progress display called `label`, prints the result and chooses the exit code.
+    /// Does `work` into the folder under a progress display called `label`, prints the result, says what `next` proposes after it, and
+    /// chooses the exit code.
     ///
     /// # Errors
     /// Those of `work`; [`Error::Output`] if standard output cannot be written.
     pub fn fill(
         &self,
         label: &str,
-        command: &str,
+        command: &CommandLine,
         common: &Common,
         out: &mut Output<'_>,
         work: impl FnOnce(Destination<'_>, &mut Monitor<'_>) -> Result<Fit>,
+        next: impl FnOnce(&Fit, &Path) -> Result<Vec<Step>>,
     ) -> Result<Exit> {
-        let command = without_folder_flags(command);
-        let destination = self.destination(&command)?;
-        let mut progress = Progress::new(label, common, self.limits);
-        let fit = work(destination, &mut progress.monitor())?;
+        let text = command.without_folder_flags().text();
+        let destination = self.destination(&text)?;
+        let mut progress = Progress::new(label, common);
+        let done = work(destination, &mut progress.monitor(&self.limits));
+        let stopped_at = progress.current().to_owned();
+        // The display ends before anything else is written.
+        drop(progress);
+        let fit = match done {
+            // Stopped before the first result, of which there is no part.
+            Err(Error::Sampler(oblate_samplers::Error::Interrupted)) => {
+                return Ok(interrupted(command, &stopped_at));
+            }
+            done => done?,
+        };
         if fit.run.status == Status::Interrupted {
-            return Ok(interrupted());
+            return Ok(interrupted(command, &stopped_at));
         }
         if common.json {
             out.json(&fit.summary)?;
@@ -58,6 +73,9 @@ impl FolderFlags {
                 fit.summary,
                 destination.folder.display()
             ))?;
+        }
+        for step in next(&fit, destination.folder)? {
+            step.tell();
         }
         Ok(Exit::from_converged(
             fit.summary.converged || self.allow_unconverged,
@@ -70,16 +88,15 @@ impl FolderFlags {
     /// Those of `work`.
     pub fn fill_several<T>(
         &self,
-        command: &str,
+        command: &CommandLine,
         common: &Common,
         work: impl FnOnce(Destination<'_>, &mut Monitored<'_>) -> Result<Option<T>>,
     ) -> Result<Option<T>> {
-        let command = without_folder_flags(command);
-        let destination = self.destination(&command)?;
-        let limits = self.limits;
+        let text = command.without_folder_flags().text();
+        let destination = self.destination(&text)?;
         work(destination, &mut |label, work| {
-            let mut progress = Progress::new(label, common, limits);
-            work(&mut progress.monitor())
+            let mut progress = Progress::new(label, common);
+            work(&mut progress.monitor(&self.limits))
         })
     }
 
@@ -111,16 +128,16 @@ impl FolderFlags {
     }
 }
 
-/// Says how an interrupted run is continued.
-pub fn interrupted() -> Exit {
-    note("interrupted; continue with the same command and --resume");
+/// Says at which point a run was stopped, and how it is continued.
+pub fn interrupted(command: &CommandLine, stopped_at: &str) -> Exit {
+    let cause = if interrupt().load(Ordering::Relaxed) {
+        "Interrupted"
+    } else {
+        "The time limit was reached"
+    };
+    note(&format!(
+        "{cause} before the result, at {stopped_at}; the work so far is kept."
+    ));
+    Step::resume(command).tell();
     Exit::Interrupted
-}
-
-/// A command line without the flags for an existing folder: they change no result, and a resumed run has the summary of
-/// one that was never stopped.
-fn without_folder_flags(command: &str) -> String {
-    let kept = |word: &&str| !["--force", "--resume"].contains(word);
-    let words: Vec<&str> = command.split(' ').filter(kept).collect();
-    words.join(" ")
 }

@@ -1,7 +1,9 @@
 //! `oblate merge`.
 
+use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
+use super::next::after_run;
 use super::options::Common;
 use super::output::Output;
 use crate::error::Result;
@@ -22,9 +24,18 @@ pub struct Args {
 }
 
 /// Merges fits.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
-    args.folder
-        .fill("merge", command, common, out, |destination, monitor| {
-            merge(&args.runs, destination, monitor)
-        })
+pub fn run(
+    args: &Args,
+    common: &Common,
+    command: &CommandLine,
+    out: &mut Output<'_>,
+) -> Result<Exit> {
+    args.folder.fill(
+        "merge",
+        command,
+        common,
+        out,
+        |destination, monitor| merge(&args.runs, destination, monitor),
+        |fit, folder| Ok(after_run(&fit.summary, None, folder, command)),
+    )
 }

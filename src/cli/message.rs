@@ -131,6 +131,10 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
         Error::Sampler(S::Io { path, .. }) if path.ends_with("checkpoint") => some(
             "make room if the disk is full; then the same command, with --resume for a single run, continues from the checkpoint before",
         ),
+        Error::Sampler(S::LooseBound { .. }) if flags.offers("--force") => {
+            some("the same command with --force and --set sampling.nested.kernel=differential")
+                .filter(|_| flags.has("--set"))
+        }
         Error::Sampler(S::Interrupted) if flags.offers("--resume") => {
             some("the same command with --resume continues it")
         }

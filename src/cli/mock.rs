@@ -3,10 +3,12 @@
 use super::exit::Exit;
 use super::options::{Common, ModelFlags, finite, refuse_existing, write_file};
 use super::output::{Output, shown};
+use super::progress::Progress;
 use crate::config::to_toml;
-use crate::data::{MockSettings, QPopulation, mocks};
+use crate::data::{MockSettings, QPopulation, mocks_with};
 use crate::error::{Error, Result};
 use crate::params::{PriorSettings, StreamPrior};
+use oblate_samplers::{Event, Observer};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -67,7 +69,14 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     refuse_existing(&args.out.join("mocks.json"), args.force)?;
     let threads = rayon::current_num_threads();
     common.tell_memory(&settings.model.memory(threads));
-    let found = mocks(&prior, &settings, args.count, args.seed)?;
+    let mut progress = Progress::new("mock", common);
+    let found = mocks_with(&prior, &settings, args.count, args.seed, &mut |found| {
+        let _ = progress.event(&Event::Advanced {
+            done: found.mocks.len() as u64,
+            of: args.count as u64,
+        });
+    })?;
+    drop(progress);
     for mock in &found.mocks {
         for extension in ["ecsv", "toml"] {
             let file = format!("{}.{extension}", mock.track.name);

@@ -1,19 +1,26 @@
 //! The command line, one file per subcommand. A subcommand parses its flags, calls the library and writes its results to standard output.
 
 mod bridge;
+mod command_line;
 mod compare;
+mod doctor;
+pub mod eta;
 mod evaluate;
+mod excerpt;
 mod exit;
+mod export;
 mod fit;
 mod folder;
 mod merge;
 mod message;
 mod mock;
+mod next;
 mod options;
 mod output;
 mod population;
 mod progress;
 mod report;
+mod set;
 mod stream;
 mod study;
 
@@ -21,6 +28,8 @@ pub use exit::Exit;
 
 use crate::error::{Error, Result};
 use clap::{CommandFactory, Parser, Subcommand};
+use command_line::CommandLine;
+use excerpt::excerpt;
 use message::{Flags, with_flags};
 use options::Common;
 use output::{Output, note};
@@ -55,10 +64,14 @@ enum Verb {
     Compare(compare::Args),
     /// Samples the population of q of finished fits into a run folder
     Population(population::Args),
+    /// Writes the draws of a run as a table, ECSV or FITS
+    Export(export::Args),
     /// Writes one self-contained HTML page of runs, and each of its figures
     Report(report::Args),
     /// Runs a study: mocks or tracks, their fits, a population and a report; it can be repeated to continue
     Run(study::Args),
+    /// Describes this machine: versions, instruction set, threads, speed, and how long a fit will take
+    Doctor(doctor::Args),
     /// Prints completions for a shell
     Completions {
         /// The shell
@@ -85,6 +98,9 @@ pub fn message(error: &Error, args: &[OsString]) -> String {
 pub fn run(args: &[OsString], out: &mut dyn Write) -> Exit {
     answer(args, &mut Output::new(out)).unwrap_or_else(|error| {
         note(&format!("error: {}", message(&error, args)));
+        if let Some(lines) = excerpt(&error) {
+            note(&lines);
+        }
         Exit::from_error(&error)
     })
 }
@@ -102,8 +118,7 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
             return Ok(Exit::Done);
         }
     };
-    let words: Vec<_> = args.iter().skip(1).map(|a| a.to_string_lossy()).collect();
-    let line = words.join(" ");
+    let line = CommandLine::of(args);
     cli.common.in_pool(|| match &cli.verb {
         Verb::Mock(a) => mock::run(a, &cli.common, out),
         Verb::Stream(a) => stream::run(a, &cli.common, out),
@@ -113,8 +128,10 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
         Verb::Merge(a) => merge::run(a, &cli.common, &line, out),
         Verb::Compare(a) => compare::run(a, &cli.common, out),
         Verb::Population(a) => population::run(a, &cli.common, &line, out),
+        Verb::Export(a) => export::run(a, &cli.common, out),
         Verb::Report(a) => report::run(a, &cli.common, out),
         Verb::Run(a) => study::run(a, &cli.common, &line, out),
+        Verb::Doctor(a) => doctor::run(a, &cli.common, out),
         Verb::Completions { shell } => {
             // Into memory first: clap's generator panics where it cannot write.
             let mut script = Vec::new();

@@ -1,9 +1,12 @@
 //! `oblate population`.
 
+use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::{FolderFlags, interrupted};
+use super::next::after_run;
 use super::options::{Common, sampler};
 use super::output::{Output, shown};
+use super::set::SetFlags;
 use crate::config::{PopulationConfig, read};
 use crate::error::Result;
 use crate::inference::Sampler;
@@ -36,6 +39,8 @@ pub struct Args {
     #[arg(long)]
     seed: Option<u64>,
     #[command(flatten)]
+    set: SetFlags,
+    #[command(flatten)]
     folder: FolderFlags,
 }
 
@@ -44,26 +49,39 @@ fn family(text: &str) -> std::result::Result<FamilyName, String> {
 }
 
 /// Samples the population of finished fits by one family of distributions of q, or by several.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(
+    args: &Args,
+    common: &Common,
+    command: &CommandLine,
+    out: &mut Output<'_>,
+) -> Result<Exit> {
     let mut config: PopulationConfig = match &args.config {
         Some(path) => read(path)?,
         None => PopulationConfig::default(),
     };
     config.sampling.sampler = args.sampler.unwrap_or(config.sampling.sampler);
     config.seed = args.seed.unwrap_or(config.seed);
+    args.set.apply(&mut config)?;
     let folder = &args.folder;
     if let [] | [_] = args.family[..] {
         config.family.name = *args.family.first().unwrap_or(&config.family.name);
         let label = format!("population {}", config.sampling.sampler.name());
-        return folder.fill(&label, command, common, out, |destination, monitor| {
-            population(
-                &args.runs,
-                &config,
-                folder.allow_unconverged,
-                destination,
-                monitor,
-            )
-        });
+        let allow = folder.allow_unconverged;
+        return folder.fill(
+            &label,
+            command,
+            common,
+            out,
+            |destination, monitor| population(&args.runs, &config, allow, destination, monitor),
+            |fit, folder| {
+                Ok(after_run(
+                    &fit.summary,
+                    Some(&config.sampling),
+                    folder,
+                    command,
+                ))
+            },
+        );
     }
     let runs = folder.fill_several(command, common, |destination, monitored| {
         populations(
@@ -76,7 +94,7 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
         )
     })?;
     let Some(runs) = runs else {
-        return Ok(interrupted());
+        return Ok(interrupted(command, "one of the families"));
     };
     if common.json {
         let rows: Vec<_> = runs
@@ -86,6 +104,22 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
         out.json(&json!({"families": rows}))?;
     } else {
         print(&runs, out)?;
+    }
+    let steps = runs.iter().map(|run| {
+        let of_family = command.with_value("--family", run.family.name());
+        after_run(
+            &run.summary,
+            Some(&config.sampling),
+            &run.folder,
+            &of_family,
+        )
+    });
+    let mut told = Vec::new();
+    for step in steps.flatten() {
+        if !told.contains(&step) {
+            step.tell();
+            told.push(step);
+        }
     }
     let converged = runs.iter().all(|run| run.summary.converged);
     Ok(Exit::from_converged(converged || folder.allow_unconverged))
@@ -121,9 +155,12 @@ fn print(runs: &[FamilyRun], out: &mut Output<'_>) -> Result<()> {
         let verdict = (!summary.converged).then(|| summary.verdict());
         let model = summary.model_checks.iter().any(|check| !check.pass);
         let model = summary.model_verdict().filter(|_| model);
-        let prior = summary.population.as_ref().and_then(|p| p.verdict());
+        let prior = summary.measured_verdict();
         for words in [verdict, model, prior].into_iter().flatten() {
             out.line(&format!("{}: {words}", run.family.name()))?;
+        }
+        for failed in summary.failed_checks().chain(summary.failed_model_checks()) {
+            out.line(&format!("    {failed}"))?;
         }
     }
     Ok(())

@@ -1,5 +1,6 @@
-//! Progress of long work on standard error: a bar on a terminal, plain lines otherwise.
+//! Progress of long work on standard error: a line that is renewed on a terminal, otherwise a line for each stage and one a minute.
 
+use super::eta::{Trend, duration};
 use super::options::{Common, LimitFlags};
 use super::output::note;
 use crate::run::Monitor;
@@ -11,7 +12,10 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Time between two lines of plain text.
-const LINE_EVERY: Duration = Duration::from_secs(10);
+const LINE_EVERY: Duration = Duration::from_secs(60);
+
+/// Time between two turns of the spinner, which also renews the time so far.
+const TICK: Duration = Duration::from_millis(250);
 
 /// The interrupt flag of the process. The first Ctrl-C sets it, a second one ends the process at once.
 pub fn interrupt() -> Arc<AtomicBool> {
@@ -29,18 +33,53 @@ pub fn interrupt() -> Arc<AtomicBool> {
     }))
 }
 
-/// An observer that shows one run.
+/// An observer that shows one run: its stage, how far that is, how fast, and how long it still takes.
 pub struct Progress {
     label: String,
     bar: Option<ProgressBar>,
     plain: bool,
     last: Instant,
-    limits: LimitFlags,
+    stage: Stage,
+    current: String,
+}
+
+/// The present stage.
+struct Stage {
+    name: String,
+    /// What its present numbers belong to: a sampler's phase and round.
+    part: String,
+    began: Instant,
+    done: Trend,
+    left: Trend,
+}
+
+impl Stage {
+    fn new(name: String) -> Self {
+        Self {
+            name,
+            part: String::new(),
+            began: Instant::now(),
+            done: Trend::default(),
+            left: Trend::default(),
+        }
+    }
+}
+
+/// What an event says about its stage.
+struct Report {
+    /// The part of the stage in which numbers can be compared.
+    part: String,
+    /// How far it is.
+    text: String,
+    /// What counts its work, and how many so far.
+    done: Option<(&'static str, f64)>,
+    /// Work that is left, in any unit, and the words before the time that it takes.
+    left: Option<(f64, &'static str)>,
 }
 
 impl Progress {
     /// For a run called `label`.
-    pub fn new(label: &str, common: &Common, limits: LimitFlags) -> Self {
+    pub fn new(label: &str, common: &Common) -> Self {
         let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
         let bar = (terminal && !common.quiet).then(|| {
             let bar = ProgressBar::new_spinner();
@@ -49,6 +88,7 @@ impl Progress {
                 bar.set_style(style);
             }
             bar.set_prefix(label.to_owned());
+            bar.enable_steady_tick(TICK);
             bar
         });
         Self {
@@ -56,33 +96,91 @@ impl Progress {
             bar,
             plain: !terminal && !common.quiet,
             last: Instant::now(),
-            limits,
+            stage: Stage::new(String::new()),
+            current: "the beginning".to_owned(),
         }
     }
 
     /// A monitor with this observer and the interrupt flag of the process.
-    pub fn monitor(&mut self) -> Monitor<'_> {
+    pub fn monitor(&mut self, limits: &LimitFlags) -> Monitor<'_> {
         Monitor {
             interrupt: interrupt(),
-            checkpoint_every: Duration::from_secs(self.limits.checkpoint_every),
-            max_wall: self.limits.max_minutes.map_or(Duration::MAX, |minutes| {
+            checkpoint_every: Duration::from_secs(limits.checkpoint_every),
+            max_wall: limits.max_minutes.map_or(Duration::MAX, |minutes| {
                 Duration::from_secs(minutes.saturating_mul(60))
             }),
             observer: self,
         }
     }
 
-    fn show(&mut self, message: &str, always: bool) {
+    /// What was shown last: the stage and how far it was.
+    pub fn current(&self) -> &str {
+        &self.current
+    }
+
+    fn begin(&mut self, name: String) {
+        self.stage = Stage::new(name);
+        self.current.clone_from(&self.stage.name);
         if let Some(bar) = &self.bar {
-            if always {
-                bar.println(format!("{}: {message}", self.label));
-            } else {
-                bar.set_message(message.to_owned());
-                bar.tick();
-            }
-        } else if self.plain && (always || self.last.elapsed() >= LINE_EVERY) {
+            bar.set_message(self.current.clone());
+        } else if self.plain {
             self.last = Instant::now();
-            note(&format!("{}: {message}", self.label));
+            note(&format!("{}: {}", self.label, self.current));
+        }
+    }
+
+    fn advance(&mut self, report: Report) {
+        let stage = &mut self.stage;
+        if stage.part != report.part {
+            *stage = Stage {
+                part: report.part,
+                ..Stage::new(std::mem::take(&mut stage.name))
+            };
+        }
+        let seconds = stage.began.elapsed().as_secs_f64();
+        let mut parts = Vec::new();
+        // What matters most comes first: a terminal cuts the line off at its width.
+        if let Some((left, what)) = report.left {
+            stage.left.note(seconds, left);
+            let left = stage.left.seconds_to_zero();
+            parts.extend(left.map(|left| format!("{what} {}", duration(left))));
+        }
+        if let Some((what, done)) = report.done {
+            stage.done.note(seconds, done);
+            let rate = stage.done.rate().map(|rate| {
+                let digits = if rate < 10.0 { 2 } else { 0 };
+                format!("{rate:.digits$} {what}/s")
+            });
+            parts.extend(rate);
+        }
+        parts.push(report.text);
+        let mut text = parts.join(", ");
+        if !stage.name.is_empty() {
+            text = format!("{}: {text}", stage.name);
+        }
+        self.current = text;
+        if let Some(bar) = &self.bar {
+            bar.set_message(self.current.clone());
+        } else if self.plain && self.last.elapsed() >= LINE_EVERY {
+            self.last = Instant::now();
+            note(&format!("{}: {}", self.label, self.current));
+        }
+    }
+
+    fn warn(&self, message: &str) {
+        let line = format!("{}: warning: {message}", self.label);
+        if let Some(bar) = &self.bar {
+            bar.println(line);
+        } else if self.plain {
+            note(&line);
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
         }
     }
 }
@@ -90,51 +188,117 @@ impl Progress {
 impl Observer for Progress {
     fn event(&mut self, event: &Event) -> ControlFlow<()> {
         match event {
-            Event::Nested { ln_x, ln_z, ln_z_error, delta_ln_z, calls, efficiency, .. } => self.show(
-                &format!(
-                    "ln X {ln_x:.1}, ln Z {ln_z:.2} +- {ln_z_error:.2}, delta ln Z {delta_ln_z:.3}, {calls} calls, \
-                     efficiency {:.2} %",
-                    100.0 * efficiency
-                ),
-                false,
-            ),
-            Event::Batch { number, ln_z, ln_z_error, ess, calls } => self.show(
-                &format!("batch {number}, ln Z {ln_z:.2} +- {ln_z_error:.2}, ESS {ess:.0}, {calls} calls"),
-                false,
-            ),
-            Event::Smc { beta, ln_z, calls } => {
-                self.show(&format!("SMC, beta {beta:.2e}, ln Z {ln_z:.2}, {calls} calls"), false);
+            Event::Stage { number, of, name } => {
+                self.begin(format!("stage {number} of {of}, {name}"));
             }
-            Event::Tempered {
-                round, scan, scans, communication_barrier, round_trips, ln_z, gradients, surrogate_acceptance,
-            } => {
-                let last = surrogate_acceptance.map_or_else(
-                    || format!("{gradients} gradients"),
-                    |acceptance| format!("surrogate moves accepted {acceptance:.2}"),
-                );
-                self.show(
-                    &format!(
-                        "round {round}, scan {} of {scans}, communication barrier {communication_barrier:.1}, {round_trips} round trips, \
-                         ln Z {ln_z:.2}, {last}",
-                        scan + 1
-                    ),
-                    false,
-                );
-            }
-            Event::Bridge { fraction, ln_z, calls } => {
-                self.show(
-                    &format!("bridge {:.0} %, ln Z {ln_z:.2}, {calls} calls", 100.0 * fraction),
-                    false,
-                );
-            }
-            Event::Warning { message } => self.show(&format!("warning: {message}"), true),
-            Event::Finished => {
-                if let Some(bar) = &self.bar {
-                    bar.finish_and_clear();
+            Event::Warning { message } => self.warn(message),
+            other => {
+                if let Some(report) = report(other) {
+                    self.advance(report);
                 }
             }
-            _ => {}
         }
         ControlFlow::Continue(())
+    }
+}
+
+/// What an event of a sampler says; none if it says nothing about how far the work is.
+fn report(event: &Event) -> Option<Report> {
+    let report = match event {
+        Event::Advanced { done, of } => Report {
+            part: "count".to_owned(),
+            text: format!("{done} of {of}"),
+            done: None,
+            left: Some(((of - done) as f64, "ends in")),
+        },
+        Event::Nested {
+            ln_x,
+            ln_z,
+            ln_z_error,
+            delta_ln_z,
+            dlnz,
+            calls,
+            ..
+        } => Report {
+            part: "nested".to_owned(),
+            text: format!(
+                "ln X {ln_x:.1}, ln Z {ln_z:.2} +- {ln_z_error:.2}, delta ln Z {delta_ln_z:.3} of {dlnz}, {calls} calls"
+            ),
+            done: Some(("calls", *calls as f64)),
+            left: Some(nested_left(*delta_ln_z, *dlnz)),
+        },
+        Event::Batch {
+            number,
+            ln_z,
+            ln_z_error,
+            ess,
+            calls,
+        } => Report {
+            part: "batches".to_owned(),
+            text: format!(
+                "batch {number}, ln Z {ln_z:.2} +- {ln_z_error:.2}, ESS {ess:.0}, {calls} calls"
+            ),
+            done: Some(("calls", *calls as f64)),
+            left: None,
+        },
+        Event::Smc { beta, ln_z, calls } => Report {
+            part: "SMC".to_owned(),
+            text: format!("SMC, beta {beta:.2e} of 1, ln Z {ln_z:.2}, {calls} calls"),
+            done: Some(("calls", *calls as f64)),
+            // The steps of SMC are about equal in ln beta.
+            left: Some((-beta.ln(), "SMC ends in")),
+        },
+        Event::Tempered {
+            round,
+            scan,
+            scans,
+            communication_barrier,
+            round_trips,
+            ln_z,
+            surrogate_acceptance,
+            ..
+        } => {
+            let mut text = format!("round {round}, scan {} of {scans}", scan + 1);
+            // Neither is known in the first round.
+            if communication_barrier.is_finite() {
+                text +=
+                    &format!(", ln Z {ln_z:.2}, communication barrier {communication_barrier:.1}");
+            }
+            text += &format!(", {round_trips} round trips");
+            if let Some(acceptance) = surrogate_acceptance {
+                text += &format!(", surrogate moves accepted {acceptance:.2}");
+            }
+            Report {
+                part: format!("round {round} of {scans}"),
+                text,
+                done: Some(("scans", *scan as f64)),
+                left: Some(((scans - scan - 1) as f64, "the round ends in")),
+            }
+        }
+        Event::Bridge {
+            fraction,
+            ln_z,
+            calls,
+        } => Report {
+            part: "bridge".to_owned(),
+            text: format!(
+                "{:.0} % of the way, ln Z {ln_z:.2}, {calls} calls",
+                100.0 * fraction
+            ),
+            done: Some(("calls", *calls as f64)),
+            left: Some((1.0 - fraction, "ends in")),
+        },
+        _ => return None,
+    };
+    Some(report)
+}
+
+/// What is left of a nested run: at the end the remaining evidence falls by the same factor in equal times; before, while it is more than
+/// one nat, it falls faster than in proportion to the time, so that the estimate is a lower bound.
+fn nested_left(delta_ln_z: f64, dlnz: f64) -> (f64, &'static str) {
+    if delta_ln_z > 1.0 {
+        (delta_ln_z - 1.0 - dlnz.ln(), "ends in more than")
+    } else {
+        ((delta_ln_z / dlnz).ln().max(0.0), "ends in")
     }
 }

@@ -1,13 +1,19 @@
 //! `oblate run`.
 
+use super::command_line::CommandLine;
 use super::exit::Exit;
+use super::next::Step;
 use super::options::{Common, LimitFlags};
 use super::output::{Output, note, shown};
 use super::progress::Progress;
 use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
+use crate::inference::Sampler;
 use crate::posterior::{Summary, compare};
-use crate::run::{RunFolder, StudyResult, StudyRun, render_report, report_path, study};
+use crate::run::{
+    RunFolder, SUMMARY_FILE, StudyResult, StudyRun, render_report, report_path, study,
+};
+use oblate_samplers::output::Status;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -29,7 +35,12 @@ pub struct Args {
 }
 
 /// Runs a study and writes its report.
-pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(
+    args: &Args,
+    common: &Common,
+    command: &CommandLine,
+    out: &mut Output<'_>,
+) -> Result<Exit> {
     args.limits.check()?;
     let mut config: StudyConfig = read(&args.study)?;
     if let Some(folder) = &args.out {
@@ -44,9 +55,21 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
         });
     }
     let files_from = args.study.parent().unwrap_or(Path::new("."));
-    let result = study(&config, files_from, command, &mut |label, work| {
-        let mut progress = Progress::new(label, common, args.limits);
-        work(&mut progress.monitor())
+    let result = study(&config, files_from, &command.text(), &mut |label, work| {
+        let mut progress = Progress::new(label, common);
+        work(&mut progress.monitor(&args.limits))
+    })
+    .inspect_err(|error| {
+        // A fit that the time limit left without draws.
+        let stopped = match error {
+            Error::Posterior { .. } | Error::Sampler(oblate_samplers::Error::Interrupted) => true,
+            Error::Io { path, .. } => path.ends_with(SUMMARY_FILE),
+            _ => false,
+        };
+        if stopped && args.limits.max_minutes.is_some() {
+            note("The time limit was reached before the first result of a run.");
+            Step::again("continue the study", command).tell();
+        }
     })
     .map_err(|error| match error {
         Error::InTable { .. } => Error::InFile {
@@ -57,7 +80,8 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
         other => other,
     })?;
     if result.interrupted {
-        note("interrupted; continue with the same command");
+        note("Stopped before the end; all work so far is kept.");
+        Step::again("continue it", command).tell();
         return Ok(Exit::Interrupted);
     }
     let page = report_path(&config.out);
@@ -72,6 +96,20 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
         print(&result, out)?;
         out.line(&format!("report: {}", page.display()))?;
     }
+    let stopped = |run: &StudyRun| run.summary.status == Status::BudgetSpent;
+    if result.runs().any(stopped) {
+        Step::again("continue the runs that reached the time limit", command).tell();
+    }
+    let extended =
+        |run: &&StudyRun| run.sampler == Sampler::PtHmc && !run.summary.converged && !stopped(run);
+    if let Some(run) = result.runs().find(extended) {
+        let purpose = format!(
+            "extend {} and others like it, raise its `sampling.pt_hmc.extensions` in {} and repeat the study",
+            run.name,
+            args.study.display()
+        );
+        Step::again(&purpose, command).tell();
+    }
     let converged = result.runs().all(|p| p.summary.converged);
     Ok(Exit::from_converged(
         converged || args.allow_unconverged || config.allow_unconverged,
@@ -79,8 +117,7 @@ pub fn run(args: &Args, common: &Common, command: &str, out: &mut Output<'_>) ->
 }
 
 fn print(result: &StudyResult, out: &mut Output<'_>) -> Result<()> {
-    out.line("run                               ln Z              result                      ESS   calls  gradients  CPU/s",
-    )?;
+    out.line("run                               ln Z              median [interval]           ESS   calls  gradients  CPU/s")?;
     for run in result.runs() {
         out.line(&row(run))?;
     }
@@ -109,13 +146,27 @@ fn print(result: &StudyResult, out: &mut Output<'_>) -> Result<()> {
             }
         }
     }
-    for run in result.runs().filter(|p| !p.summary.converged) {
-        out.line(&format!(
-            "{} {}: {}",
-            run.name,
-            run.sampler.name(),
-            run.summary.verdict()
-        ))?;
+    for run in result.runs() {
+        let (summary, name) = (&run.summary, format!("{} {}", run.name, run.sampler.name()));
+        if !summary.converged {
+            out.line(&format!("{name}: {}", summary.verdict()))?;
+        }
+        for failed in summary.failed_checks() {
+            out.line(&format!("    {failed}"))?;
+        }
+        let inaccurate = summary.model_checks.iter().any(|check| !check.pass);
+        if let Some(verdict) = summary.model_verdict().filter(|_| inaccurate) {
+            out.line(&format!("{name}: {verdict}"))?;
+        }
+        for failed in summary.failed_model_checks() {
+            out.line(&format!("    {failed}"))?;
+        }
+        for warning in &summary.model_warnings {
+            out.line(&format!("{name}: warning: {warning}"))?;
+        }
+        if let Some(verdict) = summary.measured_verdict() {
+            out.line(&format!("{name}: {verdict}"))?;
+        }
     }
     Ok(())
 }
@@ -130,7 +181,7 @@ fn row(run: &StudyRun) -> String {
             .summary
             .parameters
             .iter()
-            .map(|(name, i)| format!("{name} {:.3} [{:.3}, {:.3}]", i.median, i.lo68, i.hi68))
+            .map(|(name, i)| format!("{name} {:.3} [{:.3}, {:.3}] 68 %", i.median, i.lo68, i.hi68))
             .collect::<Vec<_>>()
             .join(", "),
     };

@@ -175,6 +175,20 @@ pub fn mocks(
     count: usize,
     seed: u64,
 ) -> Result<Mocks> {
+    mocks_with(prior, settings, count, seed, &mut |_| ())
+}
+
+/// As [`mocks`]; `advanced` is told the mocks so far while more are searched.
+///
+/// # Errors
+/// As of [`mocks`].
+pub fn mocks_with(
+    prior: &StreamPrior,
+    settings: &MockSettings,
+    count: usize,
+    seed: u64,
+    advanced: &mut dyn FnMut(&Mocks),
+) -> Result<Mocks> {
     settings.check()?;
     in_range("count", count, NUMBERS_OF_MOCKS)?;
     in_range("seed", seed, 0..=MAX_SEED)?;
@@ -208,6 +222,7 @@ pub fn mocks(
             }
         }
         first += BATCH;
+        advanced(&found);
     }
     Ok(found)
 }

@@ -21,6 +21,6 @@ mod table;
 
 pub use angles::Handedness;
 pub use assumed_error::AssumedError;
-pub use mock::{Mock, MockSettings, Mocks, NUMBERS_OF_MOCKS, QPopulation, mocks};
+pub use mock::{Mock, MockSettings, Mocks, NUMBERS_OF_MOCKS, QPopulation, mocks, mocks_with};
 pub use observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS};
 pub use read::ReadOptions;

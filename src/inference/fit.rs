@@ -8,7 +8,10 @@ use super::settings::FitSettings;
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
-use crate::posterior::{Summary, SummaryContext};
+use crate::params::QPrior;
+use crate::posterior::{
+    MIN_ESS_FOR_INFORMATION, Summary, SummaryContext, column, information, marginal_information,
+};
 use oblate_samplers::control::Silent;
 use oblate_samplers::limits::Memory;
 use oblate_samplers::output::Status;
@@ -146,6 +149,7 @@ pub fn summarize(
     };
     let context = SummaryContext {
         population: None,
+        marginal_information: information_of_fit(target, run),
         command: command.to_owned(),
         assumptions: track.assumptions(),
         q_prior: Some(target.stream_prior().q_prior()),
@@ -155,6 +159,22 @@ pub fn summarize(
         input_hash: input_hash.to_owned(),
     };
     Summary::new(run, &context)
+}
+
+/// Information about each free parameter, and about q where its prior is uniform; empty where the draws are too few to say.
+fn information_of_fit(target: &StreamTarget, run: &Run) -> Vec<(String, f64)> {
+    if run.ess.quoted < MIN_ESS_FOR_INFORMATION {
+        return Vec::new();
+    }
+    let mut all = marginal_information(run, target.prior());
+    if let (QPrior::Uniform { lo, hi }, Ok(q)) = (target.stream_prior().q_prior(), column(run, "q"))
+    {
+        let weights = run.draws.weights();
+        let probability = |q: f64| (q - lo) / (hi - lo);
+        let about = information(&q.values, &weights, run.ess.quoted, probability);
+        all.push(("q".to_owned(), about));
+    }
+    all
 }
 
 /// Fits a track: draws of the posterior of the model's parameters.

@@ -10,6 +10,7 @@ mod prior_predictive;
 mod profile;
 mod sample;
 mod settings;
+mod speed;
 mod target;
 
 pub use best_fit::{Diagnostics, diagnose};
@@ -19,4 +20,5 @@ pub use prior_predictive::check_prior_predictive;
 pub use profile::Profile;
 pub use sample::{bridge, merge, sample};
 pub use settings::{FitSettings, Sampler, SamplerSettings, over_defaults};
+pub use speed::Speed;
 pub use target::StreamTarget;

@@ -6,29 +6,39 @@ use std::fmt;
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.verdict())?;
+        for failed in self.failed_checks() {
+            writeln!(f, "    {failed}")?;
+        }
         if let Some(verdict) = self.model_verdict() {
             writeln!(f, "{verdict}")?;
         }
-        for check in self.model_checks.iter().filter(|check| !check.pass) {
-            writeln!(
-                f,
-                "    {} = {:.2}, limit {}: {}",
-                check.name, check.value, check.limit, check.message
-            )?;
+        for failed in self.failed_model_checks() {
+            writeln!(f, "    {failed}")?;
+        }
+        for warning in self.warnings.iter().chain(&self.model_warnings) {
+            writeln!(f, "Warning: {warning}.")?;
         }
         for assumption in &self.assumptions {
             writeln!(f, "Assumed: {assumption}.")?;
         }
-        if let Some(verdict) = self.population.as_ref().and_then(|p| p.verdict()) {
+        if let Some(verdict) = self.measured_verdict() {
             writeln!(f, "{verdict}")?;
         }
         writeln!(f, "ln Z = {:.3} +- {:.3}", self.ln_z.value, self.ln_z.error)?;
+        let header = ["quantity", "median", "68 % interval", "95 % interval"];
+        writeln!(
+            f,
+            "{:>16} {:>10}   {:<22} {:<22} unit",
+            header[0], header[1], header[2], header[3]
+        )?;
         for (name, i) in self.parameters.iter().chain(&self.derived) {
-            writeln!(
-                f,
-                "{name:>16} {:10.4}   68 % [{:.4}, {:.4}]   95 % [{:.4}, {:.4}]",
-                i.median, i.lo68, i.hi68, i.lo95, i.hi95
-            )?;
+            let inner = format!("[{:.4}, {:.4}]", i.lo68, i.hi68);
+            let outer = format!("[{:.4}, {:.4}]", i.lo95, i.hi95);
+            let row = format!(
+                "{name:>16} {:10.4}   {inner:<22} {outer:<22} {}",
+                i.median, i.unit
+            );
+            writeln!(f, "{}", row.trim_end())?;
         }
         write!(
             f,

@@ -8,6 +8,8 @@ mod assemble;
 mod columns;
 mod compare;
 mod display;
+mod export;
+mod information;
 mod interval;
 pub mod json;
 pub mod modes;
@@ -18,9 +20,12 @@ pub mod zarr;
 pub use assemble::assemble_run;
 pub use columns::{Column, column, columns};
 pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare};
+pub use export::{DrawTable, TableFormat};
+pub use information::{
+    EQUAL_TO_PRIOR, MIN_ESS_FOR_INFORMATION, equal_to_prior, information, marginal_information,
+    not_measured,
+};
 pub use interval::Interval;
 pub use modes::{Mode, ModeWeight, Probability, mode_weights, prolate_probability};
-pub use population_summary::{
-    EQUAL_TO_PRIOR, PopulationSummary, StreamInPopulation, marginal_information,
-};
+pub use population_summary::{PopulationSummary, StreamInPopulation};
 pub use summary::{SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals};

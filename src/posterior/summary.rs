@@ -1,6 +1,7 @@
 //! `summary.json`: all scalar numbers of a run, with the keys that scripts use.
 
 use super::columns::{Column, columns};
+use super::information::not_measured;
 use super::interval::Interval;
 use super::json;
 use super::modes::{ModeWeight, mode_weights};
@@ -48,6 +49,8 @@ pub struct SummaryContext {
     pub diagnostics: BTreeMap<String, f64>,
     /// Hash of the inputs (track and resolved configuration), in hexadecimal.
     pub input_hash: String,
+    /// Information of a fit about each parameter and q; see [`information`](super::information()).
+    pub marginal_information: Vec<(String, f64)>,
     /// The streams and priors of a population.
     pub population: Option<PopulationSummary>,
 }
@@ -75,6 +78,9 @@ pub struct Summary {
     /// Kullback-Leibler divergence from the prior, in nats.
     #[serde(with = "json::number")]
     pub information: f64,
+    /// The same for each parameter of a fit, and for q where its prior is uniform; empty where the draws are too few to say.
+    #[serde(with = "json::ordered", default)]
+    pub marginal_information: Vec<(String, f64)>,
     /// The effective sample size to quote.
     #[serde(with = "json::number")]
     pub ess: f64,
@@ -169,6 +175,7 @@ impl Summary {
             ln_z_error_parts: run.evidence.error_parts.clone(),
             ln_z_estimates: run.evidence.estimates.clone(),
             information: run.evidence.information,
+            marginal_information: context.marginal_information.clone(),
             ess: run.ess.quoted,
             ess_kish: run.ess.kish,
             ess_bulk: run.ess.bulk.clone(),
@@ -251,11 +258,33 @@ impl Summary {
         let ended = match self.status {
             Status::Complete => "the stopping rule was met",
             Status::Interrupted => "the run was interrupted; resume it",
-            Status::BudgetSpent => "the time limit was reached; resume it with a larger one",
+            Status::BudgetSpent => "the time limit was reached before the end; resume it",
         };
         match failed(&self.checks) {
             Some(failed) => format!("NOT CONVERGED: {ended}; {failed}."),
             None => format!("NOT CONVERGED: {ended}."),
+        }
+    }
+
+    /// Why it failed, each convergence check that did with its value and its remedy.
+    pub fn failed_checks(&self) -> impl Iterator<Item = String> {
+        explained(&self.checks)
+    }
+
+    /// The same for the checks of the model.
+    pub fn failed_model_checks(&self) -> impl Iterator<Item = String> {
+        explained(&self.model_checks)
+    }
+
+    /// Which posteriors are only their priors; none if every posterior differs from its prior.
+    #[must_use]
+    pub fn measured_verdict(&self) -> Option<String> {
+        match &self.population {
+            Some(population) => population.verdict(),
+            None => not_measured(
+                &self.marginal_information,
+                "only a longer track or smaller errors would measure more",
+            ),
         }
     }
 
@@ -272,6 +301,31 @@ impl Summary {
                 self.model_checks.len()
             ),
         })
+    }
+}
+
+/// The checks that failed, each with its value, its limit and its remedy.
+fn explained(checks: &[Check]) -> impl Iterator<Item = String> {
+    checks.iter().filter(|check| !check.pass).map(|check| {
+        let limit = number(check.limit, 2);
+        // As many digits as it takes to tell the value from the limit.
+        let value = [2, 4, 8]
+            .map(|digits| number(check.value, digits))
+            .into_iter()
+            .find(|value| *value != limit)
+            .unwrap_or_else(|| limit.clone());
+        format!("{} = {value}, limit {limit}: {}", check.name, check.message)
+    })
+}
+
+/// A number of a check: small ones are p-values, of which the exponent matters.
+fn number(value: f64, digits: usize) -> String {
+    if value != 0.0 && value.abs() < 0.01 {
+        format!("{value:.1e}")
+    } else {
+        let text = format!("{value:.digits$}");
+        let text = text.trim_end_matches('0').trim_end_matches('.');
+        text.to_owned()
     }
 }
 

@@ -25,6 +25,7 @@ pub use entries::Entries;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use layout::Table;
+pub(super) use layout::equal_weight_rows;
 use oblate_samplers::Run;
 use oblate_samplers::files::{folder_of, sync_folder};
 use oblate_samplers::output::{Draws, History, Method};
@@ -111,7 +112,6 @@ pub fn write(path: &Path, run: &Run, extras: Extras<'_>) -> Result<()> {
         units: run.units.clone(),
         derived_names: run.derived_names.clone(),
     };
-    store.group("/", &root)?;
     layout::write_posterior(&store, run)?;
     if let Some(prior) = extras.prior {
         let rows: Vec<Vec<usize>> = vec![(0..prior.len()).collect()];
@@ -127,6 +127,7 @@ pub fn write(path: &Path, run: &Run, extras: Extras<'_>) -> Result<()> {
     }
     layout::write_weighted(&store, &run.draws)?;
     layout::write_history(&store, &run.history)?;
+    store.root(&root)?;
     sync(path).map_err(failed)
 }
 

@@ -94,7 +94,7 @@ pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
 
 fn verdict(out: &mut String, run: &PageRun<'_>) {
     let s = run.summary;
-    let prior = s.population.as_ref().and_then(|p| p.verdict());
+    let prior = s.measured_verdict();
     let model = s.model_checks.iter().all(|check| check.pass);
     let measured = !s.population.as_ref().is_some_and(|p| p.measures_nothing());
     let class = if s.converged && model && measured {

@@ -1,7 +1,7 @@
 //! The SMC bridge from a finished fit to a finer model, into another run folder.
 
 use super::locked::RunState;
-use super::monitor::Monitor;
+use super::monitor::{MODEL_ERROR, Monitor};
 use super::session::{Destination, RunSession};
 use super::stored_fit::StoredFit;
 use crate::error::{Error, Result};
@@ -18,10 +18,10 @@ use std::path::Path;
 /// [`Error::NotAFit`] if `parent` is not a fit; [`Error::OutputIsInput`] if the destination is `parent`, is in it or
 /// holds it; [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`] or [`Error::InFile`] if `parent`
 /// cannot be read; [`Error::Exists`], [`Error::OutputPath`], [`Error::OtherInputs`] or [`Error::FolderInUse`] if the
-/// destination cannot be used.
+/// destination cannot be used; those of `change`.
 pub fn bridge(
     parent: &Path,
-    change: impl FnOnce(&mut FitSettings),
+    change: impl FnOnce(&mut FitSettings) -> Result<()>,
     destination: Destination<'_>,
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
@@ -32,7 +32,7 @@ pub fn bridge(
         settings: coarse,
     } = StoredFit::read(parent)?;
     let mut settings = coarse.clone();
-    change(&mut settings);
+    change(&mut settings)?;
     if settings.model == coarse.model && settings.likelihood == coarse.likelihood {
         return Err(Error::SameModel);
     }
@@ -49,7 +49,9 @@ pub fn bridge(
         RunState::Unfinished(session) => session,
     };
     monitor.tell_memory(&memory);
-    session.complete_fit(&fine, &track, monitor, |control| {
+    monitor.stage(1, 2, "bridge to the finer model");
+    let error_of_model = |monitor: &mut Monitor<'_>| monitor.stage(2, 2, MODEL_ERROR);
+    session.complete_fit(&fine, &track, monitor, error_of_model, |control| {
         let (sampling, seed) = (&settings.sampling, settings.seed);
         inference::bridge(&fine, &coarse, &stored.run, sampling, seed, control)
     })

@@ -1,11 +1,13 @@
 //! A fit of a track into a run folder: what `oblate fit` and a study do.
 
 use super::locked::{IfExists, RunState};
-use super::monitor::Monitor;
+use super::monitor::{MODEL_ERROR, Monitor};
 use super::session::{Destination, RunSession};
 use crate::data::ObservedTrack;
 use crate::error::Result;
-use crate::inference::{Coarse, Fit, FitPlan, FitSettings, bridge_from, sample};
+use crate::inference::{
+    Coarse, Fit, FitPlan, FitSettings, bridge_from, check_prior_predictive, sample,
+};
 use oblate_samplers::checkpoint;
 use oblate_samplers::output::Status;
 use std::time::Instant;
@@ -26,19 +28,46 @@ pub fn fit(
     destination: Destination<'_>,
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
-    let plan = FitPlan::new(track, settings)?;
+    fit_in_stages(track, settings, destination, monitor, None)
+}
+
+/// Stages of a fit of one model: check of the prior, sampling, error of the model.
+const STAGES: usize = 3;
+
+/// As [`fit`], as stages of a fit that has `coarse_of` stages, if this one is its coarse fit.
+fn fit_in_stages(
+    track: &ObservedTrack,
+    settings: &FitSettings,
+    destination: Destination<'_>,
+    monitor: &mut Monitor<'_>,
+    coarse_of: Option<usize>,
+) -> Result<Fit> {
+    let plan = FitPlan::of_settings(track, settings)?;
+    let (before, of) = match (coarse_of, &plan.coarse) {
+        (Some(of), _) => (1, of),
+        (None, Some(_)) => (0, 2 * STAGES),
+        (None, None) => (0, STAGES),
+    };
+    let (of_model, error) = match coarse_of {
+        Some(_) => (" of the coarse model", "error of the coarse model"),
+        None => ("", MODEL_ERROR),
+    };
+    monitor.stage(before + 1, of, &format!("check of the prior{of_model}"));
+    check_prior_predictive(&plan.target, settings.seed)?;
     let track_bytes = serde_json::to_vec(track).unwrap_or_default();
     let session = match RunSession::begin_fit(destination, track, settings, &[&track_bytes])? {
         RunState::Finished(stored) => return Ok(stored.into()),
         RunState::Unfinished(session) => session,
     };
     monitor.tell_memory(&plan.memory);
-    match &plan.coarse {
-        Some(coarse) => from_coarse(&session, &plan, coarse, track, settings, monitor),
-        None => session.complete_fit(&plan.target, track, monitor, |control| {
-            sample(&plan.target, &settings.sampling, settings.seed, control)
-        }),
+    if let Some(coarse) = &plan.coarse {
+        return from_coarse(&session, &plan, coarse, track, settings, monitor);
     }
+    monitor.stage(before + 2, of, &format!("sampling{of_model}"));
+    let error_of_model = |monitor: &mut Monitor<'_>| monitor.stage(before + 3, of, error);
+    session.complete_fit(&plan.target, track, monitor, error_of_model, |control| {
+        sample(&plan.target, &settings.sampling, settings.seed, control)
+    })
 }
 
 /// Fits the coarse model, unless that is done, and continues by the bridge to the model itself.
@@ -62,12 +91,15 @@ fn from_coarse(
         if_exists: IfExists::Resume,
         ..session.destination()
     };
-    let parent = fit(track, coarse_settings, destination, monitor)?;
+    let of = 2 * STAGES;
+    let parent = fit_in_stages(track, coarse_settings, destination, monitor, Some(of))?;
     if parent.run.status != Status::Complete {
         return Ok(parent);
     }
     monitor.max_wall = max_wall.saturating_sub(started.elapsed());
-    let bridged = session.complete_fit(&plan.target, track, monitor, |control| {
+    monitor.stage(of - 1, of, "bridge to the model itself");
+    let error_of_model = |monitor: &mut Monitor<'_>| monitor.stage(of, of, MODEL_ERROR);
+    let bridged = session.complete_fit(&plan.target, track, monitor, error_of_model, |control| {
         bridge_from(plan, coarse, &parent.run, settings, control)
     });
     monitor.max_wall = max_wall;

@@ -1,7 +1,7 @@
 //! Several nested fits of one track, merged into one fit.
 
 use super::locked::RunState;
-use super::monitor::Monitor;
+use super::monitor::{MODEL_ERROR, Monitor};
 use super::session::{Destination, RunSession};
 use super::stored_fit::StoredFit;
 use crate::error::{Error, Result};
@@ -52,7 +52,8 @@ pub fn merge(
     match RunSession::begin_fit(destination, &first.track, &first.settings, &inputs)? {
         RunState::Finished(stored) => Ok(stored.into()),
         RunState::Unfinished(session) => {
-            session.complete_fit(&target, &first.track, monitor, |_| Ok(run))
+            let error_of_model = |monitor: &mut Monitor<'_>| monitor.stage(1, 1, MODEL_ERROR);
+            session.complete_fit(&target, &first.track, monitor, error_of_model, |_| Ok(run))
         }
     }
 }

@@ -9,6 +9,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+/// The last stage of every fit.
+pub(super) const MODEL_ERROR: &str = "error of the model";
+
 /// A caller's control of a run: observer, interrupt and time limits.
 pub struct Monitor<'a> {
     /// Receives the run's events.
@@ -32,6 +35,12 @@ impl Monitor<'_> {
             // A `Break` is ignored here, because no work has begun; it is possible again at the sampler's first event.
             let _ = self.observer.event(&Event::Warning { message });
         }
+    }
+
+    /// Tells the observer that stage `number` of `of` begins. A `Break` is ignored here; the observer can stop the run at the next event.
+    pub(super) fn stage(&mut self, number: usize, of: usize, name: &str) {
+        let name = name.to_owned();
+        let _ = self.observer.event(&Event::Stage { number, of, name });
     }
 
     /// The observer, with every event also written to a log.

@@ -102,6 +102,7 @@ pub fn population(
         let streams = target.streams_given_population(&run.draws);
         SummaryContext {
             assumptions: Vec::new(),
+            marginal_information: Vec::new(),
             model_checks: checks(&streams),
             command: command.to_owned(),
             q_prior: None,
@@ -119,7 +120,7 @@ pub fn population(
         None,
         monitor,
         |control| sample(target.as_ref(), &sampling, config.seed, control),
-        |run, command, hash| Summary::new(run, &context(run, command, hash)),
+        |run, _, command, hash| Summary::new(run, &context(run, command, hash)),
     )?;
     if fit.run.status != Status::Interrupted {
         write_density(config, session.folder(), &fit.run)?;

@@ -137,11 +137,11 @@ impl<'a> RunSession<'a> {
         track: Option<&ObservedTrack>,
         monitor: &mut Monitor<'_>,
         work: impl FnOnce(&mut Control<'_>) -> Result<Run>,
-        summarize: impl FnOnce(&Run, &str, &str) -> Summary,
+        summarize: impl FnOnce(&Run, &mut Monitor<'_>, &str, &str) -> Summary,
     ) -> Result<Fit> {
         let run = self.work(monitor, work)?;
         let hash = &self.beginning.versions.input_hash;
-        let mut summary = summarize(&run, self.destination.command, hash);
+        let mut summary = summarize(&run, monitor, self.destination.command, hash);
         if run.status != Status::Interrupted {
             let prior = prior_draws(target, PRIOR_DRAWS, run.seed);
             let extras = zarr::Extras {
@@ -156,7 +156,7 @@ impl<'a> RunSession<'a> {
         Ok(Fit { run, summary })
     }
 
-    /// As [`complete`](Self::complete), for a fit of a track.
+    /// As [`complete`](Self::complete), for a fit of a track. `stage` is told when the error of the model is measured, after the work.
     ///
     /// # Errors
     /// As of [`complete`](Self::complete).
@@ -165,11 +165,21 @@ impl<'a> RunSession<'a> {
         target: &StreamTarget,
         track: &ObservedTrack,
         monitor: &mut Monitor<'_>,
+        stage: impl FnOnce(&mut Monitor<'_>),
         work: impl FnOnce(&mut Control<'_>) -> Result<Run>,
     ) -> Result<Fit> {
-        self.complete(target, Some(track), monitor, work, |run, command, hash| {
-            summarize(target, track, run, command, hash)
-        })
+        self.complete(
+            target,
+            Some(track),
+            monitor,
+            work,
+            |run, monitor, command, hash| {
+                if run.status != Status::Interrupted {
+                    stage(monitor);
+                }
+                summarize(target, track, run, command, hash)
+            },
+        )
     }
 
     /// Runs a sampler under a monitor, with checkpoints in the folder and events in its log.

@@ -78,7 +78,7 @@ pub fn study(
     config.check()?;
     RunFolder::at(&config.out)?;
     check_report(&report_path(&config.out))?;
-    let inputs = StudyInputs::new(config, files_from)?;
+    let inputs = StudyInputs::new(config, files_from, monitored)?;
     if let Some(tracks) = &config.tracks {
         apart(&inputs.tracks, &tracks.samplers).map_err(|e| e.within("tracks"))?;
     }
@@ -92,7 +92,12 @@ pub fn study(
         remedy: "choose an `out` whose parent is writable",
     })?;
     remove_leftovers(&config.out);
-    let mut runner = Runner { command, monitored };
+    let mut runner = Runner {
+        command,
+        monitored,
+        number: 0,
+        of: number_of_runs(config, &inputs),
+    };
     if let Some(tracks) = &config.tracks {
         let under = config.out.join("fits");
         for track in &inputs.tracks {
@@ -207,10 +212,23 @@ fn apart(tracks: &[ObservedTrack], samplers: &[Sampler]) -> Result<()> {
     Ok(())
 }
 
+/// How many runs a study has.
+fn number_of_runs(config: &StudyConfig, inputs: &StudyInputs) -> usize {
+    let tracks = config.tracks.as_ref().map_or(0, |s| s.samplers.len());
+    let mocks = config.mocks.as_ref().map_or(0, |s| s.samplers.len());
+    let populations = config.population.as_ref();
+    let populations = populations.map_or(0, |s| s.samplers.len() * s.families().len());
+    tracks * inputs.tracks.len() + mocks * inputs.mocks.len() + populations
+}
+
 /// Does the runs of a study, one after the other.
 struct Runner<'a, 'b> {
     command: &'a str,
     monitored: &'a mut Monitored<'b>,
+    /// Number of the present run, from 1.
+    number: usize,
+    /// How many there are.
+    of: usize,
 }
 
 impl Runner<'_, '_> {
@@ -243,7 +261,14 @@ impl Runner<'_, '_> {
             command: self.command,
         };
         let mut done = None;
-        (self.monitored)(&format!("{name} {}", sampler.name()), &mut |monitor| {
+        self.number += 1;
+        let label = format!(
+            "run {} of {}, {name} {}",
+            self.number,
+            self.of,
+            sampler.name()
+        );
+        (self.monitored)(&label, &mut |monitor| {
             done = Some(work(destination, monitor)?);
             Ok(())
         })?;

@@ -1,12 +1,14 @@
 //! The inputs of a study, read and checked before its first fit, so that faults are found at once.
 
+use super::monitor::Monitored;
 use super::population;
 use crate::config::StudyConfig;
-use crate::data::{ObservedTrack, ReadOptions, mocks};
+use crate::data::{Mocks, ObservedTrack, ReadOptions, mocks_with};
 use crate::error::{Error, Result, TrackFault};
 use crate::inference::{FitPlan, FitSettings, Sampler};
 use crate::params::StreamPrior;
 use crate::population::QPosterior;
+use oblate_samplers::Event;
 use std::path::Path;
 
 /// The streams of a study.
@@ -26,7 +28,11 @@ impl StudyInputs {
     /// # Errors
     /// [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read; [`Error::InTable`] for a setting out of its range and for
     /// too few mocks.
-    pub fn new(config: &StudyConfig, files_from: &Path) -> Result<Self> {
+    pub fn new(
+        config: &StudyConfig,
+        files_from: &Path,
+        monitored: &mut Monitored<'_>,
+    ) -> Result<Self> {
         let mut inputs = Self::default();
         let mut support = None;
         if let Some(study) = &config.population {
@@ -81,10 +87,17 @@ impl StudyInputs {
                     Error::Posterior { name, fault }.within("mocks.fit")
                 })?;
             }
-            let found = mocks(&prior, &study.mock, study.count, study.seed)
-                .map_err(|e| e.within("mocks.mock"))?;
-            inputs.acceptance = Some(found.acceptance());
-            inputs.mocks = found.mocks.into_iter().map(|mock| mock.track).collect();
+            monitored("mocks", &mut |monitor| {
+                let advanced = &mut |found: &Mocks| {
+                    let (done, of) = (found.mocks.len() as u64, study.count as u64);
+                    let _ = monitor.observer.event(&Event::Advanced { done, of });
+                };
+                let found = mocks_with(&prior, &study.mock, study.count, study.seed, advanced)
+                    .map_err(|e| e.within("mocks.mock"))?;
+                inputs.acceptance = Some(found.acceptance());
+                inputs.mocks = found.mocks.into_iter().map(|mock| mock.track).collect();
+                Ok(())
+            })?;
             // All have one bin width, the only property of a track that settings may not suit.
             if let Some(track) = inputs.mocks.first() {
                 check(track, &study.fit, &study.samplers).map_err(|e| e.within("mocks.fit"))?;

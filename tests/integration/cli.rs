@@ -1,10 +1,15 @@
 //! The command itself: machine-readable output, exit codes, and one clear error for each bad input.
 
 mod arguments;
+mod doctor;
+mod eta;
 mod exit;
+mod export;
 mod message;
+mod next;
 mod output;
 mod population;
+mod progress;
 mod study;
 
 use std::io::Write;
@@ -218,12 +223,31 @@ fn bad_settings_and_parameters_name_file_line_and_remedy() {
     assert!(!folder.path().join("run").exists());
     refused(
         &fit(&unknown),
-        &["unknown.toml", "line 2", "sneed", "--print-config"],
+        &[
+            "unknown.toml",
+            "line 2",
+            "sneed",
+            "--print-config",
+            "\n2 | sneed = 2\n  | ^^^^^\n",
+        ],
     );
     // Keys of a table that is merged with defaults are reported with their own lines as well.
     let deep = "[sampling]\nsampler = \"nested\"\n\n[sampling.nested]\nn_live = 100\nn_alive = 3\n";
     let deep = write(folder.path(), "deep.toml", deep);
-    refused(&fit(&deep), &["deep.toml", "line 6", "n_alive"]);
+    refused(
+        &fit(&deep),
+        &["deep.toml", "line 6", "\n6 | n_alive = 3\n  | ^^^^^^^\n"],
+    );
+    let text = "[sampling]\nsampler = \"nested\"\nnested.steps = 4\nnested.n_live = \"a\"\n";
+    let typed = write(folder.path(), "typed.toml", text);
+    refused(
+        &fit(&typed),
+        &[
+            "typed.toml",
+            "line 4",
+            "\n4 | nested.n_live = \"a\"\n  |        ^^^^^^\n",
+        ],
+    );
     refused(&fit("nowhere.toml"), &["nowhere.toml", "readable"]);
     let odd = write(
         folder.path(),
@@ -608,7 +632,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let say = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
-        say.contains("coarse fit") && say.contains("--resume"),
+        say.contains("coarse model") && say.contains("--resume"),
         "{say}"
     );
     arguments.push("--resume");

@@ -313,6 +313,7 @@ fn the_ranges_of_flags_are_those_of_the_page() {
     for Row { key, lo, hi } in rows("5. Flags") {
         let arguments: &[&str] = match key.as_str() {
             "--threads" => &["man"],
+            "--seconds" => &["doctor"],
             "--checkpoint-every" | "--max-minutes" => &["population", "nowhere", "--out", &out],
             _ => &["stream", &params, "--particles", "64"],
         };

@@ -6,11 +6,13 @@ use oblate::inference::FitSettings;
 use oblate::params::NAMES;
 use std::path::{Path, PathBuf};
 
-const PAGES: [&str; 15] = [
+const PAGES: [&str; 17] = [
     "README.md",
     "CHANGELOG.md",
+    "docs/faq.md",
     "docs/files.md",
     "docs/glossary.md",
+    "docs/installation.md",
     "docs/limits.md",
     "docs/reliability.md",
     "docs/physics.md",
@@ -110,6 +112,63 @@ fn the_tracks_on_the_pages_can_be_read() {
         }
     }
     assert_eq!(count, 3);
+}
+
+/// The command lines of `oblate` in the blocks of a page, without comments, continued lines joined.
+fn command_lines(page: &str) -> Vec<String> {
+    let text = text(page).replace("\\\n", " ");
+    let blocks = text.split("```").skip(1).step_by(2);
+    let lines = blocks
+        .filter_map(|block| block.strip_prefix("sh\n"))
+        .flat_map(str::lines);
+    lines
+        .filter_map(|line| {
+            let line = line.split(" #").next()?.split(" > ").next()?.trim();
+            let line = line.replace("cargo run --release -- ", "oblate ");
+            line.starts_with("oblate ").then_some(line)
+        })
+        .collect()
+}
+
+#[test]
+fn every_command_line_on_a_page_is_one() {
+    let mut count = 0;
+    for page in PAGES {
+        for line in command_lines(page) {
+            let words = line.split_whitespace();
+            let parsed = oblate::cli::command().try_get_matches_from(words);
+            if let Err(error) = parsed {
+                panic!("{page}: {line}: {error}");
+            }
+            count += 1;
+        }
+    }
+    assert!(count >= 12, "only {count} command lines found");
+}
+
+#[test]
+fn every_flag_on_a_page_is_one_of_its_subcommand() {
+    let mut command = oblate::cli::command();
+    command.build();
+    let mut count = 0;
+    for page in PAGES {
+        for span in between(&text(page), "`oblate ", '`') {
+            let name = span.split_whitespace().next().unwrap();
+            let Some(verb) = command.find_subcommand(name) else {
+                continue;
+            };
+            for word in span
+                .split_whitespace()
+                .filter(|word| word.starts_with("--"))
+            {
+                let flag = word[2..].split('=').next().unwrap();
+                let known = verb.get_arguments().any(|a| a.get_long() == Some(flag));
+                assert!(known, "{page}: oblate {span}");
+                count += 1;
+            }
+        }
+    }
+    assert!(count > 12, "only {count} flags found");
 }
 
 #[test]

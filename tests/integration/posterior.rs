@@ -36,9 +36,36 @@ fn a_model_that_is_not_accurate_enough_is_told_apart_from_a_run_that_has_not_con
     let bad = summary(&[check(0.1), check(0.7)]);
     assert_eq!(bad.converged, good.converged);
     assert!(bad.to_string().contains(
-        "\nMODEL NOT ACCURATE ENOUGH: 1 of 2 checks failed (steps-q).\n    steps-q = 0.70, limit 0.5: decrease `model.step_phase`\n"
+        "\nMODEL NOT ACCURATE ENOUGH: 1 of 2 checks failed (steps-q).\n    steps-q = 0.7, limit 0.5: decrease `model.step_phase`\n"
     ));
     assert_eq!(summary(&[]).model_verdict(), None);
+}
+
+#[test]
+fn a_summary_says_why_checks_failed_and_which_posteriors_are_only_priors() {
+    let mut run = runs::nested(2_000, 11);
+    run.checks
+        .push(Check::at_least("p-value", 1.5e-4, 0.01, "raise `n_live`"));
+    run.checks
+        .push(Check::at_most("close", 3.004, 3.0, "add scans"));
+    let context = SummaryContext {
+        warnings: vec!["the density is negative: raise `prior.q_min`".to_owned()],
+        marginal_information: vec![("age_gyr".to_owned(), 0.05), ("q".to_owned(), 0.2)],
+        ..SummaryContext::default()
+    };
+    let summary = Summary::new(&run, &context);
+    let text = summary.to_string();
+    for line in [
+        "\n    p-value = 1.5e-4, limit 0.01: raise `n_live`\n",
+        "\n    close = 3.004, limit 3: add scans\n",
+        "\nWarning: the density is negative: raise `prior.q_min`.\n",
+        "\nNOT MEASURED: the posterior of age_gyr equals its prior (less than 0.1 nat",
+        "quantity     median   68 % interval          95 % interval          unit\n",
+    ] {
+        assert!(text.contains(line), "{line} is not in {text}");
+    }
+    let json = serde_json::to_value(&summary).unwrap();
+    assert_eq!(json["marginal_information"]["q"], 0.2);
 }
 
 #[test]

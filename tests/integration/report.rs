@@ -526,7 +526,7 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
     let verdict = body.find("NOT CONVERGED").unwrap();
     assert!(verdict < body.find("<table").unwrap() && verdict < body.find("<svg").unwrap());
     assert!(body.contains("chains &lt;disagree&gt;; run longer"));
-    assert!(body.contains("resume it with a larger one") && body.contains("--seed 5"));
+    assert!(body.contains("before the end; resume it") && body.contains("--seed 5"));
     // Self-contained: no address except the namespace of SVG.
     let addresses = html.matches("http").count();
     assert_eq!(

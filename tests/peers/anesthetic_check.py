@@ -19,8 +19,8 @@ warnings.filterwarnings("ignore", message=".*[Cc]onsolidated.*")
 folder = Path(sys.argv[1])
 summary = json.loads((folder / "summary.json").read_text())
 zarr = folder / "posterior.zarr"
-history = xr.open_zarr(zarr, group="history", consolidated=False)
-weighted = xr.open_zarr(zarr, group="weighted", consolidated=False)
+history = xr.open_zarr(zarr, group="history")
+weighted = xr.open_zarr(zarr, group="weighted")
 names = list(summary["parameters"])
 
 # Rejected points have no likelihood and no row of parameters, but they were alive.

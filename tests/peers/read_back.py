@@ -17,17 +17,17 @@ for path in sys.argv[1:]:
         import arviz as az
         import xarray as xr
 
-        posterior = xr.open_zarr(path, group="posterior", consolidated=False)
+        posterior = xr.open_zarr(path, group="posterior")
         print(path, "xarray:", dict(posterior.sizes), "units of x0_kpc:", posterior["x0_kpc"].attrs["units"])
         assert posterior["q"].dims == ("chain", "draw")
-        weighted = xr.open_zarr(path, group="weighted", consolidated=False)
+        weighted = xr.open_zarr(path, group="weighted")
         weights = np.exp(weighted["ln_weight"].values)
         assert abs(weights.sum() - 1.0) < 1e-9
         try:
             tree = az.from_zarr(path)
         except ImportError:
             # ArviZ before 1.0 refuses zarr >= 3 by name and asks for this way in.
-            tree = az.InferenceData.from_datatree(xr.open_datatree(path, engine="zarr", consolidated=False))
+            tree = az.InferenceData.from_datatree(xr.open_datatree(path, engine="zarr"))
         print(path, "arviz groups:", tree.groups() if callable(tree.groups) else tree.groups)
         print(az.summary(tree, var_names=["age_gyr", "q"]))
         assert abs(float(tree["posterior"]["q"].mean()) - 0.8) < 0.05

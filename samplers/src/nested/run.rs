@@ -102,6 +102,7 @@ fn event(state: &State, settings: &Settings) -> Event {
         ln_z: state.ln_z,
         ln_z_error: (state.information.max(0.0) / settings.n_live as f64).sqrt(),
         delta_ln_z: state.delta_ln_z(settings),
+        dlnz: settings.dlnz,
         calls: state.cost.calls,
         efficiency: state.efficiency,
     }

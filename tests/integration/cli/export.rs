@@ -1,0 +1,112 @@
+//! Draws as tables: both formats have the numbers of the run.
+
+use super::{SMALL, example, json, oblate, refused, write};
+use fitskit::{BinCellValue, FitsFile, HduData};
+use oblate::posterior::zarr;
+use std::path::Path;
+
+#[test]
+fn a_run_is_exported_as_ecsv_and_as_fits() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let config = write(folder.path(), "small.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (run, ecsv, fits) = (path("run"), path("draws.ecsv"), path("draws.fits"));
+    let fit = [
+        "fit",
+        &track,
+        "--config",
+        &config,
+        "--coarse-particles",
+        "0",
+    ];
+    let fit = [&fit[..], &["--out", &run, "--allow-unconverged", "-q"]].concat();
+    assert_eq!(oblate(&fit, "").status.code(), Some(0));
+    let export = |out: &str, more: &[&str]| {
+        oblate(
+            &[&["export", &run, "--out", out, "--json"], more].concat(),
+            "",
+        )
+    };
+    let output = export(&ecsv, &[]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let said = json(&output.stdout);
+    assert_eq!(export(&fits, &[]).status.code(), Some(0));
+    refused(&export(&fits, &[]), &["exists already", "--force"]);
+    assert_eq!(export(&fits, &["--force"]).status.code(), Some(0));
+    refused(&export(&path("draws.txt"), &[]), &[".ecsv or .fits"]);
+
+    // ECSV: a header, the names, a row for each draw.
+    let text = std::fs::read_to_string(&ecsv).expect("the table");
+    assert!(text.starts_with("# %ECSV 1.0\n# ---\n"));
+    assert!(text.contains("# - {name: log10_m_halo, unit: dex(solMass), datatype: float64}\n"));
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let names: Vec<&str> = lines.next().expect("names").split(',').collect();
+    assert_eq!(said["columns"], serde_json::json!(names));
+    let rows: Vec<Vec<f64>> = lines
+        .map(|line| {
+            line.split(',')
+                .map(|x| x.parse().expect("a number"))
+                .collect()
+        })
+        .collect();
+    assert_eq!(said["draws"], rows.len());
+
+    // FITS: the same to the bit.
+    let file = FitsFile::from_file(&fits).expect("FITS");
+    let table = file.find_extension("POSTERIOR").expect("the extension");
+    let HduData::BinTable(table) = &table.data else {
+        panic!("no table")
+    };
+    let found: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(found, names);
+    assert_eq!(table.nrows, rows.len());
+    for (i, row) in rows.iter().enumerate() {
+        for (k, value) in row.iter().enumerate() {
+            let cell = table.get_cell(i, k).expect("a cell");
+            let BinCellValue::F64(cell) = cell else {
+                panic!("{cell:?}")
+            };
+            assert_eq!(cell[0].to_bits(), value.to_bits(), "{i} {k}");
+        }
+    }
+
+    // They are draws of the run.
+    let stored = zarr::read(&Path::new(&run).join("posterior.zarr")).expect("the draws");
+    let own: Vec<f64> = stored.draws.column(0);
+    assert!(rows.iter().all(|row| own.contains(&row[0])));
+}
+
+#[test]
+fn the_metadata_of_all_arrays_is_in_the_root_in_the_order_of_the_parameters() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("posterior.zarr");
+    let run = crate::runs::nested(500, 5);
+    zarr::write(&path, &run, zarr::Extras::default()).expect("it is written");
+    let text = std::fs::read_to_string(path.join("zarr.json")).expect("the root");
+    let root: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let all = &root["consolidated_metadata"]["metadata"];
+    let entries = zarr::entries(&path).expect("its files");
+    let mut count = 0;
+    for file in entries.files.iter().filter(|f| f.ends_with("zarr.json")) {
+        let node = file.parent().expect("a folder").display().to_string();
+        if !node.is_empty() {
+            let own = std::fs::read(path.join(file)).expect("metadata");
+            assert_eq!(json(&own), all[&node], "{node}");
+            count += 1;
+        }
+    }
+    assert_eq!(all.as_object().expect("an object").len(), count);
+    let places: Vec<usize> = run
+        .names
+        .iter()
+        .map(|name| {
+            text.find(&format!("\"posterior/{name}\""))
+                .expect("its metadata")
+        })
+        .collect();
+    assert!(
+        places.windows(2).all(|pair| pair[0] < pair[1]),
+        "{places:?}"
+    );
+}

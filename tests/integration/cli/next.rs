@@ -1,0 +1,143 @@
+//! What the command proposes after a run that has not ended well can be typed as it is.
+
+use super::{SMALL, example, json, write};
+use oblate::config::read;
+use oblate::inference::FitSettings;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The command line `line` in a shell, as a user types it, in a folder.
+fn shell(folder: &Path, line: &str) -> Output {
+    let bin = env!("CARGO_BIN_EXE_oblate");
+    let words = line.strip_prefix("oblate ").expect("a command of ours");
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("'{bin}' {words}")]);
+    command.current_dir(folder).output().expect("a shell")
+}
+
+/// The commands that standard error proposes, with what each is for.
+fn proposed(output: &Output) -> Vec<(String, String)> {
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    let lines: Vec<&str> = text.lines().collect();
+    let pairs = lines.windows(2).filter_map(|pair| {
+        let command = pair[1].strip_prefix("    ")?;
+        let purpose = pair[0].strip_prefix("To ")?;
+        command
+            .starts_with("oblate ")
+            .then(|| (purpose.to_owned(), command.to_owned()))
+    });
+    pairs.collect()
+}
+
+/// A folder with a track and a settings file, both with a space in their names.
+fn folder() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), "my settings.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv");
+    std::fs::copy(track, folder.path().join("my track.ecsv")).expect("a copy");
+    let path = folder.path().to_path_buf();
+    (folder, path)
+}
+
+const FIT: &str = "oblate fit 'my track.ecsv' --config 'my settings.toml' -q --json --out 'my run'";
+
+#[test]
+fn a_nested_fit_with_failed_checks_is_repeated_with_more_live_points() {
+    let (_kept, folder) = folder();
+    let first = shell(
+        &folder,
+        &format!(
+            "{FIT} --coarse-particles 0 --max-minutes 60 --set model.step_phase=3 --set model.max_halvings=1"
+        ),
+    );
+    assert_eq!(first.status.code(), Some(1), "{first:?}");
+    let steps = proposed(&first);
+    let [(purpose, command)] = &steps[..] else {
+        panic!("{steps:?}");
+    };
+    assert_eq!(purpose, "sample again with other settings:");
+    assert!(!command.contains("--max-minutes"), "{command}");
+    let second = shell(&folder, command);
+    assert_ne!(second.status.code(), Some(2), "{command}: {second:?}");
+    let settings = |name: &str| -> FitSettings {
+        read(&folder.join(name).join("config.toml")).expect("settings")
+    };
+    let live = |name: &str| settings(name).sampling.nested.n_live;
+    assert_eq!(
+        (live("my run"), live("my run_2")),
+        (40, 80),
+        "few lineages fail"
+    );
+    let model = settings("my run_2").model;
+    assert!(
+        model.step_phase < settings("my run").model.step_phase,
+        "steps are too long"
+    );
+}
+
+#[test]
+fn a_tempered_fit_is_extended_and_one_out_of_time_is_continued() {
+    let (_kept, folder) = folder();
+    let fit = format!("{FIT} --sampler pt-hmc --coarse-particles 64");
+    let first = shell(&folder, &format!("{fit} --max-minutes 0"));
+    assert_eq!(first.status.code(), Some(130), "{first:?}");
+    let text = String::from_utf8_lossy(&first.stderr).into_owned();
+    assert!(text.contains("The time limit was reached"), "{text}");
+    let steps = proposed(&first);
+    assert_eq!(steps.len(), 1, "{steps:?}");
+    assert_eq!(steps[0].0, "continue it:");
+    let second = shell(&folder, &steps[0].1);
+    assert_eq!(second.status.code(), Some(1), "{second:?}");
+    // The checks of the coarse fit, which the bridge takes over, are explained too.
+    let text = String::from_utf8_lossy(&second.stderr).into_owned();
+    assert!(
+        text.contains("The coarse fit, my run/coarse: NOT CONVERGED"),
+        "{text}"
+    );
+    assert!(text.contains("    looks-passed = "), "{text}");
+    let steps = proposed(&second);
+    assert_eq!(steps[0].0, "extend its last round:");
+    let third = shell(&folder, &steps[0].1);
+    assert_ne!(third.status.code(), Some(2), "{}: {third:?}", steps[0].1);
+    let calls = |output: &Output| {
+        json(&output.stdout)["cost"]["calls"]
+            .as_u64()
+            .expect("calls")
+    };
+    assert!(calls(&third) > calls(&second));
+}
+
+#[test]
+fn one_setting_is_changed_by_its_key() {
+    let (_kept, folder) = folder();
+    let printed = |more: &str| {
+        let line = format!("oblate fit --print-config --config 'my settings.toml' {more}");
+        let output = shell(&folder, &line);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (
+            output.status.code(),
+            text(&output.stdout),
+            text(&output.stderr),
+        )
+    };
+    let (code, settings, _) = printed(
+        "--live 50 --set sampling.nested.n_live=60 --set likelihood.edges=hard --set prior.fixed.age_gyr=2.5",
+    );
+    assert_eq!(code, Some(0));
+    for line in ["n_live = 60", "edges = \"hard\"", "age_gyr = 2.5"] {
+        assert!(settings.contains(line), "{line} is not in {settings}");
+    }
+    for (change, words) in [
+        (
+            "sampling.nested.live=3",
+            "sampling.nested.live = 3: unknown field `live`",
+        ),
+        ("seed=many", "seed = many: invalid type"),
+        ("seed", "such as sampling.nested.steps=32"),
+        ("seed.of=3", "`seed` is not a table"),
+    ] {
+        let (code, _, message) = printed(&format!("--set {change}"));
+        assert_eq!(code, Some(2), "{change}");
+        assert!(message.contains(words), "{change}: {message}");
+    }
+}
