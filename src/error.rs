@@ -397,7 +397,9 @@ impl Rejection {
             Self::UnresolvedOrbit => {
                 "its progenitor comes too close to the centre for the shortest steps allowed: increase `model.max_halvings`"
             }
-            Self::Uncovered => "change the parameters, or take coverage = \"penalty\"",
+            Self::Uncovered => {
+                "change the parameters, or take a `likelihood.coverage` with a penalty"
+            }
             Self::BadOrbit | Self::BadParticle | Self::BadLikelihood => "change the parameters",
         }
     }

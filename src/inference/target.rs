@@ -4,8 +4,9 @@ use super::settings::FitSettings;
 use crate::data::ObservedTrack;
 use crate::error::{Rejection, Result};
 use crate::likelihood::{DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
-use crate::params::{DIM, StreamParams, StreamPrior, symmetry};
+use crate::params::{DIM, FEATURES, StreamParams, StreamPrior, features, symmetry};
 use crate::potential::log10_m200;
+use crate::scalar::{gradient_of, lift};
 use crate::stream::Model;
 use oblate_samplers::limits::Memory;
 use oblate_samplers::{Outcome, Prior, Symmetry, Target};
@@ -139,6 +140,29 @@ impl Target for StreamTarget {
 
     fn gradient_cost(&self) -> Option<f64> {
         Some(GRADIENT_COST)
+    }
+
+    fn feature_count(&self) -> usize {
+        FEATURES
+    }
+
+    fn features(&self, _z: &[f64], theta: &[f64], all: &mut [f64]) {
+        all.copy_from_slice(&features(&self.params(theta), self.prior.q_range()));
+    }
+
+    fn features_vjp(&self, z: &[f64], theta: &[f64], features_bar: &[f64], z_bar: &mut [f64]) {
+        let params = lift(&self.params(theta).to_array());
+        let all = features(&StreamParams::from_array(params), self.prior.q_range());
+        let mut bar = [0.0; DIM];
+        for (feature, feature_bar) in all.iter().zip(features_bar) {
+            for (bar, by_param) in bar.iter_mut().zip(gradient_of(feature)) {
+                *bar += feature_bar * by_param;
+            }
+        }
+        for (slot, place) in z_bar.iter_mut().zip(self.prior.free()) {
+            *slot = bar[*place];
+        }
+        self.prior().gradient_to_z(z, z_bar);
     }
 
     fn symmetries(&self) -> &[Symmetry] {

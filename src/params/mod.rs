@@ -2,12 +2,14 @@
 //! [`StreamPrior`]), the flattening and axis that the shape vector encodes ([`Shape`]), and the symmetries of the
 //! posterior that samplers use ([`symmetry`]).
 
+mod features;
 mod layout;
 mod lines;
 mod prior;
 mod shape;
 pub mod symmetry;
 
+pub use features::{FEATURES, features};
 pub use layout::{DIM, NAMES, PARAMETERS, Parameter, StreamParams, index_of};
 pub use lines::ParameterLines;
 pub use prior::{PriorSettings, StreamPrior};

@@ -101,6 +101,8 @@ pub struct Evaluator<'a> {
     surrogate: Option<&'a Surrogate>,
     scratch: Scratch,
     theta: Vec<f64>,
+    features: Vec<f64>,
+    features_bar: Vec<f64>,
     /// Calls so far.
     pub calls: Calls,
 }
@@ -121,6 +123,8 @@ impl<'a> Evaluator<'a> {
             surrogate: None,
             scratch: Scratch::default(),
             theta: vec![0.0; target.dim()],
+            features: vec![0.0; target.feature_count()],
+            features_bar: vec![0.0; target.feature_count()],
             calls: Calls::default(),
         }
     }
@@ -178,28 +182,39 @@ impl<'a> Evaluator<'a> {
             .collect()
     }
 
+    /// The estimate of ln L at `z` by a surrogate.
+    pub fn surrogate_value(&mut self, z: &[f64], surrogate: &Surrogate) -> f64 {
+        self.target.prior().theta_from_z(z, &mut self.theta);
+        self.target.features(z, &self.theta, &mut self.features);
+        surrogate.ln_likelihood(&self.features, &mut self.scratch)
+    }
+
     /// ln L and residuals at rows of coordinates; those where it is rejected are left out.
     ///
     /// # Errors
     /// As [`value`](Self::value).
     pub fn examples(&mut self, rows: &[f64]) -> Result<Examples> {
         let (target, dim) = (self.target, self.target.dim());
+        let mut places = vec![0.0; rows.len() / dim * target.feature_count()];
         let evaluated: Vec<(Vec<f64>, Outcome, Vec<f64>)> = rows
             .par_chunks_exact(dim)
-            .map(|z| {
+            .zip(places.par_chunks_exact_mut(target.feature_count()))
+            .map(|(z, features)| {
                 let (mut theta, mut residuals) = (vec![0.0; dim], Vec::new());
                 target.prior().theta_from_z(z, &mut theta);
+                target.features(z, &theta, features);
                 let outcome = target.ln_likelihood_and_residuals(&theta, &mut residuals);
                 (theta, outcome, residuals)
             })
             .collect();
         let mut examples = Examples::default();
         self.calls.values += evaluated.len() as u64;
-        for ((theta, outcome, residuals), z) in evaluated.iter().zip(rows.chunks_exact(dim)) {
+        let places = places.chunks_exact(target.feature_count());
+        for ((theta, outcome, residuals), features) in evaluated.iter().zip(places) {
             self.calls.note(outcome);
             let ln_likelihood = outcome.ln_likelihood(theta)?;
             if ln_likelihood.is_finite() {
-                examples.push(z, ln_likelihood, residuals);
+                examples.push(features, ln_likelihood, residuals);
             }
         }
         Ok(examples)
@@ -212,13 +227,20 @@ impl<'a> Evaluator<'a> {
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn fill(&mut self, point: &mut Point) -> Result<()> {
         if let Some(surrogate) = self.surrogate {
-            let scratch = &mut self.scratch;
-            point.ln_likelihood =
-                surrogate.ln_likelihood_and_gradient(&point.z, &mut point.gradient, scratch);
+            let (target, z) = (self.target, &point.z);
+            target.prior().theta_from_z(z, &mut self.theta);
+            target.features(z, &self.theta, &mut self.features);
+            point.ln_likelihood = surrogate.ln_likelihood_and_gradient(
+                &self.features,
+                &mut self.features_bar,
+                &mut self.scratch,
+            );
+            target.features_vjp(z, &self.theta, &self.features_bar, &mut point.gradient);
             point.ln_over_prior = self
                 .reference
                 .ln_over_prior_and_gradient(&point.z, &mut point.ln_over_prior_gradient);
-            point.has_gradient = point.ln_likelihood.is_finite();
+            let finite = point.gradient.iter().all(|g| g.is_finite());
+            point.has_gradient = point.ln_likelihood.is_finite() && finite;
             return Ok(());
         }
         let prior = self.target.prior();

@@ -41,12 +41,13 @@ pub fn surrogate_move(
     }
     let after = end.ln_density(beta);
     let ln_likelihood = evaluator.value(&end.z)?;
-    let rise = ln_density(beta, &end.z, ln_likelihood, end.ln_over_prior) - at.ln_density(beta);
+    let ln_over_prior = evaluator.reference().ln_over_prior(&end.z);
+    let rise = ln_density(beta, &end.z, ln_likelihood, ln_over_prior) - at.ln_density(beta);
     let acceptance = (rise - (after - before)).exp().min(1.0);
     if uniform < acceptance {
         at.z = end.z;
         at.ln_likelihood = ln_likelihood;
-        at.ln_over_prior = end.ln_over_prior;
+        at.ln_over_prior = ln_over_prior;
         at.has_gradient = false;
     }
     Ok(acceptance)
@@ -88,7 +89,7 @@ mod tests {
                 &[],
             );
         }
-        Surrogate::fit(&examples, 2, None, &mut rng).unwrap()
+        Surrogate::fit(&examples, None, &mut rng).unwrap()
     }
 
     #[test]

@@ -8,7 +8,13 @@ use crate::valid::{Valid, countable, ensure, moderate};
 impl State {
     /// Checks all that the next scan, the next adaptation and the result rely on. `settings` are those of the run, which may allow
     /// other extensions than the state's own.
-    pub(in crate::pt) fn check(&self, settings: &Settings, seed: u64, dim: usize) -> Valid {
+    pub(in crate::pt) fn check(
+        &self,
+        settings: &Settings,
+        seed: u64,
+        dim: usize,
+        features: usize,
+    ) -> Valid {
         let own = Settings {
             extensions: settings.extensions,
             ..self.settings.clone()
@@ -30,8 +36,8 @@ impl State {
         ensure(countable([self.clock]), "a count is too large")?;
         self.cost.check()?;
         self.references.iter().try_for_each(|r| r.check(dim))?;
-        self.surrogate.iter().try_for_each(|s| s.check(dim))?;
-        self.examples.check(dim)?;
+        self.surrogate.iter().try_for_each(|s| s.check(features))?;
+        self.examples.check(features)?;
         let [first, second] = self.references.each_ref().map(Reference::is_prior);
         ensure(
             first == second,
@@ -158,29 +164,36 @@ mod tests {
         }
     }
 
-    /// What is wrong with a state that so many scans and MCMC steps have advanced, and that something was then done to.
-    fn fault(steps: usize, damage: impl Fn(&mut State)) -> Option<&'static str> {
+    /// The state after so many scans and MCMC steps, sound at each.
+    fn state_after(steps: usize) -> State {
         let unit = Marginal::Uniform { lo: 0.0, hi: 1.0 };
         let target = Bell(Prior::new(["x", "y"].map(|name| (name, "", unit))).unwrap());
         let settings = settings();
         let mut state = State::start(&target, &settings, 1).unwrap();
         for step in 0..steps {
-            assert_eq!(state.check(&settings, 1, 2), Ok(()), "{step}");
+            assert_eq!(state.check(&settings, 1, 2, 2), Ok(()), "{step}");
             if state.finished() {
                 state.go_on(&target, false).unwrap();
             }
             state.advance(&target).unwrap();
         }
+        state
+    }
+
+    /// What is wrong with a state that something was done to.
+    fn fault(state: &State, damage: impl Fn(&mut State)) -> Option<&'static str> {
+        let mut state = state.clone();
         damage(&mut state);
-        state.check(&settings, 1, 2).err()
+        state.check(&settings(), 1, 2, 2).err()
     }
 
     #[test]
     fn a_state_of_a_run_is_sound_and_a_forged_one_is_refused() {
         // Two rounds of 4 and 8 scans after the SMC samplers, the last of 16, and one extension of it.
-        let (early, late) = (2, 50);
-        assert_eq!(fault(late, |s| assert!(s.extensions > 0)), None);
-        let damages: [(usize, Damage<'_>, &str); 15] = [
+        let (early, late) = (&state_after(2), &state_after(50));
+        assert!(late.extensions > 0);
+        assert_eq!(fault(late, |_| ()), None);
+        let damages: [(&State, Damage<'_>, &str); 15] = [
             (
                 early,
                 &|s| s.settings.hmc_transitions += 1,
@@ -221,8 +234,8 @@ mod tests {
             ),
             (late, &|s| s.training[0].push(0.0), "fitted to"),
         ];
-        for (steps, damage, expected) in damages {
-            let found = fault(steps, damage);
+        for (state, damage, expected) in damages {
+            let found = fault(state, damage);
             assert!(
                 found.is_some_and(|f| f.contains(expected)),
                 "{expected}: {found:?}"

@@ -223,7 +223,7 @@ fn moves(run: &CheckInputs<'_>) -> Vec<Check> {
         "rejected-transitions",
         worst_fraction(|local| local.rejected),
         0.2,
-        "fraction of HMC transitions that met a rejected point, at the worst temperature; if too large, replace rejection by a smooth penalty (of a stream: `coverage = \"penalty\"`)",
+        "fraction of HMC transitions that met a rejected point, at the worst temperature; if too large, replace rejection by a smooth penalty",
     );
     if run.slices {
         return vec![rejected];

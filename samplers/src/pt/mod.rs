@@ -98,7 +98,7 @@ pub fn run(
     let saved = checkpointer.load(
         control,
         |state: &State| &state.cost,
-        |state| state.check(settings, seed, target.dim()),
+        |state| state.check(settings, seed, target.dim(), target.feature_count()),
     )?;
     let mut state = match saved {
         Some(state) => state.resumed(settings.extensions),

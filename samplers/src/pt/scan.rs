@@ -10,15 +10,11 @@ use crate::error::{Error, Result};
 use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, StepSize};
 use crate::output::{Calls, Cost};
 use crate::rng::{Domain, RandomStream, stream, unit_open};
-use crate::surrogate::Examples;
 use crate::target::Target;
 use rayon::prelude::*;
 
 /// Maximum number of draws of the prior in search of one with a likelihood.
 const START_TRIES: usize = 100_000;
-
-/// Extensions of the last round before which the surrogate is fitted anew.
-const FITTED_EXTENSIONS: usize = 4;
 
 /// Maximum number of leapfrog steps of a transition in an early round.
 const EARLY_LEAPFROGS: usize = 32;
@@ -152,14 +148,9 @@ impl State {
     }
 
     /// Extends the last round: with the same settings on a path from the prior, with settings fitted anew on a path from
-    /// a mixture, and along a surrogate that is fitted anew before the first [`FITTED_EXTENSIONS`]. `passed` says whether all checks of
-    /// the draws so far have passed. On an error nothing has changed.
+    /// a mixture, and along a surrogate that is fitted anew. `passed` says whether all checks of the draws so far have passed. On an error nothing has changed.
     pub(super) fn go_on(&mut self, target: &dyn Target, passed: bool) -> Result<()> {
-        if self.extensions < FITTED_EXTENSIONS {
-            self.next_surrogate(target, self.visited_states())?;
-        } else {
-            self.examples = Examples::default();
-        }
+        self.next_surrogate(target, self.visited_states())?;
         self.passed_before = self.looks_passed(passed) > 0;
         self.extensions += 1;
         if self.mixture_next() {
@@ -281,7 +272,11 @@ impl State {
             )?;
             let plan = self.plan(temperature);
             if let Some(surrogate) = &self.surrogate {
-                let own = Evaluator::from_reference(target, self.reference(chain));
+                // At beta = 1 the reference has no weight, and costs more than the surrogate.
+                let own = match cold {
+                    true => Evaluator::new(target),
+                    false => Evaluator::from_reference(target, self.reference(chain)),
+                };
                 let own = own.with_surrogate(surrogate);
                 let mut along = LocalSampler::of(own, temperature.beta, metric);
                 local.surrogate_acceptance += hmc::surrogate_move(
@@ -289,7 +284,7 @@ impl State {
                     &mut along,
                     temperature.beta,
                     &plan,
-                    self.settings.hmc_transitions,
+                    self.transitions(temperature.beta),
                     &mut point,
                     &mut rng,
                     |moved| local.note(moved),
@@ -310,6 +305,19 @@ impl State {
             calls: local_sampler.evaluator.calls,
             trail,
         })
+    }
+
+    /// HMC transitions of a surrogate move: fewer where the reference has most of the weight, which costs more than the surrogate, and
+    /// from which states are drawn anew.
+    fn transitions(&self, beta: f64) -> usize {
+        let most = self.settings.hmc_transitions as f64;
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a few"
+        )]
+        let transitions = (most * beta.sqrt()).ceil() as usize;
+        transitions.max(1)
     }
 
     pub(super) fn plan(&self, temperature: &Temperature) -> Plan {

@@ -113,7 +113,7 @@ impl Default for Settings {
 
 impl Settings {
     /// Maximum number of examples that a surrogate is fitted to, in units of `surrogate_points`.
-    pub(super) const EXAMPLES_KEPT: usize = 4;
+    pub(super) const EXAMPLES_KEPT: usize = 6;
 
     /// Maximum number of extensions of the last round: they are then 8,000 times as long as the round.
     pub(super) const MAX_EXTENSIONS: usize = 24;

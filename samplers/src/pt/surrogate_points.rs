@@ -8,7 +8,7 @@ use crate::diagnostics::column_moments;
 use crate::error::Result;
 use crate::hmc::{Evaluator, LocalSampler, Metric, Plan, Point};
 use crate::rng::{Domain, RandomStream, below, standard_normal, stream, unit_open};
-use crate::surrogate::{DEPTH, Scratch, Surrogate};
+use crate::surrogate::{DEPTH, Surrogate};
 use crate::target::Target;
 use rayon::prelude::*;
 
@@ -17,9 +17,6 @@ const LENGTHS: [f64; 2] = [-1.5, 0.1];
 
 /// Range of the decimal logarithm of the step of trajectories along the surrogate, in metric units.
 const STEPS: [f64; 2] = [-2.0, -0.7];
-
-/// Times that points along the surrogate are added to the examples, and the surrogate is fitted again.
-const CORRECTIONS: u64 = 1;
 
 /// Error of the surrogate, in units of ln L, that is added to that of each state: no state is left out.
 const LEAST_ERROR: f64 = 0.2;
@@ -56,10 +53,9 @@ impl States {
         if self.ln_likelihood.is_empty() {
             self.ln_likelihood = evaluator.values(&places)?;
         }
-        let mut scratch = Scratch::default();
         let mut sum = 0.0;
         let weighed = places.iter().zip(&self.ln_likelihood).map(|(z, value)| {
-            let error = self.beta * (value - surrogate.ln_likelihood(z, &mut scratch)).abs();
+            let error = self.beta * (value - evaluator.surrogate_value(z, surrogate)).abs();
             // A state without a likelihood has an infinite error.
             sum += LEAST_ERROR + error.min(MOST_ERROR);
             sum
@@ -107,7 +103,8 @@ impl State {
         let mut examples = self.examples.clone();
         let mut surrogate = self.surrogate.clone();
         let mut evaluator = Evaluator::new(target);
-        for turn in 0..=CORRECTIONS {
+        // A first surrogate is fitted to points near states alone, and then at once again.
+        for turn in 0.. {
             let rng = |part: u64| {
                 let part = 4 * turn + part;
                 stream(self.seed, Domain::PtSurrogate, self.clock, part)
@@ -117,8 +114,9 @@ impl State {
                     states.weigh(&mut evaluator, surrogate)?;
                 }
             }
-            let points = match &surrogate {
-                Some(surrogate) if turn > 0 => {
+            let mut points = points_near(&states, dim, count / 2, &mut rng(0));
+            if let Some(surrogate) = &surrogate {
+                points.extend(
                     self.points_along(target, surrogate, &states, count / 2, |i| {
                         stream(
                             self.seed,
@@ -126,14 +124,17 @@ impl State {
                             (turn + 1) << 40 | i,
                             self.clock,
                         )
-                    })?
-                }
-                _ => points_near(&states, dim, count / 2, &mut rng(0)),
-            };
+                    })?,
+                );
+            }
             examples.append(evaluator.examples(&points)?);
             examples.keep_last(Settings::EXAMPLES_KEPT * count);
-            let fitted = Surrogate::fit(&examples, dim, surrogate.as_ref(), &mut rng(1));
+            let fitted = Surrogate::fit(&examples, surrogate.as_ref(), &mut rng(1));
+            let first = surrogate.is_none();
             surrogate = fitted.or(surrogate);
+            if !first || surrogate.is_none() {
+                break;
+            }
         }
         self.examples = examples;
         self.surrogate = surrogate;

@@ -5,6 +5,7 @@ use crate::valid::{Valid, ensure};
 use multiversion::multiversion;
 use nalgebra::{DMatrixView, DMatrixViewMut};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Hidden layers, and the units of each.
 const HIDDEN: usize = 3;
@@ -71,6 +72,13 @@ struct Layer {
     width: usize,
 }
 
+/// A matrix of weights: where it is among the parameters, column by column.
+pub(super) struct Weights {
+    pub range: Range<usize>,
+    pub rows: usize,
+    pub columns: usize,
+}
+
 impl Layer {
     fn biases(self) -> usize {
         self.first + self.inputs * self.width
@@ -135,6 +143,20 @@ impl Network {
     /// Weights and biases, to be changed.
     pub fn parameters_mut(&mut self) -> &mut [f32] {
         &mut self.parameters
+    }
+
+    /// Where the weights and the biases of each layer are among the parameters.
+    pub fn weights_and_biases(&self) -> Vec<(Weights, Range<usize>)> {
+        let places = (0..LAYERS).map(|number| {
+            let layer = self.layer(number);
+            let weights = Weights {
+                range: layer.first..layer.biases(),
+                rows: layer.width,
+                columns: layer.inputs,
+            };
+            (weights, layer.biases()..layer.end())
+        });
+        places.collect()
     }
 
     fn layer(&self, number: usize) -> Layer {

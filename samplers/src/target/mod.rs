@@ -107,6 +107,24 @@ pub trait Target: Sync {
         self.ln_likelihood(theta)
     }
 
+    /// Number of [`features`](Self::features).
+    fn feature_count(&self) -> usize {
+        self.dim()
+    }
+
+    /// Numbers of which ln L and its residuals are functions, as smooth and as few as the target knows, at `theta` with its
+    /// standard-normal coordinates `z`: a surrogate of ln L learns from them. By default the coordinates themselves.
+    fn features(&self, z: &[f64], theta: &[f64], features: &mut [f64]) {
+        let _ = theta;
+        features.copy_from_slice(z);
+    }
+
+    /// From the derivatives of a result by the features those by `z`.
+    fn features_vjp(&self, z: &[f64], theta: &[f64], features_bar: &[f64], z_bar: &mut [f64]) {
+        let _ = (z, theta);
+        z_bar.copy_from_slice(features_bar);
+    }
+
     /// Symmetry moves, exact or approximate.
     fn symmetries(&self) -> &[Symmetry] {
         &[]

@@ -1,5 +1,6 @@
 //! The thirteen parameters: their table, their prior, the halo's shape, and the symmetries of the prior.
 
+mod features;
 mod layout;
 mod lines;
 mod prior;
