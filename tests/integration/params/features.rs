@@ -55,7 +55,7 @@ fn opposite_axes_are_the_same_halo() {
     params.dir_z = -params.dir_z;
     let opposite = features(&params, prior.q_range());
     assert!(largest_difference(&one, &turned) > 1e-3);
-    assert_eq!(one, opposite);
+    assert!(largest_difference(&one, &opposite) <= 0.0);
 }
 
 #[test]
