@@ -4,15 +4,17 @@ use super::beta::{Beta, BetaPriors};
 use super::density::PopulationDensity;
 use super::family::Family;
 use super::histogram::{Histogram, HistogramPriors};
+use super::leave_one_out::leave_one_out;
 use super::mixture::{Mixture, MixturePriors};
 use super::q_posterior::QPosterior;
-use super::reweighting::Population;
+use super::reweighting::streams_given_population;
 use super::target::{PopulationSettings, PopulationTarget};
 use super::truncated_gaussian::{TruncatedGaussian, TruncatedGaussianSettings};
 use super::uniform::{Uniform, UniformPriors};
 use crate::error::{Error, Result};
-use oblate_samplers::Marginal;
+use crate::posterior::{StreamInPopulation, WithoutStream};
 use oblate_samplers::output::Draws;
+use oblate_samplers::{Marginal, Target};
 use serde::{Deserialize, Serialize};
 
 /// Which family.
@@ -111,6 +113,25 @@ impl Default for FamilySettings {
             beta: BetaPriors::default(),
             histogram: HistogramPriors::default(),
         }
+    }
+}
+
+/// The posterior of a population's hyperparameters, of whichever family. What it says about the streams is taken from draws of it.
+pub trait Population: Target {
+    /// Every stream along the posterior, in the streams' order.
+    fn streams_given_population(&self, draws: &Draws) -> Vec<StreamInPopulation>;
+
+    /// The posterior without each stream, in the streams' order.
+    fn leave_one_out(&self, draws: &Draws) -> Vec<WithoutStream>;
+}
+
+impl<F: Family<N>, const N: usize> Population for PopulationTarget<F, N> {
+    fn streams_given_population(&self, draws: &Draws) -> Vec<StreamInPopulation> {
+        streams_given_population(self, draws)
+    }
+
+    fn leave_one_out(&self, draws: &Draws) -> Vec<WithoutStream> {
+        leave_one_out(self, draws)
     }
 }
 

@@ -5,6 +5,7 @@ use super::q_posterior::QPosterior;
 use crate::error::{Error, PosteriorFault, Result};
 use crate::scalar::{Dual, Real, gradient_of, lift};
 use oblate_samplers::limits::{Memory, in_range};
+use oblate_samplers::output::Draws;
 use oblate_samplers::{Cause, Outcome, Prior, Target};
 use serde::{Deserialize, Serialize};
 
@@ -162,6 +163,15 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
         sum
     }
 
+    /// `ln` of each factor of the product, in the streams' order.
+    pub(super) fn ln_likelihoods(&self, alpha: [f64; N]) -> Vec<f64> {
+        let ln_pdf = self.family.ln_pdf(alpha);
+        self.streams
+            .iter()
+            .map(|stream| ln_sum_exp(stream, &ln_pdf, &ln_pdf))
+            .collect()
+    }
+
     /// Effective number of draws that carry each stream's sum at `alpha`: `(sum x)^2 / sum x^2` over its terms. With
     /// few draws the sum is dominated by noise, and a narrow population gets too large a likelihood; then fits with
     /// more draws are needed, or narrow populations cannot be trusted.
@@ -215,6 +225,15 @@ fn ln_sum_exp<S: Real>(
         }
     }
     sum.ln() + top
+}
+
+/// The hyperparameters of `count` equal-weight draws.
+pub(super) fn equal_weight_members<const N: usize>(draws: &Draws, count: usize) -> Vec<[f64; N]> {
+    draws
+        .resample(count, 0.5)
+        .into_iter()
+        .filter_map(|row| <[f64; N]>::try_from(draws.theta_row(row)).ok())
+        .collect()
 }
 
 fn outcome(ln_product: f64) -> Outcome {

@@ -99,7 +99,10 @@ pub fn population(
     let sampling = sampling(config, target.prior().dim());
     monitor.tell_memory(&config.reweighting.memory(streams.len()));
     let context = |run: &Run, command: &str, input_hash: &str| {
-        let streams = target.streams_given_population(&run.draws);
+        let mut streams = target.streams_given_population(&run.draws);
+        for (stream, without) in streams.iter_mut().zip(target.leave_one_out(&run.draws)) {
+            stream.without = Some(without);
+        }
         SummaryContext {
             assumptions: Vec::new(),
             marginal_information: Vec::new(),

@@ -1,5 +1,7 @@
 //! The hierarchy against exact answers: densities to all digits, posteriors by quadrature, both samplers.
 
+mod leave_one_out;
+
 use crate::golden::{cases, json, number};
 use oblate::Error;
 use oblate::params::QPrior;
