@@ -6,13 +6,14 @@ use super::family::Family;
 use super::histogram::{Histogram, HistogramPriors};
 use super::leave_one_out::leave_one_out;
 use super::mixture::{Mixture, MixturePriors};
+use super::predictive::predictive;
 use super::q_posterior::QPosterior;
 use super::reweighting::streams_given_population;
 use super::target::{PopulationSettings, PopulationTarget};
 use super::truncated_gaussian::{TruncatedGaussian, TruncatedGaussianSettings};
 use super::uniform::{Uniform, UniformPriors};
 use crate::error::{Error, Result};
-use crate::posterior::{StreamInPopulation, WithoutStream};
+use crate::posterior::{PredictiveQuantity, StreamInPopulation, WithoutStream};
 use oblate_samplers::output::Draws;
 use oblate_samplers::{Marginal, Target};
 use serde::{Deserialize, Serialize};
@@ -123,6 +124,9 @@ pub trait Population: Target {
 
     /// The posterior without each stream, in the streams' order.
     fn leave_one_out(&self, draws: &Draws) -> Vec<WithoutStream>;
+
+    /// The posterior predictive check of the streams' q, with random numbers of `seed`.
+    fn predictive(&self, draws: &Draws, seed: u64) -> Vec<PredictiveQuantity>;
 }
 
 impl<F: Family<N>, const N: usize> Population for PopulationTarget<F, N> {
@@ -132,6 +136,10 @@ impl<F: Family<N>, const N: usize> Population for PopulationTarget<F, N> {
 
     fn leave_one_out(&self, draws: &Draws) -> Vec<WithoutStream> {
         leave_one_out(self, draws)
+    }
+
+    fn predictive(&self, draws: &Draws, seed: u64) -> Vec<PredictiveQuantity> {
+        predictive(self, draws, seed)
     }
 }
 

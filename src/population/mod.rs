@@ -14,6 +14,7 @@
 //! influence.
 
 mod beta;
+mod cells;
 mod density;
 mod families;
 mod family;
@@ -21,6 +22,7 @@ mod histogram;
 mod hyperprior;
 mod leave_one_out;
 mod mixture;
+mod predictive;
 mod q_posterior;
 mod reweighting;
 mod target;
@@ -33,6 +35,7 @@ pub use families::{FamilyName, FamilySettings, Population};
 pub use family::Family;
 pub use histogram::{CELLS, Histogram, HistogramPriors};
 pub use mixture::{Mixture, MixturePriors};
+pub use predictive::predictive_check;
 pub use q_posterior::QPosterior;
 pub use reweighting::checks;
 pub use target::{PopulationSettings, PopulationTarget};

@@ -83,6 +83,20 @@ impl WithoutStream {
     }
 }
 
+/// A quantity of the set of all streams' q, in the streams and in populations that the posterior predicts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PredictiveQuantity {
+    /// Its name.
+    pub name: String,
+    /// Of the streams' q given the population.
+    pub streams: Interval,
+    /// Of as many q drawn from the population.
+    pub population: Interval,
+    /// Twice the probability that a population's is beyond the streams', at most 1.
+    #[serde(with = "json::number")]
+    pub p_value: f64,
+}
+
 /// The streams of a population, and their information about its hyperparameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PopulationSummary {
@@ -91,6 +105,9 @@ pub struct PopulationSummary {
     /// Information that the streams give about each hyperparameter, in the run's order; see [`marginal_information`](super::marginal_information).
     #[serde(with = "json::ordered")]
     pub information: Vec<(String, f64)>,
+    /// The posterior predictive check; empty in runs of earlier versions.
+    #[serde(default)]
+    pub predictive: Vec<PredictiveQuantity>,
 }
 
 impl PopulationSummary {

@@ -86,6 +86,7 @@ pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
         modes(&mut out, run.summary);
         streams(&mut out, run.summary);
         influence(&mut out, run.summary);
+        predictive(&mut out, run.summary);
         checks(&mut out, run.summary);
         again(&mut out, run);
     }
@@ -368,6 +369,33 @@ fn influence(out: &mut String, s: &Summary) {
         );
     }
     put!(out, "</tbody></table>");
+}
+
+/// The posterior predictive check of a population.
+fn predictive(out: &mut String, s: &Summary) {
+    let quantities = s.population.iter().flat_map(|p| &p.predictive);
+    let rows: String = quantities
+        .map(|quantity| {
+            let cells = [&quantity.streams, &quantity.population].map(|i| {
+                let [median, lo, hi] = [i.median, i.lo95, i.hi95].map(number);
+                format!("<td>{median}</td><td>[{lo}, {hi}]</td>")
+            });
+            format!(
+                "<tr><td>{} of q</td>{}<td>{}</td></tr>",
+                escape(&quantity.name),
+                cells.concat(),
+                number(quantity.p_value)
+            )
+        })
+        .collect();
+    if rows.is_empty() {
+        return;
+    }
+    put!(
+        out,
+        "<table><thead><tr><th>predictive check</th><th>streams</th><th>95 %</th><th>population</th><th>95 %</th><th>p-value</th></tr></thead>\
+         <tbody>{rows}</tbody></table>"
+    );
 }
 
 fn checks(out: &mut String, s: &Summary) {

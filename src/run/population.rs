@@ -8,7 +8,7 @@ use super::session::{Destination, RunSession};
 use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
 use crate::inference::{Fit, SamplerSettings, sample};
-use crate::population::{QPosterior, checks};
+use crate::population::{QPosterior, checks, predictive_check};
 use crate::posterior::{PopulationSummary, Summary, SummaryContext, marginal_information};
 use oblate_samplers::Run;
 use oblate_samplers::files::write_atomically;
@@ -103,10 +103,13 @@ pub fn population(
         for (stream, without) in streams.iter_mut().zip(target.leave_one_out(&run.draws)) {
             stream.without = Some(without);
         }
+        let predictive = target.predictive(&run.draws, config.seed);
+        let mut model_checks = checks(&streams);
+        model_checks.push(predictive_check(&predictive));
         SummaryContext {
             assumptions: Vec::new(),
             marginal_information: Vec::new(),
-            model_checks: checks(&streams),
+            model_checks,
             command: command.to_owned(),
             q_prior: None,
             warnings,
@@ -115,6 +118,7 @@ pub fn population(
             population: Some(PopulationSummary {
                 streams,
                 information: marginal_information(run, target.prior()),
+                predictive,
             }),
         }
     };

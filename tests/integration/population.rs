@@ -1,6 +1,7 @@
 //! The hierarchy against exact answers: densities to all digits, posteriors by quadrature, both samplers.
 
 mod leave_one_out;
+mod predictive;
 
 use crate::golden::{cases, json, number};
 use oblate::Error;
@@ -568,6 +569,7 @@ fn a_posterior_that_is_its_prior_is_named() {
     let population = PopulationSummary {
         streams: Vec::new(),
         information: marginal_information(&run, &prior),
+        ..PopulationSummary::default()
     };
     assert_eq!(equal_to_prior(&population.information), ["filled"]);
     // Uniform on 40 % of the prior: ln 2.5 nats, less the bias of 19 / 4000.

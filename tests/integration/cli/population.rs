@@ -63,13 +63,18 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
         let summary = &row["summary"];
         let population = &summary["population"];
         assert_eq!(population["streams"].as_array().expect("streams").len(), 3);
-        for check in summary["model_checks"].as_array().expect("checks") {
-            assert!(
-                check["message"]
-                    .as_str()
-                    .expect("words")
-                    .contains("mock_3_")
-            );
+        let checks = summary["model_checks"].as_array().expect("checks");
+        assert_eq!(checks.len(), 3);
+        for check in &checks[..2] {
+            let message = check["message"].as_str().expect("words");
+            assert!(message.contains("mock_3_"), "{message}");
+        }
+        assert_eq!(checks[2]["name"], "predictive-p-value");
+        assert_eq!(population["predictive"].as_array().expect("rows").len(), 4);
+        for stream in population["streams"].as_array().expect("streams") {
+            let without = &stream["without"];
+            assert_eq!(without["parameters"].as_object().expect("rows").len(), 2);
+            assert!(without["ln_predictive_density"].is_number());
         }
         let run = Path::new(row["folder"].as_str().expect("a folder"));
         let table = std::fs::read_to_string(run.join("density.csv")).expect("a table");
