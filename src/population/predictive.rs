@@ -2,6 +2,7 @@
 
 use super::cells::Cells;
 use super::family::Family;
+use super::kept_cells::KeptCells;
 use super::target::{PopulationTarget, equal_weight_members};
 use crate::posterior::{Interval, PredictiveQuantity};
 use oblate_samplers::output::{Check, Draws};
@@ -94,7 +95,7 @@ fn q_of_streams<F: Family<N>, const N: usize>(
     streams.iter().map(|stream| draw(stream, rng)).collect()
 }
 
-/// As many q as streams, drawn from a member of the family.
+/// As many q as streams, drawn from a member of the family as far as it is kept.
 fn replicated<F: Family<N>, const N: usize>(
     target: &PopulationTarget<F, N>,
     cells: &Cells,
@@ -102,9 +103,11 @@ fn replicated<F: Family<N>, const N: usize>(
     rng: &mut RandomStream,
 ) -> Vec<f64> {
     let ln_pdf = target.family().ln_pdf(member);
+    let selection = target.kept_cells().map(KeptCells::selection);
+    let ln_kept = |q: f64| selection.map_or(0.0, |selection| selection.at(q).ln());
     let terms: Vec<f64> = cells
         .iter()
-        .map(|(q, ln_width)| ln_pdf(q) + ln_width)
+        .map(|(q, ln_width)| ln_pdf(q) + ln_width + ln_kept(q))
         .collect();
     let cumulative = cumulative(&terms);
     (0..target.streams())

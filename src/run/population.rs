@@ -8,7 +8,7 @@ use super::session::{Destination, RunSession};
 use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
 use crate::inference::{Fit, SamplerSettings, sample};
-use crate::population::{QPosterior, checks, predictive_check};
+use crate::population::{QPosterior, checks, predictive_check, selection_check};
 use crate::posterior::{PopulationSummary, Summary, SummaryContext, marginal_information};
 use oblate_samplers::Run;
 use oblate_samplers::files::write_atomically;
@@ -77,7 +77,9 @@ pub fn population(
         ));
     }
     let streams: Vec<QPosterior> = stored.iter().map(q_posterior).collect::<Result<_>>()?;
-    let target = config.family.target(&streams, config.reweighting)?;
+    let target = config
+        .family
+        .target(&streams, config.reweighting, config.selection.as_ref())?;
     let config_toml = to_toml(config)?;
     let hashes: Vec<String> = stored
         .iter()
@@ -106,6 +108,7 @@ pub fn population(
         let predictive = target.predictive(&run.draws, config.seed);
         let mut model_checks = checks(&streams);
         model_checks.push(predictive_check(&predictive));
+        model_checks.extend(target.selection_variance(&run.draws).map(selection_check));
         SummaryContext {
             assumptions: Vec::new(),
             marginal_information: Vec::new(),

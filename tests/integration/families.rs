@@ -236,7 +236,7 @@ fn population(family: FamilyName, streams: &[QPosterior]) -> Box<dyn Population>
         ..FamilySettings::default()
     };
     settings
-        .target(streams, PopulationSettings::default())
+        .target(streams, PopulationSettings::default(), None)
         .unwrap()
 }
 

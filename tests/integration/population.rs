@@ -2,6 +2,7 @@
 
 mod leave_one_out;
 mod predictive;
+mod selection;
 
 use crate::golden::{cases, json, number};
 use oblate::Error;

@@ -107,6 +107,41 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     let output = population(&fits, &[&several[..], &["--force"]].concat());
     assert_eq!(output.status.code(), Some(0), "{output:?}");
 
+    // With a selection, which the mocks' maker writes.
+    let selection = path("selection.toml");
+    let make = |more: &[&str]| {
+        let few = [
+            "selection",
+            "--draws",
+            "40",
+            "--points",
+            "3",
+            "--particles",
+            "600",
+        ];
+        oblate(&[&few[..], &["--out", &selection, "-q"], more].concat(), "")
+    };
+    let output = make(&["--set", "min_angle_deg=60.0", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let made = json(&output.stdout);
+    assert_eq!(made["selection"]["q"].as_array().expect("values").len(), 3);
+    assert_eq!(made["settings"]["min_angle_deg"], 60.0);
+    refused(&make(&[]), &["selection.toml"]);
+    let selected = path("selected");
+    let with = [
+        "--config",
+        selection.as_str(),
+        "--out",
+        selected.as_str(),
+        "--json",
+    ];
+    let output = population(&fits, &with);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let checks = json(&output.stdout)["model_checks"].clone();
+    assert_eq!(checks[3]["name"], "selection-variance");
+    let config = std::fs::read_to_string(Path::new(&selected).join("config.toml"));
+    assert!(config.expect("settings").contains("[selection]"));
+
     // Refusals, each before anything is written.
     let nowhere = path("nowhere");
     let at = ["--out", nowhere.as_str()];
