@@ -178,6 +178,29 @@ fn a_population_of_selected_streams_is_biased_and_the_correction_removes_it() {
 }
 
 #[test]
+fn what_is_said_about_the_streams_takes_the_selection_into_account() {
+    let alpha = [0.9, 0.2];
+    let member = super::one_member(alpha);
+    // With one member the factors of the likelihood are what it predicts for each stream.
+    let streams = synthetic(100);
+    let target = with_selection(&streams, &linear());
+    let without = target.leave_one_out(&member);
+    let sum: f64 = without.iter().map(|w| w.ln_predictive_density).sum();
+    assert!((sum - target.ln_product(alpha)).abs() < 1e-9, "{sum}");
+    // Replicated streams are those that are kept: the quantiles of density times fraction.
+    let one = with_selection(&streams[..1], &linear());
+    let replicated = one.predictive(&member, 3)[0].population.clone();
+    let mass = |end: f64| -> f64 {
+        let rows = (0..10_000).map(|i| 0.5 + (f64::from(i) + 0.5) / 10_000.0);
+        let kept = |q: f64| (-0.5 * ((q - alpha[0]) / alpha[1]).powi(2)).exp() * linear().at(q);
+        rows.filter(|q| *q < end).map(kept).sum()
+    };
+    let below = mass(replicated.median) / mass(1.5);
+    // Four standard errors of 2000 draws; without the selection it is 0.33.
+    assert!((below - 0.5).abs() < 0.045, "{below}");
+}
+
+#[test]
 fn errors_of_the_selection_are_checked() {
     let streams = synthetic(100);
     let draws = super::leave_one_out::on_a_grid(&streams);
