@@ -33,12 +33,19 @@ pub(super) fn check(config: &PopulationConfig) -> Result<()> {
     config.sampling.check(config.family.dim()?)
 }
 
+/// Largest number of hyperparameters for which the kernel `auto` draws from ellipsoids. Those around the live points of a mixture of five may be a
+/// thousand times larger than the prior, so that a draw is hardly ever accepted.
+const MAX_UNIFORM: usize = 2;
+
 /// The settings of the samplers for `dim` hyperparameters. The posterior of a flexible family is hardly narrower than its prior, so that a nested run
 /// has too few iterations in which to raise its steps by itself; where a kernel has steps and the user has not chosen their number, they are three
 /// per hyperparameter from the beginning.
 fn sampling(config: &PopulationConfig, dim: usize) -> SamplerSettings {
     let mut sampling = config.sampling.clone();
     let nested = &mut sampling.nested;
+    if nested.kernel == Kernel::Auto && dim > MAX_UNIFORM {
+        nested.kernel = Kernel::Differential;
+    }
     if nested.kernel.resolve(dim) != Kernel::Uniform {
         nested.steps = nested.steps.or(Some(STEPS_PER_HYPERPARAMETER * dim));
     }

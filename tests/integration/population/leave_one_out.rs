@@ -113,3 +113,14 @@ fn the_stream_that_differs_is_the_most_influential_and_said_to_be_unreliable() {
     summary.streams.truncate(1);
     assert_eq!(summary.influence(), None);
 }
+
+#[test]
+fn a_summary_of_before_is_read() {
+    let interval = r#"{"median":1,"lo68":1,"hi68":1,"lo95":1,"hi95":1,"unit":""}"#;
+    let text = format!(
+        r#"{{"streams":[{{"name":"a","q":{interval},"q_given_population":{interval},"effective_draws":9,"pareto_k":"-inf","ln_likelihood_variance":0.1}}],"information":{{}}}}"#
+    );
+    let summary: PopulationSummary = serde_json::from_str(&text).unwrap();
+    assert_eq!(summary.streams[0].without, None);
+    assert!(summary.predictive.is_empty() && summary.influence().is_none());
+}
