@@ -1,6 +1,6 @@
 //! Settings files: reading and writing them, and the settings of populations and studies.
 
-use crate::data::{AssumedError, MockSettings, NUMBERS_OF_MOCKS};
+use crate::data::{AssumedError, MockSettings, NUMBERS_OF_MOCKS, Selection};
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, Sampler, SamplerSettings, over_defaults};
 use crate::population::{FamilyName, FamilySettings, PopulationSettings};
@@ -28,6 +28,9 @@ pub struct PopulationConfig {
     pub family: FamilySettings,
     /// The reweighting of the streams' posteriors.
     pub reweighting: PopulationSettings,
+    /// Which fraction of streams is kept at each q; none: all, or the same at each.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub selection: Option<Selection>,
     /// The samplers.
     #[serde(deserialize_with = "sampling_of_populations")]
     pub sampling: SamplerSettings,
@@ -39,6 +42,7 @@ impl Default for PopulationConfig {
             seed: 1,
             family: FamilySettings::default(),
             reweighting: PopulationSettings::default(),
+            selection: None,
             sampling: SamplerSettings::for_populations(),
         }
     }
@@ -53,6 +57,9 @@ impl PopulationConfig {
         in_range("seed", self.seed, 0..=MAX_SEED)?;
         self.family.check()?;
         self.reweighting.check()?;
+        if let Some(selection) = &self.selection {
+            selection.check()?;
+        }
         self.sampling.check_ranges()
     }
 }

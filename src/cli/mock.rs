@@ -56,12 +56,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
         population: args.population,
         ..MockSettings::default()
     };
-    if let Some(profile) = args.model.profile() {
-        let seed = settings.model.releases.seed;
-        settings.model = profile.model();
-        settings.model.releases.seed = seed;
-    }
-    args.model.apply(&mut settings.model);
+    args.model.apply_to_mocks(&mut settings.model);
     if let Some(noise) = args.noise {
         settings.noise = noise;
     }

@@ -20,6 +20,7 @@ mod output;
 mod population;
 mod progress;
 mod report;
+mod selection;
 mod set;
 mod stream;
 mod study;
@@ -50,6 +51,8 @@ struct Cli {
 enum Verb {
     /// Draws mock streams from the prior or a population of q, and keeps those that meet the criteria of Chemaly et al. 2026
     Mock(mock::Args),
+    /// Estimates which fraction of streams meets the same criteria at each q, for the population of streams that do
+    Selection(selection::Args),
     /// Computes one stream from parameters: its track, and diagnostics of the model
     Stream(stream::Args),
     /// Evaluates ln L (and its gradient) for parameters given as JSON lines on standard input
@@ -121,6 +124,7 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
     let line = CommandLine::of(args);
     cli.common.in_pool(|| match &cli.verb {
         Verb::Mock(a) => mock::run(a, &cli.common, out),
+        Verb::Selection(a) => selection::run(a, &cli.common, out),
         Verb::Stream(a) => stream::run(a, &cli.common, out),
         Verb::Evaluate(a) => evaluate::run(a, &cli.common, &mut std::io::stdin().lock(), out),
         Verb::Fit(a) => fit::run(a, &cli.common, &line, out),

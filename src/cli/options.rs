@@ -147,6 +147,16 @@ impl ModelFlags {
         self.apply(&mut settings.model);
     }
 
+    /// Applies all of them to the model of mocks, whose table of releases keeps a seed of its own.
+    pub fn apply_to_mocks(&self, model: &mut ModelSettings) {
+        if let Some(profile) = self.profile() {
+            let seed = model.releases.seed;
+            *model = profile.model();
+            model.releases.seed = seed;
+        }
+        self.apply(model);
+    }
+
     /// The profile, if one is named.
     pub fn profile(&self) -> Option<Profile> {
         self.profile.map(|p| match p {

@@ -289,6 +289,22 @@ fn draw(
     })
 }
 
+/// Whether draw number `index` meets the criteria if its halo has this q.
+pub(super) fn is_kept(
+    prior: &StreamPrior,
+    settings: &MockSettings,
+    model: &Model,
+    q: f64,
+    seed: u64,
+    index: u64,
+) -> bool {
+    let only_q = MockSettings {
+        population: Some(QPopulation { mu: q, sigma: 0.0 }),
+        ..*settings
+    };
+    draw(prior, &only_q, model, seed, index).is_ok()
+}
+
 /// The true parameters for the header: a mapping of the thirteen names and q.
 fn truth(params: &StreamParams<f64>, q: f64) -> serde_json::Value {
     let mut map: serde_json::Map<String, serde_json::Value> = crate::params::NAMES

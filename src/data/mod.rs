@@ -17,6 +17,7 @@ mod header_keys;
 mod mock;
 mod observed;
 mod read;
+mod selection;
 mod table;
 
 pub use angles::Handedness;
@@ -24,3 +25,4 @@ pub use assumed_error::AssumedError;
 pub use mock::{Mock, MockSettings, Mocks, NUMBERS_OF_MOCKS, QPopulation, mocks, mocks_with};
 pub use observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS};
 pub use read::ReadOptions;
+pub use selection::{SELECTION_DRAWS, SELECTION_POINTS, Selection, selection};

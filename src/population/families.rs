@@ -4,15 +4,20 @@ use super::beta::{Beta, BetaPriors};
 use super::density::PopulationDensity;
 use super::family::Family;
 use super::histogram::{Histogram, HistogramPriors};
+use super::leave_one_out::leave_one_out;
 use super::mixture::{Mixture, MixturePriors};
+use super::predictive::predictive;
 use super::q_posterior::QPosterior;
-use super::reweighting::Population;
+use super::reweighting::streams_given_population;
+use super::selection::selection_variance;
 use super::target::{PopulationSettings, PopulationTarget};
 use super::truncated_gaussian::{TruncatedGaussian, TruncatedGaussianSettings};
 use super::uniform::{Uniform, UniformPriors};
+use crate::data::Selection;
 use crate::error::{Error, Result};
-use oblate_samplers::Marginal;
+use crate::posterior::{PredictiveQuantity, StreamInPopulation, WithoutStream};
 use oblate_samplers::output::Draws;
+use oblate_samplers::{Marginal, Target};
 use serde::{Deserialize, Serialize};
 
 /// Which family.
@@ -114,6 +119,39 @@ impl Default for FamilySettings {
     }
 }
 
+/// The posterior of a population's hyperparameters, of whichever family. What it says about the streams is taken from draws of it.
+pub trait Population: Target {
+    /// Every stream along the posterior, in the streams' order.
+    fn streams_given_population(&self, draws: &Draws) -> Vec<StreamInPopulation>;
+
+    /// The posterior without each stream, in the streams' order.
+    fn leave_one_out(&self, draws: &Draws) -> Vec<WithoutStream>;
+
+    /// The posterior predictive check of the streams' q, with random numbers of `seed`.
+    fn predictive(&self, draws: &Draws, seed: u64) -> Vec<PredictiveQuantity>;
+
+    /// Variance of ln L by the errors of the selection, over the posterior; none without a selection.
+    fn selection_variance(&self, draws: &Draws) -> Option<f64>;
+}
+
+impl<F: Family<N>, const N: usize> Population for PopulationTarget<F, N> {
+    fn streams_given_population(&self, draws: &Draws) -> Vec<StreamInPopulation> {
+        streams_given_population(self, draws)
+    }
+
+    fn leave_one_out(&self, draws: &Draws) -> Vec<WithoutStream> {
+        leave_one_out(self, draws)
+    }
+
+    fn predictive(&self, draws: &Draws, seed: u64) -> Vec<PredictiveQuantity> {
+        predictive(self, draws, seed)
+    }
+
+    fn selection_variance(&self, draws: &Draws) -> Option<f64> {
+        selection_variance(self, draws)
+    }
+}
+
 /// Work that is the same for every family.
 trait Visitor {
     type Output;
@@ -151,13 +189,18 @@ impl FamilySettings {
     /// The posterior of the hyperparameters of the chosen family.
     ///
     /// # Errors
-    /// Those of [`check`](Self::check) and of [`PopulationTarget::new`].
+    /// Those of [`check`](Self::check), of [`PopulationTarget::new`] and of [`PopulationTarget::with_selection`].
     pub fn target(
         &self,
         streams: &[QPosterior],
         settings: PopulationSettings,
+        selection: Option<&Selection>,
     ) -> Result<Box<dyn Population>> {
-        self.visit(MakeTarget { streams, settings })
+        self.visit(MakeTarget {
+            streams,
+            settings,
+            selection,
+        })
     }
 
     /// The density of the chosen family on `points` values of q from draws of its hyperparameters.
@@ -205,6 +248,7 @@ impl Visitor for Dim {
 struct MakeTarget<'a> {
     streams: &'a [QPosterior],
     settings: PopulationSettings,
+    selection: Option<&'a Selection>,
 }
 
 impl Visitor for MakeTarget<'_> {
@@ -212,7 +256,10 @@ impl Visitor for MakeTarget<'_> {
 
     fn visit<F: Family<N> + 'static, const N: usize>(self, family: F) -> Result<Self::Output> {
         let target = PopulationTarget::new(family, self.streams, self.settings)?;
-        Ok(Box::new(target))
+        Ok(match self.selection {
+            Some(selection) => Box::new(target.with_selection(selection)?),
+            None => Box::new(target),
+        })
     }
 }
 

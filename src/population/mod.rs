@@ -10,29 +10,38 @@
 //!
 //! docs/physics.md, section 10, has the derivation. [`QPosterior`] is one stream, [`Family`] the set of population
 //! densities, [`PopulationTarget`] the target of a sampler, [`PopulationDensity`] the density of q from its draws, [`FamilySettings`] the
-//! choice among all families, and [`Population`] the error of the sums and each stream's q given the population.
+//! choice among all families, and [`Population`] what the posterior says about each stream: the error of its sum, its q given the population, and its
+//! influence.
 
 mod beta;
+mod cells;
 mod density;
+mod exponential;
 mod families;
 mod family;
 mod histogram;
 mod hyperprior;
+mod kept_cells;
+mod leave_one_out;
 mod mixture;
+mod predictive;
 mod q_posterior;
 mod reweighting;
+mod selection;
 mod target;
 mod truncated_gaussian;
 mod uniform;
 
 pub use beta::{Beta, BetaPriors};
 pub use density::PopulationDensity;
-pub use families::{FamilyName, FamilySettings};
+pub use families::{FamilyName, FamilySettings, Population};
 pub use family::Family;
 pub use histogram::{CELLS, Histogram, HistogramPriors};
 pub use mixture::{Mixture, MixturePriors};
+pub use predictive::predictive_check;
 pub use q_posterior::QPosterior;
-pub use reweighting::{Population, checks};
+pub use reweighting::checks;
+pub use selection::selection_check;
 pub use target::{PopulationSettings, PopulationTarget};
 pub use truncated_gaussian::{TruncatedGaussian, TruncatedGaussianSettings, gauss_legendre};
 pub use uniform::{Uniform, UniformPriors};

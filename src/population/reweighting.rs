@@ -1,9 +1,8 @@
 //! The reweighting of each stream along the posterior of the hyperparameters: its Monte-Carlo error, and the stream's q given the population.
 
 use super::family::Family;
-use super::target::{PopulationTarget, WeightedStream};
-use crate::posterior::{Interval, StreamInPopulation};
-use oblate_samplers::Target;
+use super::target::{PopulationTarget, WeightedStream, equal_weight_members};
+use crate::posterior::{Interval, MAX_PARETO_K, StreamInPopulation};
 use oblate_samplers::diagnostics::{effective_number, pareto_k, weighted_quantile};
 use oblate_samplers::output::{Check, Draws};
 use rayon::prelude::*;
@@ -14,27 +13,17 @@ const DRAWS: usize = 200;
 /// Largest variance of ln L of a population (Talbot & Golomb 2023).
 const MAX_VARIANCE: f64 = 1.0;
 
-/// Largest Pareto shape of a stream's terms (Vehtari et al. 2024).
-const MAX_PARETO_K: f64 = 0.7;
-
-/// The posterior of a population's hyperparameters, of whichever family.
-pub trait Population: Target {
-    /// Every stream along the posterior of the hyperparameters, given by their draws, in the streams' order.
-    fn streams_given_population(&self, draws: &Draws) -> Vec<StreamInPopulation>;
-}
-
-impl<F: Family<N>, const N: usize> Population for PopulationTarget<F, N> {
-    fn streams_given_population(&self, draws: &Draws) -> Vec<StreamInPopulation> {
-        let rows = draws.resample(DRAWS, 0.5);
-        let alphas: Vec<[f64; N]> = rows
-            .into_iter()
-            .filter_map(|row| <[f64; N]>::try_from(draws.theta_row(row)).ok())
-            .collect();
-        self.weighted_streams()
-            .par_iter()
-            .map(|stream| along(stream, self.family(), &alphas))
-            .collect()
-    }
+/// Every stream along the posterior of the hyperparameters, given by their draws, in the streams' order.
+pub(super) fn streams_given_population<F: Family<N>, const N: usize>(
+    target: &PopulationTarget<F, N>,
+    draws: &Draws,
+) -> Vec<StreamInPopulation> {
+    let members: Vec<[f64; N]> = equal_weight_members(draws, DRAWS);
+    target
+        .weighted_streams()
+        .par_iter()
+        .map(|stream| along(stream, target.family(), &members))
+        .collect()
 }
 
 /// One stream along draws of the hyperparameters.
@@ -83,6 +72,7 @@ fn along<F: Family<N>, const N: usize>(
         effective_draws: weighted_quantile(&effective, &equal, 0.05),
         pareto_k: weighted_quantile(&shapes, &equal, 0.5),
         ln_likelihood_variance: variance,
+        without: None,
     }
 }
 

@@ -1,16 +1,16 @@
 //! The posterior of the hyperparameters, as a target of the samplers.
 
+use super::exponential::add_exponential;
 use super::family::Family;
+use super::kept_cells::KeptCells;
 use super::q_posterior::QPosterior;
+use crate::data::Selection;
 use crate::error::{Error, PosteriorFault, Result};
 use crate::scalar::{Dual, Real, gradient_of, lift};
 use oblate_samplers::limits::{Memory, in_range};
+use oblate_samplers::output::Draws;
 use oblate_samplers::{Cause, Outcome, Prior, Target};
 use serde::{Deserialize, Serialize};
-
-/// Below this a term of a sum of exponentials is zero in doubles. It must not be computed: its derivative may be an
-/// infinity, and zero times infinity is not zero.
-const LN_SMALLEST: f64 = -745.0;
 
 /// Cost of a value with its gradient in units of a value; docs/validation.md, section 6, has the measured range.
 const GRADIENT_COST: f64 = 2.0;
@@ -78,6 +78,7 @@ pub struct PopulationTarget<F, const N: usize> {
     family: F,
     prior: Prior,
     streams: Vec<WeightedStream>,
+    kept: Option<KeptCells>,
 }
 
 impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
@@ -129,7 +130,24 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
             family,
             prior,
             streams: prepared,
+            kept: None,
         })
+    }
+
+    /// The same for streams of which only a fraction was kept, by criteria that depend on q: the likelihood of each is divided by the fraction
+    /// of the population that is kept (Mandel, Farr & Gair 2019).
+    ///
+    /// # Errors
+    /// Those of [`Selection::check`].
+    pub fn with_selection(mut self, selection: &Selection) -> Result<Self> {
+        selection.check()?;
+        self.kept = Some(KeptCells::new(selection, self.family.support()));
+        Ok(self)
+    }
+
+    /// The selection on the family's support.
+    pub(super) fn kept_cells(&self) -> Option<&KeptCells> {
+        self.kept.as_ref()
     }
 
     /// Number of streams.
@@ -159,7 +177,23 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
         for stream in &self.streams {
             sum += ln_sum_exp(stream, &plain, &ln_pdf);
         }
-        sum
+        match &self.kept {
+            Some(kept) if sum.re().is_finite() => {
+                sum - kept.ln_kept(&plain, &ln_pdf) * self.streams.len() as f64
+            }
+            _ => sum,
+        }
+    }
+
+    /// `ln` of each factor of the product, in the streams' order.
+    pub(super) fn ln_likelihoods(&self, alpha: [f64; N]) -> Vec<f64> {
+        let ln_pdf = self.family.ln_pdf(alpha);
+        let kept = self.kept.as_ref();
+        let ln_kept = kept.map_or(0.0, |kept| kept.ln_kept(&ln_pdf, &ln_pdf));
+        self.streams
+            .iter()
+            .map(|stream| ln_sum_exp(stream, &ln_pdf, &ln_pdf) - ln_kept)
+            .collect()
     }
 
     /// Effective number of draws that carry each stream's sum at `alpha`: `(sum x)^2 / sum x^2` over its terms. With
@@ -208,13 +242,18 @@ fn ln_sum_exp<S: Real>(
     }
     let mut sum = S::zero();
     for (q, w) in draws() {
-        let term = ln_pdf(*q) + (w - top);
-        // A NaN is added, so that the result is a NaN.
-        if term.re().is_nan() || term.re() >= LN_SMALLEST {
-            sum += term.exp();
-        }
+        add_exponential(&mut sum, ln_pdf(*q) + (w - top));
     }
     sum.ln() + top
+}
+
+/// The hyperparameters of `count` equal-weight draws.
+pub(super) fn equal_weight_members<const N: usize>(draws: &Draws, count: usize) -> Vec<[f64; N]> {
+    draws
+        .resample(count, 0.5)
+        .into_iter()
+        .filter_map(|row| <[f64; N]>::try_from(draws.theta_row(row)).ok())
+        .collect()
 }
 
 fn outcome(ln_product: f64) -> Outcome {

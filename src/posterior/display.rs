@@ -24,6 +24,9 @@ impl fmt::Display for Summary {
         if let Some(verdict) = self.measured_verdict() {
             writeln!(f, "{verdict}")?;
         }
+        if let Some(influence) = self.population.as_ref().and_then(|p| p.influence()) {
+            writeln!(f, "{influence}")?;
+        }
         writeln!(f, "ln Z = {:.3} +- {:.3}", self.ln_z.value, self.ln_z.error)?;
         let header = ["quantity", "median", "68 % interval", "95 % interval"];
         writeln!(

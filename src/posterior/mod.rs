@@ -27,5 +27,8 @@ pub use information::{
 };
 pub use interval::Interval;
 pub use modes::{Mode, ModeWeight, Probability, mode_weights, prolate_probability};
-pub use population_summary::{PopulationSummary, StreamInPopulation};
+pub use population_summary::{
+    MAX_PARETO_K, MeanWithoutStream, PopulationSummary, PredictiveQuantity, StreamInPopulation,
+    WithoutStream,
+};
 pub use summary::{SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals};

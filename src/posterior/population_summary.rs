@@ -23,6 +23,78 @@ pub struct StreamInPopulation {
     /// Monte-Carlo variance of the logarithm of the sum, mean over the posterior of the hyperparameters.
     #[serde(with = "json::number")]
     pub ln_likelihood_variance: f64,
+    /// The population without this stream; none in runs of earlier versions.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub without: Option<WithoutStream>,
+}
+
+/// A hyperparameter without one of the streams.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MeanWithoutStream {
+    /// Its mean.
+    #[serde(with = "json::number")]
+    pub mean: f64,
+    /// Its standard deviation.
+    #[serde(with = "json::number")]
+    pub sd: f64,
+    /// The mean without the stream less that with it, in standard deviations with it.
+    #[serde(with = "json::number")]
+    pub mean_move: f64,
+    /// The standard deviation without the stream over that with it.
+    #[serde(with = "json::number")]
+    pub width_ratio: f64,
+}
+
+/// A population without one of its streams.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WithoutStream {
+    /// Logarithm of the density that the population of the other streams predicts for this one's data, relative to that under the prior of its
+    /// own fit.
+    #[serde(with = "json::number")]
+    pub ln_predictive_density: f64,
+    /// Pareto shape of the weights; above [`MAX_PARETO_K`] the other numbers are not reliable.
+    #[serde(with = "json::number")]
+    pub pareto_k: f64,
+    /// Every hyperparameter by name, in the run's order.
+    #[serde(with = "json::ordered")]
+    pub parameters: Vec<(String, MeanWithoutStream)>,
+}
+
+/// Largest Pareto shape of weights whose sums are reliable (Vehtari et al. 2024).
+pub const MAX_PARETO_K: f64 = 0.7;
+
+impl WithoutStream {
+    /// The hyperparameter that moves most, and how.
+    #[must_use]
+    pub fn largest_move(&self) -> Option<&(String, MeanWithoutStream)> {
+        let size = |(_, moved): &&(String, MeanWithoutStream)| moved.mean_move.abs();
+        let known = self
+            .parameters
+            .iter()
+            .filter(|(_, m)| !m.mean_move.is_nan());
+        known.max_by(|a, b| size(a).total_cmp(&size(b)))
+    }
+
+    /// Whether the weights can be trusted.
+    #[must_use]
+    pub fn reliable(&self) -> bool {
+        // A NaN is not.
+        self.pareto_k <= MAX_PARETO_K
+    }
+}
+
+/// A quantity of the set of all streams' q, in the streams and in populations that the posterior predicts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PredictiveQuantity {
+    /// Its name.
+    pub name: String,
+    /// Of the streams' q given the population.
+    pub streams: Interval,
+    /// Of as many q drawn from the population.
+    pub population: Interval,
+    /// Twice the probability that a population's is beyond the streams', at most 1.
+    #[serde(with = "json::number")]
+    pub p_value: f64,
 }
 
 /// The streams of a population, and their information about its hyperparameters.
@@ -33,6 +105,9 @@ pub struct PopulationSummary {
     /// Information that the streams give about each hyperparameter, in the run's order; see [`marginal_information`](super::marginal_information).
     #[serde(with = "json::ordered")]
     pub information: Vec<(String, f64)>,
+    /// The posterior predictive check; empty in runs of earlier versions.
+    #[serde(default)]
+    pub predictive: Vec<PredictiveQuantity>,
 }
 
 impl PopulationSummary {
@@ -47,5 +122,33 @@ impl PopulationSummary {
     pub fn verdict(&self) -> Option<String> {
         let remedy = "add streams, or streams that constrain q better";
         not_measured(&self.information, remedy)
+    }
+
+    /// The stream whose removal moves a hyperparameter most, and what moves, as a sentence; none for a single stream.
+    #[must_use]
+    pub fn influence(&self) -> Option<String> {
+        let moved = self.streams.iter().filter_map(|stream| {
+            let without = stream.without.as_ref()?;
+            Some((stream, without, without.largest_move()?))
+        });
+        let (stream, without, (parameter, moved)) =
+            moved.max_by(|(_, _, (_, a)), (_, _, (_, b))| {
+                a.mean_move.abs().total_cmp(&b.mean_move.abs())
+            })?;
+        if self.streams.len() < 2 {
+            return None;
+        }
+        let reliable = if without.reliable() {
+            String::new()
+        } else {
+            format!(
+                ", which is not reliable (Pareto k {:.2}): sample the population again without it",
+                without.pareto_k
+            )
+        };
+        Some(format!(
+            "Most influential stream: {}; without it the mean of {parameter} is {:.3}, moved by {:+.2} of its standard deviation{reliable}.",
+            stream.name, moved.mean, moved.mean_move
+        ))
     }
 }

@@ -85,6 +85,8 @@ pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
         figures(&mut out, run.figures);
         modes(&mut out, run.summary);
         streams(&mut out, run.summary);
+        influence(&mut out, run.summary);
+        predictive(&mut out, run.summary);
         checks(&mut out, run.summary);
         again(&mut out, run);
     }
@@ -321,6 +323,79 @@ fn streams(out: &mut String, s: &Summary) {
         );
     }
     put!(out, "</tbody></table>");
+}
+
+/// How the hyperparameters move without each stream.
+fn influence(out: &mut String, s: &Summary) {
+    let Some(population) = &s.population else {
+        return;
+    };
+    let left_out = || {
+        let streams = population.streams.iter();
+        streams.filter_map(|stream| Some((&stream.name, stream.without.as_ref()?)))
+    };
+    let Some((_, first)) = left_out().next() else {
+        return;
+    };
+    if let Some(sentence) = population.influence() {
+        put!(out, "<p>{}</p>", escape(&sentence));
+    }
+    let names = first.parameters.iter().map(|(name, _)| {
+        let name = escape(name);
+        format!("<th>{name}</th><th>move</th><th>width ratio</th>")
+    });
+    put!(
+        out,
+        "<table><thead><tr><th>without</th>{}<th>ln predictive density</th><th>Pareto k</th></tr></thead><tbody>",
+        names.collect::<String>()
+    );
+    for (name, without) in left_out() {
+        let cells = without.parameters.iter().map(|(_, moved)| {
+            format!(
+                "<td>{} &plusmn; {}</td><td>{:+.2}</td><td>{:.2}</td>",
+                number(moved.mean),
+                number(moved.sd),
+                moved.mean_move,
+                moved.width_ratio
+            )
+        });
+        put!(
+            out,
+            "<tr><td>{}</td>{}<td>{:+.2}</td><td>{}</td></tr>",
+            escape(name),
+            cells.collect::<String>(),
+            without.ln_predictive_density,
+            number(without.pareto_k)
+        );
+    }
+    put!(out, "</tbody></table>");
+}
+
+/// The posterior predictive check of a population.
+fn predictive(out: &mut String, s: &Summary) {
+    let quantities = s.population.iter().flat_map(|p| &p.predictive);
+    let rows: String = quantities
+        .map(|quantity| {
+            let cells = [&quantity.streams, &quantity.population].map(|i| {
+                let [median, lo, hi] = [i.median, i.lo95, i.hi95].map(number);
+                format!("<td>{median}</td><td>[{lo}, {hi}]</td>")
+            });
+            format!(
+                "<tr><td>{} of q</td>{}<td>{}</td></tr>",
+                escape(&quantity.name),
+                cells.concat(),
+                number(quantity.p_value)
+            )
+        })
+        .collect();
+    if rows.is_empty() {
+        return;
+    }
+    put!(
+        out,
+        "<table><thead><tr><th>predictive check</th><th>streams</th><th>95 %</th><th>population</th><th>95 %</th><th>p-value</th></tr></thead>\
+         <tbody>{rows}</tbody></table>"
+    );
 }
 
 fn checks(out: &mut String, s: &Summary) {

@@ -8,7 +8,7 @@ use super::session::{Destination, RunSession};
 use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
 use crate::inference::{Fit, SamplerSettings, sample};
-use crate::population::{QPosterior, checks};
+use crate::population::{QPosterior, checks, predictive_check, selection_check};
 use crate::posterior::{PopulationSummary, Summary, SummaryContext, marginal_information};
 use oblate_samplers::Run;
 use oblate_samplers::files::write_atomically;
@@ -33,12 +33,19 @@ pub(super) fn check(config: &PopulationConfig) -> Result<()> {
     config.sampling.check(config.family.dim()?)
 }
 
+/// Largest number of hyperparameters for which the kernel `auto` draws from ellipsoids. Those around the live points of a mixture of five may be a
+/// thousand times larger than the prior, so that a draw is hardly ever accepted.
+const MAX_UNIFORM: usize = 2;
+
 /// The settings of the samplers for `dim` hyperparameters. The posterior of a flexible family is hardly narrower than its prior, so that a nested run
 /// has too few iterations in which to raise its steps by itself; where a kernel has steps and the user has not chosen their number, they are three
 /// per hyperparameter from the beginning.
 fn sampling(config: &PopulationConfig, dim: usize) -> SamplerSettings {
     let mut sampling = config.sampling.clone();
     let nested = &mut sampling.nested;
+    if nested.kernel == Kernel::Auto && dim > MAX_UNIFORM {
+        nested.kernel = Kernel::Differential;
+    }
     if nested.kernel.resolve(dim) != Kernel::Uniform {
         nested.steps = nested.steps.or(Some(STEPS_PER_HYPERPARAMETER * dim));
     }
@@ -77,7 +84,9 @@ pub fn population(
         ));
     }
     let streams: Vec<QPosterior> = stored.iter().map(q_posterior).collect::<Result<_>>()?;
-    let target = config.family.target(&streams, config.reweighting)?;
+    let target = config
+        .family
+        .target(&streams, config.reweighting, config.selection.as_ref())?;
     let config_toml = to_toml(config)?;
     let hashes: Vec<String> = stored
         .iter()
@@ -99,11 +108,18 @@ pub fn population(
     let sampling = sampling(config, target.prior().dim());
     monitor.tell_memory(&config.reweighting.memory(streams.len()));
     let context = |run: &Run, command: &str, input_hash: &str| {
-        let streams = target.streams_given_population(&run.draws);
+        let mut streams = target.streams_given_population(&run.draws);
+        for (stream, without) in streams.iter_mut().zip(target.leave_one_out(&run.draws)) {
+            stream.without = Some(without);
+        }
+        let predictive = target.predictive(&run.draws, config.seed);
+        let mut model_checks = checks(&streams);
+        model_checks.push(predictive_check(&predictive));
+        model_checks.extend(target.selection_variance(&run.draws).map(selection_check));
         SummaryContext {
             assumptions: Vec::new(),
             marginal_information: Vec::new(),
-            model_checks: checks(&streams),
+            model_checks,
             command: command.to_owned(),
             q_prior: None,
             warnings,
@@ -112,6 +128,7 @@ pub fn population(
             population: Some(PopulationSummary {
                 streams,
                 information: marginal_information(run, target.prior()),
+                predictive,
             }),
         }
     };

@@ -1,5 +1,7 @@
 //! Reading and writing of tracks, and the messages about faulty ones.
 
+mod selection;
+
 use oblate::Error;
 use oblate::data::{Handedness, ObservedTrack, ReadOptions};
 use proptest::prelude::*;

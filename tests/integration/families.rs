@@ -236,7 +236,7 @@ fn population(family: FamilyName, streams: &[QPosterior]) -> Box<dyn Population>
         ..FamilySettings::default()
     };
     settings
-        .target(streams, PopulationSettings::default())
+        .target(streams, PopulationSettings::default(), None)
         .unwrap()
 }
 
@@ -244,6 +244,11 @@ fn run(target: &dyn Population, sampler: Sampler, n_live: usize, rounds: usize, 
     let mut settings = SamplerSettings::for_populations();
     settings.sampler = sampler;
     settings.nested.n_live = n_live;
+    // As `oblate population` does.
+    if target.dim() > 2 {
+        settings.nested.kernel = oblate::samplers::nested::Kernel::Differential;
+        settings.nested.steps = Some(3 * target.dim());
+    }
     settings.pt_hmc.rounds = rounds;
     settings.pt_hmc.chain_sets = 4;
     sample(target, &settings, seed, &mut Control::new(&mut Silent)).unwrap()

@@ -2,7 +2,7 @@
 
 use oblate::Error;
 use oblate::config::{PopulationConfig, StudyConfig, to_toml};
-use oblate::data::{MockSettings, ObservedTrack, QPopulation, mocks};
+use oblate::data::{MockSettings, ObservedTrack, QPopulation, Selection, mocks};
 use oblate::inference::FitSettings;
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
 use oblate::params::{NAMES, PARAMETERS, PriorSettings, QRange, StreamParams, StreamPrior};
@@ -247,7 +247,14 @@ fn the_ranges_of_parameters_are_those_of_the_page() {
 
 #[test]
 fn the_ranges_of_a_population_are_those_of_the_page() {
-    let settings = PopulationConfig::default();
+    let settings = PopulationConfig {
+        selection: Some(Selection {
+            q: vec![0.5, 1.5],
+            kept: vec![0.5, 1.0],
+            error: vec![0.01, 0.01],
+        }),
+        ..PopulationConfig::default()
+    };
     agree("3. A population", &settings, PopulationConfig::check);
     complete("3. A population", &settings, &["sampling."]);
 }

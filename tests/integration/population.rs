@@ -1,5 +1,9 @@
 //! The hierarchy against exact answers: densities to all digits, posteriors by quadrature, both samplers.
 
+mod leave_one_out;
+mod predictive;
+mod selection;
+
 use crate::golden::{cases, json, number};
 use oblate::Error;
 use oblate::params::QPrior;
@@ -566,6 +570,7 @@ fn a_posterior_that_is_its_prior_is_named() {
     let population = PopulationSummary {
         streams: Vec::new(),
         information: marginal_information(&run, &prior),
+        ..PopulationSummary::default()
     };
     assert_eq!(equal_to_prior(&population.information), ["filled"]);
     // Uniform on 40 % of the prior: ln 2.5 nats, less the bias of 19 / 4000.

@@ -362,6 +362,7 @@ fn the_streams_of_a_population_are_drawn_twice_each() {
             effective_draws: 100.0,
             pareto_k: f64::NEG_INFINITY,
             ln_likelihood_variance: 0.1,
+            without: None,
         })
         .collect();
     let svg = sound("streams_of_population", streams_of_population(&streams));

@@ -7,11 +7,12 @@ use std::ffi::OsString;
 use std::path::Path;
 
 /// A valid command line of every subcommand.
-const LINES: [&str; 14] = [
+const LINES: [&str; 15] = [
     "mock --out x",
     "stream p.toml --particles-out x",
     "evaluate t.ecsv",
     "fit t.ecsv --out x",
+    "selection --out s.toml",
     "bridge r --out x",
     "merge a b --out x",
     "compare a b",

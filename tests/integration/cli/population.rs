@@ -63,13 +63,18 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
         let summary = &row["summary"];
         let population = &summary["population"];
         assert_eq!(population["streams"].as_array().expect("streams").len(), 3);
-        for check in summary["model_checks"].as_array().expect("checks") {
-            assert!(
-                check["message"]
-                    .as_str()
-                    .expect("words")
-                    .contains("mock_3_")
-            );
+        let checks = summary["model_checks"].as_array().expect("checks");
+        assert_eq!(checks.len(), 3);
+        for check in &checks[..2] {
+            let message = check["message"].as_str().expect("words");
+            assert!(message.contains("mock_3_"), "{message}");
+        }
+        assert_eq!(checks[2]["name"], "predictive-p-value");
+        assert_eq!(population["predictive"].as_array().expect("rows").len(), 4);
+        for stream in population["streams"].as_array().expect("streams") {
+            let without = &stream["without"];
+            assert_eq!(without["parameters"].as_object().expect("rows").len(), 2);
+            assert!(without["ln_predictive_density"].is_number());
         }
         let run = Path::new(row["folder"].as_str().expect("a folder"));
         let table = std::fs::read_to_string(run.join("density.csv")).expect("a table");
@@ -98,9 +103,47 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let text = std::fs::read_to_string(&page).expect("the page");
     assert!(text.contains("q given the population") && text.contains("NOT MEASURED"));
+    assert!(text.contains("<th>without</th><th>centre_pop</th>"));
+    assert!(text.contains("<td>largest gap of q</td>"));
+    assert!(text.contains("<p>Most influential stream: mock_3_"));
     // The figures are ours, so that the run can be replaced.
     let output = population(&fits, &[&several[..], &["--force"]].concat());
     assert_eq!(output.status.code(), Some(0), "{output:?}");
+
+    // With a selection, which the mocks' maker writes.
+    let selection = path("selection.toml");
+    let make = |more: &[&str]| {
+        let few = [
+            "selection",
+            "--draws",
+            "40",
+            "--points",
+            "3",
+            "--particles",
+            "600",
+        ];
+        oblate(&[&few[..], &["--out", &selection, "-q"], more].concat(), "")
+    };
+    let output = make(&["--set", "min_angle_deg=60.0", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let made = json(&output.stdout);
+    assert_eq!(made["selection"]["q"].as_array().expect("values").len(), 3);
+    assert_eq!(made["settings"]["min_angle_deg"], 60.0);
+    refused(&make(&[]), &["selection.toml"]);
+    let selected = path("selected");
+    let with = [
+        "--config",
+        selection.as_str(),
+        "--out",
+        selected.as_str(),
+        "--json",
+    ];
+    let output = population(&fits, &with);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let checks = json(&output.stdout)["model_checks"].clone();
+    assert_eq!(checks[3]["name"], "selection-variance");
+    let config = std::fs::read_to_string(Path::new(&selected).join("config.toml"));
+    assert!(config.expect("settings").contains("[selection]"));
 
     // Refusals, each before anything is written.
     let nowhere = path("nowhere");
