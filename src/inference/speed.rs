@@ -7,8 +7,8 @@ use crate::error::Result;
 use crate::params::DIM;
 use std::time::{Duration, Instant};
 
-/// Draws of the posteriors of five tracks (benches/draws.csv), three of each: the points of a fit cost as much as these.
-const POINTS: &str = include_str!("points.csv");
+/// Draws of the posteriors of five tracks, the track's name first: the points of a fit cost as much as these.
+const DRAWS: &str = include_str!("../../benches/draws.csv");
 
 /// Smallest and largest number of values of the coarse model in a default fit with all 13 parameters free (docs/validation.md, section 3,
 /// without the hardest track, which took three times as many).
@@ -54,10 +54,12 @@ impl Speed {
 }
 
 fn values_per_second(target: &StreamTarget, time: Duration) -> f64 {
-    let points: Vec<[f64; DIM]> = POINTS
+    // Comments and the header have no numbers.
+    let points: Vec<[f64; DIM]> = DRAWS
         .lines()
         .filter_map(|line| {
-            let values: Option<Vec<f64>> = line.split(',').map(|v| v.parse().ok()).collect();
+            let values: Option<Vec<f64>> =
+                line.split(',').skip(1).map(|v| v.parse().ok()).collect();
             values?.try_into().ok()
         })
         .collect();

@@ -184,9 +184,14 @@ impl<'a> Evaluator<'a> {
 
     /// The estimate of ln L at `z` by a surrogate.
     pub fn surrogate_value(&mut self, z: &[f64], surrogate: &Surrogate) -> f64 {
+        self.locate(z);
+        surrogate.ln_likelihood(&self.features, &mut self.scratch)
+    }
+
+    /// Physical parameters and features at `z`, into their buffers.
+    fn locate(&mut self, z: &[f64]) {
         self.target.prior().theta_from_z(z, &mut self.theta);
         self.target.features(z, &self.theta, &mut self.features);
-        surrogate.ln_likelihood(&self.features, &mut self.scratch)
     }
 
     /// ln L and residuals at rows of coordinates; those where it is rejected are left out.
@@ -226,23 +231,36 @@ impl<'a> Evaluator<'a> {
     /// # Errors
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn fill(&mut self, point: &mut Point) -> Result<()> {
-        if let Some(surrogate) = self.surrogate {
-            let (target, z) = (self.target, &point.z);
-            target.prior().theta_from_z(z, &mut self.theta);
-            target.features(z, &self.theta, &mut self.features);
-            point.ln_likelihood = surrogate.ln_likelihood_and_gradient(
-                &self.features,
-                &mut self.features_bar,
-                &mut self.scratch,
-            );
-            target.features_vjp(z, &self.theta, &self.features_bar, &mut point.gradient);
-            point.ln_over_prior = self
-                .reference
-                .ln_over_prior_and_gradient(&point.z, &mut point.ln_over_prior_gradient);
-            let finite = point.gradient.iter().all(|g| g.is_finite());
-            point.has_gradient = point.ln_likelihood.is_finite() && finite;
-            return Ok(());
+        match self.surrogate {
+            Some(surrogate) => self.fill_from_surrogate(point, surrogate),
+            None => self.fill_from_target(point)?,
         }
+        point.ln_over_prior = self
+            .reference
+            .ln_over_prior_and_gradient(&point.z, &mut point.ln_over_prior_gradient);
+        Ok(())
+    }
+
+    /// The estimate of ln L by a surrogate, with its gradient.
+    fn fill_from_surrogate(&mut self, point: &mut Point, surrogate: &Surrogate) {
+        self.locate(&point.z);
+        point.ln_likelihood = surrogate.ln_likelihood_and_gradient(
+            &self.features,
+            &mut self.features_bar,
+            &mut self.scratch,
+        );
+        self.target.features_vjp(
+            &point.z,
+            &self.theta,
+            &self.features_bar,
+            &mut point.gradient,
+        );
+        let finite = point.gradient.iter().all(|g| g.is_finite());
+        point.has_gradient = point.ln_likelihood.is_finite() && finite;
+    }
+
+    /// ln L with its gradient.
+    fn fill_from_target(&mut self, point: &mut Point) -> Result<()> {
         let prior = self.target.prior();
         prior.theta_from_z(&point.z, &mut self.theta);
         self.calls.gradients += 1;
@@ -251,9 +269,6 @@ impl<'a> Evaluator<'a> {
             .ln_likelihood_and_gradient(&self.theta, &mut point.gradient);
         self.calls.note(&outcome);
         point.ln_likelihood = outcome.ln_likelihood(&self.theta)?;
-        point.ln_over_prior = self
-            .reference
-            .ln_over_prior_and_gradient(&point.z, &mut point.ln_over_prior_gradient);
         point.has_gradient = point.ln_likelihood > f64::NEG_INFINITY;
         if point.has_gradient {
             prior.gradient_to_z(&point.z, &mut point.gradient);

@@ -273,9 +273,10 @@ impl State {
             let plan = self.plan(temperature);
             if let Some(surrogate) = &self.surrogate {
                 // At beta = 1 the reference has no weight, and costs more than the surrogate.
-                let own = match cold {
-                    true => Evaluator::new(target),
-                    false => Evaluator::from_reference(target, self.reference(chain)),
+                let own = if cold {
+                    Evaluator::new(target)
+                } else {
+                    Evaluator::from_reference(target, self.reference(chain))
                 };
                 let own = own.with_surrogate(surrogate);
                 let mut along = LocalSampler::of(own, temperature.beta, metric);

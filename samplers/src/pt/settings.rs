@@ -77,9 +77,9 @@ pub struct Settings {
     /// Slice updates per scan and temperature, before the HMC transitions: for likelihoods too rough for long
     /// trajectories. Each costs several values and no gradient.
     pub slice_updates: usize,
-    /// Points at which ln L is computed to fit a surrogate of it, before the first round and after each. In every scan each chain then
-    /// makes `hmc_transitions` along the surrogate, whose end is accepted by ln L itself. 0: HMC transitions follow ln L. For
-    /// likelihoods that cost much, are rough, or have no gradient.
+    /// Points at which ln L is computed to fit a surrogate of it, before the first round, after each, and before each extension. In every
+    /// scan each chain then makes `hmc_transitions` along the surrogate, fewer at higher temperatures, whose end is accepted by ln L
+    /// itself. 0: HMC transitions follow ln L. For likelihoods that cost much, are rough, or have no gradient.
     pub surrogate_points: usize,
     /// Number of rounds at the end whose reference is a mixture fitted to earlier draws, most of them of the round
     /// before, plus a little of the prior: a shorter annealing path. 0: the reference is always the prior. With as many
