@@ -9,12 +9,12 @@ use crate::settings::{changed, from_file, one_of, to_dict};
 use crate::signals::interruptible;
 use crate::track::Track;
 use numpy::PyArray1;
+use oblate::Rejection;
 use oblate::data::ObservedTrack;
 use oblate::inference::{Evaluated, FitSettings, StreamTarget, Wanted, fit_with};
 use oblate::params::{PARAMETERS, StreamParams};
 use oblate::samplers::control::Silent;
 use oblate::samplers::{Control, Prior, Target};
-use oblate::Rejection;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use rayon::prelude::*;
@@ -37,7 +37,11 @@ enum Coordinates {
 
 impl Coordinates {
     fn new(name: &str) -> PyResult<Self> {
-        let choices = [("theta", Self::Theta), ("u", Self::Cube), ("z", Self::Normal)];
+        let choices = [
+            ("theta", Self::Theta),
+            ("u", Self::Cube),
+            ("z", Self::Normal),
+        ];
         one_of("coordinates", name, &choices)
     }
 
@@ -138,7 +142,10 @@ impl Fit {
         let (prior, free) = (self.target.prior(), self.target.stream_prior().free());
         let mut numbers = Vec::with_capacity(answers.len() * free.len());
         for (point, answer) in points.numbers()?.chunks_exact(free.len()).zip(answers) {
-            let all = answer.as_ref().ok().and_then(|evaluated| evaluated.gradient);
+            let all = answer
+                .as_ref()
+                .ok()
+                .and_then(|evaluated| evaluated.gradient);
             let of_parameter = |place: &usize| all.map_or(f64::NAN, |all| all[*place]);
             let mut gradient: Vec<f64> = free.iter().map(of_parameter).collect();
             coordinates.gradient(prior, point, &mut gradient);
@@ -381,7 +388,7 @@ impl Fit {
     fn sample(&self, seed: Option<u64>, py: Python<'_>) -> PyResult<Run> {
         let mut settings = self.settings.clone();
         settings.seed = seed.unwrap_or(settings.seed);
-        let fitted = interruptible(py, &self.threads.pool()?, |stop| {
+        let fitted = interruptible(py, &*self.threads.pool()?, |stop| {
             let mut observer = Silent;
             let mut control = Control::new(&mut observer);
             control.interrupt = Arc::clone(stop);
@@ -416,8 +423,8 @@ impl Fit {
 /// The fit that `Fit.__reduce__` has packed.
 #[pyfunction]
 pub fn _restore_fit(track: &str, settings: &str, threads: Option<usize>) -> PyResult<Fit> {
-    let track = serde_json::from_str(track)
-        .map_err(|e| wrong("track", e, "pickle the fit again"))?;
+    let track =
+        serde_json::from_str(track).map_err(|e| wrong("track", e, "pickle the fit again"))?;
     let settings = oblate::config::parse(settings, &PathBuf::from("pickle")).map_err(to_python)?;
     Fit::build(track, settings, Threads::new(threads)?)
 }

@@ -1,11 +1,13 @@
 //! The extension module `oblate._oblate`: the library's functions for numpy arrays. `__init__.pyi` documents what Python sees.
 
+mod callable;
 mod errors;
 mod fit;
 mod marginals;
 mod points;
 mod pool;
 mod run;
+mod sample;
 mod settings;
 mod signals;
 mod track;
@@ -22,10 +24,15 @@ mod _oblate {
     #[pymodule_export]
     use crate::run::Run;
     #[pymodule_export]
+    use crate::sample::sample;
+    #[pymodule_export]
     use crate::track::Track;
 
     /// Version of the library.
     #[pymodule_export]
-    #[expect(non_upper_case_globals, reason = "the name that Python packages have for it")]
+    #[expect(
+        non_upper_case_globals,
+        reason = "the name that Python packages have for it"
+    )]
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }

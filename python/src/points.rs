@@ -1,9 +1,39 @@
 //! Points of parameter space from numpy, one or many, and numbers for each of them back to numpy.
 
 use crate::errors::wrong;
-use numpy::{PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat};
+
+/// What numpy can make into an array of 64-bit floats in C order. One that is this already is not copied.
+fn any_floats<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let numpy = given.py().import("numpy")?;
+    let options = PyDict::new(given.py());
+    options.set_item("dtype", numpy.getattr("float64")?)?;
+    options.set_item("order", "C")?;
+    let array = numpy.call_method("asarray", (given,), Some(&options))?;
+    Ok(array.cast_into()?)
+}
+
+/// As numpy makes them, numbers of one shape.
+///
+/// # Errors
+/// `TypeError` or `ValueError` by numpy; `OblateError` for another shape.
+pub fn floats<'py>(
+    given: &Bound<'py, PyAny>,
+    name: &str,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let array = any_floats(given)?;
+    if array.shape() == shape {
+        return Ok(array);
+    }
+    Err(wrong(
+        name,
+        format!("an array of shape {:?}", array.shape()),
+        &format!("give the shape {shape:?}"),
+    ))
+}
 
 /// One point of shape `(dim,)`, or many of shape `(n, dim)`.
 pub struct Points<'py> {
@@ -13,16 +43,12 @@ pub struct Points<'py> {
 }
 
 impl<'py> Points<'py> {
-    /// Reads what numpy can make into an array. One of 64-bit floats in C order is used in place, everything else is copied.
+    /// Reads what numpy can make into an array, as of [`any_floats`].
     ///
     /// # Errors
     /// `TypeError` or `ValueError` by numpy; `OblateError` for another shape.
     pub fn new(given: &Bound<'py, PyAny>, name: &str, dim: usize) -> PyResult<Self> {
-        let numpy = given.py().import("numpy")?;
-        let options = PyDict::new(given.py());
-        options.set_item("dtype", numpy.getattr("float64")?)?;
-        let array = numpy.call_method("ascontiguousarray", (given,), Some(&options))?;
-        let array: PyReadonlyArrayDyn<'py, f64> = array.extract()?;
+        let array = any_floats(given)?.readonly();
         let is_one = match array.shape() {
             [width] if *width == dim => true,
             [_, width] if *width == dim => false,

@@ -42,7 +42,9 @@ pub fn interruptible<T: Send>(
             let result = worker.join();
             raised?;
             result.map_err(|_| {
-                PyRuntimeError::new_err("a defect of oblate, whose place is above; please report it")
+                PyRuntimeError::new_err(
+                    "a defect of oblate, whose place is above; please report it",
+                )
             })
         })
     })

@@ -25,7 +25,10 @@ impl Track {
         handedness: Option<&str>,
     ) -> PyResult<Self> {
         let options = ReadOptions {
-            assumed_error: assume_error.map(str::parse).transpose().map_err(to_python)?,
+            assumed_error: assume_error
+                .map(str::parse)
+                .transpose()
+                .map_err(to_python)?,
             handedness: handedness.map(str::parse).transpose().map_err(to_python)?,
         };
         let observed = ObservedTrack::read_with(path, &options).map_err(to_python)?;
@@ -55,11 +58,7 @@ impl Track {
 
     #[staticmethod]
     #[pyo3(signature = (path, *, assume_error=None, handedness=None))]
-    fn read(
-        path: PathBuf,
-        assume_error: Option<&str>,
-        handedness: Option<&str>,
-    ) -> PyResult<Self> {
+    fn read(path: PathBuf, assume_error: Option<&str>, handedness: Option<&str>) -> PyResult<Self> {
         Self::from_file(&path, assume_error, handedness)
     }
 
@@ -104,6 +103,10 @@ impl Track {
     }
 
     fn __repr__(&self) -> String {
-        format!("Track({:?}, {} bins)", self.observed.name, self.observed.len())
+        format!(
+            "Track({:?}, {} bins)",
+            self.observed.name,
+            self.observed.len()
+        )
     }
 }

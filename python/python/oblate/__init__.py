@@ -1,6 +1,6 @@
 """The shapes of dark-matter haloes from the projected tracks of stellar streams."""
 
-from oblate._oblate import Fit, Marginal, OblateError, Run, Track, __version__
+from oblate._oblate import Fit, Marginal, OblateError, Run, Track, __version__, sample
 
 Uniform = Marginal.Uniform
 Normal = Marginal.Normal
@@ -15,4 +15,5 @@ __all__ = [
     "Track",
     "Uniform",
     "__version__",
+    "sample",
 ]
