@@ -2,27 +2,39 @@
 
 use crate::errors::{no_track, to_python, wrong};
 use crate::marginals::Marginal;
+use crate::observer::PythonObserver;
 use crate::points::Points;
 use crate::pool::Threads;
 use crate::run::Run;
 use crate::settings::{changed, from_file, one_of, to_dict};
 use crate::signals::interruptible;
+use crate::tables::{particle_columns, track_columns};
 use crate::track::Track;
-use numpy::PyArray1;
 use oblate::Rejection;
 use oblate::data::ObservedTrack;
 use oblate::inference::{Evaluated, FitSettings, StreamTarget, Wanted, fit_with};
 use oblate::params::{PARAMETERS, StreamParams};
-use oblate::samplers::control::Silent;
+use oblate::run::{Destination, IfExists, Monitor};
 use oblate::samplers::{Control, Prior, Target};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Points of a batch between two looks for signals, such as that of Ctrl-C.
 const POINTS_AT_ONCE: usize = 256;
+
+/// Time between two checkpoints of a fit in a folder, as of the command.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(30);
+
+/// What happens to a run folder that exists.
+const IF_EXISTS: [(&str, IfExists); 3] = [
+    ("refuse", IfExists::Refuse),
+    ("replace", IfExists::Replace),
+    ("resume", IfExists::Resume),
+];
 
 /// How a point is given.
 #[derive(Clone, Copy)]
@@ -275,6 +287,11 @@ impl Fit {
         }
     }
 
+    /// ln L of one point, a float, or of many, an array; minus infinity at rejected points.
+    ///
+    /// `theta` has the free parameters in their units, of shape `(dim,)` or `(n, dim)`; an array of 64-bit floats in C order is not
+    /// copied. With `coordinates="u"` or `"z"` it has coordinates of the unit cube or standard-normal ones, in which the prior is
+    /// uniform or standard normal. Many points are computed on all threads at once; the numbers do not depend on their number.
     #[pyo3(signature = (theta, *, coordinates="theta"))]
     fn ln_likelihood<'py>(
         &self,
@@ -287,6 +304,7 @@ impl Fit {
         Ok(points.values(Self::ln_likelihoods(&answers)))
     }
 
+    /// ln L and its derivatives by `theta`, in the given coordinates: those of ln L alone, without the prior. NaN at rejected points.
     #[pyo3(signature = (theta, *, coordinates="theta"))]
     fn gradient<'py>(
         &self,
@@ -303,6 +321,7 @@ impl Fit {
         ))
     }
 
+    /// Why points have no likelihood: a cause, such as `outside_prior`, or `None` where they have one (docs/physics.md, section 7).
     #[pyo3(signature = (theta, *, coordinates="theta"))]
     fn rejected<'py>(
         &self,
@@ -320,12 +339,14 @@ impl Fit {
         }
     }
 
+    /// ln of the prior density of the free parameters; minus infinity outside.
     fn ln_prior<'py>(&self, theta: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let points = self.points(theta, "theta")?;
         let rows = points.numbers()?.chunks_exact(points.dim());
         Ok(points.values(rows.map(|row| self.target.prior().ln_pdf(row)).collect()))
     }
 
+    /// Physical parameters from coordinates of the unit cube.
     fn prior_transform<'py>(&self, u: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let outside = |u: &&f64| !(0.0..=1.0).contains(*u);
         if let Some(wrong_u) = self.points(u, "u")?.numbers()?.iter().find(outside) {
@@ -334,14 +355,17 @@ impl Fit {
         self.converted(u, "u", Prior::theta_from_u)
     }
 
+    /// Physical parameters from standard-normal coordinates.
     fn theta_from_z<'py>(&self, z: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.converted(z, "z", Prior::theta_from_z)
     }
 
+    /// Standard-normal coordinates from physical parameters; infinite at the bounds of the prior.
     fn z_from_theta<'py>(&self, theta: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.converted(theta, "theta", Prior::z_from_theta)
     }
 
+    /// Derived quantities by name: q, the components of the axis, `log10_m200_halo`.
     fn derived<'py>(&self, theta: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         let points = self.points(theta, "theta")?;
         let names = self.target.derived_names();
@@ -357,44 +381,70 @@ impl Fit {
         Ok(derived)
     }
 
+    /// The track of the model at one point, in the data's bins, by columns: `phi_deg`, `r_kpc`, `r_err_kpc` (Monte-Carlo error of the
+    /// mean), `n` (sum of weights).
     fn track<'py>(&self, theta: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         let (track, _) = self.modelled(theta)?;
-        let py = theta.py();
-        let column = |of_bin: fn(&oblate::track::TrackBin) -> f64| {
-            PyArray1::from_iter(py, track.bins.iter().map(of_bin))
-        };
-        let columns = PyDict::new(py);
-        columns.set_item("phi_deg", column(|bin| bin.phi_deg))?;
-        columns.set_item("r_kpc", column(|bin| bin.r_kpc))?;
-        columns.set_item("r_err_kpc", column(|bin| bin.r_err_kpc))?;
-        columns.set_item("n", column(|bin| bin.n))?;
-        Ok(columns)
+        track_columns(theta.py(), &track)
     }
 
+    /// The particles of the model at one point, by columns: `tail`, `t_release_fraction`, positions in kpc, velocities in km/s, `phi_deg`.
     fn stream<'py>(&self, theta: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         let (_, particles) = self.modelled(theta)?;
-        let py = theta.py();
-        let table = self.target.likelihood().model().particle_table(&particles);
-        let columns = PyDict::new(py);
-        let names: Vec<&str> = table.tails.iter().map(|tail| tail.name()).collect();
-        columns.set_item("tail", py.import("numpy")?.call_method1("array", (names,))?)?;
-        for (name, values) in table.columns {
-            columns.set_item(name, PyArray1::from_vec(py, values))?;
-        }
-        Ok(columns)
+        let model = self.target.likelihood().model();
+        particle_columns(theta.py(), model.particle_table(&particles))
     }
 
-    #[pyo3(signature = (*, seed=None))]
-    fn sample(&self, seed: Option<u64>, py: Python<'_>) -> PyResult<Run> {
+    /// Fits the track, as `oblate fit` with the same settings: a coarse model first, then the model itself.
+    ///
+    /// With `out` the result is written into a run folder, with checkpoints; `if_exists` is `refuse`, `replace` or `resume`.
+    /// `on_event` is called with each event of `log.jsonl`, a dictionary. Ctrl-C stops the fit.
+    #[pyo3(signature = (*, out=None, if_exists="refuse", seed=None, max_minutes=None, on_event=None))]
+    fn sample(
+        &self,
+        py: Python<'_>,
+        out: Option<PathBuf>,
+        if_exists: &str,
+        seed: Option<u64>,
+        max_minutes: Option<f64>,
+        on_event: Option<Py<PyAny>>,
+    ) -> PyResult<Run> {
         let mut settings = self.settings.clone();
         settings.seed = seed.unwrap_or(settings.seed);
+        let if_exists = one_of("if_exists", if_exists, &IF_EXISTS)?;
+        let max_wall = match max_minutes {
+            None => Duration::MAX,
+            Some(minutes) => Duration::try_from_secs_f64(60.0 * minutes)
+                .map_err(|e| wrong("max_minutes", minutes, &e.to_string()))?,
+        };
         let fitted = interruptible(py, &*self.threads.pool()?, |stop| {
-            let mut observer = Silent;
-            let mut control = Control::new(&mut observer);
-            control.interrupt = Arc::clone(stop);
-            fit_with(&self.track, &settings, &mut control)
+            let mut observer = PythonObserver::new(on_event);
+            let interrupt = Arc::clone(stop);
+            let fitted = match &out {
+                None => {
+                    let mut control = Control::new(&mut observer);
+                    control.interrupt = interrupt;
+                    control.budget.max_wall = max_wall;
+                    fit_with(&self.track, &settings, &mut control)
+                }
+                Some(folder) => {
+                    let destination = Destination {
+                        folder,
+                        if_exists,
+                        command: "oblate.Fit.sample",
+                    };
+                    let mut monitor = Monitor {
+                        observer: &mut observer,
+                        interrupt,
+                        checkpoint_every: CHECKPOINT_EVERY,
+                        max_wall,
+                    };
+                    oblate::run::fit(&self.track, &settings, destination, &mut monitor)
+                }
+            };
+            observer.finish(fitted)
         })?;
-        Ok(fitted.map_err(to_python)?.into())
+        Ok(fitted?.map_err(to_python)?.into())
     }
 
     /// For pickle: the track and the settings themselves, so that no file is read again.

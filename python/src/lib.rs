@@ -4,12 +4,15 @@ mod callable;
 mod errors;
 mod fit;
 mod marginals;
+mod model;
+mod observer;
 mod points;
 mod pool;
 mod run;
 mod sample;
 mod settings;
 mod signals;
+mod tables;
 mod track;
 
 /// The extension module.
@@ -21,6 +24,8 @@ mod _oblate {
     use crate::fit::{_restore_fit, Fit};
     #[pymodule_export]
     use crate::marginals::Marginal;
+    #[pymodule_export]
+    use crate::model::Model;
     #[pymodule_export]
     use crate::run::Run;
     #[pymodule_export]

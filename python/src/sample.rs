@@ -3,12 +3,12 @@
 use crate::callable::{CallableTarget, Functions, cube};
 use crate::errors::{to_python, wrong};
 use crate::marginals::Marginal;
+use crate::observer::PythonObserver;
 use crate::pool::Threads;
 use crate::run::Run;
 use crate::settings::changed;
 use crate::signals::interruptible;
 use oblate::inference::{Sampler, SamplerSettings, sample as run_sampler};
-use oblate::samplers::control::Silent;
 use oblate::samplers::{Control, Prior};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -43,10 +43,19 @@ fn prior(
     Ok((cube(names)?, Some(given.clone().unbind())))
 }
 
+/// Samples a posterior of Python functions by nested sampling or parallel tempering.
+///
+/// `ln_likelihood` takes a point, an array of shape `(dim,)`, and returns ln L, minus infinity where the likelihood is zero; if
+/// `vectorized`, it takes points of shape `(n, dim)` and returns `n` values. `prior` is a dictionary of `Uniform`, `Normal` and
+/// `HalfNormal` by the parameters' names, or a function from the unit cube to the parameters, whose `names` are then given.
+/// `gradient` takes a point and returns ln L and its derivatives. The sampler is `nested` or `pt-hmc`; `settings` are those of
+/// docs/samplers.md, section 6. On more than one thread, functions must be safe to call from several threads.
+///
+/// An exception of a function ends the run and is raised here; so is `KeyboardInterrupt`. The same seed gives the same draws.
 #[pyfunction]
 #[pyo3(signature = (
     ln_likelihood, prior, *, names=None, gradient=None, vectorized=false, sampler="nested", settings=None, seed=1,
-    max_calls=None, threads=1
+    max_calls=None, threads=1, on_event=None
 ))]
 #[expect(
     clippy::too_many_arguments,
@@ -64,6 +73,7 @@ pub fn sample(
     seed: u64,
     max_calls: Option<u64>,
     threads: usize,
+    on_event: Option<Py<PyAny>>,
 ) -> PyResult<Run> {
     let (prior, prior_transform) = self::prior(prior, names)?;
     if gradient.is_some() && prior_transform.is_some() {
@@ -90,7 +100,7 @@ pub fn sample(
     let pool = Threads::new(Some(threads))?.pool()?;
     let run = interruptible(py, &pool, |stop| {
         let target = CallableTarget::new(functions, prior, stop);
-        let mut observer = Silent;
+        let mut observer = PythonObserver::new(on_event);
         let mut control = Control::new(&mut observer);
         control.interrupt = Arc::clone(stop);
         control.budget.max_calls = max_calls.unwrap_or(u64::MAX);
@@ -98,7 +108,7 @@ pub fn sample(
         let run = run.map(|run| target.in_physical_parameters(run));
         match target.into_raised() {
             Some(raised) => Err(raised),
-            None => run.map_err(to_python),
+            None => observer.finish(run)?.map_err(to_python),
         }
     })?;
     Ok(run?.into())

@@ -56,6 +56,7 @@ impl Track {
         Ok(Self { observed })
     }
 
+    /// Reads a track file: ECSV or CSV (docs/tracks.md). `assume_error` is a text such as `2%`, `handedness` is `as-given` or `mirrored`.
     #[staticmethod]
     #[pyo3(signature = (path, *, assume_error=None, handedness=None))]
     fn read(path: PathBuf, assume_error: Option<&str>, handedness: Option<&str>) -> PyResult<Self> {
