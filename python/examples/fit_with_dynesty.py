@@ -21,7 +21,8 @@ sampler = dynesty.NestedSampler(
     fit.ln_likelihood,
     fit.prior_transform,
     fit.dim,
-    nlive=250,
+    nlive=150,
+    sample="rslice",
     rstate=np.random.default_rng(1),
 )
 sampler.run_nested(dlogz=0.1, print_progress=False)

@@ -308,15 +308,14 @@ impl StreamPrior {
     /// # Errors
     /// [`Rejection::BadParameter`] if one of them is NaN or infinite, [`Rejection::OutsidePrior`] if one lies outside its bounds.
     pub fn check_point(&self, params: &StreamParams<f64>) -> std::result::Result<(), Rejection> {
-        let values = params.to_array();
-        let free = self.free.iter().map(|&i| values[i]);
-        if !free.clone().all(f64::is_finite) {
+        let free = self.free_values(&params.to_array());
+        if !free.iter().all(|value| value.is_finite()) {
             return Err(Rejection::BadParameter);
         }
-        let mut pairs = free.zip(self.prior.marginals());
+        let mut pairs = free.iter().zip(self.prior.marginals());
         let inside = pairs.all(|(value, marginal)| {
             let (lo, hi) = marginal.support();
-            (lo..=hi).contains(&value)
+            (lo..=hi).contains(value)
         });
         if inside {
             Ok(())
@@ -348,6 +347,12 @@ impl StreamPrior {
             }
         }
         Ok(StreamParams::from_array(all))
+    }
+
+    /// The values of the free parameters among all thirteen, in the order of [`free`](Self::free).
+    #[must_use]
+    pub fn free_values(&self, all: &[f64; DIM]) -> Vec<f64> {
+        self.free.iter().map(|&place| all[place]).collect()
     }
 
     /// # Errors
