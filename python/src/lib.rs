@@ -1,4 +1,4 @@
-//! The extension module `oblate._oblate`: the library's functions for numpy arrays. `__init__.pyi` documents what Python sees.
+//! The extension module `oblate._oblate`: the library's functions for numpy arrays. `_oblate.pyi` has the types that Python sees.
 
 mod callable;
 mod errors;

@@ -3,16 +3,13 @@
 use crate::errors::wrong;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyFloat};
+use pyo3::types::PyFloat;
 
-/// What numpy can make into an array of 64-bit floats in C order. One that is this already is not copied.
+/// What numpy can make into an array of aligned 64-bit floats in C order. One that is this already is not copied.
 fn any_floats<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let numpy = given.py().import("numpy")?;
-    let options = PyDict::new(given.py());
-    options.set_item("dtype", numpy.getattr("float64")?)?;
-    options.set_item("order", "C")?;
-    let array = numpy.call_method("asarray", (given,), Some(&options))?;
-    Ok(array.cast_into()?)
+    let arguments = (given, numpy.getattr("float64")?, ["C", "A"]);
+    Ok(numpy.call_method1("require", arguments)?.cast_into()?)
 }
 
 /// As numpy makes them, numbers of one shape.

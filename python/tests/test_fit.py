@@ -53,7 +53,9 @@ def test_arrays_of_any_layout_and_lists_are_read(fit, points):
     expected = fit.ln_likelihood(points).tolist()
     wide = np.zeros((2, 26))
     wide[:, ::2] = points
-    for given in [np.asfortranarray(points), wide[:, ::2], points.tolist(), points.astype(">f8")]:
+    misaligned = np.frombuffer(b" " + points.tobytes(), offset=1).reshape(2, 13)
+    assert not misaligned.flags.aligned
+    for given in [np.asfortranarray(points), wide[:, ::2], misaligned, points.tolist(), points.astype(">f8")]:
         assert fit.ln_likelihood(given).tolist() == expected
     assert fit.ln_likelihood(np.zeros((0, 13))).shape == (0,)
     assert fit.gradient(np.zeros((0, 13)))[1].shape == (0, 13)

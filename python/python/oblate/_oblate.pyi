@@ -4,55 +4,57 @@ from typing import Any, Literal, TypeAlias, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
 
-__all__: list[str]
+__all__ = ["Fit", "Marginal", "Model", "OblateError", "Run", "Track", "_restore_fit", "__version__", "sample"]
+
 __version__: str
 
-Path: TypeAlias = str | PathLike[str]
-Array: TypeAlias = NDArray[np.float64]
-Columns: TypeAlias = dict[str, Array]
-Setting: TypeAlias = bool | int | float | str | Sequence[Any] | Mapping[str, Any]
-Coordinates: TypeAlias = Literal["theta", "u", "z"]
-Event: TypeAlias = dict[str, Any]
+_Path: TypeAlias = str | PathLike[str]
+_Array: TypeAlias = NDArray[np.float64]
+_Columns: TypeAlias = dict[str, _Array]
+_Setting: TypeAlias = bool | int | float | str | Sequence[Any] | Mapping[str, Any]
+_Coordinates: TypeAlias = Literal["theta", "u", "z"]
+_Event: TypeAlias = dict[str, Any]
 
 class OblateError(ValueError): ...
 
+@disjoint_base
 class Marginal:
     @final
     class Uniform(Marginal):
+        __match_args__ = ("lo", "hi")
         lo: float
         hi: float
         def __new__(cls, lo: float, hi: float) -> Marginal.Uniform: ...
 
     @final
     class Normal(Marginal):
+        __match_args__ = ("mean", "sd")
         mean: float
         sd: float
         def __new__(cls, mean: float, sd: float) -> Marginal.Normal: ...
 
     @final
     class HalfNormal(Marginal):
+        __match_args__ = ("sd",)
         sd: float
         def __new__(cls, sd: float) -> Marginal.HalfNormal: ...
-
-Uniform = Marginal.Uniform
-Normal = Marginal.Normal
-HalfNormal = Marginal.HalfNormal
 
 @final
 class Track:
     def __new__(
         cls,
-        phi_deg: Sequence[float] | Array,
-        r_kpc: Sequence[float] | Array,
-        r_err_kpc: Sequence[float] | Array,
+        phi_deg: Sequence[float] | _Array,
+        r_kpc: Sequence[float] | _Array,
+        r_err_kpc: Sequence[float] | _Array,
         *,
         bin_width_deg: float,
         name: str = "track",
     ) -> Track: ...
     @staticmethod
     def read(
-        path: Path,
+        path: _Path,
         *,
         assume_error: str | None = None,
         handedness: Literal["as-given", "mirrored"] | None = None,
@@ -62,13 +64,13 @@ class Track:
     @property
     def bin_width_deg(self) -> float: ...
     @property
-    def phi_deg(self) -> Array: ...
+    def phi_deg(self) -> _Array: ...
     @property
-    def r_kpc(self) -> Array: ...
+    def r_kpc(self) -> _Array: ...
     @property
-    def r_err_lo_kpc(self) -> Array: ...
+    def r_err_lo_kpc(self) -> _Array: ...
     @property
-    def r_err_hi_kpc(self) -> Array: ...
+    def r_err_hi_kpc(self) -> _Array: ...
     @property
     def assumptions(self) -> list[str]: ...
     def __len__(self) -> int: ...
@@ -78,21 +80,21 @@ class Model:
     def __new__(
         cls,
         *,
-        config: Path | None = None,
-        settings: Mapping[str, Setting] | None = None,
+        config: _Path | None = None,
+        settings: Mapping[str, _Setting] | None = None,
         threads: int | None = None,
     ) -> Model: ...
     def stream(self, parameters: Mapping[str, float]) -> dict[str, NDArray[Any]]: ...
-    def track(self, parameters: Mapping[str, float], *, bin_width_deg: float = 10.0) -> Columns: ...
+    def track(self, parameters: Mapping[str, float], *, bin_width_deg: float = 10.0) -> _Columns: ...
 
 @final
 class Fit:
     def __new__(
         cls,
-        track: Path | Track,
+        track: _Path | Track,
         *,
-        config: Path | None = None,
-        settings: Mapping[str, Setting] | None = None,
+        config: _Path | None = None,
+        settings: Mapping[str, _Setting] | None = None,
         threads: int | None = None,
     ) -> Fit: ...
     @property
@@ -109,30 +111,30 @@ class Fit:
     def settings(self) -> dict[str, Any]: ...
     @property
     def data(self) -> Track: ...
-    def ln_likelihood(self, theta: ArrayLike, *, coordinates: Coordinates = "theta") -> Any: ...
-    def gradient(self, theta: ArrayLike, *, coordinates: Coordinates = "theta") -> tuple[Any, Array]: ...
-    def rejected(self, theta: ArrayLike, *, coordinates: Coordinates = "theta") -> Any: ...
+    def ln_likelihood(self, theta: ArrayLike, *, coordinates: _Coordinates = "theta") -> Any: ...
+    def gradient(self, theta: ArrayLike, *, coordinates: _Coordinates = "theta") -> tuple[Any, _Array]: ...
+    def rejected(self, theta: ArrayLike, *, coordinates: _Coordinates = "theta") -> Any: ...
     def ln_prior(self, theta: ArrayLike) -> Any: ...
-    def prior_transform(self, u: ArrayLike) -> Array: ...
-    def theta_from_z(self, z: ArrayLike) -> Array: ...
-    def z_from_theta(self, theta: ArrayLike) -> Array: ...
+    def prior_transform(self, u: ArrayLike) -> _Array: ...
+    def theta_from_z(self, z: ArrayLike) -> _Array: ...
+    def z_from_theta(self, theta: ArrayLike) -> _Array: ...
     def derived(self, theta: ArrayLike) -> dict[str, Any]: ...
-    def track(self, theta: ArrayLike) -> Columns: ...
+    def track(self, theta: ArrayLike) -> _Columns: ...
     def stream(self, theta: ArrayLike) -> dict[str, NDArray[Any]]: ...
     def sample(
         self,
         *,
-        out: Path | None = None,
+        out: _Path | None = None,
         if_exists: Literal["refuse", "replace", "resume"] = "refuse",
         seed: int | None = None,
         max_minutes: float | None = None,
-        on_event: Callable[[Event], object] | None = None,
+        on_event: Callable[[_Event], object] | None = None,
     ) -> Run: ...
 
 @final
 class Run:
     @staticmethod
-    def read(folder: Path) -> Run: ...
+    def read(folder: _Path) -> Run: ...
     @property
     def method(self) -> str: ...
     @property
@@ -142,13 +144,13 @@ class Run:
     @property
     def units(self) -> list[str]: ...
     @property
-    def theta(self) -> Array: ...
+    def theta(self) -> _Array: ...
     @property
-    def ln_likelihood(self) -> Array: ...
+    def ln_likelihood(self) -> _Array: ...
     @property
-    def ln_weight(self) -> Array: ...
+    def ln_weight(self) -> _Array: ...
     @property
-    def derived(self) -> Columns: ...
+    def derived(self) -> _Columns: ...
     @property
     def ln_z(self) -> float: ...
     @property
@@ -170,32 +172,31 @@ class Run:
 
 @overload
 def sample(
-    ln_likelihood: Callable[[Array], float],
+    ln_likelihood: Callable[[_Array], float],
     prior: Mapping[str, Marginal],
     *,
-    gradient: Callable[[Array], tuple[float, ArrayLike]] | None = None,
+    gradient: Callable[[_Array], tuple[float, ArrayLike]] | None = None,
     vectorized: Literal[False] = False,
     sampler: Literal["nested", "pt-hmc"] = "nested",
-    settings: Mapping[str, Setting] | None = None,
+    settings: Mapping[str, _Setting] | None = None,
     seed: int = 1,
     max_calls: int | None = None,
     threads: int = 1,
-    on_event: Callable[[Event], object] | None = None,
+    on_event: Callable[[_Event], object] | None = None,
 ) -> Run: ...
 @overload
 def sample(
-    ln_likelihood: Callable[[Array], Any],
-    prior: Mapping[str, Marginal] | Callable[[Array], ArrayLike],
+    ln_likelihood: Callable[[_Array], Any],
+    prior: Mapping[str, Marginal] | Callable[[_Array], ArrayLike],
     *,
     names: Sequence[str] | None = None,
-    gradient: Callable[[Array], tuple[float, ArrayLike]] | None = None,
+    gradient: Callable[[_Array], tuple[float, ArrayLike]] | None = None,
     vectorized: bool = False,
     sampler: Literal["nested", "pt-hmc"] = "nested",
-    settings: Mapping[str, Setting] | None = None,
+    settings: Mapping[str, _Setting] | None = None,
     seed: int = 1,
     max_calls: int | None = None,
     threads: int = 1,
-    on_event: Callable[[Event], object] | None = None,
+    on_event: Callable[[_Event], object] | None = None,
 ) -> Run: ...
-def load(folder: Path) -> Any: ...
-def load_arviz(folder: Path) -> Any: ...
+def _restore_fit(track: str, settings: str, threads: int | None) -> Fit: ...
