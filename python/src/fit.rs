@@ -417,7 +417,8 @@ impl Fit {
             Some(minutes) => Duration::try_from_secs_f64(60.0 * minutes)
                 .map_err(|e| wrong("max_minutes", minutes, &e.to_string()))?,
         };
-        let fitted = interruptible(py, &*self.threads.pool()?, |stop| {
+        let pool = self.threads.pool()?;
+        let fitted = interruptible(py, &pool, |stop| {
             let mut observer = PythonObserver::new(on_event);
             let interrupt = Arc::clone(stop);
             let fitted = match &out {

@@ -40,6 +40,7 @@ impl StreamTarget {
     }
 
     /// As [`evaluate`](Self::evaluate) at many points, in their order, on one thread each. The results have the same bits.
+    #[must_use]
     pub fn evaluate_all(
         &self,
         points: impl IndexedParallelIterator<Item = StreamParams<f64>>,
