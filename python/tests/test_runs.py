@@ -105,6 +105,7 @@ def test_draws_for_pandas(folder):
     assert abs(draws["q"].mean() - mean) < 4.0 * weighted["q"].std() / np.sqrt(run.ess)
 
 
+@pytest.mark.filterwarnings("default")  # of ArviZ and what it imports
 def test_draws_for_xarray_and_arviz(folder):
     tree = oblate.load(folder)
     assert {"posterior", "sample_stats", "observed_data", "prior", "weighted", "history"} <= set(tree.children)
@@ -115,6 +116,7 @@ def test_draws_for_xarray_and_arviz(folder):
     assert float(data.posterior["q"].mean()) == pytest.approx(float(tree["posterior"]["q"].mean()))
 
 
+@pytest.mark.filterwarnings("default")  # of ArviZ and what it imports
 def test_what_is_no_finished_run_is_refused(folder, tmp_path):
     for read in [oblate.Run.read, oblate.load, oblate.load_arviz]:
         with pytest.raises(FileNotFoundError, match="give a run folder"):
