@@ -373,6 +373,8 @@ pub enum Rejection {
     Uncovered,
     /// The likelihood is NaN or infinite.
     BadLikelihood,
+    /// A parameter lies outside its prior: only of points that a user gives, since samplers stay inside.
+    OutsidePrior,
 }
 
 impl Rejection {
@@ -386,6 +388,7 @@ impl Rejection {
             Self::BadParticle => "bad_particle",
             Self::Uncovered => "uncovered",
             Self::BadLikelihood => "bad_likelihood",
+            Self::OutsidePrior => "outside_prior",
         }
     }
 
@@ -400,6 +403,7 @@ impl Rejection {
             Self::Uncovered => {
                 "change the parameters, or take a `likelihood.coverage` with a penalty"
             }
+            Self::OutsidePrior => "give parameters inside the prior, or widen the prior",
             Self::BadOrbit | Self::BadParticle | Self::BadLikelihood => "change the parameters",
         }
     }

@@ -135,28 +135,15 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
 
 /// The particles as CSV.
 fn particles_csv(particles: &Particles, model: &Model) -> String {
-    let mut text =
-        String::from("tail,t_release_fraction,x_kpc,y_kpc,z_kpc,vx_km_s,vy_km_s,vz_km_s,phi_deg\n");
-    let table = model.table();
-    for (i, release) in table.releases.iter().enumerate() {
-        let angle = particles.angle(i).to_degrees();
-        let v = |c: usize| crate::units::km_s_from_kpc_per_gyr(particles.v[c][i]);
-        text.push_str(&format!(
-            "{},{},{},{},{},{},{},{},{}\n",
-            if release.tail.sign() < 0.0 {
-                "leading"
-            } else {
-                "trailing"
-            },
-            table.taus[i / table.per_release_time],
-            particles.x[i],
-            particles.y[i],
-            particles.z[i],
-            v(0),
-            v(1),
-            v(2),
-            angle
-        ));
+    let table = model.particle_table(particles);
+    let names = table.columns.each_ref().map(|(name, _)| *name);
+    let mut text = format!("tail,{}\n", names.join(","));
+    for (i, tail) in table.tails.iter().enumerate() {
+        text += tail.name();
+        for (_, values) in &table.columns {
+            text += &format!(",{}", values[i]);
+        }
+        text.push('\n');
     }
     text
 }

@@ -3,6 +3,7 @@
 
 mod best_fit;
 mod coarse;
+mod evaluate;
 mod fit;
 mod model_error;
 mod prior_draws;
@@ -14,6 +15,7 @@ mod speed;
 mod target;
 
 pub use best_fit::{Diagnostics, diagnose};
+pub use evaluate::{Evaluated, Wanted};
 pub use fit::{Coarse, Fit, FitPlan, bridge_from, fit, fit_with, summarize};
 pub use prior_draws::prior_draws;
 pub use prior_predictive::check_prior_predictive;

@@ -1,4 +1,4 @@
-//! Parameter sets as JSON lines: one object with the thirteen parameters per line.
+//! Parameter sets as JSON lines: per line one object with parameters by name, or a list of such objects.
 
 use super::layout::StreamParams;
 use crate::error::{Error, Result};
@@ -6,10 +6,21 @@ use oblate_samplers::read;
 use std::io::{BufRead, Read};
 use std::path::PathBuf;
 
-/// Largest length of a line in bytes, its end included.
-const MAX_BYTES: u64 = 64 << 10;
+/// Largest length of a line in bytes, its end included: a list of some ten thousand parameter sets.
+const MAX_BYTES: u64 = 4 << 20;
 
-/// Reads parameter sets with the numbers of their lines, from 1. Each line is read when it is asked for; empty ones are left out.
+/// The parameter sets of one line. Parameters may be missing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterLine {
+    /// Its number, from 1.
+    pub number: usize,
+    /// One set, or those of the list.
+    pub points: Vec<StreamParams<Option<f64>>>,
+    /// Whether it is a list, also one of a single set.
+    pub is_list: bool,
+}
+
+/// Reads parameter sets with the numbers of their lines. Each line is read when it is asked for; empty ones are left out.
 pub struct ParameterLines<'a> {
     input: &'a mut dyn BufRead,
     name: PathBuf,
@@ -31,16 +42,30 @@ impl<'a> ParameterLines<'a> {
             path: self.name.clone(),
             line: Some(self.line),
             message,
-            remedy: "give one JSON object with the 13 parameters per line",
+            remedy: "give one JSON object with parameters by name per line, or a list of them",
         }
+    }
+
+    /// The sets of a line that is not empty.
+    fn parse(&self, json: &[u8]) -> serde_json::Result<ParameterLine> {
+        let is_list = json.trim_ascii_start().starts_with(b"[");
+        let points = if is_list {
+            serde_json::from_slice(json)?
+        } else {
+            vec![serde_json::from_slice(json)?]
+        };
+        Ok(ParameterLine {
+            number: self.line,
+            points,
+            is_list,
+        })
     }
 }
 
 impl Iterator for ParameterLines<'_> {
-    type Item = Result<(usize, StreamParams<f64>)>;
+    type Item = Result<ParameterLine>;
 
-    /// The next parameter set; [`Error::Syntax`] for a line that is none or is longer than 64 KiB, [`Error::Io`] if the input cannot be
-    /// read.
+    /// The next line; [`Error::Syntax`] for one without parameter sets or longer than 4 MiB, [`Error::Io`] if the input cannot be read.
     fn next(&mut self) -> Option<Self::Item> {
         loop {
             self.line += 1;
@@ -57,7 +82,7 @@ impl Iterator for ParameterLines<'_> {
                 return None;
             }
             if bytes.len() as u64 > MAX_BYTES {
-                let message = format!("longer than {} KiB", MAX_BYTES >> 10);
+                let message = format!("longer than {} MiB", MAX_BYTES >> 20);
                 return Some(Err(self.fail(message)));
             }
             let mark = read::BYTE_ORDER_MARK.as_bytes();
@@ -67,11 +92,7 @@ impl Iterator for ParameterLines<'_> {
                 return Some(Err(self.fail("not UTF-8 text".to_owned())));
             }
             if !json.trim_ascii().is_empty() {
-                let params = serde_json::from_slice(json);
-                return Some(match params {
-                    Ok(params) => Ok((self.line, params)),
-                    Err(e) => Err(self.fail(e.to_string())),
-                });
+                return Some(self.parse(json).map_err(|e| self.fail(e.to_string())));
             }
         }
     }

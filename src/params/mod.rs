@@ -11,6 +11,6 @@ pub mod symmetry;
 
 pub use features::{FEATURES, features};
 pub use layout::{DIM, NAMES, PARAMETERS, Parameter, StreamParams, index_of};
-pub use lines::ParameterLines;
+pub use lines::{ParameterLine, ParameterLines};
 pub use prior::{PriorSettings, StreamPrior};
 pub use shape::{AXIS_RATIOS, QPrior, QRange, Shape, length_cdf, length_quantile, length_sf};

@@ -3,7 +3,7 @@
 
 use super::layout::{DIM, PARAMETERS, Parameter, StreamParams, index_of};
 use super::shape::{AXIS_RATIOS, QPrior, QRange, Shape};
-use crate::error::{Error, Result};
+use crate::error::{Error, Rejection, Result};
 use crate::scalar::{Real, Scalar};
 use oblate_samplers::limits::in_range;
 use oblate_samplers::rng::{RandomStream, unit_open};
@@ -286,24 +286,14 @@ impl StreamPrior {
     pub fn check_inside(&self, params: &StreamParams<f64>) -> Result<()> {
         let marginals = self.settings.marginals.to_array();
         for (i, value) in params.to_array().into_iter().enumerate() {
-            let name = PARAMETERS[i].name;
             if !self.free.contains(&i) {
-                if value.total_cmp(&self.fixed[i]).is_ne() {
-                    return Err(Error::Setting {
-                        key: name.to_owned(),
-                        value: value.to_string(),
-                        remedy: format!(
-                            "it is fixed at {}; give this value, or free the parameter",
-                            self.fixed[i]
-                        ),
-                    });
-                }
+                self.check_fixed(i, value)?;
                 continue;
             }
             let (lo, hi) = marginals[i].support();
             if !(value.is_finite() && value >= lo && value <= hi) {
                 return Err(Error::OutsidePrior {
-                    name: name.to_owned(),
+                    name: PARAMETERS[i].name.to_owned(),
                     value,
                     lo,
                     hi,
@@ -311,6 +301,74 @@ impl StreamPrior {
             }
         }
         Ok(())
+    }
+
+    /// Whether the free parameters lie inside the prior, its bounds included.
+    ///
+    /// # Errors
+    /// [`Rejection::BadParameter`] if one of them is NaN or infinite, [`Rejection::OutsidePrior`] if one lies outside its bounds.
+    pub fn check_point(&self, params: &StreamParams<f64>) -> std::result::Result<(), Rejection> {
+        let free = self.free_values(&params.to_array());
+        if !free.iter().all(|value| value.is_finite()) {
+            return Err(Rejection::BadParameter);
+        }
+        let mut pairs = free.iter().zip(self.prior.marginals());
+        let inside = pairs.all(|(value, marginal)| {
+            let (lo, hi) = marginal.support();
+            (lo..=hi).contains(value)
+        });
+        if inside {
+            Ok(())
+        } else {
+            Err(Rejection::OutsidePrior)
+        }
+    }
+
+    /// All thirteen parameters from those that are given: fixed ones may be left out.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a free parameter that is left out, or a fixed one with another value.
+    pub fn complete(&self, given: &StreamParams<Option<f64>>) -> Result<StreamParams<f64>> {
+        let mut all = self.fixed;
+        for (i, value) in given.to_array().into_iter().enumerate() {
+            let name = PARAMETERS[i].name;
+            let is_free = self.free.contains(&i);
+            match value {
+                Some(value) if is_free => all[i] = value,
+                Some(value) => self.check_fixed(i, value)?,
+                None if is_free => {
+                    return Err(Error::Setting {
+                        key: name.to_owned(),
+                        value: "missing".to_owned(),
+                        remedy: "give a value, because it is not fixed".to_owned(),
+                    });
+                }
+                None => {}
+            }
+        }
+        Ok(StreamParams::from_array(all))
+    }
+
+    /// The values of the free parameters among all thirteen, in the order of [`free`](Self::free).
+    #[must_use]
+    pub fn free_values(&self, all: &[f64; DIM]) -> Vec<f64> {
+        self.free.iter().map(|&place| all[place]).collect()
+    }
+
+    /// # Errors
+    /// [`Error::Setting`] if a fixed parameter has another value than its own.
+    fn check_fixed(&self, index: usize, value: f64) -> Result<()> {
+        if value.total_cmp(&self.fixed[index]).is_eq() {
+            return Ok(());
+        }
+        Err(Error::Setting {
+            key: PARAMETERS[index].name.to_owned(),
+            value: value.to_string(),
+            remedy: format!(
+                "it is fixed at {}; give this value, or free the parameter",
+                self.fixed[index]
+            ),
+        })
     }
 }
 

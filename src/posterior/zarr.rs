@@ -25,7 +25,7 @@ pub use entries::Entries;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use layout::Table;
-pub(super) use layout::equal_weight_rows;
+pub use layout::equal_weight_rows;
 use oblate_samplers::Run;
 use oblate_samplers::files::{folder_of, sync_folder};
 use oblate_samplers::output::{Draws, History, Method};

@@ -19,6 +19,15 @@ pub enum Tail {
 }
 
 impl Tail {
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Leading => "leading",
+            Self::Trailing => "trailing",
+        }
+    }
+
     /// -1 for the leading tail, +1 for the trailing one.
     #[must_use]
     pub fn sign(self) -> f64 {

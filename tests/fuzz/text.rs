@@ -154,14 +154,20 @@ pub fn line_case(rng: &mut RandomStream, seeds: &[Vec<u8>]) -> Verdict {
     let own = &seeds[below(rng, seeds.len())];
     let bytes = mutate::bytes(rng, own, &seeds[0]);
     let mut input = bytes.as_slice();
+    let prior = StreamPrior::new(&PriorSettings::default()).unwrap();
     let mut verdict = Verdict::Refused;
     for line in ParameterLines::new(&mut input, PathBuf::from("lines")) {
-        let Ok((_, params)) = line else {
+        let Ok(line) = line else {
             return Verdict::Refused;
         };
-        verdict = inside(&params);
-        if verdict == Verdict::Refused {
-            break;
+        for given in &line.points {
+            let Ok(params) = prior.complete(given) else {
+                return Verdict::Refused;
+            };
+            verdict = inside(&params);
+            if verdict == Verdict::Refused {
+                return verdict;
+            }
         }
     }
     verdict

@@ -6,7 +6,7 @@ use oblate::inference::FitSettings;
 use oblate::params::NAMES;
 use std::path::{Path, PathBuf};
 
-const PAGES: [&str; 17] = [
+const PAGES: [&str; 19] = [
     "README.md",
     "CHANGELOG.md",
     "docs/faq.md",
@@ -16,12 +16,14 @@ const PAGES: [&str; 17] = [
     "docs/limits.md",
     "docs/reliability.md",
     "docs/physics.md",
+    "docs/python.md",
     "docs/samplers.md",
     "docs/tracks.md",
     "docs/validation.md",
     "benches/RESULTS.md",
     "benches/peers/README.md",
     "benches/studies/README.md",
+    "python/README.md",
     "samplers/README.md",
     "tests/peers/README.md",
 ];

@@ -2,8 +2,8 @@
 
 use super::{DRAWS, default_prior, rng};
 use crate::ks;
-use oblate::Error;
 use oblate::params::{DIM, PARAMETERS, PriorSettings, QPrior, StreamParams, StreamPrior, index_of};
+use oblate::{Error, Rejection};
 use oblate_samplers::{Marginal, Prior, normal as gaussian};
 use proptest::prelude::*;
 
@@ -162,7 +162,38 @@ fn points_outside_the_prior_are_refused_by_name() {
             matches!(error, Error::OutsidePrior { name: ref n, .. } if n == name),
             "{error}"
         );
+        let cause = if value.is_finite() {
+            Rejection::OutsidePrior
+        } else {
+            Rejection::BadParameter
+        };
+        assert_eq!(prior.check_point(&wrong), Err(cause), "{name}");
     }
+    let mut bound = params();
+    (bound.log10_m_halo, bound.dir_z) = (14.0, 0.0);
+    assert_eq!(prior.check_point(&bound), Ok(()));
+}
+
+#[test]
+fn fixed_parameters_may_be_left_out_and_free_ones_may_not() {
+    let mut settings = PriorSettings::default();
+    settings.fix("age_gyr", 2.5).unwrap();
+    let prior = StreamPrior::new(&settings).unwrap();
+    let mut given = params().map(Some);
+    assert_eq!(prior.complete(&given).unwrap(), params());
+    given.age_gyr = None;
+    let all = prior.complete(&given).unwrap();
+    assert_eq!(all, params());
+    assert_eq!(prior.fill(&prior.free_values(&all.to_array())), all);
+    given.age_gyr = Some(2.0);
+    let error = prior.complete(&given).unwrap_err();
+    assert!(matches!(error, Error::Setting { ref key, .. } if key == "age_gyr"));
+    given.age_gyr = None;
+    given.dir_x = None;
+    let error = prior.complete(&given).unwrap_err();
+    assert!(
+        matches!(error, Error::Setting { ref key, ref value, .. } if key == "dir_x" && value == "missing")
+    );
 }
 
 #[test]

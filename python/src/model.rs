@@ -1,0 +1,114 @@
+//! Streams of given parameters, without data.
+
+use crate::errors::{no_track, to_python, wrong};
+use crate::pool::Threads;
+use crate::settings::{changed, from_file};
+use crate::tables::{particle_columns, track_columns};
+use oblate::Rejection;
+use oblate::inference::FitSettings;
+use oblate::params::{NAMES, PriorSettings, StreamParams, StreamPrior, index_of};
+use oblate::stream::{self, Particles, System};
+use oblate::track::Track;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+
+/// A model of streams with its settings.
+#[pyclass(frozen, module = "oblate")]
+pub struct Model {
+    model: stream::Model,
+    settings: FitSettings,
+    prior: StreamPrior,
+    threads: Threads,
+}
+
+/// All thirteen parameters by name.
+fn params(given: &Bound<'_, PyDict>) -> PyResult<StreamParams<f64>> {
+    let mut values = [f64::NAN; NAMES.len()];
+    for (name, value) in given {
+        let name: String = name.extract()?;
+        let Some(index) = index_of(&name) else {
+            let remedy = format!(
+                "there is no such parameter; the names are {}",
+                NAMES.join(", ")
+            );
+            return Err(wrong(&name, value.repr()?, &remedy));
+        };
+        values[index] = value.extract()?;
+    }
+    if let Some(name) = NAMES
+        .iter()
+        .find(|name| !given.contains(**name).unwrap_or(false))
+    {
+        return Err(wrong(name, "missing", "give all 13 parameters"));
+    }
+    Ok(StreamParams::from_array(values))
+}
+
+impl Model {
+    fn particles(&self, given: &Bound<'_, PyDict>) -> PyResult<Particles> {
+        let params = params(given)?;
+        self.prior.check_inside(&params).map_err(to_python)?;
+        let system = System::from_params(&params, self.prior.q_range());
+        let pool = self.threads.pool()?;
+        let work = || -> Result<Particles, Rejection> {
+            let solution = self.model.progenitor_solution(&system)?;
+            let mut particles = Particles::default();
+            self.model
+                .integrate_in_parallel(&solution, &mut particles)?;
+            Ok(particles)
+        };
+        given.py().detach(|| pool.install(work)).map_err(no_track)
+    }
+}
+
+#[pymethods]
+impl Model {
+    #[new]
+    #[pyo3(signature = (*, config=None, settings=None, threads=None))]
+    fn new(
+        config: Option<PathBuf>,
+        settings: Option<&Bound<'_, PyDict>>,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        let settings: FitSettings = changed(from_file(config)?, "", settings)?;
+        let prior = PriorSettings {
+            // Parameters that a fit fixes are given here.
+            fixed: StreamParams::default(),
+            ..settings.prior
+        };
+        Ok(Self {
+            model: stream::Model::new(&settings.model).map_err(to_python)?,
+            prior: StreamPrior::new(&prior).map_err(to_python)?,
+            settings,
+            threads: Threads::new(threads)?,
+        })
+    }
+
+    /// The particles of a stream, by columns, from all 13 parameters by name.
+    fn stream<'py>(&self, parameters: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyDict>> {
+        let particles = self.particles(parameters)?;
+        particle_columns(parameters.py(), self.model.particle_table(&particles))
+    }
+
+    /// The track of a stream, by columns, from all 13 parameters by name.
+    #[pyo3(signature = (parameters, *, bin_width_deg=10.0))]
+    fn track<'py>(
+        &self,
+        parameters: &Bound<'py, PyDict>,
+        bin_width_deg: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let particles = self.particles(parameters)?;
+        let likelihood = &self.settings.likelihood;
+        let min_n = likelihood.min_fraction * particles.len() as f64;
+        let track = Track::new(&particles, bin_width_deg, likelihood.edges, min_n);
+        track_columns(parameters.py(), &track.map_err(to_python)?)
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "Model({} particles)",
+            self.settings.model.releases.particles
+        )
+    }
+}
