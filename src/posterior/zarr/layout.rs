@@ -76,6 +76,7 @@ impl Table<'_> {
     clippy::cast_sign_loss,
     reason = "an effective size lies between 0 and the number of rows"
 )]
+#[must_use]
 pub fn equal_weight_rows(run: &Run) -> Vec<Vec<usize>> {
     let draws = &run.draws;
     if run.method == Method::PtHmc {
