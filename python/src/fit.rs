@@ -395,7 +395,7 @@ impl Fit {
         particle_columns(theta.py(), model.particle_table(&particles))
     }
 
-    /// Fits the track, as `oblate fit` with the same settings: a coarse model first, then the model itself.
+    /// Fits the track, as `oblate fit` with the same settings.
     ///
     /// With `out` the result is written into a run folder, with checkpoints; `if_exists` is `refuse`, `replace` or `resume`.
     /// `on_event` is called with each event of `log.jsonl`, a dictionary. Ctrl-C stops the fit.

@@ -92,8 +92,6 @@ pub enum Event {
         ln_z: f64,
         /// Gradients so far.
         gradients: u64,
-        /// Mean acceptance of surrogate moves at beta = 1 in this round or extension; none without a surrogate.
-        surrogate_acceptance: Option<f64>,
     },
     /// One step of an SMC bridge.
     Bridge {

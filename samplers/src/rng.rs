@@ -29,8 +29,7 @@ pub enum Domain {
     /// The references of a tempered run; task = scan, index = 2 x (components of the mixture, or 0 for the autoregressive density) + half
     /// of the clusters.
     PtReference = 19,
-    /// The surrogate of a tempered run; task = scan, index = 4 x turn + (0 for its points, 1 for its fit); and of its trajectories
-    /// task = (turn + 1) x 2^40 + number, index = scan.
+    /// The surrogate of a tempered run; task = scan, index = 4 x turn + (0 for its points, 1 for its fit).
     PtSurrogate = 20,
     /// SMC bridge to a finer model; task = step, index = particle.
     Bridge = 25,

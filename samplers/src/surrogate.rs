@@ -16,7 +16,7 @@ use network::{Batch, Network, Pass};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Depth below the largest ln L at which points are no longer learned.
+/// Depth below the largest ln L at which points need only be known to be deep: only those at which a surrogate is too high are learned.
 pub const DEPTH: f64 = 100.0;
 
 /// Passes through the examples, and least steps of the optimiser where few examples want more passes: of a first fit, and of a fit
@@ -168,14 +168,26 @@ impl Surrogate {
             .iter()
             .copied()
             .fold(f32::NEG_INFINITY, f32::max);
-        let kept: Vec<usize> = (0..count)
-            .filter(|&i| examples.ln_likelihood[i] > top - single(DEPTH))
-            .collect();
-        if kept.len() < MIN_EXAMPLES {
+        let deep = |i: usize| examples.ln_likelihood[i] <= top - single(DEPTH);
+        if (0..count).filter(|&i| !deep(i)).count() < MIN_EXAMPLES {
             return None;
         }
         let width = examples.features.len() / count;
         let per_row = examples.residuals.len() / count;
+        let kept: Vec<usize> = (0..count)
+            .into_par_iter()
+            .map_init(Scratch::default, |scratch, i| {
+                let known = !deep(i);
+                (
+                    i,
+                    known
+                        || earlier.is_some_and(|e| {
+                            e.is_near(top, &examples.features[i * width..(i + 1) * width], scratch)
+                        }),
+                )
+            })
+            .filter_map(|(i, kept)| kept.then_some(i))
+            .collect();
         let features: Vec<f64> = (kept.iter())
             .flat_map(|&i| &examples.features[i * width..(i + 1) * width])
             .copied()
@@ -216,6 +228,12 @@ impl Surrogate {
         surrogate.network.prepare();
         let finite = surrogate.network.parameters().iter().all(|p| p.is_finite());
         finite.then_some(surrogate)
+    }
+
+    /// Whether the estimate at these features is higher than twice the depth below `top`.
+    fn is_near(&self, top: f32, features: &[f32], scratch: &mut Scratch) -> bool {
+        let features: Vec<f64> = features.iter().copied().map(f64::from).collect();
+        self.ln_likelihood(&features, scratch) > f64::from(top) - 2.0 * DEPTH
     }
 
     /// Prepares a surrogate that was read from a file for use.
@@ -351,9 +369,13 @@ impl Surrogate {
             self.in_units(outputs_of_row, y);
             let truth = &examples.y[row * outputs..(row + 1) * outputs];
             let (rest, residuals) = split(y);
-            let ln_likelihood = examples.ln_likelihood[*row];
+            let deepest = examples.top - single(DEPTH);
+            let ln_likelihood = examples.ln_likelihood[*row].max(deepest);
             let unit = 1.0 + RELATIVE * (examples.top - ln_likelihood);
-            let error = (rest - 0.5 * square(residuals) - ln_likelihood) / unit;
+            let mut error = (rest - 0.5 * square(residuals) - ln_likelihood) / unit;
+            if examples.ln_likelihood[*row] < deepest {
+                error = error.max(0.0);
+            }
             let by_ln_likelihood = error.clamp(-1.0, 1.0) / unit;
             for (i, ((y, t), (_, sd))) in y.iter().zip(truth).zip(&self.outputs).enumerate() {
                 let unit = 1.0 + RESIDUALS_RELATIVE * t.abs();
@@ -438,6 +460,32 @@ mod tests {
             let error = error(&fitted(with_residuals));
             assert!(error < 0.4, "{with_residuals} {error}");
         }
+    }
+
+    #[test]
+    fn a_place_that_only_the_surrogate_likes_is_unlearned() {
+        // ln L far away is extrapolated; then values there say that it is far too small to be of interest.
+        let away = |k: usize| [4.0 + 0.01 * (k % 10) as f64, -4.0, 4.0, 4.0];
+        let mut examples = examples(10_000, false, 1);
+        for k in 0..500 {
+            examples.push(&away(k), -1.0, &[]);
+        }
+        let mut rng = stream(1, Domain::Test, 2, 0);
+        let wrong = Surrogate::fit(&examples, None, &mut rng).unwrap();
+        let mut scratch = Scratch::default();
+        assert!(wrong.ln_likelihood(&away(0), &mut scratch) > -50.0);
+        let mut right = Examples::default();
+        for k in 0..500 {
+            right.push(&away(k), -2_000.0, &[]);
+        }
+        let mut all = self::examples(10_000, false, 1);
+        all.append(right);
+        let mut surrogate = wrong;
+        for _ in 0..3 {
+            surrogate = Surrogate::fit(&all, Some(&surrogate), &mut rng).unwrap();
+        }
+        assert!(surrogate.ln_likelihood(&away(0), &mut scratch) < -0.5 * DEPTH);
+        assert!(error(&surrogate) < 0.8);
     }
 
     #[test]

@@ -255,7 +255,6 @@ fn report(event: &Event) -> Option<Report> {
             communication_barrier,
             round_trips,
             ln_z,
-            surrogate_acceptance,
             ..
         } => {
             let mut text = format!("round {round}, scan {} of {scans}", scan + 1);
@@ -265,9 +264,6 @@ fn report(event: &Event) -> Option<Report> {
                     &format!(", ln Z {ln_z:.2}, communication barrier {communication_barrier:.1}");
             }
             text += &format!(", {round_trips} round trips");
-            if let Some(acceptance) = surrogate_acceptance {
-                text += &format!(", surrogate moves accepted {acceptance:.2}");
-            }
             Report {
                 part: format!("round {round} of {scans}"),
                 text,

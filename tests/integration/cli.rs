@@ -723,6 +723,42 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
 }
 
 #[test]
+fn a_fit_along_a_surrogate_needs_no_coarse_fit_and_has_the_same_bits_on_threads_and_after_a_stop() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let fit = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name).display().to_string();
+        let mut args = vec!["fit", &track, "--config", &config, "--sampler", "pt-hmc"];
+        let changes = [
+            "surrogate_points=3000",
+            "hmc_transitions=2",
+            "max_leapfrogs=8",
+        ];
+        let changes = changes.map(|change| format!("sampling.pt_hmc.{change}"));
+        args.extend(changes.iter().flat_map(|change| ["--set", change.as_str()]));
+        args.extend(["--coarse-particles", "64", "--out", &out, "--json", "-q"]);
+        args.extend(more);
+        let output = oblate(&args, "");
+        assert!(
+            !folder.path().join(name).join("coarse").exists(),
+            "{output:?}"
+        );
+        output
+    };
+    let whole = fit("whole", &["--threads", "1"]);
+    assert_eq!(whole.status.code(), Some(1), "{whole:?}");
+    let expected = json(&whole.stdout);
+    assert!(expected["ln_z"]["value"].is_f64(), "{expected}");
+    let stopped = fit("stopped", &["--threads", "2", "--max-minutes", "0"]);
+    assert_eq!(stopped.status.code(), Some(130), "{stopped:?}");
+    let again = json(&fit("stopped", &["--threads", "2", "--resume"]).stdout);
+    for key in ["ln_z", "parameters", "checks"] {
+        assert_eq!(again[key], expected[key], "{key}");
+    }
+}
+
+#[test]
 fn fits_from_several_seeds_are_merged_into_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", SMALL);

@@ -15,8 +15,10 @@ use serde::{Deserialize, Serialize};
 pub struct Point {
     /// Standard-normal coordinates.
     pub z: Vec<f64>,
-    /// ln L there; minus infinity where it was rejected.
+    /// ln L there, or the estimate of the surrogate that the chain follows; minus infinity where it was rejected.
     pub ln_likelihood: f64,
+    /// ln L minus that estimate, where it is needed; minus infinity where ln L was rejected.
+    pub gap: f64,
     /// Gradient of ln L with respect to `z`; meaningless unless [`has_gradient`](Self::has_gradient).
     pub gradient: Vec<f64>,
     /// Whether the gradients belong to `z`: moves that need none do not compute them.
@@ -34,6 +36,7 @@ impl Point {
         Self {
             z: vec![0.0; dim],
             ln_likelihood: f64::NEG_INFINITY,
+            gap: 0.0,
             gradient: vec![0.0; dim],
             has_gradient: false,
             ln_over_prior: 0.0,
@@ -80,6 +83,7 @@ impl Point {
     pub fn copy_from(&mut self, other: &Self) {
         self.z.copy_from_slice(&other.z);
         self.ln_likelihood = other.ln_likelihood;
+        self.gap = other.gap;
         self.gradient.copy_from_slice(&other.gradient);
         self.has_gradient = other.has_gradient;
         self.ln_over_prior = other.ln_over_prior;
@@ -105,6 +109,8 @@ pub struct Evaluator<'a> {
     features_bar: Vec<f64>,
     /// Calls so far.
     pub calls: Calls,
+    /// The values of ln L so far, if they are to be learned from.
+    examples: Option<Examples>,
 }
 
 impl<'a> Evaluator<'a> {
@@ -126,16 +132,23 @@ impl<'a> Evaluator<'a> {
             features: vec![0.0; target.feature_count()],
             features_bar: vec![0.0; target.feature_count()],
             calls: Calls::default(),
+            examples: None,
         }
     }
 
-    /// The same with a surrogate of ln L in its place, which is not counted.
+    /// The same, which also keeps every value of ln L as an example for a surrogate, if so.
     #[must_use]
-    pub fn with_surrogate(self, surrogate: &'a Surrogate) -> Self {
+    pub fn keeping_examples(self, so: bool) -> Self {
         Self {
-            surrogate: Some(surrogate),
+            examples: so.then(Examples::default),
             ..self
         }
+    }
+
+    /// The same with a surrogate of ln L in its place, if there is one, which is not counted.
+    #[must_use]
+    pub fn with_surrogate(self, surrogate: Option<&'a Surrogate>) -> Self {
+        Self { surrogate, ..self }
     }
 
     /// The target.
@@ -155,11 +168,33 @@ impl<'a> Evaluator<'a> {
     /// # Errors
     /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
     pub fn value(&mut self, z: &[f64]) -> Result<f64> {
+        if let Some(surrogate) = self.surrogate {
+            return Ok(self.surrogate_value(z, surrogate));
+        }
         self.target.prior().theta_from_z(z, &mut self.theta);
         self.calls.values += 1;
-        let outcome = self.target.ln_likelihood(&self.theta);
+        let Some(examples) = &mut self.examples else {
+            let outcome = self.target.ln_likelihood(&self.theta);
+            self.calls.note(&outcome);
+            return outcome.ln_likelihood(&self.theta);
+        };
+        let mut residuals = Vec::new();
+        let outcome = self
+            .target
+            .ln_likelihood_and_residuals(&self.theta, &mut residuals);
         self.calls.note(&outcome);
-        outcome.ln_likelihood(&self.theta)
+        let ln_likelihood = outcome.ln_likelihood(&self.theta)?;
+        if ln_likelihood.is_finite() {
+            self.target.features(z, &self.theta, &mut self.features);
+            examples.push(&self.features, ln_likelihood, &residuals);
+        }
+        Ok(ln_likelihood)
+    }
+
+    /// The calls so far and the examples that were kept.
+    #[must_use]
+    pub fn into_calls_and_examples(self) -> (Calls, Examples) {
+        (self.calls, self.examples.unwrap_or_default())
     }
 
     /// ln L at many points; minus infinity where rejected.

@@ -1,5 +1,6 @@
 //! The step size of one temperature, adapted towards a target acceptance while a round adapts, and fixed otherwise.
 
+use crate::normal::quantile;
 use crate::valid::{Valid, ensure};
 use serde::{Deserialize, Serialize};
 
@@ -9,6 +10,9 @@ pub const MAX_STEP: f64 = 1.2;
 /// Smallest step: a thousandth of the metric's own width. Where a target is rough below any step, acceptance stops
 /// rising as steps shrink, and without a lower limit they would shrink until no state moves.
 const MIN_STEP: f64 = 1e-3;
+
+/// Largest correction of the logarithm of a step at once: a factor of four.
+const MAX_CORRECTION: f64 = 1.386;
 
 /// Robbins-Monro on the logarithm of the step, with the average over the second half of a round as its result.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -62,6 +66,15 @@ impl StepSize {
         }
     }
 
+    /// The logarithm of the step with acceptance `target`, after scans at this fixed step with mean acceptance `acceptance`: that of a
+    /// trajectory is `erfc(c step^2)` (Beskos et al. 2013). Changed by a factor of four at most.
+    #[must_use]
+    pub fn ln_corrected(&self, acceptance: f64, target: f64) -> f64 {
+        let depth = |acceptance: f64| -quantile(0.5 * acceptance.clamp(1e-3, 0.999));
+        let change = 0.5 * (depth(target) / depth(acceptance)).ln();
+        self.ln_step + change.clamp(-MAX_CORRECTION, MAX_CORRECTION)
+    }
+
     /// The logarithm of this round's step: the average over its second half.
     #[must_use]
     pub fn ln_found(&self) -> f64 {
@@ -76,6 +89,16 @@ impl StepSize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_step_is_corrected_to_the_wanted_acceptance() {
+        let step = StepSize::new(0.2);
+        let acceptance = |ln_step: f64| libm::erfc(4.0 * (2.0 * ln_step).exp());
+        let corrected = step.ln_corrected(acceptance(0.2_f64.ln()), 0.6);
+        assert!((acceptance(corrected) - 0.6).abs() < 1e-10);
+        assert!((step.ln_corrected(0.6, 0.6) - 0.2_f64.ln()).abs() < 1e-12);
+        assert!((step.ln_corrected(1.0, 0.6) - 0.8_f64.ln()).abs() < 1e-3);
+    }
 
     #[test]
     fn a_step_far_too_short_grows_back_within_one_round() {

@@ -2,6 +2,7 @@
 
 use super::checks::{CheckInputs, checks, confirmation};
 use super::evidence::Estimate;
+use super::path;
 use super::posterior_draws::PosteriorDraws;
 use super::schedule::communication_barrier;
 use super::state::State;
@@ -162,14 +163,14 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
 fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History {
     let record = &state.record;
     let extension = record.last_long_enough();
-    let temperatures = extension.beta.len();
+    let places = &extension.places;
     let chain_sets: Vec<usize> = (0..extension.traces.chain_sets()).collect();
-    let (mean, variance) = (0..temperatures)
-        .map(|temperature| extension.traces.moments(&chain_sets, temperature))
+    let (mean, variance) = (0..places.len())
+        .map(|k| (extension.traces).moments(&chain_sets, path::column(places, k)))
         .unzip();
     let rejection = extension.mean_rejection();
     History::Tempered {
-        beta: extension.beta.clone(),
+        beta: places.clone(),
         mean_ln_likelihood: mean,
         variance_ln_likelihood: variance,
         communication_barrier: communication_barrier(&rejection),
@@ -210,7 +211,7 @@ fn warnings(state: &State) -> Vec<String> {
         );
     }
     let extension = state.record.last_long_enough();
-    for (beta, rejection) in extension.beta.iter().zip(extension.mean_rejection()) {
+    for (beta, rejection) in extension.places.iter().zip(extension.mean_rejection()) {
         if state.is_last_round() && rejection > SLOW_GAP {
             warnings.push(format!(
                 "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that temperatures can adapt",

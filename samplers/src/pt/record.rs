@@ -1,6 +1,7 @@
 //! What is recorded of one round.
 
 use super::evidence::Traces;
+use super::path;
 use super::posterior_draws::PosteriorDraws;
 use super::settings::Settings;
 use super::swap::{self, IndexProcess};
@@ -34,9 +35,6 @@ pub(super) struct Local {
     pub(super) diverged: u64,
     /// Transitions that met a rejected point.
     pub(super) rejected: u64,
-    /// Moves along the surrogate, and the sum of their acceptance probabilities.
-    pub(super) surrogate_moves: u64,
-    pub(super) surrogate_acceptance: f64,
 }
 
 impl Local {
@@ -57,11 +55,9 @@ impl Local {
             self.capped,
             self.diverged,
             self.rejected,
-            self.surrogate_moves,
         ];
-        let sums = [self.acceptance, self.surrogate_acceptance];
         ensure(
-            countable(counts) && self.rejected <= self.moves && sums.iter().all(|s| s.is_finite()),
+            countable(counts) && self.rejected <= self.moves && self.acceptance.is_finite(),
             "a count of moves is too large, or acceptance is not finite",
         )
     }
@@ -73,14 +69,6 @@ impl Local {
         self.capped += other.capped;
         self.diverged += other.diverged;
         self.rejected += other.rejected;
-        self.surrogate_moves += other.surrogate_moves;
-        self.surrogate_acceptance += other.surrogate_acceptance;
-    }
-
-    /// Mean acceptance of surrogate moves; none without any.
-    pub(super) fn surrogate_acceptance(&self) -> Option<f64> {
-        let moves = self.surrogate_moves as f64;
-        (self.surrogate_moves > 0).then_some(self.surrogate_acceptance / moves)
     }
 
     /// Mean acceptance; 1 without transitions (at beta = 0 the reference is drawn independently).
@@ -96,12 +84,13 @@ impl Local {
 /// Scans with fixed temperatures, metrics and reference: the planned part of a round, or one extension of the last round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Extension {
-    pub(super) beta: Vec<f64>,
+    /// Of each temperature.
+    pub(super) places: Vec<f64>,
     /// Planned number of scans.
     scans: usize,
-    /// ln L minus the log ratio of reference to prior, of every chain after every scan's moves.
+    /// The slopes at the knots of the path ([`path::knots`]) after every scan's moves.
     pub(super) traces: Traces,
-    /// Positions at beta = 1 per chain set, scan by scan.
+    /// Positions at the posterior per chain set, scan by scan.
     pub(super) draws: Vec<Vec<f64>>,
     /// Their ln L.
     pub(super) ln_likelihood: Vec<Vec<f64>>,
@@ -120,12 +109,12 @@ pub(super) struct Extension {
 }
 
 impl Extension {
-    fn new(dim: usize, chain_sets: usize, clusters: usize, beta: &[f64], scans: usize) -> Self {
-        let temperatures = beta.len();
+    fn new(dim: usize, chain_sets: usize, clusters: usize, places: &[f64], scans: usize) -> Self {
+        let temperatures = places.len();
         Self {
-            beta: beta.to_vec(),
+            places: places.to_vec(),
             scans,
-            traces: Traces::new(chain_sets, temperatures),
+            traces: Traces::new(chain_sets, path::knots(places).len()),
             draws: vec![Vec::new(); chain_sets],
             ln_likelihood: vec![Vec::new(); chain_sets],
             index_processes: vec![IndexProcess::new(temperatures); chain_sets],
@@ -139,7 +128,7 @@ impl Extension {
 
     /// Checks an extension of `scans` that was read from a file.
     fn check(&self, dim: usize, chain_sets: usize, clusters: usize, scans: usize) -> Valid {
-        let temperatures = self.beta.len();
+        let temperatures = self.places.len();
         ensure(
             temperatures >= 2
                 && self.scans == scans
@@ -149,7 +138,8 @@ impl Extension {
                 && self.rejection.len() == temperatures - 1,
             "an extension has other chain sets, temperatures or scans",
         )?;
-        self.traces.check(chain_sets, temperatures)?;
+        self.traces
+            .check(chain_sets, path::knots(&self.places).len())?;
         let noted = self.traces.scans();
         let draws = (self.draws.iter()).all(|z| rows(z.len(), noted, dim) && moderate(z));
         let values = |l: &Vec<f64>| l.len() == noted && l.iter().all(|l| l.is_finite());
@@ -183,15 +173,21 @@ impl Extension {
     /// Records the states of one chain set, from beta = 0 on, after the local moves and before swaps.
     pub(super) fn note<'a>(&mut self, chain_set: usize, points: impl Iterator<Item = &'a Point>) {
         let visited = self.traces.scans().is_multiple_of(self.visit_every);
-        let mut hotter: Option<f64> = None;
+        let mut hotter: Option<&Point> = None;
         let mut score = Vec::new();
         for (temperature, point) in points.enumerate() {
-            let beta = self.beta[temperature];
-            self.traces.push(chain_set, temperature, point.ln_ratio());
-            if let Some(l_hot) = hotter {
-                let gap = beta - self.beta[temperature - 1];
+            let place = self.places[temperature];
+            let beta = path::beta(place);
+            let column = path::column(&self.places, temperature);
+            let slope = path::slope(point, place);
+            self.traces.push(chain_set, column, slope);
+            if path::meets(&self.places, temperature) {
+                self.traces.push(chain_set, column + 1, point.gap);
+            }
+            if let Some(hot) = hotter {
+                let gap = place - self.places[temperature - 1];
                 self.rejection[temperature - 1] +=
-                    1.0 - swap::acceptance(gap, l_hot, point.ln_ratio());
+                    1.0 - swap::acceptance(gap, path::slope(hot, place), slope);
             }
             if point.has_gradient {
                 score.clear();
@@ -207,11 +203,11 @@ impl Extension {
                 let cluster = chain_set % self.visits[temperature].len();
                 self.visits[temperature][cluster].extend_from_slice(&point.z);
             }
-            if temperature + 1 == self.beta.len() {
+            if temperature + 1 == self.places.len() {
                 self.draws[chain_set].extend_from_slice(&point.z);
-                self.ln_likelihood[chain_set].push(point.ln_likelihood);
+                self.ln_likelihood[chain_set].push(point.ln_likelihood + point.gap);
             }
-            hotter = Some(point.ln_ratio());
+            hotter = Some(point);
         }
     }
 
@@ -240,17 +236,17 @@ pub(super) struct Record {
 }
 
 impl Record {
-    /// An empty record of a round of `scans` at these inverse temperatures; chain set `k` belongs to cluster `k %
+    /// An empty record of a round of `scans` at these places; chain set `k` belongs to cluster `k %
     /// clusters`.
     pub(super) fn new(
         dim: usize,
         chain_sets: usize,
         clusters: usize,
-        beta: &[f64],
+        places: &[f64],
         scans: usize,
     ) -> Self {
         Self {
-            extensions: vec![Extension::new(dim, chain_sets, clusters, beta, scans)],
+            extensions: vec![Extension::new(dim, chain_sets, clusters, places, scans)],
             trails: vec![Vec::new(); chain_sets],
             clusters,
         }
@@ -262,7 +258,7 @@ impl Record {
         &self,
         dim: usize,
         settings: &Settings,
-        beta: &[f64],
+        places: &[f64],
         planned: &[usize],
         done: usize,
     ) -> Valid {
@@ -295,16 +291,16 @@ impl Record {
             "a record has other scans than the round",
         )?;
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
-        let last = &self.extension().beta;
+        let last = &self.extension().places;
         ensure(
-            last.len() == beta.len() && last.iter().zip(beta).all(same),
+            last.len() == places.len() && last.iter().zip(places).all(same),
             "the present extension is at other temperatures",
         )
     }
 
     /// Begins another extension of `scans`; replicas keep their numbers.
-    pub(super) fn begin_extension(&mut self, dim: usize, beta: &[f64], scans: usize) {
-        let mut extension = Extension::new(dim, self.trails.len(), self.clusters, beta, scans);
+    pub(super) fn begin_extension(&mut self, dim: usize, places: &[f64], scans: usize) {
+        let mut extension = Extension::new(dim, self.trails.len(), self.clusters, places, scans);
         extension.index_processes = self
             .extension()
             .index_processes

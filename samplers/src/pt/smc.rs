@@ -18,6 +18,7 @@ use crate::hmc::{Evaluator, Metric, Point, Reference, involutions_and_slice_upda
 use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::{SmcWeights, after_step};
+use crate::surrogate::Examples;
 use crate::target::{Symmetry, Target};
 use crate::valid::{Valid, countable, ensure, moderate, rows};
 use rayon::prelude::*;
@@ -277,14 +278,15 @@ impl SmcSamplers {
         Ok(())
     }
 
-    /// One slice update of every particle of every SMC sampler, after a step in temperature where one is due. On an error no
-    /// particle has moved, and the same MCMC step can be repeated.
+    /// One slice update of every particle of every SMC sampler, after a step in temperature where one is due; returns the values as
+    /// examples if a surrogate learns from them. On an error no particle has moved, and the same MCMC step can be repeated.
     pub(super) fn advance(
         &mut self,
         target: &dyn Target,
         mcmc_steps: usize,
         seed: u64,
-    ) -> Result<Calls> {
+        learns: bool,
+    ) -> Result<(Calls, Examples)> {
         if self.beta <= 0.0 || self.mcmc_steps == mcmc_steps {
             self.lower_temperature(target, seed)?;
         }
@@ -299,7 +301,7 @@ impl SmcSamplers {
             .map(|&(number, i)| {
                 let task = (number as u64) << 20 | i as u64;
                 let mut rng = stream(seed, Domain::PtSmc, task, self.clock);
-                let mut evaluator = Evaluator::new(target);
+                let mut evaluator = Evaluator::new(target).keeping_examples(learns);
                 let mut point = self.smc_samplers[number].points[i].clone();
                 let half = number % 2;
                 involutions_and_slice_updates(
@@ -316,10 +318,12 @@ impl SmcSamplers {
             })
             .collect();
         let moved: Vec<(Point, Evaluator<'_>)> = moved.into_iter().collect::<Result<_>>()?;
-        let mut calls = Calls::default();
+        let (mut calls, mut examples) = (Calls::default(), Examples::default());
         for (&(number, i), (point, evaluator)) in tasks.iter().zip(moved) {
             self.smc_samplers[number].points[i] = point;
-            calls.add(&evaluator.calls);
+            let (own, learned) = evaluator.into_calls_and_examples();
+            calls.add(&own);
+            examples.append(learned);
         }
         self.mcmc_steps += 1;
         if self.mcmc_steps == mcmc_steps {
@@ -329,7 +333,7 @@ impl SmcSamplers {
             }
         }
         self.clock += 1;
-        Ok(calls)
+        Ok((calls, examples))
     }
 }
 

@@ -1,22 +1,18 @@
-//! The points that a surrogate of ln L is fitted to: states at all temperatures, moved by differences of others at the same
-//! temperature over a wide range of lengths; then points that trajectories along the surrogate come to, where it may be wrong.
+//! The points that a surrogate of ln L is fitted to: those of the SMC samplers; those that chains between the surrogate and ln L tried;
+//! and states at all temperatures, moved by differences of others at the same temperature over a wide range of lengths.
 
-use super::Settings;
+use super::path;
 use super::smc::Level;
 use super::state::State;
 use crate::diagnostics::column_moments;
-use crate::error::Result;
-use crate::hmc::{Evaluator, LocalSampler, Metric, Plan, Point};
+use crate::error::{Error, Result};
+use crate::hmc::Evaluator;
 use crate::rng::{Domain, RandomStream, below, standard_normal, stream, unit_open};
 use crate::surrogate::{DEPTH, Surrogate};
 use crate::target::Target;
-use rayon::prelude::*;
 
 /// Range of the decimal logarithm of the length of a move, in units of half a difference.
 const LENGTHS: [f64; 2] = [-1.5, 0.1];
-
-/// Range of the decimal logarithm of the step of trajectories along the surrogate, in metric units.
-const STEPS: [f64; 2] = [-2.0, -0.7];
 
 /// Error of the surrogate, in units of ln L, that is added to that of each state: no state is left out.
 const LEAST_ERROR: f64 = 0.2;
@@ -83,109 +79,64 @@ impl State {
     pub(super) fn visited_states(&self) -> Vec<States> {
         let visits = self.record.extension().visits.iter();
         let dim = self.chains.first().map_or(1, |chain| chain.point.z.len());
-        let states = visits.zip(self.beta());
-        let states = states.map(|(visits, beta)| States::new(beta, visits.concat(), dim));
+        let states = visits.zip(self.places());
+        let states =
+            states.map(|(visits, place)| States::new(path::beta(place), visits.concat(), dim));
         states.skip(1).collect()
     }
 
-    /// Fits the surrogate, where the settings ask for one, to ln L near states and along itself. The present one remains where
+    /// Fits the surrogate, where the settings ask for one, to ln L at all points so far and at new ones. The present one remains where
     /// ln L is finite at too few points.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if ln L is finite at too few points for a first surrogate; those of the target.
     pub(super) fn next_surrogate(
         &mut self,
         target: &dyn Target,
         mut states: Vec<States>,
     ) -> Result<()> {
         let count = self.settings.surrogate_points;
-        if count == 0 || states.iter().all(|s| s.rows.is_empty()) {
+        if count == 0 {
             return Ok(());
         }
         let dim = target.dim();
-        let mut examples = self.examples.clone();
-        let mut surrogate = self.surrogate.clone();
-        let mut evaluator = Evaluator::new(target);
-        // A first surrogate is fitted to points near states alone, and then at once again.
+        // A first surrogate knows nothing of where it is wrong, and is fitted at once again.
         for turn in 0.. {
             let rng = |part: u64| {
                 let part = 4 * turn + part;
                 stream(self.seed, Domain::PtSurrogate, self.clock, part)
             };
-            if let Some(surrogate) = &surrogate {
+            let mut evaluator = Evaluator::new(target);
+            if let Some(surrogate) = &self.surrogate {
                 for states in &mut states {
                     states.weigh(&mut evaluator, surrogate)?;
                 }
             }
-            let mut points = points_near(&states, dim, count / 2, &mut rng(0));
-            if let Some(surrogate) = &surrogate {
-                points.extend(
-                    self.points_along(target, surrogate, &states, count / 2, |i| {
-                        stream(
-                            self.seed,
-                            Domain::PtSurrogate,
-                            (turn + 1) << 40 | i,
-                            self.clock,
-                        )
-                    })?,
-                );
+            let points = points_near(&states, dim, count, &mut rng(0));
+            self.examples.append(evaluator.examples(&points)?);
+            self.examples.keep_last(self.settings.examples_kept());
+            let fitted = Surrogate::fit(&self.examples, self.surrogate.as_ref(), &mut rng(1));
+            self.cost.count(&evaluator.calls);
+            let first = self.surrogate.is_none();
+            if fitted.is_some() {
+                self.surrogate = fitted;
             }
-            examples.append(evaluator.examples(&points)?);
-            examples.keep_last(Settings::EXAMPLES_KEPT * count);
-            let fitted = Surrogate::fit(&examples, surrogate.as_ref(), &mut rng(1));
-            let first = surrogate.is_none();
-            surrogate = fitted.or(surrogate);
-            if !first || surrogate.is_none() {
+            if self.surrogate.is_none() {
+                return Err(self.no_surrogate());
+            }
+            if !first {
                 break;
             }
         }
-        self.examples = examples;
-        self.surrogate = surrogate;
-        self.cost.count(&evaluator.calls);
         Ok(())
     }
 
-    /// Rows of points after each HMC transition along a surrogate, from states at temperatures chosen in proportion to beta.
-    fn points_along(
-        &self,
-        target: &dyn Target,
-        surrogate: &Surrogate,
-        states: &[States],
-        count: usize,
-        rng: impl Fn(u64) -> RandomStream + Sync,
-    ) -> Result<Vec<f64>> {
-        let dim = target.dim();
-        let metrics: Vec<Metric> = states
-            .iter()
-            .map(|s| Metric::of_rows(&s.rows, dim))
-            .collect();
-        let transitions = self.settings.hmc_transitions.max(1);
-        let found: Vec<Result<Vec<f64>>> = (0..count.div_ceil(transitions) as u64)
-            .into_par_iter()
-            .map(|i| {
-                let mut rng = rng(i);
-                let which = chosen(states, &mut rng);
-                let beta = states[which].beta;
-                let evaluator = Evaluator::new(target).with_surrogate(surrogate);
-                let mut along = LocalSampler::of(evaluator, beta, &metrics[which]);
-                let mut point = Point::new(dim);
-                point
-                    .z
-                    .copy_from_slice(states[which].weighted(dim, &mut rng));
-                let plan = Plan {
-                    step: 10_f64.powf(STEPS[0] + (STEPS[1] - STEPS[0]) * unit_open(&mut rng)),
-                    length: self.settings.trajectory,
-                    max_leapfrogs: self.settings.max_leapfrogs,
-                    max_energy_range: f64::INFINITY,
-                    slack: 0.0,
-                };
-                let mut points = Vec::new();
-                for _ in 0..transitions {
-                    along.transition(&mut point, &plan, &mut rng)?;
-                    points.extend_from_slice(&point.z);
-                }
-                Ok(points)
-            })
-            .collect();
-        let found: Vec<Vec<f64>> = found.into_iter().collect::<Result<_>>()?;
-        Ok(found.concat())
+    fn no_surrogate(&self) -> Error {
+        Error::Setting {
+            name: "surrogate_points",
+            value: self.settings.surrogate_points.to_string(),
+            remedy: "ln L is finite at too few of the points for a surrogate: give more, or 0 for none",
+        }
     }
 }
 
