@@ -22,11 +22,12 @@ const FIRST_STEP: f64 = 0.1;
 /// Temperatures of the second part of the path in the first rounds.
 pub(super) const FIRST_OF_SECOND_PART: usize = 6;
 
-/// Part of an extension that is made before it, and does not count: its states are those of the surrogate before.
-const EQUILIBRATION: usize = 8;
-
 /// The fewest of them later on.
 const FEWEST_OF_SECOND_PART: usize = 2;
+
+/// An extension along a surrogate begins after scans that do not count, fewer than its own by this factor: their first states are those of
+/// the surrogate before.
+const EQUILIBRATION: usize = 8;
 
 impl State {
     /// Begins the first round from the SMC samplers: temperatures evenly spaced in their communication barrier, and the
