@@ -4,9 +4,8 @@ use super::settings::FitSettings;
 use crate::data::ObservedTrack;
 use crate::error::{Rejection, Result};
 use crate::likelihood::{DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
-use crate::params::{DIM, FEATURES, StreamParams, StreamPrior, features, symmetry};
+use crate::params::{DIM, FEATURES, StreamParams, StreamPrior, features, features_vjp, symmetry};
 use crate::potential::log10_m200;
-use crate::scalar::{gradient_of, lift};
 use crate::stream::Model;
 use oblate_samplers::limits::Memory;
 use oblate_samplers::{Outcome, Prior, Symmetry, Target};
@@ -151,14 +150,9 @@ impl Target for StreamTarget {
     }
 
     fn features_vjp(&self, z: &[f64], theta: &[f64], features_bar: &[f64], z_bar: &mut [f64]) {
-        let params = lift(&self.params(theta).to_array());
-        let all = features(&StreamParams::from_array(params), self.prior.q_range());
-        let mut bar = [0.0; DIM];
-        for (feature, feature_bar) in all.iter().zip(features_bar) {
-            for (bar, by_param) in bar.iter_mut().zip(gradient_of(feature)) {
-                *bar += feature_bar * by_param;
-            }
-        }
+        let mut bar = [0.0; FEATURES];
+        bar.copy_from_slice(features_bar);
+        let bar = features_vjp(&self.params(theta), self.prior.q_range(), &bar).to_array();
         for (slot, place) in z_bar.iter_mut().zip(self.prior.free()) {
             *slot = bar[*place];
         }

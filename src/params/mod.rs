@@ -9,7 +9,7 @@ mod prior;
 mod shape;
 pub mod symmetry;
 
-pub use features::{FEATURES, features};
+pub use features::{FEATURES, features, features_vjp};
 pub use layout::{DIM, NAMES, PARAMETERS, Parameter, StreamParams, index_of};
 pub use lines::{ParameterLine, ParameterLines};
 pub use prior::{PriorSettings, StreamPrior};
