@@ -124,6 +124,56 @@ impl PopulationSummary {
         not_measured(&self.information, remedy)
     }
 
+    /// The streams as a table with commas: one line of names, then one line for each stream, with all digits; the columns are those of
+    /// docs/files.md, section 5. Streams of earlier versions, which were not left out, have no columns of that.
+    ///
+    /// # Errors
+    /// Those of the writer of tables.
+    pub fn csv(&self) -> std::io::Result<Vec<u8>> {
+        let first = self
+            .streams
+            .first()
+            .and_then(|stream| stream.without.as_ref());
+        let mut names = ["stream"].map(str::to_owned).to_vec();
+        for q in ["q", "q_given_population"] {
+            names
+                .extend(["median", "lo68", "hi68", "lo95", "hi95"].map(|end| format!("{q}_{end}")));
+        }
+        names.extend(["effective_draws", "pareto_k", "ln_likelihood_variance"].map(str::to_owned));
+        if let Some(first) = first {
+            names.extend(["ln_predictive_density", "without_pareto_k"].map(str::to_owned));
+            for (name, _) in &first.parameters {
+                names.extend(
+                    ["mean", "sd", "mean_move", "width_ratio"].map(|of| format!("{name}_{of}")),
+                );
+            }
+        }
+        let mut table = csv::WriterBuilder::new()
+            .flexible(true)
+            .from_writer(Vec::new());
+        table.write_record(names)?;
+        for stream in &self.streams {
+            let mut row = Vec::new();
+            for q in [&stream.q, &stream.q_given_population] {
+                row.extend([q.median, q.lo68, q.hi68, q.lo95, q.hi95]);
+            }
+            row.extend([
+                stream.effective_draws,
+                stream.pareto_k,
+                stream.ln_likelihood_variance,
+            ]);
+            if let Some(without) = &stream.without {
+                row.extend([without.ln_predictive_density, without.pareto_k]);
+                for (_, moved) in &without.parameters {
+                    row.extend([moved.mean, moved.sd, moved.mean_move, moved.width_ratio]);
+                }
+            }
+            let numbers = row.into_iter().map(|x| format!("{x:?}"));
+            table.write_record([stream.name.clone()].into_iter().chain(numbers))?;
+        }
+        table.into_inner().map_err(csv::IntoInnerError::into_error)
+    }
+
     /// The stream whose removal moves a hyperparameter most, and what moves, as a sentence; none for a single stream.
     #[must_use]
     pub fn influence(&self) -> Option<String> {

@@ -5,7 +5,7 @@ use super::canvas::{Anchor, COLOURS, Canvas, GREY};
 use crate::posterior::{Interval, StreamInPopulation};
 
 /// Height of a stream's strip, points.
-const STRIP: f64 = 15.0;
+pub(super) const STRIP: f64 = 15.0;
 
 /// Characters of a name that fit to the left of the axes.
 const NAME: usize = 18;
@@ -49,10 +49,7 @@ pub fn streams_of_population(streams: &[StreamInPopulation]) -> String {
     }
     for (k, stream) in streams.iter().enumerate() {
         let y = 16.0 + STRIP * (k as f64 + 0.5);
-        let mut name: String = stream.name.chars().take(NAME).collect();
-        if stream.name.chars().count() > NAME {
-            name.push('\u{2026}');
-        }
+        let name = short_name(&stream.name);
         canvas.text((92.0, y + 2.5), &name, 7.0, Anchor::End, 0.0);
     }
     axes.mark(&mut canvas, 1.0, GREY, "1 2");
@@ -72,4 +69,13 @@ pub fn streams_of_population(streams: &[StreamInPopulation]) -> String {
         canvas.text((x + 22.0, y + 2.5), label, 7.0, Anchor::Start, 0.0);
     }
     canvas.finish("q of the streams of a population")
+}
+
+/// The name of a stream, or its beginning if it is long.
+pub(super) fn short_name(name: &str) -> String {
+    let mut short: String = name.chars().take(NAME).collect();
+    if name.chars().count() > NAME {
+        short.push('\u{2026}');
+    }
+    short
 }

@@ -30,6 +30,9 @@ pub(super) const POSTERIOR_FOLDER: &str = "posterior.zarr";
 /// The density of q in a population.
 pub(super) const DENSITY_FILE: &str = "density.csv";
 
+/// The streams of a population.
+pub(super) const STREAMS_FILE: &str = "streams.csv";
+
 /// The run folder of the coarse fit that came first.
 pub(super) const COARSE_FOLDER: &str = "coarse";
 
@@ -43,11 +46,12 @@ pub(super) const OLD_POSTERIOR_FOLDER: &str = "old.zarr";
 pub(super) const RESULT_FILES: [&str; 3] = [VERSIONS_FILE, CONFIG_FILE, SUMMARY_FILE];
 
 /// Figures that a report draws of a run, each a file `NAME.svg`.
-const FIGURES: [&str; 7] = [
+const FIGURES: [&str; 8] = [
     "fit",
     "q",
     "density",
     "streams",
+    "influence",
     "corner",
     "diagnostics",
     "coarse-diagnostics",
@@ -273,6 +277,7 @@ fn is_file_of_a_run(name: &str) -> bool {
         SUMMARY_FILE,
         CHECKPOINT_FILE,
         DENSITY_FILE,
+        STREAMS_FILE,
     ]
     .contains(&name)
         || previous(Path::new(CHECKPOINT_FILE)) == Path::new(name)

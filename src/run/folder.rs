@@ -2,7 +2,7 @@
 
 use super::contents::{
     CHECKPOINT_FILE, COARSE_FOLDER, CONFIG_FILE, DENSITY_FILE, LOG_FILE, POSTERIOR_FOLDER,
-    RESULT_FOLDER, SUMMARY_FILE, TRACK_FILE,
+    RESULT_FOLDER, STREAMS_FILE, SUMMARY_FILE, TRACK_FILE,
 };
 use super::versions::{FOLDER_FORMAT, VERSIONS_FILE, Versions};
 use crate::data::ObservedTrack;
@@ -151,6 +151,12 @@ impl RunFolder {
     #[must_use]
     pub fn density(&self) -> PathBuf {
         self.path.join(DENSITY_FILE)
+    }
+
+    /// Path of the table of a population's streams.
+    #[must_use]
+    pub fn streams(&self) -> PathBuf {
+        self.path.join(STREAMS_FILE)
     }
 
     /// Path of a figure, an SVG file.

@@ -15,7 +15,7 @@ use oblate_samplers::files::write_atomically;
 use oblate_samplers::nested::Kernel;
 use oblate_samplers::output::Status;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Steps of a nested run per new point and hyperparameter. Two leave a rank correlation of new points with their seeds of 0.24 for a histogram of three
 /// streams; 0.2 is the limit.
@@ -98,8 +98,8 @@ pub fn population(
         RunState::Finished(stored) => {
             // It is missing after a kill between the two, and in folders of earlier versions.
             let folder = RunFolder::at(destination.folder)?;
-            if !folder.density().exists() {
-                write_density(config, &folder, &stored.run)?;
+            if !(folder.density().exists() && folder.streams().exists()) {
+                write_tables(config, &folder, &stored.run, &stored.summary)?;
             }
             return Ok(stored.into());
         }
@@ -140,20 +140,38 @@ pub fn population(
         |run, _, command, hash| Summary::new(run, &context(run, command, hash)),
     )?;
     if fit.run.status != Status::Interrupted {
-        write_density(config, session.folder(), &fit.run)?;
+        write_tables(config, session.folder(), &fit.run, &fit.summary)?;
     }
     Ok(fit)
 }
 
-/// Writes the density of q with its bands as a table.
+/// Writes the density of q with its bands, and the streams, as tables.
 ///
 /// # Errors
-/// [`Error::Unwritten`] if it cannot be written.
-fn write_density(config: &PopulationConfig, folder: &RunFolder, run: &Run) -> Result<()> {
+/// [`Error::Unwritten`] if one cannot be written.
+fn write_tables(
+    config: &PopulationConfig,
+    folder: &RunFolder,
+    run: &Run,
+    summary: &Summary,
+) -> Result<()> {
     let density = config.family.density(&run.draws, DENSITY_POINTS)?;
-    write_atomically(&folder.density(), density.csv().as_bytes()).map_err(|source| {
-        Error::Unwritten {
-            source: Box::new(source.into()),
-        }
+    write_table(&folder.density(), density.csv().as_bytes())?;
+    let Some(population) = &summary.population else {
+        return Ok(());
+    };
+    let path = folder.streams();
+    let streams = population.csv().map_err(|source| Error::Io {
+        path: path.clone(),
+        source,
+        remedy: "this should not happen: report it",
+    })?;
+    write_table(&path, &streams)
+}
+
+/// Writes one table.
+fn write_table(path: &Path, table: &[u8]) -> Result<()> {
+    write_atomically(path, table).map_err(|source| Error::Unwritten {
+        source: Box::new(source.into()),
     })
 }

@@ -9,8 +9,8 @@ use crate::inference::{FitSettings, StreamTarget};
 use crate::params::{NAMES, QPrior};
 use crate::posterior::{Column, Comparison, column, columns, compare};
 use crate::report::{
-    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, page,
-    population_density, q_posterior, streams_of_population,
+    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, influence,
+    page, population_density, q_posterior, streams_of_population,
 };
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
@@ -157,6 +157,10 @@ fn figures_of(path: &Path) -> Result<RunFigures> {
             "q of each stream: median, 68 and 95 % in its own fit (grey) and given the population (blue)".to_owned(),
             streams_of_population(&population.streams),
         ));
+        if let Some(svg) = influence(&population.streams) {
+            let caption = "Move of each hyperparameter's mean without each stream; faint: not reliable (Pareto k)";
+            figures.push(("influence", caption.to_owned(), svg));
+        }
     }
     let weights = stored.run.draws.weights();
     if let Ok(q) = column(&stored.run, "q") {

@@ -5,11 +5,12 @@ use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
 use oblate::population::PopulationDensity;
 use oblate::posterior::{
-    Column, Interval, StreamInPopulation, Summary, SummaryContext, columns, compare,
+    Column, Interval, MeanWithoutStream, StreamInPopulation, Summary, SummaryContext,
+    WithoutStream, columns, compare,
 };
 use oblate::report::{
-    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, page,
-    population_density, q_posterior, streams_of_population,
+    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, influence,
+    page, population_density, q_posterior, streams_of_population,
 };
 use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -369,6 +370,32 @@ fn the_streams_of_a_population_are_drawn_twice_each() {
     assert_eq!(svg.matches("<circle").count(), 6);
     assert!(svg.contains("a stream of a long\u{2026}"), "names are cut");
     sound("streams_of_no_population", streams_of_population(&[]));
+    // Runs of earlier versions do not know what each stream moves.
+    assert_eq!(influence(&streams), None);
+    let mut streams = streams;
+    for (k, stream) in (0_u8..).zip(&mut streams) {
+        let moved = MeanWithoutStream {
+            mean: 1.0,
+            sd: 0.1,
+            mean_move: 0.3 * f64::from(k),
+            width_ratio: 1.1,
+        };
+        stream.without = Some(WithoutStream {
+            ln_predictive_density: -0.1,
+            pareto_k: 0.4 * f64::from(k),
+            parameters: ["mu_pop", "sigma_pop"]
+                .map(|name| (name.to_owned(), moved))
+                .to_vec(),
+        });
+    }
+    let svg = sound("influence", influence(&streams).expect("a figure"));
+    assert_eq!(svg.matches("<circle").count(), 6);
+    assert_eq!(
+        svg.matches("fill-opacity=\"0.3\"").count(),
+        2,
+        "the last weights are not reliable"
+    );
+    assert!(svg.contains("\u{3c3} of q"));
 }
 
 #[test]

@@ -80,12 +80,23 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
         let table = std::fs::read_to_string(run.join("density.csv")).expect("a table");
         assert!(table.starts_with("q,mean,median,lo68,hi68,lo95,hi95\n0.5,"));
         assert_eq!(table.lines().count(), 202);
+        let table = std::fs::read_to_string(run.join("streams.csv")).expect("a table");
+        assert!(table.starts_with("stream,q_median,q_lo68,"), "{table}");
+        let width = table
+            .lines()
+            .next()
+            .map_or(0, |names| names.split(',').count());
+        assert_eq!(width, 1 + 10 + 3 + 2 + 2 * 4);
+        assert_eq!(table.lines().count(), 4);
     }
     let names = |row: usize| rows[row]["summary"]["parameters"].clone();
     assert!(names(0)["width_pop"].is_object() && names(1)["sigma_pop"].is_object());
     // Again, as text, and read back to the bit; a lost table is written again.
-    let lost = Path::new(&out).join("uniform/density.csv");
-    std::fs::remove_file(&lost).expect("the table");
+    let lost =
+        ["density.csv", "streams.csv"].map(|name| Path::new(&out).join("uniform").join(name));
+    for table in &lost {
+        std::fs::remove_file(table).expect("the table");
+    }
     let output = population(&fits, &[&several[..], &["--resume"]].concat());
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(
@@ -93,7 +104,7 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
         "{text}"
     );
     assert!(text.contains("NOT MEASURED: "), "{text}");
-    assert!(lost.exists());
+    assert!(lost.iter().all(|table| table.exists()));
     let page = path("page.html");
     let (uniform, gaussian) = (
         path("families/uniform"),
@@ -106,6 +117,7 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     assert!(text.contains("<th>without</th><th>centre_pop</th>"));
     assert!(text.contains("<td>largest gap of q</td>"));
     assert!(text.contains("<p>Most influential stream: mock_3_"));
+    assert!(text.contains("Move of each hyperparameter"));
     // The figures are ours, so that the run can be replaced.
     let output = population(&fits, &[&several[..], &["--force"]].concat());
     assert_eq!(output.status.code(), Some(0), "{output:?}");
