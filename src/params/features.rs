@@ -10,7 +10,8 @@ use std::f64::consts::LN_10;
 pub const FEATURES: usize = 15;
 
 /// The three velocities in units of the halo's velocity scale, ln of the age in units of its time, lg of the progenitor's mass in
-/// units of the halo's, the four lengths, and the six numbers of [`excess`].
+/// units of the halo's, the four lengths, and the six numbers xx, xy, xz, yy, yz, zz of `(1 / q^2 - 1) n n^T` with the axis `n`: what the
+/// potential adds to a spherical one, the same for `n` and `-n`, and smooth where q = 1.
 #[must_use]
 pub fn features(params: &StreamParams<f64>, q_range: QRange) -> [f64; FEATURES] {
     let speed = speed(params.log10_m_halo);
@@ -84,8 +85,7 @@ fn speed(log10_m_halo: f64) -> f64 {
     ((log10_m_halo - 12.0) * (0.5 * LN_10)).exp()
 }
 
-/// The numbers xx, xy, xz, yy, yz, zz of `(1 / q^2 - 1) n n^T` with the axis `n` of a shape vector: what the potential adds to
-/// a spherical one, the same for `n` and `-n`, and smooth where q = 1.
+/// The features of a shape vector.
 fn excess<S: Real>(dir: Vec3<S>, q_range: QRange) -> [S; 6] {
     let shape = q_range.shape(dir);
     let excess = S::one() / (shape.q * shape.q) - S::one();
