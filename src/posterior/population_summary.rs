@@ -63,6 +63,50 @@ pub struct WithoutStream {
 /// Largest Pareto shape of weights whose sums are reliable (Vehtari et al. 2024).
 pub const MAX_PARETO_K: f64 = 0.7;
 
+impl StreamInPopulation {
+    /// The numbers of a table's line, each with the name of its column.
+    fn row(&self) -> Vec<(String, f64)> {
+        let mut row = Vec::new();
+        for (name, q) in [
+            ("q", &self.q),
+            ("q_given_population", &self.q_given_population),
+        ] {
+            let ends = [
+                ("median", q.median),
+                ("lo68", q.lo68),
+                ("hi68", q.hi68),
+                ("lo95", q.lo95),
+                ("hi95", q.hi95),
+            ];
+            row.extend(ends.map(|(end, x)| (format!("{name}_{end}"), x)));
+        }
+        let sums = [
+            ("effective_draws", self.effective_draws),
+            ("pareto_k", self.pareto_k),
+            ("ln_likelihood_variance", self.ln_likelihood_variance),
+        ];
+        row.extend(sums.map(|(name, x)| (name.to_owned(), x)));
+        let Some(without) = &self.without else {
+            return row;
+        };
+        let weights = [
+            ("ln_predictive_density", without.ln_predictive_density),
+            ("without_pareto_k", without.pareto_k),
+        ];
+        row.extend(weights.map(|(name, x)| (name.to_owned(), x)));
+        for (name, moved) in &without.parameters {
+            let numbers = [
+                ("mean", moved.mean),
+                ("sd", moved.sd),
+                ("mean_move", moved.mean_move),
+                ("width_ratio", moved.width_ratio),
+            ];
+            row.extend(numbers.map(|(of, x)| (format!("{name}_{of}"), x)));
+        }
+        row
+    }
+}
+
 impl WithoutStream {
     /// The hyperparameter that moves most, and how.
     #[must_use]
@@ -124,51 +168,25 @@ impl PopulationSummary {
         not_measured(&self.information, remedy)
     }
 
+    /// The streams that were left out, with the population without each: all of them, or none in runs of earlier versions.
+    pub fn left_out(&self) -> impl Iterator<Item = (&StreamInPopulation, &WithoutStream)> {
+        let streams = self.streams.iter();
+        streams.filter_map(|stream| Some((stream, stream.without.as_ref()?)))
+    }
+
     /// The streams as a table with commas: one line of names, then one line for each stream, with all digits; the columns are those of
-    /// docs/files.md, section 5. Streams of earlier versions, which were not left out, have no columns of that.
+    /// docs/files.md, section 6. Streams of earlier versions, which were not left out, have no columns of that.
     ///
     /// # Errors
     /// Those of the writer of tables.
     pub fn csv(&self) -> std::io::Result<Vec<u8>> {
-        let first = self
-            .streams
-            .first()
-            .and_then(|stream| stream.without.as_ref());
-        let mut names = ["stream"].map(str::to_owned).to_vec();
-        for q in ["q", "q_given_population"] {
-            names
-                .extend(["median", "lo68", "hi68", "lo95", "hi95"].map(|end| format!("{q}_{end}")));
-        }
-        names.extend(["effective_draws", "pareto_k", "ln_likelihood_variance"].map(str::to_owned));
-        if let Some(first) = first {
-            names.extend(["ln_predictive_density", "without_pareto_k"].map(str::to_owned));
-            for (name, _) in &first.parameters {
-                names.extend(
-                    ["mean", "sd", "mean_move", "width_ratio"].map(|of| format!("{name}_{of}")),
-                );
-            }
-        }
-        let mut table = csv::WriterBuilder::new()
-            .flexible(true)
-            .from_writer(Vec::new());
-        table.write_record(names)?;
-        for stream in &self.streams {
-            let mut row = Vec::new();
-            for q in [&stream.q, &stream.q_given_population] {
-                row.extend([q.median, q.lo68, q.hi68, q.lo95, q.hi95]);
-            }
-            row.extend([
-                stream.effective_draws,
-                stream.pareto_k,
-                stream.ln_likelihood_variance,
-            ]);
-            if let Some(without) = &stream.without {
-                row.extend([without.ln_predictive_density, without.pareto_k]);
-                for (_, moved) in &without.parameters {
-                    row.extend([moved.mean, moved.sd, moved.mean_move, moved.width_ratio]);
-                }
-            }
-            let numbers = row.into_iter().map(|x| format!("{x:?}"));
+        let rows: Vec<_> = self.streams.iter().map(StreamInPopulation::row).collect();
+        let names = rows.first().into_iter().flatten();
+        let names = names.map(|(name, _)| name.as_str());
+        let mut table = csv::Writer::from_writer(Vec::new());
+        table.write_record(["stream"].into_iter().chain(names))?;
+        for (stream, row) in self.streams.iter().zip(&rows) {
+            let numbers = row.iter().map(|(_, x)| format!("{x:?}"));
             table.write_record([stream.name.clone()].into_iter().chain(numbers))?;
         }
         table.into_inner().map_err(csv::IntoInnerError::into_error)
@@ -177,10 +195,8 @@ impl PopulationSummary {
     /// The stream whose removal moves a hyperparameter most, and what moves, as a sentence; none for a single stream.
     #[must_use]
     pub fn influence(&self) -> Option<String> {
-        let moved = self.streams.iter().filter_map(|stream| {
-            let without = stream.without.as_ref()?;
-            Some((stream, without, without.largest_move()?))
-        });
+        let moved = self.left_out();
+        let moved = moved.filter_map(|(stream, w)| Some((stream, w, w.largest_move()?)));
         let (stream, without, (parameter, moved)) =
             moved.max_by(|(_, _, (_, a)), (_, _, (_, b))| {
                 a.mean_move.abs().total_cmp(&b.mean_move.abs())

@@ -3,11 +3,10 @@
 use super::axes::{Axes, range_of};
 use super::canvas::{Anchor, COLOURS, Canvas, GREY};
 use super::label;
-use super::streams_of_population::{STRIP, short_name};
-use crate::posterior::StreamInPopulation;
+use super::strips;
+use crate::posterior::PopulationSummary;
 
-/// Left end of the first panel, width of a panel and distance of two, points.
-const LEFT: f64 = 96.0;
+/// Width of a panel, and distance of two, points.
 const PANEL: f64 = 104.0;
 const PITCH: f64 = 116.0;
 
@@ -23,25 +22,19 @@ const FAINT: f64 = 0.3;
 /// Draws the move of every hyperparameter's mean without each stream, in standard deviations, a panel for each hyperparameter; faint where
 /// the weights are not reliable. `None` if no stream was left out.
 #[must_use]
-pub fn influence(streams: &[StreamInPopulation]) -> Option<String> {
-    let left_out: Vec<_> = streams
-        .iter()
-        .filter_map(|stream| Some((stream, stream.without.as_ref()?)))
-        .collect();
+pub fn influence(population: &PopulationSummary) -> Option<String> {
+    let left_out: Vec<_> = population.left_out().collect();
     let (_, first) = left_out.first()?;
     let panels = first.parameters.len();
-    let height = 8.0 + STRIP * left_out.len() as f64;
+    let height = strips::height(left_out.len());
     let width = PITCH * panels as f64 - (PITCH - PANEL);
-    let mut canvas = Canvas::new(LEFT + width + 12.0, TOP + height + 42.0);
+    let mut canvas = Canvas::new(strips::LEFT + width + 12.0, TOP + height + 42.0);
     let moves = left_out.iter().flat_map(|(_, without)| &without.parameters);
     let x = range_of(moves.map(|(_, moved)| moved.mean_move).chain([0.0]), 0.06);
-    let strip = |k: usize| TOP + 4.0 + STRIP * (k as f64 + 0.5);
-    for (k, (stream, _)) in left_out.iter().enumerate() {
-        let at = (LEFT - 4.0, strip(k) + 2.5);
-        canvas.text(at, &short_name(&stream.name), 7.0, Anchor::End, 0.0);
-    }
+    let names = left_out.iter().map(|(stream, _)| stream.name.as_str());
+    strips::names(&mut canvas, TOP, names);
     for (panel, (name, _)) in first.parameters.iter().enumerate() {
-        let left = LEFT + PITCH * panel as f64;
+        let left = strips::LEFT + PITCH * panel as f64;
         let axes = Axes {
             rect: (left, TOP, PANEL, height),
             x,
@@ -53,19 +46,14 @@ pub fn influence(streams: &[StreamInPopulation]) -> Option<String> {
                 continue;
             };
             let opacity = if without.reliable() { 1.0 } else { FAINT };
-            let at = (axes.at(moved.mean_move, 0.0).0, strip(k));
+            let at = (axes.at(moved.mean_move, 0.0).0, strips::middle(TOP, k));
             canvas.dot(at, 2.4, COLOURS[0], opacity, "move");
         }
         axes.frame(&mut canvas);
         axes.draw_x(&mut canvas, AXIS, 4, 7.0);
         let title = (left + 0.5 * PANEL, TOP - 7.0);
-        canvas.text(
-            title,
-            &label::axis(name, "", false),
-            8.0,
-            Anchor::Middle,
-            0.0,
-        );
+        let name = label::axis(name, "", false);
+        canvas.text(title, &name, 8.0, Anchor::Middle, 0.0);
     }
     Some(canvas.finish("move of the hyperparameters without each stream"))
 }

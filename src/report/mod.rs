@@ -15,6 +15,7 @@ mod page;
 mod population_density;
 mod q_posterior;
 mod streams_of_population;
+mod strips;
 
 pub use corner::{CornerColumn, corner};
 pub use diagnostics::diagnostics;

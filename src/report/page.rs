@@ -330,11 +330,7 @@ fn influence(out: &mut String, s: &Summary) {
     let Some(population) = &s.population else {
         return;
     };
-    let left_out = || {
-        let streams = population.streams.iter();
-        streams.filter_map(|stream| Some((&stream.name, stream.without.as_ref()?)))
-    };
-    let Some((_, first)) = left_out().next() else {
+    let Some((_, first)) = population.left_out().next() else {
         return;
     };
     if let Some(sentence) = population.influence() {
@@ -349,7 +345,7 @@ fn influence(out: &mut String, s: &Summary) {
         "<table><thead><tr><th>without</th>{}<th>ln predictive density</th><th>Pareto k</th></tr></thead><tbody>",
         names.collect::<String>()
     );
-    for (name, without) in left_out() {
+    for (stream, without) in population.left_out() {
         let cells = without.parameters.iter().map(|(_, moved)| {
             format!(
                 "<td>{} &plusmn; {}</td><td>{:+.2}</td><td>{:.2}</td>",
@@ -362,7 +358,7 @@ fn influence(out: &mut String, s: &Summary) {
         put!(
             out,
             "<tr><td>{}</td>{}<td>{:+.2}</td><td>{}</td></tr>",
-            escape(name),
+            escape(&stream.name),
             cells.collect::<String>(),
             without.ln_predictive_density,
             number(without.pareto_k)

@@ -2,22 +2,20 @@
 
 use super::axes::{Axes, range_of};
 use super::canvas::{Anchor, COLOURS, Canvas, GREY};
+use super::strips;
 use crate::posterior::{Interval, StreamInPopulation};
 
-/// Height of a stream's strip, points.
-pub(super) const STRIP: f64 = 15.0;
-
-/// Characters of a name that fit to the left of the axes.
-const NAME: usize = 18;
+/// Top of the panel, points.
+const TOP: f64 = 12.0;
 
 /// Draws the medians, 68 % (thick) and 95 % (thin) of q of each stream in its own fit (grey) and given the population (blue).
 #[must_use]
 pub fn streams_of_population(streams: &[StreamInPopulation]) -> String {
-    let height = 8.0 + STRIP * streams.len() as f64;
-    let mut canvas = Canvas::new(330.0, 12.0 + height + 50.0);
+    let height = strips::height(streams.len());
+    let mut canvas = Canvas::new(330.0, TOP + height + 50.0);
     let ends = |i: &Interval| [i.lo95, i.hi95];
     let axes = Axes {
-        rect: (96.0, 12.0, 222.0, height),
+        rect: (strips::LEFT, TOP, 222.0, height),
         x: range_of(
             streams
                 .iter()
@@ -43,15 +41,11 @@ pub fn streams_of_population(streams: &[StreamInPopulation]) -> String {
         canvas.dot((px(interval.median), y), 2.0, colour, 1.0, "median");
     };
     for (k, stream) in streams.iter().enumerate() {
-        let y = 16.0 + STRIP * (k as f64 + 0.5);
+        let y = strips::middle(TOP, k);
         bar(&stream.q, y - 3.0, GREY);
         bar(&stream.q_given_population, y + 3.0, COLOURS[0]);
     }
-    for (k, stream) in streams.iter().enumerate() {
-        let y = 16.0 + STRIP * (k as f64 + 0.5);
-        let name = short_name(&stream.name);
-        canvas.text((92.0, y + 2.5), &name, 7.0, Anchor::End, 0.0);
-    }
+    strips::names(&mut canvas, TOP, streams.iter().map(|s| s.name.as_str()));
     axes.mark(&mut canvas, 1.0, GREY, "1 2");
     axes.frame(&mut canvas);
     axes.draw_x(
@@ -61,21 +55,12 @@ pub fn streams_of_population(streams: &[StreamInPopulation]) -> String {
         8.0,
     );
     for (x, colour, label) in [
-        (96.0, GREY, "own fit"),
+        (strips::LEFT, GREY, "own fit"),
         (190.0, COLOURS[0], "given the population"),
     ] {
-        let y = 12.0 + height + 42.0;
+        let y = TOP + height + 42.0;
         canvas.line(&[(x, y), (x + 18.0, y)], colour, 2.2, "");
         canvas.text((x + 22.0, y + 2.5), label, 7.0, Anchor::Start, 0.0);
     }
     canvas.finish("q of the streams of a population")
-}
-
-/// The name of a stream, or its beginning if it is long.
-pub(super) fn short_name(name: &str) -> String {
-    let mut short: String = name.chars().take(NAME).collect();
-    if name.chars().count() > NAME {
-        short.push('\u{2026}');
-    }
-    short
 }

@@ -96,7 +96,7 @@ pub fn population(
     let inputs = [config_toml.as_bytes(), hashes.as_bytes()];
     let session = match RunSession::begin(destination, config_toml.clone(), &inputs)? {
         RunState::Finished(stored) => {
-            // It is missing after a kill between the two, and in folders of earlier versions.
+            // A table is missing after a kill between result and tables, and in folders of earlier versions.
             let folder = RunFolder::at(destination.folder)?;
             if !(folder.density().exists() && folder.streams().exists()) {
                 write_tables(config, &folder, &stored.run, &stored.summary)?;

@@ -157,7 +157,7 @@ fn figures_of(path: &Path) -> Result<RunFigures> {
             "q of each stream: median, 68 and 95 % in its own fit (grey) and given the population (blue)".to_owned(),
             streams_of_population(&population.streams),
         ));
-        if let Some(svg) = influence(&population.streams) {
+        if let Some(svg) = influence(population) {
             let caption = "Move of each hyperparameter's mean without each stream; faint: not reliable (Pareto k)";
             figures.push(("influence", caption.to_owned(), svg));
         }

@@ -5,8 +5,8 @@ use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
 use oblate::population::PopulationDensity;
 use oblate::posterior::{
-    Column, Interval, MeanWithoutStream, StreamInPopulation, Summary, SummaryContext,
-    WithoutStream, columns, compare,
+    Column, Interval, MeanWithoutStream, PopulationSummary, StreamInPopulation, Summary,
+    SummaryContext, WithoutStream, columns, compare,
 };
 use oblate::report::{
     CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, influence,
@@ -371,9 +371,12 @@ fn the_streams_of_a_population_are_drawn_twice_each() {
     assert!(svg.contains("a stream of a long\u{2026}"), "names are cut");
     sound("streams_of_no_population", streams_of_population(&[]));
     // Runs of earlier versions do not know what each stream moves.
-    assert_eq!(influence(&streams), None);
-    let mut streams = streams;
-    for (k, stream) in (0_u8..).zip(&mut streams) {
+    let mut population = PopulationSummary {
+        streams,
+        ..PopulationSummary::default()
+    };
+    assert_eq!(influence(&population), None);
+    for (k, stream) in (0_u8..).zip(&mut population.streams) {
         let moved = MeanWithoutStream {
             mean: 1.0,
             sd: 0.1,
@@ -388,7 +391,7 @@ fn the_streams_of_a_population_are_drawn_twice_each() {
                 .to_vec(),
         });
     }
-    let svg = sound("influence", influence(&streams).expect("a figure"));
+    let svg = sound("influence", influence(&population).expect("a figure"));
     assert_eq!(svg.matches("<circle").count(), 6);
     assert_eq!(
         svg.matches("fill-opacity=\"0.3\"").count(),
