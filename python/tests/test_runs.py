@@ -106,12 +106,15 @@ def test_draws_for_pandas(folder):
 
 
 @pytest.mark.filterwarnings("default")  # of ArviZ and what it imports
-def test_draws_for_xarray_and_arviz(folder):
+def test_draws_for_xarray_and_arviz(folder, quick):
     tree = oblate.load(folder)
     assert {"posterior", "sample_stats", "observed_data", "prior", "weighted", "history"} <= set(tree.children)
     run = oblate.Run.read(folder)
     assert np.array_equal(tree["weighted"]["theta"].values, run.theta)
     assert np.array_equal(tree["posterior"]["q"].values.ravel(), run.to_pandas()["q"].to_numpy())
+    theta = np.column_stack([tree["posterior"][name].values.ravel() for name in run.names])
+    of_prior = (tree["sample_stats"]["lp"] - tree["sample_stats"]["ln_likelihood"]).values.ravel()
+    assert np.allclose(of_prior, quick.ln_prior(theta), rtol=0.0, atol=1e-12 * abs(tree["sample_stats"]["lp"].values).max())
     data = oblate.load_arviz(folder)
     assert float(data.posterior["q"].mean()) == pytest.approx(float(tree["posterior"]["q"].mean()))
 

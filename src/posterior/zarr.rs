@@ -4,7 +4,7 @@
 //! | group | variables | dimensions |
 //! |---|---|---|
 //! | `posterior` | each parameter and derived quantity by name | chain, draw |
-//! | `sample_stats` | `ln_likelihood` | chain, draw |
+//! | `sample_stats` | `ln_likelihood`, `lp` (ln of likelihood times prior density) | chain, draw |
 //! | `observed_data` | `phi`, `r`, `r_err` (or `r_err_lo` and `r_err_hi`; and `n`) of the track | bin |
 //! | `prior` | each parameter and derived quantity by name | chain, draw |
 //! | `weighted` | `theta`, `derived`, `ln_weight`, `ln_likelihood`, `chain`, `cluster`: the sampler's own draws, to the bit | row, ... |
@@ -26,9 +26,9 @@ use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use layout::Table;
 pub use layout::equal_weight_rows;
-use oblate_samplers::Run;
 use oblate_samplers::files::{folder_of, sync_folder};
 use oblate_samplers::output::{Draws, History, Method};
+use oblate_samplers::{Prior, Run};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -43,6 +43,8 @@ pub struct Extras<'a> {
     pub track: Option<&'a ObservedTrack>,
     /// Draws of the prior, with the run's parameters and derived quantities.
     pub prior: Option<&'a Draws>,
+    /// The prior of the run's parameters, for the density of its draws.
+    pub density: Option<&'a Prior>,
 }
 
 /// The arrays of a run, read back.
@@ -112,7 +114,7 @@ pub fn write(path: &Path, run: &Run, extras: Extras<'_>) -> Result<()> {
         units: run.units.clone(),
         derived_names: run.derived_names.clone(),
     };
-    layout::write_posterior(&store, run)?;
+    layout::write_posterior(&store, run, extras.density)?;
     if let Some(prior) = extras.prior {
         let rows: Vec<Vec<usize>> = vec![(0..prior.len()).collect()];
         Table {

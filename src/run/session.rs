@@ -147,6 +147,7 @@ impl<'a> RunSession<'a> {
             let extras = zarr::Extras {
                 track,
                 prior: Some(&prior),
+                density: Some(target.prior()),
             };
             let written = self.folder.finish(&run, summary, extras, &self.beginning);
             summary = written.map_err(|source| Error::Unwritten {

@@ -73,7 +73,7 @@ fn seed(path: &Path, run: Run, part: Part) -> Seed {
     locked.begin(&beginning).unwrap();
     let beside = zarr::Extras {
         track: Some(&track),
-        prior: None,
+        ..zarr::Extras::default()
     };
     locked
         .finish(&run, Summary::new(&run, &context), beside, &beginning)

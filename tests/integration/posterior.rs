@@ -7,6 +7,9 @@ use oblate::posterior::{
     Interval, Summary, SummaryContext, assemble_run, columns, compare, modes, zarr,
 };
 use oblate_samplers::output::{Check, History, Run};
+use oblate_samplers::{Marginal, Prior};
+use std::f64::consts::PI;
+use std::path::Path;
 
 fn summary(run: &Run) -> Summary {
     Summary::new(
@@ -241,6 +244,7 @@ fn a_run_comes_back_from_its_files_to_the_bit() {
             let extras = zarr::Extras {
                 track: Some(&track),
                 prior: Some(&run.draws),
+                ..zarr::Extras::default()
             };
             let path = kept.join(format!("{name}.zarr"));
             let _ = std::fs::remove_dir_all(&path);
@@ -282,6 +286,43 @@ fn draws_are_written_to_a_new_folder_and_their_arrays_into_their_groups() {
 }
 
 #[test]
+fn the_density_of_the_posterior_stands_beside_its_draws_where_the_prior_is_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = runs::tempered(40, 2);
+    let marginal = Marginal::Normal { mean: 1.0, sd: 2.0 };
+    let prior = Prior::new(run.names.iter().map(|name| (name, "", marginal))).unwrap();
+    let numbers = |path: &Path| -> Vec<f64> {
+        let bytes = std::fs::read(path).unwrap();
+        let number = |b: &[u8]| f64::from_le_bytes(b.try_into().unwrap());
+        bytes.chunks_exact(8).map(number).collect()
+    };
+    for (name, density) in [("with", Some(&prior)), ("without", None)] {
+        let path = folder.path().join(name);
+        let extras = zarr::Extras {
+            density,
+            ..zarr::Extras::default()
+        };
+        zarr::write(&path, &run, extras).unwrap();
+        let lp = path.join("sample_stats/lp");
+        assert_eq!(lp.exists(), density.is_some());
+        if density.is_none() {
+            continue;
+        }
+        let rows = zarr::equal_weight_rows(&run).concat();
+        let expected = rows.into_iter().map(|row| {
+            let theta = run.draws.theta_row(row).iter();
+            let ln_normal = |t: &f64| -0.125 * (t - 1.0).powi(2) - (8.0 * PI).sqrt().ln();
+            run.draws.ln_likelihood[row] + theta.map(ln_normal).sum::<f64>()
+        });
+        let written = numbers(&lp.join("c/0/0"));
+        assert_eq!(written.len(), run.draws.len());
+        for (lp, expected) in written.iter().zip(expected) {
+            assert!((lp - expected).abs() < 1e-12 * expected.abs());
+        }
+    }
+}
+
+#[test]
 fn every_file_that_is_written_is_known_as_our_own_and_in_the_checksum() {
     let folder = tempfile::tempdir().unwrap();
     let track = ObservedTrack::new(
@@ -301,6 +342,7 @@ fn every_file_that_is_written_is_known_as_our_own_and_in_the_checksum() {
         let extras = zarr::Extras {
             track: Some(&track),
             prior: Some(&run.draws),
+            ..zarr::Extras::default()
         };
         zarr::write(&path, &run, extras).unwrap();
         let entries = zarr::entries(&path).unwrap();

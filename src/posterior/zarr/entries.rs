@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// Groups, and their arrays beside those that the run names.
 const GROUPS: [(&str, &[&str]); 6] = [
     ("posterior", &["chain", "draw"]),
-    ("sample_stats", &["chain", "draw", "ln_likelihood"]),
+    ("sample_stats", &["chain", "draw", "ln_likelihood", "lp"]),
     (
         "observed_data",
         &["phi", "r", "r_err", "r_err_lo", "r_err_hi", "n"],

@@ -3,9 +3,9 @@
 use super::store::{Store, text};
 use crate::data::ObservedTrack;
 use crate::error::{ArrayFault, Result};
-use oblate_samplers::Run;
 use oblate_samplers::output::{Draws, History, Method};
 use oblate_samplers::rng::{Domain, stream, unit_open};
+use oblate_samplers::{Prior, Run};
 use serde_json::Map;
 
 /// Task of the resampling's stream within [`Domain::Post`].
@@ -94,8 +94,8 @@ pub fn equal_weight_rows(run: &Run) -> Vec<Vec<usize>> {
     vec![draws.resample(count.min(draws.len()), offset)]
 }
 
-/// Writes groups `posterior` and `sample_stats`.
-pub fn write_posterior(store: &Store, run: &Run) -> Result<()> {
+/// Writes groups `posterior` and `sample_stats`, the latter with the density of the posterior if that of the prior is given.
+pub fn write_posterior(store: &Store, run: &Run, prior: Option<&Prior>) -> Result<()> {
     let rows = equal_weight_rows(run);
     let table = Table {
         draws: &run.draws,
@@ -104,8 +104,15 @@ pub fn write_posterior(store: &Store, run: &Run) -> Result<()> {
     };
     table.write(store, "/posterior")?;
     table.coordinates(store, "/sample_stats")?;
+    let draws = &run.draws;
     table.variable(store, "/sample_stats/ln_likelihood", "", |row| {
-        run.draws.ln_likelihood[row]
+        draws.ln_likelihood[row]
+    })?;
+    let Some(prior) = prior else {
+        return Ok(());
+    };
+    table.variable(store, "/sample_stats/lp", "", |row| {
+        draws.ln_likelihood[row] + prior.ln_pdf(draws.theta_row(row))
     })
 }
 

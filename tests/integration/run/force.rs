@@ -119,6 +119,7 @@ fn all_that_runs_and_reports_write_is_removed_and_nothing_beside_the_folder() {
         let extras = zarr::Extras {
             track: Some(&super::track()),
             prior: Some(&run.draws),
+            ..zarr::Extras::default()
         };
         zarr::write(&path.join("posterior.zarr"), &run, extras).unwrap();
         fs::create_dir(path.join(".oblate-tmp-Q1w2E3")).unwrap();

@@ -50,6 +50,7 @@ fn finish(folder: &LockedFolder, run: &Run) -> Summary {
     let extras = zarr::Extras {
         track: Some(&track),
         prior: Some(&run.draws),
+        ..zarr::Extras::default()
     };
     folder
         .finish(run, summary, extras, &beginning(&track))
