@@ -3,7 +3,7 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
-use super::next::after_run;
+use super::next::after_merge;
 use super::options::Common;
 use super::output::Output;
 use crate::error::Result;
@@ -36,6 +36,6 @@ pub fn run(
         common,
         out,
         |destination, monitor| merge(&args.runs, destination, monitor),
-        |fit, folder| Ok(after_run(&fit.summary, None, folder, command)),
+        |fit, folder| after_merge(&fit.summary, &args.runs, folder),
     )
 }

@@ -2,6 +2,7 @@
 
 use super::command_line::CommandLine;
 use super::output::note;
+use crate::error::Result;
 use crate::inference::{Fit, FitSettings, Sampler, SamplerSettings};
 use crate::posterior::Summary;
 use crate::run::RunFolder;
@@ -9,7 +10,7 @@ use crate::spray::TableSettings;
 use crate::stream::{ModelSettings, StepRule};
 use oblate_samplers::nested::Kernel;
 use oblate_samplers::output::{Check, Status};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A command that can be typed next.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -83,7 +84,36 @@ pub fn after_fit(
     finer(&changes, folder.path()).into_iter().collect()
 }
 
-/// What to do after a bridge, a merger or a population.
+/// What to do after a merger of these runs that has not converged: sample with one more seed, and merge again.
+///
+/// # Errors
+/// Those of reading the runs' summaries.
+pub fn after_merge(summary: &Summary, parts: &[PathBuf], folder: &Path) -> Result<Vec<Step>> {
+    let Some(first) = parts.first().filter(|_| !summary.converged) else {
+        return Ok(Vec::new());
+    };
+    let mut seed = 0;
+    for part in parts {
+        let part = RunFolder::open(part)?;
+        seed = seed.max(Summary::read(&part.summary())?.seed);
+    }
+    let (first, one_more) = (RunFolder::open(first)?, unused(first));
+    let fit = ["fit".to_owned(), first.track().display().to_string()];
+    let fit = CommandLine::new(fit)
+        .with_value("--config", &first.config().display().to_string())
+        .with_value("--seed", &(seed + 1).to_string())
+        .with_value("--out", &one_more);
+    let parts = parts.iter().map(|part| part.display().to_string());
+    let merger = std::iter::once("merge".to_owned()).chain(parts);
+    let merger = CommandLine::new(merger.chain([one_more]).collect::<Vec<_>>())
+        .with_value("--out", &unused(folder));
+    Ok(vec![
+        Step::new("sample with one more seed", &fit),
+        Step::new("merge it with the others", &merger),
+    ])
+}
+
+/// What to do after a bridge or a population.
 pub fn after_run(
     summary: &Summary,
     sampling: Option<&SamplerSettings>,

@@ -801,6 +801,26 @@ fn fits_from_several_seeds_are_merged_into_one() {
         .filter_map(|check| check["name"].as_str())
         .collect();
     assert!(names.contains(&"mean-agreement-of-seeds"), "{names:?}");
+    // It has not converged: the commands that sample with one more seed and merge again are those to type, and run as they stand.
+    assert_eq!(summary["converged"], false);
+    let three = path("one_2");
+    let notes = String::from_utf8_lossy(&output.stderr);
+    let next: Vec<Vec<&str>> = notes
+        .lines()
+        .filter_map(|line| line.trim_start().strip_prefix("oblate "))
+        .map(|words| words.split_whitespace().collect())
+        .collect();
+    let [fit, merger] = next.as_slice() else {
+        panic!("{notes}")
+    };
+    assert!(fit.ends_with(&["--seed", "3", "--out", &three]), "{notes}");
+    assert!(merger.contains(&three.as_str()), "{notes}");
+    for (command, folder) in [(fit, &three), (merger, &path("both_2"))] {
+        let quiet = ["-q", "--allow-unconverged"];
+        let arguments = [command.as_slice(), &quiet].concat();
+        assert_eq!(oblate(&arguments, "").status.code(), Some(0), "{command:?}");
+        assert!(Path::new(folder).join("summary.json").exists(), "{folder}");
+    }
     refused(&merge(&[&one, &two], &both), &["exists already"]);
     // It is a fit like any other.
     let page = path("page.html");
