@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// The command line `line` in a shell, as a user types it, in a folder.
-fn shell(folder: &Path, line: &str) -> Output {
+pub(super) fn shell(folder: &Path, line: &str) -> Output {
     let bin = env!("CARGO_BIN_EXE_oblate");
     let words = line.strip_prefix("oblate ").expect("a command of ours");
     let mut command = Command::new("sh");
@@ -16,7 +16,7 @@ fn shell(folder: &Path, line: &str) -> Output {
 }
 
 /// The commands that standard error proposes, with what each is for.
-fn proposed(output: &Output) -> Vec<(String, String)> {
+pub(super) fn proposed(output: &Output) -> Vec<(String, String)> {
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     let lines: Vec<&str> = text.lines().collect();
     let pairs = lines.windows(2).filter_map(|pair| {

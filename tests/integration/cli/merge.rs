@@ -1,0 +1,68 @@
+//! `oblate merge`: fits of several seeds become one.
+
+use super::next::{proposed, shell};
+use super::{SMALL, example, json, oblate, refused, write};
+use std::path::Path;
+
+#[test]
+fn fits_from_several_seeds_are_merged_into_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let fit = |track: &str, seed: &str, out: &str| {
+        let track = example(&format!("tracks/{track}.ecsv"))
+            .display()
+            .to_string();
+        let mut arguments = vec!["fit", &track, "--config", &config, "--live", "100"];
+        arguments.extend(["--seed", seed, "--out", out, "-q", "--allow-unconverged"]);
+        assert_eq!(oblate(&arguments, "").status.code(), Some(0));
+    };
+    let (one, two, other, both) = (path("one"), path("two"), path("other"), path("both"));
+    fit("s2_spherical", "1", &one);
+    fit("s2_spherical", "2", &two);
+    fit("s3_oblate_edge_on", "3", &other);
+    let merge = |runs: &[&String], out: &String| {
+        let mut arguments = vec!["merge"];
+        arguments.extend(runs.iter().map(|run| run.as_str()));
+        arguments.extend(["--out", out, "--json", "--allow-unconverged"]);
+        oblate(&arguments, "")
+    };
+    refused(&merge(&[&one, &one], &both), &["same seed"]);
+    refused(&merge(&[&one, &other], &both), &["differ in their track"]);
+    refused(&merge(&[&one, &two], &two), &["one of the runs"]);
+    assert!(!Path::new(&both).exists(), "nothing is left behind");
+    let output = merge(&[&one, &two], &both);
+    assert_eq!(output.status.code(), Some(0));
+    let summary = json(&output.stdout);
+    let part = |run: &str| {
+        let text = std::fs::read(Path::new(run).join("summary.json")).expect("a summary");
+        json(&text)
+    };
+    let calls = |summary: &serde_json::Value| summary["cost"]["calls"].as_u64().expect("calls");
+    assert_eq!(calls(&summary), calls(&part(&one)) + calls(&part(&two)));
+    let names: Vec<&str> = summary["checks"]
+        .as_array()
+        .expect("checks")
+        .iter()
+        .filter_map(|check| check["name"].as_str())
+        .collect();
+    assert!(names.contains(&"mean-agreement-of-seeds"), "{names:?}");
+    // It has not converged: the commands that sample with one more seed and merge again are those to type, and run as they stand.
+    assert_eq!(summary["converged"], false);
+    let three = path("one_2");
+    let steps = proposed(&output);
+    let [(_, fit), (_, merger)] = &steps[..] else {
+        panic!("{steps:?}");
+    };
+    assert!(fit.ends_with(&format!("--seed 3 --out {three}")), "{fit}");
+    for (command, made) in [(fit, &three), (merger, &path("both_2"))] {
+        let output = shell(folder.path(), &format!("{command} -q --allow-unconverged"));
+        assert_eq!(output.status.code(), Some(0), "{command}");
+        assert!(Path::new(made).join("summary.json").exists(), "{made}");
+    }
+    refused(&merge(&[&one, &two], &both), &["exists already"]);
+    // It is a fit like any other.
+    let page = path("page.html");
+    let output = oblate(&["report", &both, "--out", &page], "");
+    assert_eq!(output.status.code(), Some(0));
+}
