@@ -7,11 +7,16 @@ use oblate_samplers::output::Draws;
 
 /// The posterior of (mu, sigma) as weighted draws on a regular grid.
 pub fn on_a_grid(streams: &[QPosterior]) -> Draws {
-    const CELLS: u32 = 200;
+    on_a_grid_above(streams, 0.0, 200)
+}
+
+/// The same where sigma is between this and 1, with so many cells on each side.
+pub fn on_a_grid_above(streams: &[QPosterior], least_sigma: f64, cells: u32) -> Draws {
     let target = target(streams);
-    let centre = |i: u32| (f64::from(i) + 0.5) / f64::from(CELLS);
-    let alphas: Vec<[f64; 2]> = (0..CELLS * CELLS)
-        .map(|i| [0.5 + centre(i / CELLS), centre(i % CELLS)])
+    let centre = |i: u32| (f64::from(i) + 0.5) / f64::from(cells);
+    let sigma = |i: u32| least_sigma + (1.0 - least_sigma) * centre(i);
+    let alphas: Vec<[f64; 2]> = (0..cells * cells)
+        .map(|i| [0.5 + centre(i / cells), sigma(i % cells)])
         .collect();
     let ln_l: Vec<f64> = alphas.iter().map(|a| target.ln_product(*a)).collect();
     let ln_sum = oblate_samplers::diagnostics::ln_sum_exp(&ln_l);
