@@ -92,21 +92,19 @@ pub fn after_merge(summary: &Summary, parts: &[PathBuf], folder: &Path) -> Resul
     let Some(first) = parts.first().filter(|_| !summary.converged) else {
         return Ok(Vec::new());
     };
-    let mut seed = 0;
-    for part in parts {
-        let part = RunFolder::open(part)?;
-        seed = seed.max(Summary::read(&part.summary())?.seed);
-    }
+    let seeds = (parts.iter())
+        .map(|part| Ok(Summary::read(&RunFolder::open(part)?.summary())?.seed))
+        .collect::<Result<Vec<u64>>>()?;
+    let unused_seed = (1..).find(|seed| !seeds.contains(seed)).unwrap_or(1);
     let (first, one_more) = (RunFolder::open(first)?, unused(first));
-    let fit = ["fit".to_owned(), first.track().display().to_string()];
-    let fit = CommandLine::new(fit)
+    let fit = CommandLine::new(["fit".to_owned(), first.track().display().to_string()])
         .with_value("--config", &first.config().display().to_string())
-        .with_value("--seed", &(seed + 1).to_string())
+        .with_value("--seed", &unused_seed.to_string())
         .with_value("--out", &one_more);
-    let parts = parts.iter().map(|part| part.display().to_string());
-    let merger = std::iter::once("merge".to_owned()).chain(parts);
-    let merger = CommandLine::new(merger.chain([one_more]).collect::<Vec<_>>())
-        .with_value("--out", &unused(folder));
+    let mut merger = vec!["merge".to_owned()];
+    merger.extend(parts.iter().map(|part| part.display().to_string()));
+    merger.push(one_more);
+    let merger = CommandLine::new(merger).with_value("--out", &unused(folder));
     Ok(vec![
         Step::new("sample with one more seed", &fit),
         Step::new("merge it with the others", &merger),

@@ -77,3 +77,11 @@ sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6 }
 sampling.pt_hmc = { chain_sets = 2, first_scans = 4, smc_particles = 24, slice_updates = 3, extensions = 1 }
 sampling.bridge = { smc_particles = 60, mcmc_steps = 4 }
 "#;
+
+/// A new folder, a file of these settings in it, and a track.
+fn small_fit() -> (tempfile::TempDir, String, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", SMALL);
+    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    (folder, config, track)
+}

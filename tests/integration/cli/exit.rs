@@ -1,6 +1,6 @@
 //! The exit codes of docs/files.md.
 
-use super::{SMALL, example, oblate, write};
+use super::{oblate, small_fit};
 use oblate::cli::Exit;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -24,9 +24,7 @@ fn the_page_has_every_exit_code() {
 #[test]
 fn an_interrupted_fit_exits_with_130_and_is_continued() {
     use std::process::{Command, Stdio};
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (folder, config, track) = small_fit();
     let out = folder.path().join("run");
     let name = out.display().to_string();
     let mut args = vec!["fit", &track, "--config", &config, "--out", &name];

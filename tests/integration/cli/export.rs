@@ -1,16 +1,14 @@
 //! Draws as tables: both formats have the numbers of the run.
 
-use super::{SMALL, example, json, oblate, refused, write};
+use super::{json, oblate, refused, small_fit};
 use fitskit::{BinCellValue, FitsFile, HduData};
 use oblate::posterior::zarr;
 use std::path::Path;
 
 #[test]
 fn a_run_is_exported_as_ecsv_and_as_fits() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let (folder, config, track) = small_fit();
     let path = |name: &str| folder.path().join(name).display().to_string();
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
     let (run, ecsv, fits) = (path("run"), path("draws.ecsv"), path("draws.fits"));
     let fit = [
         "fit",

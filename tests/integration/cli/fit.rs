@@ -1,13 +1,11 @@
 //! `oblate fit` and `oblate bridge`: what is in the folder, with and without a coarse model.
 
-use super::{SMALL, example, json, oblate, refused, write};
+use super::{json, oblate, refused, small_fit, write};
 use std::path::Path;
 
 #[test]
 fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (folder, config, track) = small_fit();
     let run = |name: &str, threads: &str| {
         let out = folder.path().join(name).display().to_string();
         let args = [
@@ -90,9 +88,7 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
 
 #[test]
 fn a_fit_is_bridged_to_another_model_of_its_stream() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (folder, config, track) = small_fit();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (fit, out) = (path("fit"), path("bridged"));
     let mut arguments = vec!["fit", &track, "--config", &config, "--live", "300"];
@@ -151,9 +147,7 @@ fn a_fit_is_bridged_to_another_model_of_its_stream() {
 
 #[test]
 fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (folder, config, track) = small_fit();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let summary = |arguments: &[&str]| {
         let mut all = arguments.to_vec();
@@ -253,9 +247,7 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
 
 #[test]
 fn a_fit_along_a_surrogate_needs_no_coarse_fit_and_has_the_same_bits_on_threads_and_after_a_stop() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (folder, config, track) = small_fit();
     let fit = |name: &str, more: &[&str]| {
         let out = folder.path().join(name).display().to_string();
         let mut args = vec!["fit", &track, "--config", &config, "--sampler", "pt-hmc"];

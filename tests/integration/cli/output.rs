@@ -1,7 +1,7 @@
 //! Standard output and standard error that are closed or full.
 #![cfg(target_os = "linux")]
 
-use super::{SMALL, example, refused, write};
+use super::{example, refused, small_fit};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
@@ -101,9 +101,7 @@ fn errors_that_cannot_be_told_leave_the_exit_code_as_it_is() {
 
 #[test]
 fn a_fit_comes_to_its_end_whatever_its_output_does() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (folder, config, track) = small_fit();
     let fit = |name: &str, more: &[&str], stdout: Stdio, stderr: Stdio| {
         let out = folder.path().join(name).display().to_string();
         let mut args = vec!["fit", &track, "--config", &config, "--out", &out];

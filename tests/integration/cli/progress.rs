@@ -1,12 +1,10 @@
 //! Progress without a terminal: a line for each stage.
 
-use super::{SMALL, example, oblate, write};
+use super::{oblate, small_fit};
 
 #[test]
 fn every_stage_of_a_fit_is_named_and_counted() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (folder, config, track) = small_fit();
     let stages = |name: &str, coarse: &str| {
         let out = folder.path().join(name).display().to_string();
         let mut args = vec!["fit", &track, "--config", &config, "--out", &out];

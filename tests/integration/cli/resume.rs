@@ -1,13 +1,11 @@
 //! Fits that are extended, or killed and continued.
 
-use super::{SMALL, example, json, oblate, write};
+use super::{json, oblate, small_fit};
 use std::process::{Command, Stdio};
 
 #[test]
 fn a_tempered_fit_that_ended_too_soon_is_extended() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (folder, config, track) = small_fit();
     let fit = |name: &str, coarse: &str, extensions: &str, more: &[&str]| {
         let out = folder.path().join(name).display().to_string();
         let mut args = vec!["fit", &track, "--config", &config, "--sampler", "pt-hmc"];
@@ -81,9 +79,7 @@ fn killed(args: &[String], after: u64) -> bool {
 
 #[test]
 fn a_fit_killed_at_twenty_moments_comes_to_the_numbers_of_one_never_stopped() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let config = write(folder.path(), "small.toml", SMALL);
-    let track = example("tracks/s2_spherical.ecsv").display().to_string();
+    let (folder, config, track) = small_fit();
     for (what, sampler, flags) in [
         ("nested", "nested", &[][..]),
         ("pt-hmc", "pt-hmc", &[][..]),
