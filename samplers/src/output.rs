@@ -394,17 +394,17 @@ pub enum History {
         /// Insertion rank as a fraction in (0, 1), in order of insertion.
         insertion_rank: Vec<f64>,
     },
-    /// One entry per temperature, from beta = 0 to 1; along a surrogate, whose posterior is at 1, to 2.
+    /// One entry per temperature, from beta = 0 to 1.
     Tempered {
-        /// Inverse temperatures; from 1 to 2 one plus the exponent of ln L in place of the surrogate.
+        /// Inverse temperatures.
         beta: Vec<f64>,
-        /// Mean log-likelihood over valid draws; from 1 to 2 minus the surrogate's.
+        /// Mean log-likelihood over valid draws.
         mean_ln_likelihood: Vec<f64>,
         /// Its variance.
         variance_ln_likelihood: Vec<f64>,
         /// Mean swap rejection between each temperature and the next one (one fewer than temperatures).
         swap_rejection: Vec<f64>,
-        /// Mean acceptance of the HMC transitions.
+        /// Mean acceptance of the HMC transitions; along a surrogate by ln L.
         acceptance: Vec<f64>,
         /// Step size of the HMC transitions, in metric units.
         step_size: Vec<f64>,
@@ -416,7 +416,7 @@ pub enum History {
         communication_barrier: Vec<f64>,
         /// Round trips per chain set, of the scans that count.
         round_trips: Vec<u64>,
-        /// Log-likelihood at the posterior, every scan that counts, one list per chain set.
+        /// Log-likelihood at beta = 1, every scan that counts, one list per chain set.
         trace: Vec<Vec<f64>>,
     },
     /// One entry per step from the coarse likelihood to the fine one.

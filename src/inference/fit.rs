@@ -3,7 +3,7 @@
 use super::best_fit::diagnose;
 use super::model_error::{model_error, other_particles};
 use super::prior_predictive::check_prior_predictive;
-use super::sample::{bridge, sample, sample_with_coarse};
+use super::sample::{bridge, sample};
 use super::settings::FitSettings;
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
@@ -30,20 +30,18 @@ pub struct Fit {
 pub struct FitPlan {
     /// The posterior of the track under the model itself.
     pub target: StreamTarget,
-    /// The coarse model, if there is one.
-    coarse: Option<Coarse>,
-    /// Whether the sampler follows a surrogate of ln L.
-    follows_surrogate: bool,
+    /// The coarse fit that comes first, if there is one.
+    pub coarse: Option<Coarse>,
     /// An estimate of the memory of the models and of the values that the threads of the present rayon pool compute at
     /// once. The memory of the sampler comes in addition.
     pub memory: Memory,
 }
 
-/// The coarse model of a fit: of a fit that comes before a bridge, or what a surrogate learns from.
+/// A coarse fit that comes before a bridge.
 pub struct Coarse {
     /// The posterior of the track under the coarse model.
     pub target: StreamTarget,
-    /// Settings of a fit of this model.
+    /// Settings of the coarse fit.
     pub settings: FitSettings,
 }
 
@@ -67,12 +65,9 @@ impl FitPlan {
         settings.check()?;
         let target = StreamTarget::from_track(track, settings)?;
         settings.sampling.check(target.dim())?;
-        let follows_surrogate = settings.sampling.follows_surrogate();
         let coarse = match settings.coarse(track.bin_width_deg) {
             Some(coarse) => {
-                if !follows_surrogate {
-                    settings.sampling.bridge.check(target.dim())?;
-                }
+                settings.sampling.bridge.check(target.dim())?;
                 Some(Coarse {
                     target: StreamTarget::from_track(track, &coarse).map_err(of_coarse)?,
                     settings: coarse,
@@ -93,30 +88,8 @@ impl FitPlan {
         Ok(Self {
             target,
             coarse,
-            follows_surrogate,
             memory,
         })
-    }
-
-    /// The coarse fit that comes first, if there is one: a surrogate learns from the coarse model without such a fit.
-    #[must_use]
-    pub fn coarse_fit(&self) -> Option<&Coarse> {
-        self.coarse.as_ref().filter(|_| !self.follows_surrogate)
-    }
-
-    /// Samples the target itself.
-    ///
-    /// # Errors
-    /// Those of [`sample()`].
-    pub fn sample(&self, settings: &FitSettings, control: &mut Control<'_>) -> Result<Run> {
-        let coarse = self.coarse.as_ref().map_or(&self.target, |c| &c.target);
-        sample_with_coarse(
-            &self.target,
-            coarse,
-            &settings.sampling,
-            settings.seed,
-            control,
-        )
     }
 }
 
@@ -244,8 +217,8 @@ pub fn fit_with(
         let summary = summarize(target, track, &run, "", "");
         Ok(Fit { run, summary })
     };
-    let Some(coarse) = plan.coarse_fit() else {
-        let run = plan.sample(settings, control)?;
+    let Some(coarse) = &plan.coarse else {
+        let run = sample(&plan.target, &settings.sampling, settings.seed, control)?;
         return finish(&plan.target, run);
     };
     check_prior_predictive(&coarse.target, settings.seed)?;

@@ -15,23 +15,9 @@ pub fn sample(
     seed: u64,
     control: &mut Control<'_>,
 ) -> Result<Run> {
-    sample_with_coarse(target, target, settings, seed, control)
-}
-
-/// As [`sample`]; a sampler that follows a surrogate takes its first points from `coarse`.
-///
-/// # Errors
-/// As of [`sample`].
-pub fn sample_with_coarse(
-    target: &dyn Target,
-    coarse: &dyn Target,
-    settings: &SamplerSettings,
-    seed: u64,
-    control: &mut Control<'_>,
-) -> Result<Run> {
     let run = match settings.sampler {
         Sampler::Nested => nested::run(target, &settings.nested, seed, control)?,
-        Sampler::PtHmc => pt::run_with_coarse(target, coarse, &settings.pt_hmc, seed, control)?,
+        Sampler::PtHmc => pt::run(target, &settings.pt_hmc, seed, control)?,
     };
     Ok(run)
 }

@@ -62,12 +62,6 @@ pub struct SamplerSettings {
 }
 
 impl SamplerSettings {
-    /// Whether the sampler follows a surrogate of ln L.
-    #[must_use]
-    pub fn follows_surrogate(&self) -> bool {
-        self.sampler == Sampler::PtHmc && self.pt_hmc.surrogate_points > 0
-    }
-
     /// Defaults for the posterior of a stream: thirteen parameters, several modes, and a likelihood that is rough on the scale of a
     /// leapfrog step.
     ///

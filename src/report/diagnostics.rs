@@ -15,7 +15,7 @@ const MAX_POINTS: usize = 1500;
 ///
 /// Nested: ln L against ln X with the posterior weight per unit of ln X, and the histogram of insertion ranks with the 95 %
 /// band of uniform ranks. Tempered: swap rejection and communication barrier, acceptance and step size against temperature, and the
-/// trace of ln L at the posterior with the round trips. Bridge: ln Z and the effective number of ancestors by exponent.
+/// trace of ln L at beta = 1 with the round trips. Bridge: ln Z and the effective number of ancestors by exponent.
 #[must_use]
 pub fn diagnostics(run: &Run) -> String {
     match &run.history {
@@ -279,7 +279,7 @@ fn traces(canvas: &mut Canvas, trace: &[Vec<f64>], round_trips: &[u64]) {
     });
     axes.frame(canvas);
     axes.draw_x(canvas, "scan", 8, 8.0);
-    axes.draw_y(canvas, "ln L at the posterior", 5, 8.0, 42.0);
+    axes.draw_y(canvas, "ln L at beta = 1", 5, 8.0, 42.0);
     let trips: Vec<String> = round_trips.iter().map(u64::to_string).collect();
     let text = format!("round trips per chain set: {}", trips.join(", "));
     canvas.text((540.0, 183.0), &text, 7.0, Anchor::End, 0.0);

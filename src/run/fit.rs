@@ -5,7 +5,9 @@ use super::monitor::{MODEL_ERROR, Monitor};
 use super::session::{Destination, RunSession};
 use crate::data::ObservedTrack;
 use crate::error::Result;
-use crate::inference::{Coarse, Fit, FitPlan, FitSettings, bridge_from, check_prior_predictive};
+use crate::inference::{
+    Coarse, Fit, FitPlan, FitSettings, bridge_from, check_prior_predictive, sample,
+};
 use oblate_samplers::checkpoint;
 use oblate_samplers::output::Status;
 use std::time::Instant;
@@ -41,7 +43,7 @@ fn fit_in_stages(
     coarse_of: Option<usize>,
 ) -> Result<Fit> {
     let plan = FitPlan::of_settings(track, settings)?;
-    let (before, of) = match (coarse_of, plan.coarse_fit()) {
+    let (before, of) = match (coarse_of, &plan.coarse) {
         (Some(of), _) => (1, of),
         (None, Some(_)) => (0, 2 * STAGES),
         (None, None) => (0, STAGES),
@@ -58,13 +60,13 @@ fn fit_in_stages(
         RunState::Unfinished(session) => session,
     };
     monitor.tell_memory(&plan.memory);
-    if let Some(coarse) = plan.coarse_fit() {
+    if let Some(coarse) = &plan.coarse {
         return from_coarse(&session, &plan, coarse, track, settings, monitor);
     }
     monitor.stage(before + 2, of, &format!("sampling{of_model}"));
     let error_of_model = |monitor: &mut Monitor<'_>| monitor.stage(before + 3, of, error);
     session.complete_fit(&plan.target, track, monitor, error_of_model, |control| {
-        plan.sample(settings, control)
+        sample(&plan.target, &settings.sampling, settings.seed, control)
     })
 }
 

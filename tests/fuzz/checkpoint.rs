@@ -190,6 +190,8 @@ pub fn pt_seeds() -> Vec<Seed> {
     };
     let along_surrogate = pt::Settings {
         surrogate_points: 6_000,
+        hmc_transitions: 0,
+        slice_updates: 1,
         ..mixed.clone()
     };
     let diagonal = pt::Settings { ..plain.clone() };

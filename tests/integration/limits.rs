@@ -630,6 +630,8 @@ fn the_memory_of_samplers_is_within_what_was_estimated() {
     };
     let surrogate = pt::Settings {
         surrogate_points: 20_000,
+        hmc_transitions: 0,
+        slice_updates: 1,
         ..many.clone()
     };
     let control = |work: &dyn Fn(&mut Control<'_>) -> Run| work(&mut Control::new(&mut Silent));

@@ -246,9 +246,31 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
         })
     }
 
+    /// Log density that the transitions leave invariant, up to a constant, at a point that this sampler's evaluator has filled.
+    #[must_use]
+    pub fn ln_density(&self, point: &Point) -> f64 {
+        point.ln_density(self.beta)
+    }
+
+    /// The gradient of [`ln_density`](Self::ln_density) at a point; none where a trajectory cannot begin.
+    ///
+    /// # Errors
+    /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
+    pub fn score(&mut self, at: &Point) -> Result<Option<Vec<f64>>> {
+        self.end.copy_from(at);
+        if self.evaluator.follows_surrogate() || !self.end.has_gradient {
+            self.evaluator.fill(&mut self.end)?;
+        }
+        if !self.end.has_gradient {
+            return Ok(None);
+        }
+        self.update_force();
+        Ok(Some(self.force.clone()))
+    }
+
     /// Minus the log density at the present end.
     fn potential(&self) -> f64 {
-        -self.end.ln_density(self.beta)
+        -self.ln_density(&self.end)
     }
 
     /// The potential and `|r|^2 / 2`.

@@ -15,10 +15,8 @@ use serde::{Deserialize, Serialize};
 pub struct Point {
     /// Standard-normal coordinates.
     pub z: Vec<f64>,
-    /// ln L there, or the estimate of the surrogate that the chain follows; minus infinity where it was rejected.
+    /// ln L there, or the estimate of a surrogate that a trajectory follows; minus infinity where it was rejected.
     pub ln_likelihood: f64,
-    /// ln L minus that estimate, where it is needed; minus infinity where ln L was rejected.
-    pub gap: f64,
     /// Gradient of ln L with respect to `z`; meaningless unless [`has_gradient`](Self::has_gradient).
     pub gradient: Vec<f64>,
     /// Whether the gradients belong to `z`: moves that need none do not compute them.
@@ -36,7 +34,6 @@ impl Point {
         Self {
             z: vec![0.0; dim],
             ln_likelihood: f64::NEG_INFINITY,
-            gap: 0.0,
             gradient: vec![0.0; dim],
             has_gradient: false,
             ln_over_prior: 0.0,
@@ -83,7 +80,6 @@ impl Point {
     pub fn copy_from(&mut self, other: &Self) {
         self.z.copy_from_slice(&other.z);
         self.ln_likelihood = other.ln_likelihood;
-        self.gap = other.gap;
         self.gradient.copy_from_slice(&other.gradient);
         self.has_gradient = other.has_gradient;
         self.ln_over_prior = other.ln_over_prior;
@@ -145,10 +141,19 @@ impl<'a> Evaluator<'a> {
         }
     }
 
-    /// The same with a surrogate of ln L in its place, if there is one, which is not counted.
+    /// The same with a surrogate of ln L in its place, which is not counted.
     #[must_use]
-    pub fn with_surrogate(self, surrogate: Option<&'a Surrogate>) -> Self {
-        Self { surrogate, ..self }
+    pub fn with_surrogate(self, surrogate: &'a Surrogate) -> Self {
+        Self {
+            surrogate: Some(surrogate),
+            ..self
+        }
+    }
+
+    /// Whether a surrogate is in the place of ln L.
+    #[must_use]
+    pub fn follows_surrogate(&self) -> bool {
+        self.surrogate.is_some()
     }
 
     /// The target.

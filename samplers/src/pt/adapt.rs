@@ -1,13 +1,11 @@
 //! Adaptation between rounds: temperatures, metrics, steps, difference pools and the reference, from the round before or
 //! from the SMC samplers.
 
-use super::path;
 use super::schedule::{communication_barrier, first_schedule, locate, respaced};
 use super::smc::{CommunicationBarrier, Level, of_others};
 use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
 use crate::difference_pool::DifferencePool;
-use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, Reference, StepSize};
+use crate::hmc::{Metric, Reference, StepSize};
 use crate::rng::{Domain, below, stream};
 use crate::target::{Symmetry, Target};
 
@@ -19,20 +17,10 @@ const MAX_TRAINING: usize = 5_000;
 /// particles.
 const FIRST_STEP: f64 = 0.1;
 
-/// Temperatures of the second part of the path in the first rounds.
-pub(super) const FIRST_OF_SECOND_PART: usize = 6;
-
-/// The fewest of them later on.
-const FEWEST_OF_SECOND_PART: usize = 2;
-
-/// An extension along a surrogate begins after scans that do not count, fewer than its own by this factor: their first states are those of
-/// the surrogate before.
-const EQUILIBRATION: usize = 8;
-
 impl State {
     /// Begins the first round from the SMC samplers: temperatures evenly spaced in their communication barrier, and the
     /// particles of the nearest levels as states, metric and difference pool.
-    pub(super) fn begin(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) -> Result<()> {
+    pub(super) fn begin(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
         let communication_barriers: Vec<CommunicationBarrier> = smc_samplers
@@ -40,7 +28,7 @@ impl State {
             .map(|l| CommunicationBarrier::of(l))
             .collect();
         let path = CommunicationBarrier::mean(&communication_barriers);
-        let [count, _] = self.enough_temperatures([path.total(), 0.0]);
+        let count = self.enough_temperatures(path.total());
         let nearest = |levels: &[Level], place: f64| {
             (0..levels.len()).min_by(|i, j| {
                 let away = |i: usize| (path.at(levels[i].beta) - place).abs();
@@ -74,7 +62,7 @@ impl State {
                 }
             }
             temperatures.push(Temperature {
-                place: beta,
+                beta,
                 metric: Metric::of_rows(&rows.concat(), dim),
                 step: StepSize::new(FIRST_STEP),
                 pools: of_others(rows.iter()).map(|r| DifferencePool::new(&r, dim, orbit)),
@@ -85,9 +73,7 @@ impl State {
         if self.settings.mixes(0) {
             self.begin_at_mixture(smc_samplers, target);
         }
-        self.follow_surrogate(target)?;
         self.record = self.new_record(dim, 0);
-        Ok(())
     }
 
     /// Gives the first round references fitted to the SMC particles at their last temperature, and takes
@@ -112,10 +98,7 @@ impl State {
     }
 
     /// Ends a round, or an extension of the last: new temperatures, metrics and steps from its record.
-    ///
-    /// # Errors
-    /// Those of the target.
-    pub(super) fn adapt(&mut self, target: &dyn Target) -> Result<()> {
+    pub(super) fn adapt(&mut self, target: &dyn Target) {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
         let old = communication_barrier(&self.record.extension().mean_rejection());
@@ -130,25 +113,24 @@ impl State {
                 temperature.step = StepSize::new(temperature.step.ln_found().exp());
             }
             self.next_reference(target);
-            self.follow_surrogate(target)?;
             self.next_round(dim);
-            return Ok(());
+            return;
         }
-        let (places, found) = (self.places(), self.found(dim));
-        let first = path::first_part(&places);
-        let corner = first - 1;
-        let counts = self.next_temperatures([old[corner], total - old[corner]]);
-        let mut schedule = spaced(0, &places[..first], &old[..first], counts[0]);
-        let second = spaced(corner, &places[corner..], &old[corner..], counts[1] + 1);
-        schedule.extend(second.into_iter().skip(1));
+        let (beta, found) = (self.beta(), self.found(dim));
+        let count = self.next_temperatures(total);
+        let schedule = respaced(&beta, &old, count);
+        // Where a new temperature lies among the old ones.
+        let places: Vec<(usize, f64)> = (0..count)
+            .map(|k| locate(&old, total * k as f64 / (count - 1) as f64))
+            .collect();
         let nearest = |(i, t): (usize, f64)| i + usize::from(t >= 0.5);
-        let count = schedule.len();
         self.temperatures = schedule
-            .iter()
-            .map(|&(place, (i, t))| {
+            .into_iter()
+            .zip(&places)
+            .map(|(beta, &(i, t))| {
                 let ln_step = found[i].1 * (1.0 - t) + found[i + 1].1 * t;
                 Temperature {
-                    place,
+                    beta,
                     metric: found[i].0.between(&found[i + 1].0, t),
                     step: StepSize::new(ln_step.exp()),
                     pools: of_others(self.record.extension().visits[nearest((i, t))].iter())
@@ -156,15 +138,12 @@ impl State {
                 }
             })
             .collect();
-        let same = [first, places.len() - first] == counts;
+        let same = count == beta.len();
         self.chains = (0..self.settings.chain_sets * count)
             .map(|chain| {
                 let (chain_set, k) = (chain / count, chain % count);
-                let (place, at) = schedule[k];
-                // A state of the surrogate's posterior may have no likelihood.
-                let least = if place > path::CORNER { first } else { 0 };
-                let from = if same { k } else { nearest(at).max(least) };
-                let old = &self.chains[chain_set * places.len() + from];
+                let from = if same { k } else { nearest(places[k]) };
+                let old = &self.chains[chain_set * beta.len() + from];
                 Chain {
                     point: old.point.clone(),
                     replica: if same { old.replica } else { k },
@@ -172,85 +151,13 @@ impl State {
             })
             .collect();
         self.next_reference(target);
-        self.follow_surrogate(target)?;
         if self.is_last_round() {
             let scans = self.settings.scans_of_extension(self.extensions);
-            let places = self.places();
-            self.record.begin_extension(dim, &places, scans);
-            if self.surrogate.is_some() {
-                self.equilibrating = scans / EQUILIBRATION;
-            }
+            let beta = self.beta();
+            self.record.begin_extension(dim, &beta, scans);
         } else {
             self.next_round(dim);
         }
-        Ok(())
-    }
-
-    /// Lets all chains follow the surrogate, if there is one: with its estimates in place of ln L, and a second part of the path.
-    ///
-    /// # Errors
-    /// Those of the target; [`Error::NoStart`] if no state of the second part has a likelihood.
-    fn follow_surrogate(&mut self, target: &dyn Target) -> Result<()> {
-        let Some(surrogate) = &self.surrogate else {
-            return Ok(());
-        };
-        let first = path::first_part(&self.places());
-        if first == self.temperatures.len() {
-            let chain_sets = self.chains.chunks_exact(first);
-            let extended = chain_sets.map(|chain_set| {
-                let more = (first..).zip(vec![chain_set[first - 1].clone(); FIRST_OF_SECOND_PART]);
-                let more = more.map(|(replica, chain)| Chain { replica, ..chain });
-                chain_set.iter().cloned().chain(more).collect::<Vec<_>>()
-            });
-            self.chains = extended.flatten().collect();
-            let corner = self.temperatures[first - 1].clone();
-            for k in 1..=FIRST_OF_SECOND_PART {
-                let place = path::CORNER + k as f64 / FIRST_OF_SECOND_PART as f64;
-                self.temperatures.push(Temperature {
-                    place,
-                    ..corner.clone()
-                });
-            }
-        }
-        let places = self.places();
-        let mut along = Evaluator::new(target).with_surrogate(Some(surrogate));
-        let mut evaluator = Evaluator::new(target);
-        for (chain, place) in self.chains.iter_mut().zip(places.iter().cycle()) {
-            let point = &mut chain.point;
-            point.ln_likelihood = along.value(&point.z)?;
-            point.gap = if *place < path::CORNER {
-                0.0
-            } else {
-                evaluator.value(&point.z)? - point.ln_likelihood
-            };
-            point.has_gradient = false;
-        }
-        self.cost.count(&evaluator.calls);
-        self.replace_rejected(&places)
-    }
-
-    /// Gives chains of the second part of the path the state of another one, where theirs has no likelihood.
-    ///
-    /// # Errors
-    /// [`Error::NoStart`] if none has a likelihood.
-    fn replace_rejected(&mut self, places: &[f64]) -> Result<()> {
-        let second = |chain: usize| places[chain % places.len()] > path::CORNER;
-        let has = |chain: &Chain| chain.point.gap.is_finite();
-        let all = 0..self.chains.len();
-        let sound: Vec<usize> = all
-            .filter(|k| second(*k) && has(&self.chains[*k]))
-            .collect();
-        let mut turns = sound.iter().cycle();
-        for chain in 0..self.chains.len() {
-            if second(chain) && !has(&self.chains[chain]) {
-                let from = turns.next().ok_or_else(|| Error::NoStart {
-                    tries: self.chains.len(),
-                    cause: self.cost.main_cause(),
-                })?;
-                self.chains[chain].point = self.chains[*from].point.clone();
-            }
-        }
-        Ok(())
     }
 
     /// Fits the next reference to the draws at beta = 1 of the round, or of all extensions of the last, where the settings
@@ -316,11 +223,13 @@ impl State {
     fn one_metric(&mut self) {
         let temperatures = self.temperatures.len();
         let cold = self.temperatures[temperatures - 1].clone();
-        let first = path::first_part(&self.places());
-        let schedule = first_schedule(first);
-        for (k, temperature) in self.temperatures.iter_mut().enumerate() {
+        for (temperature, beta) in self
+            .temperatures
+            .iter_mut()
+            .zip(first_schedule(temperatures))
+        {
             *temperature = Temperature {
-                place: schedule.get(k).copied().unwrap_or(temperature.place),
+                beta,
                 ..cold.clone()
             };
         }
@@ -342,34 +251,24 @@ impl State {
         }
     }
 
-    /// Numbers of temperatures of both parts of the path. `1 + ceil(2 communication_barrier)` make a round trip cheapest (Syed et al.
-    /// 2022); they are left alone in early rounds, where the communication barrier is inaccurate, and before the last, which must be in
-    /// equilibrium.
-    fn next_temperatures(&self, communication_barriers: [f64; 2]) -> [usize; 2] {
+    /// `1 + ceil(2 communication_barrier)` temperatures make a round trip cheapest (Syed et al. 2022); their number is left alone
+    /// in early rounds, where the communication barrier is inaccurate, and before the last, which must be in equilibrium.
+    fn next_temperatures(&self, communication_barrier: f64) -> usize {
         let settled = self.settings.scans(self.round) >= EARLY_SCANS;
         if !settled || self.round + 2 >= self.settings.rounds {
-            let first = path::first_part(&self.places());
-            return [first, self.temperatures.len() - first];
+            return self.temperatures.len();
         }
-        self.enough_temperatures(communication_barriers)
+        self.enough_temperatures(communication_barrier)
     }
 
-    /// Those of each part of the path; the second has none without a surrogate.
-    fn enough_temperatures(&self, communication_barriers: [f64; 2]) -> [usize; 2] {
+    fn enough_temperatures(&self, communication_barrier: f64) -> usize {
         let (min, max) = (
             self.settings.min_temperatures,
             self.settings.max_temperatures,
         );
-        let enough = |min: usize, max: usize, barrier: f64| {
-            let found = (min..max).find(|n| (*n - 1) as f64 >= 2.0 * barrier);
-            found.unwrap_or(max)
-        };
-        let first = enough(min, max, communication_barriers[0]);
-        if self.surrogate.is_none() {
-            return [first, 0];
-        }
-        let more = enough(FEWEST_OF_SECOND_PART, max, communication_barriers[1]);
-        [first, more]
+        (min..max)
+            .find(|n| (*n - 1) as f64 >= 2.0 * communication_barrier)
+            .unwrap_or(max)
     }
 
     /// The metric and the logarithm of the step that the round found for each of its temperatures.
@@ -406,23 +305,6 @@ impl State {
             })
             .collect()
     }
-}
-
-/// So many temperatures on one part of the path, evenly spaced in the communication barrier `old` of its present `places`: the place of
-/// each, and where it lies among the present ones, of which the part begins with number `from`.
-fn spaced(from: usize, places: &[f64], old: &[f64], count: usize) -> Vec<(f64, (usize, f64))> {
-    if places.len() < 2 {
-        return Vec::new();
-    }
-    let lengths: Vec<f64> = old.iter().map(|length| length - old[0]).collect();
-    let total = lengths[lengths.len() - 1];
-    let schedule = respaced(places, &lengths, count).into_iter().enumerate();
-    schedule
-        .map(|(k, place)| {
-            let (i, t) = locate(&lengths, total * k as f64 / (count - 1) as f64);
-            (place, (from + i, t))
-        })
-        .collect()
 }
 
 /// At most so many rows of coordinates, evenly spaced among those given.

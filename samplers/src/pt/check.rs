@@ -1,8 +1,6 @@
 //! Whether a state that was read from a checkpoint is one that this run can have come to.
 
 use super::Settings;
-use super::adapt::FIRST_OF_SECOND_PART;
-use super::path::{CORNER, first_part};
 use super::state::{Chain, State, Temperature};
 use crate::hmc::Reference;
 use crate::valid::{Valid, countable, ensure, moderate};
@@ -33,15 +31,6 @@ impl State {
         };
         ensure(
             self.extensions <= extensions && self.scan <= self.scans(),
-            "more scans than the round has",
-        )?;
-        let newest = if self.is_last_round() {
-            self.newest_scans()
-        } else {
-            0
-        };
-        ensure(
-            self.equilibrating <= newest,
             "more scans than the round has",
         )?;
         ensure(countable([self.clock]), "a count is too large")?;
@@ -78,28 +67,22 @@ impl State {
                     vec![settings.scans(self.round)]
                 };
                 self.record
-                    .check(dim, settings, &self.places(), &planned, self.scan)
+                    .check(dim, settings, &self.beta(), &planned, self.scan)
             }
         }
     }
 
     fn check_temperatures(&self, dim: usize) -> Valid {
         let count = self.temperatures.len();
-        let places = self.places();
-        let first = first_part(&places);
-        let most = self.settings.max_temperatures;
         ensure(
-            (self.settings.min_temperatures..=most).contains(&first)
-                && count - first <= most.max(FIRST_OF_SECOND_PART),
+            (self.settings.min_temperatures..=self.settings.max_temperatures).contains(&count),
             "another number of temperatures than the settings allow",
         )?;
-        let two = count > first;
-        let end = if two { 2.0 * CORNER } else { CORNER };
+        let beta = self.beta();
         ensure(
-            places[0] >= 0.0
-                && places.windows(2).all(|b| b[0] <= b[1])
-                && places[count - 1].to_bits() == end.to_bits()
-                && two == (self.surrogate.is_some() && !self.chains.is_empty()),
+            beta[0] >= 0.0
+                && beta.windows(2).all(|b| b[0] <= b[1])
+                && beta[count - 1].to_bits() == 1.0_f64.to_bits(),
             "inverse temperatures that do not rise from 0 to 1",
         )?;
         self.temperatures
@@ -140,7 +123,6 @@ impl State {
 
 #[cfg(test)]
 mod tests {
-    use super::super::state::Targets;
     use super::*;
 
     /// A change to a state.
@@ -178,6 +160,7 @@ mod tests {
             extensions: 2,
             mixture_rounds: 3,
             surrogate_points: 6_000,
+            hmc_transitions: 0,
             ..Settings::default()
         }
     }
@@ -187,17 +170,13 @@ mod tests {
         let unit = Marginal::Uniform { lo: 0.0, hi: 1.0 };
         let target = Bell(Prior::new(["x", "y"].map(|name| (name, "", unit))).unwrap());
         let settings = settings();
-        let targets = Targets {
-            target: &target,
-            coarse: &target,
-        };
-        let mut state = State::start(targets, &settings, 1).unwrap();
+        let mut state = State::start(&target, &settings, 1).unwrap();
         for step in 0..steps {
             assert_eq!(state.check(&settings, 1, 2, 2), Ok(()), "{step}");
             if state.finished() {
-                state.go_on(targets, false).unwrap();
+                state.go_on(&target, false).unwrap();
             }
-            state.advance(targets).unwrap();
+            state.advance(&target).unwrap();
         }
         state
     }
@@ -237,7 +216,7 @@ mod tests {
                 &|s| s.temperatures.truncate(1),
                 "number of temperatures",
             ),
-            (late, &|s| s.temperatures[1].place = f64::NAN, "do not rise"),
+            (late, &|s| s.temperatures[1].beta = f64::NAN, "do not rise"),
             (
                 late,
                 &|s| s.temperatures[1].metric = crate::hmc::Metric::identity(1),

@@ -1,7 +1,6 @@
 //! Convergence checks of a tempered run, each with a remedy.
 
 use super::evidence::Estimate;
-use super::path::first_part;
 use super::posterior_draws::Agreement;
 use super::record::Record;
 use super::schedule::round_trip_rate;
@@ -39,7 +38,7 @@ fn index_processes(run: &CheckInputs<'_>) -> Vec<Check> {
     let index_processes = run.record.index_processes();
     let scans = run.record.scans();
     let extension = run.record.last_long_enough();
-    let replicas = (index_processes.len() * extension.places.len()) as f64;
+    let replicas = (index_processes.len() * extension.traces.temperatures()) as f64;
     let fewest = index_processes
         .iter()
         .map(|(trips, _)| *trips)
@@ -88,23 +87,20 @@ fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
     // A flat likelihood has no communication barrier; changes of one below 0.1 are not significant.
     let change = (communication_barrier - before).abs() / before.max(0.1);
     let change = if run.history.is_empty() { 1.0 } else { change };
-    let mut checks = vec![Check::at_most(
-        "swap-rejection",
-        worst,
-        0.75,
-        "largest swap rejection between neighbouring temperatures; if too large, raise `temperatures` or `max_temperatures`, or add rounds so that temperatures can adapt",
-    )];
-    // A surrogate that is fitted anew has another communication barrier.
-    let places = &run.record.extension().places;
-    if first_part(places) == places.len() {
-        checks.push(Check::at_most(
+    vec![
+        Check::at_most(
+            "swap-rejection",
+            worst,
+            0.75,
+            "largest swap rejection between neighbouring temperatures; if too large, raise `temperatures` or `max_temperatures`, or add rounds so that temperatures can adapt",
+        ),
+        Check::at_most(
             "communication-barrier-change",
             change,
             0.1,
             "relative change of the communication barrier since the round before; if too large, temperatures are not adapted yet: add rounds",
-        ));
-    }
-    checks
+        ),
+    ]
 }
 
 fn evidence(estimate: &Estimate) -> Vec<Check> {

@@ -8,8 +8,7 @@ use serde::{Deserialize, Serialize};
 /// scans is hidden by the noise of single ones.
 const BLOCKS: usize = 256;
 
-/// The derivative of the log density along the annealing path, of every chain of every chain set, scan by scan: ln L, on a path from the
-/// prior.
+/// ln L of every chain of every chain set, scan by scan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Traces {
     temperatures: usize,
@@ -62,6 +61,12 @@ impl Traces {
     #[must_use]
     pub fn chain_sets(&self) -> usize {
         self.values.len() / self.temperatures
+    }
+
+    /// Temperatures.
+    #[must_use]
+    pub fn temperatures(&self) -> usize {
+        self.temperatures
     }
 
     /// Scans recorded in every chain.
@@ -119,7 +124,7 @@ impl Estimate {
 }
 
 /// Estimates ln Z from the extensions of a round: inverse temperatures, and the traces of the chain sets at them. Each
-/// extension gives one estimate, weighted by its scans. A path of two parts has the place where they meet twice, with the values of each.
+/// extension gives one estimate, weighted by its scans.
 ///
 /// Chain set `k` belongs to cluster `k % clusters`; only clusters are independent. Cluster `c` follows the annealing path
 /// `c % paths`; the estimates of different paths are averaged, with the number of their chain sets as weight. The difference
@@ -230,12 +235,6 @@ struct Stones {
     valid: f64,
 }
 
-/// The steps of a path, with the number of the place that each begins at. Where two parts of it meet there is none.
-fn steps(beta: &[f64]) -> impl Iterator<Item = (usize, f64)> {
-    let steps = beta.windows(2).map(|gap| gap[1] - gap[0]).enumerate();
-    steps.filter(|(_, step)| *step > 0.0)
-}
-
 fn stepping_stones(beta: &[f64], traces: &Traces, chain_sets: &[usize]) -> Stones {
     let pooled = |temperature: usize, factor: f64| -> (f64, usize, usize) {
         let all = chain_sets.iter().flat_map(|k| traces.of(*k, temperature));
@@ -246,7 +245,8 @@ fn stepping_stones(beta: &[f64], traces: &Traces, chain_sets: &[usize]) -> Stone
     let (_, valid, draws) = pooled(0, 0.0);
     let valid = valid as f64 / draws.max(1) as f64;
     let (mut forward, mut backward) = (0.0, valid.ln());
-    for (temperature, step) in steps(beta) {
+    for (temperature, gap) in beta.windows(2).enumerate() {
+        let step = gap[1] - gap[0];
         let (sum, _, total) = pooled(temperature, step);
         forward += sum - (total as f64).ln();
         let (sum, _, total) = pooled(temperature + 1, -step);
@@ -323,7 +323,8 @@ fn bennett_of_extension(
     let scans = traces.scans();
     let mut ln_z = 0.0;
     let mut influence = vec![vec![0.0; blocks]; chain_sets.len()];
-    for (temperature, step) in steps(beta) {
+    for (temperature, gap) in beta.windows(2).enumerate() {
+        let step = gap[1] - gap[0];
         let side = |temperature: usize| -> Vec<&[f64]> {
             chain_sets
                 .iter()

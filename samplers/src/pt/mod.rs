@@ -9,9 +9,9 @@
 //! itself is the burn-in. At beta = 0 the prior or the mixture is drawn independently in every scan. So each round trip of a
 //! replica is an independent restart, and the evidence of each chain set is an independent estimate.
 //!
-//! With `surrogate_points` the chains follow a surrogate of ln L, which is fitted before the first round, after each, and before each
-//! extension, to its posterior. A second part of the annealing path leads from there to the posterior itself, by chains whose moves along the
-//! surrogate are accepted by ln L. The result is exact whatever the surrogate, and cheap where it is good: only these chains compute ln L.
+//! With `surrogate_points` a surrogate of ln L is fitted before the first round, after each, and before each extension. Beside slice updates
+//! each chain then makes moves along it, whose ends are accepted by ln L itself at the chain's temperature. The result is exact
+//! whatever the surrogate, and a good one carries states far for one value of ln L.
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};
@@ -49,7 +49,6 @@ mod check;
 mod checks;
 mod evidence;
 mod outcome;
-mod path;
 mod posterior_draws;
 mod record;
 mod scan;
@@ -68,14 +67,14 @@ use crate::control::{Control, Event};
 use crate::error::{Error, Result};
 use crate::output::{Run, Status};
 use crate::target::Target;
-use state::{State, Targets};
+use state::State;
 
 /// Samples `target` by parallel tempering. The result is a function of `target`, `settings` and `seed` alone,
 /// whatever the number of threads of the current rayon pool and however often the run was stopped and resumed.
 ///
 /// An interrupt, an observer's `Break` or a spent budget ends the run after the scan in progress: a checkpoint is
-/// written where one is planned, and the round in progress is returned as an unconverged result.
-/// Draws of a round that adapts are not exact; [`Run::status`] is then not complete. A run that has ended without passing its checks is
+/// written where one is planned, and the round in progress is returned as an unconverged result. Draws of a round that
+/// adapts are not exact; [`Run::status`] is then not complete. A run that has ended without passing its checks is
 /// continued from its checkpoint if `settings` allow more `extensions`, with the same bits as if they had allowed them from the start.
 ///
 /// # Errors
@@ -89,26 +88,8 @@ pub fn run(
     seed: u64,
     control: &mut Control<'_>,
 ) -> Result<Run> {
-    run_with_coarse(target, target, settings, seed, control)
-}
-
-/// As [`run`] along a surrogate, whose first points, and those near states, are of `coarse`: a cheaper target of nearly the same ln L, with
-/// the same prior, features and number of residuals. Without a surrogate it is not used.
-///
-/// # Errors
-/// As of [`run`].
-pub fn run_with_coarse(
-    target: &dyn Target,
-    coarse: &dyn Target,
-    settings: &Settings,
-    seed: u64,
-    control: &mut Control<'_>,
-) -> Result<Run> {
     settings.check(target.dim())?;
-    let follows_surrogate = settings.surrogate_points > 0;
-    let coarse = if follows_surrogate { coarse } else { target };
-    let targets = Targets { target, coarse };
-    if settings.hmc_transitions > 0 && !follows_surrogate && target.gradient_cost().is_none() {
+    if settings.hmc_transitions > 0 && target.gradient_cost().is_none() {
         return Err(Error::TemperingWithoutGradient);
     }
     // The number of extensions decides where a run ends, but not what it draws.
@@ -116,7 +97,7 @@ pub fn run_with_coarse(
         extensions: 0,
         ..settings.clone()
     };
-    let mut checkpointer = Checkpointer::new(&[target, coarse], &(drawing, seed), control)?;
+    let mut checkpointer = Checkpointer::new(&[target], &(drawing, seed), control)?;
     let saved = checkpointer.load(
         control,
         |state: &State| &state.cost,
@@ -124,7 +105,7 @@ pub fn run_with_coarse(
     )?;
     let mut state = match saved {
         Some(state) => state.resumed(settings.extensions),
-        None => State::start(targets, settings, seed)?,
+        None => State::start(target, settings, seed)?,
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     stop |= control.tell_memory(&settings.memory(target.dim()));
@@ -137,7 +118,7 @@ pub fn run_with_coarse(
             if look.confirmed {
                 break Status::Complete;
             }
-            if let Err(error) = state.go_on(targets, look.passed) {
+            if let Err(error) = state.go_on(target, look.passed) {
                 return Err(checkpointer.save_after(error, &state, control));
             }
         }
@@ -154,7 +135,7 @@ pub fn run_with_coarse(
         if state.scanned() && spent {
             break Status::BudgetSpent;
         }
-        let advanced = state.advance(targets);
+        let advanced = state.advance(target);
         checkpointer.note_times(&mut state.cost);
         if let Err(error) = advanced {
             return Err(checkpointer.save_after(error, &state, control));

@@ -2,7 +2,6 @@
 
 use super::checks::{CheckInputs, checks, confirmation};
 use super::evidence::Estimate;
-use super::path;
 use super::posterior_draws::PosteriorDraws;
 use super::schedule::communication_barrier;
 use super::state::State;
@@ -163,14 +162,14 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
 fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History {
     let record = &state.record;
     let extension = record.last_long_enough();
-    let places = &extension.places;
+    let temperatures = extension.beta.len();
     let chain_sets: Vec<usize> = (0..extension.traces.chain_sets()).collect();
-    let (mean, variance) = (0..places.len())
-        .map(|k| (extension.traces).moments(&chain_sets, path::column(places, k)))
+    let (mean, variance) = (0..temperatures)
+        .map(|temperature| extension.traces.moments(&chain_sets, temperature))
         .unzip();
     let rejection = extension.mean_rejection();
     History::Tempered {
-        beta: places.clone(),
+        beta: extension.beta.clone(),
         mean_ln_likelihood: mean,
         variance_ln_likelihood: variance,
         communication_barrier: communication_barrier(&rejection),
@@ -178,7 +177,13 @@ fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History 
         acceptance: extension
             .locals
             .iter()
-            .map(|l| l.mean_acceptance())
+            .map(|l| {
+                if state.surrogate.is_some() {
+                    l.mean_surrogate_acceptance()
+                } else {
+                    l.mean_acceptance()
+                }
+            })
             .collect(),
         step_size,
         mean_leapfrogs: extension
@@ -211,7 +216,7 @@ fn warnings(state: &State) -> Vec<String> {
         );
     }
     let extension = state.record.last_long_enough();
-    for (beta, rejection) in extension.places.iter().zip(extension.mean_rejection()) {
+    for (beta, rejection) in extension.beta.iter().zip(extension.mean_rejection()) {
         if state.is_last_round() && rejection > SLOW_GAP {
             warnings.push(format!(
                 "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that temperatures can adapt",

@@ -1,7 +1,6 @@
 //! What is recorded of one round.
 
 use super::evidence::Traces;
-use super::path;
 use super::posterior_draws::PosteriorDraws;
 use super::settings::Settings;
 use super::swap::{self, IndexProcess};
@@ -35,6 +34,8 @@ pub(super) struct Local {
     pub(super) diverged: u64,
     /// Transitions that met a rejected point.
     pub(super) rejected: u64,
+    /// Sum of the probabilities with which ln L accepted transitions along a surrogate.
+    pub(super) surrogate_acceptance: f64,
 }
 
 impl Local {
@@ -56,8 +57,9 @@ impl Local {
             self.diverged,
             self.rejected,
         ];
+        let sums = [self.acceptance, self.surrogate_acceptance];
         ensure(
-            countable(counts) && self.rejected <= self.moves && self.acceptance.is_finite(),
+            countable(counts) && self.rejected <= self.moves && sums.iter().all(|s| s.is_finite()),
             "a count of moves is too large, or acceptance is not finite",
         )
     }
@@ -69,14 +71,25 @@ impl Local {
         self.capped += other.capped;
         self.diverged += other.diverged;
         self.rejected += other.rejected;
+        self.surrogate_acceptance += other.surrogate_acceptance;
     }
 
-    /// Mean acceptance; 1 without transitions (at beta = 0 the reference is drawn independently).
+    /// Mean acceptance by the density that the transitions follow; 1 without transitions (at beta = 0 the reference is drawn
+    /// independently).
     pub(super) fn mean_acceptance(&self) -> f64 {
+        self.mean(self.acceptance)
+    }
+
+    /// Mean probability with which ln L accepts transitions along a surrogate; 1 without transitions.
+    pub(super) fn mean_surrogate_acceptance(&self) -> f64 {
+        self.mean(self.surrogate_acceptance)
+    }
+
+    fn mean(&self, sum: f64) -> f64 {
         if self.moves == 0 {
             1.0
         } else {
-            self.acceptance / self.moves as f64
+            sum / self.moves as f64
         }
     }
 }
@@ -84,13 +97,12 @@ impl Local {
 /// Scans with fixed temperatures, metrics and reference: the planned part of a round, or one extension of the last round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Extension {
-    /// Of each temperature.
-    pub(super) places: Vec<f64>,
+    pub(super) beta: Vec<f64>,
     /// Planned number of scans.
     scans: usize,
-    /// The slopes at the knots of the path ([`path::knots`]) after every scan's moves.
+    /// ln L minus the log ratio of reference to prior, of every chain after every scan's moves.
     pub(super) traces: Traces,
-    /// Positions at the posterior per chain set, scan by scan.
+    /// Positions at beta = 1 per chain set, scan by scan.
     pub(super) draws: Vec<Vec<f64>>,
     /// Their ln L.
     pub(super) ln_likelihood: Vec<Vec<f64>>,
@@ -109,12 +121,12 @@ pub(super) struct Extension {
 }
 
 impl Extension {
-    fn new(dim: usize, chain_sets: usize, clusters: usize, places: &[f64], scans: usize) -> Self {
-        let temperatures = places.len();
+    fn new(dim: usize, chain_sets: usize, clusters: usize, beta: &[f64], scans: usize) -> Self {
+        let temperatures = beta.len();
         Self {
-            places: places.to_vec(),
+            beta: beta.to_vec(),
             scans,
-            traces: Traces::new(chain_sets, path::knots(places).len()),
+            traces: Traces::new(chain_sets, temperatures),
             draws: vec![Vec::new(); chain_sets],
             ln_likelihood: vec![Vec::new(); chain_sets],
             index_processes: vec![IndexProcess::new(temperatures); chain_sets],
@@ -128,7 +140,7 @@ impl Extension {
 
     /// Checks an extension of `scans` that was read from a file.
     fn check(&self, dim: usize, chain_sets: usize, clusters: usize, scans: usize) -> Valid {
-        let temperatures = self.places.len();
+        let temperatures = self.beta.len();
         ensure(
             temperatures >= 2
                 && self.scans == scans
@@ -138,8 +150,7 @@ impl Extension {
                 && self.rejection.len() == temperatures - 1,
             "an extension has other chain sets, temperatures or scans",
         )?;
-        self.traces
-            .check(chain_sets, path::knots(&self.places).len())?;
+        self.traces.check(chain_sets, temperatures)?;
         let noted = self.traces.scans();
         let draws = (self.draws.iter()).all(|z| rows(z.len(), noted, dim) && moderate(z));
         let values = |l: &Vec<f64>| l.len() == noted && l.iter().all(|l| l.is_finite());
@@ -170,44 +181,33 @@ impl Extension {
         (self.moments.iter()).try_for_each(|moments| moments.check(dim))
     }
 
+    /// Records the score at a state of one temperature: the gradient of the log density that its trajectories follow.
+    pub(super) fn note_score(&mut self, temperature: usize, point: &Point, mut score: Vec<f64>) {
+        shorten(&mut score, MAX_SCORE);
+        self.moments[temperature].push(&point.z, &score);
+    }
+
     /// Records the states of one chain set, from beta = 0 on, after the local moves and before swaps.
     pub(super) fn note<'a>(&mut self, chain_set: usize, points: impl Iterator<Item = &'a Point>) {
         let visited = self.traces.scans().is_multiple_of(self.visit_every);
-        let mut hotter: Option<&Point> = None;
-        let mut score = Vec::new();
+        let mut hotter: Option<f64> = None;
         for (temperature, point) in points.enumerate() {
-            let place = self.places[temperature];
-            let beta = path::beta(place);
-            let column = path::column(&self.places, temperature);
-            let slope = path::slope(point, place);
-            self.traces.push(chain_set, column, slope);
-            if path::meets(&self.places, temperature) {
-                self.traces.push(chain_set, column + 1, point.gap);
-            }
-            if let Some(hot) = hotter {
-                let gap = place - self.places[temperature - 1];
+            let beta = self.beta[temperature];
+            self.traces.push(chain_set, temperature, point.ln_ratio());
+            if let Some(l_hot) = hotter {
+                let gap = beta - self.beta[temperature - 1];
                 self.rejection[temperature - 1] +=
-                    1.0 - swap::acceptance(gap, path::slope(hot, place), slope);
-            }
-            if point.has_gradient {
-                score.clear();
-                let gradient = point.gradient.iter().zip(&point.z);
-                score.extend(gradient.map(|(g, z)| beta * g - z));
-                for (score, ln_over_prior) in score.iter_mut().zip(&point.ln_over_prior_gradient) {
-                    *score += (1.0 - beta) * ln_over_prior;
-                }
-                shorten(&mut score, MAX_SCORE);
-                self.moments[temperature].push(&point.z, &score);
+                    1.0 - swap::acceptance(gap, l_hot, point.ln_ratio());
             }
             if visited {
                 let cluster = chain_set % self.visits[temperature].len();
                 self.visits[temperature][cluster].extend_from_slice(&point.z);
             }
-            if temperature + 1 == self.places.len() {
+            if temperature + 1 == self.beta.len() {
                 self.draws[chain_set].extend_from_slice(&point.z);
-                self.ln_likelihood[chain_set].push(point.ln_likelihood + point.gap);
+                self.ln_likelihood[chain_set].push(point.ln_likelihood);
             }
-            hotter = Some(point);
+            hotter = Some(point.ln_ratio());
         }
     }
 
@@ -236,17 +236,17 @@ pub(super) struct Record {
 }
 
 impl Record {
-    /// An empty record of a round of `scans` at these places; chain set `k` belongs to cluster `k %
+    /// An empty record of a round of `scans` at these inverse temperatures; chain set `k` belongs to cluster `k %
     /// clusters`.
     pub(super) fn new(
         dim: usize,
         chain_sets: usize,
         clusters: usize,
-        places: &[f64],
+        beta: &[f64],
         scans: usize,
     ) -> Self {
         Self {
-            extensions: vec![Extension::new(dim, chain_sets, clusters, places, scans)],
+            extensions: vec![Extension::new(dim, chain_sets, clusters, beta, scans)],
             trails: vec![Vec::new(); chain_sets],
             clusters,
         }
@@ -258,7 +258,7 @@ impl Record {
         &self,
         dim: usize,
         settings: &Settings,
-        places: &[f64],
+        beta: &[f64],
         planned: &[usize],
         done: usize,
     ) -> Valid {
@@ -291,16 +291,16 @@ impl Record {
             "a record has other scans than the round",
         )?;
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
-        let last = &self.extension().places;
+        let last = &self.extension().beta;
         ensure(
-            last.len() == places.len() && last.iter().zip(places).all(same),
+            last.len() == beta.len() && last.iter().zip(beta).all(same),
             "the present extension is at other temperatures",
         )
     }
 
     /// Begins another extension of `scans`; replicas keep their numbers.
-    pub(super) fn begin_extension(&mut self, dim: usize, places: &[f64], scans: usize) {
-        let mut extension = Extension::new(dim, self.trails.len(), self.clusters, places, scans);
+    pub(super) fn begin_extension(&mut self, dim: usize, beta: &[f64], scans: usize) {
+        let mut extension = Extension::new(dim, self.trails.len(), self.clusters, beta, scans);
         extension.index_processes = self
             .extension()
             .index_processes

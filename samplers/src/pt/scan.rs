@@ -1,10 +1,9 @@
 //! One scan: local moves of every chain, then swaps of neighbouring temperatures.
 
-use super::path::{self, CORNER};
 use super::record::{Local, Record};
 use super::schedule::first_schedule;
 use super::smc::{Level, SmcSamplers};
-use super::state::{Chain, State, Targets, Temperature};
+use super::state::{Chain, State, Temperature};
 use super::surrogate_points::states_near_posterior;
 use super::{Settings, swap};
 use crate::error::{Error, Result};
@@ -24,12 +23,12 @@ const EARLY_LEAPFROGS: usize = 32;
 /// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory descended.
 const EARLY_SLACK: f64 = 0.05;
 
-/// HMC transitions along the surrogate where the reference has a weight, in units of those at the surrogate's posterior.
-const WITH_REFERENCE: f64 = 0.4;
+/// Mean numbers of leapfrog steps of the moves along a surrogate, which every chain makes in every scan. Long ones go far where the surrogate
+/// is right, short ones are accepted where it is wrong (docs/validation.md, section 5).
+const LEAPFROGS: [usize; 3] = [8, 32, 128];
 
-/// Moves along the surrogate in each scan, at each temperature between it and ln L. Each costs a value, and has half of the transitions of a
-/// scan at the surrogate's posterior: effective draws grow with the number of moves, and hardly with that of transitions.
-const MOVES_TO_TARGET: usize = 3;
+/// Inverse temperature below which there are no such moves: hardly any would be accepted.
+const LEAST_BETA: f64 = 0.15;
 
 /// Energy range of a trajectory above which it is divergent, in all other rounds.
 const MAX_ENERGY_RANGE: f64 = 1000.0;
@@ -38,6 +37,8 @@ const MAX_ENERGY_RANGE: f64 = 1000.0;
 struct Explored {
     point: Point,
     local: Local,
+    /// Gradient of the log density that trajectories follow, if there are any.
+    score: Option<Vec<f64>>,
     calls: Calls,
     /// Every state on the way, if a mixture is to be fitted to them.
     trail: Vec<f64>,
@@ -47,13 +48,13 @@ struct Explored {
 
 impl State {
     /// Draws every chain from the prior, repeatedly until it has a likelihood where it needs one.
-    pub(super) fn start(targets: Targets<'_>, settings: &Settings, seed: u64) -> Result<Self> {
-        let dim = targets.target.dim();
+    pub(super) fn start(target: &dyn Target, settings: &Settings, seed: u64) -> Result<Self> {
+        let dim = target.dim();
         let schedule = first_schedule(settings.temperatures);
         let temperatures: Vec<Temperature> = schedule
             .iter()
-            .map(|&place| Temperature {
-                place,
+            .map(|&beta| Temperature {
+                beta,
                 metric: Metric::identity(dim),
                 step: StepSize::new(0.5),
                 pools: Default::default(),
@@ -65,7 +66,6 @@ impl State {
             smc_samplers: None,
             round: 0,
             scan: 0,
-            equilibrating: 0,
             extensions: 0,
             passed_before: false,
             clock: 0,
@@ -88,12 +88,12 @@ impl State {
         if settings.smc_particles > 0 {
             let clusters = settings.clusters();
             let smc_samplers =
-                state.first_points(targets.coarse, clusters, settings.particles_per_sampler())?;
+                state.first_points(target, clusters, settings.particles_per_sampler())?;
             state.smc_samplers = Some(SmcSamplers::new(smc_samplers));
             return Ok(state);
         }
         let temperatures = state.temperatures.len();
-        for chain_set in state.first_points(targets.target, settings.chain_sets, temperatures)? {
+        for chain_set in state.first_points(target, settings.chain_sets, temperatures)? {
             state.chains.extend(
                 chain_set
                     .into_iter()
@@ -159,16 +159,15 @@ impl State {
         stream(self.seed, domain, task as u64, scan)
     }
 
-    /// Extends the last round: with the same settings on a path from the prior, with settings fitted anew on a path from
-    /// a mixture, and along a surrogate that is fitted anew. `passed` says whether all checks of the draws so far have passed. On an error
-    /// nothing has changed.
-    pub(super) fn go_on(&mut self, targets: Targets<'_>, passed: bool) -> Result<()> {
+    /// Extends the last round: with the same settings on a path from the prior, with settings and surrogate fitted anew on a path from
+    /// a mixture. `passed` says whether all checks of the draws so far have passed. On an error nothing has changed.
+    pub(super) fn go_on(&mut self, target: &dyn Target, passed: bool) -> Result<()> {
         self.changed(|next| {
             next.passed_before = next.looks_passed(passed) > 0;
             next.extensions += 1;
             if next.mixture_next() {
-                next.next_surrogate(targets.coarse, next.visited_states())?;
-                next.adapt(targets.target)?;
+                next.next_surrogate(target, next.visited_states())?;
+                next.adapt(target);
             }
             Ok(())
         })
@@ -184,10 +183,9 @@ impl State {
 
     /// One scan, and the adaptation before it if a round has just ended. On an error the state is that before the
     /// scan.
-    pub(super) fn advance(&mut self, targets: Targets<'_>) -> Result<()> {
-        let Targets { target, coarse } = targets;
+    pub(super) fn advance(&mut self, target: &dyn Target) -> Result<()> {
         if let Some(mut smc_samplers) = self.smc_samplers.take() {
-            let advanced = self.advance_smc(&mut smc_samplers, targets);
+            let advanced = self.advance_smc(&mut smc_samplers, target);
             if self.chains.is_empty() {
                 self.smc_samplers = Some(smc_samplers);
             }
@@ -195,8 +193,9 @@ impl State {
         }
         if self.scan == self.scans() {
             self.changed(|next| {
-                next.next_surrogate(coarse, next.visited_states())?;
-                next.adapt(target)
+                next.next_surrogate(target, next.visited_states())?;
+                next.adapt(target);
+                Ok(())
             })?;
         }
         let explored: Vec<Result<Explored>> = (0..self.chains.len())
@@ -206,9 +205,12 @@ impl State {
         let explored: Vec<Explored> = explored.into_iter().collect::<Result<_>>()?;
 
         let temperatures = self.temperatures.len();
-        let counts = self.equilibrating == 0;
         let mut locals = vec![Local::default(); temperatures];
         for (index, explored) in explored.into_iter().enumerate() {
+            if let Some(score) = explored.score {
+                let temperature = index % temperatures;
+                (self.record.extension_mut()).note_score(temperature, &explored.point, score);
+            }
             self.chains[index].point = explored.point;
             locals[index % temperatures].add(&explored.local);
             self.record.trails[index / temperatures].extend(explored.trail);
@@ -216,19 +218,13 @@ impl State {
             self.examples.append(explored.examples);
         }
         self.clock += 1;
-        let places = self.places();
+        let beta = self.beta();
         for chain_set in 0..self.settings.chain_sets {
             let points = self.chains[chain_set * temperatures..(chain_set + 1) * temperatures]
                 .iter()
                 .map(|chain| &chain.point);
-            if counts {
-                self.record.extension_mut().note(chain_set, points);
-            }
-            self.swap(chain_set, &places);
-        }
-        if !counts {
-            self.equilibrating -= 1;
-            return Ok(());
+            self.record.extension_mut().note(chain_set, points);
+            self.swap(chain_set, &beta);
         }
         let (frozen, early) = (self.is_last_round(), self.is_early_round());
         let scans = self.scans();
@@ -258,12 +254,11 @@ impl State {
     }
 
     /// One MCMC step of the SMC samplers, and the beginning of the first round once they have reached the posterior.
-    fn advance_smc(&mut self, smc_samplers: &mut SmcSamplers, targets: Targets<'_>) -> Result<()> {
-        let Targets { target, coarse } = targets;
+    fn advance_smc(&mut self, smc_samplers: &mut SmcSamplers, target: &dyn Target) -> Result<()> {
         if !smc_samplers.done() {
             let mcmc_steps = self.settings.mcmc_steps(target.dim());
             let learns = self.settings.surrogate_points > 0;
-            let (calls, examples) = smc_samplers.advance(coarse, mcmc_steps, self.seed, learns)?;
+            let (calls, examples) = smc_samplers.advance(target, mcmc_steps, self.seed, learns)?;
             self.cost.count(&calls);
             self.examples.append(examples);
             self.examples.keep_last(self.settings.examples_kept());
@@ -272,55 +267,38 @@ impl State {
             let levels: Vec<Vec<Level>> = smc_samplers.levels().map(<[Level]>::to_vec).collect();
             let states = states_near_posterior(&levels, target.dim());
             self.changed(|next| {
-                next.next_surrogate(coarse, states)?;
-                next.begin(&levels, target)
+                next.next_surrogate(target, states)?;
+                next.begin(&levels, target);
+                Ok(())
             })?;
         }
         Ok(())
     }
 
     /// Local moves of one chain: an independent draw at beta = 0; else involutions and redraws along orbits, slice
-    /// updates, then HMC transitions. Between a surrogate and ln L, moves along the surrogate.
+    /// updates, then moves along the surrogate, or HMC transitions without one.
     fn explore(&self, target: &dyn Target, chain: usize) -> Result<Explored> {
         let temperature = &self.temperatures[chain % self.temperatures.len()];
-        let (place, metric) = (temperature.place, &temperature.metric);
-        let beta = path::beta(place);
+        let (beta, metric) = (temperature.beta, &temperature.metric);
         let mut rng = self.stream(Domain::PtExplore, chain, self.clock + 1);
-        let surrogate = self.surrogate.as_ref();
         let evaluator = Evaluator::from_reference(target, self.reference(chain));
-        let mut evaluator = evaluator.with_surrogate(surrogate);
+        let mut evaluator = evaluator.keeping_examples(self.surrogate.is_some());
         let mut point = self.chains[chain].point.clone();
         let mut local = Local::default();
+        let mut score = None;
         let mut trail = Vec::new();
-        let corner = place.to_bits() == CORNER.to_bits();
-        let trailed = corner && self.mixture_next() && !self.is_last_round();
+        let cold = (chain + 1).is_multiple_of(self.temperatures.len());
+        let trailed = cold && self.mixture_next() && !self.is_last_round();
         let mut visit = |at: &Point| {
             if trailed {
                 trail.extend_from_slice(&at.z);
             }
         };
-        let mut of_target = Evaluator::new(target).keeping_examples(surrogate.is_some());
         if chain.is_multiple_of(self.temperatures.len()) {
             evaluator.draw_reference(&mut point.z, &mut rng);
             point.ln_likelihood = evaluator.value(&point.z)?;
             point.ln_over_prior = self.reference(chain).ln_over_prior(&point.z);
             point.has_gradient = false;
-        } else if place > CORNER {
-            let along = Evaluator::new(target).with_surrogate(surrogate);
-            let mut along = LocalSampler::of(along, beta, metric);
-            let plan = self.plan(temperature);
-            for _ in 0..MOVES_TO_TARGET {
-                hmc::surrogate_move(
-                    &mut of_target,
-                    &mut along,
-                    path::fraction(place),
-                    &plan,
-                    self.settings.hmc_transitions.div_ceil(2),
-                    &mut point,
-                    &mut rng,
-                    |moved| local.note(moved),
-                )?;
-            }
         } else {
             let pool = &temperature.pools[self.half(chain)];
             let slices = self.settings.slice_updates;
@@ -335,52 +313,52 @@ impl State {
                 &mut visit,
             )?;
             let plan = self.plan(temperature);
-            // At beta = 1 the reference has no weight, and its gradient costs more than that of a surrogate.
-            let without_reference = corner && surrogate.is_some();
-            if without_reference {
-                evaluator = Evaluator::new(target).with_surrogate(surrogate);
-            }
-            let mut local_sampler = LocalSampler::of(evaluator, beta, metric);
-            for _ in 0..self.transitions(beta) {
-                let moved = local_sampler.transition(&mut point, &plan, &mut rng)?;
-                local.note(&moved);
-                visit(&point);
-            }
-            evaluator = local_sampler.evaluator;
-            if without_reference {
-                point.gap = of_target.value(&point.z)? - point.ln_likelihood;
+            if let Some(surrogate) = &self.surrogate {
+                if beta >= LEAST_BETA {
+                    let along = Evaluator::new(target).with_surrogate(surrogate);
+                    let mut along = LocalSampler::of(along, 1.0, metric);
+                    for leapfrogs in LEAPFROGS {
+                        let plan = Plan {
+                            length: leapfrogs as f64 * plan.step,
+                            max_leapfrogs: 2 * leapfrogs,
+                            ..plan
+                        };
+                        let (moved, acceptance) = hmc::surrogate_move(
+                            &mut evaluator,
+                            &mut along,
+                            beta,
+                            &plan,
+                            &mut point,
+                            &mut rng,
+                        )?;
+                        local.note(&moved);
+                        local.surrogate_acceptance += acceptance;
+                        visit(&point);
+                    }
+                    score = along.score(&point)?;
+                }
+            } else {
+                let mut along = LocalSampler::of(evaluator, beta, metric);
+                for _ in 0..self.settings.hmc_transitions {
+                    let moved = along.transition(&mut point, &plan, &mut rng)?;
+                    local.note(&moved);
+                    visit(&point);
+                }
+                if point.has_gradient {
+                    score = along.score(&point)?;
+                }
+                evaluator = along.evaluator;
             }
         }
-        if surrogate.is_some() && place >= CORNER {
-            let reference = self.reference(chain);
-            point.ln_over_prior =
-                reference.ln_over_prior_and_gradient(&point.z, &mut point.ln_over_prior_gradient);
-        }
-        let (mut calls, examples) = of_target.into_calls_and_examples();
-        calls.add(&evaluator.calls);
+        let (calls, examples) = evaluator.into_calls_and_examples();
         Ok(Explored {
             point,
             local,
+            score,
             calls,
             trail,
             examples,
         })
-    }
-
-    /// HMC transitions at a temperature. Along a surrogate they are fewer where the reference has most of the weight, which costs
-    /// more than the surrogate, and from which states are drawn anew.
-    fn transitions(&self, beta: f64) -> usize {
-        let most = self.settings.hmc_transitions;
-        if self.surrogate.is_none() || beta >= CORNER {
-            return most;
-        }
-        #[allow(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a few"
-        )]
-        let transitions = (WITH_REFERENCE * most as f64 * beta.sqrt()).ceil() as usize;
-        transitions.max(1)
     }
 
     pub(super) fn plan(&self, temperature: &Temperature) -> Plan {
@@ -404,20 +382,16 @@ impl State {
     }
 
     /// Even pairs of temperatures in even scans, odd pairs in odd scans.
-    fn swap(&mut self, chain_set: usize, places: &[f64]) {
-        let temperatures = places.len();
-        let parity = (self.scan + self.equilibrating) % 2;
-        for gap in (parity..temperatures - 1).step_by(2) {
+    fn swap(&mut self, chain_set: usize, beta: &[f64]) {
+        let temperatures = beta.len();
+        for gap in (self.scan % 2..temperatures - 1).step_by(2) {
             let hot = chain_set * temperatures + gap;
-            let l = |chain: usize| path::slope(&self.chains[chain].point, places[gap + 1]);
-            let accept = swap::acceptance(places[gap + 1] - places[gap], l(hot), l(hot + 1));
+            let l = |chain: usize| self.chains[chain].point.ln_ratio();
+            let accept = swap::acceptance(beta[gap + 1] - beta[gap], l(hot), l(hot + 1));
             let mut rng = self.stream(Domain::PtSwap, hot, self.clock);
             if unit_open(&mut rng) < accept {
                 self.chains.swap(hot, hot + 1);
             }
-        }
-        if self.equilibrating > 0 {
-            return;
         }
         self.record.extension_mut().index_processes[chain_set].note(
             self.chains[chain_set * temperatures].replica,

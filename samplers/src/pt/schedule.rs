@@ -46,8 +46,8 @@ pub fn respaced(beta: &[f64], communication_barrier: &[f64], n: usize) -> Vec<f6
         })
         .collect();
     // The ends are exact, without rounding.
-    betas[0] = beta[0];
-    betas[n - 1] = beta[beta.len() - 1];
+    betas[0] = 0.0;
+    betas[n - 1] = 1.0;
     betas
 }
 

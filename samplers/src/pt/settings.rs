@@ -54,7 +54,7 @@ pub struct Settings {
     /// estimates of the evidence to serve as a check. If equal to `temperatures` and `max_temperatures`, the number is
     /// fixed.
     pub min_temperatures: usize,
-    /// Maximum number of temperatures later on, on each part of a path of two.
+    /// Maximum number of temperatures later on.
     pub max_temperatures: usize,
     /// Mean acceptance of HMC transitions to which step sizes are adapted.
     pub target_acceptance: f64,
@@ -77,10 +77,10 @@ pub struct Settings {
     /// Slice updates per scan and temperature, before the HMC transitions: for likelihoods too rough for long
     /// trajectories. Each costs several values and no gradient.
     pub slice_updates: usize,
-    /// Points at which ln L is computed for each fit of a surrogate of it: before the first round, after each, and before each extension.
-    /// The chains then follow the surrogate, with `hmc_transitions` in every scan, fewer at higher temperatures, and a second part of the
-    /// path leads from its posterior to the posterior itself ([module](super)). 0: chains follow ln L. For likelihoods that cost much, are
-    /// rough, or have no gradient.
+    /// Points near states at which ln L is computed for each fit of a surrogate of it: before the first round, after each, and before
+    /// each extension. The surrogate learns from them and from all values of the chains. In every scan each chain then makes moves along
+    /// the surrogate that ln L accepts ([module](super)), in place of `hmc_transitions`. 0: none. For likelihoods that cost much, are rough,
+    /// or have no gradient.
     pub surrogate_points: usize,
     /// Number of rounds at the end whose reference is a mixture fitted to earlier draws, most of them of the round
     /// before, plus a little of the prior: a shorter annealing path. 0: the reference is always the prior. With as many
@@ -113,8 +113,8 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Maximum number of examples that a surrogate is fitted to, in units of `surrogate_points`.
-    const EXAMPLES_KEPT: usize = 10;
+    /// Maximum number of examples that a surrogate is fitted to, if `surrogate_points` are fewer: more do not make it better.
+    const EXAMPLES_KEPT: usize = 150_000;
 
     /// Maximum number of extensions of the last round: they are then 8,000 times as long as the round.
     pub(super) const MAX_EXTENSIONS: usize = 24;
@@ -122,7 +122,7 @@ impl Settings {
     /// Maximum number of examples that a surrogate is fitted to.
     #[must_use]
     pub(super) fn examples_kept(&self) -> usize {
-        Self::EXAMPLES_KEPT * self.surrogate_points
+        Self::EXAMPLES_KEPT.max(self.surrogate_points)
     }
 
     /// Scans of the last round (0) or of one of its extensions (from 1 on).
@@ -223,11 +223,11 @@ impl Settings {
                 remedy: "give at least one HMC transition or slice update per scan",
             });
         }
-        if self.surrogate_points > 0 && self.hmc_transitions == 0 {
+        if self.surrogate_points > 0 && (self.hmc_transitions > 0 || self.slice_updates == 0) {
             return Err(Error::Setting {
                 name: "surrogate_points",
                 value: self.surrogate_points.to_string(),
-                remedy: "give at least one HMC transition per scan, which follows the surrogate, or 0 points",
+                remedy: "give no HMC transitions, in whose place moves along the surrogate are, and at least one slice update; or 0 points",
             });
         }
         if self.surrogate_points > 0 && self.smc_particles == 0 {
@@ -255,9 +255,7 @@ impl Settings {
     pub fn memory(&self, dim: usize) -> Memory {
         const NUMBER: f64 = size_of::<f64>() as f64;
         let (dim, chain_sets) = (dim as f64, self.chain_sets as f64);
-        // A path along a surrogate has two parts.
-        let parts = if self.surrogate_points > 0 { 2.0 } else { 1.0 };
-        let temperatures = parts * self.max_temperatures as f64;
+        let temperatures = self.max_temperatures as f64;
         // Of every level coordinates and ln L, twice when the chain sets begin.
         let particles = (self.clusters() * self.particles_per_sampler()) as f64;
         let levels = Memory::default().with(
@@ -283,7 +281,11 @@ impl Settings {
         let held = [levels, last, trails];
         // Examples in single precision as kept, twice while a state changes, chosen and in the network's units; as many residuals as
         // coordinates twice.
-        let examples = self.examples_kept() as f64;
+        let examples = if self.surrogate_points > 0 {
+            self.examples_kept() as f64
+        } else {
+            0.0
+        };
         let examples = Memory::default().with("surrogate_points", 18.0 * examples * 3.0 * dim);
         let most = held
             .into_iter()

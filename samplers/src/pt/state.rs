@@ -2,7 +2,6 @@
 
 use super::Settings;
 use super::evidence::{Estimate, Traces, estimate};
-use super::path;
 use super::record::Record;
 use super::smc::SmcSamplers;
 use crate::control::Event;
@@ -10,15 +9,7 @@ use crate::difference_pool::DifferencePool;
 use crate::hmc::{Metric, Point, Reference, StepSize};
 use crate::output::Cost;
 use crate::surrogate::{Examples, Surrogate};
-use crate::target::Target;
 use serde::{Deserialize, Serialize};
-
-/// The target of a run, and a coarse one for its first states and its surrogate: often the same.
-#[derive(Clone, Copy)]
-pub(super) struct Targets<'a> {
-    pub(super) target: &'a dyn Target,
-    pub(super) coarse: &'a dyn Target,
-}
 
 /// A round of fewer scans is early: it only finds the scales, so its trajectories are short and their energy range has
 /// no limit.
@@ -27,8 +18,7 @@ pub(super) const EARLY_SCANS: usize = 32;
 /// One temperature.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Temperature {
-    /// Place on the annealing path.
-    pub(super) place: f64,
+    pub(super) beta: f64,
     pub(super) metric: Metric,
     pub(super) step: StepSize,
     /// States of the round before at this temperature: of its odd clusters for chains of the even ones, and of its even ones
@@ -60,8 +50,6 @@ pub(super) struct State {
     /// Present round, and its scans done.
     pub(super) round: usize,
     pub(super) scan: usize,
-    /// Scans to come before the next that counts: after a surrogate has been fitted anew in the last round.
-    pub(super) equilibrating: usize,
     /// Extensions of the last round so far.
     pub(super) extensions: usize,
     /// Whether the checks passed at the end of the extension before.
@@ -189,21 +177,17 @@ impl State {
         !self.is_last_round() && self.settings.scans(self.round) < EARLY_SCANS
     }
 
-    pub(super) fn places(&self) -> Vec<f64> {
+    pub(super) fn beta(&self) -> Vec<f64> {
         self.temperatures
             .iter()
-            .map(|temperature| temperature.place)
+            .map(|temperature| temperature.beta)
             .collect()
     }
 
     pub(super) fn evidence(&self) -> Estimate {
         let extensions = self.record.long_enough();
-        let extensions: Vec<(Vec<f64>, &Traces)> = extensions
-            .map(|extension| (path::knots(&extension.places), &extension.traces))
-            .collect();
         let extensions: Vec<(&[f64], &Traces)> = extensions
-            .iter()
-            .map(|(knots, traces)| (knots.as_slice(), *traces))
+            .map(|extension| (extension.beta.as_slice(), &extension.traces))
             .collect();
         let paths = if self.path_from_prior() {
             1
@@ -241,6 +225,6 @@ impl State {
     pub(super) fn new_record(&self, dim: usize, round: usize) -> Record {
         let (chain_sets, clusters) = (self.settings.chain_sets, self.settings.clusters());
         let scans = self.settings.scans(round);
-        Record::new(dim, chain_sets, clusters, &self.places(), scans)
+        Record::new(dim, chain_sets, clusters, &self.beta(), scans)
     }
 }

@@ -1,7 +1,6 @@
-//! The points that a surrogate of ln L is fitted to: those of the SMC samplers; those that chains between the surrogate and ln L tried;
+//! The points that a surrogate of ln L is fitted to: those of the SMC samplers; those that chains tried;
 //! and states at all temperatures, moved by differences of others at the same temperature over a wide range of lengths.
 
-use super::path;
 use super::smc::Level;
 use super::state::State;
 use crate::diagnostics::column_moments;
@@ -79,9 +78,8 @@ impl State {
     pub(super) fn visited_states(&self) -> Vec<States> {
         let visits = self.record.extension().visits.iter();
         let dim = self.chains.first().map_or(1, |chain| chain.point.z.len());
-        let states = visits.zip(self.places());
-        let states =
-            states.map(|(visits, place)| States::new(path::beta(place), visits.concat(), dim));
+        let states = visits.zip(self.beta());
+        let states = states.map(|(visits, beta)| States::new(beta, visits.concat(), dim));
         states.skip(1).collect()
     }
 

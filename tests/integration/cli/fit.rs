@@ -246,26 +246,21 @@ fn a_fit_begins_with_its_coarse_model_and_is_that_fit_bridged() {
 }
 
 #[test]
-fn a_fit_along_a_surrogate_needs_no_coarse_fit_and_has_the_same_bits_on_threads_and_after_a_stop() {
+fn a_fit_along_a_surrogate_has_the_same_bits_on_threads_and_after_a_stop() {
     let (folder, config, track) = small_fit();
     let fit = |name: &str, more: &[&str]| {
         let out = folder.path().join(name).display().to_string();
         let mut args = vec!["fit", &track, "--config", &config, "--sampler", "pt-hmc"];
         let changes = [
             "surrogate_points=3000",
-            "hmc_transitions=2",
-            "max_leapfrogs=8",
+            "hmc_transitions=0",
+            "slice_updates=1",
         ];
         let changes = changes.map(|change| format!("sampling.pt_hmc.{change}"));
         args.extend(changes.iter().flat_map(|change| ["--set", change.as_str()]));
-        args.extend(["--coarse-particles", "64", "--out", &out, "--json", "-q"]);
+        args.extend(["--coarse-particles", "0", "--out", &out, "--json", "-q"]);
         args.extend(more);
-        let output = oblate(&args, "");
-        assert!(
-            !folder.path().join(name).join("coarse").exists(),
-            "{output:?}"
-        );
-        output
+        oblate(&args, "")
     };
     let whole = fit("whole", &["--threads", "1"]);
     assert_eq!(whole.status.code(), Some(1), "{whole:?}");

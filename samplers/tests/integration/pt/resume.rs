@@ -151,6 +151,8 @@ fn a_run_along_a_surrogate_has_the_same_bits_on_threads_and_after_stops() {
     let path = folder.path().join("pt.ckpt");
     let settings = Settings {
         surrogate_points: 8_000,
+        hmc_transitions: 0,
+        slice_updates: 1,
         ..from_smc()
     };
     let target = target();
