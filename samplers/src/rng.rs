@@ -29,7 +29,7 @@ pub enum Domain {
     /// The references of a tempered run; task = scan, index = 2 x (components of the mixture, or 0 for the autoregressive density) + half
     /// of the clusters.
     PtReference = 19,
-    /// The surrogate of a tempered run; task = scan, index = 4 x turn + (0 for its points, 1 for its fit).
+    /// The surrogate of a tempered run; task = scan.
     PtSurrogate = 20,
     /// SMC bridge to a finer model; task = step, index = particle.
     Bridge = 25,

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Depth below the largest ln L at which points need only be known to be deep: only those at which a surrogate is too high are learned.
-pub const DEPTH: f64 = 100.0;
+const DEPTH: f64 = 100.0;
 
 /// Passes through the examples, and least steps of the optimiser where few examples want more passes: of a first fit, and of a fit
 /// that begins with an earlier network.
@@ -42,7 +42,7 @@ const RESIDUALS_RELATIVE: f32 = 0.1;
 const LEAST_SD: f64 = 1e-6;
 
 /// Fewest examples of a fit.
-const MIN_EXAMPLES: usize = 2_000;
+const MIN_EXAMPLES: usize = 1_000;
 
 /// Values of ln L at many points, in single precision.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -536,7 +536,7 @@ mod tests {
     fn too_few_examples_give_none() {
         let mut rng = stream(1, Domain::Test, 1, 0);
         assert!(Surrogate::fit(&Examples::default(), None, &mut rng).is_none());
-        assert!(Surrogate::fit(&examples(1_000, true, 1), None, &mut rng).is_none());
+        assert!(Surrogate::fit(&examples(500, true, 1), None, &mut rng).is_none());
     }
 
     #[test]

@@ -68,9 +68,9 @@ impl SamplerSettings {
     /// With fewer live points nested runs lose modes, and with fewer slice updates new points remain correlated with
     /// the points that they started from. The tempered sampler finds the modes by SMC, starts its annealing path at a
     /// mixture fitted to them, which makes the path shorter than that from the prior, and extends its last round until
-    /// the convergence checks pass. Rounds and extensions are short at first, so that an easy track ends early. There are
-    /// no HMC transitions: a gradient costs as much as seven values, and per value slice updates alone give twice as many
-    /// effective draws (docs/validation.md, section 5).
+    /// the convergence checks pass. Rounds and extensions are short at first, so that an easy track ends early. States are moved
+    /// along a surrogate of ln L, which needs no gradients of ln L itself: one costs as much as seven values
+    /// (docs/validation.md, section 5).
     #[must_use]
     pub fn for_streams() -> Self {
         let mut sampling = Self {
@@ -81,13 +81,13 @@ impl SamplerSettings {
         sampling.nested.steps = Some(16);
         // Half of the updates of other bridges leave as many ancestors and the same effective size.
         sampling.bridge.mcmc_steps = 6;
-        sampling.pt_hmc.smc_particles = 400;
+        sampling.pt_hmc.surrogate = true;
+        sampling.pt_hmc.smc_particles = 200;
         sampling.pt_hmc.mcmc_steps = 5;
-        sampling.pt_hmc.slice_updates = 2;
+        sampling.pt_hmc.slice_updates = 1;
         sampling.pt_hmc.hmc_transitions = 0;
-        // With HMC transitions, MALA: longer trajectories are rejected.
+        // HMC transitions along ln L itself, without a surrogate: MALA, since longer trajectories are rejected.
         sampling.pt_hmc.max_leapfrogs = 1;
-        sampling.pt_hmc.target_acceptance = 0.6;
         sampling.pt_hmc.first_scans = 32;
         sampling.pt_hmc.rounds = 4;
         sampling.pt_hmc.extensions = 13;

@@ -189,7 +189,7 @@ pub fn pt_seeds() -> Vec<Seed> {
         ..plain.clone()
     };
     let along_surrogate = pt::Settings {
-        surrogate_points: 6_000,
+        surrogate: true,
         hmc_transitions: 0,
         slice_updates: 1,
         ..mixed.clone()

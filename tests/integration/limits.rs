@@ -629,7 +629,7 @@ fn the_memory_of_samplers_is_within_what_was_estimated() {
         ..pt::Settings::default()
     };
     let surrogate = pt::Settings {
-        surrogate_points: 20_000,
+        surrogate: true,
         hmc_transitions: 0,
         slice_updates: 1,
         ..many.clone()

@@ -23,5 +23,5 @@ pub use point::{Evaluator, Point};
 pub use reference::Reference;
 pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};
 pub use step_size::{MAX_STEP, StepSize};
-pub use surrogate_move::surrogate_move;
+pub use surrogate_move::{LEAPFROGS, surrogate_move};
 pub use symmetry::{propose_involution, refresh};

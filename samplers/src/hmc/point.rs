@@ -5,9 +5,8 @@ use crate::error::Result;
 use crate::output::Calls;
 use crate::rng::RandomStream;
 use crate::surrogate::{Examples, Scratch, Surrogate};
-use crate::target::{Outcome, Target};
+use crate::target::Target;
 use crate::valid::{Valid, ensure, moderate};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A state of a chain.
@@ -232,37 +231,6 @@ impl<'a> Evaluator<'a> {
     fn locate(&mut self, z: &[f64]) {
         self.target.prior().theta_from_z(z, &mut self.theta);
         self.target.features(z, &self.theta, &mut self.features);
-    }
-
-    /// ln L and residuals at rows of coordinates; those where it is rejected are left out.
-    ///
-    /// # Errors
-    /// As [`value`](Self::value).
-    pub fn examples(&mut self, rows: &[f64]) -> Result<Examples> {
-        let (target, dim) = (self.target, self.target.dim());
-        let mut places = vec![0.0; rows.len() / dim * target.feature_count()];
-        let evaluated: Vec<(Vec<f64>, Outcome, Vec<f64>)> = rows
-            .par_chunks_exact(dim)
-            .zip(places.par_chunks_exact_mut(target.feature_count()))
-            .map(|(z, features)| {
-                let (mut theta, mut residuals) = (vec![0.0; dim], Vec::new());
-                target.prior().theta_from_z(z, &mut theta);
-                target.features(z, &theta, features);
-                let outcome = target.ln_likelihood_and_residuals(&theta, &mut residuals);
-                (theta, outcome, residuals)
-            })
-            .collect();
-        let mut examples = Examples::default();
-        self.calls.values += evaluated.len() as u64;
-        let places = places.chunks_exact(target.feature_count());
-        for ((theta, outcome, residuals), features) in evaluated.iter().zip(places) {
-            self.calls.note(outcome);
-            let ln_likelihood = outcome.ln_likelihood(theta)?;
-            if ln_likelihood.is_finite() {
-                examples.push(features, ln_likelihood, residuals);
-            }
-        }
-        Ok(examples)
     }
 
     /// Computes ln L, the log ratio of reference to prior and the gradients of `point` at its `z`; ln L is minus

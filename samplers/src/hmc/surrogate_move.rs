@@ -11,6 +11,22 @@ use super::{Evaluator, LocalSampler, Plan, Point, Transition};
 use crate::error::Result;
 use crate::rng::{RandomStream, unit_open};
 
+/// Mean numbers of leapfrog steps of such moves. Long ones go far where the surrogate is right, short ones are accepted where it is wrong
+/// (docs/validation.md, section 5).
+pub const LEAPFROGS: [usize; 3] = [8, 32, 128];
+
+impl Plan {
+    /// A trajectory of so many leapfrog steps on average.
+    #[must_use]
+    pub fn of_leapfrogs(self, leapfrogs: usize) -> Self {
+        Self {
+            length: leapfrogs as f64 * self.step,
+            max_leapfrogs: 2 * leapfrogs,
+            ..self
+        }
+    }
+}
+
 /// One move of `at`, at the inverse temperature `beta` of the path of `evaluator`: an HMC transition of `along`, which follows a surrogate, and
 /// the probability with which ln L accepted its end, 0 if that is the beginning.
 ///

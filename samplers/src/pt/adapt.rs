@@ -2,11 +2,14 @@
 //! from the SMC samplers.
 
 use super::schedule::{communication_barrier, first_schedule, locate, respaced};
+use super::settings::EXAMPLES_KEPT;
 use super::smc::{CommunicationBarrier, Level, of_others};
 use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
 use crate::difference_pool::DifferencePool;
+use crate::error::{Error, Result};
 use crate::hmc::{Metric, Reference, StepSize};
 use crate::rng::{Domain, below, stream};
+use crate::surrogate::Surrogate;
 use crate::target::{Symmetry, Target};
 
 /// Maximum number of rows that a reference is fitted to. Half as many rows of earlier rounds
@@ -158,6 +161,31 @@ impl State {
         } else {
             self.next_round(dim);
         }
+    }
+
+    /// Fits the surrogate anew, where the settings ask for one, to the newest values of ln L. The present one remains where ln L is
+    /// finite at too few points.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if ln L is finite at too few points for a first surrogate.
+    pub(super) fn next_surrogate(&mut self) -> Result<()> {
+        if !self.settings.surrogate {
+            return Ok(());
+        }
+        self.examples.keep_last(EXAMPLES_KEPT);
+        let mut rng = stream(self.seed, Domain::PtSurrogate, self.clock, 0);
+        let fitted = Surrogate::fit(&self.examples, self.surrogate.as_ref(), &mut rng);
+        if fitted.is_some() {
+            self.surrogate = fitted;
+        }
+        if self.surrogate.is_none() {
+            return Err(Error::Setting {
+                name: "surrogate",
+                value: self.settings.surrogate.to_string(),
+                remedy: "ln L is finite at too few of the points of the SMC samplers: give more `smc_particles`, or no surrogate",
+            });
+        }
+        Ok(())
     }
 
     /// Fits the next reference to the draws at beta = 1 of the round, or of all extensions of the last, where the settings

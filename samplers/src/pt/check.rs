@@ -159,7 +159,7 @@ mod tests {
             slice_updates: 1,
             extensions: 2,
             mixture_rounds: 3,
-            surrogate_points: 6_000,
+            surrogate: true,
             hmc_transitions: 0,
             ..Settings::default()
         }

@@ -2,9 +2,9 @@
 
 use super::record::{Local, Record};
 use super::schedule::first_schedule;
+use super::settings::EXAMPLES_KEPT;
 use super::smc::{Level, SmcSamplers};
 use super::state::{Chain, State, Temperature};
-use super::surrogate_points::states_near_posterior;
 use super::{Settings, swap};
 use crate::error::{Error, Result};
 use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, StepSize};
@@ -22,10 +22,6 @@ const EARLY_LEAPFROGS: usize = 32;
 
 /// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory descended.
 const EARLY_SLACK: f64 = 0.05;
-
-/// Mean numbers of leapfrog steps of the moves along a surrogate, which every chain makes in every scan. Long ones go far where the surrogate
-/// is right, short ones are accepted where it is wrong (docs/validation.md, section 5).
-const LEAPFROGS: [usize; 3] = [8, 32, 128];
 
 /// Inverse temperature below which there are no such moves: hardly any would be accepted.
 const LEAST_BETA: f64 = 0.15;
@@ -166,7 +162,7 @@ impl State {
             next.passed_before = next.looks_passed(passed) > 0;
             next.extensions += 1;
             if next.mixture_next() {
-                next.next_surrogate(target, next.visited_states())?;
+                next.next_surrogate()?;
                 next.adapt(target);
             }
             Ok(())
@@ -193,7 +189,7 @@ impl State {
         }
         if self.scan == self.scans() {
             self.changed(|next| {
-                next.next_surrogate(target, next.visited_states())?;
+                next.next_surrogate()?;
                 next.adapt(target);
                 Ok(())
             })?;
@@ -216,6 +212,10 @@ impl State {
             self.record.trails[index / temperatures].extend(explored.trail);
             self.cost.count(&explored.calls);
             self.examples.append(explored.examples);
+        }
+        // Not in every scan, since those that stay are moved in memory.
+        if self.examples.len() > EXAMPLES_KEPT + EXAMPLES_KEPT / 4 {
+            self.examples.keep_last(EXAMPLES_KEPT);
         }
         self.clock += 1;
         let beta = self.beta();
@@ -257,17 +257,16 @@ impl State {
     fn advance_smc(&mut self, smc_samplers: &mut SmcSamplers, target: &dyn Target) -> Result<()> {
         if !smc_samplers.done() {
             let mcmc_steps = self.settings.mcmc_steps(target.dim());
-            let learns = self.settings.surrogate_points > 0;
+            let learns = self.settings.surrogate;
             let (calls, examples) = smc_samplers.advance(target, mcmc_steps, self.seed, learns)?;
             self.cost.count(&calls);
             self.examples.append(examples);
-            self.examples.keep_last(self.settings.examples_kept());
+            self.examples.keep_last(EXAMPLES_KEPT);
         }
         if smc_samplers.done() {
             let levels: Vec<Vec<Level>> = smc_samplers.levels().map(<[Level]>::to_vec).collect();
-            let states = states_near_posterior(&levels, target.dim());
             self.changed(|next| {
-                next.next_surrogate(target, states)?;
+                next.next_surrogate()?;
                 next.begin(&levels, target);
                 Ok(())
             })?;
@@ -317,17 +316,12 @@ impl State {
                 if beta >= LEAST_BETA {
                     let along = Evaluator::new(target).with_surrogate(surrogate);
                     let mut along = LocalSampler::of(along, 1.0, metric);
-                    for leapfrogs in LEAPFROGS {
-                        let plan = Plan {
-                            length: leapfrogs as f64 * plan.step,
-                            max_leapfrogs: 2 * leapfrogs,
-                            ..plan
-                        };
+                    for leapfrogs in hmc::LEAPFROGS {
                         let (moved, acceptance) = hmc::surrogate_move(
                             &mut evaluator,
                             &mut along,
                             beta,
-                            &plan,
+                            &plan.of_leapfrogs(leapfrogs),
                             &mut point,
                             &mut rng,
                         )?;

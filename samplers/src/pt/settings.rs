@@ -23,6 +23,9 @@ const NUMBERS_PER_DRAW: f64 = 16.0;
 /// States of the pools of one temperature.
 const POOL: f64 = 2_048.0;
 
+/// Maximum number of examples that a surrogate is fitted to, the newest: more do not make it better (docs/validation.md, section 5).
+pub(super) const EXAMPLES_KEPT: usize = 150_000;
+
 /// Draws that a mixture is fitted to, copies of them while it is, and its components.
 const TRAINING: f64 = 15_000.0;
 const COPIES_OF_TRAINING: f64 = 4.0;
@@ -77,11 +80,10 @@ pub struct Settings {
     /// Slice updates per scan and temperature, before the HMC transitions: for likelihoods too rough for long
     /// trajectories. Each costs several values and no gradient.
     pub slice_updates: usize,
-    /// Points near states at which ln L is computed for each fit of a surrogate of it: before the first round, after each, and before
-    /// each extension. The surrogate learns from them and from all values of the chains. In every scan each chain then makes moves along
-    /// the surrogate that ln L accepts ([module](super)), in place of `hmc_transitions`. 0: none. For likelihoods that cost much, are rough,
-    /// or have no gradient.
-    pub surrogate_points: usize,
+    /// Whether a surrogate of ln L is fitted, to the values of the SMC samplers and of the chains, before the first round, after each, and
+    /// before each extension. In every scan each chain but the hottest then makes moves along it that ln L accepts
+    /// ([module](super)), in place of `hmc_transitions`. For likelihoods that cost much, are rough, or have no gradient.
+    pub surrogate: bool,
     /// Number of rounds at the end whose reference is a mixture fitted to earlier draws, most of them of the round
     /// before, plus a little of the prior: a shorter annealing path. 0: the reference is always the prior. With as many
     /// as `rounds`, the first reference is fitted to the SMC particles, or is the prior without them.
@@ -106,24 +108,15 @@ impl Default for Settings {
             smc_samplers: 4,
             mcmc_steps: 0,
             slice_updates: 0,
-            surrogate_points: 0,
+            surrogate: false,
             mixture_rounds: 0,
         }
     }
 }
 
 impl Settings {
-    /// Maximum number of examples that a surrogate is fitted to, if `surrogate_points` are fewer: more do not make it better.
-    const EXAMPLES_KEPT: usize = 150_000;
-
     /// Maximum number of extensions of the last round: they are then 8,000 times as long as the round.
     pub(super) const MAX_EXTENSIONS: usize = 24;
-
-    /// Maximum number of examples that a surrogate is fitted to.
-    #[must_use]
-    pub(super) fn examples_kept(&self) -> usize {
-        Self::EXAMPLES_KEPT.max(self.surrogate_points)
-    }
 
     /// Scans of the last round (0) or of one of its extensions (from 1 on).
     #[must_use]
@@ -197,7 +190,6 @@ impl Settings {
         in_range("smc_samplers", self.smc_samplers, 2..=1024)?;
         in_range("mcmc_steps", self.mcmc_steps, 0..=1000)?;
         in_range("slice_updates", self.slice_updates, 0..=1000)?;
-        in_range("surrogate_points", self.surrogate_points, 0..=1 << 24)?;
         in_range("mixture_rounds", self.mixture_rounds, 0..=24)?;
         Ok(())
     }
@@ -223,19 +215,21 @@ impl Settings {
                 remedy: "give at least one HMC transition or slice update per scan",
             });
         }
-        if self.surrogate_points > 0 && (self.hmc_transitions > 0 || self.slice_updates == 0) {
-            return Err(Error::Setting {
-                name: "surrogate_points",
-                value: self.surrogate_points.to_string(),
-                remedy: "give no HMC transitions, in whose place moves along the surrogate are, and at least one slice update; or 0 points",
-            });
-        }
-        if self.surrogate_points > 0 && self.smc_particles == 0 {
-            return Err(Error::Setting {
-                name: "surrogate_points",
-                value: self.surrogate_points.to_string(),
-                remedy: "give SMC particles, from which the first surrogate learns, or 0 points",
-            });
+        if self.surrogate {
+            let remedy = if self.hmc_transitions > 0 {
+                "give no HMC transitions, whose place moves along the surrogate take, or no surrogate"
+            } else if self.smc_particles == 0 {
+                "give SMC particles, from which the first surrogate learns, or no surrogate"
+            } else {
+                ""
+            };
+            if !remedy.is_empty() {
+                return Err(Error::Setting {
+                    name: "surrogate",
+                    value: self.surrogate.to_string(),
+                    remedy,
+                });
+            }
         }
         if self.particles_per_sampler() > MAX_PARTICLES {
             return Err(Error::Setting {
@@ -281,12 +275,8 @@ impl Settings {
         let held = [levels, last, trails];
         // Examples in single precision as kept, twice while a state changes, chosen and in the network's units; as many residuals as
         // coordinates twice.
-        let examples = if self.surrogate_points > 0 {
-            self.examples_kept() as f64
-        } else {
-            0.0
-        };
-        let examples = Memory::default().with("surrogate_points", 18.0 * examples * 3.0 * dim);
+        let examples = if self.surrogate { EXAMPLES_KEPT } else { 0 } as f64;
+        let examples = Memory::default().with("surrogate", 20.0 * examples * 3.0 * dim);
         let most = held
             .into_iter()
             .max_by(|a, b| a.bytes().total_cmp(&b.bytes()));

@@ -251,11 +251,7 @@ fn a_fit_along_a_surrogate_has_the_same_bits_on_threads_and_after_a_stop() {
     let fit = |name: &str, more: &[&str]| {
         let out = folder.path().join(name).display().to_string();
         let mut args = vec!["fit", &track, "--config", &config, "--sampler", "pt-hmc"];
-        let changes = [
-            "surrogate_points=3000",
-            "hmc_transitions=0",
-            "slice_updates=1",
-        ];
+        let changes = ["surrogate=true", "hmc_transitions=0", "slice_updates=1"];
         let changes = changes.map(|change| format!("sampling.pt_hmc.{change}"));
         args.extend(changes.iter().flat_map(|change| ["--set", change.as_str()]));
         args.extend(["--coarse-particles", "0", "--out", &out, "--json", "-q"]);

@@ -51,7 +51,7 @@ fn along_a_surrogate() -> Settings {
         mixture_rounds: 4,
         slice_updates: 1,
         hmc_transitions: 0,
-        surrogate_points: 5_000,
+        surrogate: true,
         ..Settings::default()
     }
 }

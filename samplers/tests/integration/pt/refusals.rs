@@ -70,9 +70,9 @@ fn settings_out_of_range_are_refused_by_name() {
             },
         ),
         (
-            "surrogate_points",
+            "surrogate",
             Settings {
-                surrogate_points: 1_000,
+                surrogate: true,
                 hmc_transitions: 0,
                 slice_updates: 1,
                 ..good.clone()

@@ -150,7 +150,7 @@ fn a_run_along_a_surrogate_has_the_same_bits_on_threads_and_after_stops() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pt.ckpt");
     let settings = Settings {
-        surrogate_points: 8_000,
+        surrogate: true,
         hmc_transitions: 0,
         slice_updates: 1,
         ..from_smc()
