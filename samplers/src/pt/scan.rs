@@ -26,6 +26,9 @@ const EARLY_SLACK: f64 = 0.05;
 /// Inverse temperature below which there are no such moves: hardly any would be accepted.
 const LEAST_BETA: f64 = 0.15;
 
+/// About as many values of ln L does a chain compute in a scan beside a surrogate.
+const VALUES_OF_A_CHAIN: usize = 8;
+
 /// Energy range of a trajectory above which it is divergent, in all other rounds.
 const MAX_ENERGY_RANGE: f64 = 1000.0;
 
@@ -281,7 +284,8 @@ impl State {
         let (beta, metric) = (temperature.beta, &temperature.metric);
         let mut rng = self.stream(Domain::PtExplore, chain, self.clock + 1);
         let evaluator = Evaluator::from_reference(target, self.reference(chain));
-        let mut evaluator = evaluator.keeping_examples(self.surrogate.is_some());
+        let learns = self.surrogate.is_some() && self.clock.is_multiple_of(self.learn_every());
+        let mut evaluator = evaluator.keeping_examples(learns);
         let mut point = self.chains[chain].point.clone();
         let mut local = Local::default();
         let mut score = None;
@@ -353,6 +357,18 @@ impl State {
             trail,
             examples,
         })
+    }
+
+    /// A surrogate learns from the values of one in so many scans, so that all examples that it may have are spread over the whole round or
+    /// extension: those of the newest scans alone lack the rare places, which the surrogate would then forget.
+    fn learn_every(&self) -> u64 {
+        let scans = if self.is_last_round() {
+            self.newest_scans()
+        } else {
+            self.scans()
+        };
+        let values = scans * self.chains.len() * VALUES_OF_A_CHAIN;
+        values.div_ceil(EXAMPLES_KEPT).max(1) as u64
     }
 
     pub(super) fn plan(&self, temperature: &Temperature) -> Plan {

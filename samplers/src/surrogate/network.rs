@@ -9,13 +9,13 @@ use std::ops::Range;
 
 /// Hidden layers, and the units of each.
 const HIDDEN: usize = 3;
-const UNITS: usize = 128;
+const UNITS: usize = 96;
 
 /// Layers of weights: to each hidden layer and to the outputs.
 const LAYERS: usize = HIDDEN + 1;
 
 /// Units whose sums are accumulated together, in registers.
-const LANES: usize = 64;
+const LANES: usize = 32;
 
 /// Largest magnitude of a parameter that was read from a file.
 const MAX_PARAMETER: f32 = 1e6;
