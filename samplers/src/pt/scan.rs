@@ -26,6 +26,9 @@ const EARLY_SLACK: f64 = 0.05;
 /// Inverse temperature below which there are no such moves: hardly any would be accepted.
 const LEAST_BETA: f64 = 0.15;
 
+/// Scans after which the surrogate is fitted again, in an extension that is longer.
+const SURROGATE_SCANS: usize = 512;
+
 /// About as many values of ln L does a chain compute in a scan beside a surrogate.
 const VALUES_OF_A_CHAIN: usize = 8;
 
@@ -253,6 +256,9 @@ impl State {
             }
         }
         self.scan += 1;
+        if self.surrogate_due() {
+            self.next_surrogate()?;
+        }
         Ok(())
     }
 
@@ -357,6 +363,13 @@ impl State {
             trail,
             examples,
         })
+    }
+
+    /// Whether the surrogate is to be fitted again within an extension: a state whose ln L it underestimates by far is left only by slice
+    /// updates, whose values then teach it.
+    fn surrogate_due(&self) -> bool {
+        let done = self.record.extension().traces.scans();
+        self.is_last_round() && self.scan < self.scans() && done.is_multiple_of(SURROGATE_SCANS)
     }
 
     /// A surrogate learns from the values of one in so many scans, so that all examples that it may have are spread over the whole round or
