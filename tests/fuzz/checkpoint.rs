@@ -190,6 +190,7 @@ pub fn pt_seeds() -> Vec<Seed> {
     };
     let along_surrogate = pt::Settings {
         surrogate: true,
+        smc_particles: 200,
         hmc_transitions: 0,
         slice_updates: 1,
         ..mixed.clone()

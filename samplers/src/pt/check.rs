@@ -153,7 +153,7 @@ mod tests {
             temperatures: 4,
             min_temperatures: 3,
             max_temperatures: 6,
-            smc_particles: 20,
+            smc_particles: 100,
             smc_samplers: 2,
             mcmc_steps: 2,
             slice_updates: 1,

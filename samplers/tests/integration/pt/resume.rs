@@ -146,6 +146,34 @@ fn a_run_stopped_during_smc_says_so_and_resumes_to_the_same_bits() {
 }
 
 #[test]
+fn a_surrogate_that_is_fitted_within_a_round_has_the_same_bits_after_stops() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pt.ckpt");
+    let settings = Settings {
+        surrogate: true,
+        hmc_transitions: 0,
+        slice_updates: 1,
+        chain_sets: 2,
+        temperatures: 4,
+        min_temperatures: 4,
+        max_temperatures: 4,
+        first_scans: 260,
+        rounds: 2,
+        extensions: 0,
+        ..from_smc()
+    };
+    let target = target();
+    let expected = whole(&target, &settings);
+    // Rounds of 260 and 520 scans; a fit follows scan 512 of the second.
+    for scans in [300, 471, 1, 1] {
+        let run = resumed(&target, &settings, &path, scans).unwrap();
+        assert_eq!(run.status, Status::Interrupted);
+    }
+    let run = resumed(&target, &settings, &path, u64::MAX).unwrap();
+    assert_eq!(run.bits(), expected.bits());
+}
+
+#[test]
 fn a_run_along_a_surrogate_has_the_same_bits_on_threads_and_after_stops() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pt.ckpt");
