@@ -222,7 +222,7 @@ impl<'a> Evaluator<'a> {
     }
 
     /// The estimate of ln L at `z` by a surrogate.
-    pub fn surrogate_value(&mut self, z: &[f64], surrogate: &Surrogate) -> f64 {
+    fn surrogate_value(&mut self, z: &[f64], surrogate: &Surrogate) -> f64 {
         self.locate(z);
         surrogate.ln_likelihood(&self.features, &mut self.scratch)
     }

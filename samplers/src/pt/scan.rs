@@ -23,13 +23,13 @@ const EARLY_LEAPFROGS: usize = 32;
 /// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory descended.
 const EARLY_SLACK: f64 = 0.05;
 
-/// Inverse temperature below which there are no such moves: hardly any would be accepted.
+/// Inverse temperature below which there are no moves along a surrogate: hardly any would be accepted.
 const LEAST_BETA: f64 = 0.15;
 
 /// Scans after which the surrogate is fitted again, in an extension that is longer.
 const SURROGATE_SCANS: usize = 512;
 
-/// About as many values of ln L does a chain compute in a scan beside a surrogate.
+/// About how many values of ln L a chain computes in a scan with moves along a surrogate.
 const VALUES_OF_A_CHAIN: usize = 8;
 
 /// Energy range of a trajectory above which it is divergent, in all other rounds.
@@ -217,11 +217,7 @@ impl State {
             locals[index % temperatures].add(&explored.local);
             self.record.trails[index / temperatures].extend(explored.trail);
             self.cost.count(&explored.calls);
-            self.examples.append(explored.examples);
-        }
-        // Not in every scan, since those that stay are moved in memory.
-        if self.examples.len() > EXAMPLES_KEPT + EXAMPLES_KEPT / 4 {
-            self.examples.keep_last(EXAMPLES_KEPT);
+            self.learn(explored.examples);
         }
         self.clock += 1;
         let beta = self.beta();
@@ -269,8 +265,7 @@ impl State {
             let learns = self.settings.surrogate;
             let (calls, examples) = smc_samplers.advance(target, mcmc_steps, self.seed, learns)?;
             self.cost.count(&calls);
-            self.examples.append(examples);
-            self.examples.keep_last(EXAMPLES_KEPT);
+            self.learn(examples);
         }
         if smc_samplers.done() {
             let levels: Vec<Vec<Level>> = smc_samplers.levels().map(<[Level]>::to_vec).collect();
@@ -363,6 +358,15 @@ impl State {
             trail,
             examples,
         })
+    }
+
+    /// Adds examples for the next fit of the surrogate, and drops the oldest of too many: not each time, since those that stay are moved in
+    /// memory.
+    fn learn(&mut self, examples: Examples) {
+        self.examples.append(examples);
+        if self.examples.len() > EXAMPLES_KEPT + EXAMPLES_KEPT / 4 {
+            self.examples.keep_last(EXAMPLES_KEPT);
+        }
     }
 
     /// Whether the surrogate is to be fitted again within an extension: a state whose ln L it underestimates by far is left only by slice

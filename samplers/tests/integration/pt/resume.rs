@@ -145,14 +145,20 @@ fn a_run_stopped_during_smc_says_so_and_resumes_to_the_same_bits() {
     }
 }
 
+fn along_a_surrogate() -> Settings {
+    Settings {
+        surrogate: true,
+        hmc_transitions: 0,
+        slice_updates: 1,
+        ..from_smc()
+    }
+}
+
 #[test]
 fn a_surrogate_that_is_fitted_within_a_round_has_the_same_bits_after_stops() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pt.ckpt");
     let settings = Settings {
-        surrogate: true,
-        hmc_transitions: 0,
-        slice_updates: 1,
         chain_sets: 2,
         temperatures: 4,
         min_temperatures: 4,
@@ -160,7 +166,7 @@ fn a_surrogate_that_is_fitted_within_a_round_has_the_same_bits_after_stops() {
         first_scans: 260,
         rounds: 2,
         extensions: 0,
-        ..from_smc()
+        ..along_a_surrogate()
     };
     let target = target();
     let expected = whole(&target, &settings);
@@ -177,13 +183,7 @@ fn a_surrogate_that_is_fitted_within_a_round_has_the_same_bits_after_stops() {
 fn a_run_along_a_surrogate_has_the_same_bits_on_threads_and_after_stops() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pt.ckpt");
-    let settings = Settings {
-        surrogate: true,
-        hmc_transitions: 0,
-        slice_updates: 1,
-        ..from_smc()
-    };
-    let target = target();
+    let (target, settings) = (target(), along_a_surrogate());
     let expected = whole(&target, &settings);
     // Rounds of 4, 8 and 16 scans and an extension of 16: stops before and after each fit.
     for scans in [1, 3, 1, 7, 1, 15, 1, 3] {
