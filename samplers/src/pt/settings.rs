@@ -215,21 +215,21 @@ impl Settings {
                 remedy: "give at least one HMC transition or slice update per scan",
             });
         }
-        if self.surrogate {
-            let remedy = if self.hmc_transitions > 0 {
-                "give no HMC transitions, whose place moves along the surrogate take, or no surrogate"
-            } else if self.smc_particles == 0 {
-                "give SMC particles, from which the first surrogate learns, or no surrogate"
-            } else {
-                ""
-            };
-            if !remedy.is_empty() {
-                return Err(Error::Setting {
-                    name: "surrogate",
-                    value: self.surrogate.to_string(),
-                    remedy,
-                });
-            }
+        let remedy = if self.hmc_transitions > 0 {
+            Some(
+                "give no HMC transitions, whose place moves along the surrogate take, or no surrogate",
+            )
+        } else if self.smc_particles == 0 {
+            Some("give SMC particles, from which the first surrogate learns, or no surrogate")
+        } else {
+            None
+        };
+        if let (true, Some(remedy)) = (self.surrogate, remedy) {
+            return Err(Error::Setting {
+                name: "surrogate",
+                value: self.surrogate.to_string(),
+                remedy,
+            });
         }
         if self.particles_per_sampler() > MAX_PARTICLES {
             return Err(Error::Setting {
