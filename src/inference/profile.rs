@@ -3,7 +3,7 @@
 use crate::likelihood::{Coverage, LikelihoodSettings};
 use crate::orbit::OrbitMethod;
 use crate::spray::{SamplingScheme, TableSettings};
-use crate::stream::{ModelSettings, StepRule, StepsPer};
+use crate::stream::{ModelSettings, Precision, StepRule, StepsPer};
 use crate::track::BinEdges;
 use serde::{Deserialize, Serialize};
 
@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Profile {
-    /// For fits, the default: 2,560 smeared Sobol particles, adaptive steps, soft bin edges, a smooth penalty for uncovered bins, and the
+    /// For fits, the default: 2,560 smeared Sobol particles in single precision, adaptive steps, soft bin edges, a smooth penalty for uncovered bins, and the
     /// model's own noise added to that of the data. docs/validation.md, section 2, compares its accuracy and time with
     /// [`Paper`](Self::Paper).
     #[default]
     Fast,
-    /// The choices of Chemaly et al. 2026: 10,000 random particles, 100 uniform steps, a leapfrog orbit, hard bin edges, and zero
+    /// The choices of Chemaly et al. 2026: 10,000 random particles in double precision, 100 uniform steps, a leapfrog orbit, hard bin edges, and zero
     /// likelihood where a bin is not covered.
     Paper,
 }
@@ -39,6 +39,7 @@ impl Profile {
                 step_rule: StepRule::Uniform,
                 orbit: OrbitMethod::Leapfrog,
                 orbit_steps: 100,
+                precision: Precision::Double,
                 ..ModelSettings::default()
             },
         }

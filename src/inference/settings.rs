@@ -80,7 +80,7 @@ impl SamplerSettings {
         sampling.nested.n_live = 1_000;
         sampling.nested.steps = Some(16);
         // Half of the updates of other bridges leave as many ancestors and the same effective size.
-        sampling.bridge.mcmc_steps = 6;
+        sampling.bridge.mcmc_steps = 2;
         sampling.pt_hmc.surrogate = true;
         sampling.pt_hmc.smc_particles = 200;
         sampling.pt_hmc.mcmc_steps = 5;

@@ -46,13 +46,12 @@ impl StepsPer {
 }
 
 /// The precision of the numbers in which particles are integrated. Everything else is computed in doubles.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
     /// Doubles: 16 particles together, 32 with equal steps.
-    #[default]
     Double,
-    /// Singles, 32 particles together: half the time, and rounding far below the error of a coarse model (docs/validation.md, section 4).
+    /// Singles, 32 particles together: half the time, and rounding far below the error of the model (docs/validation.md, section 4).
     Single,
 }
 
@@ -93,7 +92,7 @@ impl Default for ModelSettings {
             orbit_steps: 64,
             step_phase: 0.85,
             max_halvings: 7,
-            precision: Precision::default(),
+            precision: Precision::Single,
         }
     }
 }

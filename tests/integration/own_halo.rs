@@ -3,7 +3,7 @@
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
 use oblate::params::{DIM, QRange, StreamParams};
 use oblate::scalar::{gradient_of, lift};
-use oblate::stream::{Model, ModelSettings, System};
+use oblate::stream::{Model, ModelSettings, Precision, System};
 
 #[path = "../../examples/own_halo.rs"]
 mod example;
@@ -18,6 +18,7 @@ const THETA: [f64; DIM] = [
 fn a_likelihood_in_an_own_halo_has_an_exact_gradient() {
     let mut settings = ModelSettings::default();
     settings.releases.particles = 256;
+    settings.precision = Precision::Double;
     let model = Model::new(&settings).unwrap();
     let system =
         System::<f64, NfwWithDisc>::with_halo(&StreamParams::from_array(THETA), QRange::default());

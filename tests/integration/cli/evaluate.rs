@@ -1,6 +1,6 @@
 //! `oblate evaluate`: line by line, lists, rejected points, the unit cube.
 
-use super::{example, json, oblate, refused};
+use super::{example, json, oblate, refused, write};
 
 #[test]
 fn evaluate_answers_line_by_line_and_its_gradient_is_the_slope() {
@@ -12,6 +12,9 @@ fn evaluate_answers_line_by_line_and_its_gradient_is_the_slope() {
              \"vy0_km_s\":140.0,\"vz0_km_s\":45.0,\"age_gyr\":3.0}}"
         )
     };
+    let folder = tempfile::tempdir().expect("a folder");
+    let double = "model = { precision = \"double\" }\n";
+    let config = write(folder.path(), "double.toml", double);
     let h = 1e-6;
     let input = format!(
         "{}\n{}\n{}\n",
@@ -24,6 +27,8 @@ fn evaluate_answers_line_by_line_and_its_gradient_is_the_slope() {
             "evaluate",
             &track,
             "--gradient",
+            "--config",
+            &config,
             "--particles",
             "256",
             "--steps",
@@ -109,7 +114,10 @@ fn evaluate_needs_no_fixed_parameters_and_refuses_other_values_of_them() {
 
 #[test]
 fn evaluate_transforms_the_unit_cube_and_its_gradient() {
-    let config = example("quick_fit.toml").display().to_string();
+    let folder = tempfile::tempdir().expect("a folder");
+    let quick = std::fs::read_to_string(example("quick_fit.toml")).unwrap();
+    let double = quick.replace("model = {", "model = { precision = \"double\",");
+    let config = write(folder.path(), "double.toml", &double);
     let point = |u: f64| {
         format!(
             "{{\"log10_m_halo\": {u}, \"dir_x\": 0.7, \"dir_y\": 0.6, \"dir_z\": 0.8, \"log10_m_prog\": 0.35}}"

@@ -13,7 +13,7 @@ fn fits_from_several_seeds_are_merged_into_one() {
         let track = example(&format!("tracks/{track}.ecsv"))
             .display()
             .to_string();
-        let mut arguments = vec!["fit", &track, "--config", &config, "--live", "100"];
+        let mut arguments = vec!["fit", &track, "--config", &config, "--live", "60"];
         arguments.extend(["--seed", seed, "--out", out, "-q", "--allow-unconverged"]);
         assert_eq!(oblate(&arguments, "").status.code(), Some(0));
     };

@@ -33,6 +33,7 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             orbit_steps: 128,
             step_rule: StepRule::Uniform,
             orbit,
+            precision: Precision::Double,
             ..ModelSettings::default()
         }
     };

@@ -74,6 +74,8 @@ fn small() -> ModelSettings {
         steps_per: StepsPer::Particle,
         orbit_steps: 256,
         step_rule: StepRule::Uniform,
+        // Differences of neighbouring values are compared with gradients.
+        precision: Precision::Double,
         ..ModelSettings::default()
     }
 }
