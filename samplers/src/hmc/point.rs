@@ -1,9 +1,10 @@
 //! States of chains, and the target in standard-normal coordinates with its calls counted.
 
 use super::reference::{PRIOR, Reference};
+use super::screen::{Screen, Screened};
 use crate::error::Result;
 use crate::output::Calls;
-use crate::rng::RandomStream;
+use crate::rng::{RandomStream, unit_open};
 use crate::surrogate::{Examples, Scratch, Surrogate};
 use crate::target::Target;
 use crate::valid::{Valid, ensure, moderate};
@@ -104,6 +105,8 @@ pub struct Evaluator<'a> {
     features_bar: Vec<f64>,
     /// Calls so far.
     pub calls: Calls,
+    /// The draws of a screened reference so far.
+    pub screened: Screened,
     /// The values of ln L so far, if they are to be learned from.
     examples: Option<Examples>,
 }
@@ -127,6 +130,7 @@ impl<'a> Evaluator<'a> {
             features: vec![0.0; target.feature_count()],
             features_bar: vec![0.0; target.feature_count()],
             calls: Calls::default(),
+            screened: Screened::default(),
             examples: None,
         }
     }
@@ -290,7 +294,46 @@ impl<'a> Evaluator<'a> {
     }
 
     /// Draws `z` from the reference; no likelihood call.
-    pub fn draw_reference(&self, z: &mut [f64], rng: &mut RandomStream) {
-        self.reference.draw(z, rng);
+    pub fn draw_reference(&mut self, z: &mut [f64], rng: &mut RandomStream) {
+        loop {
+            self.reference.draw(z, rng);
+            let Some(screen) = self.reference.screen() else {
+                return;
+            };
+            let ln_ratio = self.screened_ratio(z, screen, self.reference.ln_over_prior(z));
+            self.screened.note(screen.ln_over_density(ln_ratio));
+            if unit_open(rng).ln() < screen.ln_kept(ln_ratio) {
+                return;
+            }
+        }
+    }
+
+    /// Log ratio of the reference to the prior.
+    pub fn ln_over_prior(&mut self, z: &[f64]) -> f64 {
+        let ln_over_prior = self.reference.ln_over_prior(z);
+        let Some(screen) = self.reference.screen() else {
+            return ln_over_prior;
+        };
+        ln_over_prior + screen.ln_over_density(self.screened_ratio(z, screen, ln_over_prior))
+    }
+
+    /// ln of prior times likelihood over the reference, where a surrogate gives the likelihood, at draws of the reference.
+    pub fn ln_ratios_of_draws(
+        &mut self,
+        surrogate: &Surrogate,
+        count: usize,
+        rng: &mut RandomStream,
+    ) -> Vec<f64> {
+        let mut z = vec![0.0; self.theta.len()];
+        let mut ln_ratio = || {
+            self.draw_reference(&mut z, rng);
+            let ln_over_prior = self.ln_over_prior(&z);
+            self.surrogate_value(&z, surrogate) - ln_over_prior
+        };
+        (0..count).map(|_| ln_ratio()).collect()
+    }
+
+    fn screened_ratio(&mut self, z: &[f64], screen: &Screen, ln_over_prior: f64) -> f64 {
+        self.surrogate_value(z, &screen.surrogate) - ln_over_prior
     }
 }

@@ -5,6 +5,7 @@
 //! prior, `ln_over_prior`, it is `prior exp{beta ln L + (1 - beta) ln_over_prior}`; the log ratio is 0 on a path from the
 //! prior. The integral over the whole path is the evidence, whatever the reference.
 
+use super::screen::Screen;
 use crate::autoregressive::Autoregressive;
 use crate::diagnostics::ln_sum_exp;
 use crate::mixture::{Mixture, Rows};
@@ -42,6 +43,8 @@ struct Fitted {
     mixture: Mixture,
     /// None if the draws were too few for it.
     autoregressive: Option<Autoregressive>,
+    /// None without a surrogate.
+    screen: Option<Screen>,
 }
 
 /// The prior as reference.
@@ -64,13 +67,26 @@ impl Reference {
         Some(Self(Some(Fitted {
             mixture: mixture?,
             autoregressive,
+            screen: None,
         })))
     }
 
+    /// The same, screened.
+    #[must_use]
+    pub fn screened(self, screen: Option<Screen>) -> Self {
+        Self(self.0.map(|fitted| Fitted { screen, ..fitted }))
+    }
+
+    /// What its draws are kept by.
+    pub(super) fn screen(&self) -> Option<&Screen> {
+        self.0.as_ref()?.screen.as_ref()
+    }
+
     /// Checks a reference that was read from a file.
-    pub(crate) fn check(&self, dim: usize) -> Valid {
+    pub(crate) fn check(&self, dim: usize, features: usize) -> Valid {
         self.0.as_ref().map_or(Ok(()), |fitted| {
             fitted.mixture.check(dim)?;
+            fitted.screen.iter().try_for_each(|s| s.check(features))?;
             let autoregressive = fitted.autoregressive.as_ref();
             autoregressive.map_or(Ok(()), |density| density.check(dim))
         })

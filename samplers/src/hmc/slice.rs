@@ -78,7 +78,7 @@ pub fn slice(
         // Draws outside the pair's cell, or where the known bound of ln L is too low, need no call.
         let held = pair.is_none_or(|pair| pool.holds(&pair, &trial, orbit));
         if held {
-            let ln_over_prior = evaluator.reference().ln_over_prior(&trial);
+            let ln_over_prior = evaluator.ln_over_prior(&trial);
             if bound.is_none_or(|most| ln_density(beta, &trial, most, ln_over_prior) > level) {
                 let l = evaluator.value(&trial)?;
                 if ln_density(beta, &trial, l, ln_over_prior) > level {
@@ -167,7 +167,7 @@ pub fn slice_updates(
 }
 
 /// Redraws the position along every orbit.
-fn redraw(evaluator: &Evaluator<'_>, beta: f64, at: &mut Point, rng: &mut RandomStream) {
+fn redraw(evaluator: &mut Evaluator<'_>, beta: f64, at: &mut Point, rng: &mut RandomStream) {
     for symmetry in evaluator.target().symmetries() {
         if let Symmetry::Orbit(orbit) = symmetry {
             refresh(evaluator, orbit.as_ref(), beta, at, rng);

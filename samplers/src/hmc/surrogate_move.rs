@@ -50,7 +50,7 @@ pub fn surrogate_move(
     }
     let after = along.ln_density(&end);
     let ln_likelihood = evaluator.value(&end.z)?;
-    let ln_over_prior = evaluator.reference().ln_over_prior(&end.z);
+    let ln_over_prior = evaluator.ln_over_prior(&end.z);
     let rise = ln_density(beta, &end.z, ln_likelihood, ln_over_prior) - at.ln_density(beta);
     let acceptance = (rise - (after - before)).exp().min(1.0);
     if uniform < acceptance {

@@ -31,7 +31,7 @@ pub fn propose_involution(
     if ln_likelihood == f64::NEG_INFINITY {
         return Ok(false);
     }
-    let ln_over_prior = evaluator.reference().ln_over_prior(&image);
+    let ln_over_prior = evaluator.ln_over_prior(&image);
     let ln_ratio =
         ln_density(beta, &image, ln_likelihood, ln_over_prior) - at.ln_density(beta) + ln_det;
     let accepted = uniform.ln() < ln_ratio;
@@ -48,7 +48,7 @@ pub fn propose_involution(
 /// at the new point is computed, and counted, by the next move that needs it. On a path from a mixture the draw is
 /// accepted by its log ratio of reference to prior, and may be rejected.
 pub fn refresh(
-    evaluator: &Evaluator<'_>,
+    evaluator: &mut Evaluator<'_>,
     orbit: &dyn Orbit,
     beta: f64,
     at: &mut Point,
@@ -59,9 +59,8 @@ pub fn refresh(
     if image.iter().any(|z| !z.is_finite()) {
         return;
     }
-    let reference = evaluator.reference();
-    let ln_over_prior = reference.ln_over_prior(&image);
-    if reference.is_prior()
+    let ln_over_prior = evaluator.ln_over_prior(&image);
+    if evaluator.reference().is_prior()
         || unit_open(rng).ln() < (1.0 - beta) * (ln_over_prior - at.ln_over_prior)
     {
         at.z = image;

@@ -7,14 +7,22 @@ use super::smc::{CommunicationBarrier, Level, of_others};
 use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Metric, Reference, StepSize};
+use crate::hmc::{Evaluator, Metric, Reference, Screen, StepSize};
 use crate::rng::{Domain, below, stream};
 use crate::surrogate::Surrogate;
 use crate::target::{Symmetry, Target};
+use rayon::prelude::*;
 
 /// Maximum number of rows that a reference is fitted to. Half as many rows of earlier rounds
 /// are kept, so that the oldest, which are the least accurate, lose their influence.
 const MAX_TRAINING: usize = 5_000;
+
+/// Draws of a reference by which its screen is chosen, and those of one task.
+const SCREENED: usize = 10_000;
+const SCREENED_TASK: usize = 500;
+
+/// More parts than a reference has, whose random streams are numbered.
+const MAX_PARTS: usize = 64;
 
 /// First step of HMC transitions in the metric of an SMC sampler: ridges are narrower than the distribution of all
 /// particles.
@@ -84,7 +92,7 @@ impl State {
     fn begin_at_mixture(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
         let coldest: Vec<&Level> = smc_samplers.iter().filter_map(|l| l.last()).collect();
         let rows = of_others(coldest.iter().map(|level| &level.z));
-        let Some(references) = self.resembling(rows, target.dim()) else {
+        let Some(references) = self.resembling(rows, target) else {
             return;
         };
         self.one_metric();
@@ -97,7 +105,7 @@ impl State {
             let most = temperatures * self.settings.chain_sets;
             self.chains[chain].point = level.point(turn * particles / most);
         }
-        self.take_references(references);
+        self.take_references(references, target);
     }
 
     /// Ends a round, or an extension of the last: new temperatures, metrics and steps from its record.
@@ -200,18 +208,19 @@ impl State {
             of_others(self.record.trails.iter())
         };
         // Without a mixture that fits, the references stay what they were, and the result has a warning.
-        let Some(references) = self.resembling(rows, target.dim()) else {
+        let Some(references) = self.resembling(rows, target) else {
             return;
         };
         if self.path_from_prior() {
             self.leave_prior();
         }
-        self.take_references(references);
+        self.take_references(references, target);
     }
 
     /// References fitted to the new draws of each half of the clusters and to the kept ones of earlier rounds; none if they are
     /// too few. Draws of the last round are not kept: they are among those of its next extension.
-    fn resembling(&mut self, halves: [Vec<f64>; 2], dim: usize) -> Option<[Reference; 2]> {
+    fn resembling(&mut self, halves: [Vec<f64>; 2], target: &dyn Target) -> Option<[Reference; 2]> {
+        let dim = target.dim();
         let mut training = self.training.clone();
         for (known, new) in training.iter_mut().zip(halves) {
             *known = thinned(known, dim, MAX_TRAINING / 2);
@@ -222,7 +231,8 @@ impl State {
                 let part = (part * 2 + half) as u64;
                 stream(self.seed, Domain::PtReference, self.clock, part)
             };
-            Reference::resembling(&training[half], dim, rng)
+            let reference = Reference::resembling(&training[half], dim, rng)?;
+            Some(self.screened(reference, half, target))
         };
         let references = rayon::join(|| fit(0), || fit(1));
         if !self.is_last_round() {
@@ -231,13 +241,31 @@ impl State {
         Some([references.0?, references.1?])
     }
 
+    /// The reference of a half of the clusters, screened by the surrogate if there is one.
+    fn screened(&self, reference: Reference, half: usize, target: &dyn Target) -> Reference {
+        let Some(surrogate) = &self.surrogate else {
+            return reference;
+        };
+        let ln_ratios: Vec<f64> = (0..SCREENED / SCREENED_TASK)
+            .into_par_iter()
+            .flat_map_iter(|task| {
+                let part = 2 * (MAX_PARTS + task) + half;
+                let mut rng = stream(self.seed, Domain::PtReference, self.clock, part as u64);
+                let mut evaluator = Evaluator::from_reference(target, &reference);
+                evaluator.ln_ratios_of_draws(surrogate, SCREENED_TASK, &mut rng)
+            })
+            .collect();
+        let screen = Screen::new(surrogate, &ln_ratios);
+        reference.screened(screen)
+    }
+
     /// Sets the references.
-    fn take_references(&mut self, references: [Reference; 2]) {
+    fn take_references(&mut self, references: [Reference; 2], target: &dyn Target) {
         self.references = references;
         let ln_over_prior: Vec<f64> = (0..self.chains.len())
             .map(|chain| {
-                let reference = self.reference(chain);
-                reference.ln_over_prior(&self.chains[chain].point.z)
+                let mut evaluator = Evaluator::from_reference(target, self.reference(chain));
+                evaluator.ln_over_prior(&self.chains[chain].point.z)
             })
             .collect();
         for (chain, ln_over_prior) in self.chains.iter_mut().zip(ln_over_prior) {

@@ -35,7 +35,9 @@ impl State {
         )?;
         ensure(countable([self.clock]), "a count is too large")?;
         self.cost.check()?;
-        self.references.iter().try_for_each(|r| r.check(dim))?;
+        self.references
+            .iter()
+            .try_for_each(|r| r.check(dim, features))?;
         self.surrogate.iter().try_for_each(|s| s.check(features))?;
         self.examples.check(features)?;
         let [first, second] = self.references.each_ref().map(Reference::is_prior);

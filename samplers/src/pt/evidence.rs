@@ -1,6 +1,7 @@
 //! ln Z from the log-likelihoods of tempered chains: Bennett's estimate, its error, and three other estimates.
 
 use crate::diagnostics::{error_of_mean, ln_sum_exp};
+use crate::hmc::Screened;
 use crate::valid::{Valid, ensure, rows};
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +15,8 @@ pub struct Traces {
     temperatures: usize,
     /// Chain-set-major.
     values: Vec<Vec<f64>>,
+    /// The draws of the reference of each chain set, where it is screened.
+    screened: Vec<Screened>,
 }
 
 impl Traces {
@@ -23,6 +26,7 @@ impl Traces {
         Self {
             temperatures,
             values: vec![Vec::new(); chain_sets * temperatures],
+            screened: vec![Screened::default(); chain_sets],
         }
     }
 
@@ -32,9 +36,11 @@ impl Traces {
         ensure(
             self.temperatures == temperatures
                 && rows(self.values.len(), chain_sets, temperatures)
+                && self.screened.len() == chain_sets
                 && self.values.iter().all(|trace| trace.len() == scans),
             "traces of other chain sets, temperatures or scans",
         )?;
+        self.screened.iter().try_for_each(Screened::check)?;
         let sound = |(chain, trace): (usize, &Vec<f64>)| {
             let cold = (chain + 1).is_multiple_of(temperatures);
             let mut values = trace.iter();
@@ -49,6 +55,18 @@ impl Traces {
     /// Adds one value of one chain.
     pub fn push(&mut self, chain_set: usize, temperature: usize, ln_likelihood: f64) {
         self.values[chain_set * self.temperatures + temperature].push(ln_likelihood);
+    }
+
+    /// Adds draws of the screened reference of a chain set.
+    pub fn push_screened(&mut self, chain_set: usize, screened: &Screened) {
+        self.screened[chain_set].add(screened);
+    }
+
+    /// ln of the integral of the reference of these chain sets as it is normalised, and its variance.
+    fn reference_integral(&self, chain_sets: &[usize]) -> (f64, f64) {
+        let mut all = Screened::default();
+        (chain_sets.iter()).for_each(|chain_set| all.add(&self.screened[*chain_set]));
+        all.ln_integral()
     }
 
     /// One chain's values.
@@ -244,7 +262,8 @@ fn stepping_stones(beta: &[f64], traces: &Traces, chain_sets: &[usize]) -> Stone
     };
     let (_, valid, draws) = pooled(0, 0.0);
     let valid = valid as f64 / draws.max(1) as f64;
-    let (mut forward, mut backward) = (0.0, valid.ln());
+    let (reference, _) = traces.reference_integral(chain_sets);
+    let (mut forward, mut backward) = (reference, reference + valid.ln());
     for (temperature, gap) in beta.windows(2).enumerate() {
         let step = gap[1] - gap[0];
         let (sum, _, total) = pooled(temperature, step);
@@ -264,13 +283,15 @@ fn thermodynamic(beta: &[f64], traces: &Traces, chain_sets: &[usize]) -> f64 {
     let moments: Vec<(f64, f64)> = (0..beta.len())
         .map(|temperature| traces.moments(chain_sets, temperature))
         .collect();
-    beta.windows(2)
+    let path: f64 = beta
+        .windows(2)
         .zip(moments.windows(2))
         .map(|(b, m)| {
             let h = b[1] - b[0];
             0.5 * h * (m[0].0 + m[1].0) - h * h * (m[1].1 - m[0].1) / 12.0
         })
-        .sum()
+        .sum();
+    traces.reference_integral(chain_sets).0 + path
 }
 
 struct Bennett {
@@ -301,7 +322,12 @@ fn bennett(extensions: &[(&[f64], &Traces)], chain_sets: &[usize]) -> Bennett {
         })
         .collect();
     let chains: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
-    let error = error_of_mean(&chains);
+    let of_reference = |(_, traces): &(&[f64], &Traces)| {
+        let (_, variance) = traces.reference_integral(chain_sets);
+        variance * (traces.scans() as f64 / scans as f64).powi(2)
+    };
+    let variance: f64 = extensions.iter().map(of_reference).sum();
+    let error = error_of_mean(&chains).hypot(variance.sqrt());
     Bennett {
         ln_z: mean_by_scans(extensions, parts.iter().map(|(ln_z, _)| *ln_z)),
         error: if error.is_finite() {
@@ -321,7 +347,7 @@ fn bennett_of_extension(
     blocks: usize,
 ) -> (f64, Vec<Vec<f64>>) {
     let scans = traces.scans();
-    let mut ln_z = 0.0;
+    let (mut ln_z, _) = traces.reference_integral(chain_sets);
     let mut influence = vec![vec![0.0; blocks]; chain_sets.len()];
     for (temperature, gap) in beta.windows(2).enumerate() {
         let step = gap[1] - gap[0];

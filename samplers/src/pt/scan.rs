@@ -7,7 +7,7 @@ use super::smc::{Level, SmcSamplers};
 use super::state::{Chain, State, Temperature};
 use super::{Settings, swap};
 use crate::error::{Error, Result};
-use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, StepSize};
+use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Screened, StepSize};
 use crate::output::{Calls, Cost};
 use crate::rng::{Domain, RandomStream, stream, unit_open};
 use crate::surrogate::Examples;
@@ -42,6 +42,8 @@ struct Explored {
     /// Gradient of the log density that trajectories follow, if there are any.
     score: Option<Vec<f64>>,
     calls: Calls,
+    /// The draws of a screened reference.
+    screened: Screened,
     /// Every state on the way, if a mixture is to be fitted to them.
     trail: Vec<f64>,
     /// Values of ln L on the way, if a surrogate is to be fitted to them.
@@ -213,6 +215,8 @@ impl State {
                 let temperature = index % temperatures;
                 (self.record.extension_mut()).note_score(temperature, &explored.point, score);
             }
+            let traces = &mut self.record.extension_mut().traces;
+            traces.push_screened(index / temperatures, &explored.screened);
             self.chains[index].point = explored.point;
             locals[index % temperatures].add(&explored.local);
             self.record.trails[index / temperatures].extend(explored.trail);
@@ -301,7 +305,7 @@ impl State {
         if chain.is_multiple_of(self.temperatures.len()) {
             evaluator.draw_reference(&mut point.z, &mut rng);
             point.ln_likelihood = evaluator.value(&point.z)?;
-            point.ln_over_prior = self.reference(chain).ln_over_prior(&point.z);
+            point.ln_over_prior = evaluator.ln_over_prior(&point.z);
             point.has_gradient = false;
         } else {
             let pool = &temperature.pools[self.half(chain)];
@@ -349,12 +353,14 @@ impl State {
                 evaluator = along.evaluator;
             }
         }
+        let screened = evaluator.screened;
         let (calls, examples) = evaluator.into_calls_and_examples();
         Ok(Explored {
             point,
             local,
             score,
             calls,
+            screened,
             trail,
             examples,
         })

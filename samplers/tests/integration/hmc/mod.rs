@@ -363,7 +363,7 @@ fn refreshed(index: u64, prior: &Prior, sd: f64) -> ([f64; 2], f64) {
     for _ in 0..STEPS {
         let before = point.ln_likelihood;
         refresh(
-            &local_sampler.evaluator,
+            &mut local_sampler.evaluator,
             &Difference { sd },
             1.0,
             &mut point,

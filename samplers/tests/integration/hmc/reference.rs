@@ -5,9 +5,11 @@ use super::{
 };
 use oblate_samplers::difference_pool::DifferencePool;
 use oblate_samplers::hmc::{
-    Evaluator, LocalSampler, Plan, Point, Reference, propose_involution, refresh, slice,
+    Evaluator, LocalSampler, Plan, Point, Reference, Screen, propose_involution, refresh, slice,
 };
 use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
+use oblate_samplers::surrogate::{Examples, Surrogate};
+use oblate_samplers::target::{Marginal, Outcome, Prior, Target};
 use rayon::prelude::*;
 
 /// Densities fitted to two neighbouring clumps, and a little of the prior.
@@ -106,7 +108,7 @@ fn laws_of_a_path_from_a_mixture(draws: u64) {
     let jumped = far(&|e, at, rng| {
         propose_involution(&mut e.evaluator, &inversion, beta, at, rng).unwrap();
     });
-    let redrawn = far(&|e, at, rng| refresh(&e.evaluator, &orbit, beta, at, rng));
+    let redrawn = far(&|e, at, rng| refresh(&mut e.evaluator, &orbit, beta, at, rng));
     // Five moments each: 4 errors happen once in 3,000 tests.
     for (name, deviation) in [
         ("trajectory", trajectory),
@@ -117,7 +119,7 @@ fn laws_of_a_path_from_a_mixture(draws: u64) {
         assert!(deviation < 4.0, "{name}: {deviation}");
     }
     // At beta = 1 the reference does not matter.
-    let without = far(&|e, at, rng| refresh(&e.evaluator, &orbit, 1.0, at, rng));
+    let without = far(&|e, at, rng| refresh(&mut e.evaluator, &orbit, 1.0, at, rng));
     // A fixed difference, whose error falls as the root of the draws.
     let expected = 10.0 * (draws as f64 / DRAWS as f64).sqrt();
     assert!(without > expected.max(4.0), "{without} {expected}");
@@ -143,4 +145,77 @@ fn a_reference_draws_its_own_density() {
         (mean - 1.0).abs() < 4.0 * (variance / n).sqrt(),
         "{mean} {variance}"
     );
+}
+
+/// `ln L = -(z0 + 1.5)^2 / 0.3`, which the clumps do not have: most of their draws are not kept.
+fn surrogate() -> Surrogate {
+    let mut rng = stream(27, Domain::Test, 0, 0);
+    let mut examples = Examples::default();
+    for _ in 0..4_000 {
+        let z = [0; 2].map(|_| 1.5 * standard_normal(&mut rng));
+        examples.push(&z, -(z[0] + 1.5).powi(2) / 0.3, &[]);
+    }
+    Surrogate::fit(&examples, None, &mut rng).unwrap()
+}
+
+#[test]
+fn a_screened_reference_draws_its_own_density() {
+    let (plain, surrogate) = (clumps(), surrogate());
+    let unit = Marginal::Normal { mean: 0.0, sd: 1.0 };
+    let target = Flat(Prior::new(["x", "y"].map(|name| (name, "", unit))).unwrap());
+    let ln_ratios = Evaluator::from_reference(&target, &plain).ln_ratios_of_draws(
+        &surrogate,
+        10_000,
+        &mut stream(27, Domain::Test, 1, 0),
+    );
+    let screen = Screen::new(&surrogate, &ln_ratios);
+    let screened = plain.clone().screened(screen);
+    let mut evaluator = Evaluator::from_reference(&target, &screened);
+    let draws: Vec<([f64; 2], f64)> = (0..4_000)
+        .map(|index| {
+            let mut z = [0.0; 2];
+            evaluator.draw_reference(&mut z, &mut stream(27, Domain::Test, 2, index));
+            let ratio = plain.ln_over_prior(&z) - evaluator.ln_over_prior(&z);
+            (z, ratio.exp())
+        })
+        .collect();
+    // The mean of plain over screened density is 1 over the integral of the latter, which all draws that it was shown estimate.
+    let (ln_integral, variance) = evaluator.screened.ln_integral();
+    let n = draws.len() as f64;
+    let mean = draws.iter().map(|(_, ratio)| ratio).sum::<f64>() / n;
+    let scatter = draws.iter().map(|(_, r)| (r - mean).powi(2)).sum::<f64>() / n;
+    let error = (scatter / n / (mean * mean) + variance).sqrt();
+    let difference = mean.ln() + ln_integral;
+    assert!(
+        difference.abs() < 4.0 * error && error < 0.1,
+        "{difference} {error}"
+    );
+    // They lie where the surrogate is large; no density is below a twentieth of the plain one.
+    let mean_x = draws.iter().map(|(z, _)| z[0]).sum::<f64>() / n;
+    assert!(mean_x < -1.0, "{mean_x}");
+    let largest = draws.iter().map(|(_, ratio)| *ratio).fold(0.0, f64::max);
+    assert!(largest < 20.0 * 1.001, "{largest}");
+}
+
+#[test]
+fn a_screen_of_a_surrogate_that_overflows_keeps_few_draws_everywhere() {
+    let surrogate = surrogate();
+    assert!(Screen::new(&surrogate, &[f64::NAN, f64::INFINITY]).is_none());
+    let screen = Screen::new(&surrogate, &[f64::NAN, 0.0, -1.0, f64::NEG_INFINITY]).unwrap();
+    let least = screen.ln_kept(f64::NEG_INFINITY);
+    assert!(least.is_finite() && least < 0.0);
+    assert_eq!(screen.ln_kept(f64::NAN), least);
+    assert_eq!(screen.ln_kept(f64::INFINITY), 0.0);
+}
+
+/// No data.
+struct Flat(Prior);
+
+impl Target for Flat {
+    fn prior(&self) -> &Prior {
+        &self.0
+    }
+    fn ln_likelihood(&self, _: &[f64]) -> Outcome {
+        Outcome::Value(0.0)
+    }
 }
