@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 /// Fraction of the draws that a screen keeps (docs/validation.md, section 5).
 const KEPT: f64 = 1.0 / 128.0;
 
-/// Least probability to keep a draw, as a fraction of [`KEPT`].
-const LEAST: f64 = 0.05;
+/// Least probability to keep a draw, as a fraction of [`KEPT`]: the screened density is nowhere below this fraction of the density.
+const LEAST: f64 = 0.25;
 
 /// Halvings of the interval in which `most` is searched.
 const HALVINGS: usize = 60;

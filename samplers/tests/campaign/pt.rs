@@ -79,3 +79,37 @@ fn paths_from_mixtures() {
     }
     table.judge();
 }
+
+/// Along a surrogate, from references that it screens, with the defaults of the fit of a stream.
+#[test]
+#[ignore = "an hour: before a release"]
+fn paths_along_a_surrogate() {
+    let cases: [Case; 4] = [
+        smooth::stiff13().into(),
+        smooth::far8().into(),
+        smooth::shells(5).into(),
+        Case::from(smooth::twins13(0.9)).called("twins13, 9 to 1"),
+    ];
+    let settings = Settings {
+        smc_particles: 200,
+        mcmc_steps: 3,
+        slice_updates: 1,
+        hmc_transitions: 0,
+        surrogate: true,
+        target_acceptance: 0.8,
+        min_temperatures: 4,
+        first_scans: 32,
+        rounds: 4,
+        mixture_rounds: 4,
+        extensions: 13,
+        ..Settings::default()
+    };
+    let how = "along a surrogate, 800 SMC particles, 4 rounds, going on";
+    let mut table = Table::new(&COLUMNS);
+    for case in cases {
+        table.row(&case, how, |target, seed| {
+            pt::run(target, &settings, seed, &mut Control::new(&mut Silent)).unwrap()
+        });
+    }
+    table.judge();
+}
