@@ -78,6 +78,7 @@ pub struct Screen {
 
 impl Screen {
     /// The screen that keeps about one in 128 of the draws with these ln w. None if there are none.
+    #[must_use]
     pub fn new(surrogate: &Surrogate, ln_ratios: &[f64]) -> Option<Self> {
         let finite = || ln_ratios.iter().copied().filter(|r| r.is_finite());
         let mut low = finite().fold(f64::INFINITY, f64::min);
@@ -106,17 +107,18 @@ impl Screen {
     }
 
     /// ln of the probability to keep a draw with this ln w.
+    #[must_use]
     pub fn ln_kept(&self, ln_ratio: f64) -> f64 {
         ln_kept(ln_ratio, self.ln_most)
     }
 
     /// ln of the screened density over the density.
-    pub fn ln_over_density(&self, ln_ratio: f64) -> f64 {
+    pub(super) fn ln_over_density(&self, ln_ratio: f64) -> f64 {
         self.ln_kept(ln_ratio) - self.ln_mean
     }
 
     /// Checks a screen that was read from a file, for a target with so many features.
-    pub fn check(&self, features: usize) -> Valid {
+    pub(super) fn check(&self, features: usize) -> Valid {
         self.surrogate.check(features)?;
         ensure(
             self.ln_most.is_finite() && self.ln_mean.is_finite() && self.ln_mean <= 0.0,
