@@ -11,12 +11,11 @@ use std::time::{Duration, Instant};
 const DRAWS: &str = include_str!("../../benches/draws.csv");
 
 /// So many values of the coarse model take as long as the shortest coarse stage of a default fit with all 13 parameters free, moves along the surrogate
-/// included (docs/validation.md, section 5, s2), and as the longest (section 3, by slice updates, without the hardest track, which took three times as
-/// many).
-const COARSE_VALUES: [f64; 2] = [2.5e6, 13e6];
+/// included (docs/validation.md, section 4), and as the longest (section 5, s0).
+const COARSE_VALUES: [f64; 2] = [3e5, 13e6];
 
 /// The same for values of the model itself, in the bridge (docs/validation.md, section 4).
-const VALUES: [f64; 2] = [2e5, 8e5];
+const VALUES: [f64; 2] = [3e4, 8e5];
 
 /// Values of ln L per second, on all threads of the present rayon pool.
 #[derive(Clone, Copy, Debug, PartialEq)]
