@@ -4,7 +4,7 @@ use oblate::data::ObservedTrack;
 use oblate::inference::{Fit, FitSettings, Profile, Sampler, StreamTarget, fit_with, prior_draws};
 use oblate::likelihood::Coverage;
 use oblate::run::{Destination, IfExists, Monitor};
-use oblate::stream::Model;
+use oblate::stream::{Model, Precision};
 use oblate::track::BinEdges;
 use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::ln_sum_exp;
@@ -171,9 +171,11 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
 
 #[test]
 fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
-    let fine = FitSettings::default();
+    let mut fine = FitSettings::default();
+    fine.model.precision = Precision::Double;
     let coarse = fine.coarse(8.0).expect("2,560 particles have one");
     assert_eq!(coarse.model.releases.particles, fine.coarse_particles);
+    assert_eq!(coarse.model.precision, Precision::Single);
     assert!(coarse.model.step_phase > fine.model.step_phase);
     assert_eq!(
         coarse.likelihood.edges,
