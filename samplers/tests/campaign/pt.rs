@@ -13,6 +13,17 @@ const COLUMNS: [Column; 2] = [
     }),
 ];
 
+/// Runs thirty seeds of each target, prints the table and holds it to its limits.
+fn judge(cases: &[Case], how: &str, settings: &Settings) {
+    let mut table = Table::new(&COLUMNS);
+    for case in cases {
+        table.row(case, how, |target, seed| {
+            pt::run(target, settings, seed, &mut Control::new(&mut Silent)).unwrap()
+        });
+    }
+    table.judge();
+}
+
 /// Holds thirty seeds of each target to limits that follow from thirty unit normals alone: |mean z| < 0.548, three errors of their
 /// mean, and sd z from 0.615 to 1.418, 99.8 % of their scatter (chi with 29 degrees of freedom).
 #[test]
@@ -36,13 +47,7 @@ fn chain_sets() {
         "{} chain sets, {} rounds",
         settings.chain_sets, settings.rounds
     );
-    let mut table = Table::new(&COLUMNS);
-    for case in cases {
-        table.row(&case, &how, |target, seed| {
-            pt::run(target, &settings, seed, &mut Control::new(&mut Silent)).unwrap()
-        });
-    }
-    table.judge();
+    judge(&cases, &how, &settings);
 }
 
 /// The same limits for paths from a mixture fitted to SMC particles, whose last round is extended until the checks
@@ -71,13 +76,7 @@ fn paths_from_mixtures() {
         ..Settings::default()
     };
     let how = "from mixtures of 384 SMC particles, 3 rounds, going on";
-    let mut table = Table::new(&COLUMNS);
-    for case in cases {
-        table.row(&case, how, |target, seed| {
-            pt::run(target, &settings, seed, &mut Control::new(&mut Silent)).unwrap()
-        });
-    }
-    table.judge();
+    judge(&cases, how, &settings);
 }
 
 /// Along a surrogate, from references that it screens, with the defaults of the fit of a stream.
@@ -105,11 +104,5 @@ fn paths_along_a_surrogate() {
         ..Settings::default()
     };
     let how = "along a surrogate, 800 SMC particles, 4 rounds, going on";
-    let mut table = Table::new(&COLUMNS);
-    for case in cases {
-        table.row(&case, how, |target, seed| {
-            pt::run(target, &settings, seed, &mut Control::new(&mut Silent)).unwrap()
-        });
-    }
-    table.judge();
+    judge(&cases, how, &settings);
 }
