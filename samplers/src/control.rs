@@ -93,10 +93,12 @@ pub enum Event {
         /// Gradients so far.
         gradients: u64,
     },
-    /// One step of an SMC bridge.
+    /// One MCMC step of an SMC bridge.
     Bridge {
         /// Exponent `s` of the fine likelihood.
         fraction: f64,
+        /// Further MCMC steps done at the fine likelihood.
+        further: usize,
         /// Evidence there.
         ln_z: f64,
         /// Likelihood calls so far.

@@ -4,8 +4,11 @@ mod check;
 
 pub use check::RunFault;
 
-use crate::diagnostics::{kish_ess, mean_ess, size_of_mean};
+use crate::diagnostics::{
+    clustered_bulk_ess, clustered_tail_ess, kish_ess, mean_ess, size_of_mean,
+};
 use crate::error::{Error, Result};
+use crate::surrogate::Surrogate;
 use crate::target::{Cause, Outcome, Target};
 use crate::valid::{Valid, countable, ensure};
 use serde::{Deserialize, Serialize};
@@ -213,6 +216,22 @@ impl Draws {
         }
     }
 
+    /// Bulk and tail ESS of each parameter by the scatter of clusters: never more than there are draws.
+    pub(crate) fn clustered_ess(&self) -> (Vec<f64>, Vec<f64>) {
+        let (weights, most) = (self.weights(), self.len() as f64);
+        // A parameter that is the same in all draws has no variance.
+        let of = |size: f64| if size.is_nan() { most } else { size.min(most) };
+        (0..self.dim)
+            .map(|parameter| {
+                let column = self.column(parameter);
+                (
+                    of(clustered_bulk_ess(&column, &weights, &self.cluster)),
+                    of(clustered_tail_ess(&column, &weights, &self.cluster)),
+                )
+            })
+            .unzip()
+    }
+
     /// `count` equal-weight rows by systematic resampling with the one uniform `offset` in [0, 1): row numbers, in
     /// order.
     #[must_use]
@@ -264,14 +283,40 @@ pub struct Evidence {
 pub struct Ess {
     /// ESS (Kish), 1 / sum of squared weights.
     pub kish: f64,
-    /// Bulk ESS per parameter; for weighted draws by the scatter of clusters (design effect).
+    /// Bulk ESS per parameter; for draws that are no Markov chains by the scatter of clusters (design effect).
     pub bulk: Vec<f64>,
-    /// Tail ESS per parameter; empty for weighted draws.
+    /// Tail ESS per parameter, likewise.
     pub tail: Vec<f64>,
     /// Rank-normalised split R-hat per parameter; empty where there are no chains.
     pub r_hat: Vec<f64>,
     /// The number to quote: the smallest of `kish`, `bulk` and `tail`.
     pub quoted: f64,
+}
+
+/// Smallest bulk and tail ESS of a parameter with which the draws of a run pass their checks (Vehtari et al. 2021 advise 100 for each of
+/// four chains).
+pub(crate) const MIN_ESS: f64 = 400.0;
+
+impl Ess {
+    /// The smallest of these sizes.
+    pub(crate) fn smallest(bulk: &[f64], tail: &[f64]) -> f64 {
+        bulk.iter()
+            .chain(tail)
+            .copied()
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// The checks of the draws of any sampler; `remedy` says what makes more of them.
+    pub(crate) fn checks(&self, remedy: &str) -> [Check; 2] {
+        [("bulk", &self.bulk), ("tail", &self.tail)].map(|(of, sizes)| {
+            Check::at_least(
+                &format!("ess-{of}"),
+                Self::smallest(sizes, &[]),
+                MIN_ESS,
+                format!("smallest {of} ESS over parameters; if too small, {remedy}"),
+            )
+        })
+    }
 }
 
 /// What a run cost.
@@ -427,7 +472,7 @@ pub enum History {
         ln_ratio: Vec<f64>,
         /// Effective number of draws of the coarse run that are ancestors.
         ancestors: Vec<f64>,
-        /// Correlation of the difference in ln L before and after the slice updates of the step.
+        /// Correlation of the difference in ln L before and after the MCMC steps of the step.
         correlation: Vec<f64>,
     },
 }
@@ -504,6 +549,8 @@ pub struct Run {
     pub checks: Vec<Check>,
     /// Warnings, each with its remedy.
     pub warnings: Vec<String>,
+    /// The surrogate of ln L along which its chains moved, as it was at the end; none without one.
+    pub surrogate: Option<Surrogate>,
 }
 
 impl Run {

@@ -236,6 +236,44 @@ impl Surrogate {
         self.ln_likelihood(&features, scratch) > f64::from(top) - 2.0 * DEPTH
     }
 
+    /// The numbers that make a surrogate: mean and standard deviation of each feature, the same of each output, and the parameters of the
+    /// network.
+    #[must_use]
+    pub fn numbers(&self) -> [Vec<f64>; 3] {
+        let flat = |units: &[(f64, f64)]| units.iter().flat_map(|(a, b)| [*a, *b]).collect();
+        let parameters = self.network.parameters().iter().copied().map(f64::from);
+        [
+            flat(&self.inputs),
+            flat(&self.outputs),
+            parameters.collect(),
+        ]
+    }
+
+    /// The surrogate of these [`numbers`](Self::numbers); none if they do not belong together.
+    #[must_use]
+    pub fn of_numbers([inputs, outputs, parameters]: &[Vec<f64>; 3]) -> Option<Self> {
+        let pairs = |flat: &[f64]| flat.chunks_exact(2).map(|p| (p[0], p[1])).collect();
+        let (inputs, outputs): (Vec<_>, Vec<_>) = (pairs(inputs), pairs(outputs));
+        let mut surrogate = Self {
+            network: Network::of_parameters(
+                inputs.len(),
+                outputs.len(),
+                parameters.iter().copied().map(single).collect(),
+            ),
+            inputs,
+            outputs,
+        };
+        surrogate.check(surrogate.inputs.len()).ok()?;
+        surrogate.prepare();
+        Some(surrogate)
+    }
+
+    /// Number of features that it sees.
+    #[must_use]
+    pub fn features(&self) -> usize {
+        self.inputs.len()
+    }
+
     /// Prepares a surrogate that was read from a file for use.
     pub(crate) fn prepare(&mut self) {
         self.network.prepare();

@@ -27,9 +27,13 @@ pub struct Args {
     /// Number of SMC particles, which are the draws of the result
     #[arg(long)]
     smc_particles: Option<usize>,
-    /// Number of slice updates of each SMC particle after each step of the bridge
+    /// Number of MCMC steps of each SMC particle after each step of the bridge
     #[arg(long)]
     mcmc_steps: Option<usize>,
+    /// Maximum number of further MCMC steps at the finer model, made while the effective sample size is too small; with --resume, more
+    /// than before continue a bridge that has ended
+    #[arg(long)]
+    further_mcmc_steps: Option<usize>,
     /// Master seed; the fit's own by default
     #[arg(long)]
     seed: Option<u64>,
@@ -59,6 +63,7 @@ pub fn run(
         let bridge = &mut settings.sampling.bridge;
         bridge.smc_particles = args.smc_particles.unwrap_or(bridge.smc_particles);
         bridge.mcmc_steps = args.mcmc_steps.unwrap_or(bridge.mcmc_steps);
+        bridge.further_mcmc_steps = args.further_mcmc_steps.unwrap_or(bridge.further_mcmc_steps);
         settings.seed = args.seed.unwrap_or(settings.seed);
         args.set.apply(settings)
     };

@@ -9,7 +9,7 @@ use crate::run::RunFolder;
 use crate::spray::TableSettings;
 use crate::stream::{ModelSettings, StepRule};
 use oblate_samplers::nested::Kernel;
-use oblate_samplers::output::{Check, Status};
+use oblate_samplers::output::{Method, Status};
 use std::path::{Path, PathBuf};
 
 /// A command that can be typed next.
@@ -65,17 +65,19 @@ pub fn after_fit(
     }
     if !summary.converged {
         let coarse = coarse_summary(folder);
-        let failed = failed(summary).chain(coarse.iter().flat_map(failed));
-        let names: Vec<&str> = failed.map(|check| check.name.as_str()).collect();
         let sampling = &settings.sampling;
         let mut steps = Vec::new();
-        if sampling.sampler == Sampler::PtHmc && names.iter().any(|name| needs_scans(name)) {
+        // The checks of the coarse fit are those of the sampler; the bridge has its own.
+        let sampled = coarse.as_ref().unwrap_or(summary);
+        if sampling.sampler == Sampler::PtHmc && names(sampled).iter().any(|name| needs_scans(name))
+        {
             let more = sampling.pt_hmc.extensions + 2;
             let longer = command.resumed();
             let longer = longer.with_value("--extensions", &more.to_string());
             steps.push(Step::new("extend its last round", &longer));
         }
-        let mut changes = changes(&names, sampling);
+        steps.extend(longer_bridge(summary, sampling, command));
+        let mut changes = changes(&names(sampled), sampling);
         changes.extend(model_changes(summary, &settings.model));
         steps.extend(again(&changes, folder.path(), command));
         return steps;
@@ -121,9 +123,12 @@ pub fn after_run(
     if summary.status == Status::BudgetSpent {
         return vec![Step::resume(command)];
     }
-    let names: Vec<&str> = failed(summary).map(|check| check.name.as_str()).collect();
-    let changes = sampling.map_or(Vec::new(), |sampling| changes(&names, sampling));
-    again(&changes, folder, command).into_iter().collect()
+    let Some(sampling) = sampling else {
+        return Vec::new();
+    };
+    let changes = changes(&names(summary), sampling);
+    let more = longer_bridge(summary, sampling, command).into_iter();
+    more.chain(again(&changes, folder, command)).collect()
 }
 
 /// The summary of the coarse fit that came first, if there is one.
@@ -132,8 +137,27 @@ pub fn coarse_summary(folder: &RunFolder) -> Option<Summary> {
     Summary::read(&coarse.summary()).ok()
 }
 
-fn failed(summary: &Summary) -> impl Iterator<Item = &Check> {
-    summary.checks.iter().filter(|check| !check.pass)
+/// Names of the checks that it failed.
+fn names(summary: &Summary) -> Vec<&str> {
+    let failed = summary.checks.iter().filter(|check| !check.pass);
+    failed.map(|check| check.name.as_str()).collect()
+}
+
+/// Goes on with a bridge that has too few draws, unless it begins anew because its coarse run has not converged.
+fn longer_bridge(
+    summary: &Summary,
+    sampling: &SamplerSettings,
+    command: &CommandLine,
+) -> Option<Step> {
+    let failed = names(summary);
+    let few = ["ess-bulk", "ess-tail"];
+    let grows = summary.method == Method::Bridge
+        && few.iter().any(|name| failed.contains(name))
+        && !failed.contains(&"coarse-run-checks");
+    let more = 2 * sampling.bridge.further_mcmc_steps.max(10);
+    let change = format!("sampling.bridge.further_mcmc_steps={more}");
+    let longer = command.resumed().with("--set", Some(&change));
+    grows.then(|| Step::new("continue its bridge", &longer))
 }
 
 /// Whether a check of a tempered run may pass with more scans.
@@ -144,6 +168,7 @@ fn needs_scans(check: &str) -> bool {
         "restarts-per-replica",
         "ln-z-error",
         "ln-z-agreement-of-chain-sets",
+        "newest-ln-z",
         "newest-ess",
         "newest-mode-agreement",
         "looks-passed",
@@ -189,7 +214,7 @@ fn change(check: &str, sampling: &SamplerSettings) -> Option<Change> {
             "likelihood.coverage",
             "{ penalty = { z_miss = 10.0, lambda = 1000.0 } }".to_owned(),
         )),
-        "effective-sample-size" | "bridge-error" => of(
+        "bridge-error" => of(
             "sampling.bridge.smc_particles",
             2 * sampling.bridge.smc_particles,
         ),

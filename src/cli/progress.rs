@@ -273,16 +273,21 @@ fn report(event: &Event) -> Option<Report> {
         }
         Event::Bridge {
             fraction,
+            further,
             ln_z,
             calls,
         } => Report {
-            part: "bridge".to_owned(),
-            text: format!(
-                "{:.0} % of the way, ln Z {ln_z:.2}, {calls} calls",
-                100.0 * fraction
-            ),
+            part: format!("bridge, further: {}", *further > 0),
+            text: if *further > 0 {
+                format!("further MCMC step {further}, ln Z {ln_z:.2}, {calls} calls")
+            } else {
+                format!(
+                    "{:.0} % of the way, ln Z {ln_z:.2}, {calls} calls",
+                    100.0 * fraction
+                )
+            },
             done: Some(("calls", *calls as f64)),
-            left: Some((1.0 - fraction, "ends in")),
+            left: (*further == 0).then_some((1.0 - fraction, "reaches the finer model in")),
         },
         _ => return None,
     };

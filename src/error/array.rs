@@ -36,6 +36,9 @@ pub enum ArrayFault {
         /// The number of values.
         needed: usize,
     },
+    /// Numbers of a surrogate that do not make one.
+    #[error("its numbers do not make a surrogate")]
+    Surrogate,
     /// Its chunk is not there.
     #[error("its chunk is missing")]
     MissingChunk,

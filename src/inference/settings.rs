@@ -79,8 +79,9 @@ impl SamplerSettings {
         };
         sampling.nested.n_live = 1_000;
         sampling.nested.steps = Some(16);
-        // More leave no more ancestors, and means of runs with several seeds agree as well.
+        sampling.bridge.smc_particles = 1_000;
         sampling.bridge.mcmc_steps = 2;
+        sampling.bridge.further_mcmc_steps = 40;
         sampling.pt_hmc.surrogate = true;
         // A path from a screened reference is short.
         sampling.pt_hmc.min_temperatures = 4;
@@ -209,22 +210,26 @@ impl FitSettings {
         settings
     }
 
-    /// These settings without extensions of the last tempered round. Everything else determines the draws, so that two runs which
-    /// agree in these settings agree in all draws that they have in common.
+    /// These settings without those that say only how long a run may go on: extensions of the last tempered round, and further MCMC steps
+    /// of a bridge. Everything else determines the draws, so that two runs which agree in these settings agree in all draws that they have in
+    /// common.
     #[must_use]
     pub fn without_extensions(&self) -> Self {
         let mut settings = self.clone();
         settings.sampling.pt_hmc.extensions = 0;
+        settings.sampling.bridge.further_mcmc_steps = 0;
         settings
     }
 
-    /// Whether a finished run with the settings `before`, which failed its convergence checks, may be extended under
-    /// these settings: the sampler is the tempered one, and these allow more extensions. The two must be equal in
-    /// everything else.
+    /// Whether a finished run with the settings `before`, which failed its convergence checks, may go on under these settings: the sampler
+    /// is the tempered one, and these allow more extensions, or it ends with a bridge, and these allow more further MCMC steps. The two must be
+    /// equal in everything else.
     #[must_use]
-    pub fn may_extend(&self, before: &Self) -> bool {
+    pub fn may_go_on(&self, before: &Self) -> bool {
         let extensions = |settings: &Self| settings.sampling.pt_hmc.extensions;
+        let further = |settings: &Self| settings.sampling.bridge.further_mcmc_steps;
         self.sampling.sampler == Sampler::PtHmc && extensions(self) > extensions(before)
+            || further(self) > further(before)
     }
 }
 

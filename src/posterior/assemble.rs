@@ -47,6 +47,7 @@ pub fn assemble_run(summary: &Summary, stored: zarr::Stored) -> Result<Run> {
         history: stored.history,
         checks: summary.checks.clone(),
         warnings: summary.warnings.clone(),
+        surrogate: stored.surrogate,
     };
     run.check()?;
     Ok(run)

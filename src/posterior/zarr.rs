@@ -9,6 +9,7 @@
 //! | `prior` | each parameter and derived quantity by name | chain, draw |
 //! | `weighted` | `theta`, `derived`, `ln_weight`, `ln_likelihood`, `chain`, `cluster`: the sampler's own draws, to the bit | row, ... |
 //! | `history` | the path of the run from the prior to the posterior | step, insertion, temperature or chain set |
+//! | `surrogate` | `features`, `outputs` (mean and standard deviation of each) and `parameters` of the network along which chains moved | one |
 //!
 //! Equal-length chains of equal weight are written to `posterior` as they are; weighted draws are resampled there to equal
 //! weight, systematically, to as many rows as their ESS (Kish). Evidence and weights belong to `weighted`. Names and units are
@@ -28,6 +29,7 @@ use layout::Table;
 pub use layout::equal_weight_rows;
 use oblate_samplers::files::{folder_of, sync_folder};
 use oblate_samplers::output::{Draws, History, Method};
+use oblate_samplers::surrogate::Surrogate;
 use oblate_samplers::{Prior, Run};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -62,6 +64,8 @@ pub struct Stored {
     pub draws: Draws,
     /// The history, equal to the sampler's in every bit.
     pub history: History,
+    /// The surrogate, equal to the sampler's in every bit.
+    pub surrogate: Option<Surrogate>,
 }
 
 /// The root's attributes.
@@ -129,6 +133,9 @@ pub fn write(path: &Path, run: &Run, extras: Extras<'_>) -> Result<()> {
     }
     layout::write_weighted(&store, &run.draws)?;
     layout::write_history(&store, &run.history)?;
+    if let Some(surrogate) = &run.surrogate {
+        layout::write_surrogate(&store, surrogate)?;
+    }
     store.root(&root)?;
     sync(path).map_err(failed)
 }
@@ -188,5 +195,6 @@ pub fn read(path: &Path) -> Result<Stored> {
         seed: root.seed,
         draws,
         history,
+        surrogate: layout::read_surrogate(&store)?,
     })
 }

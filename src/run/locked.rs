@@ -179,8 +179,7 @@ impl LockedFolder {
 
     /// Writes the result, which replaces another one in one step: first all of it into a folder of its own, synced;
     /// this folder is then renamed, which is the step; then the pieces are moved to their paths. Last, the checkpoint
-    /// is removed, unless the run can be continued: because its time was up, or because it is a tempered one that has
-    /// not converged. Returns the summary, with the checksum of the draws.
+    /// is removed, unless the run can be continued. Returns the summary, with the checksum of the draws.
     ///
     /// # Errors
     /// As of [`zarr::write`]; [`Error::Sampler`] or [`Error::Io`] if another file cannot be written, or the checkpoint not removed.
@@ -269,9 +268,15 @@ impl LockedFolder {
     }
 }
 
-/// Whether a run that has its result can be continued: because its time was up, or because it is a tempered one that has not converged.
+/// Whether a run that has its result can be continued: because its time was up, or because it has not converged, and is a tempered one or a
+/// bridge. A bridge whose coarse run has not converged either begins anew after that run has gone on.
 fn may_continue(run: &Run) -> bool {
-    run.status != Status::Complete || (run.method == Method::PtHmc && !run.converged())
+    let grows = match run.method {
+        Method::Nested => false,
+        Method::PtHmc => true,
+        Method::Bridge => (run.checks.iter()).all(|c| c.pass || c.name != "coarse-run-checks"),
+    };
+    run.status != Status::Complete || grows && !run.converged()
 }
 
 /// Whether a finished run has left nothing to be moved or removed.

@@ -74,8 +74,8 @@ impl<'a> RunSession<'a> {
         Self::begin_unless(destination, beginning, &|_| Ok(false))
     }
 
-    /// As [`begin`](Self::begin), for a fit of a track. `inputs` are those beside the settings. A finished fit that may be extended
-    /// ([`FitSettings::may_extend`]) is unfinished again.
+    /// As [`begin`](Self::begin), for a fit of a track. `inputs` are those beside the settings. A finished fit that may go on
+    /// ([`FitSettings::may_go_on`]) is unfinished again.
     ///
     /// # Errors
     /// As of [`begin`](Self::begin); [`Error::Setting`](crate::Error::Setting) for settings that TOML cannot hold.
@@ -95,7 +95,7 @@ impl<'a> RunSession<'a> {
         };
         Self::begin_unless(destination, beginning, &|stored| {
             let before = parse(&stored.config, destination.folder)?;
-            Ok(!stored.run.converged() && settings.may_extend(&before))
+            Ok(!stored.run.converged() && settings.may_go_on(&before))
         })
     }
 

@@ -225,11 +225,13 @@ pub fn bridge_seeds() -> Vec<Seed> {
         )
         .unwrap()
     };
+    // Fifty draws are too few, so that further MCMC steps follow.
     let settings = bridge::Settings {
         smc_particles: 50,
         mcmc_steps: 3,
+        further_mcmc_steps: 4,
     };
-    [0, 1, 2, 8]
+    [0, 1, 2, 8, 14]
         .map(|steps| seed(Work::Bridge(settings.clone(), Box::new(parent())), steps))
         .into()
 }

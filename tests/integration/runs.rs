@@ -89,6 +89,7 @@ fn run(method: Method, draws: Draws, history: History, seed: u64) -> Run {
             "enough draws to quote 95 % intervals",
         )],
         warnings: Vec::new(),
+        surrogate: None,
     }
 }
 

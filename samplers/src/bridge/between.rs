@@ -1,30 +1,12 @@
 //! The intermediate likelihood of a bridge, `L_coarse^(1 - s) L_fine^s`, as a target; `s` is called `fraction` in the
 //! code.
 
+use super::particle::Both;
 use crate::error::Result;
 use crate::hmc::{Evaluator, Point};
 use crate::output::Calls;
 use crate::target::{Outcome, Prior, Symmetry, Target};
 use std::sync::{Mutex, PoisonError};
-
-/// ln L of the coarse and of the fine likelihood at one point.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Both {
-    pub coarse: f64,
-    pub fine: f64,
-}
-
-impl Both {
-    /// ln L of the fine likelihood minus that of the coarse one.
-    pub fn gap(self) -> f64 {
-        self.fine - self.coarse
-    }
-
-    /// ln L of the intermediate likelihood with the exponent `s`.
-    pub fn at(self, fraction: f64) -> f64 {
-        (1.0 - fraction) * self.coarse + fraction * self.fine
-    }
-}
 
 /// The intermediate likelihood, for one particle at a time: it keeps the values at its last point, at which a slice
 /// update ends.

@@ -1,13 +1,21 @@
 //! Whether a state that was read from a checkpoint is one that this bridge can have come to.
 
+use super::particle::Particle;
 use super::settings::Settings;
-use super::state::{Particle, State};
+use super::state::State;
+use crate::hmc::StepSize;
 use crate::output::Draws;
 use crate::valid::{Valid, countable, ensure, moderate};
 
 impl State {
     /// Checks all that the next MCMC step, the next step and the result rely on; `parent` are the draws that the SMC particles began as.
-    pub(super) fn check(&self, settings: &Settings, parent: &Draws, dim: usize) -> Valid {
+    pub(super) fn check(
+        &self,
+        settings: &Settings,
+        parent: &Draws,
+        dim: usize,
+        features: usize,
+    ) -> Valid {
         ensure(
             (0.0..=1.0).contains(&self.fraction) && self.ln_ratio.is_finite(),
             "it is not between its two likelihoods",
@@ -24,12 +32,18 @@ impl State {
                 && (self.fraction <= 0.0 || self.particles.iter().all(fine)),
             "an SMC particle has no likelihood",
         )?;
+        let most = if self.fraction < 1.0 {
+            settings.mcmc_steps
+        } else {
+            // It may have been allowed other numbers of further ones.
+            settings.mcmc_steps + Settings::MAX_FURTHER
+        };
+        let moves = self.metrics.len() == 2
+            && self.pools.len() == 2
+            && self.gaps_before.len() == self.particles.len();
+        let steps_next = self.fraction < 1.0 && self.mcmc_steps == settings.mcmc_steps;
         ensure(
-            self.mcmc_steps == settings.mcmc_steps
-                || self.mcmc_steps < settings.mcmc_steps
-                    && self.metrics.len() == 2
-                    && self.pools.len() == 2
-                    && self.gaps_before.len() == self.particles.len(),
+            self.mcmc_steps <= most && (moves || steps_next),
             "it has no metric or pool to move by, or too many MCMC steps",
         )?;
         for metric in &self.metrics {
@@ -40,6 +54,9 @@ impl State {
             countable([self.levels.len() as u64]) && self.gaps_before.iter().all(|g| !g.is_nan()),
             "a difference of likelihoods is not a number",
         )?;
+        self.surrogate.iter().try_for_each(|s| s.check(features))?;
+        self.examples.check(features)?;
+        self.step.iter().try_for_each(StepSize::check)?;
         self.cost.check()
     }
 }
@@ -63,7 +80,7 @@ impl Particle {
 
 #[cfg(test)]
 mod tests {
-    use super::super::between::Both;
+    use super::super::particle::Both;
     use super::super::state::Level;
     use super::*;
 
@@ -77,6 +94,7 @@ mod tests {
         let settings = Settings {
             smc_particles: 30,
             mcmc_steps: 3,
+            further_mcmc_steps: 0,
         };
         let parent = Draws {
             ln_likelihood: vec![-1.0; 50],
@@ -101,8 +119,8 @@ mod tests {
             levels: Vec::<Level>::new(),
             ..State::default()
         };
-        assert_eq!(sound.check(&settings, &parent, 2), Ok(()));
-        let damages: [(Damage<'_>, &str); 9] = [
+        assert_eq!(sound.check(&settings, &parent, 2, 2), Ok(()));
+        let damages: [(Damage<'_>, &str); 10] = [
             (&|s| s.fraction = f64::NAN, "between"),
             (&|s| s.particles.clear(), "number of SMC particles"),
             (&|s| s.particles[3].z = vec![0.0; 3], "another dimension"),
@@ -114,12 +132,19 @@ mod tests {
             (&|s| s.particles[3].eve = 50, "no draw"),
             (&|s| s.metrics.clear(), "no metric"),
             (&|s| s.mcmc_steps = 4, "too many MCMC steps"),
+            (&|s| s.examples.push(&[1.0; 3], 0.0, &[]), "examples"),
             (&|s| s.cost.calls = u64::MAX, "too large"),
         ];
+        let ended = State {
+            fraction: 1.0,
+            mcmc_steps: 4,
+            ..sound.clone()
+        };
+        assert_eq!(ended.check(&settings, &parent, 2, 2), Ok(()));
         for (damage, expected) in damages {
             let mut state = sound.clone();
             damage(&mut state);
-            let found = state.check(&settings, &parent, 2).err();
+            let found = state.check(&settings, &parent, 2, 2).err();
             assert!(
                 found.is_some_and(|f| f.contains(expected)),
                 "{expected}: {found:?}"

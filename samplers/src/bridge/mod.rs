@@ -7,13 +7,18 @@
 //! and takes few steps if they differ by a few nats. The bridge cannot find what the coarse run has missed: a mode, or
 //! points without a coarse likelihood.
 //!
-//! After each step every SMC particle makes slice updates. Particles of even lineages of the run take directions from
+//! After each step every SMC particle makes MCMC steps. Particles of even lineages of the run take directions and metric from
 //! those of odd ones and the other way round: directions from the same lineage would not leave the distribution
-//! invariant.
+//! invariant. An MCMC step is a slice update. If the coarse run has a surrogate of its likelihood, it is instead three moves along a
+//! surrogate of the fine one ([`surrogate_move`](crate::hmc::surrogate_move)), which begins as that of the coarse run and is fitted anew
+//! before each MCMC step to the values of the fine likelihood so far. At the fine likelihood further MCMC steps follow while
+//! the effective sample size is too small: copies of one particle part by them.
 
 mod between;
 mod check;
+mod explore;
 mod outcome;
+mod particle;
 mod settings;
 mod state;
 
@@ -23,6 +28,7 @@ use crate::checkpointer::Checkpointer;
 use crate::control::{Control, Event};
 use crate::error::{Error, Result};
 use crate::output::{Run, Status};
+use crate::surrogate::Surrogate;
 use crate::target::Target;
 use state::{Bridge, State};
 
@@ -54,9 +60,20 @@ pub fn run(
     if target.prior().names() != coarse.prior().names() {
         return Err(Error::OtherParameters { run: COARSE });
     }
+    let features = |s: &Surrogate| s.features();
+    if (parent.surrogate.as_ref().map(features)).is_some_and(|f| f != target.feature_count()) {
+        return Err(Error::Inconsistent {
+            run: COARSE,
+            message: "its surrogate has another number of features than the target".to_owned(),
+        });
+    }
     let origin = (parent.seed, parent.evidence.ln_z, parent.draws.len());
-    let mut checkpointer =
-        Checkpointer::new(&[target, coarse], &(settings, seed, origin), control)?;
+    // The number of further MCMC steps decides where a bridge ends, but not what it draws.
+    let drawing = Settings {
+        further_mcmc_steps: 0,
+        ..settings.clone()
+    };
+    let mut checkpointer = Checkpointer::new(&[target, coarse], &(drawing, seed, origin), control)?;
     let mut bridge = Bridge {
         target,
         coarse,
@@ -69,13 +86,20 @@ pub fn run(
     let saved = checkpointer.load(
         control,
         |state: &State| &state.cost,
-        |state| state.check(settings, &parent.draws, target.dim()),
+        |state| {
+            state.check(
+                settings,
+                &parent.draws,
+                target.dim(),
+                target.feature_count(),
+            )
+        },
     )?;
     match saved {
-        Some(state) => bridge.state = state,
+        Some(state) => bridge.resume(state),
         None => bridge.begin(parent)?,
     }
-    while !bridge.finished() {
+    while !outcome::enough(&bridge, parent)? {
         if stop || control.interrupted() || control.spent(bridge.state.cost.calls) {
             checkpointer.save(&bridge.state, control)?;
             control.tell(&Event::Checkpointed);
@@ -88,6 +112,7 @@ pub fn run(
         }
         stop = control.tell(&Event::Bridge {
             fraction: bridge.state.fraction,
+            further: bridge.further_mcmc_steps().unwrap_or(0),
             ln_z: parent.evidence.ln_z + bridge.state.ln_ratio,
             calls: bridge.state.cost.calls,
         });

@@ -1,18 +1,19 @@
 //! From the final particles of a bridge to its result and checks.
 
 use super::state::{Bridge, Level};
-use crate::diagnostics::{effective_kinds, size_of_mean, sums_by_group};
+use crate::diagnostics::{effective_kinds, sums_by_group};
 use crate::error::Result;
-use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
+use crate::output::{Check, Draws, Ess, Evidence, History, MIN_ESS, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
 
 /// The result of a finished bridge.
 pub(super) fn assemble(bridge: &Bridge<'_>, parent: &Run) -> Result<Run> {
     let state = &bridge.state;
     let prior = bridge.target.prior();
-    let draws = draws(bridge)?;
-    let evidence = evidence(bridge, &draws, parent);
-    let ess = effective_sizes(&draws, bridge, parent);
+    let clusters = clusters(&parent.draws);
+    let draws = draws(bridge, &clusters)?;
+    let evidence = evidence(bridge, &draws, parent, &clusters);
+    let ess = effective_sizes(&draws, bridge);
     let checks = checks(parent, &evidence, &ess);
     Ok(Run {
         method: Method::Bridge,
@@ -27,13 +28,14 @@ pub(super) fn assemble(bridge: &Bridge<'_>, parent: &Run) -> Result<Run> {
         ess,
         cost: state.cost.clone(),
         history: History::Bridge {
-            fraction: column(&bridge.state.levels, |l| l.fraction),
-            ln_ratio: column(&bridge.state.levels, |l| l.ln_ratio),
-            ancestors: column(&bridge.state.levels, |l| l.ancestors),
-            correlation: column(&bridge.state.levels, |l| l.correlation),
+            fraction: column(&state.levels, |l| l.fraction),
+            ln_ratio: column(&state.levels, |l| l.ln_ratio),
+            ancestors: column(&state.levels, |l| l.ancestors),
+            correlation: column(&state.levels, |l| l.correlation),
         },
         checks,
         warnings: Vec::new(),
+        surrogate: state.surrogate.clone(),
     })
 }
 
@@ -41,7 +43,41 @@ fn column(levels: &[Level], of: impl Fn(&Level) -> f64) -> Vec<f64> {
     levels.iter().map(of).collect()
 }
 
-fn draws(bridge: &Bridge<'_>) -> Result<Draws> {
+/// Whether the bridge is at its end: at the fine likelihood, with draws enough, or with as many further MCMC steps as it may make.
+pub(super) fn enough(bridge: &Bridge<'_>, parent: &Run) -> Result<bool> {
+    let Some(further) = bridge.further_mcmc_steps() else {
+        return Ok(false);
+    };
+    // Nothing makes good what a coarse run that has not converged may have missed.
+    if further >= bridge.settings.further_mcmc_steps || !parent.converged() {
+        return Ok(true);
+    }
+    let draws = draws(bridge, &clusters(&parent.draws))?;
+    Ok(effective_sizes(&draws, bridge).quoted >= MIN_ESS)
+}
+
+/// Blocks of successive draws into which each chain of a parent is divided. They must be longer than a chain stays in one place, and
+/// more than a few, so that their scatter is known.
+const BLOCKS: usize = 32;
+
+/// The cluster of dependent draws of each row of a parent: its lineage in a nested run; of Markov chains a block of successive draws (batch
+/// means).
+fn clusters(parent: &Draws) -> Vec<u32> {
+    let chains = parent.chains();
+    if chains.len() < 2 {
+        return parent.cluster.clone();
+    }
+    let mut clusters = vec![0; parent.len()];
+    for (chain, rows) in chains.iter().enumerate() {
+        for (place, &row) in rows.iter().enumerate() {
+            let block = chain * BLOCKS + place * BLOCKS / rows.len();
+            clusters[row] = u32::try_from(block).unwrap_or(u32::MAX);
+        }
+    }
+    clusters
+}
+
+fn draws(bridge: &Bridge<'_>, clusters: &[u32]) -> Result<Draws> {
     let ln_weight = -(bridge.state.particles.len() as f64).ln();
     let mut draws = Draws::of(bridge.target);
     let mut theta = vec![0.0; bridge.target.dim()];
@@ -49,31 +85,24 @@ fn draws(bridge: &Bridge<'_>) -> Result<Draws> {
         bridge.target.prior().theta_from_z(&particle.z, &mut theta);
         let origin = Origin {
             chain: 0,
-            cluster: particle.lineage,
+            cluster: clusters[particle.eve],
         };
         draws.push(bridge.target, &theta, particle.both.fine, ln_weight, origin)?;
     }
     Ok(draws)
 }
 
-fn evidence(bridge: &Bridge<'_>, draws: &Draws, parent: &Run) -> Evidence {
+fn evidence(bridge: &Bridge<'_>, draws: &Draws, parent: &Run, clusters: &[u32]) -> Evidence {
     let ln_z = parent.evidence.ln_z + bridge.state.ln_ratio;
     let parts = [
         ("parent", parent.evidence.error),
         ("weights", coalescence_error(bridge)),
         (
             "lineage-weights",
-            lineage_weight_error(draws, &parent.draws),
+            cluster_weight_error(draws, &parent.draws, clusters),
         ),
     ];
-    let particles = bridge.state.particles.len() as f64;
-    let mean = bridge
-        .state
-        .particles
-        .iter()
-        .map(|m| m.both.fine)
-        .sum::<f64>()
-        / particles;
+    let mean = draws.ln_likelihood.iter().sum::<f64>() / draws.len() as f64;
     Evidence {
         ln_z,
         error: parts.iter().map(|(_, e)| e * e).sum::<f64>().sqrt(),
@@ -93,16 +122,16 @@ fn coalescence_error(bridge: &Bridge<'_>) -> f64 {
     (1.0 - unlike).max(0.0).sqrt()
 }
 
-/// Error of ln Z from the weights that the bridge has moved between lineages of the parent: in the parent the weight of
+/// Error of ln Z from the weights that the bridge has moved between clusters of the parent's draws: in the parent the weight of
 /// each is uncertain by about a factor, and the error of the parent does not include these changes.
-fn lineage_weight_error(draws: &Draws, parent: &Draws) -> f64 {
-    if parent.cluster.iter().all(|g| *g == parent.cluster[0]) {
+fn cluster_weight_error(draws: &Draws, parent: &Draws, clusters: &[u32]) -> f64 {
+    if clusters.iter().all(|g| *g == clusters[0]) {
         // Independent draws: the error of the weights is the whole error.
         return 0.0;
     }
-    let weights = |draws: &Draws| sums_by_group(&draws.cluster, draws.weights().into_iter());
-    // Lineages at the end of the list that have no particle are missing here.
-    let (here, there) = (weights(draws), weights(parent));
+    let here = sums_by_group(&draws.cluster, draws.weights().into_iter());
+    let there = sums_by_group(clusters, parent.weights().into_iter());
+    // Clusters at the end of the list that have no particle are missing here.
     let here = here.into_iter().chain(std::iter::repeat(0.0));
     let moved = there
         .into_iter()
@@ -111,27 +140,13 @@ fn lineage_weight_error(draws: &Draws, parent: &Draws) -> f64 {
     moved.map(|m| m * m).sum::<f64>().sqrt()
 }
 
-/// Effective sizes of the result. The variance of a mean is that of the parent's draws and that of the resampling, which
-/// leaves a number of ancestors: 1 / ESS = 1 / ESS of the parent + 1 / ancestors. For nested parents both are in the scatter of
-/// lineages (design effect); the few clusters of a tempered parent have too noisy a scatter.
-fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>, parent: &Run) -> Ess {
-    // An effective size is at most the number of draws, also if lineages agree by coincidence.
-    let most = draws.len() as f64;
-    let kish = effective_kinds(bridge.state.particles.iter().map(|m| m.eve));
-    let resampled = |sizes: &[f64]| -> Vec<f64> {
-        let both = sizes.iter().map(|size| 1.0 / (1.0 / size + 1.0 / kish));
-        both.collect()
-    };
-    let (bulk, tail) = if parent.method == Method::PtHmc {
-        (resampled(&parent.ess.bulk), resampled(&parent.ess.tail))
-    } else {
-        let weights = draws.weights();
-        let size = |k| size_of_mean(&draws.column(k), &weights, &draws.cluster).min(most);
-        ((0..draws.dim).map(size).collect(), Vec::new())
-    };
+/// Effective sizes of the result, by the scatter of clusters of the parent's draws: it has the error of the parent, that of the resampling,
+/// and what the MCMC steps have made good of it. Kish's is the number of ancestors.
+fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
+    let (bulk, tail) = draws.clustered_ess();
     Ess {
-        kish,
-        quoted: bulk.iter().chain(&tail).copied().fold(kish, f64::min),
+        kish: effective_kinds(bridge.state.particles.iter().map(|m| m.eve)),
+        quoted: Ess::smallest(&bulk, &tail),
         bulk,
         tail,
         ..Ess::default()
@@ -140,18 +155,12 @@ fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>, parent: &Run) -> Ess {
 
 fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
     let failed = parent.checks.iter().filter(|g| !g.pass).count();
-    vec![
+    let mut checks = vec![
         Check::at_most(
             "coarse-run-checks",
             failed as f64,
             0.0,
             "convergence checks that the coarse run failed; a bridge cannot find what the coarse run has missed: make that run converge first",
-        ),
-        Check::at_least(
-            "effective-sample-size",
-            ess.quoted,
-            100.0,
-            "smallest effective sample size over parameters, of the coarse run and of the resampling together; if too small, raise `smc_particles`, continue the coarse run, or use a coarse likelihood closer to the fine one",
         ),
         Check::at_most(
             "bridge-error",
@@ -159,7 +168,11 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
                 + evidence.error_parts["lineage-weights"].powi(2))
             .sqrt(),
             0.5,
-            "error in nats that the bridge adds to ln Z; if too large, raise `smc_particles`, or use a coarse likelihood closer to the fine one",
+            "error in nats that the bridge adds to ln Z; if too large, give more `smc_particles`, or use a coarse likelihood closer to the fine one",
         ),
-    ]
+    ];
+    checks.extend(ess.checks(
+        "allow more `further_mcmc_steps`, give more `smc_particles`, continue the coarse run, or use a coarse likelihood closer to the fine one",
+    ));
+    checks
 }

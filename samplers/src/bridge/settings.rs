@@ -10,14 +10,19 @@ const BYTES_PER_COORDINATE: f64 = 5.0 * 8.0;
 /// Memory of everything else of an SMC particle.
 const BYTES_PER_MEMBER: f64 = 50.0 * 8.0;
 
+/// Most values of ln L that the surrogate of the fine likelihood is fitted to, the newest.
+pub(super) const EXAMPLES_KEPT: usize = 50_000;
+
 /// Settings of [`bridge::run`](super::run).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// Number of SMC particles: draws taken from the coarse run, and draws of the result.
     pub smc_particles: usize,
-    /// Slice updates of each particle after each step.
+    /// MCMC steps of each particle after each step: slice updates, or moves along the surrogate of a coarse run that has one.
     pub mcmc_steps: usize,
+    /// Maximum number of further MCMC steps at the fine likelihood, made while the effective sample size is too small.
+    pub further_mcmc_steps: usize,
 }
 
 impl Default for Settings {
@@ -25,11 +30,15 @@ impl Default for Settings {
         Self {
             smc_particles: 2_000,
             mcmc_steps: 12,
+            further_mcmc_steps: 0,
         }
     }
 }
 
 impl Settings {
+    /// Largest number of further MCMC steps.
+    pub(super) const MAX_FURTHER: usize = 100_000;
+
     /// Checks every number by itself: the ranges of docs/limits.md.
     ///
     /// # Errors
@@ -37,6 +46,11 @@ impl Settings {
     pub fn check_ranges(&self) -> Result<()> {
         in_range("smc_particles", self.smc_particles, 10..=1_000_000)?;
         in_range("mcmc_steps", self.mcmc_steps, 1..=1000)?;
+        in_range(
+            "further_mcmc_steps",
+            self.further_mcmc_steps,
+            0..=Self::MAX_FURTHER,
+        )?;
         Ok(())
     }
 
@@ -57,10 +71,16 @@ impl Settings {
         Ok(())
     }
 
-    /// An estimate of the memory of a bridge: every SMC particle with its coordinates, in three copies while it moves, and as a draw.
+    /// An estimate of the memory of a bridge: every SMC particle with its coordinates, in three copies while it moves, and as a draw; and
+    /// the values that a surrogate learns from.
     #[must_use]
     pub fn memory(&self, dim: usize) -> Memory {
         let particle = BYTES_PER_MEMBER + BYTES_PER_COORDINATE * dim as f64;
-        Memory::default().with("smc_particles", particle * self.smc_particles as f64)
+        // In single precision as kept and in the network's units; about as many residuals as coordinates, twice.
+        let examples = 2.0 * 4.0 * (3 * dim + 1) as f64 * EXAMPLES_KEPT as f64;
+        Memory::default().with(
+            "smc_particles",
+            particle * self.smc_particles as f64 + examples,
+        )
     }
 }

@@ -1,31 +1,29 @@
 //! The particles of a bridge and how they are moved.
 
 use super::Settings;
-use super::between::{Between, Both};
+use super::explore::{Moved, Moves};
+use super::particle::{Both, Particle};
+use super::settings::EXAMPLES_KEPT;
 use crate::diagnostics::effective_kinds;
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, Point, slice_updates, try_involutions};
+use crate::hmc::{Evaluator, Metric, StepSize};
 use crate::output::{Calls, Cost, Run};
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::{SmcWeights, after_step};
+use crate::surrogate::{Examples, Surrogate};
 use crate::target::{Symmetry, Target};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Index, within a step, of the random stream of the resampling.
+/// Indices, within a step, of the random streams of the resampling and, within an MCMC step, of the fit of the surrogate.
 const RESAMPLING: u64 = u64::MAX;
+const FIT: u64 = u64::MAX - 1;
 
-/// One SMC particle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Particle {
-    pub(super) z: Vec<f64>,
-    pub(super) both: Both,
-    /// Eve index: the row of the parent's draws from which it descends.
-    pub(super) eve: usize,
-    /// Cluster of dependent draws to which that row belongs.
-    pub(super) lineage: u32,
-}
+/// First leapfrog step along the surrogate, in the metric of all particles, and the acceptance by the surrogate that later ones are
+/// adapted to.
+const FIRST_STEP: f64 = 0.05;
+const ACCEPTANCE: f64 = 0.8;
 
 /// One step of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,7 +33,7 @@ pub(super) struct Level {
     pub(super) ln_ratio: f64,
     /// Effective number of ancestors.
     pub(super) ancestors: f64,
-    /// Correlation of `ln L_fine - ln L_coarse` before and after the slice updates.
+    /// Correlation of `ln L_fine - ln L_coarse` before and after the MCMC steps.
     pub(super) correlation: f64,
 }
 
@@ -45,7 +43,7 @@ pub(super) struct State {
     pub(super) fraction: f64,
     pub(super) ln_ratio: f64,
     pub(super) particles: Vec<Particle>,
-    /// MCMC steps done at this exponent; none are due at 0.
+    /// MCMC steps done at this exponent; none are due at 0, and more than elsewhere may be at 1.
     pub(super) mcmc_steps: usize,
     /// `ln L_fine - ln L_coarse` of every SMC particle before these MCMC steps.
     pub(super) gaps_before: Vec<f64>,
@@ -53,6 +51,12 @@ pub(super) struct State {
     pub(super) metrics: Vec<Metric>,
     pub(super) pools: Vec<DifferencePool>,
     pub(super) levels: Vec<Level>,
+    /// The surrogate of the fine likelihood, at first that of the coarse one; none if the coarse run has none.
+    pub(super) surrogate: Option<Surrogate>,
+    /// Values of the fine likelihood, from which it learns.
+    pub(super) examples: Examples,
+    /// Leapfrog step along it; none before the first.
+    pub(super) step: Option<StepSize>,
     pub(super) cost: Cost,
 }
 
@@ -84,9 +88,19 @@ pub(super) struct Bridge<'a> {
 }
 
 impl Bridge<'_> {
-    /// Whether the last MCMC step at the fine likelihood is done.
-    pub(super) fn finished(&self) -> bool {
-        self.state.fraction >= 1.0 && self.state.mcmc_steps == self.settings.mcmc_steps
+    /// Goes on from a state that was read from a file.
+    pub(super) fn resume(&mut self, mut state: State) {
+        if let Some(surrogate) = &mut state.surrogate {
+            surrogate.prepare();
+        }
+        self.state = state;
+    }
+
+    /// MCMC steps at the fine likelihood beyond those that each exponent has; none before those are done.
+    pub(super) fn further_mcmc_steps(&self) -> Option<usize> {
+        let done = self.state.fraction >= 1.0;
+        let further = self.state.mcmc_steps.checked_sub(self.settings.mcmc_steps);
+        further.filter(|_| done)
     }
 
     /// Resamples draws of the parent to equal weights and computes their fine likelihood.
@@ -116,16 +130,28 @@ impl Bridge<'_> {
                 });
             }
         }
-        let mut evaluator = Evaluator::new(self.target);
-        let places: Vec<&[f64]> = particles.iter().map(|m| m.z.as_slice()).collect();
-        let fine = evaluator.values(&places)?;
-        if fine.iter().all(|l| *l == f64::NEG_INFINITY) {
+        let fine: Vec<Result<(f64, Calls, Examples)>> = (particles.par_iter())
+            .map(|particle| {
+                let evaluator = Evaluator::new(self.target);
+                let mut evaluator = evaluator.keeping_examples(parent.surrogate.is_some());
+                let fine = evaluator.value(&particle.z)?;
+                let (calls, examples) = evaluator.into_calls_and_examples();
+                Ok((fine, calls, examples))
+            })
+            .collect();
+        let mut examples = Examples::default();
+        for (particle, fine) in particles.iter_mut().zip(fine) {
+            let (fine, calls, own) = fine?;
+            particle.both.fine = fine;
+            self.state.cost.count(&calls);
+            examples.append(own);
+        }
+        let nowhere = |particle: &Particle| particle.both.fine == f64::NEG_INFINITY;
+        if particles.iter().all(nowhere) {
             return Err(Error::NoCommonSupport);
         }
-        for (particle, fine) in particles.iter_mut().zip(fine) {
-            particle.both.fine = fine;
-        }
-        self.state.cost.count(&evaluator.calls);
+        self.state.surrogate.clone_from(&parent.surrogate);
+        self.state.examples = examples;
         self.state.particles = particles;
         self.state.mcmc_steps = self.settings.mcmc_steps;
         Ok(())
@@ -134,9 +160,10 @@ impl Bridge<'_> {
     /// One MCMC step of every particle, after a step of the exponent where one is due. On an error no particle has
     /// moved, and the same MCMC step can be repeated.
     pub(super) fn advance(&mut self) -> Result<()> {
-        if self.state.mcmc_steps == self.settings.mcmc_steps {
+        if self.state.fraction < 1.0 && self.state.mcmc_steps == self.settings.mcmc_steps {
             self.step()?;
         }
+        self.learn();
         self.mcmc_step()?;
         let state = &mut self.state;
         state.mcmc_steps += 1;
@@ -188,38 +215,57 @@ impl Bridge<'_> {
         Ok(())
     }
 
-    /// One slice update of every particle at the present exponent; in the first MCMC step there also the target's
-    /// involutions.
+    /// Fits the surrogate anew, if there is one, to the values of the fine likelihood so far. The present one remains where they are
+    /// too few.
+    fn learn(&mut self) {
+        let (level, mcmc_step) = (self.level(), self.state.mcmc_steps as u64);
+        let mut rng = stream(self.seed, Domain::Bridge, level << 32 | mcmc_step, FIT);
+        let state = &mut self.state;
+        state.examples.keep_last(EXAMPLES_KEPT);
+        if let Some(surrogate) = &state.surrogate
+            && let Some(fitted) = Surrogate::fit(&state.examples, Some(surrogate), &mut rng)
+        {
+            state.surrogate = Some(fitted);
+        }
+    }
+
+    /// One MCMC step of every particle at the present exponent.
     fn mcmc_step(&mut self) -> Result<()> {
         let state = &self.state;
-        let fraction = state.fraction;
         let (level, mcmc_step) = (self.level(), state.mcmc_steps as u64);
-        let moved: Vec<Result<(Particle, Calls)>> = (0..state.particles.len())
-            .into_par_iter()
-            .map(|i| {
-                let mut particle = state.particles[i].clone();
+        let mut step = state.step.unwrap_or(StepSize::new(FIRST_STEP));
+        let moves = [0, 1].map(|half| Moves {
+            target: self.target,
+            coarse: self.coarse,
+            fraction: state.fraction,
+            surrogate: state.surrogate.as_ref(),
+            metric: &state.metrics[half],
+            pool: &state.pools[half],
+            step: step.step(),
+            first: mcmc_step == 0,
+        });
+        let moved: Vec<Result<Moved>> = (state.particles.par_iter().enumerate())
+            .map(|(i, particle)| {
                 let task = level << 32 | mcmc_step;
                 let mut rng = stream(self.seed, Domain::Bridge, task, i as u64);
-                let half = (particle.lineage % 2) as usize;
-                let mut point = Point::new(self.target.dim());
-                point.z.clone_from(&particle.z);
-                let between = Between::new(self.coarse, self.target, fraction);
-                let (metric, pool) = (&state.metrics[half], &state.pools[half]);
-                let calls =
-                    between.explore(&mut point, &mut particle.both, |evaluator, point| {
-                        if mcmc_step == 0 {
-                            try_involutions(evaluator, 1.0, point, &mut rng)?;
-                        }
-                        slice_updates(evaluator, 1.0, metric, pool, 1, point, &mut rng, |_| ())
-                    })?;
-                particle.z = point.z;
-                Ok((particle, calls))
+                moves[(particle.lineage % 2) as usize].explore(particle, &mut rng)
             })
             .collect();
-        let moved: Vec<(Particle, Calls)> = moved.into_iter().collect::<Result<_>>()?;
-        let (particles, calls): (Vec<Particle>, Vec<Calls>) = moved.into_iter().unzip();
-        self.state.particles = particles;
-        calls.iter().for_each(|calls| self.state.cost.count(calls));
+        let moved: Vec<Moved> = moved.into_iter().collect::<Result<_>>()?;
+        let acceptance = moved.iter().map(|own| own.acceptance).sum::<f64>() / moved.len() as f64;
+        let before = state.levels.len() * self.settings.mcmc_steps + state.mcmc_steps;
+        let state = &mut self.state;
+        state.particles.clear();
+        for own in moved {
+            state.particles.push(own.particle);
+            state.examples.append(own.examples);
+            state.cost.count(&own.calls);
+        }
+        if state.surrogate.is_some() {
+            // The exponents yet to come are not known: every step counts as one of the first half.
+            step.learn(acceptance, ACCEPTANCE, before, usize::MAX);
+            state.step = Some(step);
+        }
         Ok(())
     }
 }

@@ -1,11 +1,13 @@
 //! Pure functions of draws: quantiles, effective sizes, ranks, distances.
 
 mod chains;
+mod clusters;
 mod distance;
 mod modes;
 mod pareto;
 
 pub use chains::{autocovariance, bulk_ess, error_of_mean, mean_ess, r_hat, tail_ess};
+pub use clusters::{clustered_bulk_ess, clustered_tail_ess, size_of_mean, sums_by_group};
 pub use distance::{Distance, wasserstein};
 pub use modes::{mode_agreement, two_means};
 pub use pareto::pareto_k;
@@ -58,35 +60,6 @@ pub fn column_moments(rows: &[f64], columns: usize) -> Vec<(f64, f64)> {
             (mean, variance)
         })
         .collect()
-}
-
-/// Sums of one number per row over the rows of each cluster; `clusters` has the cluster of each row, counted from 0.
-#[must_use]
-pub fn sums_by_group(groups: &[u32], numbers: impl Iterator<Item = f64>) -> Vec<f64> {
-    let count = groups.iter().max().map_or(0, |last| *last as usize + 1);
-    let mut sums = vec![0.0; count];
-    for (group, number) in groups.iter().zip(numbers) {
-        sums[*group as usize] += number;
-    }
-    sums
-}
-
-/// ESS of the mean of `values` with weights that add up to 1: their variance over the variance of the mean, which comes
-/// from the summed deviation of each cluster of dependent rows (design effect; Kish 1965), corrected for the number of
-/// clusters. 0 for a single cluster.
-#[must_use]
-pub fn size_of_mean(values: &[f64], weights: &[f64], groups: &[u32]) -> f64 {
-    let sums = sums_by_group(groups, weights.iter().copied());
-    let degrees_of_freedom = 1.0 - 1.0 / effective_number(sums);
-    // The deviation of a single cluster is 0 except for rounding.
-    if degrees_of_freedom < 1e-9 {
-        return 0.0;
-    }
-    let (mean, variance) = weighted_moments(values, weights);
-    let deviations = values.iter().zip(weights).map(|(x, w)| w * (x - mean));
-    let sums = sums_by_group(groups, deviations);
-    let scatter: f64 = sums.iter().map(|s| s * s).sum();
-    variance * degrees_of_freedom / scatter
 }
 
 /// p-value of the chi-square `chi2` of `count` values about their common mean.
@@ -145,15 +118,6 @@ pub fn ln_sum_exp(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn means_are_as_many_draws_as_their_groups_scatter() {
-        // Four rows of equal weight: two clusters, each with both values or with one value, or a single cluster.
-        let sizes = [[0, 0, 1, 1], [0, 1, 0, 1], [0; 4]]
-            .map(|groups| size_of_mean(&[1.0, 3.0, 1.0, 3.0], &[0.25; 4], &groups));
-        assert!(sizes[0].is_infinite() && (sizes[1] - 1.0).abs() < 1e-12);
-        assert!(sizes[2].abs() < 1e-12);
-    }
 
     #[test]
     fn errors_of_few_numbers_make_differences_less_rare() {

@@ -14,6 +14,9 @@ use crate::target::Target;
 /// diverge.
 const MAX_FORCE: f64 = 100.0;
 
+/// Maximum range of the energies along a trajectory of a chain in equilibrium.
+pub const MAX_ENERGY_RANGE: f64 = 1000.0;
+
 /// Step size and length of a transition, fixed before it and independent of the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {

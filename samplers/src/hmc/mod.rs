@@ -17,7 +17,7 @@ mod step_size;
 mod surrogate_move;
 mod symmetry;
 
-pub use leapfrog::{End, LocalSampler, Plan, Transition, shorten};
+pub use leapfrog::{End, LocalSampler, MAX_ENERGY_RANGE, Plan, Transition, shorten};
 pub use metric::Metric;
 pub use moments::Moments;
 pub use point::{Evaluator, Point};

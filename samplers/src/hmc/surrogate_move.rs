@@ -7,7 +7,7 @@
 //! between them resemble it too, and costs more than the surrogate.
 
 use super::point::ln_density;
-use super::{Evaluator, LocalSampler, Plan, Point, Transition};
+use super::{LocalSampler, Plan, Point, Transition};
 use crate::error::Result;
 use crate::rng::{RandomStream, unit_open};
 
@@ -27,13 +27,14 @@ impl Plan {
     }
 }
 
-/// One move of `at`, at the inverse temperature `beta` of the path of `evaluator`: an HMC transition of `along`, which follows a surrogate, and
-/// the probability with which ln L accepted its end, 0 if that is the beginning.
+/// One move of `at`, at the inverse temperature `beta` of an annealing path: an HMC transition of `along`, which follows a surrogate, and
+/// the probability with which ln L accepted its end, 0 if that is the beginning. `values` computes ln L at a place, and the logarithm of the
+/// reference of the path over the prior there.
 ///
 /// # Errors
-/// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
+/// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target; those of `values`.
 pub fn surrogate_move(
-    evaluator: &mut Evaluator<'_>,
+    values: impl FnOnce(&[f64]) -> Result<(f64, f64)>,
     along: &mut LocalSampler<'_, '_>,
     beta: f64,
     plan: &Plan,
@@ -49,8 +50,7 @@ pub fn surrogate_move(
         return Ok((transition, 0.0));
     }
     let after = along.ln_density(&end);
-    let ln_likelihood = evaluator.value(&end.z)?;
-    let ln_over_prior = evaluator.ln_over_prior(&end.z);
+    let (ln_likelihood, ln_over_prior) = values(&end.z)?;
     let rise = ln_density(beta, &end.z, ln_likelihood, ln_over_prior) - at.ln_density(beta);
     let acceptance = (rise - (after - before)).exp().min(1.0);
     if uniform < acceptance {
@@ -65,7 +65,7 @@ pub fn surrogate_move(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hmc::Metric;
+    use crate::hmc::{Evaluator, Metric};
     use crate::rng::{Domain, standard_normal, stream};
     use crate::surrogate::{Examples, Surrogate};
     use crate::target::{Marginal, Outcome, Prior, Target};
@@ -144,9 +144,9 @@ mod tests {
         let mut sum_of_acceptance = 0.0;
         for batch in &mut batches {
             for _ in 0..100 {
+                let values = |z: &[f64]| Ok((evaluator.value(z)?, 0.0));
                 let (_, acceptance) =
-                    surrogate_move(&mut evaluator, &mut along, beta, &plan, &mut at, &mut rng)
-                        .unwrap();
+                    surrogate_move(values, &mut along, beta, &plan, &mut at, &mut rng).unwrap();
                 sum_of_acceptance += acceptance;
                 for (sum, x) in batch.iter_mut().zip(of(&at.z)) {
                     *sum += x / 100.0;

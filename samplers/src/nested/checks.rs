@@ -19,6 +19,9 @@ const MAX_BOOTSTRAP_TO_SIMULATED: f64 = 2.5;
 /// hold with few lineages (`cargo bench -p oblate-samplers --bench errors_of_means`).
 const MIN_LINEAGES: f64 = 12.0;
 
+/// What makes more effective draws of a nested run.
+pub(super) const MORE_DRAWS: &str = "double `n_live`, or merge runs of several seeds";
+
 /// All checks that apply to a run with these targets and this kernel.
 pub(super) fn checks(context: &Context<'_>, state: &State, measured: &CheckInputs) -> Vec<Check> {
     let settings = context.settings;

@@ -1,6 +1,7 @@
 //! From the points of a run to its result.
 
 use super::checks;
+use super::checks::MORE_DRAWS;
 use super::evidence::DeadPoints;
 use super::live::Points;
 use super::results::{Errors, Results};
@@ -13,15 +14,13 @@ use crate::rng::STREAM_VERSION;
 pub(super) fn finish(context: &Context<'_>, state: &State, status: Status) -> Result<Run> {
     let points = state.points();
     let theta = physical(context, &points);
-    let results = Results::of(
-        DeadPoints::of(&points),
-        &theta,
-        points.dim(),
-        |history, weighted| Errors::of(history, weighted, context.settings, context.seed),
-    );
+    let results = Results::of(DeadPoints::of(&points), |history, weighted| {
+        Errors::of(history, weighted, context.settings, context.seed)
+    });
     let draws = results.draws(context.target, &theta)?;
     let ess = results.ess(&draws);
-    let checks = checks::checks(context, state, &results.measured(ess.kish));
+    let mut checks = checks::checks(context, state, &results.measured(ess.kish));
+    checks.extend(ess.checks(MORE_DRAWS));
     let mut warnings = Vec::new();
     if state.tuning.steps > context.first_steps() {
         warnings.push(format!(
@@ -47,6 +46,7 @@ pub(super) fn finish(context: &Context<'_>, state: &State, status: Status) -> Re
         history: results.run_history(state.ranks.fractions()),
         checks,
         warnings,
+        surrogate: None,
     })
 }
 

@@ -4,7 +4,7 @@
 //! them (Skilling 2006; Higson et al. 2019). Their evidences and means are compared first: a mode that one run has
 //! missed shows as a difference.
 
-use super::checks::by_lineages;
+use super::checks::{MORE_DRAWS, by_lineages};
 use super::evidence::DeadPoints;
 use super::live::{self, Genealogy, REJECTED, narrow};
 use super::results::{Errors, Results, simulated};
@@ -45,7 +45,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
         return Err(Error::TooManyLineages);
     }
     let history = DeadPoints::new(&all.ln_l, &all.birth, &all.genealogy);
-    let results = Results::of(history, &all.theta, dim, |history, _| Errors {
+    let results = Results::of(history, |history, _| Errors {
         simulated: simulated(history, &Settings::default(), first.seed),
         bootstrapped: together(runs, &parts, "bootstrap"),
         coalescence: together(runs, &parts, "ancestry"),
@@ -54,6 +54,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     let ess = results.ess(&draws);
     let mut checks = worst(runs);
     checks.extend(by_lineages(&results.measured(ess.kish)));
+    checks.extend(ess.checks(MORE_DRAWS));
     checks.extend(agreement(runs));
     let ranks = parts.iter().flat_map(|part| part.insertion_rank);
     Ok(Run {
@@ -71,6 +72,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
         history: results.run_history(ranks.copied().collect()),
         checks,
         warnings: runs.iter().flat_map(|run| run.warnings.clone()).collect(),
+        surrogate: None,
     })
 }
 
@@ -151,10 +153,12 @@ impl MergedPoints {
 
 /// For each check that all runs have, and whose value does not depend on the number of runs: a failed one, or else the first.
 fn worst(runs: &[&Run]) -> Vec<Check> {
-    const NOT_OF_ONE: [&str; 5] = [
+    const NOT_OF_ONE: [&str; 7] = [
         "effective-lineages",
         "bootstrap-to-simulated",
         "lineage-halves",
+        "ess-bulk",
+        "ess-tail",
         "target-ess",
         "target-ln-z-error",
     ];
@@ -213,8 +217,9 @@ fn together(runs: &[&Run], parts: &[RunHistory<'_>], name: &str) -> f64 {
 /// Posterior mean of a parameter and its error.
 fn mean(run: &Run, parameter: usize) -> (f64, f64) {
     let weights = run.draws.weights();
-    let (mean, variance) = weighted_moments(&run.draws.column(parameter), &weights);
-    (mean, (variance / run.ess.bulk[parameter]).sqrt())
+    let column = run.draws.column(parameter);
+    let (mean, variance) = weighted_moments(&column, &weights);
+    (mean, (variance / run.draws.ess_of_mean(&column)).sqrt())
 }
 
 /// p-value that values with these standard errors differ from their weighted mean by at least as much (chi-square). Values with

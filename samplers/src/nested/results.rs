@@ -3,7 +3,7 @@
 use super::evidence::{DeadPoints, Weighted};
 use super::live::{REJECTED, lineages};
 use super::settings::Settings;
-use crate::diagnostics::{kish_ess, size_of_mean};
+use crate::diagnostics::kish_ess;
 use crate::error::Result;
 use crate::output::{Draws, Ess, Evidence, History, Origin};
 use crate::target::Target;
@@ -13,8 +13,6 @@ use std::collections::BTreeMap;
 pub(super) struct Results {
     pub history: DeadPoints,
     pub weighted: Weighted,
-    /// Effective size of each parameter: its variance over that of its mean.
-    sizes: Vec<f64>,
     errors: Errors,
 }
 
@@ -58,23 +56,11 @@ impl Errors {
 }
 
 impl Results {
-    /// Of a history whose points, in the order given to it, have these physical parameters, row-major, `dim` each.
-    pub fn of(
-        history: DeadPoints,
-        theta: &[f64],
-        dim: usize,
-        errors: impl FnOnce(&DeadPoints, &Weighted) -> Errors,
-    ) -> Self {
+    /// Of a history.
+    pub fn of(history: DeadPoints, errors: impl FnOnce(&DeadPoints, &Weighted) -> Errors) -> Self {
         let weighted = history.weigh();
-        let sizes = (0..dim)
-            .map(|k| {
-                let column: Vec<f64> = history.order.iter().map(|&i| theta[i * dim + k]).collect();
-                size_of_mean(&column, &weighted.p, &history.lineages.of)
-            })
-            .collect();
         Self {
             errors: errors(&history, &weighted),
-            sizes,
             history,
             weighted,
         }
@@ -125,17 +111,15 @@ impl Results {
         Ok(draws)
     }
 
-    /// Effective sizes of the draws: never more of a parameter than there are draws.
+    /// Effective sizes of the draws.
     pub fn ess(&self, draws: &Draws) -> Ess {
-        let most = draws.len() as f64;
-        // A parameter that is the same in all draws has no variance.
-        let of = |size: &f64| if size.is_nan() { most } else { size.min(most) };
-        let bulk: Vec<f64> = self.sizes.iter().map(of).collect();
+        let (bulk, tail) = draws.clustered_ess();
         let kish = kish_ess(&draws.ln_weight);
         Ess {
             kish,
-            quoted: bulk.iter().copied().fold(kish, f64::min),
+            quoted: bulk.iter().chain(&tail).copied().fold(kish, f64::min),
             bulk,
+            tail,
             ..Ess::default()
         }
     }

@@ -139,17 +139,26 @@ fn evidence(estimate: &Estimate) -> Vec<Check> {
     ]
 }
 
-/// Minimum effective size of the draws of a run, and of those of its newest extension alone.
-const MIN_ESS: f64 = 400.0;
+/// Minimum effective size of the draws of the newest extension alone.
 const MIN_NEWEST_ESS: f64 = 200.0;
 
 /// Minimum p-value of an agreement of chain sets.
 const MIN_P: f64 = 0.01;
 
-/// Checks that a pass is no coincidence: the draws of the newest extension, which nobody has looked at before, and the
-/// number of looks in succession at which all other checks passed.
-pub(super) fn confirmation(newest: &Agreement, looks_passed: usize) -> Vec<Check> {
+/// Checks that a pass is no coincidence: the draws of the newest extension, which nobody has looked at before, its ln Z beside that of the
+/// earlier ones, and the number of looks in succession at which all other checks passed.
+pub(super) fn confirmation(
+    newest: &Agreement,
+    earlier_and_newest: Option<&[Estimate; 2]>,
+    looks_passed: usize,
+) -> Vec<Check> {
     vec![
+        Check::at_most(
+            "newest-ln-z",
+            earlier_and_newest.map_or(f64::INFINITY, deviation),
+            3.0,
+            "difference of ln Z between the newest extension and the earlier ones, in standard errors; if too large, states come to a part of the posterior only slowly: allow more `extensions`",
+        ),
         Check::at_least(
             "newest-ess",
             newest.ess.quoted,
@@ -171,9 +180,17 @@ pub(super) fn confirmation(newest: &Agreement, looks_passed: usize) -> Vec<Check
     ]
 }
 
+/// Difference of two estimates of ln Z in combined standard errors.
+fn deviation([a, b]: &[Estimate; 2]) -> f64 {
+    // A flat likelihood has no error but that of rounding.
+    (a.ln_z - b.ln_z).abs() / a.error().hypot(b.error()).max(1e-6)
+}
+
 /// Checks of the draws at the posterior.
 pub(super) fn draws(agreement: &Agreement) -> Vec<Check> {
-    let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    let [bulk, tail] = agreement.ess.checks(
+        "allow more `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
+    );
     vec![
         Check::at_most(
             "r-hat",
@@ -181,18 +198,8 @@ pub(super) fn draws(agreement: &Agreement) -> Vec<Check> {
             1.01,
             "largest rank-normalised split R-hat of coordinates, their squares and ln L; if too large, the chain sets do not agree yet: allow more `extensions`, or add rounds",
         ),
-        Check::at_least(
-            "ess-bulk",
-            least(&agreement.ess.bulk),
-            MIN_ESS,
-            "smallest bulk ESS over parameters; if too small, allow more `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
-        ),
-        Check::at_least(
-            "ess-tail",
-            least(&agreement.ess.tail),
-            MIN_ESS,
-            "smallest tail ESS over parameters; if too small, allow more `extensions`, add rounds, or raise `slice_updates` or `hmc_transitions`",
-        ),
+        bulk,
+        tail,
         Check::at_least(
             "mode-agreement-of-chain-sets",
             agreement.modes,
@@ -300,6 +307,28 @@ mod tests {
         assert!(!passes(name, &different));
     }
 
+    #[test]
+    fn a_newest_extension_with_another_evidence_does_not_confirm() {
+        let draws = PosteriorDraws {
+            positions: vec![Vec::new(); 4],
+            ln_likelihood: vec![Vec::new(); 4],
+        };
+        let passes = |earlier_and_newest: Option<[f64; 2]>| {
+            let estimates = earlier_and_newest.map(|l| l.map(|l| estimate(vec![l; 4], 0.1)));
+            let checks = confirmation(&draws.agreement(1, 4), estimates.as_ref(), 2);
+            checks
+                .iter()
+                .find(|c| c.name == "newest-ln-z")
+                .unwrap()
+                .pass
+        };
+        // Three combined errors are 0.42.
+        assert!(passes(Some([-43.0, -43.4])));
+        assert!(!passes(Some([-43.0, -43.45])));
+        assert!(!passes(Some([f64::NAN, -43.4])));
+        assert!(!passes(None));
+    }
+
     /// Weight of the mode that simulated chains visit rarely.
     const WEIGHT: f64 = 0.05;
 
@@ -336,6 +365,7 @@ mod tests {
             })
             .collect();
         let burn_in = settings.scans_of_extension(0);
+        let agreeing = [0; 2].map(|_| estimate(vec![0.0; 4], 0.1));
         let mut passed_before = false;
         for extensions in 1..=settings.extensions {
             let counted = burn_in..settings.scans_with(extensions);
@@ -351,7 +381,7 @@ mod tests {
             let newest = drawn.newest(settings.scans_of_extension(extensions), 1);
             let passed = draws(&drawn.agreement(1, 4)).iter().all(|check| check.pass);
             let looks = usize::from(passed) + usize::from(passed && passed_before);
-            let confirmed = confirmation(&newest.agreement(1, 4), looks);
+            let confirmed = confirmation(&newest.agreement(1, 4), Some(&agreeing), looks);
             if passed && confirmed.iter().all(|check| check.pass) {
                 let modes = part(|c| &c.0);
                 let modes: Vec<&[f64]> = modes.iter().map(Vec::as_slice).collect();

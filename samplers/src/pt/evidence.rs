@@ -69,6 +69,17 @@ impl Traces {
         all.ln_integral()
     }
 
+    /// The traces before scan number `scan` and from it on; only of a path from the prior, whose reference is not screened.
+    #[must_use]
+    pub fn split_at(&self, scan: usize) -> [Self; 2] {
+        let part = |from: usize, to: usize| Self {
+            temperatures: self.temperatures,
+            values: self.values.iter().map(|v| v[from..to].to_vec()).collect(),
+            screened: vec![Screened::default(); self.screened.len()],
+        };
+        [part(0, scan), part(scan, self.scans())]
+    }
+
     /// One chain's values.
     #[must_use]
     pub fn of(&self, chain_set: usize, temperature: usize) -> &[f64] {

@@ -40,6 +40,7 @@ pub(super) fn assemble(target: &dyn Target, state: &State, status: Status) -> Re
         history: history(state, steps, cold.ln_likelihood),
         checks,
         warnings: warnings(state),
+        surrogate: state.surrogate.clone(),
     })
 }
 
@@ -75,7 +76,11 @@ fn assess(state: &State, cold: &PosteriorDraws, dim: usize) -> Assessment {
     } else {
         let newest = cold.newest(state.newest_scans(), dim);
         let looks_passed = state.looks_passed(all_pass(&checks));
-        confirmation(&newest.agreement(dim, state.clusters()), looks_passed)
+        confirmation(
+            &newest.agreement(dim, state.clusters()),
+            state.evidence_of_earlier_and_newest().as_ref(),
+            looks_passed,
+        )
     };
     Assessment {
         estimate,

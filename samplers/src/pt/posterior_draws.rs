@@ -62,12 +62,7 @@ impl PosteriorDraws {
                 *size /= design_effect;
             }
         }
-        ess.quoted = ess
-            .bulk
-            .iter()
-            .chain(&ess.tail)
-            .copied()
-            .fold(f64::INFINITY, f64::min);
+        ess.quoted = Ess::smallest(&ess.bulk, &ess.tail);
         let of_ln_l = r_hat(&slices(&self.ln_likelihood));
         Agreement {
             worst_r_hat: ess.r_hat.iter().copied().fold(of_ln_l, f64::max),

@@ -7,7 +7,9 @@ use super::smc::{Level, SmcSamplers};
 use super::state::{Chain, State, Temperature};
 use super::{Settings, swap};
 use crate::error::{Error, Result};
-use crate::hmc::{self, Evaluator, LocalSampler, Metric, Plan, Point, Screened, StepSize};
+use crate::hmc::{
+    self, Evaluator, LocalSampler, MAX_ENERGY_RANGE, Metric, Plan, Point, Screened, StepSize,
+};
 use crate::output::{Calls, Cost};
 use crate::rng::{Domain, RandomStream, stream, unit_open};
 use crate::surrogate::Examples;
@@ -31,9 +33,6 @@ const SURROGATE_SCANS: usize = 512;
 
 /// About how many values of ln L a chain computes in a scan with moves along a surrogate.
 const VALUES_OF_A_CHAIN: usize = 8;
-
-/// Energy range of a trajectory above which it is divergent, in all other rounds.
-const MAX_ENERGY_RANGE: f64 = 1000.0;
 
 /// Result of the moves of one chain in one scan.
 struct Explored {
@@ -326,8 +325,10 @@ impl State {
                     let along = Evaluator::new(target).with_surrogate(surrogate);
                     let mut along = LocalSampler::of(along, 1.0, metric);
                     for leapfrogs in hmc::LEAPFROGS {
+                        let values =
+                            |z: &[f64]| Ok((evaluator.value(z)?, evaluator.ln_over_prior(z)));
                         let (moved, acceptance) = hmc::surrogate_move(
-                            &mut evaluator,
+                            values,
                             &mut along,
                             beta,
                             &plan.of_leapfrogs(leapfrogs),

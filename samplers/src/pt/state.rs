@@ -185,16 +185,41 @@ impl State {
     }
 
     pub(super) fn evidence(&self) -> Estimate {
+        let extensions: Vec<(&[f64], &Traces)> = self.parts().collect();
+        self.evidence_of(&extensions)
+    }
+
+    /// The evidence of the scans before the newest extension, and of that extension alone; none if there is none before.
+    pub(super) fn evidence_of_earlier_and_newest(&self) -> Option<[Estimate; 2]> {
+        let parts: Vec<(&[f64], &Traces)> = self.parts().collect();
+        let (&(beta, newest), earlier) = parts.split_last()?;
+        if !earlier.is_empty() {
+            return Some([
+                self.evidence_of(earlier),
+                self.evidence_of(&[(beta, newest)]),
+            ]);
+        }
+        // On a path from the prior all extensions are one part.
+        let before = newest.scans().checked_sub(self.newest_scans())?;
+        (before > 0 && self.path_from_prior()).then(|| {
+            let both = newest.split_at(before);
+            both.map(|part| self.evidence_of(&[(beta, &part)]))
+        })
+    }
+
+    /// The parts of the last round that are long enough for ln Z: inverse temperatures, and the traces at them.
+    fn parts(&self) -> impl Iterator<Item = (&[f64], &Traces)> {
         let extensions = self.record.long_enough();
-        let extensions: Vec<(&[f64], &Traces)> = extensions
-            .map(|extension| (extension.beta.as_slice(), &extension.traces))
-            .collect();
+        extensions.map(|extension| (extension.beta.as_slice(), &extension.traces))
+    }
+
+    fn evidence_of(&self, extensions: &[(&[f64], &Traces)]) -> Estimate {
         let paths = if self.path_from_prior() {
             1
         } else {
             self.references.len()
         };
-        estimate(&extensions, self.settings.clusters(), paths)
+        estimate(extensions, self.settings.clusters(), paths)
     }
 
     /// The event of a scan; evidence and communication barrier are NaN before a round has finished.

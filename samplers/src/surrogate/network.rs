@@ -96,12 +96,7 @@ fn padded(units: usize) -> usize {
 impl Network {
     /// A network of random weights.
     pub fn new(inputs: usize, outputs: usize, rng: &mut RandomStream) -> Self {
-        let mut network = Self {
-            inputs,
-            outputs,
-            parameters: Vec::new(),
-            transposed: Default::default(),
-        };
+        let mut network = Self::of_parameters(inputs, outputs, Vec::new());
         network.parameters = vec![0.0; network.layer(LAYERS - 1).end()];
         for number in 0..LAYERS {
             let layer = network.layer(number);
@@ -117,6 +112,16 @@ impl Network {
             }
         }
         network
+    }
+
+    /// A network of these parameters, which may be the wrong ones ([`check`](Self::check)).
+    pub fn of_parameters(inputs: usize, outputs: usize, parameters: Vec<f32>) -> Self {
+        Self {
+            inputs,
+            outputs,
+            parameters,
+            transposed: Default::default(),
+        }
     }
 
     /// Checks a network that was read from a file.

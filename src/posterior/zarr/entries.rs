@@ -7,7 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Groups, and their arrays beside those that the run names.
-const GROUPS: [(&str, &[&str]); 6] = [
+const GROUPS: [(&str, &[&str]); 7] = [
     ("posterior", &["chain", "draw"]),
     ("sample_stats", &["chain", "draw", "ln_likelihood", "lp"]),
     (
@@ -55,7 +55,11 @@ const GROUPS: [(&str, &[&str]); 6] = [
             "correlation",
         ],
     ),
+    ("surrogate", &SURROGATE),
 ];
+
+/// Arrays of group `surrogate`.
+pub(super) const SURROGATE: [&str; 3] = ["features", "outputs", "parameters"];
 
 /// Groups that have an array for each parameter and each derived quantity.
 const NAMED_BY_THE_RUN: [&str; 2] = ["posterior", "prior"];

@@ -1,10 +1,12 @@
 //! The arrays of a posterior file: which array holds what.
 
+use super::entries::SURROGATE;
 use super::store::{Store, text};
 use crate::data::ObservedTrack;
 use crate::error::{ArrayFault, Result};
 use oblate_samplers::output::{Draws, History, Method};
 use oblate_samplers::rng::{Domain, stream, unit_open};
+use oblate_samplers::surrogate::Surrogate;
 use oblate_samplers::{Prior, Run};
 use serde_json::Map;
 
@@ -257,6 +259,28 @@ pub fn write_history(store: &Store, history: &History) -> Result<()> {
             floats("correlation", "step", correlation)
         }
     }
+}
+
+/// Writes group `surrogate`.
+pub fn write_surrogate(store: &Store, surrogate: &Surrogate) -> Result<()> {
+    store.group("/surrogate", &Map::new())?;
+    for (name, numbers) in SURROGATE.iter().zip(surrogate.numbers()) {
+        let dims = [(*name, numbers.len())];
+        store.array(&format!("/surrogate/{name}"), &dims, &numbers, Map::new())?;
+    }
+    Ok(())
+}
+
+/// Reads group `surrogate`; none if the run had no surrogate.
+pub fn read_surrogate(store: &Store) -> Result<Option<Surrogate>> {
+    if !store.has("/surrogate") {
+        return Ok(None);
+    }
+    let array = |name: &str| store.read::<f64>(&format!("/surrogate/{name}"), &[None]);
+    let [features, outputs, parameters] = SURROGATE;
+    let numbers = [array(features)?, array(outputs)?, array(parameters)?];
+    let fault = || store.fault("/surrogate", ArrayFault::Surrogate);
+    Surrogate::of_numbers(&numbers).map(Some).ok_or_else(fault)
 }
 
 /// Reads group `history`.

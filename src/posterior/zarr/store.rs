@@ -301,6 +301,11 @@ impl Store {
         self.write_metadata(at, &metadata)
     }
 
+    /// Whether there is a group or an array.
+    pub fn has(&self, at: &str) -> bool {
+        self.node(at).join(METADATA).is_file()
+    }
+
     /// A group's attributes.
     ///
     /// # Errors

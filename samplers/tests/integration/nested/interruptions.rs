@@ -412,7 +412,7 @@ fn nan_counts_as_a_rejection_and_infinity_ends_the_run() {
 #[test]
 fn a_result_is_consistent_with_itself() {
     let target = hard::quarter();
-    let run = sample(&target, &settings(200, Kernel::Uniform), 1);
+    let run = sample(&target, &settings(600, Kernel::Uniform), 1);
     assert!(run.converged(), "{:?}", run.checks);
     assert!((run.draws.weights().iter().sum::<f64>() - 1.0).abs() < 1e-12);
     assert!(run.draws.column(0).iter().all(|x| *x < 0.25));
