@@ -163,8 +163,9 @@ impl Bridge<'_> {
         if self.state.fraction < 1.0 && self.state.mcmc_steps == self.settings.mcmc_steps {
             self.step()?;
         }
-        self.learn();
-        self.mcmc_step()?;
+        self.state.examples.keep_last(EXAMPLES_KEPT);
+        let surrogate = self.learned();
+        self.mcmc_step(surrogate)?;
         let state = &mut self.state;
         state.mcmc_steps += 1;
         if state.mcmc_steps == self.settings.mcmc_steps {
@@ -215,22 +216,18 @@ impl Bridge<'_> {
         Ok(())
     }
 
-    /// Fits the surrogate anew, if there is one, to the values of the fine likelihood so far. The present one remains where they are
-    /// too few.
-    fn learn(&mut self) {
-        let (level, mcmc_step) = (self.level(), self.state.mcmc_steps as u64);
-        let mut rng = stream(self.seed, Domain::Bridge, level << 32 | mcmc_step, FIT);
-        let state = &mut self.state;
-        state.examples.keep_last(EXAMPLES_KEPT);
-        if let Some(surrogate) = &state.surrogate
-            && let Some(fitted) = Surrogate::fit(&state.examples, Some(surrogate), &mut rng)
-        {
-            state.surrogate = Some(fitted);
-        }
+    /// The surrogate fitted anew, if there is one, to the values of the fine likelihood so far; the present one where they are too few.
+    fn learned(&self) -> Option<Surrogate> {
+        let state = &self.state;
+        let present = state.surrogate.as_ref()?;
+        let task = self.level() << 32 | state.mcmc_steps as u64;
+        let mut rng = stream(self.seed, Domain::Bridge, task, FIT);
+        let fitted = Surrogate::fit(&state.examples, Some(present), &mut rng);
+        Some(fitted.unwrap_or_else(|| present.clone()))
     }
 
-    /// One MCMC step of every particle at the present exponent.
-    fn mcmc_step(&mut self) -> Result<()> {
+    /// One MCMC step of every particle at the present exponent, along this surrogate, which is then the present one.
+    fn mcmc_step(&mut self, surrogate: Option<Surrogate>) -> Result<()> {
         let state = &self.state;
         let (level, mcmc_step) = (self.level(), state.mcmc_steps as u64);
         let mut step = state.step.unwrap_or(StepSize::new(FIRST_STEP));
@@ -238,7 +235,7 @@ impl Bridge<'_> {
             target: self.target,
             coarse: self.coarse,
             fraction: state.fraction,
-            surrogate: state.surrogate.as_ref(),
+            surrogate: surrogate.as_ref(),
             metric: &state.metrics[half],
             pool: &state.pools[half],
             step: step.step(),
@@ -261,6 +258,7 @@ impl Bridge<'_> {
             state.examples.append(own.examples);
             state.cost.count(&own.calls);
         }
+        state.surrogate = surrogate;
         if state.surrogate.is_some() {
             // The exponents yet to come are not known: every step counts as one of the first half.
             step.learn(acceptance, ACCEPTANCE, before, usize::MAX);

@@ -8,6 +8,7 @@ use oblate_samplers::control::{CheckpointPlan, Control, Silent};
 use oblate_samplers::output::{History, Method};
 use oblate_samplers::{Error, Event, Observer, Outcome, Prior, Run, Target, bridge, nested, pt};
 use std::ops::{ControlFlow, RangeInclusive};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 fn parent(target: &dyn Target, seed: u64) -> Run {
@@ -234,6 +235,39 @@ fn a_surrogate_of_the_coarse_run_moves_the_particles_of_the_bridge() {
     };
     let resumed = (0..100).find_map(|_| stopped().ok()).unwrap();
     assert_eq!(resumed.bits(), run.bits());
+    // Nor does a likelihood that fails for a while change anything.
+    let failing = Failing {
+        target: smooth::twins13(0.9),
+        left: AtomicU64::new(run.cost.calls / 4),
+    };
+    let failed = |target: &dyn Target| {
+        let mut silent = Silent;
+        let mut control = Control::new(&mut silent);
+        control.checkpoint = Some(plan(&folder.path().join("failed.ckpt")));
+        bridge::run(target, &coarse, &parent, &settings, 1, &mut control)
+    };
+    assert!(matches!(failed(&failing), Err(Error::Fatal(_))));
+    assert!(failed(&fine).unwrap().draws == run.draws);
+}
+
+/// A likelihood that fails after so many values.
+struct Failing<T> {
+    target: T,
+    left: AtomicU64,
+}
+
+impl<T: Target> Target for Failing<T> {
+    fn prior(&self) -> &Prior {
+        self.target.prior()
+    }
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        let left = self.left.load(Ordering::Relaxed);
+        self.left.store(left.saturating_sub(1), Ordering::Relaxed);
+        if left == 0 {
+            return Outcome::Fatal("the disk is gone".to_owned());
+        }
+        self.target.ln_likelihood(theta)
+    }
 }
 
 /// Two likelihoods without overlap: the bridge still ends, and its checks fail.
