@@ -289,7 +289,7 @@ pub struct Ess {
     pub tail: Vec<f64>,
     /// Rank-normalised split R-hat per parameter; empty where there are no chains.
     pub r_hat: Vec<f64>,
-    /// The number to quote: the smallest of `kish`, `bulk` and `tail`.
+    /// The number to quote: the smallest of `bulk` and `tail`, and of `kish` where draws have weights.
     pub quoted: f64,
 }
 

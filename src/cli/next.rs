@@ -77,7 +77,7 @@ pub fn after_fit(
             steps.push(Step::new("extend its last round", &longer));
         }
         steps.extend(longer_bridge(summary, sampling, command));
-        let mut changes = changes(&names(sampled), sampling);
+        let mut changes = changes(&[names(sampled), names(summary)].concat(), sampling);
         changes.extend(model_changes(summary, &settings.model));
         steps.extend(again(&changes, folder.path(), command));
         return steps;

@@ -5,6 +5,7 @@ use crate::likelihood::LikelihoodSettings;
 use crate::params::PriorSettings;
 use crate::stream::ModelSettings;
 use oblate_samplers::limits::{MAX_SEED, Memory, in_range};
+use oblate_samplers::output::Method;
 use oblate_samplers::{bridge, nested, pt};
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -221,15 +222,15 @@ impl FitSettings {
         settings
     }
 
-    /// Whether a finished run with the settings `before`, which failed its convergence checks, may go on under these settings: the sampler
-    /// is the tempered one, and these allow more extensions, or it ends with a bridge, and these allow more further MCMC steps. The two must be
+    /// Whether a finished run by `method` with the settings `before`, which failed its convergence checks, may go on under these settings: a
+    /// tempered run, or a bridge from one, if these allow more extensions; any bridge if they allow more further MCMC steps. The two must be
     /// equal in everything else.
     #[must_use]
-    pub fn may_go_on(&self, before: &Self) -> bool {
+    pub fn may_go_on(&self, before: &Self, method: Method) -> bool {
         let extensions = |settings: &Self| settings.sampling.pt_hmc.extensions;
         let further = |settings: &Self| settings.sampling.bridge.further_mcmc_steps;
         self.sampling.sampler == Sampler::PtHmc && extensions(self) > extensions(before)
-            || further(self) > further(before)
+            || method == Method::Bridge && further(self) > further(before)
     }
 }
 

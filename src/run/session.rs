@@ -95,7 +95,7 @@ impl<'a> RunSession<'a> {
         };
         Self::begin_unless(destination, beginning, &|stored| {
             let before = parse(&stored.config, destination.folder)?;
-            Ok(!stored.run.converged() && settings.may_go_on(&before))
+            Ok(!stored.run.converged() && settings.may_go_on(&before, stored.run.method))
         })
     }
 

@@ -8,7 +8,7 @@ use oblate::stream::{Model, Precision};
 use oblate::track::BinEdges;
 use oblate_samplers::control::Silent;
 use oblate_samplers::diagnostics::ln_sum_exp;
-use oblate_samplers::output::Status;
+use oblate_samplers::output::{Method, Status};
 use oblate_samplers::{Control, Event, Marginal, Observer, Outcome, Prior, Target, nested};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -325,4 +325,23 @@ fn the_move_of_q_by_the_particles_is_that_of_all_draws() {
     // 256 draws against all of them: four standard errors.
     assert!((few - all).abs() < 4.0 * error, "{few} +- {error}, {all}");
     assert!(error < 0.3, "{error}");
+}
+
+/// A nested run keeps no checkpoint: if it were taken up again, it would be sampled again.
+#[test]
+fn only_a_run_that_gains_by_it_goes_on_under_settings_that_allow_more() {
+    let before = FitSettings::default();
+    let (mut longer, mut further) = (before.clone(), before.clone());
+    longer.sampling.pt_hmc.extensions += 1;
+    further.sampling.bridge.further_mcmc_steps += 1;
+    let methods = [Method::PtHmc, Method::Bridge];
+    assert_eq!(methods.map(|m| longer.may_go_on(&before, m)), [true; 2]);
+    assert_eq!(
+        methods.map(|m| further.may_go_on(&before, m)),
+        [false, true]
+    );
+    let nested = Sampler::Nested;
+    let (before, longer) = (before.with_sampler(nested), longer.with_sampler(nested));
+    assert!(!longer.may_go_on(&before, Method::Nested));
+    assert!(!further.may_go_on(&before, Method::Nested));
 }

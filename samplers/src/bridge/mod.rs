@@ -60,8 +60,8 @@ pub fn run(
     if target.prior().names() != coarse.prior().names() {
         return Err(Error::OtherParameters { run: COARSE });
     }
-    let features = |s: &Surrogate| s.features();
-    if (parent.surrogate.as_ref().map(features)).is_some_and(|f| f != target.feature_count()) {
+    let differs = |s: &Surrogate| s.features() != target.feature_count();
+    if parent.surrogate.as_ref().is_some_and(differs) {
         return Err(Error::Inconsistent {
             run: COARSE,
             message: "its surrogate has another number of features than the target".to_owned(),

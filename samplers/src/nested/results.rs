@@ -117,7 +117,7 @@ impl Results {
         let kish = kish_ess(&draws.ln_weight);
         Ess {
             kish,
-            quoted: bulk.iter().chain(&tail).copied().fold(kish, f64::min),
+            quoted: Ess::smallest(&bulk, &tail).min(kish),
             bulk,
             tail,
             ..Ess::default()
