@@ -319,7 +319,7 @@ pub enum Error {
         /// Number needed.
         needed: usize,
     },
-    /// A posterior of q cannot be part of a population.
+    /// A posterior of q cannot be part of a population, or of a calibration.
     #[error("{name}: {fault}")]
     Posterior {
         /// Name of the fit.

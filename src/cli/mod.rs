@@ -1,6 +1,7 @@
 //! The command line, one file per subcommand. A subcommand parses its flags, calls the library and writes its results to standard output.
 
 mod bridge;
+mod calibration;
 mod command_line;
 mod compare;
 mod doctor;
@@ -20,6 +21,7 @@ mod output;
 mod population;
 mod progress;
 mod report;
+mod run_folders;
 mod selection;
 mod set;
 mod stream;
@@ -65,6 +67,8 @@ enum Verb {
     Merge(merge::Args),
     /// Compares runs: evidence, marginals, mode weights, cost
     Compare(compare::Args),
+    /// Ranks the true values of mocks in their fits: whether intervals contain them as often as they should
+    Calibration(calibration::Args),
     /// Samples the population of q of finished fits into a run folder
     Population(population::Args),
     /// Writes the draws of a run as a table, ECSV or FITS
@@ -131,6 +135,7 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
         Verb::Bridge(a) => bridge::run(a, &cli.common, &line, out),
         Verb::Merge(a) => merge::run(a, &cli.common, &line, out),
         Verb::Compare(a) => compare::run(a, &cli.common, out),
+        Verb::Calibration(a) => calibration::run(a, &cli.common, out),
         Verb::Population(a) => population::run(a, &cli.common, &line, out),
         Verb::Export(a) => export::run(a, &cli.common, out),
         Verb::Report(a) => report::run(a, &cli.common, out),

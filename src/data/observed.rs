@@ -1,6 +1,7 @@
 //! The observed track.
 
 use super::assumed_error::AssumedError;
+use crate::params::NAMES;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -105,6 +106,23 @@ impl ObservedTrack {
         } else {
             self.r_err_lo_kpc[row]
         }
+    }
+
+    /// True values that the header gives, by the names of parameters and `q`: those of its mapping `truth`, and `q_true`.
+    #[must_use]
+    pub fn truth(&self) -> BTreeMap<String, f64> {
+        let number = serde_json::Value::as_f64;
+        let map = self.meta.get("truth").and_then(|truth| truth.as_object());
+        let named = |name: &&str| {
+            let value = map?.get(*name).and_then(number)?;
+            Some(((*name).to_owned(), value))
+        };
+        let mut known: BTreeMap<String, f64> =
+            NAMES.iter().chain(&["q"]).filter_map(named).collect();
+        if let Some(q) = self.meta.get("q_true").and_then(number) {
+            known.insert("q".to_owned(), q);
+        }
+        known
     }
 
     /// What was assumed because the source does not say it, and what was changed on reading, one sentence each.

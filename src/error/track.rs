@@ -12,6 +12,14 @@ pub enum TrackFault {
         /// What is wrong with it.
         message: String,
     },
+    /// The header has no true value of a parameter.
+    #[error(
+        "the header has no true {parameter}; give fits of mocks, which have true values of all parameters"
+    )]
+    NoTruth {
+        /// The first parameter without one.
+        parameter: &'static str,
+    },
     /// There is no table.
     #[error("the file has no table; give columns phi and r with r_err, and n where known")]
     NoTable,

@@ -3,6 +3,7 @@
 
 mod best_fit;
 mod coarse;
+mod derived;
 mod evaluate;
 mod fit;
 mod model_error;
@@ -15,6 +16,7 @@ mod speed;
 mod target;
 
 pub use best_fit::{Diagnostics, diagnose};
+pub use derived::{DERIVED, derived};
 pub use evaluate::{Evaluated, Wanted};
 pub use fit::{Coarse, Fit, FitPlan, bridge_from, fit, fit_with, summarize};
 pub use prior_draws::prior_draws;

@@ -1,11 +1,11 @@
 //! The posterior of a stream as a target of the samplers: free parameters in, ln L and its gradient out.
 
+use super::derived::{DERIVED, derived};
 use super::settings::FitSettings;
 use crate::data::ObservedTrack;
 use crate::error::{Rejection, Result};
 use crate::likelihood::{DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
 use crate::params::{DIM, FEATURES, StreamParams, StreamPrior, features, features_vjp, symmetry};
-use crate::potential::log10_m200;
 use crate::stream::Model;
 use oblate_samplers::limits::Memory;
 use oblate_samplers::{Outcome, Prior, Symmetry, Target};
@@ -164,26 +164,12 @@ impl Target for StreamTarget {
     }
 
     fn derived_names(&self) -> Vec<(String, String)> {
-        [
-            ("q", ""),
-            ("axis_x", ""),
-            ("axis_y", ""),
-            ("axis_z", ""),
-            ("log10_m200_halo", "dex(solMass)"),
-        ]
-        .map(|(name, unit)| (name.to_owned(), unit.to_owned()))
-        .to_vec()
+        DERIVED
+            .map(|(name, unit)| (name.to_owned(), unit.to_owned()))
+            .to_vec()
     }
 
     fn derived(&self, theta: &[f64], out: &mut Vec<f64>) {
-        let params = self.params(theta);
-        let shape = self.prior.shape(&params);
-        out.extend([
-            shape.q,
-            shape.axis.x,
-            shape.axis.y,
-            shape.axis.z,
-            log10_m200(params.log10_m_halo, params.r_s_halo_kpc),
-        ]);
+        out.extend(derived(&self.prior, &self.params(theta)));
     }
 }

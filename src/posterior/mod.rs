@@ -5,6 +5,7 @@
 //! same run together again.
 
 mod assemble;
+mod calibration;
 mod columns;
 mod compare;
 mod display;
@@ -18,6 +19,9 @@ mod summary;
 pub mod zarr;
 
 pub use assemble::assemble_run;
+pub use calibration::{
+    Calibration, CalibrationGroup, CalibrationRow, LEVELS, MIN_P_VALUE, RankedFit, rank,
+};
 pub use columns::{Column, column, columns};
 pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare};
 pub use export::{DrawTable, TableFormat};

@@ -1,7 +1,7 @@
 //! Symbols of the columns in figures.
 
 /// (name in files, symbol in figures); units come from the run.
-const SIGNS: [(&str, &str); 18] = [
+const SIGNS: [(&str, &str); 19] = [
     ("log10_m_halo", "log M halo"),
     ("r_s_halo_kpc", "r\u{209b} halo"),
     ("dir_x", "dir x"),
@@ -18,6 +18,7 @@ const SIGNS: [(&str, &str); 18] = [
     ("axis_x", "axis x"),
     ("axis_y", "axis y"),
     ("axis_z", "axis z"),
+    ("log10_m200_halo", "log M\u{2082}\u{2080}\u{2080}"),
     ("mu_pop", "\u{3bc} of q"),
     ("sigma_pop", "\u{3c3} of q"),
 ];

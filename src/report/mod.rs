@@ -4,6 +4,7 @@
 //! to the text of an SVG file.
 
 mod axes;
+mod calibration;
 mod canvas;
 mod corner;
 mod density;
@@ -17,6 +18,7 @@ mod q_posterior;
 mod streams_of_population;
 mod strips;
 
+pub use calibration::calibration;
 pub use corner::{CornerColumn, corner};
 pub use diagnostics::diagnostics;
 pub use fit::{FitPicture, ModelTrack};

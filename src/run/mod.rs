@@ -2,6 +2,7 @@
 //! that reports them.
 
 mod bridge;
+mod calibration;
 mod contents;
 mod fit;
 mod folder;
@@ -21,6 +22,7 @@ mod study_inputs;
 mod versions;
 
 pub use bridge::bridge;
+pub use calibration::ranked_fits;
 pub use contents::SUMMARY_FILE;
 pub use fit::fit;
 pub use folder::{RunFolder, StoredRun};

@@ -6,7 +6,7 @@ use crate::config::PopulationConfig;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, StreamTarget};
-use crate::params::{NAMES, QPrior};
+use crate::params::QPrior;
 use crate::posterior::{Column, Comparison, column, columns, compare};
 use crate::report::{
     CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, influence,
@@ -130,7 +130,7 @@ fn figures_of(path: &Path) -> Result<RunFigures> {
     } else {
         None
     };
-    let truth = track.as_ref().map(truths).unwrap_or_default();
+    let truth = track.as_ref().map(ObservedTrack::truth).unwrap_or_default();
     let mut figures = Vec::new();
     if let Some(track) = &track {
         let settings: FitSettings = crate::config::parse(&stored.config, &folder.config())?;
@@ -217,22 +217,6 @@ fn corner_columns(stored: &StoredRun) -> Vec<Column> {
         .collect()
 }
 
-/// True values in a track's header: a mapping `truth`, or `q_true`.
-fn truths(track: &ObservedTrack) -> BTreeMap<String, f64> {
-    let mut known = BTreeMap::new();
-    if let Some(map) = track.meta.get("truth").and_then(|t| t.as_object()) {
-        for name in NAMES.iter().chain(&["q"]) {
-            if let Some(value) = map.get(*name).and_then(serde_json::Value::as_f64) {
-                known.insert((*name).to_owned(), value);
-            }
-        }
-    }
-    if let Some(q) = track.meta.get("q_true").and_then(serde_json::Value::as_f64) {
-        known.insert("q".to_owned(), q);
-    }
-    known
-}
-
 /// Data, tracks of posterior draws and the best fit in one figure; `None` if the best fit has no track.
 fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> Option<String> {
     let draws = &stored.run.draws;
@@ -297,7 +281,7 @@ fn together(rendered: &[RunFigures]) -> Result<Vec<Section>> {
         let truth = runs[0]
             .track
             .as_ref()
-            .and_then(|t| truths(t).get("q").copied());
+            .and_then(|t| t.truth().get("q").copied());
         figures.push((
             format!("{name}: posteriors of q"),
             q_posterior(&curves, prior, truth),

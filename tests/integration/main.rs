@@ -5,6 +5,7 @@
 )]
 
 mod arrows;
+mod calibration;
 mod cli;
 mod config;
 mod data;

@@ -1,0 +1,134 @@
+//! `oblate calibration`.
+
+use super::exit::Exit;
+use super::options::{Common, refuse_existing, write_file};
+use super::output::{Output, note};
+use super::run_folders::run_folders;
+use crate::error::Result;
+use crate::posterior::{Calibration, CalibrationRow, LEVELS, MIN_P_VALUE};
+use crate::report::calibration;
+use crate::run::ranked_fits;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Flags of `oblate calibration`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Example:\n  oblate mock --count 100 --out mocks\n  \
+for track in mocks/*.ecsv; do oblate fit $track --out runs/$(basename $track .ecsv); done\n  \
+oblate calibration runs/* --figure calibration.svg\n\n\
+The mocks must come from the prior of the fits. Columns: mean rank, the mean of the posterior probabilities below the true values, 0.5 if they are \
+right; p-value, of the Kolmogorov-Smirnov test that these are uniform; the fraction of true values within central intervals of each probability.")]
+pub struct Args {
+    /// Finished fits of mocks, each of another one; files and folders that are no runs are skipped with a note
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+    /// Figure of the distribution of ranks to write (SVG)
+    #[arg(long, value_name = "FILE")]
+    figure: Option<PathBuf>,
+    /// Replace the figure if it exists
+    #[arg(long, requires = "figure")]
+    force: bool,
+}
+
+/// Ranks the true values of mocks in their fits.
+pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+    if let Some(path) = &args.figure {
+        refuse_existing(path, args.force)?;
+    }
+    let fits = ranked_fits(&run_folders(&args.runs))?;
+    let found = Calibration::new(&fits);
+    if let Some(path) = &args.figure
+        && let Some(svg) = calibration(&fits)
+    {
+        write_file(path, svg.as_bytes(), args.force)?;
+    }
+    if common.json {
+        out.json(&json!({"levels": LEVELS, "calibration": found, "fits": fits}))?;
+    } else {
+        print(&found, out)?;
+    }
+    if found.is_uniform() {
+        return Ok(Exit::Done);
+    }
+    note(
+        "Find out where the ranks depart before these fits are used: compare fits of the same mocks with more particles and time steps, and by \
+         the other sampler; a mean rank below 0.5 is a posterior that lies too high.",
+    );
+    Ok(Exit::Failed)
+}
+
+fn print(found: &Calibration, out: &mut Output<'_>) -> Result<()> {
+    let fits = |rows: &[CalibrationRow]| rows.first().map_or(0, |row| row.fits);
+    let (all, converged) = (fits(&found.all), fits(&found.converged));
+    if converged > 0 {
+        table("fits that have passed their checks", &found.converged, out)?;
+    }
+    if all > converged {
+        table("fits, whether they have passed or not", &found.all, out)?;
+    }
+    if !found.q_by_bins.is_empty() {
+        out.line("\nq by the number of bins, of the fits that have passed:")?;
+        out.line(&head("bins"))?;
+        for group in &found.q_by_bins {
+            let (lo, hi) = group.bins;
+            out.line(&line(&format!("{lo} to {hi}"), &group.row))?;
+        }
+    }
+    if let Some((row, p)) = found.worst() {
+        let verdict = if found.is_uniform() {
+            "The ranks are as uniform as they should be"
+        } else {
+            "The ranks are NOT UNIFORM"
+        };
+        out.line(&format!(
+            "\n{verdict}: the worst quantity is {}, p-value {p:.2} with the number of quantities taken into account (limit {MIN_P_VALUE}).",
+            row.name
+        ))?;
+    }
+    Ok(())
+}
+
+/// A table with a row for each quantity.
+fn table(what: &str, rows: &[CalibrationRow], out: &mut Output<'_>) -> Result<()> {
+    let Some(first) = rows.first() else {
+        return Ok(());
+    };
+    out.line(&format!("\n{} {what}:", first.fits))?;
+    out.line(&head("quantity"))?;
+    for row in rows {
+        out.line(&line(&row.name, row))?;
+    }
+    let errors = LEVELS.map(|level| format!("{:8.3}", first.coverage_error(level)));
+    out.line(&format!(
+        "{:>19} {:5} {:10.3} {:8} {}",
+        "standard error",
+        "",
+        1.0 / (12.0 * first.fits as f64).sqrt(),
+        "",
+        errors.join("")
+    ))
+}
+
+/// The names of the columns.
+fn head(first: &str) -> String {
+    let levels = LEVELS.map(|level| format!("{:>8}", format!("{:.0} %", 100.0 * level)));
+    format!(
+        "{first:>19} {:>5} {:>10} {:>8} {}",
+        "fits",
+        "mean rank",
+        "p-value",
+        levels.join("")
+    )
+}
+
+/// One row.
+fn line(name: &str, row: &CalibrationRow) -> String {
+    let coverage = row.coverage.map(|fraction| format!("{fraction:8.3}"));
+    format!(
+        "{name:>19} {:5} {:10.3} {:8.3} {}",
+        row.fits,
+        row.mean_rank,
+        row.p_value,
+        coverage.join("")
+    )
+}

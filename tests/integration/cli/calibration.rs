@@ -1,0 +1,93 @@
+//! `oblate calibration`: ranks of the truth in finished fits.
+
+use super::{example, json, oblate, refused, write};
+use oblate::data::ObservedTrack;
+use oblate::posterior::zarr;
+use serde_json::json;
+use std::path::Path;
+
+/// Writes a track with a truth that has the values of the fixed parameters of [`SMALL`](super::SMALL), with another first radius for each `k`.
+fn track(folder: &Path, k: usize, log10_m_halo: f64) -> String {
+    let mut track = ObservedTrack::read(&example("tracks/s2_spherical.ecsv")).expect("a track");
+    track.r_kpc[0] += 0.01 * k as f64;
+    track.meta.insert(
+        "truth".to_owned(),
+        json!({
+            "log10_m_halo": log10_m_halo, "r_s_halo_kpc": 15.0, "dir_x": 0.1, "dir_y": 0.2, "dir_z": 0.8, "log10_m_prog": 8.0,
+            "r_s_prog_kpc": 1.0, "x0_kpc": 60.0, "z0_kpc": 30.0, "vx0_km_s": 30.0, "vy0_km_s": 140.0, "vz0_km_s": 45.0, "age_gyr": 3.0
+        }),
+    );
+    let path = folder.join(format!("mock{k}.ecsv"));
+    track.write(&path).expect("a file");
+    path.display().to_string()
+}
+
+#[test]
+fn fits_of_mocks_are_ranked_and_others_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let config = write(folder.path(), "small.toml", super::SMALL);
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let fit = |track: &str, run: &str| {
+        let args = ["fit", track, "--config", &config, "--out", run];
+        let more = ["--coarse-particles", "0", "--allow-unconverged", "-q"];
+        let output = oblate(&[&args[..], &more].concat(), "");
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+    };
+    let runs = [path("one"), path("two")];
+    fit(&track(folder.path(), 1, 12.0), &runs[0]);
+    fit(&track(folder.path(), 2, 12.0), &runs[1]);
+
+    // No fit passes with 40 live points, so that the verdict is about both.
+    let figure = path("ranks.svg");
+    let args = [
+        "calibration",
+        &runs[0],
+        &runs[1],
+        &config,
+        "--figure",
+        &figure,
+        "--json",
+    ];
+    let output = oblate(&args, "");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("small.toml is no run folder"));
+    let said = json(&output.stdout);
+    assert_eq!(said["calibration"]["all"][0]["fits"], 2);
+    assert_eq!(said["calibration"]["converged"], json!([]));
+    assert!(
+        std::fs::read_to_string(&figure)
+            .expect("the figure")
+            .starts_with("<svg")
+    );
+    refused(&oblate(&args, ""), &["exists already", "--force"]);
+
+    // The rank is that of the draws.
+    let stored = zarr::read(&Path::new(&runs[0]).join("posterior.zarr")).expect("draws");
+    let draws = &stored.draws;
+    let pairs = draws.column(0).into_iter().zip(draws.weights());
+    let below: f64 = pairs.filter(|(m, _)| *m < 12.0).map(|(_, w)| w).sum();
+    let rank = &said["fits"][0]["ranks"][0];
+    assert_eq!(rank[0], "log10_m_halo");
+    assert!(
+        (rank[1].as_f64().expect("a number") - below).abs() < 1e-9,
+        "{rank} {below}"
+    );
+    // Three free parameters, five derived quantities; none of the fixed ones.
+    assert_eq!(said["fits"][0]["ranks"].as_array().map(Vec::len), Some(8));
+
+    let twice = oblate(&["calibration", &runs[0], &runs[0]], "");
+    refused(&twice, &["one", "would count twice"]);
+    let excluded = path("excluded");
+    fit(&track(folder.path(), 3, 15.0), &excluded);
+    let excluded = oblate(&["calibration", &excluded], "");
+    refused(
+        &excluded,
+        &["track.ecsv: log10_m_halo = 15 lies outside its prior [11, 14]"],
+    );
+    let gala = path("gala");
+    fit(
+        &example("tracks/s2_spherical.ecsv").display().to_string(),
+        &gala,
+    );
+    let words = ["the header has no true", "give fits of mocks"];
+    refused(&oblate(&["calibration", &gala], ""), &words);
+}
