@@ -1,12 +1,12 @@
 //! What does the gradient of ln L cost, in units of its value?
 //!
-//! One track with 100 steps per particle and a dense orbit of 512 steps. `value` runs in lanes; `adjoint13` adds all 13
+//! One track with 100 steps per particle and a dense orbit of 512 steps. `value` runs in lanes; `adjoint13` adds all
 //! derivatives in reverse, `truncated13` the truncated gradient of the samplers; `dual13` is the reference, every
-//! number a dual of 13 parts, one particle after the other. All do the same work on the same inputs.
+//! number a dual, one particle after the other. All do the same work on the same inputs.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
-use oblate::params::{DIM, QRange, StreamParams};
+use oblate::params::{DIM, QRange, StreamParams, without_optional};
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::TableSettings;
 use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepSchedules, StepsPer};
@@ -14,9 +14,9 @@ use oblate::track::{BinEdges, Track};
 use std::hint::black_box;
 
 /// A nearly spherical halo with a tilted axis, a progenitor at 80 kpc, 3 Gyr.
-const THETA: [f64; DIM] = [
+const THETA: [f64; DIM] = without_optional([
     12.1, 16.0, -0.25, -0.4, 1.64, 8.0, 1.5, 59.0, 53.0, -41.0, 156.0, -29.0, 3.0,
-];
+]);
 
 /// The likelihood of the model's own track, 2 % errors.
 fn likelihood(particles: usize) -> StreamLikelihood {

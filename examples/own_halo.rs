@@ -50,7 +50,7 @@ impl CompiledHalo for NfwWithDisc {
 
 #[allow(dead_code, reason = "a test includes this file for the halo above")]
 fn main() -> Result<()> {
-    let params = StreamParams::from_array([
+    let params = StreamParams::from([
         12.0, 15.0, 0.3, 0.0, 1.2, 8.0, 1.0, 60.0, 30.0, 30.0, 140.0, 45.0, 3.0,
     ]);
     let model = Model::new(&ModelSettings::default())?;

@@ -12,7 +12,7 @@
 //! use oblate::stream::{Model, ModelSettings};
 //!
 //! # fn main() -> oblate::Result<()> {
-//! let params = StreamParams::from_array([
+//! let params = StreamParams::from([
 //!     12.0, 15.0, 0.3, 0.0, 1.2, // halo: log10 of its mass in Msun, scale radius in kpc, shape vector (gives q and the axis)
 //!     8.0, 1.0, // progenitor: log10 of its mass in Msun, scale radius in kpc
 //!     60.0, 30.0, 30.0, 140.0, 45.0, // its position x, z in kpc and its velocity in km/s today

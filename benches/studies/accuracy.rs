@@ -18,7 +18,7 @@ use lines::roughness;
 use oblate::Rejection;
 use oblate::data::{Mock, MockSettings, mocks};
 use oblate::inference::{FitSettings, Profile, StreamTarget};
-use oblate::params::{PriorSettings, StreamPrior};
+use oblate::params::{DIM, PriorSettings, StreamPrior};
 use oblate::spray::{SamplingScheme, TableSettings};
 use oblate::stream::{Model, ModelSettings, System};
 use oblate::track::{BinEdges, Track};
@@ -140,7 +140,7 @@ fn main() {
                 .iter()
                 .map(|g| StreamTarget::from_track(&g.mock.track, settings).expect("a mock is data"))
                 .collect();
-            let pairs: Vec<(&StreamTarget, [f64; 13])> = targets
+            let pairs: Vec<(&StreamTarget, [f64; DIM])> = targets
                 .iter()
                 .zip(&these)
                 .map(|(target, galaxy)| (target, galaxy.mock.params.to_array()))

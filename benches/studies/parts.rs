@@ -9,6 +9,7 @@ mod draws;
 
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget, prior_draws};
+use oblate::likelihood::Observation;
 use oblate::orbit::DenseOrbit;
 use oblate::params::{DIM, StreamParams};
 use oblate::stream::{Particles, Precision, StepSchedules};
@@ -69,7 +70,7 @@ fn times(target: &StreamTarget, theta: &[f64; DIM]) -> Option<[f64; 6]> {
                 .sum(black_box(&particles), &mut sums, &mut partial);
         }));
         measured[4].push(microseconds(|| {
-            black_box(track.ln_likelihood(black_box(&sums))).ok();
+            black_box(track.ln_likelihood(black_box(&sums), &Observation::default())).ok();
         }));
         measured[5].push(microseconds(|| {
             black_box(likelihood.ln_likelihood(black_box(theta))).ok();

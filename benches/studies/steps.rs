@@ -40,7 +40,7 @@ fn draws(q_range: QRange) -> Vec<System<f64>> {
         .from_path(file)
         .expect("the draws");
     let rows = reader.deserialize::<(String, [f64; 13])>();
-    let system = |(_, theta)| System::from_params(&StreamParams::from_array(theta), q_range);
+    let system = |(_, theta)| System::from_params(&StreamParams::from(theta), q_range);
     rows.map(|row| system(row.expect("a name and 13 numbers")))
         .collect()
 }

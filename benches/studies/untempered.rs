@@ -15,7 +15,7 @@ mod draws;
 use draws::draws;
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, StreamTarget};
-use oblate::params::DIM;
+use oblate::params::{DIM, REQUIRED};
 use oblate_samplers::Target;
 use oblate_samplers::diagnostics::{r_hat, weighted_quantile};
 use oblate_samplers::hmc::{
@@ -101,7 +101,7 @@ struct Chain<'a> {
 /// The results of a chain.
 #[derive(Default)]
 struct Record {
-    z: [Vec<f64>; DIM],
+    z: [Vec<f64>; REQUIRED],
     ln_likelihood: Vec<f64>,
     q: Vec<f64>,
     modes: BTreeSet<(bool, bool, bool)>,
@@ -117,14 +117,14 @@ impl<'a> Chain<'a> {
             target,
             rng: stream(SEED, Domain::PtExplore, number as u64, 0),
             at,
-            metric: Metric::identity(DIM),
+            metric: Metric::identity(REQUIRED),
             step: FIRST_STEP,
             calls: Calls::default(),
         }
     }
 
     fn run(mut self, schedule: &Schedule) -> Record {
-        let mut moments = Moments::new(DIM);
+        let mut moments = Moments::new(REQUIRED);
         for (plan, moves) in schedule.warm_up {
             self.update_metric(&moments);
             moments = self.adapt(plan, *moves);
@@ -144,7 +144,7 @@ impl<'a> Chain<'a> {
     /// A window of warm-up, in which the step is adapted; its moments are for the metric.
     fn adapt(&mut self, plan: &Plan, moves: usize) -> Moments {
         let mut step = StepSize::new(self.step);
-        let mut moments = Moments::new(DIM);
+        let mut moments = Moments::new(REQUIRED);
         let mut local_sampler = LocalSampler::new(self.target, 1.0, &self.metric);
         let updates = moves / TRANSITIONS_PER_UPDATE;
         for update in 0..updates {
@@ -186,7 +186,7 @@ impl<'a> Chain<'a> {
         };
         let mut record = Record::default();
         let mut local_sampler = LocalSampler::new(self.target, 1.0, &self.metric);
-        let mut theta = [0.0; DIM];
+        let mut theta = [0.0; REQUIRED];
         for _ in 0..moves {
             let moved = local_sampler
                 .transition(&mut self.at, &plan, &mut self.rng)
@@ -218,10 +218,10 @@ fn mean(values: &[f64]) -> f64 {
 fn best_of_prior(target: &StreamTarget, number: usize) -> Point {
     let mut rng = stream(SEED, Domain::Prior, number as u64, 0);
     let mut evaluator = Evaluator::new(target);
-    let mut best = Point::new(DIM);
+    let mut best = Point::new(REQUIRED);
     let mut found = 0;
     while found < START_DRAWS {
-        let mut point = Point::new(DIM);
+        let mut point = Point::new(REQUIRED);
         evaluator.draw_reference(&mut point.z, &mut rng);
         let value = evaluator.value(&point.z);
         point.ln_likelihood = value.expect("a target that never fails");
@@ -243,7 +243,7 @@ fn posterior_draws(target: &StreamTarget, track: &str) -> Vec<Point> {
     own.iter()
         .step_by(own.len() / CHAINS)
         .map(|theta| {
-            let mut point = Point::new(DIM);
+            let mut point = Point::new(REQUIRED);
             target.prior().z_from_theta(theta, &mut point.z);
             point
         })
@@ -262,7 +262,7 @@ fn cpu_seconds() -> f64 {
 fn worst_r_hat(chains: &[Record]) -> f64 {
     let of =
         |column: &dyn Fn(&Record) -> &[f64]| r_hat(&chains.iter().map(column).collect::<Vec<_>>());
-    (0..DIM)
+    (0..REQUIRED)
         .map(|i| of(&|chain| &chain.z[i]))
         .fold(of(&|chain| &chain.ln_likelihood), f64::max)
 }

@@ -6,7 +6,7 @@ use crate::settings::{changed, from_file};
 use crate::tables::{particle_columns, track_columns};
 use oblate::Rejection;
 use oblate::inference::FitSettings;
-use oblate::params::{NAMES, PriorSettings, StreamParams, StreamPrior, index_of};
+use oblate::params::{NAMES, PARAMETERS, PriorSettings, StreamParams, StreamPrior, index_of};
 use oblate::stream::{self, Particles, System};
 use oblate::track::Track;
 use pyo3::prelude::*;
@@ -22,9 +22,9 @@ pub struct Model {
     threads: Threads,
 }
 
-/// All thirteen parameters by name.
+/// All parameters by name; optional ones may be left out.
 fn params(given: &Bound<'_, PyDict>) -> PyResult<StreamParams<f64>> {
-    let mut values = [f64::NAN; NAMES.len()];
+    let mut values = PARAMETERS.map(|parameter| parameter.absent.unwrap_or(f64::NAN));
     for (name, value) in given {
         let name: String = name.extract()?;
         let Some(index) = index_of(&name) else {
@@ -36,11 +36,13 @@ fn params(given: &Bound<'_, PyDict>) -> PyResult<StreamParams<f64>> {
         };
         values[index] = value.extract()?;
     }
-    if let Some(name) = NAMES
-        .iter()
-        .find(|name| !given.contains(**name).unwrap_or(false))
-    {
-        return Err(wrong(name, "missing", "give all 13 parameters"));
+    let mut required = PARAMETERS.iter().filter(|p| p.absent.is_none());
+    if let Some(missing) = required.find(|p| !given.contains(p.name).unwrap_or(false)) {
+        return Err(wrong(
+            missing.name,
+            "missing",
+            "give all 13 parameters of a stream",
+        ));
     }
     Ok(StreamParams::from_array(values))
 }
@@ -85,13 +87,13 @@ impl Model {
         })
     }
 
-    /// The particles of a stream, by columns, from all 13 parameters by name.
+    /// The particles of a stream, by columns, from all parameters by name.
     fn stream<'py>(&self, parameters: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyDict>> {
         let particles = self.particles(parameters)?;
         particle_columns(parameters.py(), self.model.particle_table(&particles))
     }
 
-    /// The track of a stream, by columns, from all 13 parameters by name.
+    /// The track of a stream, by columns, from all parameters by name.
     #[pyo3(signature = (parameters, *, bin_width_deg=10.0))]
     fn track<'py>(
         &self,

@@ -5,7 +5,7 @@ use super::options::{Common, FitFlags, TrackFlags};
 use super::output::{Output, note};
 use crate::error::{Error, Rejection, Result};
 use crate::inference::{Evaluated, StreamTarget, Wanted};
-use crate::params::{NAMES, ParameterLines, StreamParams};
+use crate::params::{DIM, NAMES, ParameterLines, StreamParams, StreamPrior};
 use oblate_samplers::Target;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
@@ -17,14 +17,14 @@ use std::time::Instant;
 #[derive(clap::Args, Debug)]
 #[command(
     after_help = "Example:\n  oblate evaluate track.ecsv --gradient < parameters.jsonl\n\n\
-Each input line is a JSON object with the 13 parameters, where fixed ones may be left out, or a list of such objects; each output line \
+Each input line is a JSON object with the parameters, where fixed ones may be left out, or a list of such objects; each output line \
 is\n  {\"ln_likelihood\": x or null, \"rejected\": cause or null, \"gradient\": {name: ..}, \"derived\": {name: ..}, \"seconds\": ..}\n\
 or a list of these"
 )]
 pub struct Args {
     /// The track (ECSV or CSV)
     track: PathBuf,
-    /// Print the gradient with respect to the 13 parameters too
+    /// Print the gradient with respect to the parameters too
     #[arg(long)]
     gradient: bool,
     /// Read the free parameters as coordinates of the unit cube, and print the parameters too; the gradient is then that by the coordinates
@@ -92,7 +92,7 @@ pub fn run(
 
 /// A point of the input.
 struct Point {
-    /// All thirteen parameters.
+    /// All parameters.
     params: StreamParams<f64>,
     /// Coordinates of the unit cube of the free ones, if the input has these.
     cube: Option<Vec<f64>>,
@@ -131,7 +131,7 @@ impl Point {
                 answer.insert("rejected".to_owned(), Value::Null);
                 if let Some(gradient) = &evaluated.gradient {
                     let gradient = match &self.cube {
-                        None => by_name(NAMES, gradient),
+                        None => of_present(prior, gradient),
                         Some(cube) => {
                             let mut gradient = prior.free_values(gradient);
                             prior.prior().gradient_to_u(cube, &mut gradient);
@@ -147,7 +147,7 @@ impl Point {
             }
         }
         if self.cube.is_some() {
-            answer.insert("parameters".to_owned(), by_name(NAMES, &all));
+            answer.insert("parameters".to_owned(), of_present(prior, &all));
         }
         let names = target.derived_names().into_iter().map(|(name, _)| name);
         let mut derived = Vec::new();
@@ -155,6 +155,13 @@ impl Point {
         answer.insert("derived".to_owned(), by_name(names, &derived));
         answer
     }
+}
+
+/// An object of the numbers of those parameters that the prior has, by name.
+fn of_present(prior: &StreamPrior, all: &[f64; DIM]) -> Value {
+    let present = prior.present();
+    let numbers: Vec<f64> = present.iter().map(|&i| all[i]).collect();
+    by_name(present.iter().map(|&i| NAMES[i]), &numbers)
 }
 
 /// An object of numbers by name; numbers that are not finite are null.

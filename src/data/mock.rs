@@ -305,15 +305,11 @@ pub(super) fn is_kept(
     draw(prior, &only_q, model, seed, index).is_ok()
 }
 
-/// The true parameters for the header: a mapping of the thirteen names and q.
+/// The true parameters for the header: a mapping of the names and q, without absent parameters.
 fn truth(params: &StreamParams<f64>, q: f64) -> serde_json::Value {
-    let mut map: serde_json::Map<String, serde_json::Value> = crate::params::NAMES
-        .iter()
-        .zip(params.to_array())
-        .map(|(name, value)| ((*name).to_owned(), value.into()))
-        .collect();
-    map.insert("q".to_owned(), q.into());
-    map.into()
+    let mut map = serde_json::to_value(params).unwrap_or_default();
+    map["q"] = q.into();
+    map
 }
 
 /// The paper's three criteria; gives the length of the projected track.

@@ -17,7 +17,7 @@ pub struct Diagnostics {
 
 /// Diagnostics of a fit:
 /// - `bounded_tidal_radius`, `ambiguous_windings`: the approximations in the best fit's stream ([`Tally`](crate::Tally));
-/// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, and the number of data bins;
+/// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, with its jitter, and the number of data bins;
 /// - `density_on_minor_axis_msun_kpc3`: the halo's density on its symmetry axis, at the progenitor's distance from the centre.
 ///
 /// All depend on the draws alone: a run that was stopped and resumed has the same. If there are no draws, or if the best fit has no
@@ -39,7 +39,8 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     let mut chi2 = 0.0;
     for (row, bin) in track.bins().into_iter().enumerate() {
         if let Some(model) = modelled.bins.iter().find(|b| b.bin == bin) {
-            let sigma = track.r_err_towards_kpc(row, model.r_kpc);
+            let error = track.r_err_towards_kpc(row, model.r_kpc);
+            let sigma = error.hypot(params.jitter * track.r_kpc[row]);
             chi2 += ((model.r_kpc - track.r_kpc[row]) / sigma).powi(2);
         }
     }

@@ -20,7 +20,7 @@ pub enum Wanted {
 pub struct Evaluated {
     /// ln L.
     pub ln_likelihood: f64,
-    /// Its derivatives by the thirteen parameters, per unit of each, if they were wanted.
+    /// Its derivatives by all parameters, per unit of each, if they were wanted.
     pub gradient: Option<[f64; DIM]>,
 }
 

@@ -4,7 +4,7 @@ use super::settings::FitSettings;
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::error::Result;
-use crate::params::DIM;
+use crate::params::{DIM, without_optional};
 use std::time::{Duration, Instant};
 
 /// Draws of the posteriors of five tracks, the track's name first: the points of a fit cost as much as these.
@@ -60,7 +60,7 @@ fn values_per_second(target: &StreamTarget, time: Duration) -> f64 {
         .filter_map(|line| {
             let values: Option<Vec<f64>> =
                 line.split(',').skip(1).map(|v| v.parse().ok()).collect();
-            values?.try_into().ok()
+            Some(without_optional(values?.try_into().ok()?))
         })
         .collect();
     // Every thread has some points at a time, as in a sampler.

@@ -84,8 +84,8 @@ impl StreamTarget {
         &self.prior
     }
 
-    /// All thirteen parameters from the free ones: `theta` has these in their units, in the order of
-    /// [`PARAMETERS`](crate::params::PARAMETERS) without the fixed ones.
+    /// All parameters from the free ones: `theta` has these in their units, in the order of
+    /// [`PARAMETERS`](crate::params::PARAMETERS) without the fixed and the absent ones.
     #[must_use]
     pub fn params(&self, theta: &[f64]) -> StreamParams<f64> {
         self.prior.fill(theta)
@@ -142,19 +142,27 @@ impl Target for StreamTarget {
     }
 
     fn feature_count(&self) -> usize {
-        FEATURES
+        FEATURES + self.prior.free_optional().len()
     }
 
+    /// Those of the stream, and the free optional parameters as they are.
     fn features(&self, _z: &[f64], theta: &[f64], all: &mut [f64]) {
-        all.copy_from_slice(&features(&self.params(theta), self.prior.q_range()));
+        let (of_stream, optional) = all.split_at_mut(FEATURES);
+        of_stream.copy_from_slice(&features(&self.params(theta), self.prior.q_range()));
+        optional.copy_from_slice(&theta[theta.len() - optional.len()..]);
     }
 
     fn features_vjp(&self, z: &[f64], theta: &[f64], features_bar: &[f64], z_bar: &mut [f64]) {
+        let (of_stream, optional) = features_bar.split_at(FEATURES);
         let mut bar = [0.0; FEATURES];
-        bar.copy_from_slice(features_bar);
+        bar.copy_from_slice(of_stream);
         let bar = features_vjp(&self.params(theta), self.prior.q_range(), &bar).to_array();
         for (slot, place) in z_bar.iter_mut().zip(self.prior.free()) {
             *slot = bar[*place];
+        }
+        let first = z_bar.len() - optional.len();
+        for (slot, bar) in z_bar[first..].iter_mut().zip(optional) {
+            *slot += bar;
         }
         self.prior().gradient_to_z(z, z_bar);
     }

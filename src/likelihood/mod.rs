@@ -1,7 +1,9 @@
-//! ln L of a track as a function of the 13 parameters, and its gradient (docs/physics.md, sections 7 and 8).
+//! ln L of a track as a function of the parameters, and its gradient (docs/physics.md, sections 7 and 8).
 
+mod observation;
 mod stream;
 mod track;
 
+pub use observation::Observation;
 pub use stream::{Evaluation, StreamLikelihood};
 pub use track::{Coverage, DataBin, LikelihoodSettings, TrackLikelihood};

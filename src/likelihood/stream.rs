@@ -1,7 +1,8 @@
-//! The likelihood as a function of the 13 parameters: its value in SIMD lanes, its gradient by reverse mode in lanes and by dual
+//! The likelihood as a function of the parameters: its value in SIMD lanes, its gradient by reverse mode in lanes and by dual
 //! numbers, and its value on any number type as a reference.
 
-use super::TrackLikelihood;
+use super::observation::Observation;
+use super::track::TrackLikelihood;
 use crate::error::{Rejection, Tally};
 use crate::params::{DIM, QRange, StreamParams};
 use crate::potential::Nfw;
@@ -10,7 +11,7 @@ use crate::stream::{
     Adjoint, CompiledHalo, Model, Particles, ProgenitorSolution, SolutionMemory, StepSchedules,
     System, Threads, Workspace,
 };
-use crate::track::{PartialSums, Sums, Track};
+use crate::track::{BinGrid, PartialSums, Sums, Track};
 use rayon::prelude::*;
 use std::cell::RefCell;
 use std::marker::PhantomData;
@@ -47,7 +48,7 @@ fn with_buffers<T>(work: impl FnOnce(&mut Buffers) -> T) -> T {
     result
 }
 
-/// The likelihood of one track as a function of the 13 parameters.
+/// The likelihood of one track as a function of the parameters.
 ///
 /// `H` is the kind of halo, by default that of Chemaly et al. (2026).
 #[derive(Clone, Debug)]
@@ -106,8 +107,9 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         System::with_halo(params, self.q_range)
     }
 
-    /// ln L, in lanes, on the caller's thread. `theta` are the thirteen parameters in the order and units of
-    /// [`PARAMETERS`](crate::params::PARAMETERS).
+    /// ln L, in lanes, on the caller's thread. `theta` are all parameters in the order and units of
+    /// [`PARAMETERS`](crate::params::PARAMETERS); [`without_optional`](crate::params::without_optional) gives them from the thirteen that
+    /// every stream has.
     ///
     /// # Errors
     /// [`Rejection::BadParameter`], [`Rejection::BadOrbit`], [`Rejection::UnresolvedOrbit`] or [`Rejection::BadParticle`] where there
@@ -127,7 +129,8 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     ) -> Result<Evaluation, Rejection> {
         with_buffers(|b| {
             let evaluation = self.value(theta, Threads::One, b)?;
-            self.track.residuals(&b.sums, residuals)?;
+            let observation = Observation::from(&StreamParams::from_array(*theta));
+            self.track.residuals(&b.sums, &observation, residuals)?;
             Ok(evaluation)
         })
     }
@@ -150,7 +153,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
             .collect()
     }
 
-    /// ln L and its gradient with respect to the 13 physical parameters, per unit of each and in their order: the exact derivative of
+    /// ln L and its gradient with respect to all parameters, per unit of each and in their order: the exact derivative of
     /// the discrete model (docs/physics.md, section 8). On the caller's thread.
     ///
     /// # Errors
@@ -188,14 +191,17 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         threads: Threads,
         b: &mut Buffers,
     ) -> Result<Evaluation, Rejection> {
-        let system = self.system(&StreamParams::from_array(*theta));
+        let params = StreamParams::from_array(*theta);
+        let observation = Observation::from(&params);
+        observation.check()?;
+        let grid = self.track.grid_from(observation.phi0_deg);
         let solution = self
             .model
-            .progenitor_solution_reusing(&system, b.memory.take())?;
-        let summed = self.sum(&solution, threads, b);
+            .progenitor_solution_reusing(&self.system(&params), b.memory.take())?;
+        let summed = self.sum(&solution, &grid, threads, b);
         b.memory = Some(solution.into_memory());
         summed?;
-        let ln_likelihood = self.track.ln_likelihood(&b.sums)?;
+        let ln_likelihood = self.track.ln_likelihood(&b.sums, &observation)?;
         Ok(Evaluation {
             ln_likelihood,
             tally: b.work.particles.tally,
@@ -209,12 +215,17 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         threads: Threads,
         b: &mut Buffers,
     ) -> Result<(Evaluation, [f64; DIM]), Rejection> {
-        let system = self.system(&StreamParams::from_array(*theta));
+        let params = StreamParams::from_array(*theta);
+        let observation = Observation::from(&params);
+        observation.check()?;
+        let grid = self.track.grid_from(observation.phi0_deg);
+        let system = self.system(&params);
         let solution = self.model.progenitor_solution(&system)?;
-        self.sum(&solution, threads, b)?;
-        let ln_likelihood = self.track.vjp(&b.sums, &mut b.sums_bar)?;
+        self.sum(&solution, &grid, threads, b)?;
+        let (ln_likelihood, observation_bar) =
+            self.track.vjp(&b.sums, &observation, &mut b.sums_bar)?;
         let work = &mut b.work;
-        self.track.grid().vjp(
+        let offset_bar = grid.vjp(
             &work.particles,
             &b.sums_bar,
             &mut work.x_bar,
@@ -231,6 +242,12 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
                 *component += number_bar * derivative;
             }
         }
+        let mut gradient = StreamParams::from_array(gradient);
+        gradient.jitter += observation_bar.jitter;
+        gradient.distance_factor += observation_bar.distance_factor;
+        // The bins of the data are at phi - phi0 from the progenitor.
+        gradient.phi0_deg -= offset_bar;
+        let gradient = gradient.to_array();
         if gradient.iter().all(|g| g.is_finite()) {
             let evaluation = Evaluation {
                 ln_likelihood,
@@ -248,6 +265,8 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
     pub fn ln_likelihood_on<S: Real>(&self, params: &StreamParams<S>) -> Result<S, Rejection> {
+        let observation = Observation::from(params);
+        observation.check()?;
         // The adaptive steps are those of the computation in lanes.
         let real_parts = params.map(Real::re);
         let mut in_lanes = Particles::default();
@@ -262,40 +281,49 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
             .integrate_one_by_one(&solution, &in_lanes.step_sizes)?;
         let mut sums = Sums::default();
         let neighbourhood = self.model.table().neighbourhood.as_deref();
-        self.track
-            .grid()
-            .sum_final_particles(&particles, neighbourhood, &mut sums);
-        self.track.ln_likelihood(&sums)
+        let grid = self.track.grid_from(real_parts.phi0_deg);
+        let offset_deg = -observation.phi0_deg + self.track.grid().offset_deg;
+        grid.sum_final_particles(&particles, neighbourhood, offset_deg, &mut sums);
+        self.track.ln_likelihood(&sums, &observation)
     }
 
-    /// The track of a parameter set with the data's bins: their width, offset and edges, every bin that is covered, and the particles.
+    /// The track of a parameter set as it would be measured, with the data's bins: their width, offset and edges, every bin that is covered,
+    /// angles as in the data, and radii by the distance of the data. The particles are those of the model.
     ///
     /// # Errors
     /// [`Rejection::BadParameter`], [`Rejection::BadOrbit`], [`Rejection::UnresolvedOrbit`] or [`Rejection::BadParticle`] where there
     /// is no stream.
     pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Particles), Rejection> {
+        let observation = Observation::from(params);
+        observation.check()?;
         let solution = self.model.progenitor_solution(&self.system(params))?;
         let mut particles = Particles::default();
         self.model
             .integrate_in_parallel(&solution, &mut particles)?;
-        let grid = self.track.grid();
-        let track = Track::from_checked(
+        let grid = self.track.grid_from(observation.phi0_deg);
+        let mut track = Track::from_checked(
             &particles,
             grid.width_deg,
             grid.offset_deg,
             grid.edges,
             self.track.threshold().max(1.0),
         );
+        for bin in &mut track.bins {
+            bin.phi_deg = self.track.grid().centre_deg(bin.bin);
+            bin.r_kpc /= observation.distance_factor;
+            bin.r_err_kpc /= observation.distance_factor;
+        }
         Ok((track, particles))
     }
 
-    /// Writes the particles and their sums over bins into the buffers.
+    /// Writes the particles and their sums over the bins of `grid` into the buffers.
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a particle is not finite.
     fn sum(
         &self,
         solution: &ProgenitorSolution<f64, H>,
+        grid: &BinGrid,
         threads: Threads,
         b: &mut Buffers,
     ) -> Result<(), Rejection> {
@@ -304,7 +332,6 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
             particles,
             ..
         } = &mut b.work;
-        let grid = self.track.grid();
         match threads {
             Threads::One => {
                 self.model.integrate(solution, schedules, particles)?;

@@ -1,5 +1,6 @@
 //! The likelihood of a track: normal in the mean radius of each bin, with a rule for bins that are not covered (docs/physics.md, section 7).
 
+use super::observation::Observation;
 use crate::data::{RADII_KPC, RADIUS_ERRORS_KPC};
 use crate::error::{Error, Rejection, Result};
 use crate::scalar::{Dual, LANES, Real, gradient_of, lift, smooth_step};
@@ -118,10 +119,17 @@ impl DataBin {
         self.r_err_lo_kpc.to_bits() == self.r_err_hi_kpc.to_bits()
     }
 
-    /// The mean of both errors, which normalises the likelihood without model noise.
+    /// The mean of both errors, which normalises the likelihood without jitter and model noise.
     #[inline(always)]
     fn mean_error_kpc(&self) -> f64 {
         0.5 * (self.r_err_lo_kpc + self.r_err_hi_kpc)
+    }
+
+    /// The variances towards smaller and towards larger radii with this jitter, kpc^2.
+    #[inline(always)]
+    fn variances_kpc2<S: Real>(&self, jitter: S) -> [S; 2] {
+        let scatter = jitter * self.r_kpc;
+        [self.r_err_lo_kpc, self.r_err_hi_kpc].map(|error| scatter * scatter + error * error)
     }
 
     /// With errors of at least `floor_kpc`.
@@ -255,10 +263,19 @@ impl TrackLikelihood {
         }
     }
 
-    /// The bins that a model must be summed in.
+    /// The bins that a model must be summed in if the progenitor is at phi = 0 in the data.
     #[must_use]
     pub fn grid(&self) -> &BinGrid {
         &self.grid
+    }
+
+    /// The bins that a model must be summed in if the progenitor is at phi = `phi0_deg` in the data.
+    #[must_use]
+    pub fn grid_from(&self, phi0_deg: f64) -> BinGrid {
+        BinGrid {
+            offset_deg: self.grid.offset_deg - phi0_deg,
+            ..self.grid
+        }
     }
 
     /// An estimate of the memory of the sums of `threads` values that are computed at once: for each bin three sums, their derivatives,
@@ -281,7 +298,7 @@ impl TrackLikelihood {
         self.data.iter().flatten()
     }
 
-    /// An upper bound of ln L: that of a track through all points without model noise.
+    /// An upper bound of ln L: that of a track through all points without jitter and model noise.
     #[must_use]
     pub fn ln_likelihood_bound(&self) -> f64 {
         let exact_fit = self
@@ -291,16 +308,21 @@ impl TrackLikelihood {
         exact_fit + BOUND_SLACK
     }
 
-    /// ln L of a model's sums.
+    /// ln L of a model's sums over the bins of [`grid_from`](Self::grid_from): the density of the data as they are given.
     ///
     /// # Errors
     /// [`Rejection::Uncovered`] under [`Coverage::Reject`] if a bin is not covered; [`Rejection::BadLikelihood`] if ln L is not finite.
-    pub fn ln_likelihood<S: Real>(&self, sums: &Sums<S>) -> std::result::Result<S, Rejection> {
+    pub fn ln_likelihood<S: Real>(
+        &self,
+        sums: &Sums<S>,
+        observation: &Observation<S>,
+    ) -> std::result::Result<S, Rejection> {
         let mut total = S::zero();
         let mut mean_cover = S::zero();
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let term = self.bin_term(d, sums.weight[i], sums.r[i], sums.r2[i])?;
+                let term =
+                    self.bin_term(d, [sums.weight[i], sums.r[i], sums.r2[i]], observation)?;
                 total += term.ln_likelihood;
                 mean_cover += term.covered / self.count as f64;
             }
@@ -321,40 +343,63 @@ impl TrackLikelihood {
     pub fn residuals(
         &self,
         sums: &Sums<f64>,
+        observation: &Observation<f64>,
         residuals: &mut Vec<f64>,
     ) -> std::result::Result<(), Rejection> {
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let term = self.bin_term(d, sums.weight[i], sums.r[i], sums.r2[i])?;
+                let term =
+                    self.bin_term(d, [sums.weight[i], sums.r[i], sums.r2[i]], observation)?;
                 residuals.push(term.covered.sqrt() * term.residual / term.variance.sqrt());
             }
         }
         Ok(())
     }
 
-    /// ln L, with the same bits as from [`ln_likelihood`](Self::ln_likelihood). Its derivatives with respect to the sums are written into
-    /// `sums_bar`.
+    /// ln L, with the same bits as from [`ln_likelihood`](Self::ln_likelihood), and its derivatives with respect to the observation at given
+    /// sums. Those with respect to the sums are written into `sums_bar`.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
     pub fn vjp(
         &self,
         sums: &Sums<f64>,
+        observation: &Observation<f64>,
         sums_bar: &mut Sums<f64>,
-    ) -> std::result::Result<f64, Rejection> {
+    ) -> std::result::Result<(f64, Observation<f64>), Rejection> {
         // ln L by the function above, because dual numbers round otherwise.
-        let total = self.ln_likelihood(sums)?;
+        let total = self.ln_likelihood(sums, observation)?;
+        let mut observation_bar = Observation {
+            jitter: 0.0,
+            distance_factor: 0.0,
+            // The sums have it already.
+            phi0_deg: 0.0,
+        };
         sums_bar.reset(self.grid.len);
         let mut mean_cover = 0.0;
         // Derivatives of each bin's cover, for the penalty below.
         let mut cover_bar = vec![0.0; self.grid.len];
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let [weight, r, r2]: [Dual<3>; 3] = lift(&[sums.weight[i], sums.r[i], sums.r2[i]]);
-                let term = self.bin_term(d, weight, r, r2)?;
+                let [weight, r, r2, jitter, distance_factor]: [Dual<5>; 5] = lift(&[
+                    sums.weight[i],
+                    sums.r[i],
+                    sums.r2[i],
+                    observation.jitter,
+                    observation.distance_factor,
+                ]);
+                let observation = Observation {
+                    jitter,
+                    distance_factor,
+                    phi0_deg: Dual::from_re(observation.phi0_deg),
+                };
+                let term = self.bin_term(d, [weight, r, r2], &observation)?;
                 mean_cover += term.covered.re / self.count as f64;
-                [sums_bar.weight[i], sums_bar.r[i], sums_bar.r2[i]] =
+                let [by_weight, by_r, by_r2, by_jitter, by_factor] =
                     gradient_of(&term.ln_likelihood);
+                (sums_bar.weight[i], sums_bar.r[i], sums_bar.r2[i]) = (by_weight, by_r, by_r2);
+                observation_bar.jitter += by_jitter;
+                observation_bar.distance_factor += by_factor;
                 // The cover depends on the weight alone.
                 cover_bar[i] = gradient_of(&term.covered)[0];
             }
@@ -364,19 +409,18 @@ impl TrackLikelihood {
         for (weight_bar, cover_bar) in sums_bar.weight.iter_mut().zip(&cover_bar) {
             *weight_bar -= mean_cover_bar * cover_bar / self.count as f64;
         }
-        Ok(total)
+        Ok((total, observation_bar))
     }
 
-    /// The contribution of one bin.
+    /// The contribution of one bin, from its sums of weights, radii and squares of radii.
     ///
     /// # Errors
     /// [`Rejection::Uncovered`] under [`Coverage::Reject`] if it is not covered.
     fn bin_term<S: Real>(
         &self,
         d: &DataBin,
-        weight: S,
-        r: S,
-        r2: S,
+        [weight, r, r2]: [S; 3],
+        observation: &Observation<S>,
     ) -> std::result::Result<BinTerm<S>, Rejection> {
         let covered = match self.settings.coverage {
             Coverage::Reject => {
@@ -393,19 +437,23 @@ impl TrackLikelihood {
         };
         // Bounded, so that the mean is finite where the cover is 0.
         let bounded_weight = weight.max(S::from_f64(0.25 * self.threshold).max(S::from_f64(1e-9)));
-        let mean = r / bounded_weight;
+        // Radii of the model as the data have them.
+        let factor = observation.distance_factor;
+        let mean = r / bounded_weight / factor;
         let mut noise = S::zero();
         if self.settings.model_noise {
-            let variance_of_r = (r2 / bounded_weight - mean * mean).max(S::zero());
+            let mean_square = r2 / bounded_weight / (factor * factor);
+            let variance_of_r = (mean_square - mean * mean).max(S::zero());
             noise += variance_of_r * self.variance_factor / bounded_weight;
         }
         let residual = mean - d.r_kpc;
-        let lower = noise + d.r_err_lo_kpc * d.r_err_lo_kpc;
+        let of_data = d.variances_kpc2(observation.jitter);
+        let lower = noise + of_data[0];
         let (variance, ln_covered) = if d.is_symmetric() {
             let ln_covered = -(residual * residual / lower + lower.ln()) * 0.5 - LN_SQRT_2PI;
             (lower, ln_covered)
         } else {
-            let upper = noise + d.r_err_hi_kpc * d.r_err_hi_kpc;
+            let upper = noise + of_data[1];
             let variance = if residual.re() > 0.0 { upper } else { lower };
             let mean_sd = (lower.sqrt() + upper.sqrt()) * 0.5;
             let ln_covered = -residual * residual / variance * 0.5 - mean_sd.ln() - LN_SQRT_2PI;
@@ -414,7 +462,8 @@ impl TrackLikelihood {
         let ln_likelihood = match self.settings.coverage {
             Coverage::Reject => ln_covered,
             Coverage::Penalty { z_miss, .. } => {
-                let ln_miss = -0.5 * z_miss * z_miss - d.mean_error_kpc().ln() - LN_SQRT_2PI;
+                let mean_error = (of_data[0].sqrt() + of_data[1].sqrt()) * 0.5;
+                let ln_miss = S::from_f64(-0.5 * z_miss * z_miss) - mean_error.ln() - LN_SQRT_2PI;
                 covered * (ln_covered - ln_miss) + ln_miss
             }
         };

@@ -1,7 +1,7 @@
 //! The parameters as a track depends on them: without the exact degeneracy of mass, velocity and age, and with halo shapes that are
 //! the same halo at the same place (docs/physics.md, section 9). A surrogate of ln L learns from these numbers.
 
-use super::layout::StreamParams;
+use super::layout::{DIM, StreamParams};
 use super::shape::QRange;
 use crate::scalar::{Real, Vec3, gradient_of, lift};
 use std::f64::consts::LN_10;
@@ -77,6 +77,7 @@ pub fn features_vjp(
         vy0_km_s: vy / speed,
         vz0_km_s: vz / speed,
         age_gyr: age / params.age_gyr,
+        ..StreamParams::from_array([0.0; DIM])
     }
 }
 

@@ -1,11 +1,16 @@
-//! Name, unit, range and index of each of the thirteen parameters, in one table.
+//! Name, unit, range and index of each parameter, in one table: the thirteen that every stream has, and optional ones.
 
 use crate::scalar::{Scalar, Vec3};
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::ser::SerializeStruct;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::ops::RangeInclusive;
 
-/// Number of parameters of a stream.
-pub const DIM: usize = 13;
+/// Number of parameters, the optional ones included.
+pub const DIM: usize = 16;
+
+/// Number of parameters that every stream has: the first ones of [`PARAMETERS`].
+pub const REQUIRED: usize = 13;
 
 /// Name, unit and range of a parameter.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,14 +21,16 @@ pub struct Parameter {
     pub unit: &'static str,
     /// Values that it may be fixed at, and the bounds and means of its prior (docs/limits.md).
     pub range: RangeInclusive<f64>,
+    /// The value that an optional parameter has while it is absent; none: every stream has this parameter.
+    pub absent: Option<f64>,
 }
 
 /// Defines the table, the struct and the conversions from one list, so that they agree.
 macro_rules! parameters {
-    ($($(#[$doc:meta])* $name:ident, $unit:literal, $range:expr;)*) => {
+    ($($(#[$doc:meta])* $name:ident, $unit:literal, $range:expr, $absent:expr;)*) => {
         /// Names, units and ranges, in the order of the table of priors.
         pub const PARAMETERS: [Parameter; DIM] = [
-            $(Parameter { name: stringify!($name), unit: $unit, range: $range },)*
+            $(Parameter { name: stringify!($name), unit: $unit, range: $range, absent: $absent },)*
         ];
 
         /// The names alone, in the same order.
@@ -31,29 +38,30 @@ macro_rules! parameters {
 
         /// One entry per parameter of a stream: values (`f64`, duals), marginals, or optional fixed values.
         ///
-        /// In files it is a TOML table or JSON object with exactly these thirteen keys.
+        /// In files it is a TOML table or JSON object with the thirteen keys of every stream. An optional parameter that is absent has no
+        /// key; as a value it has then [`Parameter::absent`].
         ///
         /// ```
         /// use oblate::params::{StreamParams, index_of};
         ///
-        /// let params = StreamParams::from_array([
+        /// let params = StreamParams::from([
         ///     12.5, 15.0, 0.3, -0.8, 0.6, 8.0, 2.0, 60.0, 40.0, -30.0, 150.0, 20.0, 2.5,
         /// ]);
         /// assert_eq!(params.to_array()[index_of("age_gyr").unwrap()], params.age_gyr);
+        /// assert_eq!(params.distance_factor, 1.0);
         /// ```
-        #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-        #[serde(deny_unknown_fields)]
+        #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct StreamParams<S> {
             $($(#[$doc])* pub $name: S,)*
         }
 
         impl<S> StreamParams<S> {
-            /// From the thirteen entries in the order of [`PARAMETERS`].
+            /// From the entries in the order of [`PARAMETERS`], optional parameters too.
             pub fn from_array([$($name),*]: [S; DIM]) -> Self {
                 Self { $($name),* }
             }
 
-            /// The thirteen entries in the order of [`PARAMETERS`].
+            /// The entries in the order of [`PARAMETERS`], optional parameters too.
             pub fn to_array(self) -> [S; DIM] {
                 [$(self.$name),*]
             }
@@ -62,37 +70,137 @@ macro_rules! parameters {
             pub fn get_mut(&mut self, index: usize) -> Option<&mut S> {
                 [$(&mut self.$name),*].into_iter().nth(index)
             }
+
+            fn entries(&self) -> [&S; DIM] {
+                [$(&self.$name),*]
+            }
+        }
+
+        /// What a file has: any of the keys.
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields, expecting = "a table of parameters")]
+        struct Given<S> {
+            $($name: Option<S>,)*
+        }
+
+        impl<'de, S: Entry + Deserialize<'de>> Deserialize<'de> for StreamParams<S> {
+            fn deserialize<D: Deserializer<'de>>(source: D) -> Result<Self, D::Error> {
+                let given = Given::<S>::deserialize(source)?;
+                Ok(Self {
+                    $($name: match given.$name.or_else(|| S::left_out($absent)) {
+                        Some(entry) => entry,
+                        None => return Err(D::Error::missing_field(stringify!($name))),
+                    },)*
+                })
+            }
         }
     };
 }
 
+/// An entry of a parameter in a file.
+pub trait Entry: Sized {
+    /// The entry where the file has no key, by [`Parameter::absent`]; `None` if it must have one.
+    fn left_out(absent: Option<f64>) -> Option<Self>;
+
+    /// Whether the file needs no key for this entry of a parameter with this [`Parameter::absent`].
+    fn may_be_left_out(&self, absent: Option<f64>) -> bool;
+}
+
+impl Entry for f64 {
+    fn left_out(absent: Option<f64>) -> Option<Self> {
+        absent
+    }
+
+    fn may_be_left_out(&self, absent: Option<f64>) -> bool {
+        absent.is_some_and(|absent| self.total_cmp(&absent).is_eq())
+    }
+}
+
+impl<T> Entry for Option<T> {
+    fn left_out(_: Option<f64>) -> Option<Self> {
+        Some(None)
+    }
+
+    fn may_be_left_out(&self, absent: Option<f64>) -> bool {
+        self.is_none() && absent.is_some()
+    }
+}
+
+impl<S: Entry + Serialize> Serialize for StreamParams<S> {
+    fn serialize<Z: Serializer>(&self, target: Z) -> Result<Z::Ok, Z::Error> {
+        let mut fields = target.serialize_struct("StreamParams", DIM)?;
+        for (Parameter { name, absent, .. }, entry) in PARAMETERS.iter().zip(self.entries()) {
+            if entry.may_be_left_out(*absent) {
+                fields.skip_field(name)?;
+            } else {
+                fields.serialize_field(name, entry)?;
+            }
+        }
+        fields.end()
+    }
+}
+
+/// The values of all parameters from those of the thirteen that every stream has; optional ones are absent.
+#[must_use]
+pub const fn without_optional(required: [f64; REQUIRED]) -> [f64; DIM] {
+    let mut all = [f64::NAN; DIM];
+    let mut i = 0;
+    while i < DIM {
+        all[i] = match PARAMETERS[i].absent {
+            Some(value) => value,
+            None => required[i],
+        };
+        i += 1;
+    }
+    all
+}
+
+impl From<[f64; REQUIRED]> for StreamParams<f64> {
+    /// As [`without_optional`].
+    fn from(required: [f64; REQUIRED]) -> Self {
+        Self::from_array(without_optional(required))
+    }
+}
+
+impl<T> Default for StreamParams<Option<T>> {
+    fn default() -> Self {
+        Self::from_array(std::array::from_fn(|_| None))
+    }
+}
+
 parameters! {
     /// log10 of the NFW mass scale `4 pi rho_0 r_s^3` in solar masses; not M200.
-    log10_m_halo, "dex(solMass)", 8.0..=17.0;
+    log10_m_halo, "dex(solMass)", 8.0..=17.0, None;
     /// NFW scale radius in kpc.
-    r_s_halo_kpc, "kpc", 0.01..=1_000.0;
+    r_s_halo_kpc, "kpc", 0.01..=1_000.0, None;
     /// Shape vector, component along the sky's x axis; see [`Shape`](crate::params::Shape).
-    dir_x, "", -10.0..=10.0;
+    dir_x, "", -10.0..=10.0, None;
     /// Shape vector, component along the sky's y axis.
-    dir_y, "", -10.0..=10.0;
+    dir_y, "", -10.0..=10.0, None;
     /// Shape vector, component towards the observer.
-    dir_z, "", -10.0..=10.0;
+    dir_z, "", -10.0..=10.0, None;
     /// log10 of the progenitor's Plummer mass in solar masses.
-    log10_m_prog, "dex(solMass)", 2.0..=13.0;
+    log10_m_prog, "dex(solMass)", 2.0..=13.0, None;
     /// Plummer scale radius in kpc.
-    r_s_prog_kpc, "kpc", 0.0001..=100.0;
+    r_s_prog_kpc, "kpc", 0.0001..=100.0, None;
     /// The progenitor's x today in kpc; its y is zero by the choice of the sky's axes.
-    x0_kpc, "kpc", -10_000.0..=10_000.0;
+    x0_kpc, "kpc", -10_000.0..=10_000.0, None;
     /// The progenitor's z today in kpc.
-    z0_kpc, "kpc", -10_000.0..=10_000.0;
+    z0_kpc, "kpc", -10_000.0..=10_000.0, None;
     /// The progenitor's velocity today along x in km/s.
-    vx0_km_s, "km / s", -10_000.0..=10_000.0;
+    vx0_km_s, "km / s", -10_000.0..=10_000.0, None;
     /// The progenitor's velocity today along y in km/s.
-    vy0_km_s, "km / s", -10_000.0..=10_000.0;
+    vy0_km_s, "km / s", -10_000.0..=10_000.0, None;
     /// The progenitor's velocity today along z in km/s.
-    vz0_km_s, "km / s", -10_000.0..=10_000.0;
+    vz0_km_s, "km / s", -10_000.0..=10_000.0, None;
     /// Age of the stream in Gyr: its first particles left that long ago.
-    age_gyr, "Gyr", 0.001..=100.0;
+    age_gyr, "Gyr", 0.001..=100.0, None;
+    /// Scatter of the radii beyond their errors, as a fraction of the radius.
+    jitter, "", 0.0..=1.0, Some(0.0);
+    /// The true distance over that by which the radii were converted to kpc.
+    distance_factor, "", 0.1..=10.0, Some(1.0);
+    /// phi of the progenitor in the data, degrees.
+    phi0_deg, "deg", -360.0..=360.0, Some(0.0);
 }
 
 impl<S: Copy> StreamParams<S> {

@@ -1,7 +1,7 @@
-//! The prior of the thirteen parameters: the table of defaults, settings that change or fix any of them, and the map from
-//! the free parameters, which a sampler varies, to all thirteen, which the model needs.
+//! The prior of the parameters: the table of defaults, settings that change or fix any of them, and the map from the free
+//! parameters, which a sampler varies, to all, which the model needs.
 
-use super::layout::{DIM, PARAMETERS, Parameter, StreamParams, index_of};
+use super::layout::{DIM, PARAMETERS, Parameter, REQUIRED, StreamParams, index_of};
 use super::shape::{AXIS_RATIOS, QPrior, QRange, Shape};
 use crate::error::{Error, Rejection, Result};
 use crate::scalar::{Real, Scalar};
@@ -29,25 +29,28 @@ const fn half_normal(sd: f64) -> Marginal {
 
 /// The prior of Chemaly et al. (2026), table 1. The half-normals select one of several equivalent configurations: the sign
 /// of the halo's axis (`dir_z`), the direction of the sky's x axis (`x0_kpc`), the near or the far side of the halo
-/// (`z0_kpc`), and the sense of the orbit (`vy0_km_s`).
-const DEFAULT: StreamParams<Marginal> = StreamParams {
-    log10_m_halo: uniform(11.0, 14.0),
-    r_s_halo_kpc: uniform(10.0, 25.0),
-    dir_x: normal(1.0),
-    dir_y: normal(1.0),
-    dir_z: half_normal(1.0),
-    log10_m_prog: uniform(7.0, 9.0),
-    r_s_prog_kpc: uniform(1.0, 5.0),
-    x0_kpc: half_normal(POSITION_SD_KPC),
-    z0_kpc: half_normal(POSITION_SD_KPC),
-    vx0_km_s: normal(VELOCITY_SD_KM_S),
-    vy0_km_s: half_normal(VELOCITY_SD_KM_S),
-    vz0_km_s: normal(VELOCITY_SD_KM_S),
-    age_gyr: uniform(1.0, 4.0),
-};
+/// (`z0_kpc`), and the sense of the orbit (`vy0_km_s`). Optional parameters are absent.
+fn default_marginals() -> StreamParams<Option<Marginal>> {
+    StreamParams {
+        log10_m_halo: Some(uniform(11.0, 14.0)),
+        r_s_halo_kpc: Some(uniform(10.0, 25.0)),
+        dir_x: Some(normal(1.0)),
+        dir_y: Some(normal(1.0)),
+        dir_z: Some(half_normal(1.0)),
+        log10_m_prog: Some(uniform(7.0, 9.0)),
+        r_s_prog_kpc: Some(uniform(1.0, 5.0)),
+        x0_kpc: Some(half_normal(POSITION_SD_KPC)),
+        z0_kpc: Some(half_normal(POSITION_SD_KPC)),
+        vx0_km_s: Some(normal(VELOCITY_SD_KM_S)),
+        vy0_km_s: Some(half_normal(VELOCITY_SD_KM_S)),
+        vz0_km_s: Some(normal(VELOCITY_SD_KM_S)),
+        age_gyr: Some(uniform(1.0, 4.0)),
+        ..StreamParams::default()
+    }
+}
 
-/// Parameters that the model needs above zero.
-const POSITIVE: [&str; 3] = ["r_s_halo_kpc", "r_s_prog_kpc", "age_gyr"];
+/// Parameters that must not be negative.
+const NOT_NEGATIVE: [&str; 4] = ["r_s_halo_kpc", "r_s_prog_kpc", "age_gyr", "jitter"];
 
 /// The prior as the user writes it. Every key may be left out.
 ///
@@ -56,6 +59,8 @@ const POSITIVE: [&str; 3] = ["r_s_halo_kpc", "r_s_prog_kpc", "age_gyr"];
 /// marginals.age_gyr = { kind = "uniform", lo = 2.0, hi = 3.0 }
 /// fixed.r_s_halo_kpc = 15.0
 /// ```
+///
+/// An optional parameter is present if it has a distribution or a fixed value here, and absent otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PriorSettings {
@@ -63,9 +68,9 @@ pub struct PriorSettings {
     pub q_min: f64,
     /// q of an infinitely long shape vector; 1.5.
     pub q_max: f64,
-    /// The distribution of each parameter while it is free; one that is left out keeps its default.
+    /// The distribution of each parameter while it is free; one that is left out keeps its default, which an optional parameter has not.
     #[serde(deserialize_with = "over_the_defaults")]
-    pub marginals: StreamParams<Marginal>,
+    pub marginals: StreamParams<Option<Marginal>>,
     /// Values of the parameters that are fixed.
     pub fixed: StreamParams<Option<f64>>,
 }
@@ -76,32 +81,26 @@ impl Default for PriorSettings {
         Self {
             q_min,
             q_max,
-            marginals: DEFAULT,
+            marginals: default_marginals(),
             fixed: StreamParams::default(),
         }
-    }
-}
-
-impl Default for StreamParams<Option<f64>> {
-    fn default() -> Self {
-        Self::from_array([None; DIM])
     }
 }
 
 /// Reads the marginals that are given and takes the others from the table.
 fn over_the_defaults<'de, D: Deserializer<'de>>(
     source: D,
-) -> std::result::Result<StreamParams<Marginal>, D::Error> {
+) -> std::result::Result<StreamParams<Option<Marginal>>, D::Error> {
     let given = StreamParams::<Option<Marginal>>::deserialize(source)?.to_array();
-    let table = DEFAULT.to_array();
+    let table = default_marginals().to_array();
     Ok(StreamParams::from_array(std::array::from_fn(|i| {
-        given[i].unwrap_or(table[i])
+        given[i].or(table[i])
     })))
 }
 
 impl PriorSettings {
     /// Checks every number by itself, those of marginals of fixed parameters too: the ranges of docs/limits.md. Checks then that marginals
-    /// are distributions, positive where the model needs it, and that `q_min` is below `q_max`.
+    /// are distributions, not negative where the model needs it, and that `q_min` is below `q_max`.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] or [`Error::Setting`] with the first key that is at fault.
@@ -116,23 +115,36 @@ impl PriorSettings {
             });
         }
         let (marginals, fixed) = (self.marginals.to_array(), self.fixed.to_array());
-        for (i, Parameter { name, range, .. }) in PARAMETERS.iter().enumerate() {
-            let key = format!("prior.marginals.{name}");
-            marginals[i].check_range(&key, range)?;
-            check_marginal(name, &marginals[i], POSITIVE.contains(name))?;
-            if let Some(value) = fixed[i] {
-                let key = format!("prior.fixed.{name}");
-                in_range(&key, value, range.clone())?;
-                let (lo, hi) = marginals[i].support();
-                if value < lo || value > hi {
+        for (i, parameter) in PARAMETERS.iter().enumerate() {
+            let Parameter { name, range, .. } = parameter;
+            match &marginals[i] {
+                Some(marginal) => {
+                    marginal.check_range(&format!("prior.marginals.{name}"), range)?;
+                    check_marginal(name, marginal)?;
+                }
+                None if parameter.absent.is_none() => {
                     return Err(Error::Setting {
-                        key,
-                        value: value.to_string(),
-                        remedy: format!(
-                            "its prior has values from {lo} to {hi}: give one of these, or widen prior.marginals.{name}"
-                        ),
+                        key: format!("prior.marginals.{name}"),
+                        value: "none".to_owned(),
+                        remedy: "give a distribution: every stream has this parameter".to_owned(),
                     });
                 }
+                None => {}
+            }
+            let Some(value) = fixed[i] else {
+                continue;
+            };
+            let key = format!("prior.fixed.{name}");
+            in_range(&key, value, range.clone())?;
+            let (lo, hi) = marginals[i].map_or((value, value), |marginal| marginal.support());
+            if value < lo || value > hi {
+                return Err(Error::Setting {
+                    key,
+                    value: value.to_string(),
+                    remedy: format!(
+                        "its prior has values from {lo} to {hi}: give one of these, or widen prior.marginals.{name}"
+                    ),
+                });
             }
         }
         Ok(())
@@ -161,13 +173,15 @@ impl PriorSettings {
     }
 }
 
-/// The prior, checked: which parameters are free, their distributions, and the values of the fixed ones.
+/// The prior, checked: which parameters are present and which of them free, their distributions, and the values of the fixed ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreamPrior {
     settings: PriorSettings,
     /// Indices of the free parameters in [`PARAMETERS`], in order.
     free: Vec<usize>,
-    /// Values of the fixed parameters; NaN, and unused, at the indices of the free ones.
+    /// Indices of the free and the fixed parameters, in order.
+    present: Vec<usize>,
+    /// Values of the fixed and the absent parameters; NaN, and unused, at the indices of the free ones.
     fixed: [f64; DIM],
     prior: Prior,
 }
@@ -181,8 +195,18 @@ impl StreamPrior {
         settings.check()?;
         let marginals = settings.marginals.to_array();
         let fixed = settings.fixed.to_array();
-        let free: Vec<usize> = (0..DIM).filter(|&i| fixed[i].is_none()).collect();
-        let fixed = fixed.map(|value| value.unwrap_or(f64::NAN));
+        let distributions: Vec<(usize, Marginal)> = (0..DIM)
+            .filter(|&i| fixed[i].is_none())
+            .filter_map(|i| Some((i, marginals[i]?)))
+            .collect();
+        let free: Vec<usize> = distributions.iter().map(|(i, _)| *i).collect();
+        let present = (0..DIM)
+            .filter(|&i| fixed[i].is_some() || marginals[i].is_some())
+            .collect();
+        let fixed = std::array::from_fn(|i| {
+            let absent = PARAMETERS[i].absent.filter(|_| marginals[i].is_none());
+            fixed[i].or(absent).unwrap_or(f64::NAN)
+        });
         if free.is_empty() {
             return Err(Error::Setting {
                 key: "prior.fixed".to_owned(),
@@ -191,12 +215,14 @@ impl StreamPrior {
             });
         }
         let prior = Prior::new(
-            free.iter()
-                .map(|&i| (PARAMETERS[i].name, PARAMETERS[i].unit, marginals[i])),
+            distributions
+                .into_iter()
+                .map(|(i, marginal)| (PARAMETERS[i].name, PARAMETERS[i].unit, marginal)),
         )?;
         Ok(Self {
             settings: *settings,
             free,
+            present,
             fixed,
             prior,
         })
@@ -220,14 +246,27 @@ impl StreamPrior {
         &self.free
     }
 
-    /// The index of a parameter among the free ones; `None` if it is fixed or unknown.
+    /// The indices in [`PARAMETERS`] of the parameters that are present, free or fixed, in order.
+    #[must_use]
+    pub fn present(&self) -> &[usize] {
+        &self.present
+    }
+
+    /// The indices in [`PARAMETERS`] of the free optional parameters, in order: the last ones of [`free`](Self::free).
+    #[must_use]
+    pub fn free_optional(&self) -> &[usize] {
+        let first = self.free.partition_point(|&i| i < REQUIRED);
+        &self.free[first..]
+    }
+
+    /// The index of a parameter among the free ones; `None` if it is fixed, absent or unknown.
     #[must_use]
     pub fn free_index(&self, name: &str) -> Option<usize> {
         let index = index_of(name)?;
         self.free.iter().position(|&i| i == index)
     }
 
-    /// All thirteen parameters from the free ones, in the order of [`free`](Self::free).
+    /// All parameters from the free ones, in the order of [`free`](Self::free).
     pub fn fill<S: Scalar>(&self, theta: &[S]) -> StreamParams<S> {
         let mut all = self.fixed.map(S::from_f64);
         for (&place, &value) in self.free.iter().zip(theta) {
@@ -270,7 +309,7 @@ impl StreamPrior {
         }
     }
 
-    /// One draw of the prior, all thirteen parameters.
+    /// One draw of the prior, all parameters.
     pub fn draw(&self, rng: &mut RandomStream) -> StreamParams<f64> {
         let u: Vec<f64> = self.free.iter().map(|_| unit_open(rng)).collect();
         let mut theta = vec![0.0; u.len()];
@@ -278,19 +317,19 @@ impl StreamPrior {
         self.fill(&theta)
     }
 
-    /// Checks that parameters lie inside the prior, and that fixed ones have their values.
+    /// Checks that parameters lie inside the prior, and that fixed and absent ones have their values.
     ///
     /// # Errors
     /// [`Error::OutsidePrior`] with the name and the bounds of the first that does not (NaN and infinities never do);
-    /// [`Error::Setting`] for a fixed parameter with another value.
+    /// [`Error::Setting`] for a fixed or absent parameter with another value.
     pub fn check_inside(&self, params: &StreamParams<f64>) -> Result<()> {
-        let marginals = self.settings.marginals.to_array();
+        let mut marginals = self.free.iter().zip(self.prior.marginals()).peekable();
         for (i, value) in params.to_array().into_iter().enumerate() {
-            if !self.free.contains(&i) {
+            let Some((_, marginal)) = marginals.next_if(|(place, _)| **place == i) else {
                 self.check_fixed(i, value)?;
                 continue;
-            }
-            let (lo, hi) = marginals[i].support();
+            };
+            let (lo, hi) = marginal.support();
             if !(value.is_finite() && value >= lo && value <= hi) {
                 return Err(Error::OutsidePrior {
                     name: PARAMETERS[i].name.to_owned(),
@@ -324,10 +363,10 @@ impl StreamPrior {
         }
     }
 
-    /// All thirteen parameters from those that are given: fixed ones may be left out.
+    /// All parameters from those that are given: fixed and absent ones may be left out.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a free parameter that is left out, or a fixed one with another value.
+    /// [`Error::Setting`] for a free parameter that is left out, or a fixed or absent one with another value.
     pub fn complete(&self, given: &StreamParams<Option<f64>>) -> Result<StreamParams<f64>> {
         let mut all = self.fixed;
         for (i, value) in given.to_array().into_iter().enumerate() {
@@ -349,34 +388,39 @@ impl StreamPrior {
         Ok(StreamParams::from_array(all))
     }
 
-    /// The values of the free parameters among all thirteen, in the order of [`free`](Self::free).
+    /// The values of the free parameters among all, in the order of [`free`](Self::free).
     #[must_use]
     pub fn free_values(&self, all: &[f64; DIM]) -> Vec<f64> {
         self.free.iter().map(|&place| all[place]).collect()
     }
 
     /// # Errors
-    /// [`Error::Setting`] if a fixed parameter has another value than its own.
+    /// [`Error::Setting`] if a fixed or absent parameter has another value than its own.
     fn check_fixed(&self, index: usize, value: f64) -> Result<()> {
-        if value.total_cmp(&self.fixed[index]).is_eq() {
+        let own = self.fixed[index];
+        if value.total_cmp(&own).is_eq() {
             return Ok(());
         }
+        let name = PARAMETERS[index].name;
         Err(Error::Setting {
-            key: PARAMETERS[index].name.to_owned(),
+            key: name.to_owned(),
             value: value.to_string(),
-            remedy: format!(
-                "it is fixed at {}; give this value, or free the parameter",
-                self.fixed[index]
-            ),
+            remedy: if self.present.contains(&index) {
+                format!("it is fixed at {own}; give this value, or free the parameter")
+            } else {
+                format!(
+                    "it is absent; leave it out, or give it a prior by `prior.marginals.{name}`"
+                )
+            },
         })
     }
 }
 
-fn check_marginal(name: &str, marginal: &Marginal, positive: bool) -> Result<()> {
+fn check_marginal(name: &str, marginal: &Marginal) -> Result<()> {
     let remedy = if !marginal.is_valid() {
         "give finite numbers with lo < hi, and standard deviations above zero"
-    } else if positive && marginal.support().0 < 0.0 {
-        "this parameter must stay above zero: give a uniform or a half_normal"
+    } else if NOT_NEGATIVE.contains(&name) && marginal.support().0 < 0.0 {
+        "this parameter must not be negative: give a uniform or a half_normal"
     } else {
         return Ok(());
     };

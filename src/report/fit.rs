@@ -28,8 +28,8 @@ pub struct FitPicture<'a> {
     pub best: &'a ModelTrack,
     /// Particles of the best fit on the sky, (x, y) in kpc; without them there is no panel of the sky.
     pub particles: &'a [(f64, f64)],
-    /// Angle of the progenitor on the sky in degrees, which turns `phi` into places there.
-    pub progenitor_angle_deg: f64,
+    /// Angle on the sky of phi = 0 in degrees, which turns `phi` into places there.
+    pub phi_zero_deg: f64,
 }
 
 /// Quantiles of the models in one bin: 2.5, 16, 84 and 97.5 %, over those draws that cover it.
@@ -228,7 +228,7 @@ impl FitPicture<'_> {
 
     fn sky(&self, canvas: &mut Canvas) {
         let turn = |phi: f64, r: f64| {
-            let angle = (phi + self.progenitor_angle_deg).to_radians();
+            let angle = (phi + self.phi_zero_deg).to_radians();
             (r * angle.cos(), r * angle.sin())
         };
         let data: Vec<(f64, f64)> = self

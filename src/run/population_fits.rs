@@ -4,7 +4,7 @@ use super::folder::StoredRun;
 use super::stored_fit::StoredFit;
 use crate::error::{Error, PosteriorFault, Result};
 use crate::inference::FitSettings;
-use crate::params::QPrior;
+use crate::params::{PARAMETERS, QPrior};
 use crate::population::QPosterior;
 use crate::posterior::column;
 use std::path::PathBuf;
@@ -48,7 +48,7 @@ pub(super) fn read(paths: &[PathBuf]) -> Result<Vec<StoredRun>> {
 /// Checks that two fits are of two streams, whose q have one meaning and one prior.
 ///
 /// The numbers of particles and steps may differ, because the error that they make is checked in every fit; so may the values of fixed
-/// parameters, which are what is known of each stream.
+/// parameters, and all about optional ones, which are what is known of each stream.
 fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), PosteriorFault> {
     let track = |fit: &StoredFit| (fit.track.phi_deg.clone(), fit.track.r_kpc.clone());
     let differs = |part| PosteriorFault::OtherFit {
@@ -73,8 +73,13 @@ fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), P
 fn same_prior(one: &FitSettings, other: &FitSettings) -> bool {
     let prior = |settings: &FitSettings| {
         let prior = &settings.prior;
-        let fixed = prior.fixed.to_array().map(|value| value.is_some());
-        ([prior.q_min, prior.q_max], prior.marginals, fixed)
+        let parameters = PARAMETERS.iter().zip(prior.marginals.to_array());
+        let required: Vec<_> = parameters
+            .zip(prior.fixed.to_array())
+            .filter(|((parameter, _), _)| parameter.absent.is_none())
+            .map(|((_, marginal), fixed)| (marginal, fixed.is_some()))
+            .collect();
+        ([prior.q_min, prior.q_max], required)
     };
     prior(one) == prior(other)
 }

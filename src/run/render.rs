@@ -231,7 +231,9 @@ fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> 
         };
         Some((model, particles))
     };
-    let (best, particles) = model_track(stored.run.draws.best()?)?;
+    let row = draws.best()?;
+    let (best, particles) = model_track(row)?;
+    let params = target.params(draws.theta_row(row));
     let offset = unit_open(&mut stream(stored.run.seed, Domain::Post, CHOICE_TASK, 0));
     let tracks: Vec<ModelTrack> = draws
         .resample(TRACKS, offset)
@@ -244,14 +246,15 @@ fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> 
         .iter()
         .zip(&particles.y)
         .step_by(every)
-        .map(|(x, y)| (*x, *y))
+        // At the distance of the data.
+        .map(|(x, y)| (x / params.distance_factor, y / params.distance_factor))
         .collect();
     let picture = FitPicture {
         track,
         draws: &tracks,
         best: &best,
         particles: &particles,
-        progenitor_angle_deg: 0.0,
+        phi_zero_deg: -params.phi0_deg,
     };
     Some(picture.svg())
 }

@@ -97,7 +97,7 @@ impl BinGrid {
 
     /// Lower edge of bin 0 in bin widths.
     #[inline(always)]
-    fn offset(&self) -> f64 {
+    pub(super) fn offset(&self) -> f64 {
         self.offset_deg / self.width_deg
     }
 
@@ -116,12 +116,18 @@ impl BinGrid {
         }
     }
 
-    /// The particle at (`x`, `y`) kpc on the sky with this winding number.
+    /// The particle at (`x`, `y`) kpc on the sky with this winding number; `offset` is that of the grid, in bin widths.
     #[inline(always)]
-    pub(super) fn sky_point<S: Scalar>(&self, x: S, y: S, winding_number: S) -> SkyPoint<S> {
+    pub(super) fn sky_point<S: Scalar>(
+        &self,
+        x: S,
+        y: S,
+        winding_number: S,
+        offset: S,
+    ) -> SkyPoint<S> {
         let r = (x * x + y * y).sqrt().max(S::from_f64(TINY_R));
         SkyPoint {
-            position: (angle(y, x) + winding_number * TAU) * self.per_radian() - self.offset(),
+            position: (angle(y, x) + winding_number * TAU) * self.per_radian() - offset,
             sky: Sky::new(x, y, r),
         }
     }

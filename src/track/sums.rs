@@ -48,13 +48,16 @@ impl<S: Scalar> Sums<S> {
 
 impl BinGrid {
     /// Sums over the bins of particles on any number type, smeared if there is a neighbourhood: the reference for [`sum`](Self::sum).
+    /// `offset_deg` is the offset of the grid with its derivatives.
     pub fn sum_final_particles<S: Real>(
         &self,
         particles: &[FinalParticle<S>],
         neighbourhood: Option<&Neighbourhood>,
+        offset_deg: S,
         sums: &mut Sums<S>,
     ) {
         sums.reset(self.len);
+        let offset = offset_deg / self.width_deg;
         let points: Vec<SkyPoint<S>> = particles
             .iter()
             .map(|particle| {
@@ -62,6 +65,7 @@ impl BinGrid {
                     particle.state.x.x,
                     particle.state.x.y,
                     particle.winding_number,
+                    offset,
                 )
             })
             .collect();

@@ -162,6 +162,7 @@ impl Kernel for BinKernel<'_> {
         } = self;
         let len = particles.len();
         let last = len.min(first + PARTICLES_PER_CHUNK);
+        let offset = Lanes::from_f64(grid.offset());
         let neighbourhood = particles.neighbourhood.as_deref();
         // Neighbours and partners may be in other chunks.
         let margin = neighbourhood.map_or(0, |n| n.reach.next_multiple_of(LANES));
@@ -172,7 +173,7 @@ impl Kernel for BinKernel<'_> {
             let x = Lanes::<I, 1>::load(&repeated(&particles.x[at..]));
             let y = Lanes::load(&repeated(&particles.y[at..]));
             let winding_number = Lanes::load(&repeated(&particles.winding_numbers[at..]));
-            let SkyPoint { position, sky } = grid.sky_point(x, y, winding_number);
+            let SkyPoint { position, sky } = grid.sky_point(x, y, winding_number, offset);
             sums.positions.extend_from_slice(&position.store().0[0]);
             sums.skies.extend_from_slice(&sky.rows());
         }

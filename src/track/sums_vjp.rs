@@ -9,24 +9,29 @@ use crate::stream::Particles;
 
 impl BinGrid {
     /// Reverse mode of [`sum`](Self::sum): from derivatives with respect to the sums, writes those with respect to the particles' sky
-    /// positions, per kpc, into `x_bar` and `y_bar`.
+    /// positions, per kpc, into `x_bar` and `y_bar`, and returns that with respect to the offset of the grid, per degree.
     pub fn vjp(
         &self,
         particles: &Particles,
         sums_bar: &Sums<f64>,
         x_bar: &mut Vec<f64>,
         y_bar: &mut Vec<f64>,
-    ) {
+    ) -> f64 {
         let len = particles.len();
-        let points: Vec<SkyPoint<f64>> = (0..len)
-            .map(|i| self.sky_point(particles.x[i], particles.y[i], particles.winding_numbers[i]))
-            .collect();
+        let point = |i: usize| {
+            let (x, y, winding_number) =
+                (particles.x[i], particles.y[i], particles.winding_numbers[i]);
+            self.sky_point(x, y, winding_number, self.offset())
+        };
+        let points: Vec<SkyPoint<f64>> = (0..len).map(point).collect();
         // Until the last loop the buffers have the derivatives with respect to angles and radii.
         let (angle_bar, r_bar) = (&mut *x_bar, &mut *y_bar);
         for column in [&mut *angle_bar, &mut *r_bar] {
             column.clear();
             column.resize(len, 0.0);
         }
+        // With respect to the positions of all particles together, which the offset moves back.
+        let mut positions_bar = 0.0;
         for (i, point) in points.iter().enumerate() {
             let [position, r] = match &particles.neighbourhood {
                 None => self.point_vjp(*point, sums_bar),
@@ -34,6 +39,7 @@ impl BinGrid {
                     self.smeared_vjp(neighbourhood, i, &points, sums_bar, [angle_bar, r_bar])
                 }
             };
+            positions_bar += position;
             angle_bar[i] += position * self.per_radian();
             r_bar[i] += r;
         }
@@ -42,6 +48,7 @@ impl BinGrid {
             x_bar[i] = along * sky.x - across * sky.y;
             y_bar[i] = along * sky.y + across * sky.x;
         }
+        -positions_bar / self.width_deg
     }
 
     /// Derivatives with respect to the position and the radius of a particle without neighbours.

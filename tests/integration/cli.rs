@@ -12,6 +12,7 @@ mod merge;
 mod message;
 mod mock;
 mod next;
+mod observation;
 mod output;
 mod population;
 mod progress;

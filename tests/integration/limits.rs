@@ -5,7 +5,9 @@ use oblate::config::{PopulationConfig, StudyConfig, to_toml};
 use oblate::data::{MockSettings, ObservedTrack, QPopulation, Selection, mocks};
 use oblate::inference::FitSettings;
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
-use oblate::params::{NAMES, PARAMETERS, PriorSettings, QRange, StreamParams, StreamPrior};
+use oblate::params::{
+    DIM, NAMES, PARAMETERS, PriorSettings, QRange, StreamParams, StreamPrior, without_optional,
+};
 use oblate::potential::log10_m200;
 use oblate::samplers::control::Silent;
 use oblate::samplers::limits::OutOfRange;
@@ -211,7 +213,7 @@ fn the_ranges_of_parameters_are_those_of_the_page() {
         };
         let free = |marginal: Marginal| {
             let mut settings = PriorSettings::default();
-            *settings.marginals.get_mut(i).expect("a parameter") = marginal;
+            *settings.marginals.get_mut(i).expect("a parameter") = Some(marginal);
             out_of_range(&settings)
         };
         for end in [lo, hi] {
@@ -472,7 +474,7 @@ fn a_bin_at_any_distance_is_refused_with_its_line() {
 fn particles_far_around_the_centre_make_no_bins_there() {
     let mut settings = ModelSettings::default();
     settings.releases.particles = 64;
-    let params = StreamParams::from_array([
+    let params = StreamParams::from([
         12.0, 15.0, 0.3, 0.0, 1.2, 8.0, 1.0, 60.0, 30.0, 30.0, 140.0, 45.0, 3.0,
     ]);
     let model = Model::new(&settings).expect("a model");
@@ -529,9 +531,9 @@ fn the_memory_of_a_model_and_its_gradient_is_what_was_estimated() {
     dense.releases.particles = 40_000;
     (few.releases.particles, few.releases.release_times) = (1_000, 500);
     (few.steps, few.orbit_steps) = (2_000, 4_000);
-    let params = [
+    let params = without_optional([
         12.0, 15.0, 0.3, 0.0, 1.2, 8.0, 1.0, 60.0, 30.0, 30.0, 140.0, 45.0, 3.0,
-    ];
+    ]);
     for settings in [dense, few, ModelSettings::default()] {
         let measured = peak(|| {
             let model = Model::new(&settings).expect("a model");
@@ -701,10 +703,10 @@ proptest! {
 
     #[test]
     fn at_the_ends_of_all_ranges_a_point_has_a_likelihood_or_a_cause(
-        ends in prop::array::uniform13(0.0_f64..=1.0),
-        corners in prop::array::uniform13(0..4),
+        ends in prop::array::uniform16(0.0_f64..=1.0),
+        corners in prop::array::uniform16(0..4),
     ) {
-        let params: [f64; 13] = std::array::from_fn(|i| {
+        let params: [f64; DIM] = std::array::from_fn(|i| {
             let (lo, hi) = (*PARAMETERS[i].range.start(), *PARAMETERS[i].range.end());
             match corners[i] {
                 0 => lo,

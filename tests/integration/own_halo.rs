@@ -1,7 +1,7 @@
 //! A halo that stands in one file outside this crate: its stream, and the gradient of its likelihood.
 
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
-use oblate::params::{DIM, QRange, StreamParams};
+use oblate::params::{DIM, QRange, StreamParams, without_optional};
 use oblate::scalar::{gradient_of, lift};
 use oblate::stream::{Model, ModelSettings, Precision, System};
 
@@ -10,9 +10,9 @@ mod example;
 
 use example::NfwWithDisc;
 
-const THETA: [f64; DIM] = [
+const THETA: [f64; DIM] = without_optional([
     12.0, 15.0, 0.3, 0.0, 1.2, 8.0, 1.0, 60.0, 30.0, 30.0, 140.0, 45.0, 3.0,
-];
+]);
 
 #[test]
 fn a_likelihood_in_an_own_halo_has_an_exact_gradient() {

@@ -79,7 +79,7 @@ fn picture_of(particles: &[(f64, f64)]) -> String {
         draws: &draws,
         best: &best,
         particles,
-        progenitor_angle_deg: 0.0,
+        phi_zero_deg: 0.0,
     }
     .svg()
 }
@@ -130,7 +130,7 @@ fn the_legend_of_a_fit_overlay_covers_no_datum() {
             draws: std::slice::from_ref(&best),
             best: &best,
             particles: &[],
-            progenitor_angle_deg: 0.0,
+            phi_zero_deg: 0.0,
         };
         let svg = sound(&format!("fit_{what}"), picture.svg());
         let places = |class: &str| -> Vec<(f64, f64)> {
@@ -177,7 +177,7 @@ fn a_bin_that_the_best_fit_misses_is_crossed_not_drawn() {
         draws: &draws,
         best: &best,
         particles: &[],
-        progenitor_angle_deg: 0.0,
+        phi_zero_deg: 0.0,
     }
     .svg();
     let svg = sound("fit_missed", svg);
@@ -431,7 +431,7 @@ fn a_name_of_any_characters_makes_sound_figures_and_a_sound_page() {
         draws: &draws,
         best: &best,
         particles: &[(1.0, 2.0)],
-        progenitor_angle_deg: 0.0,
+        phi_zero_deg: 0.0,
     };
     let curve = || QCurve {
         name: name.clone(),

@@ -293,7 +293,8 @@ fn every_level_bins_as_the_reference_does() {
                 edges,
             };
             let (mut by_reference, mut by_level) = (Sums::default(), Sums::default());
-            grid.sum_final_particles(&reference, ours.neighbourhood.as_deref(), &mut by_reference);
+            let around = ours.neighbourhood.as_deref();
+            grid.sum_final_particles(&reference, around, grid.offset_deg, &mut by_reference);
             for level in Level::available() {
                 grid.sum_at(*level, &ours, &mut by_level, &mut PartialSums::default());
                 for (a, b) in [
@@ -327,11 +328,13 @@ proptest! {
             let (r, angle) = places[k / 2];
             if k % 2 == 0 { r * angle.cos() } else { r * angle.sin() }
         });
-        let duals: [Dual<8>; 8] = lift(&numbers);
+        let mut variables = [3.7; 9];
+        variables[..8].copy_from_slice(&numbers);
+        let duals: [Dual<9>; 9] = lift(&variables);
         let grid = BinGrid { width_deg: 10.0, offset_deg: 3.7, first: -90, len: 180, edges };
         let around = neighbourhood(n, count, &weights);
-        let zero = Dual::<8>::from_re(0.0);
-        let reference: Vec<FinalParticle<Dual<8>>> = (0..n)
+        let zero = Dual::<9>::from_re(0.0);
+        let reference: Vec<FinalParticle<Dual<9>>> = (0..n)
             .map(|i| FinalParticle {
                 state: State { x: Vec3::new(duals[2 * i], duals[2 * i + 1], zero), v: Vec3::from_f64(Vec3::zero()) },
                 winding_number: zero,
@@ -339,7 +342,7 @@ proptest! {
             })
             .collect();
         let mut sums = Sums::default();
-        grid.sum_final_particles(&reference, Some(&around), &mut sums);
+        grid.sum_final_particles(&reference, Some(&around), duals[8], &mut sums);
         let mut total = zero;
         let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };
         for i in 0..180 {
@@ -349,9 +352,10 @@ proptest! {
         }
         let particles = at_places(&places, around);
         let (mut x_bar, mut y_bar) = (Vec::new(), Vec::new());
-        grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
-        let expected: [f64; 8] = gradient_of(&total);
+        let offset_bar = grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
+        let expected: [f64; 9] = gradient_of(&total);
         let scale = expected.iter().fold(1e-3_f64, |m, g| m.max(g.abs()));
+        prop_assert!((expected[8] - offset_bar).abs() < 1e-11 * scale, "{expected:?} {offset_bar}");
         for i in 0..n {
             prop_assert!((expected[2 * i] - x_bar[i]).abs() < 1e-11 * scale, "{expected:?} {x_bar:?}");
             prop_assert!((expected[2 * i + 1] - y_bar[i]).abs() < 1e-11 * scale, "{expected:?} {y_bar:?}");
@@ -375,7 +379,7 @@ proptest! {
         };
         prop_assume!(x.hypot(y) > 0.1);
         let grid = BinGrid { width_deg: 10.0, offset_deg: 0.0, first: -90, len: 180, edges };
-        let [dx, dy]: [Dual<2>; 2] = lift(&[x, y]);
+        let [dx, dy, offset]: [Dual<3>; 3] = lift(&[x, y, grid.offset_deg]);
         let turns = f64::from(turns);
         let particle = FinalParticle {
             state: State {
@@ -386,10 +390,10 @@ proptest! {
             ambiguous_windings: Dual::from_re(0.0),
         };
         let mut duals = Sums::default();
-        grid.sum_final_particles(&[particle], None, &mut duals);
+        grid.sum_final_particles(&[particle], None, offset, &mut duals);
         // A scalar with another weight for every sum.
         let weigh = |i: usize| (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
-        let mut total = Dual::<2>::from_re(0.0);
+        let mut total = Dual::<3>::from_re(0.0);
         let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };
         for i in 0..180 {
             let (a, b, c) = weigh(i);
@@ -398,10 +402,12 @@ proptest! {
         }
         let particles = Particles { x: vec![x], y: vec![y], winding_numbers: vec![turns], ..Particles::default() };
         let (mut x_bar, mut y_bar) = (Vec::new(), Vec::new());
-        grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
-        let [gx, gy] = gradient_of(&total);
+        let offset_bar = grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
+        let [gx, gy, by_offset] = gradient_of(&total);
         let scale = gx.abs().max(gy.abs()).max(1e-3);
         prop_assert!((gx - x_bar[0]).abs() < 1e-11 * scale, "{gx} {}", x_bar[0]);
         prop_assert!((gy - y_bar[0]).abs() < 1e-11 * scale, "{gy} {}", y_bar[0]);
+        let scale = scale.max(by_offset.abs());
+        prop_assert!((by_offset - offset_bar).abs() < 1e-11 * scale, "{by_offset} {offset_bar}");
     }
 }

@@ -1,13 +1,13 @@
 //! Draws of the posteriors of the gala tracks, from benches/draws.csv.
 
-use oblate::params::DIM;
+use oblate::params::{DIM, REQUIRED, without_optional};
 use std::path::Path;
 
 /// A draw of the posterior of a track.
 pub struct Draw {
     /// The track's name.
     pub track: String,
-    /// The thirteen parameters.
+    /// All parameters; optional ones are absent.
     pub theta: [f64; DIM],
 }
 
@@ -20,6 +20,9 @@ pub fn draws() -> Vec<Draw> {
         .expect("the draws")
         .deserialize()
         .map(|row| row.expect("a name and 13 numbers"))
-        .map(|(track, theta)| Draw { track, theta })
+        .map(|(track, theta): (String, [f64; REQUIRED])| Draw {
+            track,
+            theta: without_optional(theta),
+        })
         .collect()
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use oblate::likelihood::StreamLikelihood;
-use oblate::params::{DIM, StreamPrior};
+use oblate::params::{DIM, REQUIRED, StreamPrior};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 
 const POINTS: usize = 41;
@@ -19,9 +19,9 @@ pub fn roughness(
     line: u64,
 ) -> Option<f64> {
     let mut rng = stream(1, Domain::Prior, 0, line);
-    let direction: [f64; DIM] = std::array::from_fn(|_| standard_normal(&mut rng));
+    let direction: [f64; REQUIRED] = std::array::from_fn(|_| standard_normal(&mut rng));
     let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
-    let mut middle = [0.0; DIM];
+    let mut middle = [0.0; REQUIRED];
     prior.prior().z_from_theta(theta, &mut middle);
     let places: Vec<f64> = (0..POINTS)
         .map(|k| 2.0 * k as f64 / (POINTS - 1) as f64 - 1.0)
@@ -29,9 +29,9 @@ pub fn roughness(
     let values: Option<Vec<f64>> = places
         .iter()
         .map(|place| {
-            let z: [f64; DIM] =
+            let z: [f64; REQUIRED] =
                 std::array::from_fn(|i| middle[i] + REACH * place * direction[i] / length);
-            let mut theta = [0.0; DIM];
+            let mut theta = *theta;
             prior.prior().theta_from_z(&z, &mut theta);
             Some(likelihood.ln_likelihood(&theta).ok()?.ln_likelihood)
         })

@@ -45,7 +45,7 @@ fn the_gradient_matches_central_differences_in_theta_u_and_z() {
         };
         let scale = largest(&in_z(&z, &by_theta));
         let mut converged = 0;
-        for i in 0..DIM {
+        for i in 0..REQUIRED {
             let marginal = prior.marginals()[i];
             let slope = marginal.dtheta_dz(z[i]);
             let du_dz = oblate_samplers::normal::ln_pdf(z[i]).exp();
@@ -76,7 +76,7 @@ fn the_gradient_matches_central_differences_in_theta_u_and_z() {
                 }
             }
         }
-        Some(converged == 3 * DIM)
+        Some(converged == 3 * REQUIRED)
     };
     let outcomes: Vec<bool> = (100..200_u64).into_par_iter().filter_map(check).collect();
     let (checked, tried) = (outcomes.iter().filter(|c| **c).count(), outcomes.len());
@@ -162,7 +162,7 @@ fn the_gradient_holds_near_q_min_q_one_and_the_bounds() {
 }
 
 /// Masses by s, velocities by sqrt(s), age by 1/sqrt(s).
-fn scaled(theta: &Theta, s: f64) -> Theta {
+pub fn scaled(theta: &Theta, s: f64) -> Theta {
     let mut t = *theta;
     for i in [0, 5] {
         t[i] += s.log10();

@@ -3,14 +3,18 @@
 
 mod adjoint;
 mod gradient;
+mod observation;
 mod precision;
 
 use oblate::error::Rejection;
 use oblate::likelihood::{
-    Coverage, DataBin, Evaluation, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
+    Coverage, DataBin, Evaluation, LikelihoodSettings, Observation, StreamLikelihood,
+    TrackLikelihood,
 };
 use oblate::orbit::OrbitMethod;
-use oblate::params::{DIM, PriorSettings, QRange, StreamParams, StreamPrior};
+use oblate::params::{
+    DIM, PriorSettings, QRange, REQUIRED, StreamParams, StreamPrior, index_of, without_optional,
+};
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::{Recipe, SamplingScheme, TableSettings};
 use oblate::stream::{
@@ -25,9 +29,9 @@ use rayon::prelude::*;
 type Theta = [f64; DIM];
 
 /// An orbit and masses like those of gala's first stream, in a nearly spherical halo.
-const BASE: Theta = [
+const BASE: Theta = without_optional([
     12.1, 16.0, -0.25, -0.4, 1.64, 8.0, 1.5, 59.0, 53.0, -41.0, 156.0, -29.0, 3.0,
-];
+]);
 
 const Q: QRange = QRange {
     q_min: 0.5,
@@ -41,11 +45,11 @@ fn prior() -> Prior {
         .clone()
 }
 
-/// The n-th prior draw, z and theta.
+/// The n-th prior draw, z and theta; optional parameters are absent, and their z mean nothing.
 fn draw(n: u64) -> (Theta, Theta) {
     let mut rng = stream(20_261_121, Domain::Prior, 0, n);
     let z: Theta = std::array::from_fn(|_| standard_normal(&mut rng));
-    let mut theta = [0.0; DIM];
+    let mut theta = BASE;
     prior().theta_from_z(&z, &mut theta);
     (z, theta)
 }
@@ -231,7 +235,11 @@ fn one_bin(lo: f64, hi: f64, settings: &LikelihoodSettings) -> TrackLikelihood {
 #[test]
 fn asymmetric_errors_are_a_normalised_split_normal_with_a_continuous_slope() {
     let track = one_bin(1.0, 3.0, &LikelihoodSettings::default());
-    let at = |r: f64| track.ln_likelihood(&sums_of(&[r])).expect("finite");
+    let at = |r: f64| {
+        track
+            .ln_likelihood(&sums_of(&[r]), &Observation::default())
+            .expect("finite")
+    };
     // Residuals of one sigma to each side cost the same.
     assert!((at(50.0) - at(49.0) - 0.5).abs() < 1e-9);
     assert!((at(50.0) - at(53.0) - 0.5).abs() < 1e-9);
@@ -243,7 +251,9 @@ fn asymmetric_errors_are_a_normalised_split_normal_with_a_continuous_slope() {
     // The slope is that of the value, also where the two halves meet.
     for r in [48.0, 49.999_999, 50.0, 50.000_001, 55.0] {
         let mut bar = Sums::default();
-        track.vjp(&sums_of(&[r]), &mut bar).expect("finite");
+        track
+            .vjp(&sums_of(&[r]), &Observation::default(), &mut bar)
+            .expect("finite");
         let slope = 100.0 * (bar.r[0] + 2.0 * r * bar.r2[0]);
         let expected = -(r - 50.0) / if r > 50.0 { 9.0 } else { 1.0 };
         assert!((slope - expected).abs() < 1e-6, "{r}: {slope} {expected}");
@@ -252,7 +262,10 @@ fn asymmetric_errors_are_a_normalised_split_normal_with_a_continuous_slope() {
     let equal = one_bin(2.0, 2.0, &LikelihoodSettings::default());
     let nearly = one_bin(2.0, 2.0_f64.next_up(), &LikelihoodSettings::default());
     for r in [45.0, 50.0, 56.0] {
-        let [a, b] = [&equal, &nearly].map(|t| t.ln_likelihood(&sums_of(&[r])).expect("finite"));
+        let [a, b] = [&equal, &nearly].map(|t| {
+            t.ln_likelihood(&sums_of(&[r]), &Observation::default())
+                .expect("finite")
+        });
         assert!((a - b).abs() < 1e-12, "{a} {b}");
     }
 }
@@ -265,17 +278,25 @@ fn residuals_are_in_standard_errors_and_fall_to_zero_with_the_cover() {
         for r in [44.0, 50.0, 53.0] {
             let sums = sums_of(&[r]);
             let mut residuals = Vec::new();
-            track.residuals(&sums, &mut residuals).expect("finite");
+            track
+                .residuals(&sums, &Observation::default(), &mut residuals)
+                .expect("finite");
             let expected = (r - 50.0) / if r > 50.0 { hi } else { lo };
             assert!((residuals[0] - expected).abs() < 1e-9, "{residuals:?}");
-            let at = |sums: &Sums<f64>| track.ln_likelihood(sums).expect("finite");
+            let at = |sums: &Sums<f64>| {
+                track
+                    .ln_likelihood(sums, &Observation::default())
+                    .expect("finite")
+            };
             let rest = at(&sums) + 0.5 * residuals[0] * residuals[0];
             assert!((rest - at(&sums_of(&[50.0]))).abs() < 1e-9, "{rest}");
         }
         let mut uncovered = sums_of(&[53.0]);
         uncovered.weight = vec![0.0];
         let mut residuals = Vec::new();
-        track.residuals(&uncovered, &mut residuals).expect("finite");
+        track
+            .residuals(&uncovered, &Observation::default(), &mut residuals)
+            .expect("finite");
         assert_eq!(residuals, [0.0]);
     }
 }
@@ -288,7 +309,10 @@ fn an_error_floor_raises_smaller_errors_only() {
     };
     let floored = one_bin(1.0, 3.0, &settings);
     let expected = one_bin(2.0, 3.0, &LikelihoodSettings::default());
-    let at = |t: &TrackLikelihood| t.ln_likelihood(&sums_of(&[48.5])).expect("finite");
+    let at = |t: &TrackLikelihood| {
+        t.ln_likelihood(&sums_of(&[48.5]), &Observation::default())
+            .expect("finite")
+    };
     assert_eq!(at(&floored).to_bits(), at(&expected).to_bits());
     assert_eq!(
         floored.ln_likelihood_bound().to_bits(),
@@ -508,7 +532,7 @@ proptest! {
             sums.r2.push(weight * (mean * mean + scatter * scatter));
         }
         let bound = track.ln_likelihood_bound();
-        if let Ok(ln_likelihood) = track.ln_likelihood(&sums) {
+        if let Ok(ln_likelihood) = track.ln_likelihood(&sums, &Observation::default()) {
             prop_assert!(ln_likelihood <= bound, "{ln_likelihood} above {bound}");
             prop_assert!(!best || bound - ln_likelihood < 1e-5, "{ln_likelihood} below {bound}");
         }
@@ -554,10 +578,10 @@ proptest! {
         let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, &settings.releases)
             .expect("a track");
         let likelihood = StreamLikelihood::new(model(settings), track, Q);
-        let theta = [
+        let theta = without_optional([
             log10_m_halo, r_s_halo_kpc, along * length, across * length, length,
             log10_m_prog, r_s_prog_kpc, x0, z0, velocity[0], velocity[1], velocity[2], age_gyr,
-        ];
+        ]);
         let value = likelihood.ln_likelihood(&theta);
         let gradient = likelihood.gradient(&theta);
         if let (Ok(value), Ok((_, gradient))) = (&value, &gradient) {

@@ -12,7 +12,7 @@ fn coarse_models_and_draws() -> Vec<(StreamLikelihood, Theta)> {
         .comment(Some(b'#'))
         .from_path(folder.join("benches/draws.csv"))
         .expect("the draws");
-    let rows = reader.deserialize::<(String, Theta)>();
+    let rows = reader.deserialize::<(String, [f64; REQUIRED])>();
     rows.map(|row| {
         let (name, theta) = row.expect("a name and 13 numbers");
         let file = folder.join(format!("examples/tracks/{name}.ecsv"));
@@ -21,7 +21,7 @@ fn coarse_models_and_draws() -> Vec<(StreamLikelihood, Theta)> {
         let mut coarse = coarse.expect("a coarse model");
         coarse.model.precision = Precision::Single;
         let target = StreamTarget::from_track(&track, &coarse).expect("a target");
-        (target.likelihood().clone(), theta)
+        (target.likelihood().clone(), without_optional(theta))
     })
     .collect()
 }

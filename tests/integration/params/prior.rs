@@ -2,7 +2,9 @@
 
 use super::{DRAWS, default_prior, rng};
 use crate::ks;
-use oblate::params::{DIM, PARAMETERS, PriorSettings, QPrior, StreamParams, StreamPrior, index_of};
+use oblate::params::{
+    PARAMETERS, PriorSettings, QPrior, REQUIRED, StreamParams, StreamPrior, index_of,
+};
 use oblate::{Error, Rejection};
 use oblate_samplers::{Marginal, Prior, normal as gaussian};
 use proptest::prelude::*;
@@ -16,7 +18,7 @@ const fn normal(sd: f64) -> Marginal {
 }
 
 fn params() -> StreamParams<f64> {
-    StreamParams::from_array([
+    StreamParams::from([
         12.5, 15.0, 0.3, -0.8, 0.6, 8.0, 2.0, 60.0, 40.0, -30.0, 150.0, 20.0, 2.5,
     ])
 }
@@ -25,14 +27,14 @@ fn params() -> StreamParams<f64> {
 fn an_empty_file_is_the_default() {
     let settings: PriorSettings = serde_json::from_str("{}").unwrap();
     assert_eq!(settings, PriorSettings::default());
-    assert_eq!(StreamPrior::new(&settings).unwrap().prior().dim(), DIM);
+    assert_eq!(StreamPrior::new(&settings).unwrap().prior().dim(), REQUIRED);
 }
 
 #[test]
 fn settings_come_back_from_their_own_file() {
     let mut settings = PriorSettings::default();
     settings.fix("age_gyr", 2.0).unwrap();
-    settings.marginals.x0_kpc = normal(90.0);
+    settings.marginals.x0_kpc = Some(normal(90.0));
     let text = serde_json::to_string(&settings).unwrap();
     assert_eq!(
         serde_json::from_str::<PriorSettings>(&text).unwrap(),
@@ -46,7 +48,7 @@ fn one_marginal_can_be_changed_without_naming_the_others() {
         r#"{"marginals": {"age_gyr": {"kind": "uniform", "lo": 2.0, "hi": 3.0}}}"#,
     )
     .unwrap();
-    assert_eq!(settings.marginals.age_gyr, uniform(2.0, 3.0));
+    assert_eq!(settings.marginals.age_gyr, Some(uniform(2.0, 3.0)));
     assert_eq!(
         settings.marginals.x0_kpc,
         PriorSettings::default().marginals.x0_kpc
@@ -102,11 +104,11 @@ fn impossible_settings_are_refused_with_their_key() {
     assert_eq!(with(&|s| s.q_min = 0.0), "prior.q_min");
     assert_eq!(with(&|s| s.q_max = 0.5), "prior.q_max");
     assert_eq!(
-        with(&|s| s.marginals.age_gyr = uniform(4.0, 1.0)),
+        with(&|s| s.marginals.age_gyr = Some(uniform(4.0, 1.0))),
         "prior.marginals.age_gyr"
     );
     assert_eq!(
-        with(&|s| s.marginals.r_s_prog_kpc = Marginal::Normal { mean: 2.0, sd: 1.0 }),
+        with(&|s| s.marginals.r_s_prog_kpc = Some(Marginal::Normal { mean: 2.0, sd: 1.0 })),
         "prior.marginals.r_s_prog_kpc"
     );
     assert_eq!(
@@ -132,7 +134,7 @@ fn impossible_settings_are_refused_with_their_key() {
             ..StreamParams::default()
         },
         marginals: StreamParams {
-            age_gyr: uniform(1.0, 5.0),
+            age_gyr: Some(uniform(1.0, 5.0)),
             ..PriorSettings::default().marginals
         },
         ..PriorSettings::default()
@@ -196,6 +198,88 @@ fn fixed_parameters_may_be_left_out_and_free_ones_may_not() {
     );
 }
 
+/// The default prior with two of the optional parameters.
+fn with_optional() -> StreamPrior {
+    let mut settings = PriorSettings::default();
+    settings.marginals.jitter = Some(Marginal::HalfNormal { sd: 0.05 });
+    settings.fix("distance_factor", 1.1).unwrap();
+    StreamPrior::new(&settings).unwrap()
+}
+
+#[test]
+fn optional_parameters_are_absent_free_or_fixed() {
+    let absent = StreamPrior::new(&PriorSettings::default()).unwrap();
+    assert_eq!(absent.present(), (0..REQUIRED).collect::<Vec<_>>());
+    assert!(absent.free_optional().is_empty());
+    assert_eq!(absent.free_index("jitter"), None);
+    let prior = with_optional();
+    let [jitter, factor] = ["jitter", "distance_factor"].map(|name| index_of(name).unwrap());
+    assert_eq!(prior.prior().dim(), REQUIRED + 1);
+    assert_eq!(prior.free_optional(), [jitter]);
+    assert_eq!(prior.free_index("jitter"), Some(REQUIRED));
+    assert_eq!(prior.present().last(), Some(&factor));
+    assert_eq!(prior.present().len(), REQUIRED + 2);
+    let mut theta = params().to_array()[..REQUIRED].to_vec();
+    theta.push(0.02);
+    let all = prior.fill(&theta);
+    let numbers = [all.jitter, all.distance_factor, all.phi0_deg];
+    assert_eq!(
+        numbers.map(f64::to_bits),
+        [0.02, 1.1, 0.0].map(f64::to_bits)
+    );
+    assert_eq!(prior.free_values(&all.to_array()), theta);
+    prior.check_inside(&all).unwrap();
+    // Lines of a file: fixed and absent ones may be left out.
+    let mut given = all.map(Some);
+    (given.distance_factor, given.phi0_deg) = (None, None);
+    assert_eq!(prior.complete(&given).unwrap(), all);
+    given.phi0_deg = Some(3.0);
+    let error = prior.complete(&given).unwrap_err().to_string();
+    assert!(error.contains("prior.marginals.phi0_deg"), "{error}");
+    let mut turned = all;
+    turned.phi0_deg = 3.0;
+    assert!(prior.check_inside(&turned).is_err());
+    given.phi0_deg = None;
+    given.jitter = None;
+    let error = prior.complete(&given).unwrap_err().to_string();
+    assert!(error.contains("jitter = missing"), "{error}");
+}
+
+#[test]
+fn settings_with_optional_parameters_come_back_and_name_no_others() {
+    let settings = *with_optional().settings();
+    let text = serde_json::to_string(&settings).unwrap();
+    assert!(text.contains("jitter") && !text.contains("phi0_deg"));
+    assert_eq!(
+        serde_json::from_str::<PriorSettings>(&text).unwrap(),
+        settings
+    );
+    let text = serde_json::to_string(&PriorSettings::default()).unwrap();
+    for parameter in &PARAMETERS[REQUIRED..] {
+        assert!(!text.contains(parameter.name));
+    }
+}
+
+#[test]
+fn a_parameter_of_every_stream_needs_a_distribution_and_a_jitter_is_not_negative() {
+    let key = |change: &dyn Fn(&mut PriorSettings)| {
+        let mut settings = PriorSettings::default();
+        change(&mut settings);
+        settings.check().unwrap_err().to_string()
+    };
+    let error = key(&|s| s.marginals.age_gyr = None);
+    assert!(error.contains("prior.marginals.age_gyr = none"), "{error}");
+    let error = key(&|s| s.marginals.jitter = Some(normal(0.1)));
+    assert!(
+        error.contains("prior.marginals.jitter") && error.contains("half_normal"),
+        "{error}"
+    );
+    let error = key(&|s| s.marginals.jitter = Some(uniform(-0.1, 0.1)));
+    assert!(error.contains("prior.marginals.jitter.lo"), "{error}");
+    let error = key(&|s| s.fixed.jitter = Some(-0.1));
+    assert!(error.contains("prior.fixed.jitter"), "{error}");
+}
+
 #[test]
 fn the_prior_of_q_is_known_only_while_the_shape_vector_is_free_and_standard() {
     let q_prior = |settings: &PriorSettings| StreamPrior::new(settings).unwrap().q_prior();
@@ -204,9 +288,9 @@ fn the_prior_of_q_is_known_only_while_the_shape_vector_is_free_and_standard() {
         ..PriorSettings::default()
     };
     assert_eq!(q_prior(&settings), QPrior::Uniform { lo: 0.5, hi: 1.2 });
-    settings.marginals.dir_z = normal(1.0);
+    settings.marginals.dir_z = Some(normal(1.0));
     assert_eq!(q_prior(&settings), QPrior::Uniform { lo: 0.5, hi: 1.2 });
-    settings.marginals.dir_y = normal(2.0);
+    settings.marginals.dir_y = Some(normal(2.0));
     assert_eq!(q_prior(&settings), QPrior::Unknown);
     settings.fix("dir_y", 0.0).unwrap();
     assert_eq!(q_prior(&settings), QPrior::Unknown);
@@ -245,7 +329,7 @@ fn draws_follow_the_marginals_and_lie_inside() {
     for draw in &draws {
         prior.check_inside(draw).unwrap();
     }
-    for (i, parameter) in PARAMETERS.iter().enumerate() {
+    for (i, parameter) in PARAMETERS[..REQUIRED].iter().enumerate() {
         let marginal = prior.prior().marginals()[i];
         let u = draws
             .iter()

@@ -345,25 +345,34 @@ fn moves_are_offered_only_under_a_prior_that_they_fit() {
     assert_eq!(offered(&|_| {}), 3);
     assert_eq!(offered(&|s| s.fixed.age_gyr = Some(2.0)), 2);
     assert_eq!(
-        offered(&|s| s.marginals.vx0_km_s = Marginal::Normal { mean: 1.0, sd: 9.0 }),
+        offered(&|s| s.marginals.vx0_km_s = Some(Marginal::Normal { mean: 1.0, sd: 9.0 })),
         2
     );
     assert_eq!(
-        offered(&|s| s.marginals.log10_m_prog = Marginal::Normal { mean: 8.0, sd: 1.0 }),
+        offered(&|s| s.marginals.log10_m_prog = Some(Marginal::Normal { mean: 8.0, sd: 1.0 })),
         2
     );
     assert_eq!(
-        offered(&|s| s.marginals.dir_y = Marginal::Normal { mean: 0.0, sd: 2.0 }),
+        offered(&|s| s.marginals.dir_y = Some(Marginal::Normal { mean: 0.0, sd: 2.0 })),
         2
     );
     assert_eq!(offered(&|s| s.fixed.dir_z = Some(1.0)), 2);
     assert_eq!(offered(&|s| s.fixed.dir_x = Some(0.0)), 1);
+    // Parameters of the observation leave the moves as they are.
+    assert_eq!(
+        offered(&|s| {
+            s.marginals.jitter = Some(Marginal::HalfNormal { sd: 0.1 });
+            s.marginals.distance_factor = Some(Marginal::Normal { mean: 1.0, sd: 0.1 });
+            s.marginals.phi0_deg = Some(Marginal::Uniform { lo: -9.0, hi: 9.0 });
+        }),
+        3
+    );
     // Other widths and half-spaces are derived for, and stay.
     assert_eq!(
-        offered(&|s| s.marginals.vy0_km_s = Marginal::Normal {
+        offered(&|s| s.marginals.vy0_km_s = Some(Marginal::Normal {
             mean: 0.0,
             sd: 90.0
-        }),
+        })),
         3
     );
 }

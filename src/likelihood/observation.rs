@@ -1,0 +1,55 @@
+//! How the data of a track relate to the stream: the parameters of the observation (docs/physics.md, section 7).
+
+use crate::error::Rejection;
+use crate::params::{REQUIRED, StreamParams};
+use crate::scalar::Real;
+use crate::track::ANGLES_DEG;
+
+/// The parameters of the observation. By default all are absent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation<S> {
+    /// Scatter of the radii beyond their errors, as a fraction of the measured radius.
+    pub jitter: S,
+    /// The true distance over that by which the radii were converted to kpc.
+    pub distance_factor: S,
+    /// phi of the progenitor in the data, degrees.
+    pub phi0_deg: S,
+}
+
+impl<S: Copy> From<&StreamParams<S>> for Observation<S> {
+    fn from(params: &StreamParams<S>) -> Self {
+        Self {
+            jitter: params.jitter,
+            distance_factor: params.distance_factor,
+            phi0_deg: params.phi0_deg,
+        }
+    }
+}
+
+impl Default for Observation<f64> {
+    fn default() -> Self {
+        Self::from(&StreamParams::from([f64::NAN; REQUIRED]))
+    }
+}
+
+impl<S: Real> Observation<S> {
+    /// Checks that data can have been observed so.
+    ///
+    /// # Errors
+    /// [`Rejection::BadParameter`] if a number is not finite, the jitter negative, the distance factor not positive, or phi of the
+    /// progenitor beyond twenty turns.
+    pub fn check(&self) -> Result<(), Rejection> {
+        let [jitter, factor, phi0_deg] =
+            [self.jitter, self.distance_factor, self.phi0_deg].map(Real::re);
+        let possible = jitter >= 0.0
+            && jitter.is_finite()
+            && factor > 0.0
+            && factor.is_finite()
+            && ANGLES_DEG.contains(&phi0_deg);
+        if possible {
+            Ok(())
+        } else {
+            Err(Rejection::BadParameter)
+        }
+    }
+}
