@@ -54,7 +54,7 @@
 //! | [`error`] | [`Error`], [`Rejection`] of a parameter set, [`Tally`] of approximations |
 //! | [`units`] | kpc, Msun, Gyr, and the conversion from km/s |
 //! | [`scalar`] | the traits of the number types `f64`, SIMD lanes and dual numbers |
-//! | [`params`] | the thirteen parameters, their prior and their symmetries |
+//! | [`params`] | the parameters, their prior and their symmetries |
 //! | [`potential`] | halo and progenitor, and how to add a halo |
 //! | [`orbit`] | the progenitor's orbit, the leapfrog of a particle, and its adjoint |
 //! | [`spray`] | where, when and how fast stars leave |

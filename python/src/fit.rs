@@ -166,7 +166,7 @@ impl Fit {
         Ok(numbers)
     }
 
-    /// All thirteen parameters of one point inside the prior.
+    /// All parameters of one point inside the prior.
     fn one(&self, theta: &Bound<'_, PyAny>) -> PyResult<StreamParams<f64>> {
         let points = self.points(theta, "theta")?;
         if !points.is_one() {

@@ -264,16 +264,18 @@ fn draw(
     let track = Track::from_checked(
         &particles,
         settings.bin_width_deg,
-        0.0,
+        0.0 - params.phi0_deg,
         BinEdges::Hard,
         min_n,
-    );
+    )
+    .as_measured(params.phi0_deg, params.distance_factor);
     let length_kpc = criteria(&track, settings)?;
     let phi: Vec<f64> = track.bins.iter().map(|b| b.phi_deg).collect();
+    let noise = settings.noise.hypot(params.jitter);
     let r: Vec<f64> = track
         .bins
         .iter()
-        .map(|b| b.r_kpc * (1.0 + settings.noise * standard_normal(&mut rng)))
+        .map(|b| b.r_kpc * (1.0 + noise * standard_normal(&mut rng)))
         .collect();
     let r_err: Vec<f64> = r.iter().map(|r| settings.noise.max(1e-6) * r).collect();
     let name = format!("mock_{seed}_{index}");

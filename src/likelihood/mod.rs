@@ -1,9 +1,11 @@
 //! ln L of a track as a function of the parameters, and its gradient (docs/physics.md, sections 7 and 8).
 
+mod correlation;
 mod observation;
 mod stream;
 mod track;
 
+pub use correlation::ErrorCorrelation;
 pub use observation::Observation;
 pub use stream::{Evaluation, StreamLikelihood};
 pub use track::{Coverage, DataBin, LikelihoodSettings, TrackLikelihood};

@@ -301,18 +301,14 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         self.model
             .integrate_in_parallel(&solution, &mut particles)?;
         let grid = self.track.grid_from(observation.phi0_deg);
-        let mut track = Track::from_checked(
+        let track = Track::from_checked(
             &particles,
             grid.width_deg,
             grid.offset_deg,
             grid.edges,
             self.track.threshold().max(1.0),
         );
-        for bin in &mut track.bins {
-            bin.phi_deg = self.track.grid().centre_deg(bin.bin);
-            bin.r_kpc /= observation.distance_factor;
-            bin.r_err_kpc /= observation.distance_factor;
-        }
+        let track = track.as_measured(observation.phi0_deg, observation.distance_factor);
         Ok((track, particles))
     }
 

@@ -1,5 +1,6 @@
 //! The likelihood of a track: normal in the mean radius of each bin, with a rule for bins that are not covered (docs/physics.md, section 7).
 
+use super::correlation::{ErrorCorrelation, ExpectedError};
 use super::observation::Observation;
 use crate::data::{RADII_KPC, RADIUS_ERRORS_KPC};
 use crate::error::{Error, Rejection, Result};
@@ -50,6 +51,9 @@ pub struct LikelihoodSettings {
     pub min_fraction: f64,
     /// Smallest standard error of a radius, per cent of the radius: smaller errors of the data are raised to it. 0: none.
     pub error_floor_percent: f64,
+    /// How the errors of the radii are correlated along the track; none: they are independent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_correlation: Option<ErrorCorrelation>,
 }
 
 impl Default for LikelihoodSettings {
@@ -60,6 +64,7 @@ impl Default for LikelihoodSettings {
             model_noise: true,
             min_fraction: 0.005,
             error_floor_percent: 0.0,
+            error_correlation: None,
         }
     }
 }
@@ -81,7 +86,7 @@ impl LikelihoodSettings {
         in_range("likelihood.min_fraction", self.min_fraction, 0.0..=1.0)?;
         let floor = self.error_floor_percent;
         in_range("likelihood.error_floor_percent", floor, 0.0..=100.0)?;
-        Ok(())
+        self.error_correlation.map_or(Ok(()), |c| c.check())
     }
 }
 
@@ -149,6 +154,8 @@ pub struct TrackLikelihood {
     grid: BinGrid,
     /// Data by bin of the grid, `None` in gaps of the data.
     data: Vec<Option<DataBin>>,
+    /// By bin of the grid the correlation of its error with that of the datum before; 0 for the first, and of independent errors.
+    correlations: Vec<f64>,
     /// Number of bins with data.
     count: usize,
     /// The weight of a covered bin.
@@ -161,9 +168,11 @@ pub struct TrackLikelihood {
 struct BinTerm<S> {
     ln_likelihood: S,
     covered: S,
-    /// Model minus data, kpc, and its variance.
+    /// Model minus data, kpc, and its variance; of correlated errors, beyond what the bins before let expect.
     residual: S,
     variance: S,
+    /// The error of the datum as it is expected with this bin.
+    error: ExpectedError<S>,
 }
 
 impl TrackLikelihood {
@@ -171,7 +180,7 @@ impl TrackLikelihood {
     ///
     /// # Errors
     /// Those of [`LikelihoodSettings::check`]; [`Error::OutOfRange`] if a width, half-width, angle, radius or error is out of its range;
-    /// [`Error::Setting`] if there is no bin or one is given twice.
+    /// [`Error::Setting`] if there is no bin, one is given twice, or correlated errors are not the same to both sides.
     pub fn new(
         settings: &LikelihoodSettings,
         width_deg: f64,
@@ -223,6 +232,21 @@ impl TrackLikelihood {
                     "give each bin once",
                 );
             }
+            if settings.error_correlation.is_some() && !floored.is_symmetric() {
+                return fail(
+                    "likelihood.error_correlation",
+                    format!("different errors to both sides in bin {}", d.bin),
+                    "give one error `r_err` for each radius, or leave the correlation out",
+                );
+            }
+        }
+        let mut correlations = vec![0.0; len];
+        if let Some(correlation) = settings.error_correlation {
+            let places: Vec<usize> = (0..len).filter(|&i| by_bin[i].is_some()).collect();
+            for pair in places.windows(2) {
+                let apart_deg = (pair[1] - pair[0]) as f64 * width_deg;
+                correlations[pair[1]] = correlation.at_distance(apart_deg);
+            }
         }
         Ok(Self {
             settings: *settings,
@@ -234,6 +258,7 @@ impl TrackLikelihood {
                 edges: settings.edges,
             },
             data: by_bin,
+            correlations,
             count: data.len(),
             threshold: 0.0,
             variance_factor: 1.0,
@@ -305,7 +330,15 @@ impl TrackLikelihood {
             .data()
             .map(|d| -d.mean_error_kpc().ln() - LN_SQRT_2PI)
             .sum::<f64>();
-        exact_fit + BOUND_SLACK
+        // A datum whose error is expected from the bins before has a narrower distribution.
+        let narrower = self.settings.error_correlation.map_or(0.0, |correlation| {
+            let least = self
+                .correlations
+                .iter()
+                .map(|c| correlation.least_variance(*c));
+            least.map(|variance| -0.5 * variance.ln()).sum()
+        });
+        exact_fit + narrower + BOUND_SLACK
     }
 
     /// ln L of a model's sums over the bins of [`grid_from`](Self::grid_from): the density of the data as they are given.
@@ -319,10 +352,12 @@ impl TrackLikelihood {
     ) -> std::result::Result<S, Rejection> {
         let mut total = S::zero();
         let mut mean_cover = S::zero();
+        let mut error = ExpectedError::unknown();
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let term =
-                    self.bin_term(d, [sums.weight[i], sums.r[i], sums.r2[i]], observation)?;
+                let sums = [sums.weight[i], sums.r[i], sums.r2[i]];
+                let term = self.bin_term(d, sums, observation, error.next(self.correlations[i]))?;
+                error = term.error;
                 total += term.ln_likelihood;
                 mean_cover += term.covered / self.count as f64;
             }
@@ -336,7 +371,8 @@ impl TrackLikelihood {
     }
 
     /// Appends the residual of each bin of the data in standard errors, times the root of its cover: they are smooth, and
-    /// `ln L + |residuals|^2 / 2` varies little where all bins are covered.
+    /// `ln L + |residuals|^2 / 2` varies little where all bins are covered. Of correlated errors it is the residual beyond what the bins
+    /// before let expect.
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
@@ -346,10 +382,12 @@ impl TrackLikelihood {
         observation: &Observation<f64>,
         residuals: &mut Vec<f64>,
     ) -> std::result::Result<(), Rejection> {
+        let mut error = ExpectedError::unknown();
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let term =
-                    self.bin_term(d, [sums.weight[i], sums.r[i], sums.r2[i]], observation)?;
+                let sums = [sums.weight[i], sums.r[i], sums.r2[i]];
+                let term = self.bin_term(d, sums, observation, error.next(self.correlations[i]))?;
+                error = term.error;
                 residuals.push(term.covered.sqrt() * term.residual / term.variance.sqrt());
             }
         }
@@ -369,40 +407,58 @@ impl TrackLikelihood {
     ) -> std::result::Result<(f64, Observation<f64>), Rejection> {
         // ln L by the function above, because dual numbers round otherwise.
         let total = self.ln_likelihood(sums, observation)?;
+        sums_bar.reset(self.grid.len);
+        let mut mean_cover = 0.0;
+        // Derivatives of each bin's cover, for the penalty below.
+        let mut cover_bar = vec![0.0; self.grid.len];
+        // Derivatives of each bin's term and of the expected error after it, with respect to its sums, the observation and the expected
+        // error before.
+        let mut slopes = Vec::with_capacity(self.count);
+        let mut error = ExpectedError::<f64>::unknown();
+        for (i, d) in self.data.iter().enumerate() {
+            if let Some(d) = d {
+                let variables: [Dual<7>; 7] = lift(&[
+                    sums.weight[i],
+                    sums.r[i],
+                    sums.r2[i],
+                    observation.jitter,
+                    observation.distance_factor,
+                    error.mean,
+                    error.variance,
+                ]);
+                let [weight, r, r2, jitter, distance_factor, mean, variance] = variables;
+                let observation = Observation {
+                    jitter,
+                    distance_factor,
+                    phi0_deg: Dual::from_re(observation.phi0_deg),
+                };
+                let before = ExpectedError { mean, variance }.next(self.correlations[i]);
+                let term = self.bin_term(d, [weight, r, r2], &observation, before)?;
+                mean_cover += term.covered.re / self.count as f64;
+                // The cover depends on the weight alone.
+                cover_bar[i] = gradient_of(&term.covered)[0];
+                let after = [&term.error.mean, &term.error.variance];
+                slopes.push((i, gradient_of(&term.ln_likelihood), after.map(gradient_of)));
+                (error.mean, error.variance) = (term.error.mean.re, term.error.variance.re);
+            }
+        }
         let mut observation_bar = Observation {
             jitter: 0.0,
             distance_factor: 0.0,
             // The sums have it already.
             phi0_deg: 0.0,
         };
-        sums_bar.reset(self.grid.len);
-        let mut mean_cover = 0.0;
-        // Derivatives of each bin's cover, for the penalty below.
-        let mut cover_bar = vec![0.0; self.grid.len];
-        for (i, d) in self.data.iter().enumerate() {
-            if let Some(d) = d {
-                let [weight, r, r2, jitter, distance_factor]: [Dual<5>; 5] = lift(&[
-                    sums.weight[i],
-                    sums.r[i],
-                    sums.r2[i],
-                    observation.jitter,
-                    observation.distance_factor,
-                ]);
-                let observation = Observation {
-                    jitter,
-                    distance_factor,
-                    phi0_deg: Dual::from_re(observation.phi0_deg),
-                };
-                let term = self.bin_term(d, [weight, r, r2], &observation)?;
-                mean_cover += term.covered.re / self.count as f64;
-                let [by_weight, by_r, by_r2, by_jitter, by_factor] =
-                    gradient_of(&term.ln_likelihood);
-                (sums_bar.weight[i], sums_bar.r[i], sums_bar.r2[i]) = (by_weight, by_r, by_r2);
-                observation_bar.jitter += by_jitter;
-                observation_bar.distance_factor += by_factor;
-                // The cover depends on the weight alone.
-                cover_bar[i] = gradient_of(&term.covered)[0];
+        // Derivatives with respect to the expected error after the bin.
+        let mut error_bar = [0.0; 2];
+        for (i, mut bar, [by_mean, by_variance]) in slopes.into_iter().rev() {
+            for k in 0..bar.len() {
+                bar[k] += error_bar[0] * by_mean[k] + error_bar[1] * by_variance[k];
             }
+            let [weight, r, r2, jitter, distance_factor, mean, variance] = bar;
+            (sums_bar.weight[i], sums_bar.r[i], sums_bar.r2[i]) = (weight, r, r2);
+            observation_bar.jitter += jitter;
+            observation_bar.distance_factor += distance_factor;
+            error_bar = [mean, variance];
         }
         let penalty = self.penalty(crate::scalar::variable::<1>(mean_cover, 0));
         let [mean_cover_bar] = gradient_of(&penalty);
@@ -412,7 +468,7 @@ impl TrackLikelihood {
         Ok((total, observation_bar))
     }
 
-    /// The contribution of one bin, from its sums of weights, radii and squares of radii.
+    /// The contribution of one bin, from its sums of weights, radii and squares of radii and what the bins before say about its error.
     ///
     /// # Errors
     /// [`Rejection::Uncovered`] under [`Coverage::Reject`] if it is not covered.
@@ -421,20 +477,9 @@ impl TrackLikelihood {
         d: &DataBin,
         [weight, r, r2]: [S; 3],
         observation: &Observation<S>,
+        error: ExpectedError<S>,
     ) -> std::result::Result<BinTerm<S>, Rejection> {
-        let covered = match self.settings.coverage {
-            Coverage::Reject => {
-                // A bin without particles has no mean, even if the threshold is 0.
-                if weight.re() < self.threshold || weight.re() <= 0.0 {
-                    return Err(Rejection::Uncovered);
-                }
-                S::one()
-            }
-            Coverage::Penalty { .. } if self.threshold > 0.0 => {
-                smooth_step(weight / self.threshold)
-            }
-            Coverage::Penalty { .. } => smooth_step(weight),
-        };
+        let covered = self.cover(weight)?;
         // Bounded, so that the mean is finite where the cover is 0.
         let bounded_weight = weight.max(S::from_f64(0.25 * self.threshold).max(S::from_f64(1e-9)));
         // Radii of the model as the data have them.
@@ -449,15 +494,24 @@ impl TrackLikelihood {
         let residual = mean - d.r_kpc;
         let of_data = d.variances_kpc2(observation.jitter);
         let lower = noise + of_data[0];
-        let (variance, ln_covered) = if d.is_symmetric() {
-            let ln_covered = -(residual * residual / lower + lower.ln()) * 0.5 - LN_SQRT_2PI;
-            (lower, ln_covered)
+        let of_normal = |residual: S, variance: S| {
+            -(residual * residual / variance + variance.ln()) * 0.5 - LN_SQRT_2PI
+        };
+        let mut after = error;
+        let (residual, variance, ln_covered) = if let Some(c) = self.settings.error_correlation {
+            // Of the correlated part of the error; the rest is independent, as model noise and jitter are.
+            let sd = c.fraction.sqrt() * d.r_err_lo_kpc;
+            let (residual, variance) = error.remainder(residual, sd, lower - sd * sd);
+            after = error.learn((residual, variance), sd, covered);
+            (residual, variance, of_normal(residual, variance))
+        } else if d.is_symmetric() {
+            (residual, lower, of_normal(residual, lower))
         } else {
             let upper = noise + of_data[1];
             let variance = if residual.re() > 0.0 { upper } else { lower };
             let mean_sd = (lower.sqrt() + upper.sqrt()) * 0.5;
             let ln_covered = -residual * residual / variance * 0.5 - mean_sd.ln() - LN_SQRT_2PI;
-            (variance, ln_covered)
+            (residual, variance, ln_covered)
         };
         let ln_likelihood = match self.settings.coverage {
             Coverage::Reject => ln_covered,
@@ -472,7 +526,26 @@ impl TrackLikelihood {
             covered,
             residual,
             variance,
+            error: after,
         })
+    }
+
+    /// The cover of a bin with this weight.
+    ///
+    /// # Errors
+    /// [`Rejection::Uncovered`] under [`Coverage::Reject`] if it is not covered.
+    fn cover<S: Real>(&self, weight: S) -> std::result::Result<S, Rejection> {
+        match self.settings.coverage {
+            // A bin without particles has no mean, even if the threshold is 0.
+            Coverage::Reject if weight.re() < self.threshold || weight.re() <= 0.0 => {
+                Err(Rejection::Uncovered)
+            }
+            Coverage::Reject => Ok(S::one()),
+            Coverage::Penalty { .. } if self.threshold > 0.0 => {
+                Ok(smooth_step(weight / self.threshold))
+            }
+            Coverage::Penalty { .. } => Ok(smooth_step(weight)),
+        }
     }
 
     /// The penalty at this mean cover of the bins.

@@ -75,6 +75,17 @@ impl Track {
         Ok(Self::from_checked(particles, width_deg, 0.0, edges, min_n))
     }
 
+    /// The track as it is measured where the progenitor is at `phi0_deg` and radii are converted by the distance over `distance_factor`.
+    #[must_use]
+    pub(crate) fn as_measured(mut self, phi0_deg: f64, distance_factor: f64) -> Self {
+        for bin in &mut self.bins {
+            bin.phi_deg += phi0_deg;
+            bin.r_kpc /= distance_factor;
+            bin.r_err_kpc /= distance_factor;
+        }
+        self
+    }
+
     /// As [`new`](Self::new), with a width, an offset and edges that have been checked.
     pub(crate) fn from_checked(
         particles: &Particles,

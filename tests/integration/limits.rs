@@ -4,7 +4,9 @@ use oblate::Error;
 use oblate::config::{PopulationConfig, StudyConfig, to_toml};
 use oblate::data::{MockSettings, ObservedTrack, QPopulation, Selection, mocks};
 use oblate::inference::FitSettings;
-use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
+use oblate::likelihood::{
+    DataBin, ErrorCorrelation, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
+};
 use oblate::params::{
     DIM, NAMES, PARAMETERS, PriorSettings, QRange, StreamParams, StreamPrior, without_optional,
 };
@@ -185,6 +187,10 @@ fn complete(section: &str, settings: &impl Serialize, but: &[&str]) {
 #[test]
 fn the_ranges_of_a_fit_are_those_of_the_page() {
     let mut settings = FitSettings::default();
+    settings.likelihood.error_correlation = Some(ErrorCorrelation {
+        angle_deg: 30.0,
+        fraction: 1.0,
+    });
     agree("1. A fit", &settings, FitSettings::check);
     settings.sampling.nested.target_ess = Some(1.0);
     settings.sampling.nested.target_ln_z_error = Some(1.0);
