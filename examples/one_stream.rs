@@ -21,6 +21,7 @@ fn main() -> Result<()> {
         vy0_km_s: 156.0,
         vz0_km_s: -29.0,
         age_gyr: 3.0,
+        ..StreamParams::ABSENT
     };
     let prior = StreamPrior::new(&PriorSettings::default())?;
     prior.check_inside(&params)?;

@@ -268,7 +268,7 @@ fn draw(
         BinEdges::Hard,
         min_n,
     )
-    .as_measured(params.phi0_deg, params.distance_factor);
+    .measured_with(params.phi0_deg, params.distance_factor);
     let length_kpc = criteria(&track, settings)?;
     let phi: Vec<f64> = track.bins.iter().map(|b| b.phi_deg).collect();
     let noise = settings.noise.hypot(params.jitter);

@@ -1,7 +1,7 @@
 //! How the data of a track relate to the stream: the parameters of the observation (docs/physics.md, section 7).
 
 use crate::error::Rejection;
-use crate::params::{REQUIRED, StreamParams};
+use crate::params::StreamParams;
 use crate::scalar::Real;
 use crate::track::ANGLES_DEG;
 
@@ -28,7 +28,7 @@ impl<S: Copy> From<&StreamParams<S>> for Observation<S> {
 
 impl Default for Observation<f64> {
     fn default() -> Self {
-        Self::from(&StreamParams::from([f64::NAN; REQUIRED]))
+        Self::from(&StreamParams::ABSENT)
     }
 }
 

@@ -308,7 +308,7 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
             grid.edges,
             self.track.threshold().max(1.0),
         );
-        let track = track.as_measured(observation.phi0_deg, observation.distance_factor);
+        let track = track.measured_with(observation.phi0_deg, observation.distance_factor);
         Ok((track, particles))
     }
 

@@ -25,7 +25,8 @@ pub struct Parameter {
     pub absent: Option<f64>,
 }
 
-/// Defines the table, the struct and the conversions from one list, so that they agree.
+/// Defines the table, the struct and the conversions from one list, so that they agree. An optional parameter is one line of it, after those
+/// of every stream, and the place where it acts.
 macro_rules! parameters {
     ($($(#[$doc:meta])* $name:ident, $unit:literal, $range:expr, $absent:expr;)*) => {
         /// Names, units and ranges, in the order of the table of priors.
@@ -74,6 +75,16 @@ macro_rules! parameters {
             fn entries(&self) -> [&S; DIM] {
                 [$(&self.$name),*]
             }
+        }
+
+        impl StreamParams<f64> {
+            /// Absent optional parameters, to complete a value that names the thirteen of every stream; those are NaN here.
+            pub const ABSENT: Self = Self {
+                $($name: match $absent {
+                    Some(value) => value,
+                    None => f64::NAN,
+                },)*
+            };
         }
 
         /// What a file has: any of the keys.

@@ -192,5 +192,16 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
         refused(&output, &[words]);
         std::fs::remove_dir_all(&other).expect("a folder");
     }
+    // The distance of each stream has its own error: another distance is no other prior, and the next refusal is met.
+    let other = path("other");
+    copy(Path::new(&fits[1]), Path::new(&other));
+    let config = Path::new(&other).join("config.toml");
+    let text = std::fs::read_to_string(&config).expect("settings");
+    let text = text.replace("fardal2015", "chen2025");
+    let text = text.replace("[prior.fixed]", "[prior.fixed]\ndistance_factor = 1.1");
+    assert!(text.contains("distance_factor"), "{text}");
+    std::fs::write(&config, text).expect("settings");
+    let output = population(&[fits[0].clone(), other], &at);
+    refused(&output, &["model.releases.recipe"]);
     assert!(!Path::new(&nowhere).exists());
 }
