@@ -41,6 +41,24 @@ def test_points_of_a_batch_have_the_values_that_they_have_alone(fit, points):
     assert (values.reshape(2, 150) == values[::150, None]).all()
 
 
+def test_optional_parameters_are_columns_where_they_are_present(fit, points):
+    settings = {
+        "prior.marginals.phi0_deg": {"kind": "uniform", "lo": -30.0, "hi": 30.0},
+        "prior.fixed.distance_factor": 1.0,
+    }
+    other = oblate.Fit(TRACK, settings=settings)
+    assert other.names == [*fit.names, "phi0_deg"]
+    assert other.units[-1] == "deg"
+    assert other.fixed == {"distance_factor": 1.0}
+    assert fit.fixed == {}
+    # An angle of zero is none.
+    values, gradients = other.gradient(np.column_stack([points, np.zeros(len(points))]))
+    expected, by_required = fit.gradient(points)
+    assert values.tolist() == expected.tolist()
+    assert (gradients[:, :-1] == by_required).all()
+    assert (gradients[:, -1] != 0).any()
+
+
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_values_have_the_same_bits_on_any_number_of_threads(fit, points, threads):
     other = oblate.Fit(TRACK, threads=threads)
