@@ -4,7 +4,7 @@ use super::folder::RunFolder;
 use super::stored_fit::StoredFit;
 use crate::error::{Error, PosteriorFault, Result, TrackFault};
 use crate::inference::{DERIVED, derived};
-use crate::params::{NAMES, StreamParams, StreamPrior};
+use crate::params::{NAMES, REQUIRED, StreamParams, StreamPrior};
 use crate::posterior::{RankedFit, columns, rank};
 use std::path::{Path, PathBuf};
 
@@ -57,7 +57,10 @@ fn ranked(fit: &StoredFit, file: &Path) -> Result<RankedFit> {
 /// The true parameters of a track, which its fit could find.
 fn true_parameters(fit: &StoredFit, prior: &StreamPrior, file: &Path) -> Result<StreamParams<f64>> {
     let known = fit.track.truth();
-    if let Some(parameter) = NAMES.iter().find(|name| !known.contains_key(**name)) {
+    if let Some(parameter) = NAMES[..REQUIRED]
+        .iter()
+        .find(|name| !known.contains_key(**name))
+    {
         return Err(Error::TrackFile {
             path: file.to_path_buf(),
             line: None,
