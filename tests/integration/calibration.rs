@@ -20,7 +20,7 @@ fn normal_fits(shift: f64, width: f64) -> Vec<RankedFit> {
         RankedFit {
             name: format!("fit {i}"),
             bins: 10 + i % 20,
-            converged: i % 2 == 0,
+            converged: i.is_multiple_of(2),
             ranks: vec![("q".to_owned(), rank(&draws, &vec![1.0; draws.len()], truth))],
         }
     };
