@@ -13,11 +13,11 @@ use std::path::PathBuf;
 
 /// Flags of `oblate calibration`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example:\n  oblate mock --count 100 --out mocks\n  \
-for track in mocks/*.ecsv; do oblate fit $track --out runs/$(basename $track .ecsv); done\n  \
-oblate calibration runs/* --figure calibration.svg\n\n\
+#[command(
+    after_help = "Example:\n  oblate mock --count 100 --out mocks\n  oblate calibration runs/mock_* --figure ranks.svg\n\n\
 The mocks must come from the prior of the fits. Columns: mean rank, the mean of the posterior probabilities below the true values, 0.5 if they are \
-right; p-value, of the Kolmogorov-Smirnov test that these are uniform; the fraction of true values within central intervals of each probability.")]
+right; p-value, of the Kolmogorov-Smirnov test that these are uniform; the fraction of true values within central intervals of each probability."
+)]
 pub struct Args {
     /// Finished fits of mocks, each of another one; files and folders that are no runs are skipped with a note
     #[arg(required = true)]

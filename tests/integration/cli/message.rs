@@ -7,12 +7,13 @@ use std::ffi::OsString;
 use std::path::Path;
 
 /// A valid command line of every subcommand.
-const LINES: [&str; 15] = [
+const LINES: [&str; 16] = [
     "mock --out x",
     "stream p.toml --particles-out x",
     "evaluate t.ecsv",
     "fit t.ecsv --out x",
     "selection --out s.toml",
+    "calibration r --figure f.svg",
     "bridge r --out x",
     "merge a b --out x",
     "compare a b",
