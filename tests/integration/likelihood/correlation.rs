@@ -167,18 +167,7 @@ fn the_gradient_matches_duals_and_central_differences() {
             ("phi0_deg", 1e-5),
         ] {
             let i = index_of(name).expect("a parameter");
-            let at = |change: f64| {
-                let mut theta = theta;
-                theta[i] += change;
-                let evaluation = likelihood.ln_likelihood(&theta);
-                evaluation.expect("a likelihood").ln_likelihood
-            };
-            let numeric = (at(step) - at(-step)) / (2.0 * step);
-            assert!(
-                (numeric - fast[i]).abs() < 1e-5 * fast[i].abs().max(1.0),
-                "{name}: {} {numeric}",
-                fast[i]
-            );
+            matches_differences(&likelihood, &theta, (name, step), fast[i]);
         }
     }
 }

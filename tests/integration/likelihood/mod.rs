@@ -121,6 +121,30 @@ fn largest(g: &[f64]) -> f64 {
     g.iter().fold(0.0, |m, v| m.max(v.abs()))
 }
 
+/// Asserts that a derivative of ln L is that of central differences; ln L is even in the jitter.
+fn matches_differences(
+    likelihood: &StreamLikelihood,
+    theta: &Theta,
+    (name, step): (&str, f64),
+    derivative: f64,
+) {
+    let i = index_of(name).expect("a parameter");
+    let at = |change: f64| {
+        let mut theta = *theta;
+        theta[i] += change;
+        if name == "jitter" {
+            theta[i] = theta[i].abs();
+        }
+        let evaluation = likelihood.ln_likelihood(&theta);
+        evaluation.expect("a likelihood").ln_likelihood
+    };
+    let numeric = (at(step) - at(-step)) / (2.0 * step);
+    assert!(
+        (numeric - derivative).abs() < 1e-5 * derivative.abs().max(1.0),
+        "{name}: {derivative} {numeric}"
+    );
+}
+
 /// Gradients in units of the prior's own scale: what a relative tolerance can be held against.
 fn in_z(z: &Theta, gradient: &Theta) -> Theta {
     let mut g = *gradient;

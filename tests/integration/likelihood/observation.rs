@@ -169,23 +169,7 @@ fn gradients_by_the_observation_match_duals_and_central_differences() {
             if name == "phi0_deg" && settings.edges == BinEdges::Hard {
                 continue;
             }
-            let at = |change: f64| {
-                let mut theta = theta;
-                theta[i] += change;
-                // ln L is even in the jitter.
-                theta[i] = if name == "jitter" {
-                    theta[i].abs()
-                } else {
-                    theta[i]
-                };
-                value(&likelihood, &theta)
-            };
-            let numeric = (at(step) - at(-step)) / (2.0 * step);
-            assert!(
-                (numeric - fast[i]).abs() < 1e-5 * fast[i].abs().max(1.0),
-                "{name}: {} {numeric}",
-                fast[i]
-            );
+            matches_differences(&likelihood, &theta, (name, step), fast[i]);
         }
     }
 }
