@@ -20,6 +20,8 @@ pub enum Domain {
     NestedSeeds = 2,
     /// Fits of the bounding ellipsoids.
     NestedBound = 3,
+    /// The surrogate of a nested run; index = iteration.
+    NestedSurrogate = 4,
     /// The local moves of one chain of a tempered run; task = chain set * 2^20 + temperature, index = scan.
     PtExplore = 16,
     /// One swap of a tempered run; task = chain set * 2^20 + pair of temperatures, index = scan.

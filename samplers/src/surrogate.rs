@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Depth below the largest ln L at which points need only be known to be deep: only those at which a surrogate is too high are learned.
-const DEPTH: f64 = 100.0;
+pub const DEPTH: f64 = 100.0;
 
 /// Passes through the examples, and least steps of the optimiser where few examples want more passes: of a first fit, and of a fit
 /// that begins with an earlier network.
@@ -94,6 +94,33 @@ impl Examples {
         self.residuals.drain(..gone * per_row);
     }
 
+    /// Keeps at most `count` examples: the older an example, the less probable that it stays, but some of every age do.
+    pub fn thin(&mut self, count: usize) {
+        while self.len() > count {
+            let half = self.len() / 2;
+            self.retain(|i| i >= half || i % 2 == 1);
+        }
+    }
+
+    /// Keeps the examples of these numbers.
+    fn retain(&mut self, kept: impl Fn(usize) -> bool) {
+        fn rows(values: &mut Vec<f32>, width: usize, kept: &impl Fn(usize) -> bool) {
+            let mut i = 0;
+            values.retain(|_| {
+                i += 1;
+                kept((i - 1) / width)
+            });
+        }
+        let present = self.len().max(1);
+        let (width, per_row) = (
+            self.features.len() / present,
+            self.residuals.len() / present,
+        );
+        rows(&mut self.features, width.max(1), &kept);
+        rows(&mut self.residuals, per_row.max(1), &kept);
+        rows(&mut self.ln_likelihood, 1, &kept);
+    }
+
     /// Checks examples of so many features that were read from a file.
     pub(crate) fn check(&self, features: usize) -> Valid {
         let count = self.len();
@@ -162,13 +189,24 @@ impl Surrogate {
         earlier: Option<&Self>,
         rng: &mut RandomStream,
     ) -> Option<Self> {
+        Self::fit_to_depth(examples, DEPTH, earlier, rng)
+    }
+
+    /// The same with another depth below the largest ln L than [`DEPTH`].
+    #[must_use]
+    pub fn fit_to_depth(
+        examples: &Examples,
+        depth: f64,
+        earlier: Option<&Self>,
+        rng: &mut RandomStream,
+    ) -> Option<Self> {
         let count = examples.len();
         let top = examples
             .ln_likelihood
             .iter()
             .copied()
             .fold(f32::NEG_INFINITY, f32::max);
-        let deep = |i: usize| examples.ln_likelihood[i] <= top - single(DEPTH);
+        let deep = |i: usize| examples.ln_likelihood[i] <= top - single(depth);
         if (0..count).filter(|&i| !deep(i)).count() < MIN_EXAMPLES {
             return None;
         }
@@ -182,7 +220,11 @@ impl Surrogate {
                     i,
                     known
                         || earlier.is_some_and(|e| {
-                            e.is_near(top, &examples.features[i * width..(i + 1) * width], scratch)
+                            e.is_near(
+                                top - single(2.0 * depth),
+                                &examples.features[i * width..(i + 1) * width],
+                                scratch,
+                            )
                         }),
                 )
             })
@@ -230,10 +272,10 @@ impl Surrogate {
         finite.then_some(surrogate)
     }
 
-    /// Whether the estimate at these features is higher than twice the depth below `top`.
-    fn is_near(&self, top: f32, features: &[f32], scratch: &mut Scratch) -> bool {
+    /// Whether the estimate at these features is higher than this.
+    fn is_near(&self, lowest: f32, features: &[f32], scratch: &mut Scratch) -> bool {
         let features: Vec<f64> = features.iter().copied().map(f64::from).collect();
-        self.ln_likelihood(&features, scratch) > f64::from(top) - 2.0 * DEPTH
+        self.ln_likelihood(&features, scratch) > f64::from(lowest)
     }
 
     /// The numbers that make a surrogate: mean and standard deviation of each feature, the same of each output, and the parameters of the

@@ -125,6 +125,7 @@ fn of_kernel(context: &Context<'_>, state: &State) -> Vec<Check> {
         Kernel::RandomWalk
         | Kernel::RandomSlice
         | Kernel::Differential
+        | Kernel::Surrogate
         | Kernel::Galilean => {
             if !state.tuning.jump_distances.is_empty() {
                 checks.push(Check::at_least(

@@ -46,7 +46,7 @@ pub(super) fn finish(context: &Context<'_>, state: &State, status: Status) -> Re
         history: results.run_history(state.ranks.fractions()),
         checks,
         warnings,
-        surrogate: None,
+        surrogate: state.learner.any().cloned(),
     })
 }
 

@@ -2,15 +2,22 @@
 
 use super::live::REJECTED;
 use crate::error::Result;
+use crate::normal;
 use crate::output::Calls;
 use crate::rng::{RandomStream, unit_open};
+use crate::surrogate::Examples;
 use crate::target::{Outcome, Target};
+
+/// Values of a chain that a surrogate learns from: the last ones.
+const EXAMPLES: usize = 12;
 
 /// The target, for the calls of one task.
 pub(super) struct Likelihood<'a> {
     target: &'a dyn Target,
     theta: Vec<f64>,
     pub calls: Calls,
+    /// The last values, if a surrogate learns from them.
+    pub examples: Option<Examples>,
 }
 
 impl<'a> Likelihood<'a> {
@@ -19,14 +26,38 @@ impl<'a> Likelihood<'a> {
             target,
             theta: vec![0.0; target.dim()],
             calls: Calls::default(),
+            examples: None,
+        }
+    }
+
+    /// The same, which also keeps its last values as examples for a surrogate, if so.
+    pub fn keeping_examples(self, so: bool) -> Self {
+        Self {
+            examples: so.then(Examples::default),
+            ..self
         }
     }
 
     /// ln L at a point of the cube; [`REJECTED`] where there is none.
     pub fn at(&mut self, u: &[f64]) -> Result<f64> {
         self.target.prior().theta_from_u(u, &mut self.theta);
-        let outcome = self.target.ln_likelihood(&self.theta);
-        settle(&mut self.calls, &outcome, &self.theta)
+        let Some(examples) = &mut self.examples else {
+            let outcome = self.target.ln_likelihood(&self.theta);
+            return settle(&mut self.calls, &outcome, &self.theta);
+        };
+        let mut residuals = Vec::new();
+        let outcome = self
+            .target
+            .ln_likelihood_and_residuals(&self.theta, &mut residuals);
+        let ln_l = settle(&mut self.calls, &outcome, &self.theta)?;
+        if ln_l > REJECTED {
+            let z: Vec<f64> = u.iter().map(|u| normal::quantile(*u)).collect();
+            let mut features = vec![0.0; self.target.feature_count()];
+            self.target.features(&z, &self.theta, &mut features);
+            examples.push(&features, ln_l, &residuals);
+            examples.keep_last(EXAMPLES);
+        }
+        Ok(ln_l)
     }
 
     /// The gradient of ln L with respect to `u`, into `gradient`; false where there is none: no likelihood, or a

@@ -43,6 +43,7 @@ mod dynamic;
 mod evidence;
 mod finish;
 mod kernel;
+mod learning;
 mod likelihood;
 mod live;
 mod merge;

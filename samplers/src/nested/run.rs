@@ -44,7 +44,10 @@ pub fn run(
         |state| state.check(&context),
     )?;
     let mut state = match saved {
-        Some(saved) => saved,
+        Some(mut saved) => {
+            saved.learner.prepare();
+            saved
+        }
         None => State::new(&context),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });

@@ -21,6 +21,10 @@ const BYTES_PER_COORDINATE: f64 = 5.0 * 8.0;
 /// The same of everything else: likelihoods, births, orders, genealogy, ranks, weights, derived quantities and history.
 const BYTES_PER_POINT: f64 = 50.0 * 8.0;
 
+/// Largest number of values that a surrogate learns from. Some of every age stay: with the last ones alone the surrogate forgets how deep ln L
+/// is elsewhere, and trajectories are lost there (docs/validation.md, section 5).
+pub(super) const EXAMPLES_KEPT: usize = 120_000;
+
 /// How a new point above the likelihood bound is found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -35,6 +39,9 @@ pub enum Kernel {
     /// Slice updates, half of them along the difference of two live points (differential evolution), half along random directions
     /// of the local ellipsoid.
     Differential,
+    /// As [`Differential`](Self::Differential) at first; trajectories along a surrogate of ln L, which learns from the values of the run, beside
+    /// few slice updates as soon as they are accepted.
+    Surrogate,
     /// Metropolis steps in the metric of the local ellipsoid.
     RandomWalk,
     /// Galilean Monte Carlo: straight trajectories in the metric of the local ellipsoid, reflected at the likelihood bound
@@ -60,7 +67,9 @@ impl Kernel {
     pub fn default_steps(self, dim: usize) -> usize {
         match self.resolve(dim) {
             Self::RandomWalk => (2 + 2 * dim).max(25),
-            Self::RandomSlice | Self::Differential => (3 + dim).div_ceil(2).max(dim * dim / 22),
+            Self::RandomSlice | Self::Differential | Self::Surrogate => {
+                (3 + dim).div_ceil(2).max(dim * dim / 22)
+            }
             Self::Galilean => (3 + dim).div_ceil(3),
             Self::Auto | Self::Uniform => 1,
         }
@@ -171,6 +180,11 @@ impl Settings {
     pub fn memory(&self, dim: usize) -> Memory {
         let point = BYTES_PER_POINT + BYTES_PER_COORDINATE * dim as f64;
         let mut memory = Memory::default().with("n_live", point * NATS * self.n_live as f64);
+        if self.kernel == Kernel::Surrogate {
+            // Examples in single precision as kept, twice while they are chosen, and in the network's units; as many residuals as
+            // coordinates twice.
+            memory = memory.with("kernel", 20.0 * EXAMPLES_KEPT as f64 * 3.0 * dim as f64);
+        }
         if let Some(target) = self.target_ess {
             memory = memory.with("target_ess", point * POINTS_PER_DRAW * target);
         }

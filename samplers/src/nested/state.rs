@@ -5,6 +5,7 @@ mod check;
 use super::bound::Bound;
 use super::dynamic::{LikelihoodRange, RunSummary};
 use super::kernel::{self, ChainContext, NewPoint};
+use super::learning::Learner;
 use super::likelihood::{Likelihood, draw_prior};
 use super::live::{self, Genealogy, Points, REJECTED, Replacement, narrow};
 use super::rank::Ranks;
@@ -78,8 +79,6 @@ struct Source<'a> {
     kept: &'a Points,
     contour: f64,
     bounds: &'a [Bound],
-    /// Slice updates, Galilean Monte Carlo trajectories or walk steps.
-    steps: usize,
 }
 
 /// Whether chains draw the points, so that step lengths are adapted to them.
@@ -119,6 +118,8 @@ pub(super) struct State {
     pub efficiency: f64,
     pub tuning: Tuning,
     pub ranks: Ranks,
+    /// The surrogates that trajectories follow.
+    pub learner: Learner,
     pub cost: Cost,
     /// Points drawn with a bound, and their calls.
     pub bounded_points: u64,
@@ -151,6 +152,7 @@ impl State {
                 context.target.dim(),
             ),
             ranks: Ranks::default(),
+            learner: Learner::default(),
             cost: Cost::default(),
             bounded_points: 0,
             bounded_calls: 0,
@@ -222,9 +224,8 @@ impl State {
             kept: &kept,
             contour: replacement.contour,
             bounds,
-            steps: tuning.steps,
         };
-        let born = self.draw(context, &source, &tuning, &seeds)?;
+        let mut born = self.draw(context, &source, &tuning, &seeds)?;
         if learns(context, bounds) && !born.is_empty() {
             tuning.learn(context.kernel(), bounds, &kept, &seeds, &born, &mut rng);
         }
@@ -245,6 +246,9 @@ impl State {
                 .collect()
         };
         self.commit(&replacement, &born, &genealogy, &mut rng);
+        if context.kernel() == Kernel::Surrogate {
+            self.learn(context, &mut born, &genealogy);
+        }
         if self.live.effective_recent_lineages() < MIN_RECENT_LINEAGES * context.lineages() as f64 {
             self.begin_recent_lineages(context);
         }
@@ -265,21 +269,33 @@ impl State {
         tuning: &Tuning,
         seeds: &[usize],
     ) -> Result<Vec<NewPoint>> {
-        let differences = context.kernel() == Kernel::Differential && !source.bounds.is_empty();
+        let kernel = context.kernel();
+        let differences =
+            matches!(kernel, Kernel::Differential | Kernel::Surrogate) && !source.bounds.is_empty();
         let halves = if differences {
             kernel::halves(context.target, source.kept)
         } else {
             Default::default()
         };
+        let along = if source.bounds.is_empty() {
+            None
+        } else {
+            self.learner.along(source.kept, source.contour, tuning)
+        };
         let chain_context = ChainContext {
             target: context.target,
             contour: source.contour,
-            kernel: context.kernel(),
+            kernel,
             bounds: source.bounds,
             halves: &halves,
             scale: tuning.scale,
             stride: tuning.stride,
-            steps: source.steps,
+            steps: if along.is_some() {
+                tuning.steps_beside_trajectories()
+            } else {
+                tuning.steps
+            },
+            along: along.as_ref(),
         };
         let first = self.next_point;
         let born: Vec<Result<NewPoint>> = seeds
@@ -291,6 +307,18 @@ impl State {
             })
             .collect();
         born.into_iter().collect()
+    }
+
+    /// Takes up the values of new points, and lets the surrogates learn if that is due.
+    fn learn(&mut self, context: &Context<'_>, born: &mut [NewPoint], genealogy: &[Genealogy]) {
+        for (b, genealogy) in born.iter_mut().zip(genealogy) {
+            let examples = std::mem::take(&mut b.examples);
+            self.learner.take(genealogy.lineage, examples);
+        }
+        if self.learner.is_due(self.ln_x) {
+            let mut rng = stream(context.seed, Domain::NestedSurrogate, 0, self.iteration);
+            self.learner.learn(&self.live, self.ln_x, &mut rng);
+        }
     }
 
     /// Moves all live points to the dead ones and begins a batch where, by the summary of the run so far, more points
@@ -326,7 +354,6 @@ impl State {
                 kept: &kept,
                 contour: range.floor,
                 bounds: &bounds,
-                steps: tuning.steps,
             };
             let born = self.draw(context, &source, &tuning, &seeds)?;
             if learns(context, &bounds) {

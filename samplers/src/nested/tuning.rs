@@ -1,7 +1,7 @@
 //! Adaptation of the length and number of a chain's steps to how chains moved.
 
 use super::bound::Bound;
-use super::kernel::{self, NewPoint, StepCounts};
+use super::kernel::{self, NewPoint, StepCounts, TRAJECTORIES, Trajectories};
 use super::live::Points;
 use super::rank::Ranks;
 use super::settings::Kernel;
@@ -23,6 +23,22 @@ fn first_scale(kernel: Kernel, dim: usize) -> f64 {
 /// its radius.
 const FIRST_STRIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
+/// First step of the leapfrog along a surrogate, and the bounds of later ones.
+const FIRST_LEAP: f64 = 0.2;
+const LEAPS: std::ops::RangeInclusive<f64> = 1e-3..=1.0;
+
+/// Mean probability of acceptance by the surrogate's own energy that steps of the leapfrog aim at.
+const ENERGY_ACCEPTANCE: f64 = 0.9;
+
+/// Fraction of accepted trajectories from which on few slice updates are needed beside them.
+const TRUSTED: f64 = 0.03;
+
+/// Slice updates that three accepted trajectories replace, but for one.
+const SLICES_PER_SET: usize = 16;
+
+/// Largest number of sets of trajectories of a point for as many slice updates.
+const MAX_SETS: usize = 3;
+
 /// Maximum rank correlation of a new point's likelihood with its seed's; docs/validation.md, section 5, has bias and
 /// scatter of ln Z for several values of it (`cargo bench -p oblate-samplers --bench seed_correlation`).
 pub(super) const MAX_SEED_CORRELATION: f64 = 0.2;
@@ -39,6 +55,10 @@ pub(super) struct Tuning {
     pub scale: f64,
     /// Step length along the difference of two points, in units of their distance.
     pub stride: f64,
+    /// Step of the leapfrog along a surrogate, in units of the metric.
+    pub leap: f64,
+    /// Fraction of the trajectories along a surrogate that were accepted in the last iteration.
+    pub acceptance: f64,
     /// Slice updates, Galilean Monte Carlo trajectories or walk steps per point; never lowered in a run.
     pub steps: usize,
     /// Relative jump distance of every iteration.
@@ -59,6 +79,8 @@ impl Tuning {
         Self {
             scale: first_scale(kernel, dim),
             stride: FIRST_STRIDE,
+            leap: FIRST_LEAP,
+            acceptance: 0.0,
             steps,
             jump_distances: Vec::new(),
             seed_correlations: Vec::new(),
@@ -72,7 +94,10 @@ impl Tuning {
     pub fn check(&self, insertions: usize, first_steps: usize, max_steps: usize) -> Valid {
         let length = |x: f64| x >= 0.0 && x.is_finite();
         ensure(
-            length(self.scale) && length(self.stride),
+            length(self.scale)
+                && length(self.stride)
+                && LEAPS.contains(&self.leap)
+                && (0.0..=1.0).contains(&self.acceptance),
             "a step length is not finite, or negative",
         )?;
         ensure(
@@ -89,10 +114,34 @@ impl Tuning {
         ensure(countable([self.stayed]), "a count is too large")
     }
 
+    /// Whether trajectories along a surrogate were accepted in the last iteration.
+    fn trusts(&self) -> bool {
+        self.acceptance >= TRUSTED
+    }
+
+    /// How often the set of trajectories of a point is made: so often that, for every [`SLICES_PER_SET`] steps, three are expected to be
+    /// accepted.
+    pub fn sets(&self) -> usize {
+        let wanted = 3.0 * self.steps as f64 / SLICES_PER_SET as f64;
+        let accepted = |sets: &usize| (*sets * TRAJECTORIES) as f64 * self.acceptance >= wanted;
+        let most = MAX_SETS * self.steps.div_ceil(SLICES_PER_SET);
+        (1..most).find(accepted).unwrap_or(most)
+    }
+
+    /// Slice updates, trajectories or walk steps of a point before trajectories along a surrogate: few where these are accepted.
+    pub fn steps_beside_trajectories(&self) -> usize {
+        if self.trusts() {
+            self.steps.div_ceil(SLICES_PER_SET)
+        } else {
+            self.steps
+        }
+    }
+
     /// Resets the step lengths, for another likelihood bound.
     pub fn forget_lengths(&mut self, kernel: Kernel, dim: usize) {
         self.scale = first_scale(kernel, dim);
         self.stride = FIRST_STRIDE;
+        self.leap = FIRST_LEAP;
     }
 
     /// Rescales the step length so that new ellipsoids, its unit, leave steps as long as they were.
@@ -126,12 +175,20 @@ impl Tuning {
             .push(seed_correlation(kept, seeds, born));
         self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
         let (mut local, mut differences) = (StepCounts::default(), StepCounts::default());
+        let mut trajectories = Trajectories::default();
         for b in born {
+            trajectories.add(b.motion.trajectories);
             local.add(b.motion.local);
             differences.add(b.motion.differences);
         }
+        if trajectories.made > 0 {
+            let made = trajectories.made as f64;
+            let factor = (trajectories.energy / made - ENERGY_ACCEPTANCE).exp();
+            self.leap = (self.leap * factor).clamp(*LEAPS.start(), *LEAPS.end());
+            self.acceptance = trajectories.accepted as f64 / made;
+        }
         match kernel {
-            Kernel::RandomSlice | Kernel::Differential => {
+            Kernel::RandomSlice | Kernel::Differential | Kernel::Surrogate => {
                 self.scale *= balance(local);
                 self.stride *= balance(differences);
             }

@@ -103,6 +103,27 @@ fn differences() {
 
 #[test]
 #[ignore = "minutes: before a release"]
+fn trajectories_along_a_surrogate() {
+    chains(Kernel::Surrogate);
+}
+
+/// Likelihoods of which a surrogate can only learn a part.
+#[test]
+#[ignore = "minutes: before a release"]
+fn trajectories_where_the_likelihood_is_rough() {
+    let cases = [
+        case("rough", hard::rough(5)),
+        case("rough", hard::rough(13)),
+    ];
+    judge(
+        cases
+            .map(|case| (case, kernel(Kernel::Surrogate, 400)))
+            .into(),
+    );
+}
+
+#[test]
+#[ignore = "minutes: before a release"]
 fn random_walks() {
     chains(Kernel::RandomWalk);
 }

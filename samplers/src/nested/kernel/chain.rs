@@ -1,6 +1,7 @@
 //! A Markov chain above a likelihood bound: its state, what the chains of an iteration have in common, and the
 //! partition that a step may not leave.
 
+use super::trajectory::Along;
 use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
 use crate::nested::bound::Bound;
@@ -10,6 +11,7 @@ use crate::nested::settings::Kernel;
 use crate::normal;
 use crate::output::Calls;
 use crate::rng::RandomStream;
+use crate::surrogate::Examples;
 use crate::target::{Symmetry, Target};
 
 /// Common data of all points of an iteration.
@@ -31,6 +33,8 @@ pub(in crate::nested) struct ChainContext<'a> {
     pub stride: f64,
     /// Slice updates, Galilean trajectories or walk steps.
     pub steps: usize,
+    /// The surrogate, once there is one.
+    pub along: Option<&'a Along<'a>>,
 }
 
 /// The part of the space that a step may not leave, so that the distribution of proposals is the same from everywhere
@@ -73,8 +77,37 @@ pub(in crate::nested) struct Motion {
     pub local: StepCounts,
     /// Those along differences of points.
     pub differences: StepCounts,
+    /// Those along a surrogate.
+    pub trajectories: Trajectories,
     /// Whether the chain ended elsewhere than it began.
     pub moved: bool,
+}
+
+/// Counts of trajectories along a surrogate.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::nested) struct Trajectories {
+    /// Number of them.
+    pub made: u64,
+    /// Of which accepted.
+    pub accepted: u64,
+    /// Sum of the probabilities of acceptance by the surrogate's own energy.
+    pub energy: f64,
+}
+
+impl Trajectories {
+    /// Adds one.
+    pub fn note(&mut self, energy: f64, accepted: bool) {
+        self.made += 1;
+        self.accepted += u64::from(accepted);
+        self.energy += energy;
+    }
+
+    /// Adds those of another.
+    pub fn add(&mut self, other: Self) {
+        self.made += other.made;
+        self.accepted += other.accepted;
+        self.energy += other.energy;
+    }
 }
 
 /// A new point.
@@ -83,6 +116,8 @@ pub(in crate::nested) struct NewPoint {
     pub u: Vec<f64>,
     pub ln_l: f64,
     pub calls: Calls,
+    /// Some of its values, if a surrogate learns from them.
+    pub examples: Examples,
     pub motion: Motion,
 }
 
@@ -122,7 +157,8 @@ impl<'a> Chain<'a> {
             context,
             bound,
             others,
-            likelihood: Likelihood::new(context.target),
+            likelihood: Likelihood::new(context.target)
+                .keeping_examples(context.kernel == Kernel::Surrogate),
             x: kept.row(seed).to_vec(),
             ln_l: kept.ln_l[seed],
             label: bound.label(kept.row(seed)),

@@ -6,10 +6,12 @@ mod difference;
 mod galilean;
 mod involution;
 mod slice;
+mod trajectory;
 mod uniform;
 mod walk;
 
-pub(super) use chain::{ChainContext, NewPoint, StepCounts};
+pub(super) use chain::{ChainContext, NewPoint, StepCounts, Trajectories};
+pub(super) use trajectory::{Along, TRAJECTORIES};
 
 use super::bound::Bound;
 use super::live::Points;
@@ -19,6 +21,7 @@ use crate::error::Result;
 use crate::rng::RandomStream;
 use crate::target::{Symmetry, Target};
 use chain::{Chain, normals};
+use nalgebra::DMatrix;
 
 /// The ellipsoids of chains that start from a point of this lineage.
 pub(super) fn bound_of(bounds: &[Bound], lineage: u32) -> Option<&Bound> {
@@ -42,7 +45,7 @@ pub(super) fn draw(
     for step in 0..context.steps {
         match context.kernel {
             Kernel::RandomWalk => walk::step(&mut chain, rng)?,
-            Kernel::Differential => difference::step(&mut chain, rng)?,
+            Kernel::Differential | Kernel::Surrogate => difference::step(&mut chain, rng)?,
             Kernel::Galilean => galilean::step(&mut chain, rng)?,
             _ => slice::step(&mut chain, rng)?,
         }
@@ -50,14 +53,34 @@ pub(super) fn draw(
             involution::try_all(&mut chain, rng)?;
         }
     }
+    trajectory::steps(
+        &mut chain,
+        !kept.genealogy[seed].lineage.is_multiple_of(2),
+        rng,
+    )?;
     chain.refresh_orbits(rng)?;
     chain.motion.moved = chain.x != kept.row(seed);
     Ok(NewPoint {
         u: chain.x,
         ln_l: chain.ln_l,
         calls: chain.likelihood.calls,
+        examples: chain.likelihood.examples.unwrap_or_default(),
         motion: chain.motion,
     })
+}
+
+/// Lower Cholesky factor of the covariance of some points in standard-normal coordinates; none if it has none.
+pub(super) fn factor_of_covariance(kept: &Points, rows: &[usize]) -> Option<DMatrix<f64>> {
+    let (dim, count) = (kept.dim(), rows.len() as f64);
+    let z: Vec<Vec<f64>> = rows.iter().map(|&i| normals(kept.row(i))).collect();
+    let mean: Vec<f64> = (0..dim)
+        .map(|k| z.iter().map(|z| z[k]).sum::<f64>() / count)
+        .collect();
+    let covariance = DMatrix::from_fn(dim, dim, |i, j| {
+        let products = z.iter().map(|z| (z[i] - mean[i]) * (z[j] - mean[j]));
+        products.sum::<f64>() / (count - 1.0)
+    });
+    Some(covariance.cholesky()?.l())
 }
 
 /// The surviving points of even and of odd lineages, for chains of the other half.

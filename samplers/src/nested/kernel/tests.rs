@@ -4,6 +4,7 @@ use crate::nested::bound::tests::overlapping;
 use crate::nested::rank::ks_probability;
 use crate::normal;
 use crate::rng::{Domain, below, standard_normal, stream, unit_open};
+use crate::surrogate::{Examples, Surrogate};
 use crate::target::{Involution, Marginal, Orbit, Outcome, Prior};
 use rayon::prelude::*;
 
@@ -54,6 +55,7 @@ fn uniform_above(target: &dyn Target, contour: f64, task: u64, count: usize) -> 
         scale: 1.0,
         stride: 1.0,
         steps: 1,
+        along: None,
     };
     let mut points = Points::new(target.dim());
     for i in 0..count as u64 {
@@ -87,6 +89,7 @@ fn stays_uniform(
         scale,
         stride: scale,
         steps,
+        along: None,
     };
     let ends: Vec<NewPoint> = (0..count)
         .into_par_iter()
@@ -153,6 +156,68 @@ fn chains_that_start_uniform_above_a_contour_stay_uniform() {
     }
 }
 
+/// A surrogate of the ring that is wrong: its ring lies elsewhere, and is wider.
+fn wrong_surrogate() -> Surrogate {
+    let mut rng = stream(17, Domain::Test, 0, 0);
+    let mut examples = Examples::default();
+    for _ in 0..4_000 {
+        let z = [0; 2].map(|_| standard_normal(&mut rng));
+        let moved = [normal::cdf(z[0]) - 0.07, normal::cdf(z[1])];
+        examples.push(&z, 1.5 * ring(&moved) + 0.05, &[]);
+    }
+    Surrogate::fit(&examples, None, &mut rng).unwrap()
+}
+
+#[test]
+fn trajectories_along_a_wrong_surrogate_stay_uniform() {
+    let target = ring_target();
+    let surrogate = wrong_surrogate();
+    let count = 40_000;
+    let starts = uniform_above(&target, 0.0, 9, count);
+    let bounds = [Bound::cube(2)];
+    let metrics = starts
+        .halves()
+        .map(|rows| factor_of_covariance(&starts, &rows).unwrap());
+    let along = Along {
+        surrogates: [&surrogate; 2],
+        width: 0.02,
+        step: 0.1,
+        sets: 1,
+        metrics,
+    };
+    // Trajectories alone, without slice updates.
+    let context = ChainContext {
+        target: &target,
+        contour: 0.0,
+        kernel: Kernel::Surrogate,
+        bounds: &bounds,
+        halves: &Default::default(),
+        scale: 1.0,
+        stride: 1.0,
+        steps: 0,
+        along: Some(&along),
+    };
+    let ends: Vec<NewPoint> = (0..count)
+        .into_par_iter()
+        .map(|i| {
+            let rng = stream(18, Domain::Test, 9, i as u64);
+            draw(&context, &starts, i, rng).unwrap()
+        })
+        .collect();
+    let mut trajectories = Trajectories::default();
+    ends.iter()
+        .for_each(|end| trajectories.add(end.motion.trajectories));
+    let accepted = trajectories.accepted as f64 / trajectories.made as f64;
+    // A surrogate that is right would be accepted nearly always; this one is wrong enough to matter.
+    assert!((0.2..0.8).contains(&accepted), "{accepted}");
+    let laws: [Law<'_>; 2] = [("radius", &ring_radius), ("angle", &ring_angle)];
+    for (law, f) in laws {
+        let values: Vec<f64> = ends.iter().map(|end| f(&end.u)).collect();
+        let p = ks_probability(&values);
+        assert!(p > 0.001 / 2.0, "{law}: p = {p}");
+    }
+}
+
 #[test]
 fn independent_draws_from_a_bound_are_uniform_above_the_contour() {
     let target = Square::new(2, ring);
@@ -211,6 +276,7 @@ fn the_metric_rule_keeps_a_walk_over_two_overlapping_ellipsoids_uniform() {
             scale: 1.0,
             stride: 1.0,
             steps: 1,
+            along: None,
         };
         // Most regions do not exchange chains: all start uniform and take 100 steps each, counted after half of them and at the
         // end, when all are independent of each other.
@@ -344,6 +410,7 @@ fn in_the_ring<'a>(
         scale: 0.2,
         stride: 1.0,
         steps: 1,
+        along: None,
     }
 }
 

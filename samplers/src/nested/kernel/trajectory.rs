@@ -21,6 +21,13 @@ use nalgebra::DMatrix;
 /// accepted where it is wrong.
 const LEAPFROGS: [usize; 3] = [8, 32, 128];
 
+/// Widths of the walls of sets of trajectories in turn. A point where the surrogate is too low by many widths hardly ever leaves its place
+/// through a narrow wall: with narrow walls alone such points become too few, and ln Z too high (docs/validation.md, section 5).
+const WIDTHS: [f64; 3] = [1.0, 4.0, 16.0];
+
+/// Trajectories of a set.
+pub(in crate::nested) const TRAJECTORIES: usize = LEAPFROGS.len() * WIDTHS.len();
+
 /// Maximum length of the whitened force, in units of the root of the number of dimensions.
 const MAX_FORCE: f64 = 100.0;
 
@@ -29,16 +36,15 @@ const MAX_ENERGY_RANGE: f64 = 1000.0;
 
 /// What the trajectories of an iteration have in common.
 pub(in crate::nested) struct Along<'a> {
-    /// The surrogate.
-    pub surrogate: &'a Surrogate,
-    /// Width of the wall, in units of ln L.
+    /// The surrogates learned from chains of even and of odd lineages: a chain follows that of the half that does not contain its seed.
+    pub surrogates: [&'a Surrogate; 2],
+    /// Width of the narrowest wall, in units of ln L.
     pub width: f64,
-    /// How often the set of trajectories is made.
+    /// How often the set of trajectories of each length with walls of each width is made.
     pub sets: usize,
     /// Step in units of the metric.
     pub step: f64,
-    /// Cholesky factors of the covariances of the points of even and of odd lineages: a chain has that of the half that does not contain
-    /// its seed.
+    /// Cholesky factors of the covariances of the points of even and of odd lineages, for the same reason.
     pub metrics: [DMatrix<f64>; 2],
 }
 
@@ -54,9 +60,10 @@ struct Place {
 /// Space for one trajectory.
 struct Leapfrog<'a> {
     target: &'a dyn Target,
-    along: &'a Along<'a>,
+    surrogate: &'a Surrogate,
     metric: &'a DMatrix<f64>,
     bound: f64,
+    width: f64,
     theta: Vec<f64>,
     features: Vec<f64>,
     features_bar: Vec<f64>,
@@ -73,48 +80,70 @@ pub(super) fn steps(chain: &mut Chain<'_>, even: bool, rng: &mut RandomStream) -
     let (dim, count) = (chain.x.len(), target.feature_count());
     let mut leapfrog = Leapfrog {
         target,
-        along,
+        surrogate: along.surrogates[usize::from(even)],
         metric: &along.metrics[usize::from(even)],
         bound: chain.context.contour,
+        width: along.width,
         theta: vec![0.0; dim],
         features: vec![0.0; count],
         features_bar: vec![0.0; count],
         scratch: Scratch::default(),
         gradient: vec![0.0; dim],
     };
-    let mut place = leapfrog.at(chain.normals());
-    for leapfrogs in LEAPFROGS.repeat(along.sets) {
-        // The number and the length of steps do not depend on the state.
-        let count = (leapfrogs as f64 * (0.5 + unit_open(rng))).ceil();
-        let step = along.step * (0.9 + 0.2 * unit_open(rng));
-        let mut momentum: Vec<f64> = (0..dim).map(|_| standard_normal(rng)).collect();
-        let kinetic = half_square(&momentum);
-        let uniform = unit_open(rng);
-        #[allow(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a small number above zero"
-        )]
-        let end = leapfrog.trajectory(&place, &mut momentum, step, count as usize);
-        let Some(end) = end else {
-            chain.motion.trajectories.note(0.0, false);
-            continue;
-        };
-        let rise = end.prior + half_square(&momentum) - place.prior - kinetic;
-        let energy = (-(rise + end.wall - place.wall)).exp().min(1.0);
-        let mut accepted = uniform.ln() < -rise;
-        if accepted {
-            cube_from_normal(&end.z, &mut chain.trial);
-            let ln_l = chain.likelihood.at(&chain.trial)?;
-            accepted = ln_l > chain.context.contour;
-            if accepted {
-                chain.accept(ln_l);
-                place = end;
-            }
+    for width in WIDTHS.repeat(along.sets) {
+        leapfrog.width = along.width * width;
+        let mut place = leapfrog.at(chain.normals());
+        for leapfrogs in LEAPFROGS {
+            one(
+                chain,
+                &mut leapfrog,
+                &mut place,
+                (leapfrogs, along.step),
+                rng,
+            )?;
         }
-        chain.motion.trajectories.note(energy, accepted);
     }
     chain.label = chain.bound.label(&chain.x);
+    Ok(())
+}
+
+/// One trajectory of so many leapfrog steps on average, of so long steps on average.
+fn one(
+    chain: &mut Chain<'_>,
+    leapfrog: &mut Leapfrog<'_>,
+    place: &mut Place,
+    (leapfrogs, step): (usize, f64),
+    rng: &mut RandomStream,
+) -> Result<()> {
+    // The number and the length of steps do not depend on the state.
+    let count = (leapfrogs as f64 * (0.5 + unit_open(rng))).ceil();
+    let step = step * (0.9 + 0.2 * unit_open(rng));
+    let mut momentum: Vec<f64> = (0..chain.x.len()).map(|_| standard_normal(rng)).collect();
+    let kinetic = half_square(&momentum);
+    let uniform = unit_open(rng);
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a small number above zero"
+    )]
+    let end = leapfrog.trajectory(place, &mut momentum, step, count as usize);
+    let Some(end) = end else {
+        chain.motion.trajectories.note(0.0, false);
+        return Ok(());
+    };
+    let rise = end.prior + half_square(&momentum) - place.prior - kinetic;
+    let energy = (-(rise + end.wall - place.wall)).exp().min(1.0);
+    let mut accepted = uniform.ln() < -rise;
+    if accepted {
+        cube_from_normal(&end.z, &mut chain.trial);
+        let ln_l = chain.likelihood.at(&chain.trial)?;
+        accepted = ln_l > chain.context.contour;
+        if accepted {
+            chain.accept(ln_l);
+            *place = end;
+        }
+    }
+    chain.motion.trajectories.note(energy, accepted);
     Ok(())
 }
 
@@ -123,17 +152,17 @@ impl Leapfrog<'_> {
     fn at(&mut self, z: Vec<f64>) -> Place {
         self.target.prior().theta_from_z(&z, &mut self.theta);
         self.target.features(&z, &self.theta, &mut self.features);
-        let ln_l = self.along.surrogate.ln_likelihood_and_gradient(
+        let ln_l = self.surrogate.ln_likelihood_and_gradient(
             &self.features,
             &mut self.features_bar,
             &mut self.scratch,
         );
         self.target
             .features_vjp(&z, &self.theta, &self.features_bar, &mut self.gradient);
-        let below = (self.bound - ln_l) / self.along.width;
+        let below = (self.bound - ln_l) / self.width;
         // ln(1 + e^x) and its derivative, where e^x may overflow.
         let wall = below.max(0.0) + (-below.abs()).exp().ln_1p();
-        let slope = 1.0 / (1.0 + (-below).exp()) / self.along.width;
+        let slope = 1.0 / (1.0 + (-below).exp()) / self.width;
         let force: Vec<f64> = z
             .iter()
             .zip(&self.gradient)

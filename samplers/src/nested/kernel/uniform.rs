@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 use crate::nested::bound::Bound;
 use crate::nested::likelihood::{Likelihood, draw_prior};
 use crate::rng::RandomStream;
+use crate::surrogate::Examples;
 
 /// Maximum number of likelihood calls, and of draws, for one point.
 const MAX_CALLS: u64 = 100_000;
@@ -37,6 +38,7 @@ pub(super) fn draw(
                 u,
                 ln_l,
                 calls: likelihood.calls,
+                examples: Examples::default(),
                 motion: Motion {
                     moved: true,
                     ..Motion::default()

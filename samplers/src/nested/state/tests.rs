@@ -7,6 +7,7 @@ use crate::nested::kernel::chain::Motion;
 use crate::nested::tuning::mean;
 use crate::output::Calls;
 use crate::rng::unit_open;
+use crate::surrogate::Examples;
 use crate::target::{Marginal, Outcome, Prior};
 
 struct Volume(Prior);
@@ -25,6 +26,7 @@ fn new_point(x: f64, ln_l: f64) -> NewPoint {
         u: vec![x],
         ln_l,
         calls: Calls::default(),
+        examples: Examples::default(),
         motion: Motion::default(),
     }
 }

@@ -61,6 +61,7 @@ fn a_run_has_the_same_bits_on_any_number_of_threads() {
         Kernel::Uniform,
         Kernel::RandomSlice,
         Kernel::Differential,
+        Kernel::Surrogate,
         Kernel::RandomWalk,
         Kernel::Galilean,
     ] {
@@ -86,6 +87,7 @@ fn a_run_resumed_after_any_iteration_has_the_bits_of_one_never_stopped() {
         (Kernel::Uniform, smooth::shells(2)),
         (Kernel::RandomSlice, smooth::shells(5)),
         (Kernel::Differential, smooth::shells(5)),
+        (Kernel::Surrogate, smooth::shells(5)),
         (Kernel::RandomWalk, smooth::shells(5)),
         (Kernel::Galilean, smooth::shells(5)),
     ] {

@@ -151,6 +151,19 @@ fn far8_has_its_evidence() {
 }
 
 #[test]
+fn trajectories_along_a_surrogate_find_the_same_evidences() {
+    smooth(&smooth::shells(5), 200, Kernel::Surrogate);
+    // A surrogate can learn only a part of this one.
+    let rough = hard::rough(5);
+    agrees(
+        "rough",
+        &rough,
+        rough.ln_z,
+        &settings(200, Kernel::Surrogate),
+    );
+}
+
+#[test]
 fn slices_along_differences_find_the_same_evidences() {
     smooth(&smooth::shells(5), 500, Kernel::Differential);
     smooth(&smooth::shells(13), 200, Kernel::Differential);

@@ -81,6 +81,18 @@ fn rosenbrock(x: &[f64]) -> f64 {
     (1.0 - x[0]).powi(2) + 100.0 * (x[1] - x[0] * x[0]).powi(2)
 }
 
+/// A normal peak with a standard deviation of 0.1 in the unit cube, times exp(sin) with a period of a tenth of that: no smooth function says
+/// which of two neighbours is higher. The mean of exp(sin) is I0(1) = 1.266066.
+pub fn rough(dim: usize) -> Hard {
+    const SD: f64 = 0.1;
+    let peak = dim as f64 * (SD * (2.0 * PI).sqrt()).ln();
+    hard(dim, 0.0, 1.0, peak + 1.266_066_f64.ln(), |x| {
+        let square: f64 = x.iter().map(|x| ((x - 0.5) / SD).powi(2)).sum();
+        let phase: f64 = (1..).zip(x).map(|(k, x)| f64::from(k) * x).sum();
+        (2.0 * PI * phase / (0.1 * SD)).sin() - 0.5 * square
+    })
+}
+
 /// Rosenbrock's valley on (-5, 5)^2.
 pub fn rosen() -> Hard {
     hard(2, -5.0, 5.0, -5.804_132, |x| -rosenbrock(x))
