@@ -5,21 +5,23 @@ use super::options::{Common, refuse_existing, write_file};
 use super::output::{Output, note};
 use super::run_folders::run_folders;
 use crate::error::Result;
-use crate::posterior::{Calibration, CalibrationRow, LEVELS, MIN_P_VALUE};
+use crate::posterior::{Calibration, CalibrationRow, LEVELS, MIN_P_VALUE, RankedFit};
 use crate::report::calibration;
 use crate::run::ranked_fits;
+use oblate_samplers::diagnostics::weighted_quantile;
 use serde_json::json;
 use std::path::PathBuf;
 
 /// Flags of `oblate calibration`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Example:\n  oblate mock --count 100 --out mocks\n  oblate calibration runs/mock_* --figure ranks.svg\n\n\
+    after_help = "Example:\n  oblate mock --count 100 --out mocks\n  oblate calibration runs/mock_* --figure ranks.svg\n  \
+oblate calibration runs/mock_* --json > part1.json\n  oblate calibration part1.json more_runs/mock_*\n\n\
 The mocks must come from the prior of the fits. Columns: mean rank, the mean of the posterior probabilities below the true values, 0.5 if they are \
 right; p-value, of the Kolmogorov-Smirnov test that these are uniform; the fraction of true values within central intervals of each probability."
 )]
 pub struct Args {
-    /// Finished fits of mocks, each of another one; files and folders that are no runs are skipped with a note
+    /// Finished fits of mocks, each of another one, and tables that --json has printed (FILE.json); other files and folders are skipped with a note
     #[arg(required = true)]
     runs: Vec<PathBuf>,
     /// Figure of the distribution of ranks to write (SVG)
@@ -35,7 +37,11 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     if let Some(path) = &args.figure {
         refuse_existing(path, args.force)?;
     }
-    let fits = ranked_fits(&run_folders(&args.runs))?;
+    let is_table = |path: &PathBuf| path.extension().is_some_and(|e| e == "json");
+    let (mut paths, runs): (Vec<PathBuf>, Vec<PathBuf>) =
+        args.runs.iter().cloned().partition(is_table);
+    paths.extend(run_folders(&runs));
+    let fits = ranked_fits(&paths)?;
     let found = Calibration::new(&fits);
     if let Some(path) = &args.figure
         && let Some(svg) = calibration(&fits)
@@ -46,6 +52,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
         out.json(&json!({"levels": LEVELS, "calibration": found, "fits": fits}))?;
     } else {
         print(&found, out)?;
+        out.line(&price(&fits))?;
     }
     if found.is_uniform() {
         return Ok(Exit::Done);
@@ -86,6 +93,19 @@ fn print(found: &Calibration, out: &mut Output<'_>) -> Result<()> {
         ))?;
     }
     Ok(())
+}
+
+/// How many fits have passed, and what fits cost.
+fn price(fits: &[RankedFit]) -> String {
+    let passed = fits.iter().filter(|fit| fit.converged).count();
+    let seconds: Vec<f64> = fits.iter().map(|fit| fit.cpu_seconds).collect();
+    let weights = vec![1.0; seconds.len()];
+    let [median, nine_tenths, largest] =
+        [0.5, 0.9, 1.0].map(|p| weighted_quantile(&seconds, &weights, p));
+    format!(
+        "{passed} of {} fits have passed their checks. CPU seconds of a fit: median {median:.0}, 90 % below {nine_tenths:.0}, largest {largest:.0}.",
+        fits.len()
+    )
 }
 
 /// A table with a row for each quantity.

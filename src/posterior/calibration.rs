@@ -4,7 +4,7 @@
 //! distributed, and a central interval of any probability contains the true value as often as that probability says (Cook, Gelman and
 //! Rubin 2006; Talts et al. 2018). A choice of mocks by their data alone changes neither.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use statrs::distribution::Uniform;
 use statrs::stats_tests::NaNPolicy;
 use statrs::stats_tests::ks_test::{KSOneSampleAlternativeMethod, ks_onesample};
@@ -21,14 +21,21 @@ pub const MIN_P_VALUE: f64 = 0.01;
 const GROUPS: usize = 3;
 
 /// The true values of one mock in its posterior.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RankedFit {
     /// The name of the fit.
     pub name: String,
-    /// Number of bins of its track.
-    pub bins: usize,
+    /// Radii of its track, by which fits of one track are recognised.
+    pub r_kpc: Vec<f64>,
     /// Whether it has passed its checks.
     pub converged: bool,
+    /// Its effective sample size.
+    pub ess: f64,
+    /// Its likelihood calls.
+    pub calls: u64,
+    /// Its time of all threads together.
+    pub cpu_seconds: f64,
     /// By name: the posterior probability below the true value, from 0 to 1.
     pub ranks: Vec<(String, f64)>,
 }
@@ -176,7 +183,7 @@ fn rows(fits: &[&RankedFit]) -> Vec<CalibrationRow> {
 fn by_bins(fits: &[&RankedFit]) -> Vec<CalibrationGroup> {
     let of_q = |fit: &&RankedFit| {
         let q = fit.ranks.iter().find(|(name, _)| name == "q");
-        q.map(|(_, u)| (fit.bins, *u))
+        q.map(|(_, u)| (fit.r_kpc.len(), *u))
     };
     let mut ranked: Vec<(usize, f64)> = fits.iter().filter_map(of_q).collect();
     ranked.sort_by_key(|(bins, _)| *bins);

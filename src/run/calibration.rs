@@ -6,31 +6,73 @@ use crate::error::{Error, PosteriorFault, Result, TrackFault};
 use crate::inference::{DERIVED, derived};
 use crate::params::{NAMES, REQUIRED, StreamParams, StreamPrior};
 use crate::posterior::{RankedFit, columns, rank};
+use oblate_samplers::read;
+use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// Reads finished fits of mocks, each of another track, and ranks their true values.
+/// Largest size of a table of ranks, which is some kilobytes per fit.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// Reads finished fits of mocks, each of another track, and ranks their true values. A path to a file, where others are run folders, is
+/// a table of ranks as `oblate calibration` prints them: its fits come to those of the folders.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`] or [`Error::InFile`] for a folder that cannot be read;
-/// [`Error::NotAFit`] for one without a track; [`Error::TrackFile`] for a track that cannot be read or has no true values;
+/// [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`] or [`Error::InFile`] for a folder or table that cannot be read;
+/// [`Error::NotAFit`] for a run without a track; [`Error::TrackFile`] for a track that cannot be read or has no true values;
 /// [`Error::InFile`] for true values that the prior of the fit excludes; [`Error::Posterior`] for a track that another fit has too.
 pub fn ranked_fits(paths: &[PathBuf]) -> Result<Vec<RankedFit>> {
-    let mut radii: Vec<Vec<f64>> = Vec::new();
     let mut fits: Vec<RankedFit> = Vec::new();
     for path in paths {
-        let fit = StoredFit::read(path)?;
-        if let Some(other) = radii.iter().position(|r| *r == fit.track.r_kpc) {
-            return Err(Error::Posterior {
-                name: fit.stored.name,
-                fault: PosteriorFault::SameTrack {
-                    other: fits[other].name.clone(),
-                },
-            });
+        let more = if path.is_file() {
+            table(path)?
+        } else {
+            let fit = StoredFit::read(path)?;
+            vec![ranked(&fit, &RunFolder::open(path)?.track())?]
+        };
+        for fit in more {
+            if let Some(other) = fits.iter().find(|other| other.r_kpc == fit.r_kpc) {
+                return Err(Error::Posterior {
+                    name: fit.name,
+                    fault: PosteriorFault::SameTrack {
+                        other: other.name.clone(),
+                    },
+                });
+            }
+            fits.push(fit);
         }
-        fits.push(ranked(&fit, &RunFolder::open(path)?.track())?);
-        radii.push(fit.track.r_kpc);
     }
     Ok(fits)
+}
+
+/// The fits of a table.
+fn table(path: &Path) -> Result<Vec<RankedFit>> {
+    #[derive(Deserialize)]
+    struct Table {
+        fits: Vec<RankedFit>,
+    }
+    let text = read::text(path, MAX_BYTES).map_err(|source| Error::Io {
+        path: path.to_path_buf(),
+        source,
+        remedy: "give a run folder, or a table of ranks",
+    })?;
+    let broken = |line: Option<usize>, message: String| Error::Syntax {
+        path: path.to_path_buf(),
+        line,
+        message,
+        remedy: "restore the table, or make it again from the runs",
+    };
+    let table: Table = serde_json::from_str(&text)
+        .map_err(|e| broken(Some(e.line()), format!("not a table of ranks ({e})")))?;
+    for fit in &table.fits {
+        if let Some((name, rank)) = fit.ranks.iter().find(|(_, u)| !(0.0..=1.0).contains(u)) {
+            let message = format!(
+                "the rank of {name} in {} is {rank}, outside [0, 1]",
+                fit.name
+            );
+            return Err(broken(None, message));
+        }
+    }
+    Ok(table.fits)
 }
 
 /// The ranks of a fit, whose track was read from `file`.
@@ -48,8 +90,11 @@ fn ranked(fit: &StoredFit, file: &Path) -> Result<RankedFit> {
     });
     Ok(RankedFit {
         name: fit.stored.name.clone(),
-        bins: fit.track.len(),
+        r_kpc: fit.track.r_kpc.clone(),
         converged: fit.stored.summary.converged,
+        ess: fit.stored.summary.ess,
+        calls: fit.stored.run.cost.calls,
+        cpu_seconds: fit.stored.run.cost.cpu_seconds,
         ranks: ranks.collect(),
     })
 }

@@ -19,8 +19,11 @@ fn normal_fits(shift: f64, width: f64) -> Vec<RankedFit> {
             .collect();
         RankedFit {
             name: format!("fit {i}"),
-            bins: 10 + i % 20,
+            r_kpc: vec![10.0; 10 + i % 20],
             converged: i.is_multiple_of(2),
+            ess: 400.0,
+            calls: 1_000,
+            cpu_seconds: 1.0 + i as f64,
             ranks: vec![("q".to_owned(), rank(&draws, &vec![1.0; draws.len()], truth))],
         }
     };
@@ -92,7 +95,7 @@ fn groups_hold_every_fit_that_has_passed_once_and_never_divide_a_number_of_bins(
     );
     let mut one_length = fits;
     for fit in &mut one_length {
-        fit.bins = 12;
+        fit.r_kpc = vec![10.0; 12];
     }
     let groups = Calibration::new(&one_length).q_by_bins;
     assert_eq!(

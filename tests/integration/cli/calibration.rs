@@ -74,6 +74,37 @@ fn fits_of_mocks_are_ranked_and_others_refused() {
     // Three free parameters, five derived quantities; none of the fixed ones.
     assert_eq!(said["fits"][0]["ranks"].as_array().map(Vec::len), Some(8));
 
+    // A part of a set of fits as a table gives the same ranks as its runs.
+    let one = oblate(&["calibration", &runs[0], "--json"], "");
+    let part = write(
+        folder.path(),
+        "part.json",
+        &String::from_utf8_lossy(&one.stdout),
+    );
+    let gathered = oblate(&["calibration", &part, &runs[1], "--json"], "");
+    assert_eq!(json(&gathered.stdout), said);
+    let words = ["0 of 2 fits have passed their checks. CPU seconds of a fit: median"];
+    let text = oblate(&["calibration", &part, &runs[1]], "");
+    assert!(String::from_utf8_lossy(&text.stdout).contains(words[0]));
+    let twice = oblate(&["calibration", &part, &runs[0]], "");
+    refused(&twice, &["one", "would count twice"]);
+    let no_table = write(folder.path(), "no_table.json", "{\n\"fits\": 3}");
+    let no_table = oblate(&["calibration", &no_table], "");
+    refused(
+        &no_table,
+        &["no_table.json", "line 2", "not a table of ranks"],
+    );
+    let outside = write(
+        folder.path(),
+        "outside.json",
+        &String::from_utf8_lossy(&one.stdout).replace("[\"log10_m_halo\",", "[\"log10_m_halo\",1"),
+    );
+    let outside = oblate(&["calibration", &outside], "");
+    refused(
+        &outside,
+        &["the rank of log10_m_halo in one is", "outside [0, 1]"],
+    );
+
     let twice = oblate(&["calibration", &runs[0], &runs[0]], "");
     refused(&twice, &["one", "would count twice"]);
     let excluded = path("excluded");
