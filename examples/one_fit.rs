@@ -36,6 +36,7 @@ fn main() -> oblate::Result<()> {
     }
     settings.sampling.sampler = Sampler::Nested;
     settings.sampling.nested.n_live = 100;
+    settings.sampling.nested.max_batches = 1;
     settings.sampling.nested.kernel = Kernel::RandomSlice;
     settings.sampling.nested.dlnz = 0.1;
 

@@ -12,6 +12,7 @@ QUICK = {
     "coarse_particles": 0,
     "sampling.sampler": "nested",
     "sampling.nested.n_live": 50,
+    "sampling.nested.max_batches": 1,
     "sampling.nested.kernel": "random-slice",
     "sampling.nested.steps": 3,
 } | {

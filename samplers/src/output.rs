@@ -295,7 +295,7 @@ pub struct Ess {
 
 /// Smallest bulk and tail ESS of a parameter with which the draws of a run pass their checks (Vehtari et al. 2021 advise 100 for each of
 /// four chains).
-pub(crate) const MIN_ESS: f64 = 400.0;
+pub const MIN_ESS: f64 = 400.0;
 
 impl Ess {
     /// The smallest of these sizes.

@@ -76,6 +76,7 @@ pub fn after_fit(
             let longer = longer.with_value("--extensions", &more.to_string());
             steps.push(Step::new("extend its last round", &longer));
         }
+        steps.extend(more_batches(sampled, sampling, command));
         steps.extend(longer_bridge(summary, sampling, command));
         let mut changes = changes(&[names(sampled), names(summary)].concat(), sampling);
         changes.extend(model_changes(summary, &settings.model));
@@ -143,6 +144,24 @@ fn names(summary: &Summary) -> Vec<&str> {
     failed.map(|check| check.name.as_str()).collect()
 }
 
+/// Goes on with a nested run that has too few draws or ancestors.
+fn more_batches(
+    summary: &Summary,
+    sampling: &SamplerSettings,
+    command: &CommandLine,
+) -> Option<Step> {
+    let failed = names(summary);
+    let grows = summary.method == Method::Nested
+        && sampling.nested.dynamic()
+        && (failed.iter()).any(|name| name.starts_with("ess-") || *name == "effective-lineages");
+    let change = format!(
+        "sampling.nested.max_batches={}",
+        2 * sampling.nested.max_batches
+    );
+    let longer = command.resumed().with("--set", Some(&change));
+    grows.then(|| Step::new("add batches of live points", &longer))
+}
+
 /// Goes on with a bridge that has too few draws, unless it begins anew because its coarse run has not converged.
 fn longer_bridge(
     summary: &Summary,
@@ -185,6 +204,7 @@ fn change(check: &str, sampling: &SamplerSettings) -> Option<Change> {
     let (nested, tempered) = (&sampling.nested, &sampling.pt_hmc);
     let of = |key: &'static str, value: usize| Some((key, value.to_string()));
     match check {
+        "effective-lineages" if nested.dynamic() => None,
         "effective-lineages"
         | "lineage-halves"
         | "ln-z-agreement-of-seeds"

@@ -80,6 +80,9 @@ impl SamplerSettings {
         };
         sampling.nested.n_live = 1_000;
         sampling.nested.steps = Some(16);
+        sampling.nested.kernel = nested::Kernel::Surrogate;
+        sampling.nested.target_ess = Some(oblate_samplers::output::MIN_ESS);
+        sampling.nested.max_batches = 8;
         sampling.bridge.smc_particles = 1_000;
         sampling.bridge.mcmc_steps = 2;
         sampling.bridge.further_mcmc_steps = 40;
@@ -211,26 +214,31 @@ impl FitSettings {
         settings
     }
 
-    /// These settings without those that say only how long a run may go on: extensions of the last tempered round, and further MCMC steps
-    /// of a bridge. Everything else determines the draws, so that two runs which agree in these settings agree in all draws that they have in
+    /// These settings without those that say only how long a run may go on: batches of a nested run, extensions of the last tempered round,
+    /// and further MCMC steps of a bridge. Everything else determines the draws, so that two runs which agree in these settings agree in all draws that they have in
     /// common.
     #[must_use]
     pub fn without_extensions(&self) -> Self {
         let mut settings = self.clone();
+        settings.sampling.nested.max_batches = 1;
         settings.sampling.pt_hmc.extensions = 0;
         settings.sampling.bridge.further_mcmc_steps = 0;
         settings
     }
 
     /// Whether a finished run by `method` with the settings `before`, which failed its convergence checks, may go on under these settings: a
-    /// tempered run, or a bridge from one, if these allow more extensions; any bridge if they allow more further MCMC steps. The two must be
-    /// equal in everything else.
+    /// tempered run, or a bridge from one, if these allow more extensions; a nested one with a target, or a bridge from one, if they allow more
+    /// batches; any bridge if they allow more further MCMC steps. The two must be equal in everything else.
     #[must_use]
     pub fn may_go_on(&self, before: &Self, method: Method) -> bool {
         let extensions = |settings: &Self| settings.sampling.pt_hmc.extensions;
         let further = |settings: &Self| settings.sampling.bridge.further_mcmc_steps;
-        self.sampling.sampler == Sampler::PtHmc && extensions(self) > extensions(before)
-            || method == Method::Bridge && further(self) > further(before)
+        let batches = |settings: &Self| settings.sampling.nested.max_batches;
+        let longer = match self.sampling.sampler {
+            Sampler::PtHmc => extensions(self) > extensions(before),
+            Sampler::Nested => self.sampling.nested.dynamic() && batches(self) > batches(before),
+        };
+        longer || method == Method::Bridge && further(self) > further(before)
     }
 }
 

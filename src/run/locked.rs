@@ -268,11 +268,11 @@ impl LockedFolder {
     }
 }
 
-/// Whether a run that has its result can be continued: because its time was up, or because it has not converged, and is a tempered one or a
-/// bridge. A bridge whose coarse run has not converged either begins anew after that run has gone on.
+/// Whether a run that has its result can be continued: because its time was up, or because it has not converged, and is a tempered one, a
+/// nested one with a target, or a bridge. A bridge whose coarse run has not converged either begins anew after that run has gone on.
 fn may_continue(run: &Run) -> bool {
     let grows = match run.method {
-        Method::Nested => false,
+        Method::Nested => (run.checks.iter()).any(|c| c.name.starts_with("target-")),
         Method::PtHmc => true,
         Method::Bridge => (run.checks.iter()).all(|c| c.pass || c.name != "coarse-run-checks"),
     };

@@ -75,7 +75,7 @@ pub const SMALL: &str = r#"
 model = { releases = { particles = 128 }, step_phase = 2.0, max_halvings = 3 }
 prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
 sampling.sampler = "nested"
-sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6 }
+sampling.nested = { n_live = 40, kernel = "random-slice", steps = 6, max_batches = 1 }
 sampling.pt_hmc = { chain_sets = 2, first_scans = 4, smc_particles = 24, slice_updates = 3, surrogate = false, extensions = 1 }
 sampling.bridge = { smc_particles = 60, mcmc_steps = 4 }
 "#;

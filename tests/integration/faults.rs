@@ -33,7 +33,7 @@ coarse_particles = 0
 model = { steps = 4, step_phase = 3.0, max_halvings = 2, orbit_steps = 16, releases = { particles = 32 } }
 prior.fixed = { log10_m_halo = 12.0, r_s_halo_kpc = 15.0, log10_m_prog = 7.7, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
 sampling.sampler = "nested"
-sampling.nested = { n_live = 20, kernel = "random-slice", steps = 2, replaced_fraction = 0.5, simulations = 20, bootstraps = 20 }
+sampling.nested = { n_live = 20, kernel = "random-slice", steps = 2, replaced_fraction = 0.5, max_batches = 1, simulations = 20, bootstraps = 20 }
 sampling.pt_hmc = { chain_sets = 2, rounds = 2, first_scans = 4, smc_particles = 20, mcmc_steps = 2, slice_updates = 1, surrogate = false, extensions = 0 }
 "#;
 

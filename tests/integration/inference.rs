@@ -140,6 +140,7 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
     .unwrap();
     settings.sampling.sampler = Sampler::Nested;
     settings.sampling.nested.n_live = 40;
+    settings.sampling.nested.max_batches = 1;
     settings.sampling.nested.kernel = nested::Kernel::RandomSlice;
     settings.sampling.nested.steps = Some(6);
     settings.sampling.bridge.smc_particles = 60;
@@ -226,6 +227,7 @@ fn short(model: &str) -> (ObservedTrack, FitSettings) {
     .unwrap();
     settings.sampling.sampler = Sampler::Nested;
     settings.sampling.nested.n_live = 60;
+    settings.sampling.nested.max_batches = 1;
     settings.sampling.nested.kernel = nested::Kernel::Differential;
     settings.sampling.nested.steps = Some(4);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
@@ -327,7 +329,7 @@ fn the_move_of_q_by_the_particles_is_that_of_all_draws() {
     assert!(error < 0.3, "{error}");
 }
 
-/// A nested run keeps no checkpoint: if it were taken up again, it would be sampled again.
+/// A nested run without a target keeps no checkpoint: if it were taken up again, it would be sampled again.
 #[test]
 fn only_a_run_that_gains_by_it_goes_on_under_settings_that_allow_more() {
     let before = FitSettings::default();
@@ -340,8 +342,16 @@ fn only_a_run_that_gains_by_it_goes_on_under_settings_that_allow_more() {
         methods.map(|m| further.may_go_on(&before, m)),
         [false, true]
     );
-    let nested = Sampler::Nested;
-    let (before, longer) = (before.with_sampler(nested), longer.with_sampler(nested));
+    let nested = |settings: FitSettings| settings.with_sampler(Sampler::Nested);
+    let (mut before, mut longer) = (nested(before), nested(longer));
     assert!(!longer.may_go_on(&before, Method::Nested));
     assert!(!further.may_go_on(&before, Method::Nested));
+    longer.sampling.nested.max_batches += 1;
+    assert_eq!(methods.map(|m| longer.may_go_on(&before, m)), [true; 2]);
+    assert!(longer.may_go_on(&before, Method::Nested));
+    (
+        before.sampling.nested.target_ess,
+        longer.sampling.nested.target_ess,
+    ) = (None, None);
+    assert!(!longer.may_go_on(&before, Method::Nested));
 }

@@ -41,9 +41,11 @@ fn main() {
         ("shells13", smooth::shells(13), Some(3.5_f64.powi(2) + 0.3)),
     ] {
         for kernel in [Kernel::Differential, Kernel::RandomSlice] {
-            for target_ess in [None, Some(6_000.0)] {
+            for max_batches in [1, 4] {
                 let settings = Settings {
-                    target_ess,
+                    // More than there will be.
+                    target_ess: Some(1e6),
+                    max_batches,
                     ..settings(300, kernel)
                 };
                 let (mut ln_z, mut x1, mut square) = (Vec::new(), Vec::new(), 0.0);
@@ -63,9 +65,8 @@ fn main() {
                     left += check.unwrap().value / 30.0;
                 }
                 let ((z, z_sd), (x, x_sd)) = (scatter(&ln_z), scatter(&x1));
-                let batches = target_ess.map_or("static", |_| "dynamic");
                 println!(
-                    "| {name} | {kernel:?} | {batches} | {z:+.2}, {z_sd:.2} | {x:+.2}, {x_sd:.2} | {kish:.0} | {:.0} | {left:.1} |",
+                    "| {name} | {kernel:?} | {max_batches} | {z:+.2}, {z_sd:.2} | {x:+.2}, {x_sd:.2} | {kish:.0} | {:.0} | {left:.1} |",
                     1.0 / square
                 );
             }

@@ -1,10 +1,10 @@
 //! Convergence checks of a nested run.
 
-use super::results::{CheckInputs, Errors};
+use super::results::{CheckInputs, Errors, MIN_LINEAGES};
 use super::settings::Kernel;
 use super::state::{Context, State};
 use super::tuning::{MAX_SEED_CORRELATION, mean};
-use crate::output::Check;
+use crate::output::{Check, Ess};
 use crate::rng::{Domain, stream};
 
 /// Task number of the random stream that turns insertion ranks into continuous numbers.
@@ -15,15 +15,17 @@ const SPREAD: u64 = 3;
 /// limit. Larger ratios have not been tested.
 const MAX_BOOTSTRAP_TO_SIMULATED: f64 = 2.5;
 
-/// Minimum effective number of lineages of the posterior; docs/validation.md, section 5, has how well errors of means
-/// hold with few lineages (`cargo bench -p oblate-samplers --bench errors_of_means`).
-const MIN_LINEAGES: f64 = 12.0;
-
 /// What makes more effective draws of a nested run.
-pub(super) const MORE_DRAWS: &str = "double `n_live`, or merge runs of several seeds";
+pub(super) const MORE_DRAWS: &str =
+    "allow more `max_batches`, double `n_live`, or merge runs of several seeds";
 
 /// All checks that apply to a run with these targets and this kernel.
-pub(super) fn checks(context: &Context<'_>, state: &State, measured: &CheckInputs) -> Vec<Check> {
+pub(super) fn checks(
+    context: &Context<'_>,
+    state: &State,
+    measured: &CheckInputs,
+    ess: &Ess,
+) -> Vec<Check> {
     let settings = context.settings;
     let mut checks = vec![
         Check::at_most(
@@ -51,9 +53,9 @@ pub(super) fn checks(context: &Context<'_>, state: &State, measured: &CheckInput
     if let Some(target) = settings.target_ess {
         checks.push(Check::at_least(
             "target-ess",
-            measured.kish,
+            ess.quoted,
             target,
-            "ESS (Kish), with the target as its limit; if too small, resume the run with more time",
+            "effective sample size, with the target as its limit; if too small, allow more `max_batches`",
         ));
     }
     if let Some(target) = settings.target_ln_z_error {
@@ -61,7 +63,7 @@ pub(super) fn checks(context: &Context<'_>, state: &State, measured: &CheckInput
             "target-ln-z-error",
             measured.errors.simulated,
             target,
-            "simulated error of ln Z, with the target as its limit; if too large, resume the run with more time",
+            "simulated error of ln Z, with the target as its limit; if too large, allow more `max_batches`",
         ));
     }
     if state.bounded_points > 0 {
@@ -91,7 +93,7 @@ pub(super) fn by_lineages(measured: &CheckInputs) -> [Check; 3] {
             "effective-lineages",
             measured.lineages,
             MIN_LINEAGES,
-            "effective number of lineages among the posterior's draws; if too small, effective sizes and errors of mode weights are not reliable: double `n_live`, or merge runs of several seeds",
+            "effective number of lineages among the posterior's draws; if too small, effective sizes and errors of mode weights are not reliable: allow more `max_batches`, double `n_live`, or merge runs of several seeds",
         ),
         Check::at_most(
             "bootstrap-to-simulated",
@@ -107,7 +109,7 @@ pub(super) fn by_lineages(measured: &CheckInputs) -> [Check; 3] {
                 0.0
             },
             3.0,
-            "difference of ln Z between two halves of the recent lineages, in standard errors; if too large, it is random which modes are found: double `n_live`",
+            "difference of ln Z between two halves of the recent lineages, in standard errors; if too large, it is random which modes are found: allow more `max_batches`, or double `n_live`",
         ),
     ]
 }

@@ -2,13 +2,15 @@
 //!
 //! A batch is a run of its own in a range of likelihoods: its points begin as draws of the prior above a lower bound,
 //! and it ends when its lowest point is above an upper bound. Births and deaths of all batches are weighted together,
-//! like those of one run.
+//! like those of one run. Where draws are few because they resemble each other, more of them in that range would too:
+//! a batch begins with the prior.
 
 use super::evidence::{DeadPoints, Weighted};
 use super::live::Points;
-use super::results::simulated;
+use super::results::{MIN_LINEAGES, draws, ess, simulated};
 use super::settings::Settings;
-use crate::diagnostics::kish_ess;
+use crate::error::Result;
+use crate::target::Target;
 use serde::{Deserialize, Serialize};
 
 /// A batch spans the points of at least this fraction of the largest importance.
@@ -16,6 +18,9 @@ const SPANNED_IMPORTANCE: f64 = 0.5;
 
 /// Fraction of the posterior above the end of every batch.
 const REMAINDER: f64 = 0.01;
+
+/// Effective draws over what their weights alone would say (Kish), below which draws resemble each other.
+const MIN_INDEPENDENCE: f64 = 0.5;
 
 /// The range of log-likelihoods of a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,13 +65,7 @@ impl LikelihoodRange {
             Some(before) => history.ln_l[before],
             None => f64::NEG_INFINITY,
         };
-        // Above this bound less than [`REMAINDER`] of the posterior remains.
-        let mut above = 0.0;
-        let top = (0..count).rev().find(|i| {
-            above += weighted.p[*i];
-            above >= REMAINDER
-        });
-        let end = (last + 1).min(top.unwrap_or(last) + 1).min(count - 1);
+        let end = (last + 1).min(top(weighted)).min(count - 1);
         let below = history.ln_l.partition_point(|l| *l <= floor);
         Self {
             floor,
@@ -74,6 +73,25 @@ impl LikelihoodRange {
             ln_x: history.expected_ln_t()[..below].iter().sum(),
         }
     }
+
+    /// From the prior to the peak.
+    pub fn whole(history: &DeadPoints, weighted: &Weighted) -> Self {
+        Self {
+            floor: f64::NEG_INFINITY,
+            ceiling: history.ln_l[top(weighted).min(weighted.p.len() - 1)],
+            ln_x: 0.0,
+        }
+    }
+}
+
+/// The first point above which less than [`REMAINDER`] of the posterior remains.
+fn top(weighted: &Weighted) -> usize {
+    let mut above = 0.0;
+    let last = (0..weighted.p.len()).rev().find(|i| {
+        above += weighted.p[*i];
+        above >= REMAINDER
+    });
+    last.map_or(0, |last| last + 1)
 }
 
 /// Weights and errors of a run so far, all batches together.
@@ -83,28 +101,48 @@ pub(super) struct RunSummary {
     pub weighted: Weighted,
     /// Error of ln Z: to first order while that is above the target, then simulated, as in the convergence check.
     pub ln_z_error: f64,
-    /// Kish's effective number of draws.
+    /// Effective sample size to quote.
     pub ess: f64,
+    /// Whether the draws have few ancestors.
+    few_ancestors: bool,
+    /// Whether they resemble each other.
+    alike: bool,
 }
 
 impl RunSummary {
-    pub fn of(points: Points, settings: &Settings, seed: u64) -> Self {
+    /// # Errors
+    /// Those of the derived quantities of `target`.
+    pub fn of(points: Points, target: &dyn Target, settings: &Settings, seed: u64) -> Result<Self> {
         let history = DeadPoints::of(&points);
         let weighted = history.weigh();
+        let theta = points.physical(target);
+        let ess = ess(&draws(&history, &weighted, target, &theta)?);
         let expected = history.expected_error(&weighted);
         // Simulations of the whole history can cost more than a batch of cheap likelihoods.
         let near = |target| expected <= target;
-        Self {
+        Ok(Self {
             ln_z_error: if settings.target_ln_z_error.is_some_and(near) {
                 simulated(&history, settings, seed)
             } else {
                 expected
             },
-            ess: kish_ess(&weighted.ln_p),
+            ess: ess.quoted,
+            few_ancestors: history.effective_lineages(&weighted) < MIN_LINEAGES,
+            alike: ess.quoted < MIN_INDEPENDENCE * ess.kish,
             points,
             history,
             weighted,
+        })
+    }
+
+    /// Where the next batch is to be.
+    pub fn next_range(&self, settings: &Settings) -> LikelihoodRange {
+        let [more_draws, _] = self.wants(settings);
+        if more_draws && (self.alike || self.few_ancestors) {
+            return LikelihoodRange::whole(&self.history, &self.weighted);
         }
+        let fraction = self.posterior_fraction(settings);
+        LikelihoodRange::of(&self.history, &self.weighted, fraction)
     }
 
     /// Whether all targets are met.
@@ -113,7 +151,7 @@ impl RunSummary {
     }
 
     /// The aim of the next batch: that of the settings, or the only target of two that is not met.
-    pub fn posterior_fraction(&self, settings: &Settings) -> f64 {
+    fn posterior_fraction(&self, settings: &Settings) -> f64 {
         let both = settings.target_ess.is_some() && settings.target_ln_z_error.is_some();
         match self.wants(settings) {
             [true, false] if both => 1.0,
@@ -125,7 +163,7 @@ impl RunSummary {
     /// Whether the target ESS, and whether the target error of ln Z, is not met yet.
     fn wants(&self, settings: &Settings) -> [bool; 2] {
         [
-            settings.target_ess.is_some_and(|target| self.ess < target),
+            (settings.target_ess).is_some_and(|target| self.ess < target || self.few_ancestors),
             settings
                 .target_ln_z_error
                 .is_some_and(|target| self.ln_z_error > target),
@@ -145,6 +183,20 @@ mod tests {
     fn history(ln_l: &[f64]) -> DeadPoints {
         let lineages: Vec<Genealogy> = (0..).take(ln_l.len()).map(Genealogy::from).collect();
         DeadPoints::new(ln_l, &vec![NEVER; ln_l.len()], &lineages)
+    }
+
+    /// A run of such points whose effective size is 10.
+    fn summary(ln_l: &[f64]) -> RunSummary {
+        let history = history(ln_l);
+        RunSummary {
+            points: Points::new(1),
+            weighted: history.weigh(),
+            history,
+            ln_z_error: 0.3,
+            ess: 10.0,
+            few_ancestors: false,
+            alike: false,
+        }
     }
 
     #[test]
@@ -174,9 +226,7 @@ mod tests {
 
     #[test]
     fn batches_aim_at_the_target_that_is_left() {
-        let mut points = Points::new(1);
-        points.push(&[0.5], 0.0, NEVER, Genealogy::default());
-        let mut summary = RunSummary::of(points, &Settings::default(), 1);
+        let mut summary = summary(&[0.0]);
         let settings = Settings {
             target_ess: Some(100.0),
             target_ln_z_error: Some(0.1),
@@ -195,6 +245,29 @@ mod tests {
         assert!((summary.posterior_fraction(&alone) - 0.8).abs() < 1e-12);
         summary.ess = 100.0;
         assert!(summary.meets(&settings) && summary.meets(&alone));
+    }
+
+    #[test]
+    fn a_batch_begins_with_the_prior_where_draws_are_few_because_they_resemble_each_other() {
+        let ln_l: Vec<f64> = (0..10).map(f64::from).collect();
+        let settings = Settings {
+            target_ess: Some(100.0),
+            ..Settings::default()
+        };
+        let floor = |change: fn(&mut RunSummary)| {
+            let mut summary = summary(&ln_l);
+            summary.weighted.p = vec![0.01; 10];
+            summary.weighted.p[8] = 0.91;
+            change(&mut summary);
+            (!summary.meets(&settings)).then(|| summary.next_range(&settings).floor)
+        };
+        assert_eq!(floor(|_| ()), Some(7.0));
+        assert_eq!(floor(|s| s.alike = true), Some(NEVER));
+        assert_eq!(floor(|s| s.few_ancestors = true), Some(NEVER));
+        // Enough draws are enough, however alike, but not if their number rests on few ancestors.
+        assert_eq!(floor(|s| (s.ess, s.alike) = (100.0, true)), None);
+        let few = floor(|s| (s.ess, s.few_ancestors) = (100.0, true));
+        assert_eq!(few, Some(NEVER));
     }
 
     #[test]

@@ -39,7 +39,7 @@ pub(super) struct Groups {
     /// The cluster of each point.
     pub of: Vec<u32>,
     /// One more than the largest number.
-    count: usize,
+    pub count: usize,
 }
 
 impl Groups {

@@ -3,8 +3,7 @@
 use super::checks;
 use super::checks::MORE_DRAWS;
 use super::evidence::DeadPoints;
-use super::live::Points;
-use super::results::{Errors, Results};
+use super::results::{Errors, Results, draws, ess};
 use super::state::{Context, State};
 use crate::error::Result;
 use crate::output::{Method, Run, Status};
@@ -13,13 +12,13 @@ use crate::rng::STREAM_VERSION;
 /// Builds the result. The live points count as dead in the order of their likelihoods.
 pub(super) fn finish(context: &Context<'_>, state: &State, status: Status) -> Result<Run> {
     let points = state.points();
-    let theta = physical(context, &points);
+    let theta = points.physical(context.target);
     let results = Results::of(DeadPoints::of(&points), |history, weighted| {
         Errors::of(history, weighted, context.settings, context.seed)
     });
-    let draws = results.draws(context.target, &theta)?;
-    let ess = results.ess(&draws);
-    let mut checks = checks::checks(context, state, &results.measured(ess.kish));
+    let draws = draws(&results.history, &results.weighted, context.target, &theta)?;
+    let ess = ess(&draws);
+    let mut checks = checks::checks(context, state, &results.measured(), &ess);
     checks.extend(ess.checks(MORE_DRAWS));
     let mut warnings = Vec::new();
     if state.tuning.steps > context.first_steps() {
@@ -48,14 +47,4 @@ pub(super) fn finish(context: &Context<'_>, state: &State, status: Status) -> Re
         warnings,
         surrogate: state.learner.any().cloned(),
     })
-}
-
-/// Physical parameters of all points, row-major.
-fn physical(context: &Context<'_>, points: &Points) -> Vec<f64> {
-    let dim = points.dim();
-    let mut theta = vec![0.0; dim * points.len()];
-    for (i, row) in theta.chunks_exact_mut(dim).enumerate() {
-        context.target.prior().theta_from_u(points.row(i), row);
-    }
-    theta
 }

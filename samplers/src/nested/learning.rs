@@ -69,6 +69,11 @@ impl Learner {
         half.examples.thin(EXAMPLES_KEPT / 2);
     }
 
+    /// Begins again at the prior, with what it has learned.
+    pub fn begin_again(&mut self) {
+        self.ln_x = 0.0;
+    }
+
     /// Whether the surrogate is to learn again at this log volume.
     pub fn is_due(&self, ln_x: f64) -> bool {
         ln_x <= self.ln_x - NATS

@@ -1,6 +1,7 @@
 //! Points of a nested run, and the choice of those that die next.
 
 use crate::diagnostics::effective_kinds;
+use crate::target::Target;
 use crate::valid::{Valid, ensure, rows};
 use serde::{Deserialize, Serialize};
 
@@ -8,11 +9,22 @@ use serde::{Deserialize, Serialize};
 /// point born above the plateau of rejected points is distinguished from a first point.
 pub(super) const REJECTED: f64 = f64::MIN;
 
-/// Number of lineages of this many live points: even, so that both halves have as many.
+/// Number of lineages of this many live points: even, so that both halves have as many. Of many few are left at the posterior only if few first
+/// points have descendants there.
 pub(super) fn lineages(n_live: usize) -> usize {
+    const MAX: usize = 100;
+    divisions(n_live, MAX)
+}
+
+/// Number of recent lineages of this many live points, even too: so few that each lasts for many iterations.
+pub(super) fn recent_lineages(n_live: usize) -> usize {
     const MAX: usize = 20;
+    divisions(n_live, MAX)
+}
+
+fn divisions(n_live: usize, max: usize) -> usize {
     const MIN_POINTS: usize = 5;
-    (n_live / MIN_POINTS).clamp(2, MAX) & !1
+    (n_live / MIN_POINTS).clamp(2, max) & !1
 }
 
 /// A count as it is stored.
@@ -24,8 +36,8 @@ pub(super) fn narrow(n: usize) -> u32 {
 /// are few; one drawn without a seed has those of the point that it replaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Genealogy {
-    /// Eve index: the first point from which it descends, modulo the number of lineages. Even and odd ones are the two
-    /// halves.
+    /// Eve index: the first point from which it descends, modulo the number of lineages, counted on from batch to batch of those that
+    /// begin with the prior. Even and odd ones are the two halves.
     pub lineage: u32,
     /// The same with ancestors chosen anew whenever few recent lineages are left ([`Points::begin_recent_lineages`]):
     /// the errors of the volumes depend on the correlation that chains still have with their seeds. In the half of its
@@ -67,7 +79,7 @@ impl Points {
 
     /// Checks points that were read from a file: of `dim` coordinates inside the open cube, each above the likelihood
     /// bound of its birth, of so many lineages and recent lineages at most.
-    pub fn check(&self, dim: usize, lineages: usize, recent_lineages: u32) -> Valid {
+    pub fn check(&self, dim: usize, lineages: u32, recent_lineages: u32) -> Valid {
         ensure(
             self.dim == dim
                 && rows(self.u.len(), self.len(), dim)
@@ -86,8 +98,7 @@ impl Points {
         )?;
         ensure(
             (self.genealogy.iter()).all(|genealogy| {
-                (genealogy.lineage as usize) < lineages
-                    && genealogy.recent_lineage < recent_lineages
+                genealogy.lineage < lineages && genealogy.recent_lineage < recent_lineages
             }),
             "a lineage or recent lineage does not exist",
         )
@@ -165,6 +176,15 @@ impl Points {
                 .collect()
         };
         [of(0), of(1)]
+    }
+
+    /// Physical parameters of all points, row-major.
+    pub fn physical(&self, target: &dyn Target) -> Vec<f64> {
+        let mut theta = vec![0.0; self.u.len()];
+        for (i, row) in theta.chunks_exact_mut(self.dim).enumerate() {
+            target.prior().theta_from_u(self.row(i), row);
+        }
+        theta
     }
 
     /// The largest log-likelihood.

@@ -7,7 +7,7 @@
 use super::checks::{MORE_DRAWS, by_lineages};
 use super::evidence::DeadPoints;
 use super::live::{self, Genealogy, REJECTED, narrow};
-use super::results::{Errors, Results, simulated};
+use super::results::{Errors, Results, draws, ess, simulated};
 use super::settings::Settings;
 use crate::diagnostics::{chi2_p_value, weighted_moments};
 use crate::error::{Error, Result};
@@ -50,10 +50,10 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
         bootstrapped: together(runs, &parts, "bootstrap"),
         coalescence: together(runs, &parts, "ancestry"),
     });
-    let draws = results.draws(target, &all.theta)?;
-    let ess = results.ess(&draws);
+    let draws = draws(&results.history, &results.weighted, target, &all.theta)?;
+    let ess = ess(&draws);
     let mut checks = worst(runs);
-    checks.extend(by_lineages(&results.measured(ess.kish)));
+    checks.extend(by_lineages(&results.measured()));
     checks.extend(ess.checks(MORE_DRAWS));
     checks.extend(agreement(runs));
     let ranks = parts.iter().flat_map(|part| part.insertion_rank);

@@ -1,13 +1,17 @@
 //! Evidence, effective sample sizes and their errors, from the points of one run or of several.
 
 use super::evidence::{DeadPoints, Weighted};
-use super::live::{REJECTED, lineages};
+use super::live::{REJECTED, lineages, recent_lineages};
 use super::settings::Settings;
 use crate::diagnostics::kish_ess;
 use crate::error::Result;
 use crate::output::{Draws, Ess, Evidence, History, Origin};
 use crate::target::Target;
 use std::collections::BTreeMap;
+
+/// Minimum effective number of lineages of the posterior; docs/validation.md, section 5, has how well errors of means
+/// hold with few lineages (`cargo bench -p oblate-samplers --bench errors_of_means`).
+pub(super) const MIN_LINEAGES: f64 = 12.0;
 
 /// The points of a run and everything that follows from them.
 pub(super) struct Results {
@@ -34,15 +38,12 @@ pub(super) struct CheckInputs {
     pub halves: [f64; 2],
     /// Effective number of lineages of the posterior.
     pub lineages: f64,
-    /// Kish's effective number of draws.
-    pub kish: f64,
 }
 
 impl Errors {
     /// Of one run with these settings and seed.
     pub fn of(history: &DeadPoints, weighted: &Weighted, settings: &Settings, seed: u64) -> Self {
-        let first_lineages = lineages(settings.n_live);
-        let recent_lineages = first_lineages as f64;
+        let recent_lineages = recent_lineages(settings.n_live) as f64;
         // So few clusters, with random weights, have a smaller standard deviation about their own mean than about the
         // true value.
         let degrees_of_freedom = ((recent_lineages + 1.0) / (recent_lineages - 1.0)).sqrt();
@@ -50,7 +51,7 @@ impl Errors {
         Self {
             simulated: simulated(history, settings, seed),
             bootstrapped: degrees_of_freedom * deviation(&ln_z),
-            coalescence: excess_coalescence(history, weighted, first_lineages, settings.n_live),
+            coalescence: excess_coalescence(history, weighted, settings.n_live),
         }
     }
 }
@@ -93,43 +94,11 @@ impl Results {
         }
     }
 
-    /// The points in order of death, without the rejected ones, which have no likelihood and no weight; `theta` as it was given.
-    pub fn draws(&self, target: &dyn Target, theta: &[f64]) -> Result<Draws> {
-        let dim = target.dim();
-        let mut draws = Draws::of(target);
-        for (death, &row) in self.history.order.iter().enumerate() {
-            let ln_l = self.history.ln_l[death];
-            if ln_l > REJECTED {
-                let theta = &theta[row * dim..(row + 1) * dim];
-                let origin = Origin {
-                    chain: 0,
-                    cluster: self.history.lineages.of[death],
-                };
-                draws.push(target, theta, ln_l, self.weighted.ln_p[death], origin)?;
-            }
-        }
-        Ok(draws)
-    }
-
-    /// Effective sizes of the draws.
-    pub fn ess(&self, draws: &Draws) -> Ess {
-        let (bulk, tail) = draws.clustered_ess();
-        let kish = kish_ess(&draws.ln_weight);
-        Ess {
-            kish,
-            quoted: Ess::smallest(&bulk, &tail).min(kish),
-            bulk,
-            tail,
-            ..Ess::default()
-        }
-    }
-
-    pub fn measured(&self, kish: f64) -> CheckInputs {
+    pub fn measured(&self) -> CheckInputs {
         CheckInputs {
             errors: self.errors,
             halves: self.history.halves(),
             lineages: self.history.effective_lineages(&self.weighted),
-            kish,
         }
     }
 
@@ -161,6 +130,42 @@ impl Results {
     }
 }
 
+/// The points of a history in order of death, without the rejected ones, which have no likelihood and no weight; `theta` as the points were given.
+pub(super) fn draws(
+    history: &DeadPoints,
+    weighted: &Weighted,
+    target: &dyn Target,
+    theta: &[f64],
+) -> Result<Draws> {
+    let dim = target.dim();
+    let mut draws = Draws::of(target);
+    for (death, &row) in history.order.iter().enumerate() {
+        let ln_l = history.ln_l[death];
+        if ln_l > REJECTED {
+            let theta = &theta[row * dim..(row + 1) * dim];
+            let origin = Origin {
+                chain: 0,
+                cluster: history.lineages.of[death],
+            };
+            draws.push(target, theta, ln_l, weighted.ln_p[death], origin)?;
+        }
+    }
+    Ok(draws)
+}
+
+/// Effective sizes of the draws.
+pub(super) fn ess(draws: &Draws) -> Ess {
+    let (bulk, tail) = draws.clustered_ess();
+    let kish = kish_ess(&draws.ln_weight);
+    Ess {
+        kish,
+        quoted: Ess::smallest(&bulk, &tail).min(kish),
+        bulk,
+        tail,
+        ..Ess::default()
+    }
+}
+
 /// Error of ln Z by the unknown volumes, for independent draws.
 pub(super) fn simulated(history: &DeadPoints, settings: &Settings, seed: u64) -> f64 {
     deviation(&history.simulate(seed, settings.simulations))
@@ -169,17 +174,15 @@ pub(super) fn simulated(history: &DeadPoints, settings: &Settings, seed: u64) ->
 /// Error of ln Z by excess coalescence, after the estimate of Lee & Whiteley (2018) for particle filters. If few first
 /// points have descendants at the peak, and it is random which ones, two draws of the posterior descend from the same
 /// first point more often than random seeds imply. The excess is the relative variance of Z.
-fn excess_coalescence(
-    history: &DeadPoints,
-    weighted: &Weighted,
-    first_lineages: usize,
-    n_live: usize,
-) -> f64 {
+fn excess_coalescence(history: &DeadPoints, weighted: &Weighted, n_live: usize) -> f64 {
     let alike = 1.0 / history.effective_lineages(weighted);
-    let at_first = 1.0 / first_lineages as f64;
+    // Batches that begin with the prior have lineages of their own.
+    let of_batch = lineages(n_live);
+    let batches = history.lineages.count.div_ceil(of_batch) as f64;
+    let at_first = 1.0 / of_batch as f64;
     // With n live points every e-fold replaces n, and each time 2 / n^2 of the pairs get a common ancestor.
     let siblings = -(-2.0 * weighted.information / n_live as f64).exp_m1();
-    let by_chance = at_first + (1.0 - at_first) * siblings;
+    let by_chance = (at_first + (1.0 - at_first) * siblings) / batches;
     (alike - by_chance).max(0.0).sqrt()
 }
 
@@ -222,7 +225,7 @@ mod tests {
             .map(|i| if end.contains(&i) { 1.0 / 200.0 } else { 0.0 })
             .collect();
         weighted.information = 4.6;
-        excess_coalescence(&history, &weighted, 20, 100)
+        excess_coalescence(&history, &weighted, 100)
     }
 
     #[test]

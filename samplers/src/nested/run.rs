@@ -37,7 +37,12 @@ pub fn run(
     if context.kernel() == Kernel::Galilean && target.gradient_cost().is_none() {
         return Err(Error::GalileanWithoutGradient);
     }
-    let mut checkpointer = Checkpointer::new(&[target], &(settings, seed), control)?;
+    // The number of batches says only how long the run may go on.
+    let drawing = Settings {
+        max_batches: 1,
+        ..settings.clone()
+    };
+    let mut checkpointer = Checkpointer::new(&[target], &(&drawing, seed), control)?;
     let saved = checkpointer.load(
         control,
         |state: &State| &state.cost,
@@ -58,8 +63,8 @@ pub fn run(
             if !settings.dynamic() {
                 break Status::Complete;
             }
-            let summary = RunSummary::of(state.points(), settings, seed);
-            if summary.meets(settings) {
+            let summary = RunSummary::of(state.points(), target, settings, seed)?;
+            if summary.meets(settings) || state.batches >= settings.max_batches {
                 break Status::Complete;
             }
             stop |= control.tell(&Event::Batch {

@@ -8,12 +8,6 @@ use serde::{Deserialize, Serialize};
 /// needs about 40.
 const NATS: f64 = 64.0;
 
-/// Information of a posterior in nats, where a number of points follows from it.
-const INFORMATION: f64 = 25.0;
-
-/// Points per effective draw: weights are uneven.
-const POINTS_PER_DRAW: f64 = 4.0;
-
 /// Memory per point when the result is put together: its coordinates in the run, in the copy that is weighed, as physical parameters,
 /// and as draws.
 const BYTES_PER_COORDINATE: f64 = 5.0 * 8.0;
@@ -84,11 +78,13 @@ pub struct Settings {
     pub n_live: usize,
     /// The run ends when the live points could raise ln Z by less than this.
     pub dlnz: f64,
-    /// ESS (Kish) that a dynamic run aims at: while the ESS is smaller, batches of live points are added where they
-    /// reduce the errors most. None: no such target.
+    /// Effective sample size, the smallest of bulk and tails, that a dynamic run aims at: while it is smaller, or the draws have too few
+    /// ancestors for it to be reliable, batches of live points are added where they reduce the errors most. None: no such target.
     pub target_ess: Option<f64>,
     /// Error of ln Z that a dynamic run aims at. None: no such target.
     pub target_ln_z_error: Option<f64>,
+    /// Largest number of batches of a dynamic run, the first one included. A run that has ended with fewer goes on if it is resumed with more.
+    pub max_batches: usize,
     /// What added live points improve: 1, the posterior; 0, the evidence; between, both with these weights. Of two
     /// targets, only the one that is not yet met counts.
     pub posterior_fraction: f64,
@@ -113,6 +109,7 @@ impl Default for Settings {
             dlnz: 0.01,
             target_ess: None,
             target_ln_z_error: None,
+            max_batches: 20,
             posterior_fraction: 0.8,
             replaced_fraction: 0.1,
             kernel: Kernel::Auto,
@@ -137,6 +134,7 @@ impl Settings {
         if let Some(target) = self.target_ln_z_error {
             in_range("target_ln_z_error", target, 1e-4..=100.0)?;
         }
+        in_range("max_batches", self.max_batches, 1..=10_000)?;
         in_range("posterior_fraction", self.posterior_fraction, 0.0..=1.0)?;
         in_range("replaced_fraction", self.replaced_fraction, 1e-6..=0.5)?;
         if let Some(steps) = self.steps {
@@ -174,8 +172,8 @@ impl Settings {
         Ok(())
     }
 
-    /// An estimate of the memory of a run of `dim` parameters: its points at the end, and what is computed of them. A run of one batch
-    /// has `NATS` points per live point, one with a target as many more as the target needs at `INFORMATION` nats.
+    /// An estimate of the memory of a run of `dim` parameters: its points at the end, and what is computed of them, `NATS` points per live
+    /// point of every batch. Batches that do not begin with the prior have fewer.
     #[must_use]
     pub fn memory(&self, dim: usize) -> Memory {
         let point = BYTES_PER_POINT + BYTES_PER_COORDINATE * dim as f64;
@@ -185,19 +183,16 @@ impl Settings {
             // coordinates twice.
             memory = memory.with("kernel", 20.0 * EXAMPLES_KEPT as f64 * 3.0 * dim as f64);
         }
-        if let Some(target) = self.target_ess {
-            memory = memory.with("target_ess", point * POINTS_PER_DRAW * target);
-        }
-        if let Some(target) = self.target_ln_z_error {
-            // The error is the root of the information over the number of live points.
-            let live = INFORMATION / (target * target);
-            memory = memory.with("target_ln_z_error", point * NATS * live);
+        if self.dynamic() {
+            let further = point * NATS * self.n_live as f64 * (self.max_batches - 1) as f64;
+            memory = memory.with("max_batches", further);
         }
         memory
     }
 
     /// Whether live points are added until a target is met.
-    pub(super) fn dynamic(&self) -> bool {
+    #[must_use]
+    pub fn dynamic(&self) -> bool {
         self.target_ess.is_some() || self.target_ln_z_error.is_some()
     }
 
@@ -237,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_that_needs_too_many_points_is_refused_by_name() {
+    fn too_many_points_are_refused_by_name() {
         let key = |change: &dyn Fn(&mut Settings)| {
             let mut settings = Settings::default();
             change(&mut settings);
@@ -247,8 +242,10 @@ mod tests {
             }
         };
         assert_eq!(key(&|s| s.n_live = 1_000_000), "n_live");
-        assert_eq!(key(&|s| s.target_ess = Some(1e7)), "target_ess");
-        let error = |s: &mut Settings| s.target_ln_z_error = Some(1e-4);
-        assert_eq!(key(&error), "target_ln_z_error");
+        let batches = |s: &mut Settings| {
+            s.target_ess = Some(1e7);
+            s.max_batches = 10_000;
+        };
+        assert_eq!(key(&batches), "max_batches");
     }
 }

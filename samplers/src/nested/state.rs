@@ -49,9 +49,16 @@ impl Context<'_> {
         live::lineages(self.settings.n_live)
     }
 
-    /// The genealogy of live point number `i` if it has no seed.
-    pub fn genealogy(&self, i: usize) -> Genealogy {
-        Genealogy::from(narrow(i % self.lineages()))
+    pub fn recent_lineages(&self) -> usize {
+        live::recent_lineages(self.settings.n_live)
+    }
+
+    /// The genealogy of live point number `i` if it has no seed, of lineages from `first` on.
+    pub fn genealogy(&self, i: usize, first: u32) -> Genealogy {
+        Genealogy {
+            lineage: first + narrow(i % self.lineages()),
+            recent_lineage: narrow(i % self.recent_lineages()),
+        }
     }
 
     pub fn first_steps(&self) -> usize {
@@ -110,8 +117,10 @@ pub(super) struct State {
     /// None, one to draw from, or two metrics: see [`ChainContext::bounds`].
     bounds: Vec<Bound>,
     ln_x_at_fit: f64,
-    /// Recent lineages begun so far.
+    /// Lineages begun so far.
     begun: u32,
+    /// Recent lineages begun so far.
+    begun_recent: u32,
     /// Points per call in the first iteration after the fit, once known.
     efficiency_at_fit: Option<f64>,
     /// Points per call in the last iteration.
@@ -144,6 +153,7 @@ impl State {
             bounds: Vec::new(),
             ln_x_at_fit: 0.0,
             begun: narrow(context.lineages()),
+            begun_recent: narrow(context.recent_lineages()),
             efficiency_at_fit: None,
             efficiency: 1.0,
             tuning: Tuning::new(
@@ -249,7 +259,8 @@ impl State {
         if context.kernel() == Kernel::Surrogate {
             self.learn(context, &mut born, &genealogy);
         }
-        if self.live.effective_recent_lineages() < MIN_RECENT_LINEAGES * context.lineages() as f64 {
+        let least = MIN_RECENT_LINEAGES * context.recent_lineages() as f64;
+        if self.live.effective_recent_lineages() < least {
             self.begin_recent_lineages(context);
         }
         // A number of steps in the settings is not changed.
@@ -324,8 +335,7 @@ impl State {
     /// Moves all live points to the dead ones and begins a batch where, by the summary of the run so far, more points
     /// reduce the errors most. On an error nothing has changed.
     pub fn add_batch(&mut self, context: &Context<'_>, summary: RunSummary) -> Result<()> {
-        let fraction = summary.posterior_fraction(context.settings);
-        let range = LikelihoodRange::of(&summary.history, &summary.weighted, fraction);
+        let range = summary.next_range(context.settings);
         let RunSummary {
             points, weighted, ..
         } = summary;
@@ -345,9 +355,11 @@ impl State {
         let count = context.settings.n_live;
         let mut live = Points::new(points.dim());
         if range.floor == f64::NEG_INFINITY {
-            let (first, calls) = self.draw_prior(context)?;
+            let (first, calls) = self.draw_prior(context, self.begun)?;
             live = first;
             self.cost.count(&calls);
+            self.begun += narrow(context.lineages());
+            self.learner.begin_again();
         } else {
             let seeds = choose_seeds(&mut rng, kept.len(), count);
             let source = Source {
@@ -363,7 +375,7 @@ impl State {
                 let own = if learns(context, &bounds) {
                     kept.genealogy[seeds[i]]
                 } else {
-                    context.genealogy(i)
+                    context.genealogy(i, 0)
                 };
                 live.push(&b.u, b.ln_l, range.floor, own);
             }
@@ -389,15 +401,15 @@ impl State {
     }
 
     fn begin_recent_lineages(&mut self, context: &Context<'_>) {
-        let count = narrow(context.lineages());
-        self.live.begin_recent_lineages(self.begun, count);
-        self.begun += count;
+        let count = narrow(context.recent_lineages());
+        self.live.begin_recent_lineages(self.begun_recent, count);
+        self.begun_recent += count;
     }
 
     /// One block of independent prior draws, until an iteration of them has a likelihood.
     fn draw_first(&mut self, context: &Context<'_>) -> Result<()> {
         let count = context.settings.n_live;
-        let (first, calls) = self.draw_prior(context)?;
+        let (first, calls) = self.draw_prior(context, 0)?;
         for i in 0..first.len() {
             self.live.push_from(&first, i);
         }
@@ -413,8 +425,8 @@ impl State {
         Ok(())
     }
 
-    /// Independent draws of the prior, one for each live point.
-    fn draw_prior(&self, context: &Context<'_>) -> Result<(Points, Calls)> {
+    /// Independent draws of the prior, one for each live point, of lineages from this number on.
+    fn draw_prior(&self, context: &Context<'_>, lineage: u32) -> Result<(Points, Calls)> {
         let mut likelihood = Likelihood::new(context.target);
         let mut places = vec![vec![0.0; context.target.dim()]; context.settings.n_live];
         for (j, u) in (self.next_point..).zip(&mut places) {
@@ -422,7 +434,8 @@ impl State {
         }
         let mut points = Points::new(context.target.dim());
         for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {
-            points.push(&places[i], ln_l, f64::NEG_INFINITY, context.genealogy(i));
+            let own = context.genealogy(i, lineage);
+            points.push(&places[i], ln_l, f64::NEG_INFINITY, own);
         }
         Ok((points, likelihood.calls))
     }

@@ -1,6 +1,6 @@
 //! Whether a state that was read from a checkpoint is one that this run can have come to.
 
-use super::super::live::REJECTED;
+use super::super::live::{REJECTED, narrow};
 use super::super::settings::Kernel;
 use super::{Context, State};
 use crate::valid::{Valid, countable, ensure};
@@ -8,19 +8,25 @@ use crate::valid::{Valid, countable, ensure};
 impl State {
     /// Checks all that the next iteration, the next batch and the result rely on.
     pub fn check(&self, context: &Context<'_>) -> Valid {
-        let (dim, lineages) = (context.target.dim(), context.lineages());
-        self.live.check(dim, lineages, self.begun)?;
-        self.dead.check(dim, lineages, self.begun)?;
+        let dim = context.target.dim();
+        self.live.check(dim, self.begun, self.begun_recent)?;
+        self.dead.check(dim, self.begun, self.begun_recent)?;
         self.check_births()?;
         // An iteration or a batch makes at least one point dead, and begins recent lineages at most once.
         ensure(
             self.iteration <= self.dead.len() as u64,
             "more iterations than points that have died",
         )?;
-        let most = (self.iteration + 1).saturating_mul(lineages as u64);
+        let most = |each: usize| (self.iteration + 1).saturating_mul(each as u64);
         ensure(
-            u64::from(self.begun) <= most && self.begun < u32::MAX / 2,
+            u64::from(self.begun_recent) <= most(context.recent_lineages())
+                && self.begun_recent < u32::MAX / 2,
             "more recent lineages than iterations can have begun",
+        )?;
+        let batches = narrow(self.batches).saturating_mul(narrow(context.lineages()));
+        ensure(
+            self.begun >= narrow(context.lineages()) && self.begun <= batches,
+            "more lineages than batches can have begun",
         )?;
         ensure(
             self.ln_x.is_finite() && self.ln_x <= 0.0 && self.ln_x_at_fit <= 0.0,
@@ -149,7 +155,7 @@ mod tests {
         for kernel in [Kernel::Uniform, Kernel::Differential] {
             assert_eq!(fault(kernel, |_| ()), None);
         }
-        let damages: [(Damage<'_>, &str); 16] = [
+        let damages: [(Damage<'_>, &str); 17] = [
             (&|s| s.live.ln_l.truncate(3), "other numbers"),
             (&|s| s.live = s.live.select(&[]), "too few live points"),
             (&|s| s.live.ln_l[3] = f64::NAN, "not finite"),
@@ -163,7 +169,8 @@ mod tests {
                 &|s| s.live.genealogy[0] = Genealogy::from(u32::MAX),
                 "does not exist",
             ),
-            (&|s| s.begun = u32::MAX, "more recent lineages"),
+            (&|s| s.begun_recent = u32::MAX, "more recent lineages"),
+            (&|s| s.begun = u32::MAX, "more lineages"),
             (&|s| s.iteration = u64::MAX, "more iterations"),
             (&|s| s.ln_x = f64::NAN, "prior volume"),
             (&|s| s.ln_z = f64::INFINITY, "evidence"),

@@ -3,9 +3,9 @@
 use super::{agrees, sample, settings};
 use crate::targets::{hard, smooth};
 use oblate_samplers::Target;
-use oblate_samplers::control::{CheckpointPlan, Control, Event, Observer};
+use oblate_samplers::control::{CheckpointPlan, Control, Event, Observer, Silent};
 use oblate_samplers::nested::{Kernel, Settings, run};
-use oblate_samplers::output::Status;
+use oblate_samplers::output::{History, Status};
 use std::ops::ControlFlow;
 use std::time::Duration;
 
@@ -100,15 +100,38 @@ fn batches_from_the_prior_reach_the_posterior() {
 
 #[test]
 fn added_live_points_are_effective_draws_for_fewer_calls() {
-    let target = smooth::shells(5);
-    let aimed = sample(&target, &dynamic(200, Kernel::RandomSlice, 4_000.0), 1);
+    // Draws are independent, so that batches need not begin with the prior.
+    let target = smooth::gauss3();
+    let aimed = sample(&target, &dynamic(200, Kernel::Uniform, 4_000.0), 1);
     assert_eq!(aimed.status, Status::Complete);
-    assert!(aimed.ess.kish >= 4_000.0, "{}", aimed.ess.kish);
-    let even = sample(&target, &settings(1_000, Kernel::RandomSlice), 1);
+    assert!(aimed.ess.quoted >= 4_000.0, "{}", aimed.ess.quoted);
+    let even = sample(&target, &settings(1_000, Kernel::Uniform), 1);
     let cost = |run: &oblate_samplers::Run| run.cost.calls as f64 / run.ess.kish;
     let (aimed, even) = (cost(&aimed), cost(&even));
     println!("calls per effective draw: {aimed:.1} dynamic, {even:.1} static");
     assert!(aimed < 0.8 * even, "{aimed} {even}");
+}
+
+#[test]
+fn batches_begin_with_the_prior_where_draws_resemble_each_other() {
+    let target = smooth::shells(5);
+    let few = Settings {
+        max_batches: 3,
+        ..dynamic(200, Kernel::RandomSlice, 4_000.0)
+    };
+    let run = sample(&target, &few, 1);
+    // Its draws are a hundred, so that every batch is another run, with lineages of its own.
+    assert_eq!(run.status, Status::Complete);
+    assert!(run.ess.quoted < 0.5 * run.ess.kish, "{}", run.ess.quoted);
+    let History::Nested { live, .. } = &run.history else {
+        panic!("a nested run has live points")
+    };
+    assert_eq!(live[0], 600);
+    let lineages = run.draws.cluster.iter().max().map(|last| last + 1);
+    assert_eq!(lineages, Some(3 * 40));
+    assert!((run.evidence.ln_z - target.ln_z).abs() < 4.0 * run.evidence.error);
+    let target_ess = run.checks.iter().find(|check| check.name == "target-ess");
+    assert!(target_ess.is_some_and(|check| !check.pass));
 }
 
 #[test]
@@ -179,4 +202,29 @@ fn a_dynamic_run_has_the_same_bits_on_any_threads_and_after_any_stop() {
     };
     assert!(stops > 5, "{stops}");
     assert_eq!(resumed.bits(), whole.bits());
+}
+
+#[test]
+fn a_run_goes_on_with_more_batches_as_if_it_had_been_allowed_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = smooth::shells(5);
+    let aimed = |max_batches| Settings {
+        max_batches,
+        ..dynamic(60, Kernel::Differential, 5_000.0)
+    };
+    let part = |max_batches| {
+        let mut silent = Silent;
+        let mut control = Control::new(&mut silent);
+        control.checkpoint = Some(CheckpointPlan {
+            path: folder.path().join("run"),
+            every: Duration::MAX,
+            resume: true,
+            config_hash: 5,
+        });
+        run(&target, &aimed(max_batches), 1, &mut control).unwrap()
+    };
+    let [one, three] = [1, 3].map(part);
+    assert_eq!(one.status, Status::Complete);
+    assert!(one.draws.len() < three.draws.len());
+    assert_eq!(three.bits(), sample(&target, &aimed(3), 1).bits());
 }

@@ -47,7 +47,7 @@ fn runs_of_four_seeds_weigh_as_one_of_four_times_the_live_points() {
     assert!(live[0] > 3 * one[0] && live[0] < 5 * one[0]);
     // Lineages of one run are not those of another, and stay in their half.
     let groups = whole.draws.clusters();
-    assert_eq!(groups.iter().filter(|g| !g.is_empty()).count(), 80);
+    assert_eq!(groups.iter().filter(|g| !g.is_empty()).count(), 160);
 }
 
 #[test]
