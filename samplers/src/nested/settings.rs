@@ -33,8 +33,8 @@ pub enum Kernel {
     /// Slice updates, half of them along the difference of two live points (differential evolution), half along random directions
     /// of the local ellipsoid.
     Differential,
-    /// As [`Differential`](Self::Differential) at first; trajectories along a surrogate of ln L, which learns from the values of the run, beside
-    /// few slice updates as soon as they are accepted.
+    /// As [`Differential`](Self::Differential) at first; trajectories along a surrogate of ln L, which learns from the values of the run, and
+    /// draws of a mixture fitted to the live points and screened by the surrogate, beside few slice updates as soon as they are accepted.
     Surrogate,
     /// Metropolis steps in the metric of the local ellipsoid.
     RandomWalk,

@@ -327,8 +327,9 @@ impl State {
             self.learner.take(genealogy.lineage, examples);
         }
         if self.learner.is_due(self.ln_x) {
-            let mut rng = stream(context.seed, Domain::NestedSurrogate, 0, self.iteration);
-            self.learner.learn(&self.live, self.ln_x, &mut rng);
+            let iteration = self.iteration;
+            let rng = |task| stream(context.seed, Domain::NestedSurrogate, task, iteration);
+            self.learner.learn(&self.live, self.ln_x, rng);
         }
     }
 

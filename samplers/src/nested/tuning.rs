@@ -1,7 +1,7 @@
 //! Adaptation of the length and number of a chain's steps to how chains moved.
 
 use super::bound::Bound;
-use super::kernel::{self, NewPoint, StepCounts, TRAJECTORIES, Trajectories};
+use super::kernel::{self, Counts, NewPoint, StepCounts, Trajectories};
 use super::live::Points;
 use super::rank::Ranks;
 use super::settings::Kernel;
@@ -30,14 +30,14 @@ const LEAPS: std::ops::RangeInclusive<f64> = 1e-3..=1.0;
 /// Mean probability of acceptance by the surrogate's own energy that steps of the leapfrog aim at.
 const ENERGY_ACCEPTANCE: f64 = 0.9;
 
-/// Fraction of accepted trajectories from which on few slice updates are needed beside them.
+/// Fraction of accepted trajectories and proposals from which on few slice updates are needed beside them.
 const TRUSTED: f64 = 0.03;
 
-/// Slice updates that three accepted trajectories replace, but for one.
+/// Slice updates that accepted moves along a surrogate replace, but for one.
 const SLICES_PER_SET: usize = 16;
 
-/// Largest number of sets of trajectories of a point for as many slice updates.
-const MAX_SETS: usize = 3;
+/// Largest number of proposals and sets of trajectories of a point for as many slice updates.
+const MAX_SETS: usize = 18;
 
 /// Maximum rank correlation of a new point's likelihood with its seed's; docs/validation.md, section 5, has bias and
 /// scatter of ln Z for several values of it (`cargo bench -p oblate-samplers --bench seed_correlation`).
@@ -59,6 +59,8 @@ pub(super) struct Tuning {
     pub leap: f64,
     /// Fraction of the trajectories along a surrogate that were accepted in the last iteration.
     pub acceptance: f64,
+    /// Independent proposals that were accepted in the last iteration, per try.
+    pub exchange: f64,
     /// Slice updates, Galilean Monte Carlo trajectories or walk steps per point; never lowered in a run.
     pub steps: usize,
     /// Relative jump distance of every iteration.
@@ -81,6 +83,7 @@ impl Tuning {
             stride: FIRST_STRIDE,
             leap: FIRST_LEAP,
             acceptance: 0.0,
+            exchange: 0.0,
             steps,
             jump_distances: Vec::new(),
             seed_correlations: Vec::new(),
@@ -97,7 +100,8 @@ impl Tuning {
             length(self.scale)
                 && length(self.stride)
                 && LEAPS.contains(&self.leap)
-                && (0.0..=1.0).contains(&self.acceptance),
+                && (0.0..=1.0).contains(&self.acceptance)
+                && (0.0..=1.0).contains(&self.exchange),
             "a step length is not finite, or negative",
         )?;
         ensure(
@@ -114,16 +118,16 @@ impl Tuning {
         ensure(countable([self.stayed]), "a count is too large")
     }
 
-    /// Whether trajectories along a surrogate were accepted in the last iteration.
+    /// Whether moves along a surrogate were accepted in the last iteration.
     fn trusts(&self) -> bool {
-        self.acceptance >= TRUSTED
+        self.acceptance + self.exchange >= TRUSTED
     }
 
-    /// How often the set of trajectories of a point is made: so often that, for every [`SLICES_PER_SET`] steps, three are expected to be
-    /// accepted.
+    /// How often a proposal and a set of trajectories are made for a point: so often that, for every [`SLICES_PER_SET`] steps, a proposal or
+    /// as many trajectories as a set has are expected to be accepted.
     pub fn sets(&self) -> usize {
-        let wanted = 3.0 * self.steps as f64 / SLICES_PER_SET as f64;
-        let accepted = |sets: &usize| (*sets * TRAJECTORIES) as f64 * self.acceptance >= wanted;
+        let wanted = self.steps as f64 / SLICES_PER_SET as f64;
+        let accepted = |sets: &usize| *sets as f64 * (self.acceptance + self.exchange) >= wanted;
         let most = MAX_SETS * self.steps.div_ceil(SLICES_PER_SET);
         (1..most).find(accepted).unwrap_or(most)
     }
@@ -176,8 +180,10 @@ impl Tuning {
         self.stayed += born.iter().filter(|b| !b.motion.moved).count() as u64;
         let (mut local, mut differences) = (StepCounts::default(), StepCounts::default());
         let mut trajectories = Trajectories::default();
+        let mut proposals = Counts::default();
         for b in born {
             trajectories.add(b.motion.trajectories);
+            proposals.add(b.motion.proposals);
             local.add(b.motion.local);
             differences.add(b.motion.differences);
         }
@@ -186,6 +192,7 @@ impl Tuning {
             let factor = (trajectories.energy / made - ENERGY_ACCEPTANCE).exp();
             self.leap = (self.leap * factor).clamp(*LEAPS.start(), *LEAPS.end());
             self.acceptance = trajectories.accepted as f64 / made;
+            self.exchange = proposals.accepted as f64 / proposals.tried.max(1) as f64;
         }
         match kernel {
             Kernel::RandomSlice | Kernel::Differential | Kernel::Surrogate => {

@@ -1,7 +1,7 @@
 //! A Markov chain above a likelihood bound: its state, what the chains of an iteration have in common, and the
 //! partition that a step may not leave.
 
-use super::trajectory::Along;
+use super::along::Along;
 use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
 use crate::nested::bound::Bound;
@@ -79,8 +79,37 @@ pub(in crate::nested) struct Motion {
     pub differences: StepCounts,
     /// Those along a surrogate.
     pub trajectories: Trajectories,
+    /// Independent proposals.
+    pub proposals: Counts,
     /// Whether the chain ended elsewhere than it began.
     pub moved: bool,
+}
+
+/// Counts of independent proposals.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::nested) struct Counts {
+    /// Number of tries.
+    pub tried: u64,
+    /// Of which a draw was kept.
+    pub kept: u64,
+    /// Of which accepted.
+    pub accepted: u64,
+}
+
+impl Counts {
+    /// Adds one.
+    pub fn note(&mut self, kept: bool, accepted: bool) {
+        self.tried += 1;
+        self.kept += u64::from(kept);
+        self.accepted += u64::from(accepted);
+    }
+
+    /// Adds those of another.
+    pub fn add(&mut self, other: Self) {
+        self.tried += other.tried;
+        self.kept += other.kept;
+        self.accepted += other.accepted;
+    }
 }
 
 /// Counts of trajectories along a surrogate.
@@ -241,4 +270,9 @@ pub(super) fn cube_from_normal(z: &[f64], u: &mut [f64]) {
     for (u, z) in u.iter_mut().zip(z) {
         *u = normal::cdf(*z).clamp(f64::MIN_POSITIVE, 1.0 - 0.5 * f64::EPSILON);
     }
+}
+
+/// The wall at a likelihood bound, so many widths below it: ln(1 + e^x), where e^x may overflow.
+pub(super) fn wall(x: f64) -> f64 {
+    x.max(0.0) + (-x.abs()).exp().ln_1p()
 }

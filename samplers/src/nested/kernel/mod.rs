@@ -1,27 +1,31 @@
 //! Draws a new point above the likelihood bound: directly from the ellipsoids, or by a chain of steps from a live
 //! point.
 
+mod along;
 pub(super) mod chain;
 mod difference;
 mod galilean;
+mod independent;
 mod involution;
 mod slice;
 mod trajectory;
 mod uniform;
 mod walk;
 
-pub(super) use chain::{ChainContext, NewPoint, StepCounts, Trajectories};
-pub(super) use trajectory::{Along, TRAJECTORIES};
+pub(super) use along::{Along, Proposals};
+pub(super) use chain::{ChainContext, Counts, NewPoint, StepCounts, Trajectories};
 
 use super::bound::Bound;
 use super::live::Points;
 use super::settings::Kernel;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
-use crate::rng::RandomStream;
+use crate::mixture::Rows;
+use crate::rng::{RandomStream, below};
 use crate::target::{Symmetry, Target};
 use chain::{Chain, normals};
 use nalgebra::DMatrix;
+use trajectory::WIDTHS;
 
 /// The ellipsoids of chains that start from a point of this lineage.
 pub(super) fn bound_of(bounds: &[Bound], lineage: u32) -> Option<&Bound> {
@@ -53,11 +57,15 @@ pub(super) fn draw(
             involution::try_all(&mut chain, rng)?;
         }
     }
-    trajectory::steps(
-        &mut chain,
-        !kept.genealogy[seed].lineage.is_multiple_of(2),
-        rng,
-    )?;
+    if let Some(along) = context.along {
+        let even = kept.genealogy[seed].lineage.is_multiple_of(2);
+        let first = below(rng, WIDTHS.len());
+        for set in 0..along.sets {
+            let width = WIDTHS[(first + set) % WIDTHS.len()];
+            independent::step(&mut chain, along, even, width, rng)?;
+            trajectory::steps(&mut chain, along, even, width, rng)?;
+        }
+    }
     chain.refresh_orbits(rng)?;
     chain.motion.moved = chain.x != kept.row(seed);
     Ok(NewPoint {
@@ -67,6 +75,14 @@ pub(super) fn draw(
         examples: chain.likelihood.examples.unwrap_or_default(),
         motion: chain.motion,
     })
+}
+
+/// Some points in standard-normal coordinates.
+pub(super) fn normal_rows(kept: &Points, rows: &[usize]) -> Rows {
+    Rows {
+        dim: kept.dim(),
+        values: rows.iter().flat_map(|&i| normals(kept.row(i))).collect(),
+    }
 }
 
 /// Lower Cholesky factor of the covariance of some points in standard-normal coordinates; none if it has none.

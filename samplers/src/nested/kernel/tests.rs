@@ -1,4 +1,6 @@
+use super::chain::Motion;
 use super::*;
+use crate::mixture::Mixture;
 use crate::nested::bound::draw_direction;
 use crate::nested::bound::tests::overlapping;
 use crate::nested::rank::ks_probability;
@@ -168,24 +170,42 @@ fn wrong_surrogate() -> Surrogate {
     Surrogate::fit(&examples, None, &mut rng).unwrap()
 }
 
-#[test]
-fn trajectories_along_a_wrong_surrogate_stay_uniform() {
+/// A density of the ring that is wrong: that of the points on one side and few others.
+fn wrong_density(starts: &Points) -> Mixture {
+    let (all, right): (Vec<usize>, Vec<usize>) = (0..2_000).partition(|&i| starts.row(i)[0] < 0.5);
+    let rows = [&right[..400], &all[..100]].concat();
+    let mut rng = stream(19, Domain::Test, 0, 0);
+    Mixture::fit(&normal_rows(starts, &rows), 4, &mut rng).unwrap()
+}
+
+/// Moves of a chain that stands for so many others, along the surrogates and densities of all.
+type Moves = fn(&mut Chain<'_>, &Along<'_>, &mut RandomStream) -> Result<()>;
+
+/// Whether chains that start uniform above the bound stay so by these moves alone, and what they counted.
+fn stay_uniform_along_a_wrong_surrogate(moves: Moves, task: u64) -> Motion {
     let target = ring_target();
     let surrogate = wrong_surrogate();
     let count = 40_000;
-    let starts = uniform_above(&target, 0.0, 9, count);
+    let starts = uniform_above(&target, 0.0, task, count);
+    let density = wrong_density(&starts);
     let bounds = [Bound::cube(2)];
     let metrics = starts
         .halves()
         .map(|rows| factor_of_covariance(&starts, &rows).unwrap());
+    let proposals = [(); 2].map(|()| {
+        Some(Proposals {
+            mixture: &density,
+            ln_most: 1.0,
+        })
+    });
     let along = Along {
         surrogates: [&surrogate; 2],
         width: 0.02,
         step: 0.1,
         sets: 1,
         metrics,
+        proposals,
     };
-    // Trajectories alone, without slice updates.
     let context = ChainContext {
         target: &target,
         contour: 0.0,
@@ -197,24 +217,92 @@ fn trajectories_along_a_wrong_surrogate_stay_uniform() {
         steps: 0,
         along: Some(&along),
     };
-    let ends: Vec<NewPoint> = (0..count)
+    let ends: Vec<(Vec<f64>, Motion)> = (0..count)
         .into_par_iter()
         .map(|i| {
-            let rng = stream(18, Domain::Test, 9, i as u64);
-            draw(&context, &starts, i, rng).unwrap()
+            let mut rng = stream(18, Domain::Test, task, i as u64);
+            let mut chain = Chain::new(&context, &bounds[0], &starts, i);
+            moves(&mut chain, &along, &mut rng).unwrap();
+            (chain.x, chain.motion)
         })
         .collect();
-    let mut trajectories = Trajectories::default();
-    ends.iter()
-        .for_each(|end| trajectories.add(end.motion.trajectories));
-    let accepted = trajectories.accepted as f64 / trajectories.made as f64;
-    // A surrogate that is right would be accepted nearly always; this one is wrong enough to matter.
-    assert!((0.2..0.8).contains(&accepted), "{accepted}");
     let laws: [Law<'_>; 2] = [("radius", &ring_radius), ("angle", &ring_angle)];
     for (law, f) in laws {
-        let values: Vec<f64> = ends.iter().map(|end| f(&end.u)).collect();
+        let values: Vec<f64> = ends.iter().map(|(u, _)| f(u)).collect();
         let p = ks_probability(&values);
         assert!(p > 0.001 / 2.0, "{law}: p = {p}");
+    }
+    let mut all = Motion::default();
+    for (_, motion) in &ends {
+        all.trajectories.add(motion.trajectories);
+        all.proposals.add(motion.proposals);
+    }
+    all
+}
+
+#[test]
+fn trajectories_along_a_wrong_surrogate_stay_uniform() {
+    let moves: Moves = |chain, along, rng| {
+        WIDTHS
+            .iter()
+            .try_for_each(|width| trajectory::steps(chain, along, true, *width, rng))
+    };
+    let counted = stay_uniform_along_a_wrong_surrogate(moves, 9).trajectories;
+    let accepted = counted.accepted as f64 / counted.made as f64;
+    // A surrogate that is right would be accepted nearly always; this one is wrong enough to matter.
+    assert!((0.2..0.8).contains(&accepted), "{accepted}");
+}
+
+#[test]
+fn proposals_of_a_wrong_density_screened_by_a_wrong_surrogate_stay_uniform() {
+    let moves: Moves = |chain, along, rng| {
+        WIDTHS
+            .iter()
+            .try_for_each(|width| independent::step(chain, along, true, *width, rng))
+    };
+    let counted = stay_uniform_along_a_wrong_surrogate(moves, 10).proposals;
+    let accepted = counted.accepted as f64 / counted.tried as f64;
+    assert!((0.1..0.7).contains(&accepted), "{accepted}");
+}
+
+#[test]
+fn a_chain_moves_along_the_surrogate_of_the_half_that_does_not_contain_its_seed() {
+    let target = ring_target();
+    let surrogate = wrong_surrogate();
+    let starts = uniform_above(&target, 0.0, 11, 2_000);
+    let density = wrong_density(&starts);
+    let bounds = [Bound::cube(2), Bound::cube(2)];
+    // Only the half of even lineages has proposals: chains of odd ones make them.
+    let along = Along {
+        surrogates: [&surrogate; 2],
+        width: 0.02,
+        step: 0.1,
+        sets: 1,
+        metrics: (starts.halves()).map(|rows| factor_of_covariance(&starts, &rows).unwrap()),
+        proposals: [
+            Some(Proposals {
+                mixture: &density,
+                ln_most: 1.0,
+            }),
+            None,
+        ],
+    };
+    let context = ChainContext {
+        target: &target,
+        contour: 0.0,
+        kernel: Kernel::Surrogate,
+        bounds: &bounds,
+        halves: &Default::default(),
+        scale: 1.0,
+        stride: 1.0,
+        steps: 0,
+        along: Some(&along),
+    };
+    for seed in 0..4 {
+        let rng = stream(20, Domain::Test, 0, seed as u64);
+        let born = draw(&context, &starts, seed, rng).unwrap();
+        let odd = !starts.genealogy[seed].lineage.is_multiple_of(2);
+        assert_eq!(born.motion.proposals.tried, u64::from(odd));
     }
 }
 

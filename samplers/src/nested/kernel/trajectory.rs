@@ -10,43 +10,27 @@
 //! whatever the surrogate. Where the surrogate is right, the wall is as high at the end as at the beginning, and nearly all ends are
 //! accepted.
 
-use super::chain::{Chain, cube_from_normal};
+use super::along::Along;
+use super::chain::{Chain, cube_from_normal, wall};
 use crate::error::Result;
 use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::surrogate::{Scratch, Surrogate};
 use crate::target::Target;
 use nalgebra::DMatrix;
 
-/// Mean numbers of leapfrog steps of the trajectories of one new point: long ones go far where the surrogate is right, short ones are
+/// Mean numbers of leapfrog steps of the trajectories of a set: long ones go far where the surrogate is right, short ones are
 /// accepted where it is wrong.
 const LEAPFROGS: [usize; 3] = [8, 32, 128];
 
-/// Widths of the walls of sets of trajectories in turn. A point where the surrogate is too low by many widths hardly ever leaves its place
+/// Widths of the walls of sets of trajectories in turn, over the narrowest. A point where the surrogate is too low by many widths hardly ever leaves its place
 /// through a narrow wall: with narrow walls alone such points become too few, and ln Z too high (docs/validation.md, section 5).
-const WIDTHS: [f64; 3] = [1.0, 4.0, 16.0];
-
-/// Trajectories of a set.
-pub(in crate::nested) const TRAJECTORIES: usize = LEAPFROGS.len() * WIDTHS.len();
+pub(super) const WIDTHS: [f64; 3] = [1.0, 4.0, 16.0];
 
 /// Maximum length of the whitened force, in units of the root of the number of dimensions.
 const MAX_FORCE: f64 = 100.0;
 
 /// Largest change of the energy of a trajectory; beyond, it is given up.
 const MAX_ENERGY_RANGE: f64 = 1000.0;
-
-/// What the trajectories of an iteration have in common.
-pub(in crate::nested) struct Along<'a> {
-    /// The surrogates learned from chains of even and of odd lineages: a chain follows that of the half that does not contain its seed.
-    pub surrogates: [&'a Surrogate; 2],
-    /// Width of the narrowest wall, in units of ln L.
-    pub width: f64,
-    /// How often the set of trajectories of each length with walls of each width is made.
-    pub sets: usize,
-    /// Step in units of the metric.
-    pub step: f64,
-    /// Cholesky factors of the covariances of the points of even and of odd lineages, for the same reason.
-    pub metrics: [DMatrix<f64>; 2],
-}
 
 /// A place on a trajectory, with the energies there.
 struct Place {
@@ -71,11 +55,14 @@ struct Leapfrog<'a> {
     gradient: Vec<f64>,
 }
 
-/// Makes the trajectories of one new point.
-pub(super) fn steps(chain: &mut Chain<'_>, even: bool, rng: &mut RandomStream) -> Result<()> {
-    let Some(along) = chain.context.along else {
-        return Ok(());
-    };
+/// Makes a set of trajectories inside walls of this width.
+pub(super) fn steps(
+    chain: &mut Chain<'_>,
+    along: &Along<'_>,
+    even: bool,
+    width: f64,
+    rng: &mut RandomStream,
+) -> Result<()> {
     let target = chain.context.target;
     let (dim, count) = (chain.x.len(), target.feature_count());
     let mut leapfrog = Leapfrog {
@@ -83,25 +70,17 @@ pub(super) fn steps(chain: &mut Chain<'_>, even: bool, rng: &mut RandomStream) -
         surrogate: along.surrogates[usize::from(even)],
         metric: &along.metrics[usize::from(even)],
         bound: chain.context.contour,
-        width: along.width,
+        width: along.width * width,
         theta: vec![0.0; dim],
         features: vec![0.0; count],
         features_bar: vec![0.0; count],
         scratch: Scratch::default(),
         gradient: vec![0.0; dim],
     };
-    for width in WIDTHS.repeat(along.sets) {
-        leapfrog.width = along.width * width;
-        let mut place = leapfrog.at(chain.normals());
-        for leapfrogs in LEAPFROGS {
-            one(
-                chain,
-                &mut leapfrog,
-                &mut place,
-                (leapfrogs, along.step),
-                rng,
-            )?;
-        }
+    let mut place = leapfrog.at(chain.normals());
+    for leapfrogs in LEAPFROGS {
+        let length = (leapfrogs, along.step);
+        one(chain, &mut leapfrog, &mut place, length, rng)?;
     }
     chain.label = chain.bound.label(&chain.x);
     Ok(())
@@ -160,8 +139,7 @@ impl Leapfrog<'_> {
         self.target
             .features_vjp(&z, &self.theta, &self.features_bar, &mut self.gradient);
         let below = (self.bound - ln_l) / self.width;
-        // ln(1 + e^x) and its derivative, where e^x may overflow.
-        let wall = below.max(0.0) + (-below.abs()).exp().ln_1p();
+        let wall = wall(below);
         let slope = 1.0 / (1.0 + (-below).exp()) / self.width;
         let force: Vec<f64> = z
             .iter()

@@ -44,7 +44,7 @@ impl State {
             context.most_steps(),
         )?;
         self.ranks.check()?;
-        self.learner.check(context.target.feature_count())?;
+        self.learner.check(dim, context.target.feature_count())?;
         self.cost.check()?;
         let counts = [self.next_point, self.bounded_points, self.bounded_calls];
         ensure(countable(counts), "a count is too large")
