@@ -76,9 +76,14 @@ pub fn after_fit(
             let longer = longer.with_value("--extensions", &more.to_string());
             steps.push(Step::new("extend its last round", &longer));
         }
-        steps.extend(more_batches(sampled, sampling, command));
+        let batches = more_batches(sampled, sampling, command);
+        let mut failed = [names(sampled), names(summary)].concat();
+        if batches.is_some() {
+            failed.retain(|name| *name != "effective-lineages");
+        }
+        steps.extend(batches);
         steps.extend(longer_bridge(summary, sampling, command));
-        let mut changes = changes(&[names(sampled), names(summary)].concat(), sampling);
+        let mut changes = changes(&failed, sampling);
         changes.extend(model_changes(summary, &settings.model));
         steps.extend(again(&changes, folder.path(), command));
         return steps;
@@ -204,7 +209,6 @@ fn change(check: &str, sampling: &SamplerSettings) -> Option<Change> {
     let (nested, tempered) = (&sampling.nested, &sampling.pt_hmc);
     let of = |key: &'static str, value: usize| Some((key, value.to_string()));
     match check {
-        "effective-lineages" if nested.dynamic() => None,
         "effective-lineages"
         | "lineage-halves"
         | "ln-z-agreement-of-seeds"

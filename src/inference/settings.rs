@@ -5,7 +5,7 @@ use crate::likelihood::LikelihoodSettings;
 use crate::params::PriorSettings;
 use crate::stream::ModelSettings;
 use oblate_samplers::limits::{MAX_SEED, Memory, in_range};
-use oblate_samplers::output::Method;
+use oblate_samplers::output::{MIN_ESS, Method};
 use oblate_samplers::{bridge, nested, pt};
 use serde::de::{DeserializeOwned, Error as _};
 use serde::{Deserialize, Deserializer, Serialize};
@@ -66,8 +66,8 @@ impl SamplerSettings {
     /// Defaults for the posterior of a stream: thirteen parameters, several modes, and a likelihood that is rough on the scale of a
     /// leapfrog step.
     ///
-    /// With fewer live points nested runs lose modes, and with fewer slice updates new points remain correlated with
-    /// the points that they started from. The tempered sampler finds the modes by SMC, starts its annealing path at a
+    /// Nested runs move along surrogates of ln L, and add batches of live points until there are enough effective draws. With fewer live points
+    /// they lose modes, and with fewer steps new points remain correlated with the points that they started from. The tempered sampler finds the modes by SMC, starts its annealing path at a
     /// mixture fitted to them, which makes the path shorter than that from the prior, and extends its last round until
     /// the convergence checks pass. Rounds and extensions are short at first, so that an easy track ends early. States are moved
     /// along a surrogate of ln L, which needs no gradients of ln L itself: one costs as much as seven values
@@ -81,7 +81,7 @@ impl SamplerSettings {
         sampling.nested.n_live = 1_000;
         sampling.nested.steps = Some(16);
         sampling.nested.kernel = nested::Kernel::Surrogate;
-        sampling.nested.target_ess = Some(oblate_samplers::output::MIN_ESS);
+        sampling.nested.target_ess = Some(MIN_ESS);
         sampling.nested.max_batches = 8;
         sampling.bridge.smc_particles = 1_000;
         sampling.bridge.mcmc_steps = 2;
@@ -107,6 +107,8 @@ impl SamplerSettings {
     #[must_use]
     pub fn for_populations() -> Self {
         let mut sampling = Self::default();
+        sampling.nested.target_ess = Some(MIN_ESS);
+        sampling.nested.max_batches = 8;
         sampling.pt_hmc.rounds = 8;
         sampling.pt_hmc.temperatures = 8;
         sampling.pt_hmc.max_temperatures = 16;
