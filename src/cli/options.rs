@@ -268,7 +268,7 @@ impl TrackFlags {
 }
 
 /// A value of the library on the command line, with the library's own remedy where it is wrong.
-fn parsed<T: FromStr<Err = Error>>(text: &str) -> std::result::Result<T, String> {
+pub fn parsed<T: FromStr<Err = Error>>(text: &str) -> std::result::Result<T, String> {
     text.parse::<T>().map_err(|error| match error {
         Error::Setting { remedy, .. } => remedy,
         other => other.to_string(),

@@ -125,13 +125,19 @@ impl ObservedTrack {
         known
     }
 
+    /// Whether the sign of phi was changed when it was read.
+    #[must_use]
+    pub fn is_mirrored(&self) -> bool {
+        self.meta.contains_key(MIRRORED)
+    }
+
     /// What was assumed because the source does not say it, and what was changed on reading, one sentence each.
     #[must_use]
     pub fn assumptions(&self) -> Vec<String> {
         let error = self.assumed_error.map(|assumed| {
             format!("the errors of r are {assumed} of r, because the track has none")
         });
-        let mirrored = self.meta.contains_key(MIRRORED).then(|| {
+        let mirrored = self.is_mirrored().then(|| {
             "phi was mirrored on reading, so that the leading tail is at positive phi".to_owned()
         });
         error.into_iter().chain(mirrored).collect()

@@ -198,7 +198,8 @@ impl<'a> RunSession<'a> {
                 if run.status != Status::Interrupted {
                     stage(monitor);
                 }
-                summarize(target, track, run, command, hash)
+                let advanced = &mut |done, of| monitor.advanced(done, of);
+                summarize(target, track, run, command, hash, advanced)
             },
         )
     }

@@ -11,6 +11,7 @@ use oblate::population::{
     PopulationSettings, PopulationTarget, TruncatedGaussian, TruncatedGaussianSettings,
 };
 use oblate::posterior::{Summary, SummaryContext, column, columns, compare, zarr};
+use oblate::report::FigureFormat;
 use oblate::report::{CornerColumn, PageRun, QCurve, corner, diagnostics, page};
 use oblate::run::{
     Beginning, LockedFolder, RunFolder, StoredRun, Versions, q_posterior, render_report,
@@ -237,7 +238,9 @@ pub fn report_case(rng: &mut RandomStream, seeds: &[Seed], out: &Path) -> Verdic
     let damaged = numbers(rng, bytes, bytes).unwrap_or_default();
     std::fs::write(file, damaged).unwrap();
     let folders = [seed.folder.path().to_path_buf()];
-    let done = std::panic::catch_unwind(|| render_report("fuzz", &folders, out).is_ok());
+    let done = std::panic::catch_unwind(|| {
+        render_report("fuzz", &folders, &[FigureFormat::Svg], out).is_ok()
+    });
     std::fs::write(file, bytes).unwrap();
     match done {
         Ok(true) => Verdict::Accepted,

@@ -80,6 +80,17 @@ fn both_senses_are_fitted_weighed_and_resumed_and_the_wrong_one_is_improbable() 
         "",
     );
     refused(&output, &["folder of one run"]);
+    // They are fits of two tracks, which a page does not compare.
+    let page = folder.path().join("page.html").display().to_string();
+    let given = format!("{out}/as-given");
+    let output = oblate(&["report", &given, &one, "--out", &page], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let text = std::fs::read_to_string(&page).expect("the page");
+    assert!(!text.contains("combined standard errors"), "compared");
+    assert!(
+        text.contains("s2_spherical, mirrored"),
+        "the groups are named"
+    );
 }
 
 #[test]
