@@ -44,7 +44,7 @@ pub fn check_prior_predictive(
     };
     let either = |a: Vec<bool>, b: Vec<bool>| a.iter().zip(&b).map(|(a, b)| *a || *b).collect();
     let mut reached = vec![false; data.len()];
-    for first in (0..DRAWS).step_by(CHUNK as usize) {
+    for first in (0..DRAWS / CHUNK).map(|chunk| chunk * CHUNK) {
         let chunk = (first..first + CHUNK).into_par_iter().map(reached_by);
         reached = either(reached, chunk.reduce(|| vec![false; data.len()], either));
         advanced(first + CHUNK, DRAWS);

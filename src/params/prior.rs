@@ -180,6 +180,18 @@ impl PriorSettings {
         Ok(mirrored)
     }
 
+    /// The same prior for parameter sets that have all parameters which every stream has: none of these is fixed.
+    #[must_use]
+    pub fn with_required_free(&self) -> Self {
+        let mut free = *self;
+        for i in 0..REQUIRED {
+            if let Some(fixed) = free.fixed.get_mut(i) {
+                *fixed = None;
+            }
+        }
+        free
+    }
+
     /// Fixes one parameter by its name.
     ///
     /// # Errors

@@ -84,9 +84,9 @@ fn shortest_half(values: &[f64], weights: &[f64], weight: f64) -> f64 {
         .collect();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut shortest, mut first, mut inside) = (f64::INFINITY, 0, 0.0);
-    for (value, w) in &sorted {
+    for (k, (value, w)) in sorted.iter().enumerate() {
         inside += w;
-        while inside - sorted[first].1 >= weight {
+        while first < k && inside - sorted[first].1 >= weight {
             inside -= sorted[first].1;
             first += 1;
         }

@@ -47,7 +47,7 @@ pub fn senses(
     let folders = Handedness::BOTH.map(|sense| destination.folder.join(sense.name()));
     if destination.if_exists == IfExists::Refuse {
         // Before the first fit, not after it.
-        for path in folders.iter().filter(|path| RunFolder::open(path).is_ok()) {
+        if let Some(path) = folders.iter().find(|path| RunFolder::open(path).is_ok()) {
             return Err(Error::Exists { path: path.clone() });
         }
     }
