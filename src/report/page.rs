@@ -40,24 +40,8 @@ pub struct Group<'a> {
     pub figures: &'a [Figure],
 }
 
-const STYLE: &str = ":root{color-scheme:light dark;--ink:#1a1a1a;--paper:#fff;--line:#ccc;--soft:#f3f3f3;--faint:#555;--link:#0059a0}\
-@media screen and (prefers-color-scheme:dark){:root{--ink:#e4e4e4;--paper:#16181b;--line:#4a4d52;--soft:#24272b;--faint:#a8a8a8;--link:#7cc0f5}\
-figure>svg{filter:invert(.91) hue-rotate(180deg)}}\
-body{font:15px/1.45 Helvetica,Arial,sans-serif;color:var(--ink);background:var(--paper);max-width:60rem;margin:2rem auto;padding:0 1rem}\
-a{color:var(--link)}h1{font-size:1.5rem}h2{font-size:1.25rem;border-bottom:2px solid var(--line);margin-top:2.6rem}\
-h3{font-size:1.1rem;margin-top:2.2rem}h4{font-size:1rem;margin:1.4rem 0 .2rem}h2 a,h3 a{color:inherit;text-decoration:none}\
-h1,h2,h3,.verdict,li,code{overflow-wrap:anywhere}nav ul{margin:.2rem 0;padding-left:1.3rem}\
-.scroll{overflow-x:auto;margin:.6rem 0}table{border-collapse:collapse;font-size:.88rem}\
-th,td{padding:.2rem .7rem;text-align:right;border-bottom:1px solid var(--line);white-space:nowrap}\
-th{white-space:normal}th:first-child,td:first-child,th.words,td.words{text-align:left}td.words{white-space:normal;min-width:14rem}\
-thead th{border-bottom:1px solid var(--ink);vertical-align:bottom}td.name{color:var(--faint);text-align:left}\
-.verdict{padding:.5rem .9rem;margin:.5rem 0;border-left:6px solid #009E73;background:var(--soft)}.verdict.bad{border-color:#D55E00}\
-figure{margin:1.2rem 0;break-inside:avoid}figcaption{font-size:.88rem;color:var(--faint)}figure>svg{display:block;max-width:100%;height:auto}\
-@media screen{figure{overflow-x:auto}figure>svg.wide{min-width:36rem}}\
-pre{background:var(--soft);padding:.6rem;font-size:.8rem;white-space:pre-wrap;overflow-wrap:anywhere}\
-@page{size:A4;margin:15mm}@media print{body{margin:0;padding:0;max-width:none;font-size:10pt}h2,h3,h4{break-after:avoid}\
-.scroll{overflow:visible}th,td{white-space:normal;padding:.15rem .35rem}table{font-size:8pt}tr,.verdict{break-inside:avoid}\
-td.words{min-width:0}figure>svg{max-height:230mm}a{color:inherit;text-decoration:none}}";
+/// The style of the page.
+const STYLE: &str = include_str!("page.css");
 
 /// The beginning of every page, by which a file is recognised as a page.
 const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta name=\"generator\" content=\"oblate\">\n";

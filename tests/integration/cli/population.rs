@@ -113,7 +113,7 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     let output = oblate(&["report", &uniform, &gaussian, "--out", &page], "");
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let text = std::fs::read_to_string(&page).expect("the page");
-    assert!(text.contains("q given the population") && text.contains("NOT MEASURED"));
+    assert!(text.contains("given the population</th>") && text.contains("NOT MEASURED"));
     assert!(text.contains("<th>without</th><th>centre_pop</th>"));
     assert!(text.contains("<td>largest gap of q</td>"));
     assert!(text.contains("<p>Most influential stream: mock_3_"));
