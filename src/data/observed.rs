@@ -125,6 +125,22 @@ impl ObservedTrack {
         known
     }
 
+    /// Whether another track has the same name and the same radii with the same errors at the same angles, so that fits of both have the same
+    /// posterior.
+    #[must_use]
+    pub fn has_data_of(&self, other: &Self) -> bool {
+        let columns = |track: &Self| {
+            [
+                &track.phi_deg,
+                &track.r_kpc,
+                &track.r_err_lo_kpc,
+                &track.r_err_hi_kpc,
+            ]
+            .map(Clone::clone)
+        };
+        self.name == other.name && columns(self) == columns(other)
+    }
+
     /// Whether the sign of phi was changed when it was read.
     #[must_use]
     pub fn is_mirrored(&self) -> bool {

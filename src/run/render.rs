@@ -60,13 +60,7 @@ impl RunFigures {
     /// Whether this run and another have the same data: fits the same track in the same sense, populations streams of the same names.
     fn has_data_of(&self, other: &Self) -> bool {
         match (&self.track, &other.track) {
-            (Some(a), Some(b)) => {
-                a.name == b.name
-                    && a.phi_deg == b.phi_deg
-                    && a.r_kpc == b.r_kpc
-                    && a.r_err_lo_kpc == b.r_err_lo_kpc
-                    && a.r_err_hi_kpc == b.r_err_hi_kpc
-            }
+            (Some(a), Some(b)) => a.has_data_of(b),
             (None, None) => self.streams().eq(other.streams()),
             _ => false,
         }

@@ -80,7 +80,10 @@ fn both_senses_are_fitted_weighed_and_resumed_and_the_wrong_one_is_improbable() 
         "",
     );
     refused(&output, &["folder of one run"]);
-    // They are fits of two tracks, which a page does not compare.
+    // They are fits of two tracks, which a comparison says, and which a page does not compare.
+    let output = oblate(&["compare", &format!("{out}/as-given"), &one], "");
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(text.contains("other sense of phi"), "{text}");
     let page = folder.path().join("page.html").display().to_string();
     let given = format!("{out}/as-given");
     let output = oblate(&["report", &given, &one, "--out", &page], "");
