@@ -2,6 +2,7 @@
 
 use super::{json, oblate, refused, write};
 use crate::folders::copy;
+use oblate::data::{Handedness, ObservedTrack, ReadOptions};
 use std::path::Path;
 
 /// Three mocks, fitted quickly and badly, and their population by two families.
@@ -176,6 +177,16 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     refused(&into_fit, &["choose another folder"]);
     let again = path("again");
     copy(Path::new(&fits[0]), Path::new(&again));
+    let same = population(&[&fits[..], &[again.clone()]].concat(), &at);
+    refused(&same, &["again: the track is that of mock_3_", "twice"]);
+    // In the other sense it is the same track, too.
+    let track = Path::new(&again).join("track.ecsv");
+    let mirrored = ReadOptions {
+        handedness: Some(Handedness::Mirrored),
+        ..ReadOptions::default()
+    };
+    let mirrored = ObservedTrack::read_with(&track, &mirrored).expect("a track");
+    mirrored.write(&track).expect("a track");
     let same = population(&[&fits[..], &[again]].concat(), &at);
     refused(&same, &["again: the track is that of mock_3_", "twice"]);
     for (key, value, words) in [
