@@ -85,10 +85,10 @@ impl RunFigures {
 /// Writes every figure of finished runs into their folders, in these formats, and one self-contained HTML page of all of them.
 ///
 /// # Errors
-/// As of [`FigureWriter::new`];
-/// [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`], [`Error::TrackFile`] or [`Error::InFile`]
-/// if a folder cannot be read; [`Error::Setting`] if its settings cannot be used; [`Error::Io`] or [`Error::Sampler`]
-/// if a file cannot be written.
+/// As of [`FigureWriter::new`]; [`Io`](crate::Error::Io), [`Syntax`](crate::Error::Syntax), [`Checksum`](crate::Error::Checksum),
+/// [`Array`](crate::Error::Array), [`TrackFile`](crate::Error::TrackFile) or [`InFile`](crate::Error::InFile) if a folder cannot be read;
+/// [`Setting`](crate::Error::Setting) if its settings cannot be used; [`Io`](crate::Error::Io) or [`Sampler`](crate::Error::Sampler) if a
+/// file cannot be written.
 pub fn render_report(
     title: &str,
     folders: &[PathBuf],
