@@ -59,7 +59,12 @@ pub fn senses(
             ..destination
         };
         let sampler = settings.sampling.sampler.name();
-        let label = format!("{} {} {sampler}", track.name, sense.name());
+        let label = format!(
+            "fit {} of 2, {} {} {sampler}",
+            i + 1,
+            track.name,
+            sense.name()
+        );
         let mut done = None;
         monitored(&label, &mut |monitor| {
             done = Some(fit(track, settings, own, monitor)?);

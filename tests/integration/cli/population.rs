@@ -177,7 +177,7 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     refused(&into_fit, &["choose another folder"]);
     let again = path("again");
     copy(Path::new(&fits[0]), Path::new(&again));
-    let same = population(&[&fits[..], &[again.clone()]].concat(), &at);
+    let same = population(&[&fits[..], std::slice::from_ref(&again)].concat(), &at);
     refused(&same, &["again: the track is that of mock_3_", "twice"]);
     // In the other sense it is the same track, too.
     let track = Path::new(&again).join("track.ecsv");
