@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::inference::FitSettings;
 use crate::posterior::ValueError;
 use crate::run::{RunFolder, SenseRun, senses};
+use oblate_samplers::output::Status;
 use serde_json::json;
 
 /// Fits a track as given and mirrored, and says how probable each sense is.
@@ -45,7 +46,12 @@ pub fn fit_both(
     for run in &runs {
         let folder = RunFolder::open(&run.folder)?;
         tell_coarse(&run.summary, &folder);
-        steps.extend(next(run, &folder)?);
+        if run.summary.status == Status::BudgetSpent {
+            // Of both, because only this command says how probable they are.
+            steps.push(Step::resume(command));
+        } else {
+            steps.extend(next(run, &folder)?);
+        }
     }
     tell_once(steps);
     let converged = runs.iter().all(|run| run.summary.converged);
@@ -62,7 +68,10 @@ fn next(run: &SenseRun, folder: &RunFolder) -> Result<Vec<Step>> {
 }
 
 /// A probability with its error as text; small ones keep their digits.
-fn probability(p: ValueError) -> String {
+fn probability(p: Option<ValueError>) -> String {
+    let Some(p) = p else {
+        return "not known yet".to_owned();
+    };
     if p.value < 1e-3 {
         format!("{:.1e} +- {:.1e}", p.value, p.error)
     } else {

@@ -19,8 +19,9 @@ pub struct SenseRun {
     pub handedness: Handedness,
     /// Its run folder.
     pub folder: PathBuf,
-    /// Probability of this sense, if both were equally probable before, with the standard error from those of ln Z.
-    pub probability: ValueError,
+    /// Probability of this sense, if both were equally probable before, with the standard error from those of ln Z; `None` where one of the
+    /// fits was stopped by its time limit.
+    pub probability: Option<ValueError>,
     /// Its summary.
     pub summary: Summary,
 }
@@ -75,12 +76,13 @@ pub fn senses(
             None => return Ok(None),
         }
     }
+    let complete = fits.iter().all(|(_, s)| s.status == Status::Complete);
     let ln_z: Vec<ValueError> = fits.iter().map(|(_, summary)| summary.ln_z).collect();
     let runs = fits.into_iter().zip(folders).enumerate();
     let runs = runs.map(|(i, ((handedness, summary), folder))| SenseRun {
         handedness,
         folder,
-        probability: probability(ln_z[i], ln_z[1 - i]),
+        probability: complete.then(|| probability(ln_z[i], ln_z[1 - i])),
         summary,
     });
     Ok(Some(runs.collect()))

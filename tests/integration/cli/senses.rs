@@ -65,6 +65,16 @@ fn both_senses_are_fitted_weighed_and_resumed_and_the_wrong_one_is_improbable() 
     let more = ["--resume", "--json", "-q", "--allow-unconverged"];
     let resumed = json(&oblate(&[&args[..], &more].concat(), "").stdout);
     assert_eq!(resumed["ln_z"], rows[1]["summary"]["ln_z"]);
+    // Fits that the time limit has stopped do not say how probable the senses are.
+    let stopped = folder.path().join("stopped").display().to_string();
+    let args = ["fit", &track, "--config", &config, "--handedness", "both"];
+    let more = ["--max-minutes", "0", "--out", &stopped, "-q"];
+    let output = oblate(&[&args[..], &more].concat(), "");
+    let table = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(table.matches("not known yet").count(), 2, "{table}");
+    let told = String::from_utf8_lossy(&output.stderr);
+    let both = format!("--handedness both --out {stopped} -q --resume");
+    assert_eq!(told.matches(&both).count(), 1, "{told}");
     // A folder of a run cannot hold two of them.
     let output = oblate(
         &[
