@@ -5,6 +5,7 @@ of the radius, from a fixed seed per stream. Standard library only.
 """
 import csv
 import json
+import math
 import pathlib
 import random
 
@@ -43,3 +44,26 @@ for number, source in enumerate(sorted(GOLDEN.glob("*_track.csv"))):
     ]
     (HERE / f"{name}.ecsv").write_text("\n".join(header + rows) + "\n")
     print(name, len(rows), "bins, q =", host["q"])
+
+# The track of docs/tour.md, as an observer may have it: in arcseconds at a distance of 20 Mpc, with errors that differ to both sides, with the
+# leading tail at negative phi, counted from a point that is not the progenitor, and without the bins next to the progenitor, which is not seen.
+NAME, DISTANCE_MPC, PHI0_DEG = "s0_oblate_tilted", 20.0, 20.0
+noise = random.Random(20260100)
+rows = []
+for row in csv.DictReader((GOLDEN / f"{NAME}_track.csv").open()):
+    phi = 0.5 * (float(row["dphi_lo_deg"]) + float(row["dphi_hi_deg"]))
+    if int(row["count"]) < 2000 or abs(phi) < 10:
+        continue
+    r = float(row["mean_r_kpc"]) / (DISTANCE_MPC * 1000) * 180 * 3600 / math.pi
+    lo, hi = 0.02 * r, 0.03 * r
+    deviation = noise.gauss(0, 1)
+    # A radius that came out too large has its truth below.
+    r += deviation * (lo if deviation > 0 else hi)
+    rows.append(f"{PHI0_DEG - phi:g},{r:.1f},{lo:.1f},{hi:.1f}")
+header = [
+    "# name: NGC 0000 south",
+    "# Made by gala 1.11.0, see make_tracks.py; q = 0.6, the progenitor is at phi = 20 deg, and the leading tail at smaller phi.",
+    "# units: phi deg, r arcsec",
+    "phi,r,r_err_lo,r_err_hi",
+]
+(HERE / "ngc0000_south.csv").write_text("\n".join(header + rows[::-1]) + "\n")

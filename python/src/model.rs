@@ -6,7 +6,7 @@ use crate::settings::{changed, from_file};
 use crate::tables::{particle_columns, track_columns};
 use oblate::Rejection;
 use oblate::inference::FitSettings;
-use oblate::params::{NAMES, PARAMETERS, PriorSettings, StreamParams, StreamPrior, index_of};
+use oblate::params::{NAMES, PARAMETERS, StreamParams, StreamPrior, index_of};
 use oblate::stream::{self, Particles, System};
 use oblate::track::Track;
 use pyo3::prelude::*;
@@ -48,7 +48,7 @@ fn params(given: &Bound<'_, PyDict>) -> PyResult<StreamParams<f64>> {
 }
 
 impl Model {
-    fn particles(&self, given: &Bound<'_, PyDict>) -> PyResult<Particles> {
+    fn particles(&self, given: &Bound<'_, PyDict>) -> PyResult<(StreamParams<f64>, Particles)> {
         let params = params(given)?;
         self.prior.check_inside(&params).map_err(to_python)?;
         let system = System::from_params(&params, self.prior.q_range());
@@ -60,7 +60,8 @@ impl Model {
                 .integrate_in_parallel(&solution, &mut particles)?;
             Ok(particles)
         };
-        given.py().detach(|| pool.install(work)).map_err(no_track)
+        let particles = given.py().detach(|| pool.install(work)).map_err(no_track)?;
+        Ok((params, particles))
     }
 }
 
@@ -74,11 +75,7 @@ impl Model {
         threads: Option<usize>,
     ) -> PyResult<Self> {
         let settings: FitSettings = changed(from_file(config)?, "", settings)?;
-        let prior = PriorSettings {
-            // Parameters that a fit fixes are given here.
-            fixed: StreamParams::default(),
-            ..settings.prior
-        };
+        let prior = settings.prior.with_required_free();
         Ok(Self {
             model: stream::Model::new(&settings.model).map_err(to_python)?,
             prior: StreamPrior::new(&prior).map_err(to_python)?,
@@ -89,22 +86,26 @@ impl Model {
 
     /// The particles of a stream, by columns, from all parameters by name.
     fn stream<'py>(&self, parameters: &Bound<'py, PyDict>) -> PyResult<Bound<'py, PyDict>> {
-        let particles = self.particles(parameters)?;
+        let (_, particles) = self.particles(parameters)?;
         particle_columns(parameters.py(), self.model.particle_table(&particles))
     }
 
-    /// The track of a stream, by columns, from all parameters by name.
+    /// The track of a stream, by columns, from all parameters by name: at the angles and the distance of data with `phi0_deg` and
+    /// `distance_factor`.
     #[pyo3(signature = (parameters, *, bin_width_deg=10.0))]
     fn track<'py>(
         &self,
         parameters: &Bound<'py, PyDict>,
         bin_width_deg: f64,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let particles = self.particles(parameters)?;
+        let (params, particles) = self.particles(parameters)?;
         let likelihood = &self.settings.likelihood;
         let min_n = likelihood.min_fraction * particles.len() as f64;
         let track = Track::new(&particles, bin_width_deg, likelihood.edges, min_n);
-        track_columns(parameters.py(), &track.map_err(to_python)?)
+        // As data have it whose progenitor is at another phi, or whose distance is another.
+        let track = track.map_err(to_python)?;
+        let track = track.measured_with(params.phi0_deg, params.distance_factor);
+        track_columns(parameters.py(), &track)
     }
 
     fn __repr__(&self) -> String {

@@ -63,6 +63,16 @@ def test_points_without_a_stream_are_errors_with_a_remedy(fit, points, parameter
         oblate.Model().stream(parameters)
 
 
+def test_the_track_is_that_of_data_with_parameters_of_the_observation(parameters):
+    phi0 = {"kind": "uniform", "lo": -40.0, "hi": 40.0}
+    observed = oblate.Model(settings={"prior.marginals.phi0_deg": phi0, "prior.fixed.distance_factor": 2.0})
+    plain, moved = oblate.Model().track(parameters), observed.track({**parameters, "phi0_deg": 20.0, "distance_factor": 2.0})
+    assert moved["phi_deg"] == pytest.approx(plain["phi_deg"] + 20.0)
+    assert moved["r_kpc"] == pytest.approx(plain["r_kpc"] / 2.0)
+    with pytest.raises(oblate.OblateError, match="absent"):
+        oblate.Model().track({**parameters, "phi0_deg": 20.0})
+
+
 def test_a_track_of_arrays_is_that_of_the_file(fit, points):
     read = oblate.Track.read(TRACK)
     assert len(read) == 12

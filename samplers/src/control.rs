@@ -93,6 +93,16 @@ pub enum Event {
         /// Gradients so far.
         gradients: u64,
     },
+    /// A look at the draws of a tempered run at the end of its last round or of an extension, after which it goes on.
+    Look {
+        /// Scans so far.
+        scans: usize,
+        /// Names of the convergence checks that are still open.
+        open: Vec<String>,
+        /// How many times as many scans the open checks need whose numbers grow with them; infinite where one of these is zero, 1 if there
+        /// is none of them.
+        needed: f64,
+    },
     /// One MCMC step of an SMC bridge.
     Bridge {
         /// Exponent `s` of the fine likelihood.

@@ -31,6 +31,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let Some((first, others)) = stored.split_first() else {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
+    tell_other_tracks(&args.runs)?;
     let mut agree = true;
     for other in others {
         let comparison = compare(&first.name, &first.run, &other.name, &other.run)?;
@@ -49,6 +50,32 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
          those that agree.",
     );
     Ok(Exit::Failed)
+}
+
+/// Says which fits are of another track than the first.
+fn tell_other_tracks(runs: &[PathBuf]) -> Result<()> {
+    let track = |path: &PathBuf| {
+        let folder = RunFolder::open(path)?;
+        // A population has none.
+        folder
+            .track()
+            .is_file()
+            .then(|| folder.read_track())
+            .transpose()
+    };
+    let Some(first) = track(&runs[0])? else {
+        return Ok(());
+    };
+    for path in &runs[1..] {
+        if track(path)?.is_some_and(|other| !other.has_data_of(&first)) {
+            note(&format!(
+                "{} is the fit of another track, or of the other sense of phi, than {}: they need not agree.",
+                path.display(),
+                runs[0].display()
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn print(c: &Comparison, out: &mut Output<'_>) -> Result<()> {

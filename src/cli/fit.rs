@@ -3,19 +3,23 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
-use super::next::{after_fit, coarse_summary};
+use super::next::{after_fit, tell_coarse};
 use super::options::{Common, FitFlags, TrackFlags, sampler};
-use super::output::{Output, note};
+use super::output::Output;
+use super::senses::fit_both;
 use super::set::SetFlags;
+use crate::data::Handedness;
 use crate::error::{Error, Result};
-use crate::inference::{Fit, FitSettings, Sampler};
+use crate::inference::{FitSettings, Sampler};
 use crate::run::{RunFolder, fit};
 use std::path::PathBuf;
 
 /// Flags of `oblate fit`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Example:\n  oblate fit track.ecsv --seed 3 --out runs/track\n  oblate fit track.ecsv --sampler nested --out runs/track_nested",
+    after_help = "Examples:\n  oblate fit track.ecsv --seed 3 --out runs/track\n  oblate fit track.ecsv --sampler nested --out runs/track_nested\n  \
+oblate fit track.ecsv --handedness both --out runs/track\n\n\
+Both senses have a run folder each in FOLDER, and a table of their evidences and probabilities is printed.",
     mut_arg("out", |out| out.required(false).required_unless_present("print_config"))
 )]
 pub struct Args {
@@ -70,6 +74,18 @@ pub fn run(
             remedy: "name the track to fit".to_owned(),
         });
     };
+    if args.reading.both_senses() {
+        let read = |sense| args.reading.read_in(path, Some(sense));
+        let tracks = (read(Handedness::AsGiven)?, read(Handedness::Mirrored)?);
+        return fit_both(
+            [&tracks.0, &tracks.1],
+            &settings,
+            &args.folder,
+            common,
+            command,
+            out,
+        );
+    }
     let track = args.reading.read(path)?;
     let label = format!("{} {}", track.name, settings.sampling.sampler.name());
     args.folder.fill(
@@ -80,32 +96,10 @@ pub fn run(
         |destination, monitor| fit(&track, &settings, destination, monitor),
         |fit, folder| {
             let folder = RunFolder::open(folder)?;
-            tell_coarse(fit, &folder);
-            Ok(after_fit(fit, &settings, &folder, command))
+            tell_coarse(&fit.summary, &folder);
+            Ok(after_fit(&fit.summary, &settings, &folder, command))
         },
     )
-}
-
-/// Says what is wrong with the coarse fit, if it is the reason why the fit has not ended or not converged.
-fn tell_coarse(fit: &Fit, folder: &RunFolder) {
-    let Some(coarse) = coarse_summary(folder) else {
-        return;
-    };
-    if !folder.finished() {
-        note(
-            "The result is that of the coarse model, which is fitted first: the time limit was reached there.",
-        );
-    } else if !fit.summary.converged && !coarse.converged {
-        let path = folder.coarse();
-        note(&format!(
-            "The coarse fit, {}: {}",
-            path.display(),
-            coarse.verdict()
-        ));
-        for failed in coarse.failed_checks() {
-            note(&format!("    {failed}"));
-        }
-    }
 }
 
 /// Comments of the printed settings, each above its table; the first is above all.

@@ -23,7 +23,9 @@ mod progress;
 mod report;
 mod run_folders;
 mod selection;
+mod senses;
 mod set;
+mod several;
 mod stream;
 mod study;
 

@@ -3,7 +3,7 @@
 use super::command_line::CommandLine;
 use super::output::note;
 use crate::error::Result;
-use crate::inference::{Fit, FitSettings, Sampler, SamplerSettings};
+use crate::inference::{FitSettings, Sampler, SamplerSettings};
 use crate::posterior::Summary;
 use crate::run::RunFolder;
 use crate::spray::TableSettings;
@@ -54,12 +54,11 @@ type Change = (&'static str, String);
 /// What to do after a fit: continue it if it was stopped, extend it or fit again if it has not converged, and bridge it to a finer
 /// model if its own is not accurate enough.
 pub fn after_fit(
-    fit: &Fit,
+    summary: &Summary,
     settings: &FitSettings,
     folder: &RunFolder,
     command: &CommandLine,
 ) -> Vec<Step> {
-    let summary = &fit.summary;
     if summary.status == Status::BudgetSpent {
         return vec![Step::resume(command)];
     }
@@ -141,6 +140,28 @@ pub fn after_run(
 pub fn coarse_summary(folder: &RunFolder) -> Option<Summary> {
     let coarse = RunFolder::open(&folder.coarse()).ok()?;
     Summary::read(&coarse.summary()).ok()
+}
+
+/// Says what is wrong with the coarse fit, if it is the reason why the fit has not ended or not converged.
+pub fn tell_coarse(summary: &Summary, folder: &RunFolder) {
+    let Some(coarse) = coarse_summary(folder) else {
+        return;
+    };
+    if !folder.finished() {
+        note(
+            "The result is that of the coarse model, which is fitted first: the time limit was reached there.",
+        );
+    } else if !summary.converged && !coarse.converged {
+        let path = folder.coarse();
+        note(&format!(
+            "The coarse fit, {}: {}",
+            path.display(),
+            coarse.verdict()
+        ));
+        for failed in coarse.failed_checks() {
+            note(&format!("    {failed}"));
+        }
+    }
 }
 
 /// Names of the checks that it failed.

@@ -216,24 +216,59 @@ pub struct TrackFlags {
     /// Standard error of all radii, in per cent of the radius, for a track without errors; it is named with the result
     #[arg(long, value_name = "PERCENT", value_parser = parsed::<AssumedError>)]
     assume_error: Option<AssumedError>,
-    /// `as-given` where the leading tail is at positive phi; `mirrored` changes the sign of phi
-    #[arg(long, value_name = "SENSE", value_parser = parsed::<Handedness>)]
-    handedness: Option<Handedness>,
+    /// `as-given` where the leading tail is at positive phi; `mirrored` changes the sign of phi; a fit takes `both`, and compares the two
+    #[arg(long, value_name = "SENSE", value_parser = Senses::parse)]
+    handedness: Option<Senses>,
+}
+
+/// The sense or the senses of phi in which a track is read.
+#[derive(Clone, Copy, Debug)]
+enum Senses {
+    One(Handedness),
+    Both,
+}
+
+impl Senses {
+    fn parse(text: &str) -> std::result::Result<Self, String> {
+        if text == "both" {
+            return Ok(Self::Both);
+        }
+        parsed(text).map(Self::One)
+    }
 }
 
 impl TrackFlags {
+    /// Whether the track is to be read in both senses.
+    pub fn both_senses(&self) -> bool {
+        matches!(self.handedness, Some(Senses::Both))
+    }
+
     /// Reads a track; these flags come before its header.
     pub fn read(&self, path: &Path) -> Result<ObservedTrack> {
+        match self.handedness {
+            Some(Senses::Both) => Err(Error::Setting {
+                key: "--handedness".to_owned(),
+                value: "both".to_owned(),
+                remedy: "give one sense, `as-given` or `mirrored`: only a fit compares both"
+                    .to_owned(),
+            }),
+            Some(Senses::One(sense)) => self.read_in(path, Some(sense)),
+            None => self.read_in(path, None),
+        }
+    }
+
+    /// Reads a track in this sense, or else in that of its header.
+    pub fn read_in(&self, path: &Path, sense: Option<Handedness>) -> Result<ObservedTrack> {
         let options = ReadOptions {
             assumed_error: self.assume_error,
-            handedness: self.handedness,
+            handedness: sense,
         };
         ObservedTrack::read_with(path, &options)
     }
 }
 
 /// A value of the library on the command line, with the library's own remedy where it is wrong.
-fn parsed<T: FromStr<Err = Error>>(text: &str) -> std::result::Result<T, String> {
+pub fn parsed<T: FromStr<Err = Error>>(text: &str) -> std::result::Result<T, String> {
     text.parse::<T>().map_err(|error| match error {
         Error::Setting { remedy, .. } => remedy,
         other => other.to_string(),

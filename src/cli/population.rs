@@ -7,6 +7,7 @@ use super::next::after_run;
 use super::options::{Common, sampler};
 use super::output::{Output, shown};
 use super::set::SetFlags;
+use super::several::{print_faults, tell_once};
 use crate::config::{PopulationConfig, read};
 use crate::error::Result;
 use crate::inference::Sampler;
@@ -106,7 +107,8 @@ pub fn run(
         print(&runs, out)?;
     }
     let steps = runs.iter().map(|run| {
-        let of_family = command.with_value("--family", run.family.name());
+        let of_family = (command.with_value("--family", run.family.name()))
+            .with_value("--out", &run.folder.display().to_string());
         after_run(
             &run.summary,
             Some(&config.sampling),
@@ -114,13 +116,7 @@ pub fn run(
             &of_family,
         )
     });
-    let mut told = Vec::new();
-    for step in steps.flatten() {
-        if !told.contains(&step) {
-            step.tell();
-            told.push(step);
-        }
-    }
+    tell_once(steps.flatten());
     let converged = runs.iter().all(|run| run.summary.converged);
     Ok(Exit::from_converged(converged || folder.allow_unconverged))
 }
@@ -151,17 +147,7 @@ fn print(runs: &[FamilyRun], out: &mut Output<'_>) -> Result<()> {
         ))?;
     }
     for run in &order {
-        let summary = &run.summary;
-        let verdict = (!summary.converged).then(|| summary.verdict());
-        let model = summary.model_checks.iter().any(|check| !check.pass);
-        let model = summary.model_verdict().filter(|_| model);
-        let prior = summary.measured_verdict();
-        for words in [verdict, model, prior].into_iter().flatten() {
-            out.line(&format!("{}: {words}", run.family.name()))?;
-        }
-        for failed in summary.failed_checks().chain(summary.failed_model_checks()) {
-            out.line(&format!("    {failed}"))?;
-        }
+        print_faults(run.family.name(), &run.summary, out)?;
     }
     Ok(())
 }

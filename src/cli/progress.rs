@@ -40,7 +40,16 @@ pub struct Progress {
     plain: bool,
     last: Instant,
     stage: Stage,
+    /// The convergence checks that a tempered run had open when it last looked at them.
+    open: Option<Open>,
     current: String,
+}
+
+/// Open convergence checks.
+struct Open {
+    names: Vec<String>,
+    /// Scans that the run needs at least, if its numbers grow as before.
+    scans: f64,
 }
 
 /// The present stage.
@@ -97,6 +106,7 @@ impl Progress {
             plain: !terminal && !common.quiet,
             last: Instant::now(),
             stage: Stage::new(String::new()),
+            open: None,
             current: "the beginning".to_owned(),
         }
     }
@@ -120,6 +130,7 @@ impl Progress {
 
     fn begin(&mut self, name: String) {
         self.stage = Stage::new(name);
+        self.open = None;
         self.current.clone_from(&self.stage.name);
         if let Some(bar) = &self.bar {
             bar.set_message(self.current.clone());
@@ -192,8 +203,18 @@ impl Observer for Progress {
                 self.begin(format!("stage {number} of {of}, {name}"));
             }
             Event::Warning { message } => self.warn(message),
+            Event::Look {
+                scans,
+                open,
+                needed,
+            } => {
+                self.open = Some(Open {
+                    names: open.clone(),
+                    scans: *scans as f64 * needed,
+                });
+            }
             other => {
-                if let Some(report) = report(other) {
+                if let Some(report) = report(other, self.open.as_ref()) {
                     self.advance(report);
                 }
             }
@@ -203,7 +224,7 @@ impl Observer for Progress {
 }
 
 /// What an event of a sampler says; none if it says nothing about how far the work is.
-fn report(event: &Event) -> Option<Report> {
+fn report(event: &Event, open: Option<&Open>) -> Option<Report> {
     let report = match event {
         Event::Advanced { done, of } => Report {
             part: "count".to_owned(),
@@ -264,11 +285,20 @@ fn report(event: &Event) -> Option<Report> {
                     &format!(", ln Z {ln_z:.2}, communication barrier {communication_barrier:.1}");
             }
             text += &format!(", {round_trips} round trips");
+            let mut left = ((scans - scan - 1) as f64, "the round ends in");
+            if let Some(open) = open {
+                text += &format!(", open checks: {}", open.names.join(", "));
+                // Without an end where the number of an open check is still zero.
+                left = (
+                    left.0.max(open.scans - *scan as f64 - 1.0),
+                    "ends in at least",
+                );
+            }
             Report {
-                part: format!("round {round} of {scans}"),
+                part: format!("round {round}"),
                 text,
                 done: Some(("scans", *scan as f64)),
-                left: Some(((scans - scan - 1) as f64, "the round ends in")),
+                left: Some(left),
             }
         }
         Event::Bridge {

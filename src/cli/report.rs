@@ -1,18 +1,19 @@
 //! `oblate report`.
 
 use super::exit::Exit;
-use super::options::{Common, refuse_existing};
+use super::options::{Common, parsed, refuse_existing};
 use super::output::{Output, shown};
 use super::run_folders::run_folders;
 use crate::error::Result;
+use crate::report::FigureFormat;
 use crate::run::render_report;
 use std::path::PathBuf;
 
 /// Flags of `oblate report`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Example:\n  oblate report runs/track_nested runs/track_pt --out report.html\n\n\
-Each figure is also written as SVG into its run folder."
+    after_help = "Example:\n  oblate report runs/track_nested runs/track_pt --format svg,pdf --out report.html\n\n\
+Each figure is also written into its run folder."
 )]
 pub struct Args {
     /// Finished runs; files and folders that are no runs are skipped with a note
@@ -24,6 +25,9 @@ pub struct Args {
     /// Replace the page if it exists
     #[arg(long)]
     force: bool,
+    /// Formats of the figures in the run folders, with commas or repeated: svg, pdf
+    #[arg(long, value_name = "FORMAT", value_delimiter = ',', default_value = "svg", value_parser = parsed::<FigureFormat>)]
+    format: Vec<FigureFormat>,
     /// Title of the page
     #[arg(long, default_value = "oblate report")]
     title: String,
@@ -32,7 +36,8 @@ pub struct Args {
 /// Writes the page.
 pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     refuse_existing(&args.out, args.force)?;
-    render_report(&args.title, &run_folders(&args.runs), &args.out)?;
+    let runs = run_folders(&args.runs);
+    render_report(&args.title, &runs, &args.format, &args.out)?;
     if common.json {
         out.json(&serde_json::json!({"report": shown(&args.out)}))?;
     } else {

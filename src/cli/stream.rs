@@ -5,7 +5,7 @@ use super::options::{Common, ModelFlags, finite, refuse_existing, write_file};
 use super::output::Output;
 use crate::config::read;
 use crate::error::{Error, Result};
-use crate::params::{PriorSettings, StreamParams, StreamPrior};
+use crate::params::{StreamParams, StreamPrior};
 use crate::stream::{Model, Particles, System};
 use crate::track::{BIN_WIDTHS_DEG, BinEdges, Track};
 use oblate_samplers::limits::in_range;
@@ -45,11 +45,7 @@ pub struct Args {
 pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let params: StreamParams<f64> = read(&args.params)?;
     let settings = args.model.settings(args.config.as_deref())?;
-    let prior = StreamPrior::new(&PriorSettings {
-        // Parameters that a fit fixes are given here.
-        fixed: StreamParams::default(),
-        ..settings.prior
-    })?;
+    let prior = StreamPrior::new(&settings.prior.with_required_free())?;
     prior.check_inside(&params).map_err(|e| Error::InFile {
         path: args.params.clone(),
         line: None,
@@ -84,7 +80,9 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
         .integrate_in_parallel(&solution, &mut particles)
         .map_err(Error::NoTrack)?;
     let min_n = min_fraction * particles.len() as f64;
-    let track = Track::new(&particles, args.bin_width, edges, min_n)?;
+    // As data have it whose progenitor is at another phi, or whose distance is another.
+    let track = Track::new(&particles, args.bin_width, edges, min_n)?
+        .measured_with(params.phi0_deg, params.distance_factor);
     let seconds = begin.elapsed().as_secs_f64();
     if let Some(file) = &args.particles_out {
         let csv = particles_csv(&particles, &model);

@@ -10,6 +10,7 @@ use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
 use crate::inference::Sampler;
 use crate::posterior::{Summary, compare};
+use crate::report::FigureFormat;
 use crate::run::{
     RunFolder, SUMMARY_FILE, StudyResult, StudyRun, render_report, report_path, study,
 };
@@ -86,7 +87,7 @@ pub fn run(
     }
     let page = report_path(&config.out);
     let folders: Vec<PathBuf> = result.runs().map(|p| p.folder.clone()).collect();
-    render_report(&config.title, &folders, &page)?;
+    render_report(&config.title, &folders, &[FigureFormat::Svg], &page)?;
     if common.json {
         let rows: Vec<_> = result.runs()
             .map(|p| json!({"name": p.name, "sampler": p.sampler, "folder": shown(&p.folder), "summary": p.summary}))

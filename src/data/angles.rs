@@ -18,23 +18,33 @@ pub enum Handedness {
     Mirrored,
 }
 
+impl Handedness {
+    /// Both senses.
+    pub const BOTH: [Self; 2] = [Self::AsGiven, Self::Mirrored];
+
+    /// Its name in files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::AsGiven => "as-given",
+            Self::Mirrored => "mirrored",
+        }
+    }
+}
+
 impl FromStr for Handedness {
     type Err = Error;
 
     /// # Errors
     /// [`Error::Setting`] for anything but `as-given` and `mirrored`.
     fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "as-given" => Ok(Self::AsGiven),
-            "mirrored" => Ok(Self::Mirrored),
-            _ => Err(Error::Setting {
-                key: "handedness".to_owned(),
-                value: text.to_owned(),
-                remedy:
-                    "give `as-given` where the leading tail is at positive phi, else `mirrored`"
-                        .to_owned(),
-            }),
-        }
+        let known = Self::BOTH.into_iter().find(|sense| sense.name() == text);
+        known.ok_or_else(|| Error::Setting {
+            key: "handedness".to_owned(),
+            value: text.to_owned(),
+            remedy: "give `as-given` where the leading tail is at positive phi, else `mirrored`"
+                .to_owned(),
+        })
     }
 }
 

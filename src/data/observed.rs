@@ -125,13 +125,35 @@ impl ObservedTrack {
         known
     }
 
+    /// Whether another track has the same name and the same radii with the same errors at the same angles, so that fits of both have the same
+    /// posterior.
+    #[must_use]
+    pub fn has_data_of(&self, other: &Self) -> bool {
+        let columns = |track: &Self| {
+            [
+                &track.phi_deg,
+                &track.r_kpc,
+                &track.r_err_lo_kpc,
+                &track.r_err_hi_kpc,
+            ]
+            .map(Clone::clone)
+        };
+        self.name == other.name && columns(self) == columns(other)
+    }
+
+    /// Whether the sign of phi was changed when it was read.
+    #[must_use]
+    pub fn is_mirrored(&self) -> bool {
+        self.meta.contains_key(MIRRORED)
+    }
+
     /// What was assumed because the source does not say it, and what was changed on reading, one sentence each.
     #[must_use]
     pub fn assumptions(&self) -> Vec<String> {
         let error = self.assumed_error.map(|assumed| {
             format!("the errors of r are {assumed} of r, because the track has none")
         });
-        let mirrored = self.meta.contains_key(MIRRORED).then(|| {
+        let mirrored = self.is_mirrored().then(|| {
             "phi was mirrored on reading, so that the leading tail is at positive phi".to_owned()
         });
         error.into_iter().chain(mirrored).collect()

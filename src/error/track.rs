@@ -154,13 +154,13 @@ pub enum TrackFault {
     DistanceWithoutUnit,
     /// Radii in arcsec need a distance.
     #[error(
-        "column `r` is in arcsec and the header has no `distance`; add `distance` in Mpc, a number above zero, to the header's meta, or \
+        "column `r` is in arcsec and the header has no `distance`; add `distance` in Mpc, a number above zero, to the header, or \
          give r in kpc"
     )]
     NoDistance,
     /// The header's distance is not a positive number of Mpc.
     #[error(
-        "the header's `distance` is {text}; add `distance` in Mpc, a number above zero, to the header's meta, or give r in kpc"
+        "the header's `distance` is {text}; add `distance` in Mpc, a number above zero, to the header, or give r in kpc"
     )]
     BadDistance {
         /// What the header gives.

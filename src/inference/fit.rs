@@ -2,7 +2,7 @@
 
 use super::best_fit::diagnose;
 use super::model_error::{model_error, other_particles};
-use super::prior_predictive::check_prior_predictive;
+use super::prior_predictive::{Advanced, check_prior_predictive};
 use super::sample::{bridge, sample};
 use super::settings::FitSettings;
 use super::target::StreamTarget;
@@ -52,7 +52,7 @@ impl FitPlan {
     /// As of [`of_settings`](Self::of_settings); [`Error::UnreachableTrack`] if no draw of the prior reaches the track.
     pub fn new(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         let plan = Self::of_settings(track, settings)?;
-        check_prior_predictive(&plan.target, settings.seed)?;
+        check_prior_predictive(&plan.target, settings.seed, &mut |_, _| ())?;
         Ok(plan)
     }
 
@@ -132,7 +132,8 @@ pub fn bridge_from(
 }
 
 /// The summary of a run on a track, with [`diagnose`]'s numbers and warnings, and the checks of the model's own error at the posterior
-/// (docs/samplers.md, section 4), for which some hundred draws are evaluated again, unless the run was interrupted.
+/// (docs/samplers.md, section 4), for which some hundred draws are evaluated again, unless the run was interrupted. `advanced` is told how
+/// many of how many values are done.
 #[must_use]
 pub fn summarize(
     target: &StreamTarget,
@@ -140,12 +141,13 @@ pub fn summarize(
     run: &Run,
     command: &str,
     input_hash: &str,
+    advanced: &mut Advanced<'_>,
 ) -> Summary {
     let mut found = diagnose(target, track, run);
     // An interrupted run ends at once.
     let model_checks = match run.status {
         Status::Interrupted => Vec::new(),
-        Status::Complete | Status::BudgetSpent => model_error(target, run, &mut found),
+        Status::Complete | Status::BudgetSpent => model_error(target, run, &mut found, advanced),
     };
     let context = SummaryContext {
         population: None,
@@ -214,14 +216,14 @@ pub fn fit_with(
     let plan = FitPlan::new(track, settings)?;
     control.tell_memory(&plan.memory);
     let finish = |target: &StreamTarget, run: Run| {
-        let summary = summarize(target, track, &run, "", "");
+        let summary = summarize(target, track, &run, "", "", &mut |_, _| ());
         Ok(Fit { run, summary })
     };
     let Some(coarse) = &plan.coarse else {
         let run = sample(&plan.target, &settings.sampling, settings.seed, control)?;
         return finish(&plan.target, run);
     };
-    check_prior_predictive(&coarse.target, settings.seed)?;
+    check_prior_predictive(&coarse.target, settings.seed, &mut |_, _| ())?;
     let parent = sample(&coarse.target, &settings.sampling, settings.seed, control)?;
     if parent.status != Status::Complete {
         return finish(&coarse.target, parent);

@@ -1,6 +1,7 @@
 //! The error of the model at the posterior: how far ln L, and with it q, moves with shorter steps and with other, more particles.
 
 use super::best_fit::Diagnostics;
+use super::prior_predictive::Advanced;
 use super::target::StreamTarget;
 use crate::likelihood::StreamLikelihood;
 use crate::spray::TableSettings;
@@ -11,6 +12,9 @@ use oblate_samplers::output::Check;
 
 /// Number of posterior draws of equal weight that are evaluated again.
 const DRAWS: usize = 256;
+
+/// Number of values between two reports of progress.
+const CHUNK: usize = 32;
 
 /// Number of threads for which the memory of a model with more particles must suffice: not the present one, because the result must not
 /// depend on it.
@@ -34,15 +38,23 @@ const Q_LIMIT: f64 = 0.5;
 /// and its variance by Cov((q - mean)², Δ), which needs far fewer draws than the weights themselves, and is exact for a normal posterior whose
 /// ln L changes by a linear function of q.
 ///
-/// Returns the checks; the numbers behind them are added to `found`.
-pub(super) fn model_error(target: &StreamTarget, run: &Run, found: &mut Diagnostics) -> Vec<Check> {
+/// Returns the checks; the numbers behind them are added to `found`. `advanced` is told how many of how many values are done.
+pub(super) fn model_error(
+    target: &StreamTarget,
+    run: &Run,
+    found: &mut Diagnostics,
+    advanced: &mut Advanced<'_>,
+) -> Vec<Check> {
     let draws = Sample::new(target, run);
     if draws.points.is_empty() {
         return Vec::new();
     }
     let likelihood = target.likelihood();
     let shorter = likelihood.model().with_twice_the_steps();
-    let difference = draws.difference(&likelihood.with_model(shorter));
+    let count = draws.points.len() as u64;
+    let difference = draws.difference(&likelihood.with_model(shorter), &mut |done| {
+        advanced(done, 2 * count);
+    });
     let mut checks = difference.checks(
         "steps",
         STEPS_LIMIT,
@@ -54,13 +66,19 @@ pub(super) fn model_error(target: &StreamTarget, run: &Run, found: &mut Diagnost
     let other = other_particles(settings);
     let factor = other.releases.particles / settings.releases.particles;
     match Model::new(&other) {
-        Ok(model) => checks.extend(draws.difference(&likelihood.with_model(model)).checks(
-            "particles",
-            PARTICLES_LIMIT,
-            &format!("{factor} times as many, other particles"),
-            "increase `model.releases.particles`",
-            found,
-        )),
+        Ok(model) => {
+            let finer = likelihood.with_model(model);
+            let difference = draws.difference(&finer, &mut |done| {
+                advanced(count + done, 2 * count);
+            });
+            checks.extend(difference.checks(
+                "particles",
+                PARTICLES_LIMIT,
+                &format!("{factor} times as many, other particles"),
+                "increase `model.releases.particles`",
+                found,
+            ));
+        }
         Err(error) => found.warnings.push(format!(
             "the error of the model by its particles is not known: {error}"
         )),
@@ -150,8 +168,12 @@ impl Sample {
         weights.map(|(i, weight)| weight * number(i)).sum()
     }
 
-    fn difference(&self, other: &StreamLikelihood) -> Difference {
-        let values = other.ln_likelihoods(&self.points);
+    fn difference(&self, other: &StreamLikelihood, done: &mut dyn FnMut(u64)) -> Difference {
+        let mut values = Vec::new();
+        for points in self.points.chunks(CHUNK) {
+            values.extend(other.ln_likelihoods(points));
+            done(values.len() as u64);
+        }
         let differences: Vec<f64> = values
             .iter()
             .zip(&self.ln_likelihood)

@@ -294,22 +294,62 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     /// [`Rejection::BadParameter`], [`Rejection::BadOrbit`], [`Rejection::UnresolvedOrbit`] or [`Rejection::BadParticle`] where there
     /// is no stream.
     pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Particles), Rejection> {
+        let (observation, particles) = self.particles_at(params)?;
+        let track = self.measured(&particles, &observation, 0.0);
+        Ok((track, particles))
+    }
+
+    /// As [`track_at`](Self::track_at), as a curve: phi in degrees and radius in kpc in bins that move along phi in `per_bin` steps for each bin
+    /// width, in the order of phi. Every `per_bin`-th point is one of the track.
+    ///
+    /// # Errors
+    /// As of [`track_at`](Self::track_at).
+    pub fn curve_at(
+        &self,
+        params: &StreamParams<f64>,
+        per_bin: u32,
+    ) -> Result<(Vec<(f64, f64)>, Particles), Rejection> {
+        let (observation, particles) = self.particles_at(params)?;
+        let step_deg = self.track.grid_from(0.0).width_deg / f64::from(per_bin);
+        let tracks =
+            (0..per_bin).map(|k| self.measured(&particles, &observation, f64::from(k) * step_deg));
+        let mut curve: Vec<(f64, f64)> = tracks
+            .flat_map(|track| track.bins)
+            .map(|bin| (bin.phi_deg, bin.r_kpc))
+            .collect();
+        curve.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok((curve, particles))
+    }
+
+    fn particles_at(
+        &self,
+        params: &StreamParams<f64>,
+    ) -> Result<(Observation<f64>, Particles), Rejection> {
         let observation = Observation::from(params);
         observation.check()?;
         let solution = self.model.progenitor_solution(&self.system(params))?;
         let mut particles = Particles::default();
         self.model
             .integrate_in_parallel(&solution, &mut particles)?;
+        Ok((observation, particles))
+    }
+
+    /// The track of particles in the data's bins, moved along phi.
+    fn measured(
+        &self,
+        particles: &Particles,
+        observation: &Observation<f64>,
+        moved_deg: f64,
+    ) -> Track {
         let grid = self.track.grid_from(observation.phi0_deg);
         let track = Track::from_checked(
-            &particles,
+            particles,
             grid.width_deg,
-            grid.offset_deg,
+            grid.offset_deg + moved_deg,
             grid.edges,
             self.track.threshold().max(1.0),
         );
-        let track = track.measured_with(observation.phi0_deg, observation.distance_factor);
-        Ok((track, particles))
+        track.measured_with(observation.phi0_deg, observation.distance_factor)
     }
 
     /// Writes the particles and their sums over the bins of `grid` into the buffers.

@@ -49,6 +49,9 @@ fn default_marginals() -> StreamParams<Option<Marginal>> {
     }
 }
 
+/// Parameters that change their sign if the sky is mirrored at its x axis and the orbit still turns counter-clockwise.
+const MIRRORED: [&str; 2] = ["dir_y", "phi0_deg"];
+
 /// Parameters that must not be negative.
 const NOT_NEGATIVE: [&str; 4] = ["r_s_halo_kpc", "r_s_prog_kpc", "age_gyr", "jitter"];
 
@@ -148,6 +151,45 @@ impl PriorSettings {
             }
         }
         Ok(())
+    }
+
+    /// The same prior for the track of the other sense, whose phi has the opposite sign: the parameters that a mirrored sky changes,
+    /// `dir_y` and `phi0_deg`, have the opposite sign in their distributions and fixed values.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if `vy0_km_s` may be negative, so that orbits of both senses are in the prior already, and for a half-normal
+    /// distribution of a parameter that changes its sign.
+    pub fn mirrored(&self) -> Result<Self> {
+        if let Some(vy) = self.marginals.vy0_km_s.filter(|vy| vy.support().0 < 0.0) {
+            return Err(Error::Setting {
+                key: "prior.marginals.vy0_km_s".to_owned(),
+                value: format!("values from {}", vy.support().0),
+                remedy: "give a distribution without negative values: with them the orbit turns in both senses already".to_owned(),
+            });
+        }
+        let mut mirrored = *self;
+        for name in MIRRORED {
+            let Some(i) = index_of(name) else { continue };
+            if let Some(marginal) = mirrored.marginals.get_mut(i) {
+                *marginal = marginal.map(|m| opposite(name, m)).transpose()?;
+            }
+            if let Some(fixed) = mirrored.fixed.get_mut(i) {
+                *fixed = fixed.map(|value| 0.0 - value);
+            }
+        }
+        Ok(mirrored)
+    }
+
+    /// The same prior for parameter sets that have all parameters which every stream has: none of these is fixed.
+    #[must_use]
+    pub fn with_required_free(&self) -> Self {
+        let mut free = *self;
+        for i in 0..REQUIRED {
+            if let Some(fixed) = free.fixed.get_mut(i) {
+                *fixed = None;
+            }
+        }
+        free
     }
 
     /// Fixes one parameter by its name.
@@ -413,6 +455,22 @@ impl StreamPrior {
                 )
             },
         })
+    }
+}
+
+/// The distribution of a parameter with the opposite sign.
+fn opposite(name: &str, marginal: Marginal) -> Result<Marginal> {
+    match marginal {
+        Marginal::Uniform { lo, hi } => Ok(uniform(0.0 - hi, 0.0 - lo)),
+        Marginal::Normal { mean, sd } => Ok(Marginal::Normal {
+            mean: 0.0 - mean,
+            sd,
+        }),
+        Marginal::HalfNormal { .. } => Err(Error::Setting {
+            key: format!("prior.marginals.{name}"),
+            value: format!("{marginal:?}"),
+            remedy: "the opposite sense has the opposite sign of this parameter: give a uniform or a normal".to_owned(),
+        }),
     }
 }
 

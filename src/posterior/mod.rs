@@ -30,7 +30,7 @@ pub use information::{
     not_measured,
 };
 pub use interval::Interval;
-pub use modes::{Mode, ModeWeight, Probability, mode_weights, prolate_probability};
+pub use modes::{Mode, ModeWeight, Probability, mode_weights, modes_of_draws, prolate_probability};
 pub use population_summary::{
     MAX_PARETO_K, MeanWithoutStream, PopulationSummary, PredictiveQuantity, StreamInPopulation,
     WithoutStream,

@@ -51,16 +51,7 @@ pub struct Probability {
 /// The eight modes in a fixed order, or `None` if the run lacks `dir_x`, `dir_y` or `q`.
 #[must_use]
 pub fn mode_weights(run: &Run) -> Option<Vec<ModeWeight>> {
-    let (x, y, q) = (
-        column(run, "dir_x").ok()?.values,
-        column(run, "dir_y").ok()?.values,
-        column(run, "q").ok()?.values,
-    );
-    let modes: Vec<usize> = (0..q.len())
-        .map(|i| {
-            usize::from(x[i] >= 0.0) + 2 * usize::from(y[i] >= 0.0) + 4 * usize::from(q[i] > 1.0)
-        })
-        .collect();
+    let modes = modes_of_draws(run)?;
     let weights = probabilities::<8>(run, &modes).into_iter().enumerate();
     Some(
         weights
@@ -74,6 +65,20 @@ pub fn mode_weights(run: &Run) -> Option<Vec<ModeWeight>> {
             })
             .collect(),
     )
+}
+
+/// The mode of each draw, as its index in [`mode_weights`]; `None` if the run lacks `dir_x`, `dir_y` or `q`.
+#[must_use]
+pub fn modes_of_draws(run: &Run) -> Option<Vec<usize>> {
+    let (x, y, q) = (
+        column(run, "dir_x").ok()?.values,
+        column(run, "dir_y").ok()?.values,
+        column(run, "q").ok()?.values,
+    );
+    let mode = |i: usize| {
+        usize::from(x[i] >= 0.0) + 2 * usize::from(y[i] >= 0.0) + 4 * usize::from(q[i] > 1.0)
+    };
+    Some((0..q.len()).map(mode).collect())
 }
 
 /// The probability that q > 1, or `None` if the run lacks `q`.

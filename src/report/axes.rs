@@ -99,6 +99,15 @@ impl Axes {
         x.iter().zip(y).map(|(x, y)| self.at(*x, *y)).collect()
     }
 
+    /// The outline of a density over the lower edge of the panel, from its points (value, density).
+    #[must_use]
+    pub fn hill(&self, density: &[(f64, f64)]) -> Vec<(f64, f64)> {
+        let foot = |end: Option<&(f64, f64)>| end.map(|(x, _)| self.at(*x, self.y.0));
+        let top = density.iter().map(|(x, d)| self.at(*x, *d));
+        let first = foot(density.first()).into_iter();
+        first.chain(top).chain(foot(density.last())).collect()
+    }
+
     /// A horizontal line through the panel.
     pub fn level(&self, canvas: &mut Canvas, y: f64, colour: &str, dash: &str) {
         let ends = [self.at(self.x.0, y), self.at(self.x.1, y)];
@@ -113,7 +122,7 @@ impl Axes {
         }
     }
 
-    /// Inward ticks and, where `label` is not empty, tick texts and the label's lines below.
+    /// Inward ticks and, where `label` is not empty, tick texts and the label's lines, which are markup, below.
     pub fn draw_x(&self, canvas: &mut Canvas, label: &str, max_ticks: usize, size: f64) {
         let (left, top, w, h) = self.rect;
         let values = ticks(self.x, max_ticks);
@@ -129,7 +138,7 @@ impl Axes {
         }
         for (k, line) in label.lines().enumerate() {
             let y = top + h + (2.4 + 1.3 * k as f64) * size + 3.0;
-            canvas.text((left + 0.5 * w, y), line, size + 1.0, Anchor::Middle, 0.0);
+            canvas.markup((left + 0.5 * w, y), line, size + 1.0, Anchor::Middle, 0.0);
         }
     }
 
@@ -149,7 +158,7 @@ impl Axes {
         let lines: Vec<&str> = label.lines().rev().collect();
         for (k, line) in lines.into_iter().enumerate() {
             let x = left - gap - 1.3 * size * k as f64;
-            canvas.text((x, top + 0.5 * h), line, size + 1.0, Anchor::Middle, -90.0);
+            canvas.markup((x, top + 0.5 * h), line, size + 1.0, Anchor::Middle, -90.0);
         }
     }
 
@@ -159,16 +168,10 @@ impl Axes {
         canvas.frame(left, top, w, h);
     }
 
-    /// A text in the panel's upper left corner.
+    /// A text above the panel's upper left corner.
     pub fn caption(&self, canvas: &mut Canvas, text: &str, size: f64) {
         let (left, top, ..) = self.rect;
-        canvas.text(
-            (left + 5.0, top + size + 4.0),
-            text,
-            size,
-            Anchor::Start,
-            0.0,
-        );
+        canvas.text((left, top - 4.0), text, size, Anchor::Start, 0.0);
     }
 
     /// A band of reference between two values of y.

@@ -50,8 +50,8 @@ pub fn calibration(fits: &[RankedFit]) -> Option<String> {
         let label = if k % COLUMNS == 0 { "difference" } else { "" };
         axes.draw_y(&mut canvas, label, 4, 7.0, 28.0);
         let title = (left + 0.5 * PANEL.0, top - 5.0);
-        let name = label::axis(panel.name, "", false);
-        canvas.text(title, &name, 8.0, Anchor::Middle, 0.0);
+        let (name, _) = label::sign(panel.name, "");
+        canvas.markup(title, &name, 8.0, Anchor::Middle, 0.0);
     }
     Some(canvas.finish("Distribution of the ranks of true values minus the uniform one"))
 }

@@ -3,6 +3,7 @@
 //! Text is not converted to curves; its font is the generic sans-serif; lengths are in points, a printed column being
 //! 250 and a page 510 wide. Colours are Okabe and Ito's (2008), which colour-blind readers can distinguish.
 
+use super::text::{Style, escape, pieces};
 use std::fmt::Write;
 
 /// Black ink.
@@ -13,6 +14,9 @@ pub const GREY: &str = "#8c8c8c";
 pub const COLOURS: [&str; 6] = [
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9",
 ];
+
+/// Width above which a drawing is wide, points.
+const WIDE: f64 = 400.0;
 
 /// Where text is anchored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,30 +44,6 @@ fn place(x: f64) -> f64 {
     } else {
         0.0
     }
-}
-
-/// Text made safe for XML and HTML. Control characters, which neither may hold, become U+FFFD.
-#[must_use]
-pub fn escape(text: &str) -> String {
-    let allowed = |c: char| match c {
-        '\t' | '\n' | '\r' => true,
-        '\u{fffe}' | '\u{ffff}' => false,
-        c => !c.is_control(),
-    };
-    let text: String = text
-        .chars()
-        .map(|c| {
-            if allowed(c) {
-                c
-            } else {
-                char::REPLACEMENT_CHARACTER
-            }
-        })
-        .collect();
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
 }
 
 impl Canvas {
@@ -133,6 +113,33 @@ impl Canvas {
 
     /// Text of a size in points, turned by `angle` degrees about its anchor.
     pub fn text(&mut self, at: (f64, f64), text: &str, size: f64, anchor: Anchor, angle: f64) {
+        self.put_text(at, &escape(text), size, anchor, angle);
+    }
+
+    /// As [`text`](Self::text), of markup ([`pieces`]).
+    pub fn markup(&mut self, at: (f64, f64), markup: &str, size: f64, anchor: Anchor, angle: f64) {
+        let mut spans = String::new();
+        // How far the line is below its own at the end of a piece.
+        let mut below = 0.0;
+        for (style, text) in pieces(markup) {
+            let (wanted, attributes) = match style {
+                Style::Plain => (0.0, String::new()),
+                Style::Italic => (0.0, " font-style=\"italic\"".to_owned()),
+                Style::Sub => (0.22 * size, smaller(size)),
+                Style::Super => (-0.36 * size, smaller(size)),
+            };
+            let dy = place(wanted - below);
+            below = wanted;
+            let _ = write!(
+                spans,
+                "<tspan dy=\"{dy}\"{attributes}>{}</tspan>",
+                escape(&text)
+            );
+        }
+        self.put_text(at, &spans, size, anchor, angle);
+    }
+
+    fn put_text(&mut self, at: (f64, f64), inner: &str, size: f64, anchor: Anchor, angle: f64) {
         let anchor = match anchor {
             Anchor::Start => "start",
             Anchor::Middle => "middle",
@@ -145,8 +152,7 @@ impl Canvas {
             String::new()
         };
         self.put(format_args!(
-            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{turn}>{}</text>",
-            escape(text)
+            "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\" text-anchor=\"{anchor}\"{turn}>{inner}</text>"
         ));
     }
 
@@ -167,14 +173,21 @@ impl Canvas {
     #[must_use]
     pub fn finish(self, title: &str) -> String {
         let (w, h) = (place(self.width), place(self.height));
+        // A page must not shrink these to the width of a telephone.
+        let class = if w > WIDE { " class=\"wide\"" } else { "" };
         format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}pt\" height=\"{h}pt\" viewBox=\"0 0 {w} {h}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\"{class} width=\"{w}pt\" height=\"{h}pt\" viewBox=\"0 0 {w} {h}\" \
              font-family=\"Helvetica, Arial, sans-serif\" fill=\"{INK}\" role=\"img\">\n<title>{}</title>\n\
              <rect width=\"{w}\" height=\"{h}\" fill=\"#ffffff\"/>\n{}</svg>\n",
             escape(title),
             self.body
         )
     }
+}
+
+/// The attribute of a subscript's or superscript's size.
+fn smaller(size: f64) -> String {
+    format!(" font-size=\"{}\"", place(0.75 * size))
 }
 
 fn path(points: &[(f64, f64)], close: bool) -> String {

@@ -2,7 +2,7 @@
 
 use super::axes::Axes;
 use super::canvas::{Anchor, COLOURS, Canvas, INK};
-use super::density::{Density2, histogram};
+use super::density::{Density2, Spread, kernel_density};
 use super::label;
 use crate::posterior::Column;
 use oblate_samplers::diagnostics::weighted_quantile;
@@ -12,6 +12,8 @@ use oblate_samplers::diagnostics::weighted_quantile;
 pub struct CornerColumn {
     /// Name, unit and draws.
     pub column: Column,
+    /// Effective number of its draws.
+    pub ess: f64,
     /// The true value, where it is known.
     pub truth: Option<f64>,
 }
@@ -36,6 +38,8 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
     let side = n as f64 * (panel + gap);
     let mut canvas = Canvas::new(left + side + 12.0, above + side + bottom);
     let ranges: Vec<(f64, f64)> = columns.iter().map(|c| range(c, weights)).collect();
+    let spread = |c: &CornerColumn| Spread::new(&c.column.values, weights, c.ess);
+    let spreads: Vec<Spread> = columns.iter().map(spread).collect();
     let size = if n > 6 { 6.0 } else { 8.0 };
     for row in 0..columns.len() {
         for col in 0..=row {
@@ -55,7 +59,9 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
             let below = label(row + 1 == columns.len(), col);
             let most = if n > 6 { 3 } else { 5 };
             if row == col {
-                let axes = marginal(&mut canvas, &columns[row], weights, ranges[row], rect, size);
+                let x = ranges[row];
+                let own = (&columns[row], &spreads[row]);
+                let axes = marginal(&mut canvas, own, weights, x, rect, size);
                 axes.draw_x(&mut canvas, &below, most, size);
             } else {
                 let axes = Axes {
@@ -67,6 +73,7 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
                     &mut canvas,
                     &axes,
                     [&columns[col], &columns[row]],
+                    [&spreads[col], &spreads[row]],
                     weights,
                     n,
                 );
@@ -80,27 +87,20 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
 
 fn marginal(
     canvas: &mut Canvas,
-    column: &CornerColumn,
+    (column, spread): (&CornerColumn, &Spread),
     weights: &[f64],
     x: (f64, f64),
     rect: (f64, f64, f64, f64),
     size: f64,
 ) -> Axes {
-    const CELLS: usize = 28;
-    let density = histogram(&column.column.values, weights, x, CELLS);
-    let most = density.iter().copied().fold(0.0, f64::max);
+    let density = kernel_density(&column.column.values, weights, spread, x);
+    let most = density.iter().map(|(_, d)| *d).fold(0.0, f64::max);
     let axes = Axes {
         rect,
         x,
-        y: (0.0, 1.35 * most.max(f64::MIN_POSITIVE)),
+        y: (0.0, 1.15 * most.max(f64::MIN_POSITIVE)),
     };
-    let step = (x.1 - x.0) / CELLS as f64;
-    let mut outline = vec![axes.at(x.0, 0.0)];
-    for (i, d) in density.iter().enumerate() {
-        outline.push(axes.at(x.0 + i as f64 * step, *d));
-        outline.push(axes.at(x.0 + (i + 1) as f64 * step, *d));
-    }
-    outline.push(axes.at(x.1, 0.0));
+    let outline = axes.hill(&density);
     canvas.area(std::slice::from_ref(&outline), COLOURS[5], 0.45);
     canvas.line(&outline, COLOURS[0], 0.8, "");
     let at = |p| weighted_quantile(&column.column.values, weights, p);
@@ -135,26 +135,20 @@ fn credible(median: f64, lo: f64, hi: f64) -> String {
     format!("{median:.digits$} +{up:.digits$} \u{2212}{down:.digits$}").replace('-', "\u{2212}")
 }
 
-fn pair(canvas: &mut Canvas, axes: &Axes, columns: [&CornerColumn; 2], weights: &[f64], n: usize) {
-    let cells = if n > 6 { 32 } else { 44 };
-    let density = Density2::new(
-        &columns[0].column.values,
-        &columns[1].column.values,
-        weights,
-        [axes.x, axes.y],
-        cells,
-    );
-    let (left, top, w, h) = axes.rect;
-    let scale = cells as f64;
+fn pair(
+    canvas: &mut Canvas,
+    axes: &Axes,
+    columns: [&CornerColumn; 2],
+    spreads: [&Spread; 2],
+    weights: &[f64],
+    n: usize,
+) {
+    let cells = if n > 6 { 36 } else { 48 };
+    let values = columns.map(|c| c.column.values.as_slice());
+    let density = Density2::new(values, weights, spreads, [axes.x, axes.y], cells);
     for (region, opacity) in density.regions().iter().zip([0.35, 0.6]) {
-        let rings: Vec<Vec<(f64, f64)>> = region
-            .iter()
-            .map(|ring| {
-                ring.iter()
-                    .map(|(i, j)| (left + w * i / scale, top + h * (1.0 - j / scale)))
-                    .collect()
-            })
-            .collect();
+        let on_sheet = |ring: &Vec<(f64, f64)>| ring.iter().map(|(x, y)| axes.at(*x, *y)).collect();
+        let rings: Vec<Vec<(f64, f64)>> = region.iter().map(on_sheet).collect();
         canvas.area(&rings, COLOURS[5], opacity);
         for ring in &rings {
             canvas.line(ring, COLOURS[0], 0.6, "");

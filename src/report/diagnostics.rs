@@ -1,7 +1,7 @@
 //! Diagnostic figures of the samplers.
 
 use super::axes::{Axes, range_of};
-use super::canvas::{Anchor, COLOURS, Canvas, INK};
+use super::canvas::{COLOURS, Canvas, INK};
 use oblate_samplers::Run;
 use oblate_samplers::output::History;
 
@@ -35,7 +35,7 @@ pub fn diagnostics(run: &Run) -> String {
             trace,
             ..
         } => {
-            let mut canvas = Canvas::new(560.0, 330.0);
+            let mut canvas = Canvas::new(560.0, 348.0);
             swaps(&mut canvas, beta, swap_rejection, communication_barrier);
             transitions(&mut canvas, beta, acceptance, step_size);
             traces(&mut canvas, trace, round_trips);
@@ -104,7 +104,7 @@ fn thin(len: usize) -> Vec<usize> {
 }
 
 fn nested(ln_x: &[f64], ln_likelihood: &[f64], insertion_rank: &[f64]) -> String {
-    let mut canvas = Canvas::new(560.0, 220.0);
+    let mut canvas = Canvas::new(560.0, 226.0);
     let rows = thin(ln_x.len().min(ln_likelihood.len()));
     let x: Vec<f64> = rows.iter().map(|i| -ln_x[*i]).collect();
     let y: Vec<f64> = rows.iter().map(|i| ln_likelihood[*i]).collect();
@@ -120,7 +120,7 @@ fn nested(ln_x: &[f64], ln_likelihood: &[f64], insertion_rank: &[f64]) -> String
     // The first points of the prior can be anywhere below: the axis begins at the 5 % quantile.
     let floor = sorted.get(sorted.len() / 20).copied().unwrap_or(0.0);
     let axes = Axes {
-        rect: (56.0, 12.0, 216.0, 160.0),
+        rect: (56.0, 18.0, 216.0, 160.0),
         x: range_of(x.iter().copied(), 0.02),
         y: range_of(sorted.last().copied().into_iter().chain([floor]), 0.08),
     };
@@ -138,8 +138,8 @@ fn nested(ln_x: &[f64], ln_likelihood: &[f64], insertion_rank: &[f64]) -> String
         canvas.line(&axes.all(&x, &y), COLOURS[0], 1.1, "");
     });
     axes.frame(&mut canvas);
-    axes.draw_x(&mut canvas, "\u{2212}ln X (prior volume)", 6, 8.0);
-    axes.draw_y(&mut canvas, "ln L", 6, 8.0, 42.0);
+    axes.draw_x(&mut canvas, "\u{2212}ln *X* (prior volume)", 6, 8.0);
+    axes.draw_y(&mut canvas, "ln *L*", 6, 8.0, 42.0);
     axes.caption(&mut canvas, "shaded: posterior mass per ln X", 7.0);
     ranks(&mut canvas, insertion_rank);
     canvas.finish("Diagnostics of a nested run")
@@ -159,7 +159,7 @@ fn ranks(canvas: &mut Canvas, insertion_rank: &[f64]) {
         .max(0.0);
     let margin = 0.1 * (max - min);
     let axes = Axes {
-        rect: (330.0, 12.0, 216.0, 160.0),
+        rect: (330.0, 18.0, 216.0, 160.0),
         x: (0.0, 1.0),
         y: ((min - margin).max(0.0), max + margin),
     };
@@ -200,7 +200,7 @@ fn swaps(canvas: &mut Canvas, beta: &[f64], swap_rejection: &[f64], communicatio
         .copied()
         .filter(|b| b.is_finite())
         .fold(0.0, f64::max);
-    let axes = number_axes((44.0, 12.0, 216.0, 116.0), beta.len(), (0.0, 1.05));
+    let axes = number_axes((44.0, 18.0, 216.0, 116.0), beta.len(), (0.0, 1.05));
     let x = numbered(swap_rejection, 0.5);
     canvas.line(&axes.all(&x, swap_rejection), COLOURS[0], 1.0, "");
     for at in axes.all(&x, swap_rejection) {
@@ -234,7 +234,7 @@ fn transitions(canvas: &mut Canvas, beta: &[f64], acceptance: &[f64], step_size:
         .copied()
         .filter(|s| s.is_finite())
         .fold(1.0, f64::max);
-    let axes = number_axes((330.0, 12.0, 216.0, 116.0), beta.len(), (0.0, 1.18 * max));
+    let axes = number_axes((330.0, 18.0, 216.0, 116.0), beta.len(), (0.0, 1.08 * max));
     for (values, colour, class) in [
         (acceptance, COLOURS[0], "acceptance"),
         (step_size, COLOURS[1], "step"),
@@ -264,7 +264,7 @@ fn transitions(canvas: &mut Canvas, beta: &[f64], acceptance: &[f64], step_size:
 fn traces(canvas: &mut Canvas, trace: &[Vec<f64>], round_trips: &[u64]) {
     let longest = trace.iter().map(Vec::len).max().unwrap_or(0);
     let axes = Axes {
-        rect: (56.0, 172.0, 490.0, 112.0),
+        rect: (56.0, 190.0, 490.0, 112.0),
         x: (0.0, (longest as f64).max(1.0)),
         y: range_of(trace.iter().flatten().copied(), 0.12),
     };
@@ -279,8 +279,8 @@ fn traces(canvas: &mut Canvas, trace: &[Vec<f64>], round_trips: &[u64]) {
     });
     axes.frame(canvas);
     axes.draw_x(canvas, "scan", 8, 8.0);
-    axes.draw_y(canvas, "ln L at beta = 1", 5, 8.0, 42.0);
+    axes.draw_y(canvas, "ln *L* at \u{3b2} = 1", 5, 8.0, 42.0);
     let trips: Vec<String> = round_trips.iter().map(u64::to_string).collect();
     let text = format!("round trips per chain set: {}", trips.join(", "));
-    canvas.text((540.0, 183.0), &text, 7.0, Anchor::End, 0.0);
+    axes.caption(canvas, &text, 7.0);
 }

@@ -5,16 +5,55 @@ use super::canvas::{Anchor, COLOURS, Canvas, INK};
 use crate::data::ObservedTrack;
 use oblate_samplers::diagnostics::weighted_quantile;
 
-/// Width and height of the legend with the track's name above it, in points.
-const LEGEND: (f64, f64) = (94.0, 48.0);
-
-/// One model's track: a radius per bin that it covers.
+/// One model's track as a curve: radii in bins that move along phi, at the angles of the data and between them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ModelTrack {
     /// Bin centres in degrees, increasing.
     pub phi_deg: Vec<f64>,
     /// Projected radii in kpc.
     pub r_kpc: Vec<f64>,
+}
+
+impl ModelTrack {
+    /// The curve with breaks where it jumps over more than `width_deg` and the rounding of angles: no bin is covered there.
+    fn broken(&self, width_deg: f64) -> Vec<(f64, f64)> {
+        let mut points: Vec<(f64, f64)> = Vec::new();
+        for (phi, r) in self.phi_deg.iter().zip(&self.r_kpc) {
+            if points
+                .last()
+                .is_some_and(|last| phi - last.0 > 1.01 * width_deg)
+            {
+                points.push((f64::NAN, f64::NAN));
+            }
+            points.push((*phi, *r));
+        }
+        points
+    }
+}
+
+impl ModelTrack {
+    /// The curve on the sky, (x, y) in kpc, with the same breaks.
+    #[must_use]
+    pub fn on_sky(&self, width_deg: f64, phi_zero_deg: f64) -> Vec<(f64, f64)> {
+        let points = self.broken(width_deg).into_iter();
+        points
+            .map(|(phi, r)| on_sky(phi, r, phi_zero_deg))
+            .collect()
+    }
+}
+
+/// The place on the sky of a radius at the angle phi, if phi = 0 is at the angle `phi_zero_deg` there.
+fn on_sky(phi_deg: f64, r_kpc: f64, phi_zero_deg: f64) -> (f64, f64) {
+    let (sin, cos) = (phi_deg + phi_zero_deg).to_radians().sin_cos();
+    (r_kpc * cos, r_kpc * sin)
+}
+
+/// The data on the sky, (x, y) in kpc.
+#[must_use]
+pub fn data_on_sky(track: &ObservedTrack, phi_zero_deg: f64) -> Vec<(f64, f64)> {
+    let bins = track.phi_deg.iter().zip(&track.r_kpc);
+    bins.map(|(phi, r)| on_sky(*phi, *r, phi_zero_deg))
+        .collect()
 }
 
 /// What the overlay shows.
@@ -30,6 +69,8 @@ pub struct FitPicture<'a> {
     pub particles: &'a [(f64, f64)],
     /// Angle on the sky of phi = 0 in degrees, which turns `phi` into places there.
     pub phi_zero_deg: f64,
+    /// x of the progenitor of the best fit in kpc; it is on the x axis.
+    pub progenitor_kpc: f64,
 }
 
 /// Quantiles of the models in one bin: 2.5, 16, 84 and 97.5 %, over those draws that cover it.
@@ -93,7 +134,7 @@ impl FitPicture<'_> {
     #[must_use]
     pub fn svg(&self) -> String {
         let sky = !self.particles.is_empty();
-        let mut canvas = Canvas::new(if sky { 560.0 } else { 320.0 }, 290.0);
+        let mut canvas = Canvas::new(if sky { 560.0 } else { 320.0 }, 304.0);
         let track = self.track;
         let half = 0.5 * track.bin_width_deg;
         let x = range_of(
@@ -108,7 +149,7 @@ impl FitPicture<'_> {
             ]
         });
         let top = Axes {
-            rect: (46.0, 12.0, 262.0, 160.0),
+            rect: (46.0, 26.0, 262.0, 160.0),
             x,
             y: range_of(ends, 0.08),
         };
@@ -125,7 +166,8 @@ impl FitPicture<'_> {
         canvas.clipped(axes.rect, |canvas| {
             canvas.area(&band.rings(axes, 0, 3), COLOURS[5], 0.30);
             canvas.area(&band.rings(axes, 1, 2), COLOURS[5], 0.55);
-            let best = axes.all(&self.best.phi_deg, &self.best.r_kpc);
+            let best = self.best.broken(self.track.bin_width_deg).into_iter();
+            let best: Vec<_> = best.map(|(phi, r)| axes.at(phi, r)).collect();
             canvas.line(&best, COLOURS[0], 1.2, "");
             for (i, phi) in self.track.phi_deg.iter().enumerate() {
                 let (r, track) = (self.track.r_kpc[i], self.track);
@@ -136,54 +178,29 @@ impl FitPicture<'_> {
         });
         axes.frame(canvas);
         axes.draw_x(canvas, "", 7, 8.0);
-        axes.draw_y(canvas, "projected radius r [kpc]", 6, 8.0, 32.0);
-        self.legend(canvas, axes, !band.phi_deg.is_empty());
+        axes.draw_y(canvas, "projected radius *r* [kpc]", 6, 8.0, 32.0);
+        self.legend(canvas, !band.phi_deg.is_empty());
     }
 
-    /// The position of the legend where it covers the fewest data: a corner of the panel, or the middle of its upper or lower
-    /// edge.
-    fn legend_at(&self, axes: &Axes) -> (f64, f64) {
-        let (left, top, w, h) = axes.rect;
-        let mut drawn = axes.all(&self.track.phi_deg, &self.track.r_kpc);
-        drawn.extend(axes.all(&self.best.phi_deg, &self.best.r_kpc));
-        let covered = |at: &(f64, f64)| {
-            let inside = |p: &&(f64, f64)| {
-                (at.0..at.0 + LEGEND.0).contains(&p.0) && (at.1..at.1 + LEGEND.1).contains(&p.1)
-            };
-            drawn.iter().filter(inside).count()
-        };
-        let columns = [0.0, 1.0, 0.5].map(|fraction| left + fraction * (w - LEGEND.0));
-        let rows = [top, top + h - LEGEND.1];
-        rows.into_iter()
-            .flat_map(|y| columns.map(|x| (x, y)))
-            .min_by_key(covered)
-            .unwrap_or((left, top))
-    }
-
-    /// The track's name and the legend.
-    fn legend(&self, canvas: &mut Canvas, axes: &Axes, band: bool) {
-        let (left, top) = self.legend_at(axes);
+    /// The track's name and the legend, above the panels.
+    fn legend(&self, canvas: &mut Canvas, band: bool) {
+        let left = 46.0;
         let text = |canvas: &mut Canvas, at: (f64, f64), text: &str, size: f64| {
             canvas.text(at, text, size, Anchor::Start, 0.0);
         };
-        text(canvas, (left + 5.0, top + 12.0), &self.track.name, 8.0);
-        let (x, y) = (left + 6.0, top + 22.0);
-        canvas.dot((x + 7.0, y), 1.9, INK, 1.0, "legend");
-        text(canvas, (x + 18.0, y + 2.5), "data", 7.0);
-        canvas.line(&[(x, y + 9.0), (x + 14.0, y + 9.0)], COLOURS[0], 1.2, "");
-        text(canvas, (x + 18.0, y + 11.5), "best fit", 7.0);
+        text(canvas, (left, 9.0), &self.track.name, 8.0);
+        let y = 18.0;
+        canvas.dot((left + 3.0, y), 1.9, INK, 1.0, "legend");
+        text(canvas, (left + 9.0, y + 2.5), "data", 7.0);
+        let best = left + 36.0;
+        canvas.line(&[(best, y), (best + 14.0, y)], COLOURS[0], 1.2, "");
+        text(canvas, (best + 18.0, y + 2.5), "best fit", 7.0);
         if band {
-            let strip = |d: f64| {
-                vec![
-                    (x, y + 18.0 - d),
-                    (x + 14.0, y + 18.0 - d),
-                    (x + 14.0, y + 18.0 + d),
-                    (x, y + 18.0 + d),
-                ]
-            };
+            let x = left + 90.0;
+            let strip = |d: f64| vec![(x, y - d), (x + 14.0, y - d), (x + 14.0, y + d), (x, y + d)];
             canvas.area(&[strip(4.0)], COLOURS[5], 0.30);
             canvas.area(&[strip(2.0)], COLOURS[5], 0.55);
-            text(canvas, (x + 18.0, y + 20.5), "68, 95 % of draws", 7.0);
+            text(canvas, (x + 18.0, y + 2.5), "68, 95 % of draws", 7.0);
         }
     }
 
@@ -199,7 +216,7 @@ impl FitPicture<'_> {
             .filter(|z| z.is_finite())
             .fold(2.5_f64, |m, z| m.max(z.abs() + 1.2));
         let axes = Axes {
-            rect: (46.0, 182.0, 262.0, 72.0),
+            rect: (46.0, 196.0, 262.0, 72.0),
             x,
             y: (-worst, worst),
         };
@@ -227,24 +244,14 @@ impl FitPicture<'_> {
     }
 
     fn sky(&self, canvas: &mut Canvas) {
-        let turn = |phi: f64, r: f64| {
-            let angle = (phi + self.phi_zero_deg).to_radians();
-            (r * angle.cos(), r * angle.sin())
-        };
-        let data: Vec<(f64, f64)> = self
-            .track
-            .phi_deg
-            .iter()
-            .zip(&self.track.r_kpc)
-            .map(|(p, r)| turn(*p, *r))
-            .collect();
+        let data = data_on_sky(self.track, self.phi_zero_deg);
         // The axes span the data and the bulk of the particles: few distant ones must not shrink it.
         let mut reach: Vec<f64> = self.particles.iter().map(|p| p.0.hypot(p.1)).collect();
         reach.sort_by(f64::total_cmp);
         let bulk = reach.get(reach.len() * 98 / 100).copied().unwrap_or(0.0);
         let far = self.track.r_kpc.iter().fold(bulk, |m, r| m.max(*r)) * 1.08;
         let axes = Axes {
-            rect: (352.0, 12.0, 196.0, 196.0),
+            rect: (352.0, 26.0, 196.0, 196.0),
             x: (-far, far),
             y: (-far, far),
         };
@@ -252,15 +259,13 @@ impl FitPicture<'_> {
             for (x, y) in self.particles {
                 canvas.dot(axes.at(*x, *y), 0.6, COLOURS[5], 0.5, "particle");
             }
-            let best: Vec<(f64, f64)> = self
+            let best = self
                 .best
-                .phi_deg
-                .iter()
-                .zip(&self.best.r_kpc)
-                .map(|(p, r)| turn(*p, *r))
-                .map(|(x, y)| axes.at(x, y))
-                .collect();
+                .on_sky(self.track.bin_width_deg, self.phi_zero_deg);
+            let best: Vec<_> = best.iter().map(|(x, y)| axes.at(*x, *y)).collect();
             canvas.line(&best, COLOURS[0], 1.2, "");
+            let place = axes.at(self.progenitor_kpc, 0.0);
+            canvas.dot(place, 3.4, COLOURS[4], 1.0, "progenitor");
             for (x, y) in &data {
                 canvas.dot(axes.at(*x, *y), 1.9, INK, 1.0, "sky-datum");
             }
@@ -268,7 +273,15 @@ impl FitPicture<'_> {
             canvas.text((centre.0, centre.1 + 3.5), "+", 10.0, Anchor::Middle, 0.0);
         });
         axes.frame(canvas);
-        axes.draw_x(canvas, "X [kpc]", 5, 8.0);
-        axes.draw_y(canvas, "Y [kpc]", 5, 8.0, 30.0);
+        let (left, y) = (axes.rect.0, 18.0);
+        let word = |canvas: &mut Canvas, x: f64, word: &str| {
+            canvas.text((x, y + 2.5), word, 7.0, Anchor::Start, 0.0);
+        };
+        canvas.dot((left + 3.0, y), 3.4, COLOURS[4], 1.0, "legend");
+        word(canvas, left + 9.0, "progenitor");
+        canvas.dot((left + 59.0, y), 1.2, COLOURS[5], 1.0, "legend");
+        word(canvas, left + 64.0, "particles of the best fit");
+        axes.draw_x(canvas, "*x* [kpc]", 5, 8.0);
+        axes.draw_y(canvas, "*y* [kpc]", 5, 8.0, 30.0);
     }
 }

@@ -52,8 +52,8 @@ pub fn influence(population: &PopulationSummary) -> Option<String> {
         axes.frame(&mut canvas);
         axes.draw_x(&mut canvas, AXIS, 4, 7.0);
         let title = (left + 0.5 * PANEL, TOP - 7.0);
-        let name = label::axis(name, "", false);
-        canvas.text(title, &name, 8.0, Anchor::Middle, 0.0);
+        let (name, _) = label::sign(name, "");
+        canvas.markup(title, &name, 8.0, Anchor::Middle, 0.0);
     }
     Some(canvas.finish("move of the hyperparameters without each stream"))
 }

@@ -1,39 +1,50 @@
-//! Symbols of the columns in figures.
+//! Symbols and units of the columns in figures and tables, as markup.
 
-/// (name in files, symbol in figures); units come from the run.
-const SIGNS: [(&str, &str); 19] = [
-    ("log10_m_halo", "log M halo"),
-    ("r_s_halo_kpc", "r\u{209b} halo"),
-    ("dir_x", "dir x"),
-    ("dir_y", "dir y"),
-    ("dir_z", "dir z"),
-    ("log10_m_prog", "log m prog"),
-    ("r_s_prog_kpc", "r\u{209b} prog"),
-    ("x0_kpc", "x\u{2080}"),
-    ("z0_kpc", "z\u{2080}"),
-    ("vx0_km_s", "vx\u{2080}"),
-    ("vy0_km_s", "vy\u{2080}"),
-    ("vz0_km_s", "vz\u{2080}"),
-    ("age_gyr", "age"),
-    ("axis_x", "axis x"),
-    ("axis_y", "axis y"),
-    ("axis_z", "axis z"),
-    ("log10_m200_halo", "log M\u{2082}\u{2080}\u{2080}"),
-    ("mu_pop", "\u{3bc} of q"),
-    ("sigma_pop", "\u{3c3} of q"),
+use super::text::literal;
+
+/// (name in files, symbol, unit after it); of other columns the name and the unit of the run are shown.
+const SIGNS: [(&str, &str, &str); 23] = [
+    ("log10_m_halo", "log_{10} *M*_{halo} / *M*_{\u{2299}}", ""),
+    ("r_s_halo_kpc", "*R*_{s, halo}", "kpc"),
+    ("dir_x", "dir_{x}", ""),
+    ("dir_y", "dir_{y}", ""),
+    ("dir_z", "dir_{z}", ""),
+    ("log10_m_prog", "log_{10} *m*_{prog} / *M*_{\u{2299}}", ""),
+    ("r_s_prog_kpc", "*r*_{s, prog}", "kpc"),
+    ("x0_kpc", "*x*_{0}", "kpc"),
+    ("z0_kpc", "*z*_{0}", "kpc"),
+    ("vx0_km_s", "*v*_{x, 0}", "km s^{\u{2212}1}"),
+    ("vy0_km_s", "*v*_{y, 0}", "km s^{\u{2212}1}"),
+    ("vz0_km_s", "*v*_{z, 0}", "km s^{\u{2212}1}"),
+    ("age_gyr", "age", "Gyr"),
+    ("jitter", "jitter", ""),
+    ("distance_factor", "*D* / *D*_{file}", ""),
+    ("phi0_deg", "\u{3c6}_{0}", "deg"),
+    ("q", "*q*", ""),
+    ("axis_x", "*n*_{x}", ""),
+    ("axis_y", "*n*_{y}", ""),
+    ("axis_z", "*n*_{z}", ""),
+    ("log10_m200_halo", "log_{10} *M*_{200} / *M*_{\u{2299}}", ""),
+    ("mu_pop", "\u{3bc}_{pop}", ""),
+    ("sigma_pop", "\u{3c3}_{pop}", ""),
 ];
 
-/// A column's symbol in figures; its own name where there is none.
-fn symbol(name: &str) -> &str {
-    SIGNS.iter().find(|s| s.0 == name).map_or(name, |s| s.1)
+/// A column's symbol and unit, which may be empty; `unit` is that of the run.
+#[must_use]
+pub fn sign(name: &str, unit: &str) -> (String, String) {
+    match SIGNS.iter().find(|sign| sign.0 == name) {
+        Some((_, symbol, unit)) => ((*symbol).to_owned(), (*unit).to_owned()),
+        None => (literal(name), literal(unit)),
+    }
 }
 
 /// A column on an axis: symbol and, where there is one, unit, on a line of its own where there is little room.
 #[must_use]
 pub fn axis(name: &str, unit: &str, narrow: bool) -> String {
+    let (symbol, unit) = sign(name, unit);
     if unit.is_empty() {
-        return symbol(name).to_owned();
+        return symbol;
     }
     let gap = if narrow { '\n' } else { ' ' };
-    format!("{}{gap}[{unit}]", symbol(name))
+    format!("{symbol}{gap}[{unit}]")
 }

@@ -1,8 +1,18 @@
-//! The report: one self-contained HTML file, verdict first, that prints as it is displayed.
+//! The report: one self-contained HTML file that prints as it is displayed: verdicts and contents first, then the runs, grouped by track.
 
-use super::canvas::escape;
+use super::label::sign;
+use super::text::{escape, html, prose};
 use crate::posterior::{Comparison, Interval, Summary};
 use std::fmt::Write;
+
+/// A figure on the page.
+#[derive(Clone, Debug)]
+pub struct Figure {
+    /// What it shows.
+    pub caption: String,
+    /// The figure itself.
+    pub svg: String,
+}
 
 /// One run on the page.
 #[derive(Clone, Copy, Debug)]
@@ -11,32 +21,27 @@ pub struct PageRun<'a> {
     pub name: &'a str,
     /// Its summary.
     pub summary: &'a Summary,
-    /// Comparison of the first run with this one; `None` for the first, and where the parameters differ.
+    /// Comparison of the first run of its group with this one; `None` for the first, and where the parameters differ.
     pub comparison: Option<&'a Comparison>,
     /// Its `config.toml`.
     pub config: &'a str,
-    /// Its figures: caption and SVG.
-    pub figures: &'a [(String, String)],
+    /// Its figures.
+    pub figures: &'a [Figure],
 }
 
-/// Figures that belong to all runs together.
+/// Runs of the same data: fits of one track, or populations of the same streams.
 #[derive(Clone, Debug)]
-pub struct Section {
-    /// Heading.
-    pub heading: String,
-    /// Figures: caption and SVG.
-    pub figures: Vec<(String, String)>,
+pub struct Group<'a> {
+    /// What they have in common: the name of the track.
+    pub name: String,
+    /// The runs.
+    pub runs: Vec<PageRun<'a>>,
+    /// Figures of all of them together.
+    pub figures: &'a [Figure],
 }
 
-const STYLE: &str = "body{font:15px/1.45 Helvetica,Arial,sans-serif;color:#1a1a1a;max-width:60rem;margin:2rem auto;\
-padding:0 1rem}h1{font-size:1.5rem}h2{font-size:1.2rem;border-bottom:1px solid #8c8c8c;margin-top:2.2rem}\
-table{border-collapse:collapse;margin:.8rem 0;font-size:.88rem}th,td{padding:.2rem .7rem;text-align:right;\
-border-bottom:1px solid #ddd}th:first-child,td:first-child,td.words{text-align:left}thead th{border-bottom:1px solid #1a1a1a}\
-.verdict{padding:.6rem .9rem;border-left:6px solid #009E73;background:#f3f3f3}.verdict.bad{border-color:#D55E00;\
-font-weight:bold}figure{margin:1.2rem 0;break-inside:avoid}figcaption{font-size:.85rem;color:#444}\
-svg{max-width:100%;height:auto}pre{background:#f3f3f3;padding:.6rem;overflow-x:auto;font-size:.8rem;\
-white-space:pre-wrap}@media print{body{margin:0;max-width:none;font-size:10pt}h2{break-after:avoid}\
-details{display:block}}";
+/// The style of the page.
+const STYLE: &str = include_str!("page.css");
 
 /// The beginning of every page, by which a file is recognised as a page.
 const HEAD: &str = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta name=\"generator\" content=\"oblate\">\n";
@@ -54,13 +59,13 @@ macro_rules! put {
     };
 }
 
-/// The page of some runs: verdict, comparison (of two or more), sections of shared figures, then each run in full.
+/// The page: the verdict of every run, contents, then each group with the comparison of its runs and each run in full.
 #[must_use]
-pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
+pub fn page(title: &str, groups: &[Group<'_>]) -> String {
     let mut out = HEAD.to_owned();
     put!(
         out,
-        "<meta name=\"viewport\" content=\"width=device-width\">"
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"
     );
     put!(
         out,
@@ -68,35 +73,75 @@ pub fn page(title: &str, runs: &[PageRun<'_>], sections: &[Section]) -> String {
         escape(title)
     );
     put!(out, "<h1>{}</h1>", escape(title));
-    for run in runs {
-        verdict(&mut out, run);
+    for (g, group) in groups.iter().enumerate() {
+        for (r, run) in group.runs.iter().enumerate() {
+            verdict(&mut out, run, &run_anchor(g, r));
+        }
     }
-    if runs.len() > 1 {
-        comparison(&mut out, runs);
-    }
-    for section in sections {
-        put!(out, "<h2>{}</h2>", escape(&section.heading));
-        figures(&mut out, &section.figures);
-    }
-    for run in runs {
-        put!(out, "<h2>{}</h2>", escape(run.name));
-        evidence(&mut out, run.summary);
-        parameters(&mut out, run.summary);
-        figures(&mut out, run.figures);
-        modes(&mut out, run.summary);
-        streams(&mut out, run.summary);
-        influence(&mut out, run.summary);
-        predictive(&mut out, run.summary);
-        checks(&mut out, run.summary);
-        again(&mut out, run);
+    contents(&mut out, groups);
+    for (g, group) in groups.iter().enumerate() {
+        heading(&mut out, "h2", &group_anchor(g), &group.name);
+        if group.runs.len() > 1 {
+            comparison(&mut out, &group.runs);
+        }
+        figures(&mut out, group.figures);
+        for (r, run) in group.runs.iter().enumerate() {
+            let s = run.summary;
+            heading(&mut out, "h3", &run_anchor(g, r), run.name);
+            notes(&mut out, s);
+            parameters(&mut out, s);
+            figures(&mut out, run.figures);
+            modes(&mut out, s);
+            streams(&mut out, s);
+            influence(&mut out, s);
+            predictive(&mut out, s);
+            evidence(&mut out, s);
+            model_error(&mut out, s);
+            checks(&mut out, s);
+            again(&mut out, run);
+        }
     }
     put!(out, "</body></html>");
     out
 }
 
-fn verdict(out: &mut String, run: &PageRun<'_>) {
+fn group_anchor(group: usize) -> String {
+    format!("group-{}", group + 1)
+}
+
+fn run_anchor(group: usize, run: usize) -> String {
+    format!("{}-run-{}", group_anchor(group), run + 1)
+}
+
+/// A heading that is a link to itself.
+fn heading(out: &mut String, level: &str, anchor: &str, text: &str) {
+    put!(
+        out,
+        "<{level} id=\"{anchor}\"><a href=\"#{anchor}\">{}</a></{level}>",
+        escape(text)
+    );
+}
+
+fn contents(out: &mut String, groups: &[Group<'_>]) {
+    put!(out, "<nav aria-label=\"Contents\"><h2>Contents</h2><ul>");
+    for (g, group) in groups.iter().enumerate() {
+        let runs = group.runs.iter().enumerate().map(|(r, run)| {
+            let name = escape(run.name);
+            format!("<li><a href=\"#{}\">{name}</a></li>", run_anchor(g, r))
+        });
+        put!(
+            out,
+            "<li><a href=\"#{}\">{}</a><ul>{}</ul></li>",
+            group_anchor(g),
+            escape(&group.name),
+            runs.collect::<String>()
+        );
+    }
+    put!(out, "</ul></nav>");
+}
+
+fn verdict(out: &mut String, run: &PageRun<'_>, anchor: &str) {
     let s = run.summary;
-    let prior = s.measured_verdict();
     let model = s.model_checks.iter().all(|check| check.pass);
     let measured = !s.population.as_ref().is_some_and(|p| p.measures_nothing());
     let class = if s.converged && model && measured {
@@ -106,16 +151,16 @@ fn verdict(out: &mut String, run: &PageRun<'_>) {
     };
     put!(
         out,
-        "<div class=\"{class}\"><b>{}</b>: {} {} {}",
+        "<div class=\"{class}\"><a href=\"#{anchor}\"><b>{}</b></a>: {} {} {}",
         escape(run.name),
-        escape(&s.verdict()),
-        escape(&s.model_verdict().unwrap_or_default()),
-        escape(&prior.unwrap_or_default())
+        prose(&s.verdict()),
+        prose(&s.model_verdict().unwrap_or_default()),
+        prose(&s.measured_verdict().unwrap_or_default())
     );
     if let Some(q) = &s.q {
         put!(
             out,
-            " q = {:.3}, 68 % in [{:.3}, {:.3}], 95 % in [{:.3}, {:.3}].",
+            " <i>q</i> = {:.3}, 68 % in [{:.3}, {:.3}], 95 % in [{:.3}, {:.3}].",
             q.median,
             q.lo68,
             q.hi68,
@@ -123,55 +168,63 @@ fn verdict(out: &mut String, run: &PageRun<'_>) {
             q.hi95
         );
     }
-    let failed = s.checks.iter().chain(&s.model_checks).filter(|g| !g.pass);
-    let assumed = s.assumptions.iter().map(|a| format!("Assumed: {a}"));
-    let notes: Vec<String> = assumed
-        .chain(failed.map(|g| format!("{}: {}", g.name, g.message)))
-        .chain(s.warnings.iter().cloned())
-        .chain(s.model_warnings.iter().cloned())
-        .collect();
-    if !notes.is_empty() {
-        put!(out, "<ul>");
-        for note in notes {
-            put!(out, "<li>{}</li>", escape(&note));
-        }
-        put!(out, "</ul>");
-    }
     put!(out, "</div>");
 }
 
-/// A number with about four significant digits.
+/// What was assumed, what failed and what helps, and warnings.
+fn notes(out: &mut String, s: &Summary) {
+    let failed = s.checks.iter().chain(&s.model_checks).filter(|g| !g.pass);
+    let assumed = s.assumptions.iter().map(|a| format!("Assumed: {a}"));
+    let notes: String = assumed
+        .chain(failed.map(|g| format!("{}: {}", g.name, g.message)))
+        .chain(s.warnings.iter().cloned())
+        .chain(s.model_warnings.iter().cloned())
+        .map(|note| format!("<li>{}</li>", prose(&note)))
+        .collect();
+    if !notes.is_empty() {
+        put!(out, "<ul>{notes}</ul>");
+    }
+}
+
+/// A number with about four significant digits; whole numbers as they are.
 fn number(x: f64) -> String {
     let size = x.abs();
-    if !x.is_finite() {
+    let text = if !x.is_finite() {
         x.to_string()
     } else if size >= 1e6 || (size > 0.0 && size < 1e-3) {
         format!("{x:.3e}")
+    } else if x.fract().abs() < f64::MIN_POSITIVE {
+        format!("{x:.0}")
     } else if size >= 100.0 {
         format!("{x:.1}")
     } else {
         format!("{x:.3}")
+    };
+    text.replace('-', "\u{2212}")
+}
+
+/// A table, which can be moved sideways where it is wider than the screen.
+fn table(out: &mut String, head: &str, rows: &str) {
+    if !rows.is_empty() {
+        put!(
+            out,
+            "<div class=\"scroll\"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        );
     }
 }
 
 fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
     put!(
         out,
-        "<h2>Do the runs agree?</h2><p>The first run minus each other run: differences of ln Z and of means in combined standard \
-         errors, shift of the median of q in half-widths of the 68 % interval.</p>"
-    );
-    put!(
-        out,
-        "<table><thead><tr><th>run</th><th>converged</th><th>ln Z</th><th>\u{394} ln Z / \u{3c3}</th><th>q</th>\
-         <th>shift of q</th><th>largest difference</th><th>ESS</th><th>calls</th><th>gradients</th><th>CPU [s]</th></tr></thead><tbody>"
+        "<h4>Do the runs agree?</h4><p>The first run minus each other run: differences of ln <i>Z</i> and of means in combined standard \
+         errors, shift of the median of <i>q</i> in half-widths of the 68 % interval.</p>"
     );
     let dash = || "\u{2013}".to_owned();
-    for run in runs {
+    let row = |run: &PageRun<'_>| {
         let (s, c) = (run.summary, run.comparison);
         let q = c.and_then(|c| c.marginals.iter().find(|m| m.name == "q"));
         let worst = c.and_then(Comparison::worst_marginal);
-        put!(
-            out,
+        format!(
             "<tr><td>{}</td><td>{}</td><td>{:.2} \u{b1} {:.2}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>\
              <td>{:.0}</td><td>{}</td><td>{}</td><td>{:.1}</td></tr>",
             escape(run.name),
@@ -182,18 +235,26 @@ fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
             s.q.as_ref()
                 .map_or_else(dash, |q| format!("{:.3}", q.median)),
             q.map_or_else(dash, |q| format!("{:+.2}", q.shift)),
-            worst.map_or_else(dash, |m| format!("{} {:+.2}", escape(&m.name), m.sigma)),
+            worst.map_or_else(dash, |m| {
+                format!("{} {:+.2}", html(&sign(&m.name, "").0), m.sigma)
+            }),
             s.ess,
             s.cost.calls,
             s.cost.gradients,
             s.cost.cpu_seconds
-        );
-    }
-    put!(out, "</tbody></table>");
+        )
+    };
+    let rows: String = runs.iter().map(row).collect();
+    table(
+        out,
+        "<th>run</th><th>converged</th><th>ln <i>Z</i></th><th>\u{394} ln <i>Z</i> / \u{3c3}</th><th><i>q</i></th>\
+         <th>shift of <i>q</i></th><th>largest difference</th><th>effective draws</th><th>calls</th><th>gradients</th><th>CPU [s]</th>",
+        &rows,
+    );
 }
 
-fn figures(out: &mut String, figures: &[(String, String)]) {
-    for (caption, svg) in figures {
+fn figures(out: &mut String, figures: &[Figure]) {
+    for Figure { caption, svg } in figures {
         put!(
             out,
             "<figure>{svg}<figcaption>{}</figcaption></figure>",
@@ -202,27 +263,67 @@ fn figures(out: &mut String, figures: &[(String, String)]) {
     }
 }
 
+/// Words for the numbers of the best fit; others have their own name.
+const NUMBERS: [(&str, &str); 5] = [
+    ("best_fit_chi2", "\u{3c7}\u{b2} of the best fit"),
+    ("best_fit_bins", "bins of the track"),
+    (
+        "density_on_minor_axis_msun_kpc3",
+        "halo's density on its symmetry axis at the progenitor's radius [M\u{2299} kpc\u{207b}\u{b3}]",
+    ),
+    (
+        "bounded_tidal_radius",
+        "releases whose tidal radius was bounded",
+    ),
+    (
+        "ambiguous_windings",
+        "particle steps whose winding is ambiguous",
+    ),
+];
+
+/// The numbers behind the model's checks, of shorter steps and of more particles.
+const MODEL_ERRORS: [(&str, &str); 6] = [
+    ("ln_likelihood_shift", "median change of ln L"),
+    (
+        "ln_likelihood_spread",
+        "half of the 68 % range of the change of ln L",
+    ),
+    (
+        "q_shift",
+        "move of the mean of q, in half-widths of its 68 % interval",
+    ),
+    ("q_shift_error", "standard error of this move"),
+    (
+        "q_width_change",
+        "relative change of the width of this interval",
+    ),
+    ("rejected", "fraction of the draws that are rejected"),
+];
+
+/// The two changes of the model by which its error is measured, as they begin the names of numbers.
+const CHANGES: [(&str, &str); 2] = [("steps", "shorter steps"), ("particles", "more particles")];
+
 fn evidence(out: &mut String, s: &Summary) {
-    put!(out, "<table><tbody>");
-    let row = |out: &mut String, name: &str, value: String| {
+    put!(out, "<h4>Evidence and cost</h4>");
+    let mut rows = String::new();
+    let mut row = |name: &str, value: String| {
         put!(
-            out,
-            "<tr><td>{name}</td><td class=\"words\">{}</td></tr>",
+            rows,
+            "<tr><td>{}</td><td class=\"words\">{}</td></tr>",
+            escape(name),
             escape(&value)
         );
     };
     row(
-        out,
         "ln Z",
         format!("{} \u{b1} {}", number(s.ln_z.value), number(s.ln_z.error)),
     );
     for (name, x) in &s.ln_z_estimates {
-        row(out, &format!("ln Z by {}", escape(name)), number(*x));
+        row(&format!("ln Z by {name}"), number(*x));
     }
-    row(out, "information [nat]", number(s.information));
-    row(out, "effective sample size", format!("{:.0}", s.ess));
+    row("information [nat]", number(s.information));
+    row("effective draws", format!("{:.0}", s.ess));
     row(
-        out,
         "cost",
         format!(
             "{} calls, {} gradients, {} s of CPU, {} s of wall time",
@@ -233,82 +334,99 @@ fn evidence(out: &mut String, s: &Summary) {
         ),
     );
     if !s.cost.rejected.is_empty() {
-        let causes: Vec<String> = s
-            .cost
-            .rejected
-            .iter()
-            .map(|(cause, n)| format!("{cause} {n}"))
-            .collect();
-        row(out, "rejected points", causes.join(", "));
+        let rejected = s.cost.rejected.iter();
+        let causes: Vec<String> = rejected.map(|(cause, n)| format!("{cause} {n}")).collect();
+        row("rejected points", causes.join(", "));
     }
-    for (name, x) in &s.diagnostics {
-        row(out, &escape(name), number(*x));
+    let of_model = |name: &str| CHANGES.iter().any(|(start, _)| name.starts_with(start));
+    for (name, x) in s.diagnostics.iter().filter(|(name, _)| !of_model(name)) {
+        let words = NUMBERS.iter().find(|(key, _)| key == name);
+        row(words.map_or(name.as_str(), |(_, words)| words), number(*x));
     }
-    put!(out, "</tbody></table>");
+    table(
+        out,
+        "<th>quantity</th><th class=\"words\">value</th>",
+        &rows,
+    );
+}
+
+/// How much the posterior changes with a better model.
+fn model_error(out: &mut String, s: &Summary) {
+    let mut rows = String::new();
+    for (end, words) in MODEL_ERRORS {
+        let values = CHANGES.map(|(start, _)| s.diagnostics.get(&format!("{start}_{end}")));
+        if values.iter().any(Option::is_some) {
+            let cell = |x: Option<&f64>| x.map_or_else(|| "\u{2013}".to_owned(), |x| number(*x));
+            let cells = values.map(|x| format!("<td>{}</td>", cell(x))).concat();
+            put!(rows, "<tr><td>{words}</td>{cells}</tr>");
+        }
+    }
+    if !rows.is_empty() {
+        let heads = CHANGES.map(|(_, words)| format!("<th>{words}</th>"));
+        put!(out, "<h4>Error of the model</h4>");
+        table(out, &format!("<th>with</th>{}", heads.concat()), &rows);
+    }
 }
 
 fn parameters(out: &mut String, s: &Summary) {
-    put!(
-        out,
-        "<table><thead><tr><th>parameter</th><th>unit</th><th>median</th><th>68 %</th><th>95 %</th><th>R-hat</th></tr></thead><tbody>"
-    );
-    let row = |out: &mut String, name: &str, i: &Interval, r_hat: Option<&f64>| {
-        put!(
-            out,
-            "<tr><td>{}</td><td class=\"words\">{}</td><td>{}</td><td>[{}, {}]</td><td>[{}, {}]</td><td>{}</td></tr>",
+    let row = |name: &str, i: &Interval, r_hat: Option<&f64>| {
+        let (symbol, unit) = sign(name, &i.unit);
+        format!(
+            "<tr><td>{}</td><td class=\"name\">{}</td><td>{}</td><td>{}</td><td>[{}, {}]</td><td>[{}, {}]</td><td>{}</td></tr>",
+            html(&symbol),
             escape(name),
-            escape(&i.unit),
+            html(&unit),
             number(i.median),
             number(i.lo68),
             number(i.hi68),
             number(i.lo95),
             number(i.hi95),
             r_hat.map_or_else(|| "\u{2013}".to_owned(), |r| format!("{r:.3}"))
-        );
+        )
     };
-    for (k, (name, interval)) in s.parameters.iter().enumerate() {
-        row(out, name, interval, s.r_hat.get(k));
-    }
-    for (name, interval) in &s.derived {
-        row(out, name, interval, None);
-    }
-    put!(out, "</tbody></table>");
+    let free = s.parameters.iter().enumerate();
+    let mut rows: String = free
+        .map(|(k, (name, interval))| row(name, interval, s.r_hat.get(k)))
+        .collect();
+    rows.extend((s.derived.iter()).map(|(name, interval)| row(name, interval, None)));
+    table(
+        out,
+        "<th>quantity</th><th class=\"words\">name in files</th><th>unit</th><th>median</th><th>68 %</th><th>95 %</th><th>R-hat</th>",
+        &rows,
+    );
 }
 
 fn modes(out: &mut String, s: &Summary) {
-    let Some(modes) = &s.modes else { return };
-    put!(
-        out,
-        "<table><thead><tr><th>orientation mode</th><th>weight</th><th>error</th></tr></thead><tbody>"
-    );
     let sign = |positive| if positive { "+" } else { "\u{2212}" };
-    for m in modes {
-        put!(
-            out,
-            "<tr><td>dir_x {}, dir_y {}, {}</td><td>{:.4}</td><td>{:.4}</td></tr>",
-            sign(m.mode.dir_x_positive),
-            sign(m.mode.dir_y_positive),
-            if m.mode.prolate { "prolate" } else { "oblate" },
-            m.probability.weight,
-            m.probability.error
-        );
-    }
-    put!(out, "</tbody></table>");
+    let modes = s.modes.iter().flatten();
+    let rows: String = modes
+        .map(|m| {
+            format!(
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.4} \u{b1} {:.4}</td></tr>",
+                if m.mode.prolate { "prolate" } else { "oblate" },
+                sign(m.mode.dir_x_positive),
+                sign(m.mode.dir_y_positive),
+                m.probability.weight,
+                m.probability.error
+            )
+        })
+        .collect();
+    table(
+        out,
+        "<th>orientation mode</th><th>sign of <i>n</i><sub>x</sub></th><th>sign of <i>n</i><sub>y</sub></th><th>weight</th>",
+        &rows,
+    );
 }
 
 fn streams(out: &mut String, s: &Summary) {
     let Some(population) = &s.population else {
         return;
     };
-    put!(
-        out,
-        "<table><thead><tr><th>stream</th><th>q in its fit</th><th>68 %</th><th>q given the population</th><th>68 %</th>\
-         <th>effective draws</th><th>Pareto k</th><th>variance of ln L</th></tr></thead><tbody>"
-    );
+    let mut rows = String::new();
     for stream in &population.streams {
         let (own, given) = (&stream.q, &stream.q_given_population);
         put!(
-            out,
+            rows,
             "<tr><td>{}</td><td>{}</td><td>[{}, {}]</td><td>{}</td><td>[{}, {}]</td><td>{:.0}</td><td>{}</td><td>{}</td></tr>",
             escape(&stream.name),
             number(own.median),
@@ -322,7 +440,12 @@ fn streams(out: &mut String, s: &Summary) {
             number(stream.ln_likelihood_variance)
         );
     }
-    put!(out, "</tbody></table>");
+    table(
+        out,
+        "<th>stream</th><th><i>q</i> in its fit</th><th>68 %</th><th><i>q</i> given the population</th><th>68 %</th>\
+         <th>effective draws</th><th>Pareto k</th><th>variance of ln <i>L</i></th>",
+        &rows,
+    );
 }
 
 /// How the hyperparameters move without each stream.
@@ -337,14 +460,14 @@ fn influence(out: &mut String, s: &Summary) {
         put!(out, "<p>{}</p>", escape(&sentence));
     }
     let names = first.parameters.iter().map(|(name, _)| {
-        let name = escape(name);
+        let name = html(&sign(name, "").0);
         format!("<th>{name}</th><th>move</th><th>width ratio</th>")
     });
-    put!(
-        out,
-        "<table><thead><tr><th>without</th>{}<th>ln predictive density</th><th>Pareto k</th></tr></thead><tbody>",
+    let head = format!(
+        "<th>without</th>{}<th>ln predictive density</th><th>Pareto k</th>",
         names.collect::<String>()
     );
+    let mut rows = String::new();
     for (stream, without) in population.left_out() {
         let cells = without.parameters.iter().map(|(_, moved)| {
             format!(
@@ -356,7 +479,7 @@ fn influence(out: &mut String, s: &Summary) {
             )
         });
         put!(
-            out,
+            rows,
             "<tr><td>{}</td>{}<td>{:+.2}</td><td>{}</td></tr>",
             escape(&stream.name),
             cells.collect::<String>(),
@@ -364,7 +487,7 @@ fn influence(out: &mut String, s: &Summary) {
             number(without.pareto_k)
         );
     }
-    put!(out, "</tbody></table>");
+    table(out, &head, &rows);
 }
 
 /// The posterior predictive check of a population.
@@ -384,41 +507,41 @@ fn predictive(out: &mut String, s: &Summary) {
             )
         })
         .collect();
-    if rows.is_empty() {
-        return;
-    }
-    put!(
+    table(
         out,
-        "<table><thead><tr><th>predictive check</th><th>streams</th><th>95 %</th><th>population</th><th>95 %</th><th>p-value</th></tr></thead>\
-         <tbody>{rows}</tbody></table>"
+        "<th>predictive check</th><th>streams</th><th>95 %</th><th>population</th><th>95 %</th><th>p-value</th>",
+        &rows,
     );
 }
 
 fn checks(out: &mut String, s: &Summary) {
-    put!(
+    put!(out, "<h4>Checks</h4>");
+    let all = s.checks.iter().chain(&s.model_checks);
+    let rows: String = all
+        .map(|g| {
+            format!(
+                "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"words\">{}</td></tr>",
+                escape(&g.name),
+                number(g.value),
+                number(g.limit),
+                if g.pass { "yes" } else { "NO" },
+                prose(&g.message)
+            )
+        })
+        .collect();
+    table(
         out,
-        "<table><thead><tr><th>check</th><th>value</th><th>limit</th><th>passed</th><th>meaning</th></tr></thead><tbody>"
+        "<th>check</th><th>value</th><th>limit</th><th>passed</th><th class=\"words\">meaning</th>",
+        &rows,
     );
-    for g in s.checks.iter().chain(&s.model_checks) {
-        put!(
-            out,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"words\">{}</td></tr>",
-            escape(&g.name),
-            number(g.value),
-            number(g.limit),
-            if g.pass { "yes" } else { "NO" },
-            escape(&g.message)
-        );
-    }
-    put!(out, "</tbody></table>");
 }
 
 fn again(out: &mut String, run: &PageRun<'_>) {
     let s = run.summary;
-    put!(out, "<h3>How to make it again</h3>");
+    put!(out, "<h4>How to make it again</h4>");
     put!(
         out,
-        "<pre>{}\nseed {}, oblate {}, random streams version {}, inputs {}</pre>",
+        "<pre>oblate {}\nseed {}, oblate {}, random streams version {}, inputs {}</pre>",
         escape(&s.command),
         s.seed,
         escape(&s.version),

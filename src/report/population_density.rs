@@ -17,7 +17,7 @@ pub fn population_density(density: &PopulationDensity) -> String {
         lo95,
         hi95,
     } = density;
-    let mut canvas = Canvas::new(330.0, 236.0);
+    let mut canvas = Canvas::new(330.0, 252.0);
     let top = hi95.iter().chain(mean).copied().fold(0.0, f64::max);
     let axes = Axes {
         rect: (44.0, 12.0, 274.0, 186.0),
@@ -36,15 +36,21 @@ pub fn population_density(density: &PopulationDensity) -> String {
     axes.frame(&mut canvas);
     axes.draw_x(
         &mut canvas,
-        "axis ratio q  (< 1 oblate, > 1 prolate)",
+        "axis ratio *q*  (< 1 oblate, > 1 prolate)",
         8,
         8.0,
     );
-    axes.draw_y(&mut canvas, "density of q in the population", 6, 8.0, 30.0);
+    axes.draw_y(
+        &mut canvas,
+        "density of *q* in the population",
+        6,
+        8.0,
+        30.0,
+    );
     for (k, (label, dash)) in [("mean", ""), ("median", "4 2")].into_iter().enumerate() {
-        let y = 24.0 + 11.0 * k as f64;
-        canvas.line(&[(52.0, y), (70.0, y)], colour, 1.1, dash);
-        canvas.text((74.0, y + 2.5), label, 7.0, Anchor::Start, 0.0);
+        let (x, y) = (44.0 + 60.0 * k as f64, 242.0);
+        canvas.line(&[(x, y), (x + 18.0, y)], colour, 1.1, dash);
+        canvas.text((x + 22.0, y + 2.5), label, 7.0, Anchor::Start, 0.0);
     }
     canvas.finish("Density of q in the population")
 }

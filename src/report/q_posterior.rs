@@ -1,8 +1,8 @@
 //! The posterior of q: one or several runs over one prior.
 
-use super::axes::Axes;
+use super::axes::{Axes, range_of};
 use super::canvas::{Anchor, COLOURS, Canvas, GREY};
-use super::density::histogram;
+use super::density::{Spread, kernel_density};
 use crate::params::QPrior;
 use crate::posterior::Interval;
 
@@ -15,92 +15,97 @@ pub struct QCurve {
     pub q: Vec<f64>,
     /// Their weights.
     pub weights: Vec<f64>,
+    /// Their effective number.
+    pub ess: f64,
 }
 
-/// Draws the posteriors of q with their medians, 68 and 95 %, the prior (dashed) and the truth (vermillion).
+/// Colours of the runs; vermillion is reserved for the truth.
+const INKS: [usize; 5] = [0, 2, 3, 4, 5];
+
+/// Left end and width of the panels, points.
+const LEFT: f64 = 44.0;
+const WIDTH: f64 = 274.0;
+
+/// Height of the panel of densities, of a strip with an interval, and of a line of the legend, points.
+const HEIGHT: f64 = 170.0;
+const STRIP: f64 = 11.0;
+const LINE: f64 = 11.0;
+
+/// Draws the posteriors of q with their medians, 68 and 95 %, the prior (dashed) and the truth (vermillion). The legend is below the axes.
 #[must_use]
 pub fn q_posterior(curves: &[QCurve], prior: Option<QPrior>, truth: Option<f64>) -> String {
-    const CELLS: usize = 80;
-    // Vermillion is reserved for the truth.
-    const INKS: [usize; 5] = [0, 2, 3, 4, 5];
-    let x = match prior {
-        Some(QPrior::Uniform { lo, hi }) => (lo, hi),
-        _ => super::axes::range_of(curves.iter().flat_map(|c| c.q.iter().copied()), 0.02),
+    let all = curves.iter().flat_map(|c| c.q.iter().copied());
+    let (x, level) = match prior {
+        Some(QPrior::Uniform { lo, hi }) => ((lo, hi), Some(1.0 / (hi - lo))),
+        _ => (range_of(all.chain(truth), 0.04), None),
     };
-    let strip = 13.0;
-    let under = 8.0 + strip * curves.len() as f64;
-    let mut canvas = Canvas::new(330.0, 190.0 + under + 38.0);
-    let step = (x.1 - x.0) / CELLS as f64;
-    let densities: Vec<Vec<f64>> = curves
+    let densities: Vec<Vec<(f64, f64)>> = curves
         .iter()
-        .map(|c| histogram(&c.q, &c.weights, x, CELLS))
+        .map(|c| kernel_density(&c.q, &c.weights, &Spread::new(&c.q, &c.weights, c.ess), x))
         .collect();
-    let most = densities
-        .iter()
-        .flatten()
-        .copied()
-        .fold(1.0 / (x.1 - x.0), f64::max);
+    let heights = densities.iter().flatten().map(|(_, d)| *d);
+    let most = heights.chain(level).fold(0.0, f64::max);
+    let strips = 6.0 + STRIP * curves.len() as f64;
     let axes = Axes {
-        rect: (44.0, 12.0, 274.0, 176.0),
+        rect: (LEFT, 12.0, WIDTH, HEIGHT),
         x,
-        y: (0.0, 1.12 * most),
+        y: (0.0, 1.08 * most.max(f64::MIN_POSITIVE)),
     };
-    for (k, density) in densities.iter().enumerate() {
-        let mut outline = vec![axes.at(x.0, 0.0)];
-        for (i, d) in density.iter().enumerate() {
-            outline.push(axes.at(x.0 + i as f64 * step, *d));
-            outline.push(axes.at(x.0 + (i + 1) as f64 * step, *d));
-        }
-        outline.push(axes.at(x.1, 0.0));
-        let colour = COLOURS[INKS[k % INKS.len()]];
-        canvas.area(std::slice::from_ref(&outline), colour, 0.18);
-        canvas.line(&outline, colour, 1.0, "");
-    }
-    if let Some(QPrior::Uniform { lo, hi }) = prior {
-        axes.level(&mut canvas, 1.0 / (hi - lo), GREY, "4 2");
-        let at = axes.at(x.1, 1.0 / (hi - lo));
-        canvas.text((at.0 - 4.0, at.1 - 3.0), "prior", 7.0, Anchor::End, 0.0);
-    }
-    axes.mark(&mut canvas, 1.0, GREY, "1 2");
-    axes.frame(&mut canvas);
-    axes.draw_x(&mut canvas, "", 8, 8.0);
-    axes.draw_y(&mut canvas, "posterior density of q", 6, 8.0, 30.0);
     let below = Axes {
-        rect: (44.0, 192.0, 274.0, under),
+        rect: (LEFT, 16.0 + HEIGHT, WIDTH, strips),
         x,
         y: (0.0, 1.0),
     };
+    let mut keys = curves.len();
+    keys += usize::from(level.is_some()) + usize::from(truth.is_some());
+    let legend = below.rect.1 + strips + 42.0;
+    let mut canvas = Canvas::new(330.0, legend + LINE * keys as f64);
+    let ink = |k: usize| COLOURS[INKS[k % INKS.len()]];
+    for (k, density) in densities.iter().enumerate() {
+        let outline = axes.hill(density);
+        canvas.area(std::slice::from_ref(&outline), ink(k), 0.18);
+        canvas.line(&outline, ink(k), 1.1, "");
+    }
+    if let Some(level) = level {
+        axes.level(&mut canvas, level, GREY, "4 2");
+    }
+    let mut key = {
+        let mut y = legend - LINE + 4.0;
+        move |canvas: &mut Canvas, text: &str, colour: &str, width: f64, dash: &str| {
+            y += LINE;
+            canvas.line(&[(LEFT, y), (LEFT + 18.0, y)], colour, width, dash);
+            canvas.text((LEFT + 24.0, y + 2.5), text, 7.5, Anchor::Start, 0.0);
+        }
+    };
     for (k, curve) in curves.iter().enumerate() {
-        let colour = COLOURS[INKS[k % INKS.len()]];
-        let y = 192.0 + 4.0 + strip * (k as f64 + 0.5);
+        let y = below.rect.1 + 3.0 + STRIP * (k as f64 + 0.5);
         let i = Interval::new(&curve.q, &curve.weights, "");
         let px = |q: f64| below.at(q, 0.0).0;
-        canvas.line(&[(px(i.lo95), y), (px(i.hi95), y)], colour, 1.0, "");
-        canvas.line(&[(px(i.lo68), y), (px(i.hi68), y)], colour, 3.2, "");
-        canvas.dot((px(i.median), y), 3.0, colour, 1.0, "median");
-        // The text is next to the bar.
+        canvas.line(&[(px(i.lo95), y), (px(i.hi95), y)], ink(k), 1.0, "");
+        canvas.line(&[(px(i.lo68), y), (px(i.hi68), y)], ink(k), 3.2, "");
+        canvas.dot((px(i.median), y), 3.0, ink(k), 1.0, "median");
         let text = format!(
-            "{}  {:.3} [{:.3}, {:.3}]",
+            "{}: {:.3}, 68 % in [{:.3}, {:.3}]",
             curve.name, i.median, i.lo68, i.hi68
         );
-        if px(i.median) < below.rect.0 + 0.5 * below.rect.2 {
-            canvas.text((312.0, y + 2.5), &text, 7.0, Anchor::End, 0.0);
-        } else {
-            canvas.text((50.0, y + 2.5), &text, 7.0, Anchor::Start, 0.0);
+        key(&mut canvas, &text, ink(k), 3.2, "");
+    }
+    if level.is_some() {
+        key(&mut canvas, "prior", GREY, 0.7, "4 2");
+    }
+    for panel in [&axes, &below] {
+        panel.mark(&mut canvas, 1.0, GREY, "1 2");
+        if let Some(truth) = truth {
+            panel.mark(&mut canvas, truth, COLOURS[1], "");
         }
+        panel.frame(&mut canvas);
     }
-    if let Some(truth) = truth {
-        axes.mark(&mut canvas, truth, COLOURS[1], "");
-        below.mark(&mut canvas, truth, COLOURS[1], "");
-        let at = axes.at(truth, axes.y.1);
-        canvas.text((at.0 + 3.0, at.1 + 9.0), "truth", 7.0, Anchor::Start, 0.0);
+    if truth.is_some() {
+        key(&mut canvas, "truth", COLOURS[1], 0.9, "");
     }
-    below.frame(&mut canvas);
-    below.draw_x(
-        &mut canvas,
-        "axis ratio q  (< 1 oblate, > 1 prolate)",
-        8,
-        8.0,
-    );
+    axes.draw_x(&mut canvas, "", 8, 8.0);
+    axes.draw_y(&mut canvas, "posterior density of *q*", 6, 8.0, 30.0);
+    let label = "axis ratio *q*  (< 1 oblate, > 1 prolate)";
+    below.draw_x(&mut canvas, label, 8, 8.0);
     canvas.finish("Posterior of q")
 }

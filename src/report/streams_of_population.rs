@@ -50,7 +50,7 @@ pub fn streams_of_population(streams: &[StreamInPopulation]) -> String {
     axes.frame(&mut canvas);
     axes.draw_x(
         &mut canvas,
-        "axis ratio q  (< 1 oblate, > 1 prolate)",
+        "axis ratio *q*  (< 1 oblate, > 1 prolate)",
         6,
         8.0,
     );

@@ -3,6 +3,7 @@
 use super::versions::{VERSIONS_FILE, marked};
 use crate::error::{Error, OutputFault, Result};
 use crate::posterior::zarr;
+use crate::report::FigureFormat;
 use oblate_samplers::checkpoint::previous;
 use oblate_samplers::files::{TEMPORARY, sync_folder};
 use std::fs;
@@ -45,9 +46,10 @@ pub(super) const OLD_POSTERIOR_FOLDER: &str = "old.zarr";
 /// Files of a result besides the draws, in the order in which they are moved.
 pub(super) const RESULT_FILES: [&str; 3] = [VERSIONS_FILE, CONFIG_FILE, SUMMARY_FILE];
 
-/// Figures that a report draws of a run, each a file `NAME.svg`.
-const FIGURES: [&str; 8] = [
+/// Figures that a report draws of a run, each a file `NAME.svg` or of another format.
+const FIGURES: [&str; 9] = [
     "fit",
+    "modes",
     "q",
     "density",
     "streams",
@@ -270,7 +272,8 @@ pub(super) fn remove_leftovers(folder: &Path) {
 }
 
 fn is_file_of_a_run(name: &str) -> bool {
-    let figure = name.strip_suffix(".svg");
+    let format = |end: &str| FigureFormat::ALL.iter().any(|format| format.name() == end);
+    let figure = name.rsplit_once('.').filter(|(_, end)| format(end));
     [
         CONFIG_FILE,
         TRACK_FILE,
@@ -281,7 +284,7 @@ fn is_file_of_a_run(name: &str) -> bool {
     ]
     .contains(&name)
         || previous(Path::new(CHECKPOINT_FILE)) == Path::new(name)
-        || figure.is_some_and(|figure| FIGURES.contains(&figure))
+        || figure.is_some_and(|(figure, _)| FIGURES.contains(&figure))
 }
 
 /// Names and kinds of the entries of a folder.

@@ -53,7 +53,9 @@ fn fit_in_stages(
         None => ("", MODEL_ERROR),
     };
     monitor.stage(before + 1, of, &format!("check of the prior{of_model}"));
-    check_prior_predictive(&plan.target, settings.seed)?;
+    check_prior_predictive(&plan.target, settings.seed, &mut |done, of| {
+        monitor.advanced(done, of);
+    })?;
     let track_bytes = serde_json::to_vec(track).unwrap_or_default();
     let session = match RunSession::begin_fit(destination, track, settings, &[&track_bytes])? {
         RunState::Finished(stored) => return Ok(stored.into()),

@@ -9,6 +9,7 @@ use crate::data::ObservedTrack;
 use crate::error::{Error, OutputFault, Result};
 use crate::inference::Fit;
 use crate::posterior::{Summary, assemble_run, zarr};
+use crate::report::FigureFormat;
 use oblate_samplers::{Run, read};
 use std::fs;
 use std::io;
@@ -159,10 +160,10 @@ impl RunFolder {
         self.path.join(STREAMS_FILE)
     }
 
-    /// Path of a figure, an SVG file.
+    /// Path of a figure.
     #[must_use]
-    pub fn figure(&self, name: &str) -> PathBuf {
-        self.path.join(format!("{name}.svg"))
+    pub fn figure(&self, name: &str, format: FigureFormat) -> PathBuf {
+        self.path.join(format!("{name}.{}", format.name()))
     }
 
     /// Reads the versions.

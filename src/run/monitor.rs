@@ -43,6 +43,11 @@ impl Monitor<'_> {
         let _ = self.observer.event(&Event::Stage { number, of, name });
     }
 
+    /// Tells the observer how many of how many values of a stage are done. A `Break` is ignored here, as in [`stage`](Self::stage).
+    pub(super) fn advanced(&mut self, done: u64, of: u64) {
+        let _ = self.observer.event(&Event::Advanced { done, of });
+    }
+
     /// The observer, with every event also written to a log.
     pub(super) fn with_log<'b>(&'b mut self, log: &'b Log) -> Logged<'b> {
         Logged {

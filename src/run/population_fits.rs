@@ -2,6 +2,7 @@
 
 use super::folder::StoredRun;
 use super::stored_fit::StoredFit;
+use crate::data::ObservedTrack;
 use crate::error::{Error, PosteriorFault, Result};
 use crate::inference::FitSettings;
 use crate::params::{PARAMETERS, QPrior};
@@ -50,12 +51,11 @@ pub(super) fn read(paths: &[PathBuf]) -> Result<Vec<StoredRun>> {
 /// The numbers of particles and steps may differ, because the error that they make is checked in every fit; so may the values of fixed
 /// parameters, and all about optional ones, which are what is known of each stream.
 fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), PosteriorFault> {
-    let track = |fit: &StoredFit| (fit.track.phi_deg.clone(), fit.track.r_kpc.clone());
     let differs = |part| PosteriorFault::OtherFit {
         other: other.stored.name.clone(),
         part,
     };
-    if track(fit) == track(other) {
+    if is_one_track(&fit.track, &other.track) {
         return Err(PosteriorFault::SameTrack {
             other: other.stored.name.clone(),
         });
@@ -68,6 +68,16 @@ fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), P
         return Err(differs("model.releases.recipe"));
     }
     Ok(())
+}
+
+/// Whether two tracks have the same radii at the same phi, or at phi of the opposite sign, as in fits of both senses of one track.
+fn is_one_track(one: &ObservedTrack, other: &ObservedTrack) -> bool {
+    let rows = |track: &ObservedTrack| -> Vec<(f64, f64)> {
+        let rows = track.phi_deg.iter().zip(&track.r_kpc);
+        rows.map(|(phi, r)| (*phi, *r)).collect()
+    };
+    let mirrored = rows(other).into_iter().rev().map(|(phi, r)| (-phi, r));
+    rows(one) == rows(other) || mirrored.eq(rows(one))
 }
 
 fn same_prior(one: &FitSettings, other: &FitSettings) -> bool {

@@ -3,9 +3,8 @@
 use super::monitor::Monitored;
 use super::population::{check, population};
 use super::session::Destination;
-use super::versions::marked;
 use crate::config::PopulationConfig;
-use crate::error::{Error, OutputFault, Result};
+use crate::error::{Error, Result};
 use crate::population::FamilyName;
 use crate::posterior::Summary;
 use oblate_samplers::output::Status;
@@ -51,7 +50,7 @@ pub fn populations(
         check(&of(*family))?;
     }
     destination.is_apart_from(fits)?;
-    refuse_run(&destination)?;
+    destination.is_no_run()?;
     let mut runs = Vec::new();
     for family in families {
         let config = of(*family);
@@ -76,21 +75,4 @@ pub fn populations(
         }
     }
     Ok(Some(runs))
-}
-
-/// Refuses a destination that is the folder of one run, which would hold others then.
-fn refuse_run(destination: &Destination<'_>) -> Result<()> {
-    let path = destination.folder;
-    let is_run = marked(path).map_err(|source| Error::Io {
-        path: path.to_path_buf(),
-        source,
-        remedy: "check that the folder is readable",
-    })?;
-    if is_run {
-        return Err(Error::OutputPath {
-            path: path.to_path_buf(),
-            fault: OutputFault::RunFolder,
-        });
-    }
-    Ok(())
 }

@@ -4,17 +4,20 @@ use super::folder::{RunFolder, StoredRun};
 use super::population::DENSITY_POINTS;
 use crate::config::PopulationConfig;
 use crate::data::ObservedTrack;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::inference::{FitSettings, StreamTarget};
-use crate::params::QPrior;
-use crate::posterior::{Column, Comparison, column, columns, compare};
-use crate::report::{
-    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, influence,
-    page, population_density, q_posterior, streams_of_population,
+use crate::params::StreamParams;
+use crate::posterior::{
+    Column, Comparison, column, columns, compare, mode_weights, modes_of_draws,
 };
+use crate::report::{
+    CornerColumn, Figure, FigureFormat, FigureWriter, FitPicture, Group, ModePicture, ModelTrack,
+    PageRun, QCurve, corner, diagnostics, influence, modes, page, population_density, q_posterior,
+    streams_of_population,
+};
+use crate::stream::Particles;
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
-use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -24,79 +27,142 @@ const TRACKS: usize = 100;
 /// Number of the best fit's particles that are shown.
 const DOTS: usize = 1_500;
 
+/// Number of particles that are shown of each mode.
+const MODE_DOTS: usize = 500;
+
+/// Smallest weight of an orientation mode that is drawn.
+const SMALLEST_MODE: f64 = 0.01;
+
+/// Points of a model's track for each bin of the data.
+const PER_BIN: u32 = 5;
+
 /// Substream within [`Domain::Post`] of the choice of posterior draws.
 const CHOICE_TASK: u64 = 0x7061_6765;
 
-/// A run with its figures: name, caption and SVG.
+/// A run with its figures and their names.
 struct RunFigures {
     stored: StoredRun,
     folder: RunFolder,
     track: Option<ObservedTrack>,
-    figures: Vec<(&'static str, String, String)>,
+    names: Vec<&'static str>,
+    figures: Vec<Figure>,
 }
 
-/// Writes every figure of finished runs into their folders, and one self-contained HTML page of all of them.
+impl RunFigures {
+    fn push(&mut self, name: &'static str, caption: &str, svg: String) {
+        self.names.push(name);
+        self.figures.push(Figure {
+            caption: caption.to_owned(),
+            svg,
+        });
+    }
+
+    /// Whether this run and another have the same data: fits the same track in the same sense, populations streams of the same names.
+    fn has_data_of(&self, other: &Self) -> bool {
+        match (&self.track, &other.track) {
+            (Some(a), Some(b)) => a.has_data_of(b),
+            (None, None) => self.streams().eq(other.streams()),
+            _ => false,
+        }
+    }
+
+    /// The names of a population's streams.
+    fn streams(&self) -> impl Iterator<Item = &str> {
+        let population = self.stored.summary.population.iter();
+        population.flat_map(|p| p.streams.iter().map(|stream| stream.name.as_str()))
+    }
+
+    /// The name of its group: that of the track, with what was changed on reading it.
+    fn data_name(&self) -> String {
+        match &self.track {
+            Some(track) if track.is_mirrored() => format!("{}, mirrored", track.name),
+            Some(track) => track.name.clone(),
+            None => "population".to_owned(),
+        }
+    }
+}
+
+/// Writes every figure of finished runs into their folders, in these formats, and one self-contained HTML page of all of them.
 ///
 /// # Errors
-/// [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`], [`Error::TrackFile`] or [`Error::InFile`]
-/// if a folder cannot be read; [`Error::Setting`] if its settings cannot be used; [`Error::Io`] or [`Error::Sampler`]
-/// if a file cannot be written.
-pub fn render_report(title: &str, folders: &[PathBuf], out: &Path) -> Result<()> {
+/// As of [`FigureWriter::new`]; [`Io`](crate::Error::Io), [`Syntax`](crate::Error::Syntax), [`Checksum`](crate::Error::Checksum),
+/// [`Array`](crate::Error::Array), [`TrackFile`](crate::Error::TrackFile) or [`InFile`](crate::Error::InFile) if a folder cannot be read;
+/// [`Setting`](crate::Error::Setting) if its settings cannot be used; [`Io`](crate::Error::Io) or [`Sampler`](crate::Error::Sampler) if a
+/// file cannot be written.
+pub fn render_report(
+    title: &str,
+    folders: &[PathBuf],
+    formats: &[FigureFormat],
+    out: &Path,
+) -> Result<()> {
+    let writer = FigureWriter::new(formats)?;
     let rendered: Vec<RunFigures> = folders
         .iter()
         .map(|f| figures_of(f))
         .collect::<Result<_>>()?;
     for d in &rendered {
-        for (name, _, svg) in &d.figures {
-            write_figure(&d.folder.figure(name), svg)?;
+        for (name, figure) in d.names.iter().zip(&d.figures) {
+            for (format, bytes) in writer.files(&figure.svg)? {
+                write_figure(&d.folder.figure(name, format), &bytes)?;
+            }
         }
     }
     let names = unique_names(&rendered, folders);
-    let captioned: Vec<Vec<(String, String)>> = rendered
+    // Groups in the order of their first runs.
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (i, d) in rendered.iter().enumerate() {
+        let mut known = groups.iter_mut();
+        match known.find(|group| rendered[group[0]].has_data_of(d)) {
+            Some(group) => group.push(i),
+            None => groups.push(vec![i]),
+        }
+    }
+    let compared = |first: usize, i: usize| {
+        let [a, b] = [first, i].map(|k| &rendered[k].stored.run);
+        let same = i != first && a.names == b.names;
+        same.then(|| compare(&names[first], a, &names[i], b))
+            .transpose()
+    };
+    let comparisons: Vec<Vec<Option<Comparison>>> = groups
         .iter()
-        .map(|d| {
-            d.figures
-                .iter()
-                .map(|(_, caption, svg)| (caption.clone(), svg.clone()))
-                .collect()
-        })
-        .collect();
-    let comparisons: Vec<Option<Comparison>> = rendered
-        .iter()
-        .zip(&names)
-        .enumerate()
-        .map(|(i, (d, name))| {
-            let first = &rendered[0].stored.run;
-            let same = i > 0 && first.names == d.stored.run.names;
-            same.then(|| compare(&names[0], first, name, &d.stored.run))
-                .transpose()
-        })
+        .map(|group| group.iter().map(|i| compared(group[0], *i)).collect())
         .collect::<Result<_>>()?;
-    let runs: Vec<PageRun<'_>> = rendered
+    let together: Vec<Vec<Figure>> = groups
         .iter()
-        .zip(&names)
-        .zip(&captioned)
+        .map(|group| together(&rendered, &names, group))
+        .collect();
+    let shown: Vec<Group<'_>> = groups
+        .iter()
         .zip(&comparisons)
-        .map(|(((d, name), figures), comparison)| PageRun {
-            name,
-            summary: &d.stored.summary,
-            comparison: comparison.as_ref(),
-            config: &d.stored.config,
+        .zip(&together)
+        .map(|((group, comparisons), figures)| Group {
+            name: rendered[group[0]].data_name(),
+            runs: group
+                .iter()
+                .zip(comparisons)
+                .map(|(i, comparison)| PageRun {
+                    name: &names[*i],
+                    summary: &rendered[*i].stored.summary,
+                    comparison: comparison.as_ref(),
+                    config: &rendered[*i].stored.config,
+                    figures: &rendered[*i].figures,
+                })
+                .collect(),
             figures,
         })
         .collect();
-    write_atomically(out, page(title, &runs, &together(&rendered)?).as_bytes())?;
+    write_atomically(out, page(title, &shown).as_bytes())?;
     Ok(())
 }
 
 /// Writes a figure into a run folder.
-fn write_figure(path: &Path, svg: &str) -> Result<()> {
+fn write_figure(path: &Path, bytes: &[u8]) -> Result<()> {
     use oblate_samplers::Error::Io;
-    match write_atomically(path, svg.as_bytes()) {
+    match write_atomically(path, bytes) {
         // A run that begins in the folder at this moment may remove the temporary file as a left-over; then it is
         // written once more.
         Err(Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
-            Ok(write_atomically(path, svg.as_bytes())?)
+            Ok(write_atomically(path, bytes)?)
         }
         written => Ok(written?),
     }
@@ -131,81 +197,91 @@ fn figures_of(path: &Path) -> Result<RunFigures> {
         None
     };
     let truth = track.as_ref().map(ObservedTrack::truth).unwrap_or_default();
-    let mut figures = Vec::new();
-    if let Some(track) = &track {
-        let settings: FitSettings = crate::config::parse(&stored.config, &folder.config())?;
-        let target = StreamTarget::from_track(track, &settings)?;
-        if let Some(svg) = overlay(&target, track, &stored) {
-            let caption = "Data (black), tracks of posterior draws, and the best fit; residuals in units of the data's errors; \
-                           the best fit's particles on the sky";
-            figures.push(("fit", caption.to_owned(), svg));
-        }
-    }
-    // A run without a track is a population.
-    if track.is_none() {
-        let config: PopulationConfig = crate::config::read(&folder.config())?;
-        let density = config.family.density(&stored.run.draws, DENSITY_POINTS)?;
-        figures.push((
-            "density",
-            "Density of q in the population: posterior mean (solid) and median (dashed), pointwise 68 and 95 % (shaded)".to_owned(),
-            population_density(&density),
-        ));
-    }
-    if let Some(population) = &stored.summary.population {
-        figures.push((
-            "streams",
-            "q of each stream: median, 68 and 95 % in its own fit (grey) and given the population (blue)".to_owned(),
-            streams_of_population(&population.streams),
-        ));
-        if let Some(svg) = influence(population) {
-            let caption = "Move of each hyperparameter's mean without each stream; faint: not reliable (Pareto k)";
-            figures.push(("influence", caption.to_owned(), svg));
-        }
-    }
-    let weights = stored.run.draws.weights();
-    if let Ok(q) = column(&stored.run, "q") {
-        let curve = QCurve {
-            name: stored.name.clone(),
-            q: q.values,
-            weights: weights.clone(),
-        };
-        let svg = q_posterior(&[curve], stored.summary.q_prior, truth.get("q").copied());
-        figures.push((
-            "q",
-            "Posterior of the flattening q; dashed: its prior".to_owned(),
-            svg,
-        ));
-    }
-    let shown: Vec<CornerColumn> = corner_columns(&stored)
-        .into_iter()
-        .map(|column| CornerColumn {
-            truth: truth.get(&column.name).copied(),
-            column,
-        })
-        .collect();
-    let svg = corner(&shown, &weights, &stored.name);
-    figures.push((
-        "corner",
-        "Marginals: 68 and 95 % regions; lines: the truth, where it is known".to_owned(),
-        svg,
-    ));
-    figures.push((
-        "diagnostics",
-        "Diagnostics of the sampler".to_owned(),
-        diagnostics(&stored.run),
-    ));
-    if let Ok(coarse) = RunFolder::open(&folder.coarse()) {
-        figures.push((
-            "coarse-diagnostics",
-            "Diagnostics of the sampler in the coarse fit that came first".to_owned(),
-            diagnostics(&coarse.read()?.run),
-        ));
-    }
-    Ok(RunFigures {
+    let mut drawn = RunFigures {
         stored,
         folder,
         track,
-        figures,
+        names: Vec::new(),
+        figures: Vec::new(),
+    };
+    match drawn.track.clone() {
+        Some(track) => draw_streams(&mut drawn, &track)?,
+        None => draw_population(&mut drawn)?,
+    }
+    let weights = drawn.stored.run.draws.weights();
+    if let Some(curve) = q_curve(&drawn.stored, &drawn.stored.name) {
+        let q_prior = drawn.stored.summary.q_prior;
+        let svg = q_posterior(&[curve], q_prior, truth.get("q").copied());
+        drawn.push("q", "Posterior of the flattening q", svg);
+    }
+    let draws = &drawn.stored.run.draws;
+    let shown: Vec<CornerColumn> = corner_columns(&drawn.stored)
+        .into_iter()
+        .map(|column| CornerColumn {
+            truth: truth.get(&column.name).copied(),
+            ess: draws.ess_of_mean(&column.values),
+            column,
+        })
+        .collect();
+    let svg = corner(&shown, &weights, &drawn.stored.name);
+    let caption = "Marginals: 68 and 95 % regions; lines: the truth, where it is known";
+    drawn.push("corner", caption, svg);
+    let svg = diagnostics(&drawn.stored.run);
+    drawn.push("diagnostics", "Diagnostics of the sampler", svg);
+    if let Ok(coarse) = RunFolder::open(&drawn.folder.coarse()) {
+        let caption = "Diagnostics of the sampler in the coarse fit that came first";
+        let svg = diagnostics(&coarse.read()?.run);
+        drawn.push("coarse-diagnostics", caption, svg);
+    }
+    Ok(drawn)
+}
+
+/// Figures of a fit: its tracks, and its orientation modes.
+fn draw_streams(drawn: &mut RunFigures, track: &ObservedTrack) -> Result<()> {
+    let settings: FitSettings = crate::config::parse(&drawn.stored.config, &drawn.folder.config())?;
+    let target = StreamTarget::from_track(track, &settings)?;
+    if let Some(svg) = overlay(&target, track, &drawn.stored) {
+        let caption = "Data, tracks of posterior draws, and the best fit; residuals in units of the data's errors; the best fit's particles \
+                       on the sky";
+        drawn.push("fit", caption, svg);
+    }
+    if let Some(svg) = orientations(&target, track, &drawn.stored) {
+        let caption = "Orientation modes of a weight of at least 1 %: track and particles of the draw of the highest ln L in each, the data (black), \
+                       the projected symmetry axis of the halo (vermillion) and outlines of its equipotentials (dashed)";
+        drawn.push("modes", caption, svg);
+    }
+    Ok(())
+}
+
+/// Figures of a population: its density of q, and its streams.
+fn draw_population(drawn: &mut RunFigures) -> Result<()> {
+    let config: PopulationConfig = crate::config::read(&drawn.folder.config())?;
+    let density = (config.family).density(&drawn.stored.run.draws, DENSITY_POINTS)?;
+    let caption =
+        "Density of q in the population: posterior mean and median, pointwise 68 and 95 % (shaded)";
+    drawn.push("density", caption, population_density(&density));
+    let Some(population) = drawn.stored.summary.population.clone() else {
+        return Ok(());
+    };
+    let caption = "q of each stream: median, 68 and 95 % in its own fit and given the population";
+    let svg = streams_of_population(&population.streams);
+    drawn.push("streams", caption, svg);
+    if let Some(svg) = influence(&population) {
+        let caption = "Move of each hyperparameter's mean without each stream; faint: not reliable (Pareto k)";
+        drawn.push("influence", caption, svg);
+    }
+    Ok(())
+}
+
+/// q of a run under a name; `None` if it has none.
+fn q_curve(stored: &StoredRun, name: &str) -> Option<QCurve> {
+    let q = column(&stored.run, "q").ok()?.values;
+    let draws = &stored.run.draws;
+    Some(QCurve {
+        name: name.to_owned(),
+        weights: draws.weights(),
+        ess: draws.ess_of_mean(&q),
+        q,
     })
 }
 
@@ -217,84 +293,96 @@ fn corner_columns(stored: &StoredRun) -> Vec<Column> {
         .collect()
 }
 
+/// The track of a row of draws as a curve, and its particles; `None` if it has no track.
+fn curve_of(target: &StreamTarget, params: &StreamParams<f64>) -> Option<(ModelTrack, Particles)> {
+    let (curve, particles) = target.likelihood().curve_at(params, PER_BIN).ok()?;
+    let (phi_deg, r_kpc) = curve.into_iter().unzip();
+    Some((ModelTrack { phi_deg, r_kpc }, particles))
+}
+
+/// Some of the particles on the sky, at the distance of the data.
+fn dots(particles: &Particles, params: &StreamParams<f64>, most: usize) -> Vec<(f64, f64)> {
+    let every = (particles.len() / most).max(1);
+    let all = particles.x.iter().zip(&particles.y).step_by(every);
+    let factor = params.distance_factor;
+    all.map(|(x, y)| (x / factor, y / factor)).collect()
+}
+
 /// Data, tracks of posterior draws and the best fit in one figure; `None` if the best fit has no track.
 fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> Option<String> {
     let draws = &stored.run.draws;
-    let model_track = |row: usize| {
-        let (t, particles) = target
-            .likelihood()
-            .track_at(&target.params(draws.theta_row(row)))
-            .ok()?;
-        let model = ModelTrack {
-            phi_deg: t.bins.iter().map(|b| b.phi_deg).collect(),
-            r_kpc: t.bins.iter().map(|b| b.r_kpc).collect(),
-        };
-        Some((model, particles))
-    };
-    let row = draws.best()?;
-    let (best, particles) = model_track(row)?;
-    let params = target.params(draws.theta_row(row));
+    let params = target.params(draws.theta_row(draws.best()?));
+    let (best, particles) = curve_of(target, &params)?;
     let offset = unit_open(&mut stream(stored.run.seed, Domain::Post, CHOICE_TASK, 0));
     let tracks: Vec<ModelTrack> = draws
         .resample(TRACKS, offset)
         .into_iter()
-        .filter_map(|row| Some(model_track(row)?.0))
-        .collect();
-    let every = (particles.len() / DOTS).max(1);
-    let particles: Vec<(f64, f64)> = particles
-        .x
-        .iter()
-        .zip(&particles.y)
-        .step_by(every)
-        // At the distance of the data.
-        .map(|(x, y)| (x / params.distance_factor, y / params.distance_factor))
+        .filter_map(|row| Some(curve_of(target, &target.params(draws.theta_row(row)))?.0))
         .collect();
     let picture = FitPicture {
         track,
         draws: &tracks,
         best: &best,
-        particles: &particles,
+        particles: &dots(&particles, &params, DOTS),
         phi_zero_deg: -params.phi0_deg,
+        progenitor_kpc: params.x0_kpc / params.distance_factor,
     };
     Some(picture.svg())
 }
 
-/// Figures of several runs at once: posteriors of q of one track side by side.
-fn together(rendered: &[RunFigures]) -> Result<Vec<Section>> {
-    let mut by_track: BTreeMap<String, Vec<&RunFigures>> = BTreeMap::new();
-    for d in rendered {
-        if let Some(track) = &d.track {
-            by_track.entry(track.name.clone()).or_default().push(d);
-        }
-    }
-    let mut figures = Vec::new();
-    for (name, runs) in by_track.iter().filter(|(_, runs)| runs.len() > 1) {
-        let curves: Vec<QCurve> = runs
-            .iter()
-            .map(|d| {
-                let q = column(&d.stored.run, "q")?.values;
-                Ok::<_, Error>(QCurve {
-                    name: d.stored.name.clone(),
-                    q,
-                    weights: d.stored.run.draws.weights(),
-                })
+/// The orientation modes with a weight that can be seen, the heaviest first; `None` where the run has none.
+fn orientations(
+    target: &StreamTarget,
+    track: &ObservedTrack,
+    stored: &StoredRun,
+) -> Option<String> {
+    let run = &stored.run;
+    let of_draws = modes_of_draws(run)?;
+    let axis = ["axis_x", "axis_y", "axis_z"].map(|name| column(run, name).ok());
+    let [Some(x), Some(y), Some(z)] = axis else {
+        return None;
+    };
+    let q = column(run, "q").ok()?.values;
+    let weights = mode_weights(run)?.into_iter().enumerate();
+    let mut pictures: Vec<ModePicture> = weights
+        .filter(|(_, mode)| mode.probability.weight >= SMALLEST_MODE)
+        .filter_map(|(index, weight)| {
+            let rows = (0..of_draws.len()).filter(|row| of_draws[*row] == index);
+            let l = &run.draws.ln_likelihood;
+            let row = rows.max_by(|a, b| l[*a].total_cmp(&l[*b]))?;
+            let params = target.params(run.draws.theta_row(row));
+            let (curve, particles) = curve_of(target, &params)?;
+            Some(ModePicture {
+                weight,
+                q: q[row],
+                axis: [x.values[row], y.values[row], z.values[row]],
+                particles: dots(&particles, &params, MODE_DOTS),
+                curve,
+                phi_zero_deg: -params.phi0_deg,
             })
-            .collect::<Result<_>>()?;
-        let prior: Option<QPrior> = runs[0].stored.summary.q_prior;
-        let truth = runs[0]
-            .track
-            .as_ref()
-            .and_then(|t| t.truth().get("q").copied());
-        figures.push((
-            format!("{name}: posteriors of q"),
-            q_posterior(&curves, prior, truth),
-        ));
+        })
+        .collect();
+    pictures.sort_by(|a, b| {
+        let [a, b] = [a, b].map(|picture| picture.weight.probability.weight);
+        b.total_cmp(&a)
+    });
+    modes(track, &pictures)
+}
+
+/// Figures of several runs of the same data at once: their posteriors of q side by side.
+fn together(rendered: &[RunFigures], names: &[String], group: &[usize]) -> Vec<Figure> {
+    let curves: Vec<QCurve> = group
+        .iter()
+        .filter_map(|i| q_curve(&rendered[*i].stored, &names[*i]))
+        .collect();
+    if curves.len() < 2 {
+        return Vec::new();
     }
-    if figures.is_empty() {
-        return Ok(Vec::new());
-    }
-    Ok(vec![Section {
-        heading: "Samplers side by side".to_owned(),
-        figures,
-    }])
+    let first = &rendered[group[0]];
+    let truth = first.track.as_ref().map(ObservedTrack::truth);
+    let truth = truth.and_then(|truth| truth.get("q").copied());
+    vec![Figure {
+        caption: format!("{}: posteriors of q", first.data_name()),
+        svg: q_posterior(&curves, first.stored.summary.q_prior, truth),
+    }]
 }

@@ -3,10 +3,10 @@
 use super::folder::{RunFolder, StoredRun};
 use super::locked::{Beginning, IfExists, LockedFolder, RunState};
 use super::monitor::Monitor;
-use super::versions::Versions;
+use super::versions::{Versions, marked};
 use crate::config::{parse, to_toml};
 use crate::data::ObservedTrack;
-use crate::error::{Error, Result};
+use crate::error::{Error, OutputFault, Result};
 use crate::inference::{Fit, FitSettings, StreamTarget, prior_draws, summarize};
 use crate::posterior::{Summary, zarr};
 use oblate_samplers::control::CheckpointPlan;
@@ -43,6 +43,26 @@ impl Destination<'_> {
         if inputs.any(|input| input.starts_with(&out) || out.starts_with(&input)) {
             return Err(Error::OutputIsInput {
                 path: self.folder.to_path_buf(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Checks that the folder, which will hold run folders, is none itself.
+    ///
+    /// # Errors
+    /// [`Error::OutputPath`] if it is one; [`Error::Io`] if it cannot be read.
+    pub(super) fn is_no_run(&self) -> Result<()> {
+        let path = self.folder;
+        let is_run = marked(path).map_err(|source| Error::Io {
+            path: path.to_path_buf(),
+            source,
+            remedy: "check that the folder is readable",
+        })?;
+        if is_run {
+            return Err(Error::OutputPath {
+                path: path.to_path_buf(),
+                fault: OutputFault::RunFolder,
             });
         }
         Ok(())
@@ -178,7 +198,8 @@ impl<'a> RunSession<'a> {
                 if run.status != Status::Interrupted {
                     stage(monitor);
                 }
-                summarize(target, track, run, command, hash)
+                let advanced = &mut |done, of| monitor.advanced(done, of);
+                summarize(target, track, run, command, hash, advanced)
             },
         )
     }

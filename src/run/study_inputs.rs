@@ -8,7 +8,6 @@ use crate::error::{Error, Result, TrackFault};
 use crate::inference::{FitPlan, FitSettings, Sampler};
 use crate::params::StreamPrior;
 use crate::population::QPosterior;
-use oblate_samplers::Event;
 use std::path::Path;
 
 /// The streams of a study.
@@ -90,7 +89,7 @@ impl StudyInputs {
             monitored("mocks", &mut |monitor| {
                 let advanced = &mut |found: &Mocks| {
                     let (done, of) = (found.mocks.len() as u64, study.count as u64);
-                    let _ = monitor.observer.event(&Event::Advanced { done, of });
+                    monitor.advanced(done, of);
                 };
                 let found = mocks_with(&prior, &study.mock, study.count, study.seed, advanced)
                     .map_err(|e| e.within("mocks.mock"))?;

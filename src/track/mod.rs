@@ -77,7 +77,7 @@ impl Track {
 
     /// The track as it is measured where the progenitor is at `phi0_deg` and radii are converted by the distance over `distance_factor`.
     #[must_use]
-    pub(crate) fn measured_with(mut self, phi0_deg: f64, distance_factor: f64) -> Self {
+    pub fn measured_with(mut self, phi0_deg: f64, distance_factor: f64) -> Self {
         for bin in &mut self.bins {
             bin.phi_deg += phi0_deg;
             bin.r_kpc /= distance_factor;

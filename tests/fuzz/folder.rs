@@ -11,7 +11,9 @@ use oblate::population::{
     PopulationSettings, PopulationTarget, TruncatedGaussian, TruncatedGaussianSettings,
 };
 use oblate::posterior::{Summary, SummaryContext, column, columns, compare, zarr};
-use oblate::report::{CornerColumn, PageRun, QCurve, corner, diagnostics, page};
+use oblate::report::{
+    CornerColumn, Figure, FigureFormat, Group, PageRun, QCurve, corner, diagnostics, page,
+};
 use oblate::run::{
     Beginning, LockedFolder, RunFolder, StoredRun, Versions, q_posterior, render_report,
 };
@@ -197,22 +199,28 @@ fn used(seed: &Seed, stored: &StoredRun) {
         .into_iter()
         .take(4)
         .map(|column| CornerColumn {
+            ess: run.draws.ess_of_mean(&column.values),
             column,
             truth: Some(1.0),
         })
         .collect();
+    let figure = |svg| Figure {
+        caption: "a figure".to_owned(),
+        svg,
+    };
     let mut figures = vec![
-        ("diagnostics".to_owned(), diagnostics(run)),
-        ("corner".to_owned(), corner(&shown, &weights, "corner")),
+        figure(diagnostics(run)),
+        figure(corner(&shown, &weights, "corner")),
     ];
     if let Ok(q) = column(run, "q") {
         let curve = QCurve {
             name: stored.name.clone(),
+            ess: run.draws.ess_of_mean(&q.values),
             q: q.values,
             weights,
         };
         let svg = oblate::report::q_posterior(&[curve], summary.q_prior, Some(1.0));
-        figures.push(("q".to_owned(), svg));
+        figures.push(figure(svg));
     }
     let shown = PageRun {
         name: &stored.name,
@@ -221,7 +229,12 @@ fn used(seed: &Seed, stored: &StoredRun) {
         config: &stored.config,
         figures: &figures,
     };
-    let html = page("fuzz", &[shown, shown], &[]);
+    let group = Group {
+        name: stored.name.clone(),
+        runs: vec![shown, shown],
+        figures: &[],
+    };
+    let html = page("fuzz", &[group]);
     // Numbers that are not finite cannot be drawn.
     assert!(
         !html.contains("=\"NaN") && !html.contains("=\"inf"),
@@ -237,7 +250,9 @@ pub fn report_case(rng: &mut RandomStream, seeds: &[Seed], out: &Path) -> Verdic
     let damaged = numbers(rng, bytes, bytes).unwrap_or_default();
     std::fs::write(file, damaged).unwrap();
     let folders = [seed.folder.path().to_path_buf()];
-    let done = std::panic::catch_unwind(|| render_report("fuzz", &folders, out).is_ok());
+    let done = std::panic::catch_unwind(|| {
+        render_report("fuzz", &folders, &[FigureFormat::Svg], out).is_ok()
+    });
     std::fs::write(file, bytes).unwrap();
     match done {
         Ok(true) => Verdict::Accepted,

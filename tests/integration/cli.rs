@@ -17,6 +17,7 @@ mod output;
 mod population;
 mod progress;
 mod resume;
+mod senses;
 mod settings;
 mod stream;
 mod study;

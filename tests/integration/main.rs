@@ -38,5 +38,6 @@ mod runs;
 mod scalar;
 mod spray;
 mod stream;
+mod tour;
 mod track;
 mod units;

@@ -6,7 +6,7 @@ use oblate::inference::FitSettings;
 use oblate::params::{PARAMETERS, Parameter, REQUIRED};
 use std::path::{Path, PathBuf};
 
-const PAGES: [&str; 19] = [
+const PAGES: [&str; 20] = [
     "README.md",
     "CHANGELOG.md",
     "docs/faq.md",
@@ -18,6 +18,7 @@ const PAGES: [&str; 19] = [
     "docs/physics.md",
     "docs/python.md",
     "docs/samplers.md",
+    "docs/tour.md",
     "docs/tracks.md",
     "docs/validation.md",
     "benches/RESULTS.md",

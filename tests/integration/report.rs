@@ -6,11 +6,12 @@ use oblate::params::QPrior;
 use oblate::population::PopulationDensity;
 use oblate::posterior::{
     Column, Interval, MeanWithoutStream, PopulationSummary, StreamInPopulation, Summary,
-    SummaryContext, WithoutStream, columns, compare,
+    SummaryContext, WithoutStream, columns, compare, mode_weights, modes_of_draws,
 };
 use oblate::report::{
-    CornerColumn, FitPicture, ModelTrack, PageRun, QCurve, Section, corner, diagnostics, influence,
-    page, population_density, q_posterior, streams_of_population,
+    CornerColumn, Figure, FitPicture, Group, ModePicture, ModelTrack, PageRun, QCurve, corner,
+    diagnostics, influence, modes, outline, page, population_density, q_posterior,
+    streams_of_population,
 };
 use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -80,6 +81,7 @@ fn picture_of(particles: &[(f64, f64)]) -> String {
         best: &best,
         particles,
         phi_zero_deg: 0.0,
+        progenitor_kpc: 60.0,
     }
     .svg()
 }
@@ -91,6 +93,7 @@ fn corner_columns(run: &Run, count: usize) -> Vec<CornerColumn> {
         .enumerate()
         .map(|(i, column)| CornerColumn {
             truth: runs::PARAMETERS.get(i).map(|p| p.2),
+            ess: run.draws.len() as f64,
             column,
         })
         .collect()
@@ -101,51 +104,115 @@ fn fit_overlay_shows_every_datum_and_its_residual() {
     let svg = sound("fit", picture_of(&[]));
     assert_eq!(svg.matches("class=\"datum\"").count(), 12);
     assert_eq!(svg.matches("class=\"residual\"").count(), 12);
-    assert!(svg.contains("[kpc]") && svg.contains("[deg]") && svg.contains("NGC 0000 south"));
+    assert!(svg.contains("[kpc]<") && svg.contains("[deg]<") && svg.contains("NGC 0000 south"));
+}
+
+/// The centres of the dots of a class.
+fn places(svg: &str, class: &str) -> Vec<(f64, f64)> {
+    let start = format!("<circle class=\"{class}\" ");
+    let number = |text: &str| text.split('"').nth(1).unwrap().parse().unwrap();
+    svg.split(&start)
+        .skip(1)
+        .map(|dot| (number(dot), number(dot.split_once("cy=").unwrap().1)))
+        .collect()
 }
 
 #[test]
-fn the_legend_of_a_fit_overlay_covers_no_datum() {
-    let phi: Vec<f64> = (-6..6).map(|k| 10.0 * (f64::from(k) + 0.5)).collect();
-    for (what, truth) in [
-        ("falls", (|phi| 60.0 - 0.3 * phi) as fn(f64) -> f64),
-        ("rises", |phi| 60.0 + 0.3 * phi),
-        ("turns", |phi| 60.0 + phi * phi / 50.0),
-    ] {
-        let r: Vec<f64> = phi.iter().copied().map(truth).collect();
-        let data = ObservedTrack::new(
-            what,
-            &phi,
-            10.0,
-            &r,
-            &r.iter().map(|r| 0.02 * r).collect::<Vec<_>>(),
-        )
-        .unwrap();
-        let best = ModelTrack {
-            phi_deg: phi.clone(),
-            r_kpc: r,
+fn the_legend_of_a_fit_overlay_is_above_its_panels() {
+    let svg = picture_of(&[(1.0, 2.0)]);
+    let legend = places(&svg, "legend");
+    assert_eq!(legend.len(), 3);
+    let lowest = legend.iter().map(|(_, y)| *y).fold(0.0, f64::max);
+    for class in ["datum", "residual", "sky-datum", "progenitor"] {
+        let highest = places(&svg, class)
+            .iter()
+            .map(|(_, y)| *y)
+            .fold(f64::INFINITY, f64::min);
+        assert!(highest > lowest + 5.0, "{class}: {highest}, {lowest}");
+    }
+}
+
+#[test]
+fn the_outline_of_an_equipotential_is_that_of_the_projected_spheroid() {
+    let extent = |axis: [f64; 3], q: f64| {
+        let points = outline(q, axis, 10.0);
+        let largest = |f: fn(&(f64, f64)) -> f64| points.iter().map(f).fold(0.0, f64::max);
+        [largest(|p| p.0.abs()), largest(|p| p.1.abs())]
+    };
+    let near = |a: [f64; 2], b: [f64; 2]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.01);
+    // Edge-on: the axis ratio itself, along the axis. Face-on: a circle. Between: by the inclination.
+    assert!(near(extent([1.0, 0.0, 0.0], 0.5), [5.0, 10.0]));
+    assert!(near(extent([0.0, 1.0, 0.0], 1.4), [10.0, 14.0]));
+    assert!(near(extent([0.0, 0.0, 1.0], 0.5), [10.0, 10.0]));
+    let inclined = extent([0.6, 0.0, 0.8], 0.5);
+    assert!(
+        near(inclined, [10.0 * 0.73_f64.sqrt(), 10.0]),
+        "{inclined:?}"
+    );
+}
+
+#[test]
+fn every_orientation_mode_is_a_panel_with_its_data() {
+    let run = runs::nested(2000, 4);
+    let of_draws = modes_of_draws(&run).unwrap();
+    let weights = mode_weights(&run).unwrap();
+    let each = run.draws.weights();
+    for (index, mode) in weights.iter().enumerate() {
+        let rows = (0..each.len()).filter(|row| of_draws[*row] == index);
+        let weight: f64 = rows.map(|row| each[row]).sum();
+        assert!((weight - mode.probability.weight).abs() < 1e-9);
+    }
+    let (data, best, _) = track();
+    let pictures: Vec<ModePicture> = weights[..4]
+        .iter()
+        .map(|weight| ModePicture {
+            weight: *weight,
+            q: 0.7,
+            axis: [0.6, 0.0, 0.8],
+            particles: vec![(50.0, 3.0); 20],
+            curve: best.clone(),
+            phi_zero_deg: 10.0,
+        })
+        .collect();
+    let svg = sound("modes", modes(&data, &pictures).unwrap());
+    assert_eq!(svg.matches("class=\"sky-datum\"").count(), 4 * 12);
+    assert_eq!(svg.matches("class=\"particle\"").count(), 4 * 20);
+    assert_eq!(svg.matches("stroke-dasharray=\"3 2\"").count(), 4 * 3);
+    assert_eq!(modes(&data, &[]), None);
+}
+
+#[test]
+fn the_density_of_uniform_draws_is_flat_to_the_ends_of_the_prior() {
+    let q: Vec<f64> = (0..1000)
+        .map(|i| 0.5 + (f64::from(i) + 0.5) / 1000.0)
+        .collect();
+    let height = |ess: f64| {
+        let curve = QCurve {
+            name: "uniform".to_owned(),
+            weights: vec![1e-3; q.len()],
+            q: q.clone(),
+            ess,
         };
-        let picture = FitPicture {
-            track: &data,
-            draws: std::slice::from_ref(&best),
-            best: &best,
-            particles: &[],
-            phi_zero_deg: 0.0,
-        };
-        let svg = sound(&format!("fit_{what}"), picture.svg());
-        let places = |class: &str| -> Vec<(f64, f64)> {
-            let start = format!("<circle class=\"{class}\" ");
-            let number = |text: &str| text.split('"').nth(1).unwrap().parse().unwrap();
-            svg.split(&start)
-                .skip(1)
-                .map(|dot| (number(dot), number(dot.split_once("cy=").unwrap().1)))
-                .collect()
-        };
-        let (x, y) = places("legend")[0];
-        let covered = |(cx, cy): &(f64, f64)| {
-            (x - 10.0..x + 80.0).contains(cx) && (y - 15.0..y + 25.0).contains(cy)
-        };
-        assert!(!places("datum").iter().any(covered), "{what}");
+        let svg = q_posterior(&[curve], Some(QPrior::Uniform { lo: 0.5, hi: 1.5 }), None);
+        let line = svg
+            .lines()
+            .find(|line| line.contains("fill=\"none\""))
+            .unwrap();
+        let d = line.split('"').nth(1).unwrap().trim_start_matches('M');
+        let y = d
+            .split('L')
+            .map(|p| p.split_once(' ').unwrap().1.parse::<f64>().unwrap());
+        let y: Vec<f64> = y.collect();
+        // Without the two feet; the panel ends at 182 points.
+        y[1..y.len() - 1]
+            .iter()
+            .map(|y| 182.0 - y)
+            .collect::<Vec<_>>()
+    };
+    for ess in [50.0, 1000.0] {
+        let heights = height(ess);
+        let [lo, hi] = [f64::min, f64::max].map(|f| heights.iter().copied().reduce(f).unwrap());
+        assert!(hi / lo < 1.02, "{ess}: {lo} {hi}");
     }
 }
 
@@ -162,7 +229,7 @@ fn fit_overlay_shows_the_sky_when_given_particles() {
     let svg = sound("fit_sky", picture_of(&particles));
     assert_eq!(svg.matches("class=\"particle\"").count(), 1500);
     assert_eq!(svg.matches("class=\"sky-datum\"").count(), 12);
-    assert!(svg.contains("X [kpc]") && svg.contains("Y [kpc]"));
+    assert!(svg.contains(">x</tspan>") && svg.contains(">y</tspan>"));
 }
 
 #[test]
@@ -178,6 +245,7 @@ fn a_bin_that_the_best_fit_misses_is_crossed_not_drawn() {
         best: &best,
         particles: &[],
         phi_zero_deg: 0.0,
+        progenitor_kpc: 60.0,
     }
     .svg();
     let svg = sound("fit_missed", svg);
@@ -195,7 +263,7 @@ fn corner_of_the_thirteen_and_q_has_all_panels_and_labels() {
     // 14 marginals and 91 pairs, each framed; one truth dot per pair of parameters, 13 of them.
     assert_eq!(svg.matches("<rect x=").count(), 14 + 91);
     assert_eq!(svg.matches("class=\"truth\"").count(), 13 * 12 / 2);
-    assert!(svg.contains("[km/s]") && svg.contains("[Gyr]") && svg.contains("[kpc]"));
+    assert!(svg.contains("[km s<") && svg.contains("[Gyr]") && svg.contains("[kpc]"));
 }
 
 #[test]
@@ -211,6 +279,7 @@ fn corner_of_a_population_has_three_panels() {
             unit: String::new(),
             values,
         },
+        ess: 3000.0,
         truth: Some(truth),
     };
     let columns = [
@@ -245,6 +314,7 @@ fn regions_of_a_normal_hold_68_and_95_per_cent() {
             unit: String::new(),
             values: values(k),
         },
+        ess: 40_000.0,
         truth: None,
     });
     let svg = corner(&columns, &vec![1.0; 40_000], "normal");
@@ -289,6 +359,7 @@ fn q_figure_overlays_runs_with_truth_and_prior() {
         name: name.to_owned(),
         q: run.draws.derived_column(0),
         weights: run.draws.weights(),
+        ess: 4000.0,
     };
     let curves = [
         curve("nested", &runs::nested(4000, 3)),
@@ -398,7 +469,7 @@ fn the_streams_of_a_population_are_drawn_twice_each() {
         2,
         "the last weights are not reliable"
     );
-    assert!(svg.contains("\u{3c3} of q"));
+    assert!(svg.contains(">\u{3c3}</tspan>") && svg.contains(">pop</tspan>"));
 }
 
 #[test]
@@ -432,11 +503,13 @@ fn a_name_of_any_characters_makes_sound_figures_and_a_sound_page() {
         best: &best,
         particles: &[(1.0, 2.0)],
         phi_zero_deg: 0.0,
+        progenitor_kpc: 60.0,
     };
     let curve = || QCurve {
         name: name.clone(),
         q: run.draws.derived_column(0),
         weights: run.draws.weights(),
+        ess: 500.0,
     };
     let mut columns = corner_columns(&run, 2);
     columns[0].column.name.clone_from(&name);
@@ -456,18 +529,17 @@ fn a_name_of_any_characters_makes_sound_figures_and_a_sound_page() {
     };
     let mut summary = Summary::new(&run, &context);
     summary.parameters[0].0.clone_from(&name);
-    let html = page(
+    let html = one_group(
         &name,
         &[PageRun {
             name: &name,
             summary: &summary,
             comparison: None,
             config: &name,
-            figures: &figures.map(|svg| (name.clone(), svg)),
-        }],
-        &[Section {
-            heading: name.clone(),
-            figures: Vec::new(),
+            figures: &figures.map(|svg| Figure {
+                caption: name.clone(),
+                svg,
+            }),
         }],
     );
     let foreign = html
@@ -476,6 +548,56 @@ fn a_name_of_any_characters_makes_sound_figures_and_a_sound_page() {
     assert_eq!(foreign, None);
     // All characters of a name that text can have are still there.
     assert!(html.contains("xyz") && html.contains("&lt;=&gt;") && html.contains('\u{1f30c}'));
+}
+
+/// A page of runs of one track.
+fn one_group(name: &str, runs: &[PageRun<'_>]) -> String {
+    let group = Group {
+        name: name.to_owned(),
+        runs: runs.to_vec(),
+        figures: &[],
+    };
+    page(name, &[group])
+}
+
+#[test]
+fn the_contents_lead_to_every_group_and_run_and_groups_of_one_run_compare_nothing() {
+    let summary = Summary::new(&runs::nested(500, 3), &SummaryContext::default());
+    let run = |name| PageRun {
+        name,
+        summary: &summary,
+        comparison: None,
+        config: "",
+        figures: &[],
+    };
+    let groups = [("one track", "a"), ("another", "b"), ("population", "c")];
+    let groups = groups.map(|(name, only)| Group {
+        name: name.to_owned(),
+        runs: vec![run(only)],
+        figures: &[],
+    });
+    let html = page("three groups", &groups);
+    let targets: Vec<&str> = html
+        .split("href=\"#")
+        .skip(1)
+        .map(|rest| rest.split('"').next().unwrap())
+        .collect();
+    // Each group and run in the contents and at its heading, and each run at its verdict.
+    assert_eq!(targets.len(), 3 * 2 + 3 * 3);
+    for target in targets {
+        assert_eq!(
+            html.matches(&format!("id=\"{target}\"")).count(),
+            1,
+            "{target}"
+        );
+    }
+    assert!(!html.contains("Do the runs agree?"));
+    let together = [Group {
+        name: "one track".to_owned(),
+        runs: vec![run("a"), run("b")],
+        figures: &[],
+    }];
+    assert!(page("one group", &together).contains("Do the runs agree?"));
 }
 
 #[test]
@@ -494,10 +616,9 @@ fn the_page_shows_the_comparison_with_the_first_run() {
         config: "",
         figures: &[],
     };
-    let html = page(
+    let html = one_group(
         "two runs",
         &[shown("a", &a, None), shown("b", &b, Some(&comparison))],
-        &[],
     );
     let rows: Vec<&str> = html.split("<tr><td>").collect();
     let row = rows.iter().find(|row| row.starts_with("b</td>")).unwrap();
@@ -527,7 +648,12 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
         Summary::new(run, &context)
     };
     let (a, b) = (of(&good), of(&bad));
-    let drawn = |run: &Run| vec![("Diagnostics of the sampler.".to_owned(), diagnostics(run))];
+    let drawn = |run: &Run| {
+        vec![Figure {
+            caption: "Diagnostics of the sampler.".to_owned(),
+            svg: diagnostics(run),
+        }]
+    };
     let (fa, fb) = (drawn(&good), drawn(&bad));
     let runs_shown = [
         PageRun {
@@ -545,11 +671,7 @@ fn page_says_first_that_a_run_has_not_converged_and_why() {
             figures: &fb,
         },
     ];
-    let overlay = Section {
-        heading: "Fit".to_owned(),
-        figures: vec![("Track and best fit.".to_owned(), picture_of(&[]))],
-    };
-    let html = page("NGC 0000 south", &runs_shown, &[overlay]);
+    let html = one_group("NGC 0000 south", &runs_shown);
     assert!(html.contains("MODEL NOT ACCURATE ENOUGH: 1 of 1 checks failed (steps-q)."));
     assert!(html.contains("<li>steps-q: shorter &lt;steps&gt;</li>"));
     keep("page.html", &html);

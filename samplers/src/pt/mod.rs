@@ -117,6 +117,7 @@ pub fn run(
             if look.confirmed {
                 break Status::Complete;
             }
+            stop |= control.tell(&look.event(state.scans()));
             if let Err(error) = state.go_on(target, look.passed) {
                 return Err(checkpointer.save_after(error, &state, control));
             }

@@ -5,6 +5,7 @@ use super::evidence::Estimate;
 use super::posterior_draws::PosteriorDraws;
 use super::schedule::communication_barrier;
 use super::state::State;
+use crate::Event;
 use crate::error::Result;
 use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
@@ -101,15 +102,44 @@ pub(super) struct Look {
     pub(super) passed: bool,
     /// Whether this is confirmed: the run may end.
     pub(super) confirmed: bool,
+    /// The checks that have not passed.
+    open: Vec<Check>,
+}
+
+impl Look {
+    /// The event of a run of so many scans that goes on after this look.
+    pub(super) fn event(&self, scans: usize) -> Event {
+        Event::Look {
+            scans,
+            open: self.open.iter().map(|check| check.name.clone()).collect(),
+            needed: self.open.iter().map(needed).fold(1.0, f64::max),
+        }
+    }
+}
+
+/// How many times as many scans a check needs to pass; 1 for one whose number does not grow with the scans of all extensions.
+fn needed(check: &Check) -> f64 {
+    match check.name.as_str() {
+        "round-trips-worst-chain-set"
+        | "round-trips"
+        | "restarts-per-replica"
+        | "ess-bulk"
+        | "ess-tail" => check.limit / check.value,
+        // A standard error falls with the root of the number of draws.
+        "ln-z-error" => (check.value / check.limit).powi(2),
+        _ => 1.0,
+    }
 }
 
 /// A look at the draws so far.
 pub(super) fn look(state: &State, dim: usize) -> Look {
     let assessment = assess(state, &state.record.cold(), dim);
     let passed = all_pass(&assessment.checks);
+    let all = (assessment.checks.iter()).chain(&assessment.confirmation);
     Look {
         passed,
         confirmed: passed && all_pass(&assessment.confirmation),
+        open: all.filter(|check| !check.pass).cloned().collect(),
     }
 }
 

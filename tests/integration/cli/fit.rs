@@ -84,6 +84,23 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
         text.matches("<svg").count()
     );
     assert!(!text.contains("NaN"));
+    // Figures as PDF, with fonts in it; without any on this machine that is refused.
+    let output = oblate(
+        &[
+            "report", &one, "--format", "svg,pdf", "--out", &page, "--force",
+        ],
+        "",
+    );
+    let figure = std::fs::read(Path::new(&one).join("corner.pdf"));
+    if output.status.code() == Some(0) {
+        let figure = figure.expect("a figure");
+        assert!(figure.starts_with(b"%PDF") && figure.windows(9).any(|w| w == b"/FontFile"));
+    } else {
+        refused(&output, &["format = pdf", "no fonts"]);
+    }
+    let output = oblate(&["report", &one, "--format", "png", "--out", &page], "");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("svg or pdf"));
 }
 
 #[test]

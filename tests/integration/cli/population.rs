@@ -2,6 +2,7 @@
 
 use super::{json, oblate, refused, write};
 use crate::folders::copy;
+use oblate::data::{Handedness, ObservedTrack, ReadOptions};
 use std::path::Path;
 
 /// Three mocks, fitted quickly and badly, and their population by two families.
@@ -113,7 +114,7 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     let output = oblate(&["report", &uniform, &gaussian, "--out", &page], "");
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let text = std::fs::read_to_string(&page).expect("the page");
-    assert!(text.contains("q given the population") && text.contains("NOT MEASURED"));
+    assert!(text.contains("given the population</th>") && text.contains("NOT MEASURED"));
     assert!(text.contains("<th>without</th><th>centre_pop</th>"));
     assert!(text.contains("<td>largest gap of q</td>"));
     assert!(text.contains("<p>Most influential stream: mock_3_"));
@@ -176,6 +177,16 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     refused(&into_fit, &["choose another folder"]);
     let again = path("again");
     copy(Path::new(&fits[0]), Path::new(&again));
+    let same = population(&[&fits[..], std::slice::from_ref(&again)].concat(), &at);
+    refused(&same, &["again: the track is that of mock_3_", "twice"]);
+    // In the other sense it is the same track, too.
+    let track = Path::new(&again).join("track.ecsv");
+    let mirrored = ReadOptions {
+        handedness: Some(Handedness::Mirrored),
+        ..ReadOptions::default()
+    };
+    let mirrored = ObservedTrack::read_with(&track, &mirrored).expect("a track");
+    mirrored.write(&track).expect("a track");
     let same = population(&[&fits[..], &[again]].concat(), &at);
     refused(&same, &["again: the track is that of mock_3_", "twice"]);
     for (key, value, words) in [

@@ -1,6 +1,6 @@
 //! `oblate stream`: its machine form, and the settings of a fit.
 
-use super::{example, json, oblate, write};
+use super::{example, json, oblate, refused, write};
 
 #[test]
 fn stream_prints_its_machine_form() {
@@ -48,4 +48,45 @@ fn stream_takes_the_settings_of_a_fit() {
         by_flags("1024")
     );
     assert_ne!(printed(&[]), by_flags("2560"));
+}
+
+#[test]
+fn the_track_is_that_of_the_data_where_the_settings_have_parameters_of_the_observation() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = "model.releases.particles = 512\n\
+        prior.marginals.phi0_deg = { kind = \"uniform\", lo = -40, hi = 40 }\n\
+        prior.fixed.distance_factor = 2.0\n";
+    let config = write(folder.path(), "fit.toml", settings);
+    let alone = example("stream.toml").display().to_string();
+    let params = std::fs::read_to_string(&alone).expect("parameters");
+    let observed = format!("{params}\nphi0_deg = 20.0\ndistance_factor = 2.0\n");
+    let observed = write(folder.path(), "observed.toml", &observed);
+    let track = |args: &[&str]| {
+        let output = oblate(&[&["stream", "--json"], args].concat(), "");
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        let value = json(&output.stdout);
+        let column = |name: &str| -> Vec<f64> {
+            let values = value["track"][name].as_array().expect("a column").iter();
+            values.map(|x| x.as_f64().expect("a number")).collect()
+        };
+        (column("phi_deg"), column("r_kpc"))
+    };
+    let (phi, r) = track(&[&alone, "--particles", "512"]);
+    let (phi_observed, r_observed) = track(&[&observed, "--config", &config]);
+    let near = |a: &[f64], b: Vec<f64>| {
+        a.iter()
+            .zip(&b)
+            .all(|(a, b)| (a - b).abs() < 1e-9 * b.abs())
+    };
+    assert!(phi.len() > 2 && phi.len() == phi_observed.len());
+    assert!(near(
+        &phi_observed,
+        phi.iter().map(|phi| phi + 20.0).collect()
+    ));
+    assert!(near(&r_observed, r.iter().map(|r| 0.5 * r).collect()));
+    // Without such settings they are refused, not left out of account.
+    refused(
+        &oblate(&["stream", &observed], ""),
+        &["distance_factor = 2", "absent"],
+    );
 }

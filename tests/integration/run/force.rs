@@ -76,7 +76,7 @@ fn a_run_folder_with_anything_foreign_at_any_depth_is_kept_whole() {
     finished(&whole.join("coarse"));
     for place in [
         "notes.txt",
-        "fit.pdf",
+        "fit.png",
         "fit.svg.bak",
         "coarse/notes.txt",
         "coarse/coarse/config.toml",

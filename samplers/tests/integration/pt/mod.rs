@@ -1,6 +1,7 @@
 //! Parallel tempering against exact evidences and posteriors.
 
 mod evidence;
+mod look;
 mod posterior;
 mod refusals;
 mod resume;
