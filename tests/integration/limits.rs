@@ -622,7 +622,8 @@ fn the_memory_of_samplers_is_within_what_was_estimated() {
         ..nested::Settings::default()
     };
     let dynamic = nested::Settings {
-        target_ess: Some(4_000.0),
+        target_ess: Some(1e6),
+        max_batches: 2,
         ..nested.clone()
     };
     let many = pt::Settings {

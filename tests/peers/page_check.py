@@ -29,7 +29,7 @@ samplers = ["nested"]
 coarse_particles = 0
 model = { releases = { particles = 128 }, step_phase = 2.0, max_halvings = 3 }
 prior.fixed = { r_s_halo_kpc = 15.0, r_s_prog_kpc = 2.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
-sampling.nested = { n_live = 40, kernel = "random-slice", steps = 4 }
+sampling.nested = { n_live = 40, kernel = "random-slice", steps = 4, max_batches = 1 }
 [population]
 samplers = ["nested"]
 settings.sampling.nested = { n_live = 60 }
