@@ -22,6 +22,31 @@ pub(in crate::nested) struct Along<'a> {
     pub sets: usize,
 }
 
+/// What a chain has from the half of the lineages that does not contain its seed, for one set of moves.
+pub(super) struct OtherHalf<'a> {
+    pub surrogate: &'a Surrogate,
+    pub metric: &'a DMatrix<f64>,
+    pub proposals: Option<&'a Proposals<'a>>,
+    /// Width of the wall at the likelihood bound, in units of ln L.
+    pub width: f64,
+    /// Step of the leapfrog in units of the metric.
+    pub step: f64,
+}
+
+impl Along<'_> {
+    /// For a chain whose seed is of an even lineage or of an odd one, inside a wall so many times as wide as the narrowest.
+    pub(super) fn other_half(&self, even: bool, width: f64) -> OtherHalf<'_> {
+        let other = usize::from(even);
+        OtherHalf {
+            surrogate: self.surrogates[other],
+            metric: &self.metrics[other],
+            proposals: self.proposals[other].as_ref(),
+            width: self.width * width,
+            step: self.step,
+        }
+    }
+}
+
 /// A density whose draws are proposals.
 pub(in crate::nested) struct Proposals<'a> {
     /// The density in standard-normal coordinates.

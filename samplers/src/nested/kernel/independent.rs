@@ -7,11 +7,11 @@
 //! constant. It is accepted if ln L there is above the bound, with the Metropolis probability of an independent proposal, the ratio of
 //! prior / (g s) there and here. Whether any of a fixed number of draws is kept does not depend on where the chain is.
 
-use super::along::{Along, Proposals};
+use super::along::{OtherHalf, Proposals};
 use super::chain::{Chain, cube_from_normal, wall};
 use crate::error::Result;
 use crate::rng::{RandomStream, unit_open};
-use crate::surrogate::{Scratch, Surrogate};
+use crate::surrogate::Scratch;
 
 /// Draws that are screened for one proposal.
 const DRAWS: usize = 256;
@@ -22,8 +22,7 @@ const LEAST: f64 = 1e-4;
 /// What a draw is judged by.
 struct Judge<'a> {
     proposals: &'a Proposals<'a>,
-    surrogate: &'a Surrogate,
-    width: f64,
+    other: &'a OtherHalf<'a>,
     theta: Vec<f64>,
     features: Vec<f64>,
     scratch: Scratch,
@@ -35,9 +34,9 @@ impl Judge<'_> {
         let target = chain.context.target;
         target.prior().theta_from_z(z, &mut self.theta);
         target.features(z, &self.theta, &mut self.features);
-        let ln_l = (self.surrogate).ln_likelihood(&self.features, &mut self.scratch);
+        let ln_l = (self.other.surrogate).ln_likelihood(&self.features, &mut self.scratch);
         let ln_ratio = Proposals::ln_ratio(self.proposals.mixture, z);
-        let below = (chain.context.contour - ln_l) / self.width;
+        let below = (chain.context.contour - ln_l) / self.other.width;
         let ln_kept = ln_ratio - self.proposals.ln_most - wall(below);
         // Not a number where the surrogate overflows.
         let ln_kept = if ln_kept.is_nan() {
@@ -49,24 +48,20 @@ impl Judge<'_> {
     }
 }
 
-/// One proposal, if a draw is kept by a surrogate whose region has an edge of this width, over the narrowest.
+/// One proposal, if a draw is kept.
 pub(super) fn step(
     chain: &mut Chain<'_>,
-    along: &Along<'_>,
-    even: bool,
-    width: f64,
+    other: &OtherHalf<'_>,
     rng: &mut RandomStream,
 ) -> Result<()> {
-    let Some(proposals) = &along.proposals[usize::from(even)] else {
+    let Some(proposals) = other.proposals else {
         return Ok(());
     };
-    let target = chain.context.target;
     let mut judge = Judge {
         proposals,
-        surrogate: along.surrogates[usize::from(even)],
-        width: along.width * width,
+        other,
         theta: vec![0.0; chain.x.len()],
-        features: vec![0.0; target.feature_count()],
+        features: vec![0.0; chain.context.target.feature_count()],
         scratch: Scratch::default(),
     };
     let mut kept = None;

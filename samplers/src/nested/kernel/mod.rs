@@ -61,9 +61,9 @@ pub(super) fn draw(
         let even = kept.genealogy[seed].lineage.is_multiple_of(2);
         let first = below(rng, WIDTHS.len());
         for set in 0..along.sets {
-            let width = WIDTHS[(first + set) % WIDTHS.len()];
-            independent::step(&mut chain, along, even, width, rng)?;
-            trajectory::steps(&mut chain, along, even, width, rng)?;
+            let other = along.other_half(even, WIDTHS[(first + set) % WIDTHS.len()]);
+            independent::step(&mut chain, &other, rng)?;
+            trajectory::steps(&mut chain, &other, rng)?;
         }
     }
     chain.refresh_orbits(rng)?;

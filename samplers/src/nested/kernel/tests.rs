@@ -181,6 +181,26 @@ fn wrong_density(starts: &Points) -> Mixture {
 /// Moves of a chain that stands for so many others, along the surrogates and densities of all.
 type Moves = fn(&mut Chain<'_>, &Along<'_>, &mut RandomStream) -> Result<()>;
 
+/// Chains above the bound 0 that make moves along surrogates and no slice updates.
+fn without_slices<'a>(
+    target: &'a dyn Target,
+    bounds: &'a [Bound],
+    halves: &'a [DifferencePool; 2],
+    along: &'a Along<'a>,
+) -> ChainContext<'a> {
+    ChainContext {
+        target,
+        contour: 0.0,
+        kernel: Kernel::Surrogate,
+        bounds,
+        halves,
+        scale: 1.0,
+        stride: 1.0,
+        steps: 0,
+        along: Some(along),
+    }
+}
+
 /// Whether chains that start uniform above the bound stay so by these moves alone, and what they counted.
 fn stay_uniform_along_a_wrong_surrogate(moves: Moves, task: u64) -> Motion {
     let target = ring_target();
@@ -206,17 +226,8 @@ fn stay_uniform_along_a_wrong_surrogate(moves: Moves, task: u64) -> Motion {
         metrics,
         proposals,
     };
-    let context = ChainContext {
-        target: &target,
-        contour: 0.0,
-        kernel: Kernel::Surrogate,
-        bounds: &bounds,
-        halves: &Default::default(),
-        scale: 1.0,
-        stride: 1.0,
-        steps: 0,
-        along: Some(&along),
-    };
+    let no_pairs = Default::default();
+    let context = without_slices(&target, &bounds, &no_pairs, &along);
     let ends: Vec<(Vec<f64>, Motion)> = (0..count)
         .into_par_iter()
         .map(|i| {
@@ -245,7 +256,7 @@ fn trajectories_along_a_wrong_surrogate_stay_uniform() {
     let moves: Moves = |chain, along, rng| {
         WIDTHS
             .iter()
-            .try_for_each(|width| trajectory::steps(chain, along, true, *width, rng))
+            .try_for_each(|width| trajectory::steps(chain, &along.other_half(true, *width), rng))
     };
     let counted = stay_uniform_along_a_wrong_surrogate(moves, 9).trajectories;
     let accepted = counted.accepted as f64 / counted.made as f64;
@@ -258,7 +269,7 @@ fn proposals_of_a_wrong_density_screened_by_a_wrong_surrogate_stay_uniform() {
     let moves: Moves = |chain, along, rng| {
         WIDTHS
             .iter()
-            .try_for_each(|width| independent::step(chain, along, true, *width, rng))
+            .try_for_each(|width| independent::step(chain, &along.other_half(true, *width), rng))
     };
     let counted = stay_uniform_along_a_wrong_surrogate(moves, 10).proposals;
     let accepted = counted.accepted as f64 / counted.tried as f64;
@@ -287,17 +298,8 @@ fn a_chain_moves_along_the_surrogate_of_the_half_that_does_not_contain_its_seed(
             None,
         ],
     };
-    let context = ChainContext {
-        target: &target,
-        contour: 0.0,
-        kernel: Kernel::Surrogate,
-        bounds: &bounds,
-        halves: &Default::default(),
-        scale: 1.0,
-        stride: 1.0,
-        steps: 0,
-        along: Some(&along),
-    };
+    let no_pairs = Default::default();
+    let context = without_slices(&target, &bounds, &no_pairs, &along);
     for seed in 0..4 {
         let rng = stream(20, Domain::Test, 0, seed as u64);
         let born = draw(&context, &starts, seed, rng).unwrap();

@@ -10,7 +10,7 @@
 //! whatever the surrogate. Where the surrogate is right, the wall is as high at the end as at the beginning, and nearly all ends are
 //! accepted.
 
-use super::along::Along;
+use super::along::OtherHalf;
 use super::chain::{Chain, cube_from_normal, wall};
 use crate::error::Result;
 use crate::rng::{RandomStream, standard_normal, unit_open};
@@ -55,22 +55,20 @@ struct Leapfrog<'a> {
     gradient: Vec<f64>,
 }
 
-/// Makes a set of trajectories inside walls of this width.
+/// Makes a set of trajectories.
 pub(super) fn steps(
     chain: &mut Chain<'_>,
-    along: &Along<'_>,
-    even: bool,
-    width: f64,
+    other: &OtherHalf<'_>,
     rng: &mut RandomStream,
 ) -> Result<()> {
     let target = chain.context.target;
     let (dim, count) = (chain.x.len(), target.feature_count());
     let mut leapfrog = Leapfrog {
         target,
-        surrogate: along.surrogates[usize::from(even)],
-        metric: &along.metrics[usize::from(even)],
+        surrogate: other.surrogate,
+        metric: other.metric,
         bound: chain.context.contour,
-        width: along.width * width,
+        width: other.width,
         theta: vec![0.0; dim],
         features: vec![0.0; count],
         features_bar: vec![0.0; count],
@@ -79,7 +77,7 @@ pub(super) fn steps(
     };
     let mut place = leapfrog.at(chain.normals());
     for leapfrogs in LEAPFROGS {
-        let length = (leapfrogs, along.step);
+        let length = (leapfrogs, other.step);
         one(chain, &mut leapfrog, &mut place, length, rng)?;
     }
     chain.label = chain.bound.label(&chain.x);
