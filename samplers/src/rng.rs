@@ -20,7 +20,7 @@ pub enum Domain {
     NestedSeeds = 2,
     /// Fits of the bounding ellipsoids.
     NestedBound = 3,
-    /// The surrogate of a nested run; index = iteration.
+    /// Surrogates and mixtures of a nested run; task = half of the lineages and number of components, index = iteration.
     NestedSurrogate = 4,
     /// The local moves of one chain of a tempered run; task = chain set * 2^20 + temperature, index = scan.
     PtExplore = 16,

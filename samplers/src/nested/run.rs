@@ -60,11 +60,11 @@ pub fn run(
     let status = loop {
         let mut ended = None;
         if state.batch_ended(settings) {
-            if !settings.dynamic() {
+            if !settings.dynamic() || state.batches >= settings.max_batches {
                 break Status::Complete;
             }
             let summary = RunSummary::of(state.points(), target, settings, seed)?;
-            if summary.meets(settings) || state.batches >= settings.max_batches {
+            if summary.meets(settings) {
                 break Status::Complete;
             }
             stop |= control.tell(&Event::Batch {
