@@ -2,11 +2,12 @@
 
 use super::{agrees, sample, settings};
 use crate::targets::{hard, smooth};
-use oblate_samplers::Target;
 use oblate_samplers::control::{CheckpointPlan, Control, Event, Observer, Silent};
 use oblate_samplers::nested::{Kernel, Settings, run};
 use oblate_samplers::output::{History, Status};
+use oblate_samplers::{Run, Target};
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Duration;
 
 fn dynamic(n_live: usize, kernel: Kernel, target_ess: f64) -> Settings {
@@ -170,6 +171,23 @@ impl Observer for StopAt {
     }
 }
 
+/// A part of a run: it goes on from the checkpoint in the folder, if there is one.
+fn part(
+    target: &dyn Target,
+    settings: &Settings,
+    folder: &Path,
+    observer: &mut dyn Observer,
+) -> Run {
+    let mut control = Control::new(observer);
+    control.checkpoint = Some(CheckpointPlan {
+        path: folder.join("run"),
+        every: Duration::MAX,
+        resume: true,
+        config_hash: 5,
+    });
+    run(target, settings, 1, &mut control).unwrap()
+}
+
 #[test]
 fn a_dynamic_run_has_the_same_bits_on_any_threads_and_after_any_stop() {
     let folder = tempfile::tempdir().unwrap();
@@ -179,20 +197,9 @@ fn a_dynamic_run_has_the_same_bits_on_any_threads_and_after_any_stop() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
     let threaded = pool.unwrap().install(|| sample(&target, &aimed, 1));
     assert_eq!(threaded.bits(), whole.bits());
-    let part = |at: u64| {
-        let mut observer = StopAt(at);
-        let mut control = Control::new(&mut observer);
-        control.checkpoint = Some(CheckpointPlan {
-            path: folder.path().join("run"),
-            every: Duration::MAX,
-            resume: true,
-            config_hash: 5,
-        });
-        run(&target, &aimed, 1, &mut control).unwrap()
-    };
     let mut stops = 0;
     let resumed = loop {
-        let run = part(17);
+        let run = part(&target, &aimed, folder.path(), &mut StopAt(17));
         if run.status == Status::Complete {
             break run;
         }
@@ -212,18 +219,8 @@ fn a_run_goes_on_with_more_batches_as_if_it_had_been_allowed_them() {
         max_batches,
         ..dynamic(60, Kernel::Differential, 5_000.0)
     };
-    let part = |max_batches| {
-        let mut silent = Silent;
-        let mut control = Control::new(&mut silent);
-        control.checkpoint = Some(CheckpointPlan {
-            path: folder.path().join("run"),
-            every: Duration::MAX,
-            resume: true,
-            config_hash: 5,
-        });
-        run(&target, &aimed(max_batches), 1, &mut control).unwrap()
-    };
-    let [one, three] = [1, 3].map(part);
+    let up_to = |batches| part(&target, &aimed(batches), folder.path(), &mut Silent);
+    let [one, three] = [1, 3].map(up_to);
     assert_eq!(one.status, Status::Complete);
     assert!(one.draws.len() < three.draws.len());
     assert_eq!(three.bits(), sample(&target, &aimed(3), 1).bits());
