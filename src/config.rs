@@ -87,9 +87,12 @@ pub struct StudyConfig {
     /// Mocks to make and fit.
     #[serde(default)]
     pub mocks: Option<StudyMocks>,
-    /// The population of the mocks.
+    /// The population of the mocks or of the tracks.
     #[serde(default)]
     pub population: Option<StudyPopulation>,
+    /// How fits are given to Slurm, where that is asked for.
+    #[serde(default)]
+    pub slurm: SlurmSettings,
 }
 
 impl StudyConfig {
@@ -97,7 +100,7 @@ impl StudyConfig {
     ///
     /// # Errors
     /// [`Error::InTable`] with what [`FitSettings::check`], [`MockSettings::check`] or [`PopulationConfig::check`] refuse;
-    /// [`Error::OutOfRange`] for the number or the seed of mocks.
+    /// [`Error::OutOfRange`] for the number or the seed of mocks, and for numbers of the cluster.
     pub fn check(&self) -> Result<()> {
         if let Some(tracks) = &self.tracks {
             tracks.fit.check().map_err(|e| e.within("tracks.fit"))?;
@@ -113,7 +116,7 @@ impl StudyConfig {
             let checked = population.settings.check();
             checked.map_err(|e| e.within("population.settings"))?;
         }
-        Ok(())
+        self.slurm.check().map_err(|e| e.within("slurm"))
     }
 }
 
@@ -121,7 +124,7 @@ impl StudyConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyTracks {
-    /// Track files, relative to the folder of the study file.
+    /// Track files, and folders of which every file that ends in `.ecsv` or `.csv` is a track; relative to the folder of the study file.
     pub files: Vec<PathBuf>,
     /// The errors of tracks that have none.
     #[serde(default)]
@@ -151,10 +154,23 @@ pub struct StudyMocks {
     pub fit: FitSettings,
 }
 
+/// Streams of a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StreamsOf {
+    /// Those of `[tracks]`.
+    Tracks,
+    /// Those of `[mocks]`.
+    Mocks,
+}
+
 /// Population of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StudyPopulation {
+    /// Whose population; none: that of the mocks if the study has any, else that of the tracks.
+    #[serde(default)]
+    pub of: Option<StreamsOf>,
     /// Samplers; each samples the population.
     pub samplers: Vec<Sampler>,
     /// Families; each is sampled. None: the family of the settings.
@@ -174,6 +190,47 @@ impl StudyPopulation {
         } else {
             self.families.clone()
         }
+    }
+}
+
+/// How the fits of a study are given to Slurm.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SlurmSettings {
+    /// Options of `sbatch` for each fit, such as `--partition=long`.
+    pub options: Vec<String>,
+    /// Largest number of fits that work at once; none: as many as Slurm allows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_once: Option<usize>,
+    /// How often a fit is submitted if it ends without a result and without an error of its own.
+    pub attempts: usize,
+    /// Seconds between two looks at the queue.
+    pub poll_seconds: u64,
+}
+
+impl Default for SlurmSettings {
+    fn default() -> Self {
+        Self {
+            options: Vec::new(),
+            at_once: None,
+            attempts: 3,
+            poll_seconds: 30,
+        }
+    }
+}
+
+impl SlurmSettings {
+    /// Checks every number by itself: the ranges of docs/limits.md.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] with the first key that is at fault.
+    pub fn check(&self) -> Result<()> {
+        if let Some(at_once) = self.at_once {
+            in_range("at_once", at_once, 1..=100_000)?;
+        }
+        in_range("attempts", self.attempts, 1..=100)?;
+        in_range("poll_seconds", self.poll_seconds, 1..=3_600)?;
+        Ok(())
     }
 }
 

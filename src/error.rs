@@ -139,6 +139,16 @@ pub enum Error {
         /// The operating system's error.
         source: std::io::Error,
     },
+    /// Another program that is needed cannot be started, or fails.
+    #[error("{program}: {message}; {remedy}")]
+    Command {
+        /// The program.
+        program: String,
+        /// What it or the operating system says.
+        message: String,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// Another process works in the run folder.
     #[error("{}: another run works in this folder; wait for its end, or use another folder", path.display())]
     FolderInUse {

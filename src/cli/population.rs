@@ -12,7 +12,7 @@ use crate::config::{PopulationConfig, read};
 use crate::error::Result;
 use crate::inference::Sampler;
 use crate::population::FamilyName;
-use crate::run::{FamilyRun, population, populations};
+use crate::run::{FamilyRun, PopulationFits, population, populations};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -64,16 +64,20 @@ pub fn run(
     config.seed = args.seed.unwrap_or(config.seed);
     args.set.apply(&mut config)?;
     let folder = &args.folder;
+    let fits = PopulationFits {
+        folders: &args.runs,
+        missing: &[],
+        allow_unconverged: folder.allow_unconverged,
+    };
     if let [] | [_] = args.family[..] {
         config.family.name = *args.family.first().unwrap_or(&config.family.name);
         let label = format!("population {}", config.sampling.sampler.name());
-        let allow = folder.allow_unconverged;
         return folder.fill(
             &label,
             command,
             common,
             out,
-            |destination, monitor| population(&args.runs, &config, allow, destination, monitor),
+            |destination, monitor| population(&fits, &config, destination, monitor),
             |fit, folder| {
                 Ok(after_run(
                     &fit.summary,
@@ -85,14 +89,7 @@ pub fn run(
         );
     }
     let runs = folder.fill_several(command, common, |destination, monitored| {
-        populations(
-            &args.runs,
-            &config,
-            &args.family,
-            folder.allow_unconverged,
-            destination,
-            monitored,
-        )
+        populations(&fits, &config, &args.family, destination, monitored)
     })?;
     let Some(runs) = runs else {
         return Ok(interrupted(command, "one of the families"));

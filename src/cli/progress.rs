@@ -3,12 +3,12 @@
 use super::eta::{Trend, duration};
 use super::options::{Common, LimitFlags};
 use super::output::note;
-use crate::run::Monitor;
-use indicatif::{ProgressBar, ProgressStyle};
+use crate::run::{FitsSoFar, Monitor};
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use oblate_samplers::{Event, Observer};
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Time between two lines of plain text.
@@ -39,10 +39,109 @@ pub struct Progress {
     bar: Option<ProgressBar>,
     plain: bool,
     last: Instant,
+    /// How many runs share the lines of plain text.
+    beside: Arc<AtomicU32>,
     stage: Stage,
     /// The convergence checks that a tempered run had open when it last looked at them.
     open: Option<Open>,
     current: String,
+}
+
+/// The progress of several runs, which may work at once: one line for each, below one for all fits.
+pub struct Board {
+    bars: Option<MultiProgress>,
+    all: Option<ProgressBar>,
+    plain: bool,
+    running: Arc<AtomicU32>,
+    /// The numbers of the last line of plain text, and when it was written.
+    last: Mutex<Option<([usize; 4], Instant)>>,
+}
+
+impl Board {
+    /// Without a run yet.
+    pub fn new(common: &Common) -> Self {
+        let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
+        Self {
+            bars: (terminal && !common.quiet).then(MultiProgress::new),
+            all: None,
+            plain: !terminal && !common.quiet,
+            running: Arc::new(AtomicU32::new(1)),
+            last: Mutex::default(),
+        }
+    }
+
+    /// With a line for all fits.
+    pub fn of_fits(common: &Common) -> Self {
+        let mut board = Self::new(common);
+        board.all = board.bars.as_ref().map(|bars| {
+            let bar = bars.add(ProgressBar::new_spinner());
+            if let Ok(style) = ProgressStyle::with_template("{msg}") {
+                bar.set_style(style);
+            }
+            bar
+        });
+        board
+    }
+
+    /// The line of one more run.
+    pub fn progress(&self, label: &str) -> Progress {
+        let bar = self.bars.as_ref().map(|bars| {
+            let bar = bars.add(ProgressBar::new_spinner());
+            if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix} [{elapsed}] {msg}")
+            {
+                bar.set_style(style);
+            }
+            bar.set_prefix(label.to_owned());
+            bar.enable_steady_tick(TICK);
+            bar
+        });
+        Progress::with(label, bar, self.plain, Arc::clone(&self.running))
+    }
+
+    /// Shows how far all fits are.
+    pub fn advanced(&self, fits: &FitsSoFar) {
+        let running = u32::try_from(fits.running).unwrap_or(u32::MAX);
+        self.running.store(running.max(1), Ordering::Relaxed);
+        let text = all_fits(fits);
+        if let Some(bar) = &self.all {
+            bar.set_message(text);
+        } else if self.plain {
+            let numbers = [fits.done, fits.failed, fits.running, fits.waiting];
+            let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+            let is_new =
+                |(told, at): &([usize; 4], Instant)| *told != numbers || at.elapsed() >= LINE_EVERY;
+            if last.as_ref().is_none_or(is_new) {
+                note(&text);
+                *last = Some((numbers, Instant::now()));
+            }
+        }
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.all {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// How far all fits are, in words.
+fn all_fits(fits: &FitsSoFar) -> String {
+    let mut text = format!("fits: {} of {} done", fits.done, fits.of);
+    if fits.failed > 0 {
+        text += &format!(", {} failed", fits.failed);
+    }
+    if fits.running > 0 {
+        text += &format!(", {} at work", fits.running);
+    }
+    if fits.waiting > 0 {
+        text += &format!(", {} in the queue", fits.waiting);
+    }
+    if let Some(left) = fits.seconds_left.filter(|left| *left > 0.0) {
+        text += &format!(", the others end in about {}", duration(left));
+    }
+    text
 }
 
 /// Open convergence checks.
@@ -89,22 +188,16 @@ struct Report {
 impl Progress {
     /// For a run called `label`.
     pub fn new(label: &str, common: &Common) -> Self {
-        let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
-        let bar = (terminal && !common.quiet).then(|| {
-            let bar = ProgressBar::new_spinner();
-            if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix} [{elapsed}] {msg}")
-            {
-                bar.set_style(style);
-            }
-            bar.set_prefix(label.to_owned());
-            bar.enable_steady_tick(TICK);
-            bar
-        });
+        Board::new(common).progress(label)
+    }
+
+    fn with(label: &str, bar: Option<ProgressBar>, plain: bool, beside: Arc<AtomicU32>) -> Self {
         Self {
             label: label.to_owned(),
             bar,
-            plain: !terminal && !common.quiet,
+            plain,
             last: Instant::now(),
+            beside,
             stage: Stage::new(String::new()),
             open: None,
             current: "the beginning".to_owned(),
@@ -172,10 +265,14 @@ impl Progress {
         self.current = text;
         if let Some(bar) = &self.bar {
             bar.set_message(self.current.clone());
-        } else if self.plain && self.last.elapsed() >= LINE_EVERY {
+        } else if self.plain && self.last.elapsed() >= self.line_every() {
             self.last = Instant::now();
             note(&format!("{}: {}", self.label, self.current));
         }
+    }
+
+    fn line_every(&self) -> Duration {
+        LINE_EVERY * self.beside.load(Ordering::Relaxed)
     }
 
     fn warn(&self, message: &str) {

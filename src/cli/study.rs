@@ -5,18 +5,21 @@ use super::exit::Exit;
 use super::next::Step;
 use super::options::{Common, LimitFlags};
 use super::output::{Output, note, shown};
-use super::progress::Progress;
+use super::progress::{Board, interrupt};
 use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
 use crate::inference::Sampler;
 use crate::posterior::{Summary, compare};
 use crate::report::FigureFormat;
 use crate::run::{
-    RunFolder, SUMMARY_FILE, StudyResult, StudyRun, render_report, report_path, study,
+    Executor, FitsSoFar, Monitor, RunFolder, Study, StudyResult, StudyRun, Watcher, render_report,
+    report_path,
 };
+use clap::ValueEnum;
 use oblate_samplers::output::Status;
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 /// Flags of `oblate run`.
 #[derive(clap::Args, Debug)]
@@ -28,11 +31,51 @@ pub struct Args {
     /// Folder of all results; overrides the study's `out`
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
+    /// Who does the fits
+    #[arg(long, value_enum, default_value_t = ExecutorName::Local)]
+    executor: ExecutorName,
+    /// Do only the fit of this number, from 1, and no population and no report: for other queues than Slurm's
+    #[arg(long, value_name = "NUMBER", conflicts_with = "executor")]
+    fit: Option<usize>,
     /// Exit with 0 even if a run has not converged
     #[arg(long)]
     allow_unconverged: bool,
     #[command(flatten)]
     limits: LimitFlags,
+}
+
+/// Who does the fits of a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ExecutorName {
+    /// This process, as many at once as it has threads
+    Local,
+    /// Slurm, as array jobs
+    Slurm,
+}
+
+/// Shows the progress of a study.
+struct Shown<'a> {
+    board: Board,
+    limits: &'a LimitFlags,
+}
+
+impl Watcher for Shown<'_> {
+    fn monitored(
+        &self,
+        label: &str,
+        work: &mut dyn FnMut(&mut Monitor<'_>) -> Result<()>,
+    ) -> Result<()> {
+        let mut progress = self.board.progress(label);
+        work(&mut progress.monitor(self.limits))
+    }
+
+    fn advanced(&self, fits: &FitsSoFar) {
+        self.board.advanced(fits);
+    }
+
+    fn interrupted(&self) -> bool {
+        interrupt().load(Ordering::Relaxed)
+    }
 }
 
 /// Runs a study and writes its report.
@@ -56,23 +99,13 @@ pub fn run(
         });
     }
     let files_from = args.study.parent().unwrap_or(Path::new("."));
-    let result = study(&config, files_from, &command.text(), &mut |label, work| {
-        let mut progress = Progress::new(label, common);
-        work(&mut progress.monitor(&args.limits))
-    })
-    .inspect_err(|error| {
-        // A fit that the time limit left without draws.
-        let stopped = match error {
-            Error::Posterior { .. } | Error::Sampler(oblate_samplers::Error::Interrupted) => true,
-            Error::Io { path, .. } => path.ends_with(SUMMARY_FILE),
-            _ => false,
-        };
-        if stopped && args.limits.max_minutes.is_some() {
-            note("The time limit was reached before the first result of a run.");
-            Step::again("continue the study", command).tell();
-        }
-    })
-    .map_err(|error| match error {
+    let shown_fits = Shown {
+        board: Board::of_fits(common),
+        limits: &args.limits,
+    };
+    let result = done(args, &config, files_from, command, &shown_fits);
+    drop(shown_fits);
+    let result = result.map_err(|error| match error {
         Error::InTable { .. } => Error::InFile {
             path: args.study.clone(),
             line: None,
@@ -81,21 +114,110 @@ pub fn run(
         other => other,
     })?;
     if result.interrupted {
-        note("Stopped before the end; all work so far is kept.");
+        if args.executor == ExecutorName::Slurm {
+            note("Stopped watching; the jobs in Slurm's queue go on.");
+        } else {
+            note("Stopped before the end; all work so far is kept.");
+        }
         Step::again("continue it", command).tell();
         return Ok(Exit::Interrupted);
     }
     let page = report_path(&config.out);
     let folders: Vec<PathBuf> = result.runs().map(|p| p.folder.clone()).collect();
-    render_report(&config.title, &folders, &[FigureFormat::Svg], &page)?;
+    let reported = args.fit.is_none() && !folders.is_empty();
+    if reported {
+        render_report(&config.title, &folders, &[FigureFormat::Svg], &page)?;
+    }
+    if args.fit.is_some() {
+        // Slurm's log of the fit is searched for it.
+        for failed in &result.failed {
+            note(&format!("error: {}", failed.reason));
+        }
+    }
     if common.json {
         let rows: Vec<_> = result.runs()
             .map(|p| json!({"name": p.name, "sampler": p.sampler, "folder": shown(&p.folder), "summary": p.summary}))
             .collect();
-        out.json(&json!({"runs": rows, "acceptance": result.acceptance, "report": shown(&page)}))?;
+        let failed: Vec<_> = (result.failed.iter())
+            .map(|p| json!({"name": p.name, "sampler": p.sampler, "reason": p.reason}))
+            .collect();
+        out.json(&json!({
+            "runs": rows,
+            "failed": failed,
+            "acceptance": result.acceptance,
+            "report": reported.then(|| shown(&page)),
+        }))?;
     } else {
         print(&result, out)?;
-        out.line(&format!("report: {}", page.display()))?;
+        if reported {
+            out.line(&format!("report: {}", page.display()))?;
+        }
+    }
+    tell_next(args, command, &result);
+    let converged = result.runs().all(|p| p.summary.converged);
+    Ok(Exit::from_converged(
+        result.failed.is_empty()
+            && (converged || args.allow_unconverged || config.allow_unconverged),
+    ))
+}
+
+/// Does the study, or one fit of it.
+fn done(
+    args: &Args,
+    config: &StudyConfig,
+    files_from: &Path,
+    command: &CommandLine,
+    watcher: &Shown<'_>,
+) -> Result<StudyResult> {
+    let study = Study::new(config, files_from, watcher)?;
+    let text = command.text();
+    if let Some(number) = args.fit {
+        return study.run_fit(number, &text, watcher);
+    }
+    match args.executor {
+        ExecutorName::Local => study.run(Executor::Local, &text, watcher),
+        ExecutorName::Slurm => {
+            let task = task(args, config)?;
+            study.run(Executor::Slurm { task: &task }, &text, watcher)
+        }
+    }
+}
+
+/// The shell command of one fit, whose number is in the variable `FIT`, for any computer that shares this one's files.
+fn task(args: &Args, config: &StudyConfig) -> Result<String> {
+    let here = |source| Error::Io {
+        path: args.study.clone(),
+        source,
+        remedy: "work in a folder that exists",
+    };
+    let folder = std::env::current_dir().map_err(here)?;
+    let program = std::env::current_exe().map_err(here)?;
+    let every = args.limits.checkpoint_every.to_string();
+    let words = [
+        program.display().to_string(),
+        "run".to_owned(),
+        args.study.display().to_string(),
+        "--out".to_owned(),
+        config.out.display().to_string(),
+        "--checkpoint-every".to_owned(),
+        every,
+    ];
+    let mut line = CommandLine::new(words);
+    if let Some(minutes) = args.limits.max_minutes {
+        line = line.with("--max-minutes", Some(&minutes.to_string()));
+    }
+    let folder = CommandLine::new([folder.display().to_string()]);
+    Ok(format!(
+        "cd {} && {} --quiet --threads \"${{SLURM_CPUS_PER_TASK:-1}}\" --fit \"$FIT\"",
+        folder.text(),
+        line.text()
+    ))
+}
+
+/// Says which commands go on with runs that have ended too soon.
+fn tell_next(args: &Args, command: &CommandLine, result: &StudyResult) {
+    if !result.failed.is_empty() && args.limits.max_minutes.is_some() {
+        Step::again("continue the study", command).tell();
     }
     let stopped = |run: &StudyRun| run.summary.status == Status::BudgetSpent;
     if result.runs().any(stopped) {
@@ -111,16 +233,15 @@ pub fn run(
         );
         Step::again(&purpose, command).tell();
     }
-    let converged = result.runs().all(|p| p.summary.converged);
-    Ok(Exit::from_converged(
-        converged || args.allow_unconverged || config.allow_unconverged,
-    ))
 }
 
 fn print(result: &StudyResult, out: &mut Output<'_>) -> Result<()> {
     out.line("run                               ln Z              median [interval]           ESS   calls  gradients  CPU/s")?;
     for run in result.runs() {
         out.line(&row(run))?;
+    }
+    for failed in &result.failed {
+        out.line(&format!("FAILED  {failed}"))?;
     }
     for run in result.runs() {
         for assumption in &run.summary.assumptions {

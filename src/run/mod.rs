@@ -19,7 +19,6 @@ mod senses;
 mod session;
 mod stored_fit;
 mod study;
-mod study_inputs;
 mod versions;
 
 pub use bridge::bridge;
@@ -32,11 +31,13 @@ pub use log::Log;
 pub use merge::merge;
 pub use monitor::{Monitor, Monitored};
 pub use names::file_name;
-pub use population::population;
+pub use population::{PopulationFits, population};
 pub use population_fits::q_posterior;
 pub use populations::{FamilyRun, populations};
 pub use render::render_report;
 pub use senses::{SenseRun, senses};
 pub use session::Destination;
-pub use study::{StudyResult, StudyRun, report_path, study};
+pub use study::{
+    Executor, FailedRun, FitsSoFar, Study, StudyResult, StudyRun, Watcher, report_path,
+};
 pub use versions::{FolderKind, Versions};

@@ -52,28 +52,45 @@ fn sampling(config: &PopulationConfig, dim: usize) -> SamplerSettings {
     sampling
 }
 
+/// The fits of a population.
+#[derive(Clone, Copy, Debug)]
+pub struct PopulationFits<'a> {
+    /// Their run folders.
+    pub folders: &'a [PathBuf],
+    /// Streams that belong to the population and have no fit, each with the reason; the summary warns of them.
+    pub missing: &'a [String],
+    /// Whether fits that have not converged are taken, with a warning.
+    pub allow_unconverged: bool,
+}
+
 /// Samples the population of finished fits into a run folder.
 ///
 /// # Errors
-/// [`Error::NotConverged`] if a fit has not converged and `allow_unconverged` is false; [`Error::Posterior`] if its
+/// [`Error::NotConverged`] if a fit has not converged and that is not allowed; [`Error::Posterior`] if its
 /// posterior of q cannot be used, or if two are of one track or differ in prior or recipe; [`Error::TooFewRuns`] for no fits; [`Error::OutputIsInput`] if the destination is one
 /// of them, is in one or holds one; [`Error::OutOfRange`], [`Error::Setting`] or [`Error::Sampler`] for settings,
 /// before anything is read; [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`] or
 /// [`Error::InFile`] if a fit cannot be read; [`Error::Exists`], [`Error::OutputPath`], [`Error::OtherInputs`] or
 /// [`Error::FolderInUse`] if the destination cannot be used.
 pub fn population(
-    fits: &[PathBuf],
+    fits: &PopulationFits<'_>,
     config: &PopulationConfig,
-    allow_unconverged: bool,
     destination: Destination<'_>,
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
     check(config)?;
-    destination.is_apart_from(fits)?;
-    let stored = population_fits::read(fits)?;
-    let mut warnings = Vec::new();
+    destination.is_apart_from(fits.folders)?;
+    let stored = population_fits::read(fits.folders)?;
+    let missing = fits.missing.iter();
+    let mut warnings: Vec<String> = missing
+        .map(|stream| {
+            format!(
+                "a stream is missing, which biases the population if that depends on q: {stream}"
+            )
+        })
+        .collect();
     for fit in stored.iter().filter(|s| !s.summary.converged) {
-        if !allow_unconverged {
+        if !fits.allow_unconverged {
             return Err(Error::NotConverged {
                 name: fit.name.clone(),
             });
@@ -93,7 +110,8 @@ pub fn population(
         .map(|s| s.summary.input_hash.clone())
         .collect();
     let hashes = hashes.join(" ");
-    let inputs = [config_toml.as_bytes(), hashes.as_bytes()];
+    let mut inputs = vec![config_toml.as_bytes(), hashes.as_bytes()];
+    inputs.extend(fits.missing.iter().map(String::as_bytes));
     let session = match RunSession::begin(destination, config_toml.clone(), &inputs)? {
         RunState::Finished(stored) => {
             // A table is missing after a kill between result and tables, and in folders of earlier versions.

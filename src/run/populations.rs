@@ -1,7 +1,7 @@
 //! One population by several families: each a run folder of its own, in one folder.
 
 use super::monitor::Monitored;
-use super::population::{check, population};
+use super::population::{PopulationFits, check, population};
 use super::session::Destination;
 use crate::config::PopulationConfig;
 use crate::error::{Error, Result};
@@ -27,10 +27,9 @@ pub struct FamilyRun {
 /// # Errors
 /// As of [`population`]; [`Error::Setting`] for a family that is named twice; [`Error::OutputPath`] if the destination itself is a run folder.
 pub fn populations(
-    fits: &[PathBuf],
+    fits: &PopulationFits<'_>,
     config: &PopulationConfig,
     families: &[FamilyName],
-    allow_unconverged: bool,
     destination: Destination<'_>,
     monitored: &mut Monitored<'_>,
 ) -> Result<Option<Vec<FamilyRun>>> {
@@ -49,7 +48,7 @@ pub fn populations(
         }
         check(&of(*family))?;
     }
-    destination.is_apart_from(fits)?;
+    destination.is_apart_from(fits.folders)?;
     destination.is_no_run()?;
     let mut runs = Vec::new();
     for family in families {
@@ -62,7 +61,7 @@ pub fn populations(
         let label = format!("{} {}", family.name(), config.sampling.sampler.name());
         let mut fit = None;
         monitored(&label, &mut |monitor| {
-            fit = Some(population(fits, &config, allow_unconverged, own, monitor)?);
+            fit = Some(population(fits, &config, own, monitor)?);
             Ok(())
         })?;
         match fit.filter(|fit| fit.run.status != Status::Interrupted) {

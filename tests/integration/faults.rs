@@ -7,7 +7,7 @@
 //!
 //! `cargo test --release --test integration faults -- --ignored --nocapture`
 
-use crate::folders::copy;
+use crate::folders::{copy, files};
 use std::collections::BTreeMap;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
@@ -247,47 +247,6 @@ fn counts(scenario: &Scenario, prepared: &Path) -> BTreeMap<&'static str, usize>
             (call, lines.count())
         })
         .collect()
-}
-
-/// Every file below a folder by its name. Times are taken out of summaries; files with times and the number of
-/// processes of a run are left out: logs, checkpoints, the page with the times of its runs.
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut left = vec![folder.to_path_buf()];
-    while let Some(next) = left.pop() {
-        for entry in std::fs::read_dir(&next).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            let name = path
-                .file_name()
-                .expect("a name")
-                .to_string_lossy()
-                .into_owned();
-            if path.is_dir() {
-                left.push(path);
-                continue;
-            }
-            if name == "log.jsonl" || name.starts_with("checkpoint") || name == "report.html" {
-                continue;
-            }
-            let mut bytes = std::fs::read(&path).expect("a file");
-            if name == "summary.json" {
-                bytes = without_times(&bytes);
-            }
-            let name = path.strip_prefix(folder).expect("below").to_path_buf();
-            found.insert(name, bytes);
-        }
-    }
-    found
-}
-
-fn without_times(summary: &[u8]) -> Vec<u8> {
-    let mut value: serde_json::Value = serde_json::from_slice(summary).expect("a summary");
-    for key in ["cpu_seconds", "wall_seconds"] {
-        value["cost"][key] = 0.into();
-    }
-    // The command line differs where a run is continued.
-    value["command"] = "".into();
-    serde_json::to_vec(&value).expect("JSON")
 }
 
 /// A run may make a few calls fewer than the one in which they were counted, by the time that passes: it then ends before a fault at the

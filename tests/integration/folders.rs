@@ -31,3 +31,44 @@ pub fn copy(from: &Path, to: &Path) {
         }
     }
 }
+
+/// Every file below a folder by its name. Times are taken out of summaries; files with times and the number of
+/// processes of a run are left out: logs, checkpoints, the page with the times of its runs.
+pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut left = vec![folder.to_path_buf()];
+    while let Some(next) = left.pop() {
+        for entry in std::fs::read_dir(&next).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let name = path
+                .file_name()
+                .expect("a name")
+                .to_string_lossy()
+                .into_owned();
+            if path.is_dir() {
+                left.push(path);
+                continue;
+            }
+            if name == "log.jsonl" || name.starts_with("checkpoint") || name == "report.html" {
+                continue;
+            }
+            let mut bytes = std::fs::read(&path).expect("a file");
+            if name == "summary.json" {
+                bytes = without_times(&bytes);
+            }
+            let name = path.strip_prefix(folder).expect("below").to_path_buf();
+            found.insert(name, bytes);
+        }
+    }
+    found
+}
+
+fn without_times(summary: &[u8]) -> Vec<u8> {
+    let mut value: serde_json::Value = serde_json::from_slice(summary).expect("a summary");
+    for key in ["cpu_seconds", "wall_seconds"] {
+        value["cost"][key] = 0.into();
+    }
+    // The command line differs where a run is continued.
+    value["command"] = "".into();
+    serde_json::to_vec(&value).expect("JSON")
+}

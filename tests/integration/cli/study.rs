@@ -100,8 +100,8 @@ fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
                 .next()
                 .expect("a beginning")
                 .to_owned()
-                + "[population]\nsamplers = [\"nested\"]\n",
-            &["[population]", "mocks", "add a table `[mocks]`"],
+                + "[population]\nof = \"mocks\"\nsamplers = [\"nested\"]\n",
+            &["[population]", "of = \"mocks\"", "add a table `[mocks]`"],
         ),
         (
             study.replace("count = ", "count = 0 # "),

@@ -1,9 +1,11 @@
 //! Studies: each run in a folder of its own within `out`.
 
 use crate::cli::{SMALL, oblate, refused};
-use crate::folders::tree;
+use crate::folders::{files, tree};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
 /// A study of tracks whose headers have the given names; returns its file.
 fn study(folder: &Path, names: &[&str]) -> String {
@@ -116,4 +118,194 @@ fn a_page_that_is_no_report_is_not_replaced() {
         assert_eq!(output.status.code(), Some(0), "{output:?}");
         assert!(page.exists());
     }
+}
+
+/// Six mocks, the third of which no draw of the prior reaches, and their population. Each fit takes a fraction of a second.
+const MOCKS: &str = r#"
+title = "mocks"
+out = "out"
+allow_unconverged = true
+[mocks]
+count = 6
+seed = 7
+samplers = ["nested"]
+fit.coarse_particles = 0
+fit.model = { steps = 4, step_phase = 3.0, max_halvings = 2, orbit_steps = 16, releases = { particles = 128 } }
+fit.sampling.nested = { n_live = 60, kernel = "random-slice", steps = 2, replaced_fraction = 0.5, max_batches = 1, simulations = 20, bootstraps = 20 }
+[population]
+samplers = ["nested"]
+"#;
+
+fn in_folder(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_oblate"));
+    command
+        .current_dir(folder)
+        .args(arguments)
+        .stdin(Stdio::null());
+    command
+}
+
+/// A study of mocks in a folder of its own.
+fn mocks(count: usize) -> tempfile::TempDir {
+    let temporary = tempfile::tempdir().unwrap();
+    let text = MOCKS.replace("count = 6", &format!("count = {count}"));
+    fs::write(temporary.path().join("study.toml"), text).unwrap();
+    temporary
+}
+
+#[test]
+fn a_failed_fit_is_reported_and_left_out_of_the_population() {
+    let temporary = mocks(6);
+    let ended = |arguments: &[&str]| {
+        let mut command = in_folder(temporary.path(), &["run", "study.toml"]);
+        command.args(arguments).output().unwrap()
+    };
+    let output = ended(&["--threads", "1"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let failed: Vec<&str> = printed
+        .lines()
+        .filter(|l| l.starts_with("FAILED"))
+        .collect();
+    assert_eq!(failed.len(), 1, "{printed}");
+    let reason = failed[0].strip_prefix("FAILED  ").unwrap();
+    assert!(
+        reason.starts_with("mock_7_17 nested: none of 1000 prior draws"),
+        "{reason}"
+    );
+    assert!(printed.contains("mock_7_37"), "{printed}");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("fits: 5 of 6 done, 1 failed"), "{said}");
+    let summary = temporary.path().join("out/population_nested/summary.json");
+    let summary: serde_json::Value = serde_json::from_slice(&fs::read(summary).unwrap()).unwrap();
+    let warning = summary["model_warnings"][0].as_str().unwrap();
+    assert!(
+        warning.contains("a stream is missing") && warning.ends_with(reason),
+        "{warning}"
+    );
+
+    // The same bytes with several fits at once, and one fit after the other by number, in any order.
+    let whole = files(&temporary.path().join("out"));
+    assert!(whole.len() > 60, "{whole:?}");
+    assert_eq!(
+        ended(&["--threads", "3", "--out", "at once", "-q"])
+            .status
+            .code(),
+        Some(1)
+    );
+    assert_eq!(files(&temporary.path().join("at once")), whole);
+    let first_lines = |number: &str| {
+        let output = ended(&["--fit", number, "--out", "by number", "-q"]);
+        (
+            output.status.code(),
+            String::from_utf8(output.stderr).unwrap(),
+        )
+    };
+    for number in ["5", "2", "6", "1", "4"] {
+        assert_eq!(first_lines(number).0, Some(0));
+    }
+    let (code, said) = first_lines("3");
+    assert_eq!(code, Some(1));
+    assert!(
+        said.starts_with("error: none of 1000 prior draws"),
+        "{said}"
+    );
+    assert!(!temporary.path().join("by number/report.html").exists());
+    let (code, said) = first_lines("7");
+    assert_eq!(code, Some(2));
+    assert!(
+        said.contains("fit = 7") && said.contains("1 to 6"),
+        "{said}"
+    );
+    let output = ended(&["--out", "by number", "-q"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert_eq!(files(&temporary.path().join("by number")), whole);
+}
+
+/// Kills a study of so many mocks so many times, after growing parts of its time, and compares all files with those of one that was never stopped.
+fn killed(count: usize, times: u32) {
+    let whole = mocks(count);
+    let arguments = [
+        "run",
+        "study.toml",
+        "-q",
+        "--threads",
+        "2",
+        "--checkpoint-every",
+        "0",
+    ];
+    let began = std::time::Instant::now();
+    let output = in_folder(whole.path(), &arguments).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let time = began.elapsed();
+    let expected = files(&whole.path().join("out"));
+    let temporary = mocks(count);
+    let mut kills = 0;
+    for k in 1..=times {
+        let mut child = in_folder(temporary.path(), &arguments)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(
+            time.mul_f64(f64::from(k) / f64::from(times))
+                .min(Duration::from_secs(60)),
+        );
+        child.kill().unwrap();
+        kills += u32::from(child.wait().unwrap().code().is_none());
+    }
+    assert!(kills > 0, "the study was never killed");
+    let output = in_folder(temporary.path(), &arguments).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert_eq!(files(&temporary.path().join("out")), expected);
+    println!("killed {kills} times in {times} tries");
+}
+
+#[test]
+fn a_killed_study_of_fits_at_once_ends_in_the_same_bytes() {
+    killed(6, 4);
+}
+
+#[test]
+fn a_folder_stands_for_its_tracks_and_a_population_may_be_theirs() {
+    let temporary = tempfile::tempdir().unwrap();
+    let tracks = temporary.path().join("tracks");
+    fs::create_dir_all(&tracks).unwrap();
+    for (name, to) in [("s2_spherical", "2.ECSV"), ("s1_prolate_tilted", "1.ecsv")] {
+        let from = crate::cli::example(&format!("tracks/{name}.ecsv"));
+        fs::copy(from, tracks.join(to)).unwrap();
+    }
+    fs::write(tracks.join("notes.txt"), "not a track").unwrap();
+    let text = MOCKS.replace(
+        "[mocks]\ncount = 6\nseed = 7",
+        "[tracks]\nfiles = [\"tracks\"]",
+    );
+    let with = |text: &str| {
+        fs::write(temporary.path().join("study.toml"), text).unwrap();
+        in_folder(temporary.path(), &["run", "study.toml", "-q"])
+            .output()
+            .unwrap()
+    };
+    let fixed = text.replace("fit.model", "fit.prior.fixed = { dir_x = 0.1 }\nfit.model");
+    refused(&with(&fixed), &["[tracks.fit]", "prior of q"]);
+    let of_mocks = format!("{text}of = \"mocks\"\n");
+    refused(
+        &with(&of_mocks),
+        &["[population]", "of = \"mocks\"", "[mocks]"],
+    );
+    let output = with(&text);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let first = |line: &str| line.split_whitespace().next().unwrap().to_owned();
+    let rows: Vec<String> = printed.lines().skip(1).take(3).map(first).collect();
+    assert_eq!(rows, ["s1_prolate_tilted", "s2_spherical", "population"]);
+    fs::remove_dir_all(&tracks).unwrap();
+    fs::create_dir_all(&tracks).unwrap();
+    refused(&with(&text), &["[tracks]", "files", ".ecsv"]);
+}
+
+#[test]
+#[ignore = "half a minute: the study of twelve mocks that is killed twenty times"]
+fn a_study_of_twelve_mocks_killed_twenty_times_ends_in_the_same_bytes() {
+    killed(12, 20);
 }

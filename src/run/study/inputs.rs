@@ -1,14 +1,14 @@
 //! The inputs of a study, read and checked before its first fit, so that faults are found at once.
 
-use super::monitor::Monitored;
-use super::population;
-use crate::config::StudyConfig;
+use super::watch::Watcher;
+use crate::config::{StreamsOf, StudyConfig};
 use crate::data::{Mocks, ObservedTrack, ReadOptions, mocks_with};
 use crate::error::{Error, Result, TrackFault};
 use crate::inference::{FitPlan, FitSettings, Sampler};
 use crate::params::StreamPrior;
 use crate::population::QPosterior;
-use std::path::Path;
+use crate::run::population;
+use std::path::{Path, PathBuf};
 
 /// The streams of a study.
 #[derive(Default)]
@@ -27,20 +27,20 @@ impl StudyInputs {
     /// # Errors
     /// [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read; [`Error::InTable`] for a setting out of its range and for
     /// too few mocks.
-    pub fn new(
-        config: &StudyConfig,
-        files_from: &Path,
-        monitored: &mut Monitored<'_>,
-    ) -> Result<Self> {
+    pub fn new(config: &StudyConfig, files_from: &Path, watcher: &dyn Watcher) -> Result<Self> {
         let mut inputs = Self::default();
         let mut support = None;
         if let Some(study) = &config.population {
             some(&study.samplers).map_err(|e| e.within("population"))?;
-            if config.mocks.is_none() {
+            let (table, there) = match streams_of(config) {
+                StreamsOf::Tracks => ("tracks", config.tracks.is_some()),
+                StreamsOf::Mocks => ("mocks", config.mocks.is_some()),
+            };
+            if !there {
                 return Err(Error::Setting {
-                    key: "mocks".to_owned(),
-                    value: "{}".to_owned(),
-                    remedy: "add a table `[mocks]`: the population is that of the mocks".to_owned(),
+                    key: "of".to_owned(),
+                    value: format!("{table:?}"),
+                    remedy: format!("add a table `[{table}]`: the population is of its streams"),
                 }
                 .within("population"));
             }
@@ -54,10 +54,23 @@ impl StudyInputs {
             }
             support = Some(study.settings.family.support());
         }
+        // The posterior of q of each stream needs a prior of q, before the first fit.
+        let check_q = |group, name: &str, settings: &FitSettings| {
+            let prior = StreamPrior::new(&settings.prior)?;
+            match support.filter(|_| streams_of(config) == group) {
+                None => Ok(prior),
+                Some(support) => QPosterior::check_prior(prior.q_prior(), support)
+                    .map(|_| prior)
+                    .map_err(|fault| Error::Posterior {
+                        name: name.to_owned(),
+                        fault,
+                    }),
+            }
+        };
         if let Some(study) = &config.tracks {
             some(&study.samplers).map_err(|e| e.within("tracks"))?;
-            for file in &study.files {
-                let path = files_from.join(file);
+            check_q(StreamsOf::Tracks, "tracks", &study.fit).map_err(|e| e.within("tracks.fit"))?;
+            for path in track_files(&study.files, files_from)? {
                 let mut track = ObservedTrack::read(&path);
                 // Only a track without errors takes the assumed one.
                 if let Err(Error::TrackFile {
@@ -79,14 +92,9 @@ impl StudyInputs {
         }
         if let Some(study) = &config.mocks {
             some(&study.samplers).map_err(|e| e.within("mocks"))?;
-            let prior = StreamPrior::new(&study.fit.prior).map_err(|e| e.within("mocks.fit"))?;
-            if let Some(support) = support {
-                QPosterior::check_prior(prior.q_prior(), support).map_err(|fault| {
-                    let name = "mocks".to_owned();
-                    Error::Posterior { name, fault }.within("mocks.fit")
-                })?;
-            }
-            monitored("mocks", &mut |monitor| {
+            let prior = check_q(StreamsOf::Mocks, "mocks", &study.fit)
+                .map_err(|e| e.within("mocks.fit"))?;
+            watcher.monitored("mocks", &mut |monitor| {
                 let advanced = &mut |found: &Mocks| {
                     let (done, of) = (found.mocks.len() as u64, study.count as u64);
                     monitor.advanced(done, of);
@@ -104,6 +112,57 @@ impl StudyInputs {
         }
         Ok(inputs)
     }
+}
+
+/// Whose population a study infers.
+pub(super) fn streams_of(config: &StudyConfig) -> StreamsOf {
+    let given = config.population.as_ref().and_then(|study| study.of);
+    given.unwrap_or(if config.mocks.is_some() {
+        StreamsOf::Mocks
+    } else {
+        StreamsOf::Tracks
+    })
+}
+
+/// The files, and in place of a folder its tracks in the order of their names.
+fn track_files(given: &[PathBuf], files_from: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in given.iter().map(|path| files_from.join(path)) {
+        if !path.is_dir() {
+            files.push(path);
+            continue;
+        }
+        let mut inside = read_folder(&path).map_err(|source| Error::Io {
+            path: path.clone(),
+            source,
+            remedy: "check that the folder of tracks is readable",
+        })?;
+        inside.retain(|file| is_track_file(file));
+        inside.sort();
+        if inside.is_empty() {
+            return Err(Error::Setting {
+                key: "files".to_owned(),
+                value: path.display().to_string(),
+                remedy: "name a folder with tracks, files that end in `.ecsv` or `.csv`".to_owned(),
+            }
+            .within("tracks"));
+        }
+        files.extend(inside);
+    }
+    Ok(files)
+}
+
+fn read_folder(path: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(path)?;
+    entries
+        .map(|entry| entry.map(|entry| entry.path()))
+        .collect()
+}
+
+fn is_track_file(path: &Path) -> bool {
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    ending.is_some_and(|e| e.eq_ignore_ascii_case("ecsv") || e.eq_ignore_ascii_case("csv"))
+        && path.is_file()
 }
 
 /// Refuses a list without a sampler.

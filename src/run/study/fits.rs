@@ -1,0 +1,196 @@
+//! The fits of a study on this computer: several at once, each on threads of its own.
+
+use super::plan::PlannedFit;
+use super::watch::{FitsSoFar, Pace, Watcher};
+use crate::error::{Error, Result};
+use crate::posterior::Summary;
+use crate::run::fit::fit;
+use crate::run::locked::IfExists;
+use crate::run::monitor::Monitor;
+use crate::run::session::Destination;
+use oblate_samplers::Error as SamplerError;
+use oblate_samplers::output::Status;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+/// How a fit ended.
+#[derive(Debug)]
+pub(super) enum Outcome {
+    /// With a result.
+    Done(Box<Summary>),
+    /// Without one, for a reason that is its own.
+    Failed(String),
+    /// By the user; it can be continued.
+    Interrupted,
+}
+
+/// Why a fit has no result at the end of its time.
+const OUT_OF_TIME: &str =
+    "its time was up before its first result; repeat the study to continue it";
+
+/// Does the fits, at most as many at once as this pool has threads, and returns how each ended, in their order. None is begun after an
+/// interrupt.
+///
+/// # Errors
+/// The first error that is not of one fit alone, such as a full disk, once the fits that work have ended.
+pub(super) fn all_fits(
+    fits: &[PlannedFit],
+    command: &str,
+    watcher: &dyn Watcher,
+) -> Result<Vec<Outcome>> {
+    let threads = rayon::current_num_threads();
+    let unfinished = fits.iter().filter(|fit| !fit.is_finished()).count();
+    let at_once = threads.min(unfinished);
+    let queue = Queue {
+        fits,
+        command,
+        watcher,
+        at_once,
+        next: AtomicUsize::new(0),
+        stop: AtomicBool::new(false),
+        so_far: Mutex::new((
+            FitsSoFar {
+                done: fits.len() - unfinished,
+                of: fits.len(),
+                ..FitsSoFar::default()
+            },
+            Pace::new(),
+        )),
+    };
+    queue.tell(|_| {});
+    let ended = if at_once <= 1 {
+        // All threads for one fit after the other.
+        vec![queue.work()]
+    } else {
+        let worker = |number: usize| {
+            let own = threads / at_once + usize::from(number < threads % at_once);
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(own).build();
+            let pool = pool.map_err(|e| Error::Setting {
+                key: "threads".to_owned(),
+                value: threads.to_string(),
+                remedy: e.to_string(),
+            })?;
+            pool.install(|| queue.work())
+        };
+        std::thread::scope(|scope| {
+            let workers: Vec<_> = (0..at_once)
+                .map(|number| scope.spawn(move || worker(number)))
+                .collect();
+            let joined = workers.into_iter().map(|worker| {
+                worker
+                    .join()
+                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            });
+            joined.collect()
+        })
+    };
+    let mut outcomes: Vec<Outcome> = fits.iter().map(|_| Outcome::Interrupted).collect();
+    for worker in ended {
+        for (i, outcome) in worker? {
+            outcomes[i] = outcome;
+        }
+    }
+    Ok(outcomes)
+}
+
+/// The fits, which workers take one after the other.
+struct Queue<'a> {
+    fits: &'a [PlannedFit],
+    command: &'a str,
+    watcher: &'a dyn Watcher,
+    at_once: usize,
+    next: AtomicUsize,
+    /// Whether no other fit is to be begun.
+    stop: AtomicBool,
+    so_far: Mutex<(FitsSoFar, Pace)>,
+}
+
+impl Queue<'_> {
+    /// Takes fits until none is left, and returns how each ended, with its place.
+    fn work(&self) -> Result<Vec<(usize, Outcome)>> {
+        let mut ended = Vec::new();
+        loop {
+            let place = self.next.fetch_add(1, Ordering::Relaxed);
+            let stopped = self.stop.load(Ordering::Relaxed) || self.watcher.interrupted();
+            let Some(fit) = self.fits.get(place).filter(|_| !stopped) else {
+                return Ok(ended);
+            };
+            let was_finished = fit.is_finished();
+            let outcome = one_fit(fit, self.fits.len(), self.command, self.watcher)
+                .inspect_err(|_| self.stop.store(true, Ordering::Relaxed))?;
+            match outcome {
+                Outcome::Done(_) if !was_finished => self.tell(|fits| fits.done += 1),
+                Outcome::Failed(_) => self.tell(|fits| fits.failed += 1),
+                Outcome::Done(_) | Outcome::Interrupted => {}
+            }
+            ended.push((place, outcome));
+        }
+    }
+
+    /// Changes what is known of all fits and tells the caller. The lock is held meanwhile, so that the caller is told in order.
+    fn tell(&self, change: impl FnOnce(&mut FitsSoFar)) {
+        let mut so_far = self.so_far.lock().unwrap_or_else(PoisonError::into_inner);
+        let (fits, pace) = &mut *so_far;
+        change(fits);
+        fits.running = self.at_once.min(fits.of - fits.done - fits.failed);
+        pace.estimate(fits);
+        self.watcher.advanced(fits);
+    }
+}
+
+/// Does one fit, or reads it back.
+///
+/// # Errors
+/// Those that are not of this fit alone.
+pub(super) fn one_fit(
+    planned: &PlannedFit,
+    of: usize,
+    command: &str,
+    watcher: &dyn Watcher,
+) -> Result<Outcome> {
+    let destination = Destination {
+        folder: &planned.folder,
+        if_exists: IfExists::Resume,
+        command,
+    };
+    let label = format!("fit {} of {of}, {}", planned.number, planned.name());
+    let mut done = None;
+    let work = &mut |monitor: &mut Monitor<'_>| {
+        done = Some(fit(
+            &planned.track,
+            &planned.settings,
+            destination,
+            monitor,
+        )?);
+        Ok(())
+    };
+    match watcher.monitored(&label, work) {
+        Err(Error::Sampler(SamplerError::Interrupted)) => {}
+        Err(error) if is_of_the_fit(&error) => return Ok(Outcome::Failed(error.to_string())),
+        other => other?,
+    }
+    let result = done.filter(|fit| fit.run.status != Status::Interrupted && planned.is_finished());
+    Ok(match result {
+        Some(fit) => Outcome::Done(Box::new(fit.summary)),
+        None if watcher.interrupted() => Outcome::Interrupted,
+        None => Outcome::Failed(OUT_OF_TIME.to_owned()),
+    })
+}
+
+/// Whether an error is that of a track or of its posterior, so that other fits can succeed.
+fn is_of_the_fit(error: &Error) -> bool {
+    use SamplerError as S;
+    match error {
+        Error::UnreachableTrack { .. } | Error::NoTrack(_) => true,
+        Error::Sampler(error) => !matches!(
+            error,
+            S::OutOfRange(_)
+                | S::TooMuchMemory(_)
+                | S::Setting { .. }
+                | S::Interrupted
+                | S::Io { .. }
+                | S::Checkpoint { .. }
+        ),
+        _ => false,
+    }
+}

@@ -1,0 +1,89 @@
+//! The fits of a study in their order, each with its folder.
+
+use super::inputs::StudyInputs;
+use crate::config::{StreamsOf, StudyConfig};
+use crate::data::ObservedTrack;
+use crate::error::{Error, Result};
+use crate::inference::{FitSettings, Sampler};
+use crate::run::folder::RunFolder;
+use crate::run::names::file_name;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// One fit of a study.
+#[derive(Clone, Debug)]
+pub(super) struct PlannedFit {
+    /// From 1, in the order of the study.
+    pub number: usize,
+    pub group: StreamsOf,
+    pub track: ObservedTrack,
+    pub settings: FitSettings,
+    pub folder: PathBuf,
+}
+
+impl PlannedFit {
+    /// The track and the sampler, for messages.
+    pub fn name(&self) -> String {
+        format!("{} {}", self.track.name, self.sampler().name())
+    }
+
+    pub fn sampler(&self) -> Sampler {
+        self.settings.sampling.sampler
+    }
+
+    /// Whether its folder holds a result of its stopping rule, of whatever settings.
+    pub fn is_finished(&self) -> bool {
+        RunFolder::open(&self.folder).is_ok_and(|folder| folder.finished())
+    }
+}
+
+/// The fits of a study: of each track by each sampler, then of each mock.
+///
+/// # Errors
+/// [`Error::Name`] for a track whose name is empty or too long; [`Error::SameName`] for two of the same name.
+pub(super) fn planned_fits(config: &StudyConfig, inputs: &StudyInputs) -> Result<Vec<PlannedFit>> {
+    let mut fits = Vec::new();
+    let mut add =
+        |group, tracks: &[ObservedTrack], settings: &FitSettings, samplers: &[Sampler]| {
+            let under = config.out.join(match group {
+                StreamsOf::Tracks => "fits",
+                StreamsOf::Mocks => "mocks",
+            });
+            let mut taken = BTreeMap::new();
+            for (i, track) in tracks.iter().enumerate() {
+                for sampler in samplers {
+                    let folder = file_name(&track.name, &format!("_{}", sampler.name()))?;
+                    // Apart also where upper and lower case are the same.
+                    let other = taken.insert(folder.to_lowercase(), i);
+                    if let Some(other) = other.filter(|other| *other != i) {
+                        return Err(Error::SameName {
+                            name: track.name.clone(),
+                            other: tracks[other].name.clone(),
+                        });
+                    }
+                    fits.push(PlannedFit {
+                        number: fits.len() + 1,
+                        group,
+                        track: track.clone(),
+                        settings: settings.with_sampler(*sampler),
+                        folder: under.join(folder),
+                    });
+                }
+            }
+            Ok(())
+        };
+    if let Some(study) = &config.tracks {
+        add(
+            StreamsOf::Tracks,
+            &inputs.tracks,
+            &study.fit,
+            &study.samplers,
+        )
+        .map_err(|e| e.within("tracks"))?;
+    }
+    if let Some(study) = &config.mocks {
+        add(StreamsOf::Mocks, &inputs.mocks, &study.fit, &study.samplers)
+            .map_err(|e| e.within("mocks"))?;
+    }
+    Ok(fits)
+}
