@@ -1,6 +1,7 @@
 //! `oblate run`.
 
 use super::command_line::CommandLine;
+use super::eta::duration;
 use super::exit::Exit;
 use super::next::Step;
 use super::options::{Common, LimitFlags};
@@ -12,8 +13,8 @@ use crate::inference::Sampler;
 use crate::posterior::{Summary, compare};
 use crate::report::FigureFormat;
 use crate::run::{
-    Executor, FitsSoFar, Monitor, RunFolder, Study, StudyResult, StudyRun, Watcher, render_report,
-    report_path,
+    Cost, Executor, FitsSoFar, Monitor, RunFolder, Study, StudyResult, StudyRun, Watcher,
+    render_report, report_path,
 };
 use clap::ValueEnum;
 use oblate_samplers::output::Status;
@@ -103,7 +104,7 @@ pub fn run(
         board: Board::of_fits(common),
         limits: &args.limits,
     };
-    let result = done(args, &config, files_from, command, &shown_fits);
+    let result = done(args, common, &config, files_from, command, &shown_fits);
     drop(shown_fits);
     let result = result.map_err(|error| match error {
         Error::InTable { .. } => Error::InFile {
@@ -161,9 +162,23 @@ pub fn run(
     ))
 }
 
+/// What the fits will cost, in words.
+fn predicted(cost: &Cost) -> String {
+    let [least, most] = cost.range.map(duration);
+    let threads = rayon::current_num_threads().min(cost.fits);
+    format!(
+        "{} fits will take about {} of CPU, {least} to {most} each, by a pilot of {}; {} with {threads} at once",
+        cost.fits,
+        duration(cost.cpu_seconds),
+        cost.timed,
+        duration(cost.cpu_seconds / threads as f64),
+    )
+}
+
 /// Does the study, or one fit of it.
 fn done(
     args: &Args,
+    common: &Common,
     config: &StudyConfig,
     files_from: &Path,
     command: &CommandLine,
@@ -173,6 +188,11 @@ fn done(
     let text = command.text();
     if let Some(number) = args.fit {
         return study.run_fit(number, &text, watcher);
+    }
+    if !common.quiet {
+        if let Some(cost) = study.cost()? {
+            note(&predicted(&cost));
+        }
     }
     match args.executor {
         ExecutorName::Local => study.run(Executor::Local, &text, watcher),

@@ -5,17 +5,26 @@ use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::error::Result;
 use crate::params::{DIM, without_optional};
+use oblate_samplers::rng::{Domain, stream};
 use std::time::{Duration, Instant};
 
 /// Draws of the posteriors of five tracks, the track's name first: the points of a fit cost as much as these.
 const DRAWS: &str = include_str!("../../benches/draws.csv");
 
 /// So many values of the coarse model take as long as the shortest coarse stage of a default fit with all 13 parameters free, moves along the surrogate
-/// included (docs/validation.md, section 4), and as the longest (section 5, s0).
-const COARSE_VALUES: [f64; 2] = [3e5, 13e6];
+/// included (docs/validation.md, section 4), as their mean, and as the longest (section 5, s0).
+const COARSE_VALUES: [f64; 3] = [3e5, 4e6, 13e6];
 
-/// The same for values of the model itself, in the bridge (docs/validation.md, section 4), without further MCMC steps and with all of them.
-const VALUES: [f64; 2] = [2e4, 1.5e5];
+/// The same for values of the model itself, in the bridge (docs/validation.md, section 4), without further MCMC steps, in the mean, and with all of
+/// them.
+const VALUES: [f64; 3] = [2e4, 7e4, 1.5e5];
+
+/// Draws of the prior from which [`Speed::of_fit`] takes the best, and how many of these.
+const PRIOR_DRAWS: u64 = 400;
+const BEST: usize = 8;
+
+/// Time for which [`Speed::of_fit`] measures each model.
+const SHORT: Duration = Duration::from_millis(100);
 
 /// Values of ln L per second, on all threads of the present rayon pool.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,39 +45,73 @@ impl Speed {
         let phi: Vec<f64> = (0..15).map(|k| f64::from(10 * k - 70)).collect();
         let (r, r_err) = (vec![60.0; phi.len()], vec![1.0; phi.len()]);
         let track = ObservedTrack::new("speed", &phi, 10.0, &r, &r_err)?;
-        let model = values_per_second(&StreamTarget::from_track(&track, &settings)?, time / 2);
-        let coarse = match settings.coarse(track.bin_width_deg) {
-            Some(coarse) => {
-                values_per_second(&StreamTarget::from_track(&track, &coarse)?, time / 2)
-            }
-            None => model,
-        };
+        // Comments and the header have no numbers.
+        let points: Vec<[f64; DIM]> = DRAWS
+            .lines()
+            .filter_map(|line| {
+                let values: Option<Vec<f64>> =
+                    line.split(',').skip(1).map(|v| v.parse().ok()).collect();
+                Some(without_optional(values?.try_into().ok()?))
+            })
+            .collect();
+        let (model, coarse) = targets(&track, &settings)?;
+        let model = values_per_second(&model, &points, time / 2);
+        let coarse = coarse.map_or(model, |c| values_per_second(&c, &points, time / 2));
         Ok(Self { model, coarse })
     }
 
-    /// Shortest and longest time of a default fit with all 13 parameters free, seconds.
+    /// Measures for a part of a second, with the models of this fit, near its track: at the best of some hundred draws of its prior.
+    ///
+    /// # Errors
+    /// As of [`StreamTarget::from_track`].
+    pub fn of_fit(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
+        let (model, coarse) = targets(track, settings)?;
+        let first = coarse.as_ref().unwrap_or(&model);
+        let draws: Vec<[f64; DIM]> = (0..PRIOR_DRAWS)
+            .map(|i| {
+                let mut rng = stream(settings.seed, Domain::Prior, 3, i);
+                first.stream_prior().draw(&mut rng).to_array()
+            })
+            .collect();
+        let values = first.likelihood().ln_likelihoods(&draws);
+        let mut kept: Vec<(f64, [f64; DIM])> = (values.iter().zip(draws))
+            .filter_map(|(value, draw)| Some((value.as_ref().ok()?.ln_likelihood, draw)))
+            .collect();
+        kept.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+        let points: Vec<[f64; DIM]> = kept.into_iter().map(|(_, draw)| draw).take(BEST).collect();
+        let model = values_per_second(&model, &points, SHORT);
+        let coarse = coarse.map_or(model, |c| values_per_second(&c, &points, SHORT));
+        Ok(Self { model, coarse })
+    }
+
+    /// Shortest, mean and longest time of a default fit with all 13 parameters free, seconds.
     #[must_use]
-    pub fn seconds_of_fit(&self) -> [f64; 2] {
-        [0, 1].map(|k| COARSE_VALUES[k] / self.coarse + VALUES[k] / self.model)
+    pub fn seconds_of_fit(&self) -> [f64; 3] {
+        [0, 1, 2].map(|k| COARSE_VALUES[k] / self.coarse + VALUES[k] / self.model)
     }
 }
 
-fn values_per_second(target: &StreamTarget, time: Duration) -> f64 {
-    // Comments and the header have no numbers.
-    let points: Vec<[f64; DIM]> = DRAWS
-        .lines()
-        .filter_map(|line| {
-            let values: Option<Vec<f64>> =
-                line.split(',').skip(1).map(|v| v.parse().ok()).collect();
-            Some(without_optional(values?.try_into().ok()?))
-        })
-        .collect();
+/// The model of a fit, and the coarse one that it samples first, if it does.
+fn targets(
+    track: &ObservedTrack,
+    settings: &FitSettings,
+) -> Result<(StreamTarget, Option<StreamTarget>)> {
+    let coarse = settings.coarse(track.bin_width_deg);
+    let coarse = coarse.map(|coarse| StreamTarget::from_track(track, &coarse));
+    Ok((
+        StreamTarget::from_track(track, settings)?,
+        coarse.transpose()?,
+    ))
+}
+
+/// Values of ln L per second at these points; 0 without a point.
+fn values_per_second(target: &StreamTarget, points: &[[f64; DIM]], time: Duration) -> f64 {
     // Every thread has some points at a time, as in a sampler.
     let batch = points.repeat(rayon::current_num_threads());
     // The first values allocate memory.
-    let _ = target.likelihood().ln_likelihoods(&points);
+    let _ = target.likelihood().ln_likelihoods(points);
     let (began, mut count) = (Instant::now(), 0);
-    while count == 0 || began.elapsed() < time {
+    while !batch.is_empty() && (count == 0 || began.elapsed() < time) {
         let values = target.likelihood().ln_likelihoods(&batch);
         count += values.len();
     }

@@ -38,6 +38,6 @@ pub use render::render_report;
 pub use senses::{SenseRun, senses};
 pub use session::Destination;
 pub use study::{
-    Executor, FailedRun, FitsSoFar, Study, StudyResult, StudyRun, Watcher, report_path,
+    Cost, Executor, FailedRun, FitsSoFar, Study, StudyResult, StudyRun, Watcher, report_path,
 };
 pub use versions::{FolderKind, Versions};

@@ -3,12 +3,14 @@
 
 mod fits;
 mod inputs;
+mod pilot;
 mod plan;
 mod populations;
 mod result;
 mod slurm;
 mod watch;
 
+pub use pilot::Cost;
 pub use result::{FailedRun, StudyResult, StudyRun};
 pub use watch::{FitsSoFar, Watcher};
 
@@ -73,16 +75,13 @@ impl<'a> Study<'a> {
         })
     }
 
-    /// Number of fits.
-    #[must_use]
-    pub fn number_of_fits(&self) -> usize {
-        self.fits.len()
-    }
-
-    /// Number of fits without a result.
-    #[must_use]
-    pub fn unfinished(&self) -> usize {
-        self.fits.iter().filter(|fit| !fit.is_finished()).count()
+    /// What the fits that have no result will cost, from a pilot of some seconds; `None` if all have one.
+    ///
+    /// # Errors
+    /// As of [`Speed::of_fit`](crate::inference::Speed::of_fit).
+    pub fn cost(&self) -> Result<Option<Cost>> {
+        let unfinished: Vec<_> = self.fits.iter().filter(|fit| !fit.is_finished()).collect();
+        pilot::pilot(&unfinished)
     }
 
     /// Does the fits that have no result, and the populations. `command` is the command line for the summaries.

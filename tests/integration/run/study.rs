@@ -175,6 +175,10 @@ fn a_failed_fit_is_reported_and_left_out_of_the_population() {
     );
     assert!(printed.contains("mock_7_37"), "{printed}");
     let said = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        said.starts_with("6 fits will take about ") && said.contains("by a pilot of 6"),
+        "{said}"
+    );
     assert!(said.contains("fits: 5 of 6 done, 1 failed"), "{said}");
     let summary = temporary.path().join("out/population_nested/summary.json");
     let summary: serde_json::Value = serde_json::from_slice(&fs::read(summary).unwrap()).unwrap();
