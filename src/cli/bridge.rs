@@ -4,7 +4,7 @@ use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::next::after_run;
-use super::options::{Common, ModelFlags};
+use super::options::{LimitFlags, ModelFlags};
 use super::output::Output;
 use super::set::SetFlags;
 use crate::config::read;
@@ -42,16 +42,13 @@ pub struct Args {
     #[command(flatten)]
     set: SetFlags,
     #[command(flatten)]
+    limits: LimitFlags,
+    #[command(flatten)]
     folder: FolderFlags,
 }
 
 /// Continues one fit to a finer model.
-pub fn run(
-    args: &Args,
-    common: &Common,
-    command: &CommandLine,
-    out: &mut Output<'_>,
-) -> Result<Exit> {
+pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<Exit> {
     let given: Option<FitSettings> = args.config.as_deref().map(read).transpose()?;
     let change = |settings: &mut FitSettings| {
         if let Some(given) = given {
@@ -70,7 +67,7 @@ pub fn run(
     args.folder.fill(
         "bridge",
         command,
-        common,
+        &args.limits,
         out,
         |destination, monitor| bridge(&args.run, change, destination, monitor),
         |fit, folder| {

@@ -36,7 +36,6 @@ use clap::{CommandFactory, Parser, Subcommand};
 use command_line::CommandLine;
 use excerpt::excerpt;
 use message::{Flags, with_flags};
-use options::Common;
 use output::{Output, note};
 use std::ffi::OsString;
 use std::io::Write;
@@ -47,8 +46,6 @@ use std::io::Write;
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
-    #[command(flatten)]
-    common: Common,
 }
 
 #[derive(Subcommand, Debug)]
@@ -128,21 +125,21 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
         }
     };
     let line = CommandLine::of(args);
-    cli.common.in_pool(|| match &cli.verb {
-        Verb::Mock(a) => mock::run(a, &cli.common, out),
-        Verb::Selection(a) => selection::run(a, &cli.common, out),
-        Verb::Stream(a) => stream::run(a, &cli.common, out),
-        Verb::Evaluate(a) => evaluate::run(a, &cli.common, &mut std::io::stdin().lock(), out),
-        Verb::Fit(a) => fit::run(a, &cli.common, &line, out),
-        Verb::Bridge(a) => bridge::run(a, &cli.common, &line, out),
-        Verb::Merge(a) => merge::run(a, &cli.common, &line, out),
-        Verb::Compare(a) => compare::run(a, &cli.common, out),
-        Verb::Calibration(a) => calibration::run(a, &cli.common, out),
-        Verb::Population(a) => population::run(a, &cli.common, &line, out),
-        Verb::Export(a) => export::run(a, &cli.common, out),
-        Verb::Report(a) => report::run(a, &cli.common, out),
-        Verb::Run(a) => study::run(a, &cli.common, &line, out),
-        Verb::Doctor(a) => doctor::run(a, &cli.common, out),
+    match &cli.verb {
+        Verb::Mock(a) => mock::run(a, out),
+        Verb::Selection(a) => selection::run(a, out),
+        Verb::Stream(a) => stream::run(a, out),
+        Verb::Evaluate(a) => evaluate::run(a, &mut std::io::stdin().lock(), out),
+        Verb::Fit(a) => fit::run(a, &line, out),
+        Verb::Bridge(a) => bridge::run(a, &line, out),
+        Verb::Merge(a) => merge::run(a, &line, out),
+        Verb::Compare(a) => compare::run(a, out),
+        Verb::Calibration(a) => calibration::run(a, out),
+        Verb::Population(a) => population::run(a, &line, out),
+        Verb::Export(a) => export::run(a, out),
+        Verb::Report(a) => report::run(a, out),
+        Verb::Run(a) => study::run(a, &line, out),
+        Verb::Doctor(a) => doctor::run(a, out),
         Verb::Completions { shell } => {
             // Into memory first: clap's generator panics where it cannot write.
             let mut script = Vec::new();
@@ -156,5 +153,5 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
             out.bytes(&page)?;
             Ok(Exit::Done)
         }
-    })
+    }
 }

@@ -4,7 +4,7 @@ use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::{FolderFlags, interrupted};
 use super::next::after_run;
-use super::options::{Common, sampler};
+use super::options::{LimitFlags, sampler};
 use super::output::{Output, shown};
 use super::set::SetFlags;
 use super::several::{print_faults, tell_once};
@@ -42,6 +42,8 @@ pub struct Args {
     #[command(flatten)]
     set: SetFlags,
     #[command(flatten)]
+    limits: LimitFlags,
+    #[command(flatten)]
     folder: FolderFlags,
 }
 
@@ -50,12 +52,7 @@ fn family(text: &str) -> std::result::Result<FamilyName, String> {
 }
 
 /// Samples the population of finished fits by one family of distributions of q, or by several.
-pub fn run(
-    args: &Args,
-    common: &Common,
-    command: &CommandLine,
-    out: &mut Output<'_>,
-) -> Result<Exit> {
+pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<Exit> {
     let mut config: PopulationConfig = match &args.config {
         Some(path) => read(path)?,
         None => PopulationConfig::default(),
@@ -71,7 +68,7 @@ pub fn run(
         return folder.fill(
             &label,
             command,
-            common,
+            &args.limits,
             out,
             |destination, monitor| population(&args.runs, &config, allow, destination, monitor),
             |fit, folder| {
@@ -84,7 +81,7 @@ pub fn run(
             },
         );
     }
-    let runs = folder.fill_several(command, common, |destination, monitored| {
+    let runs = folder.fill_several(command, &args.limits, |destination, monitored| {
         populations(
             &args.runs,
             &config,
@@ -97,7 +94,7 @@ pub fn run(
     let Some(runs) = runs else {
         return Ok(interrupted(command, "one of the families"));
     };
-    if common.json {
+    if folder.json() {
         let rows: Vec<_> = runs
             .iter()
             .map(|run| json!({"family": run.family, "folder": shown(&run.folder), "summary": run.summary}))

@@ -1,7 +1,7 @@
 //! Progress of long work on standard error: a line that is renewed on a terminal, otherwise a line for each stage and one a minute.
 
 use super::eta::{Trend, duration};
-use super::options::{Common, LimitFlags};
+use super::options::LimitFlags;
 use super::output::note;
 use crate::run::Monitor;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -87,10 +87,11 @@ struct Report {
 }
 
 impl Progress {
-    /// For a run called `label`.
-    pub fn new(label: &str, common: &Common) -> Self {
+    /// For a run called `label`; a quiet one shows nothing.
+    #[must_use]
+    pub fn new(label: &str, quiet: bool) -> Self {
         let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
-        let bar = (terminal && !common.quiet).then(|| {
+        let bar = (terminal && !quiet).then(|| {
             let bar = ProgressBar::new_spinner();
             if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix} [{elapsed}] {msg}")
             {
@@ -103,7 +104,7 @@ impl Progress {
         Self {
             label: label.to_owned(),
             bar,
-            plain: !terminal && !common.quiet,
+            plain: !terminal && !quiet,
             last: Instant::now(),
             stage: Stage::new(String::new()),
             open: None,

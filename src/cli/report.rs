@@ -1,7 +1,7 @@
 //! `oblate report`.
 
 use super::exit::Exit;
-use super::options::{Common, parsed, refuse_existing};
+use super::options::{JsonFlag, parsed, refuse_existing};
 use super::output::{Output, shown};
 use super::run_folders::run_folders;
 use crate::error::Result;
@@ -31,14 +31,16 @@ pub struct Args {
     /// Title of the page
     #[arg(long, default_value = "oblate report")]
     title: String,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Writes the page.
-pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     refuse_existing(&args.out, args.force)?;
     let runs = run_folders(&args.runs);
     render_report(&args.title, &runs, &args.format, &args.out)?;
-    if common.json {
+    if args.output.json {
         out.json(&serde_json::json!({"report": shown(&args.out)}))?;
     } else {
         out.line(&format!("{}", args.out.display()))?;

@@ -4,7 +4,7 @@ use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::{FolderFlags, interrupted};
 use super::next::{Step, after_fit, tell_coarse};
-use super::options::Common;
+use super::options::LimitFlags;
 use super::output::{Output, shown};
 use super::several::{print_faults, tell_once};
 use crate::config::read;
@@ -21,17 +21,17 @@ pub fn fit_both(
     tracks: [&ObservedTrack; 2],
     settings: &FitSettings,
     folder: &FolderFlags,
-    common: &Common,
+    limits: &LimitFlags,
     command: &CommandLine,
     out: &mut Output<'_>,
 ) -> Result<Exit> {
-    let runs = folder.fill_several(command, common, |destination, monitored| {
+    let runs = folder.fill_several(command, limits, |destination, monitored| {
         senses(tracks, settings, destination, monitored)
     })?;
     let Some(runs) = runs else {
         return Ok(interrupted(command, "one of the senses"));
     };
-    if common.json {
+    if folder.json() {
         let rows: Vec<_> = runs
             .iter()
             .map(|run| {

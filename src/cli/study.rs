@@ -3,7 +3,7 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::next::Step;
-use super::options::{Common, LimitFlags};
+use super::options::{JsonFlag, LimitFlags, WorkFlags};
 use super::output::{Output, note, shown};
 use super::progress::Progress;
 use crate::config::{StudyConfig, read};
@@ -33,15 +33,15 @@ pub struct Args {
     allow_unconverged: bool,
     #[command(flatten)]
     limits: LimitFlags,
+    #[command(flatten)]
+    work: WorkFlags,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Runs a study and writes its report.
-pub fn run(
-    args: &Args,
-    common: &Common,
-    command: &CommandLine,
-    out: &mut Output<'_>,
-) -> Result<Exit> {
+pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<Exit> {
+    args.work.start_threads()?;
     args.limits.check()?;
     let mut config: StudyConfig = read(&args.study)?;
     if let Some(folder) = &args.out {
@@ -57,7 +57,7 @@ pub fn run(
     }
     let files_from = args.study.parent().unwrap_or(Path::new("."));
     let result = study(&config, files_from, &command.text(), &mut |label, work| {
-        let mut progress = Progress::new(label, common);
+        let mut progress = Progress::new(label, args.work.quiet);
         work(&mut progress.monitor(&args.limits))
     })
     .inspect_err(|error| {
@@ -88,7 +88,7 @@ pub fn run(
     let page = report_path(&config.out);
     let folders: Vec<PathBuf> = result.runs().map(|p| p.folder.clone()).collect();
     render_report(&config.title, &folders, &[FigureFormat::Svg], &page)?;
-    if common.json {
+    if args.output.json {
         let rows: Vec<_> = result.runs()
             .map(|p| json!({"name": p.name, "sampler": p.sampler, "folder": shown(&p.folder), "summary": p.summary}))
             .collect();
