@@ -12,6 +12,7 @@ mod exit;
 mod export;
 mod fit;
 mod folder;
+mod man;
 mod merge;
 mod message;
 mod mock;
@@ -83,8 +84,8 @@ enum Verb {
         /// The shell
         shell: clap_complete::Shell,
     },
-    /// Prints the manual page
-    Man,
+    /// Prints the manual page, or writes those of all subcommands into a folder
+    Man(man::Args),
 }
 
 /// The definition of the command line for clap: every subcommand with its flags.
@@ -147,11 +148,6 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
             out.bytes(&script)?;
             Ok(Exit::Done)
         }
-        Verb::Man => {
-            let mut page = Vec::new();
-            out.settle(clap_mangen::Man::new(command()).render(&mut page))?;
-            out.bytes(&page)?;
-            Ok(Exit::Done)
-        }
+        Verb::Man(a) => man::run(a, command(), out),
     }
 }
