@@ -20,7 +20,7 @@ mod next;
 mod options;
 mod output;
 mod population;
-mod progress;
+pub mod progress;
 mod report;
 mod run_folders;
 mod selection;
