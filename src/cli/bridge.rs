@@ -3,14 +3,14 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
-use super::next::after_run;
+use super::next::after_bridge;
 use super::options::{LimitFlags, ModelFlags};
 use super::output::Output;
 use super::set::SetFlags;
 use crate::config::read;
 use crate::error::Result;
 use crate::inference::FitSettings;
-use crate::run::{RunFolder, bridge};
+use crate::run::bridge;
 use std::path::PathBuf;
 
 /// Flags of `oblate bridge`.
@@ -70,10 +70,6 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
         &args.limits,
         out,
         |destination, monitor| bridge(&args.run, change, destination, monitor),
-        |fit, folder| {
-            let settings: Option<FitSettings> = read(&RunFolder::open(folder)?.config()).ok();
-            let sampling = settings.map(|settings| settings.sampling);
-            Ok(after_run(&fit.summary, sampling.as_ref(), folder, command))
-        },
+        |fit, folder| after_bridge(&fit.summary, &args.run, folder, command),
     )
 }

@@ -3,7 +3,7 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::{FolderFlags, interrupted};
-use super::next::after_run;
+use super::next::after_population;
 use super::options::{LimitFlags, sampler};
 use super::output::{Output, shown};
 use super::set::SetFlags;
@@ -72,9 +72,9 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
             out,
             |destination, monitor| population(&args.runs, &config, allow, destination, monitor),
             |fit, folder| {
-                Ok(after_run(
+                Ok(after_population(
                     &fit.summary,
-                    Some(&config.sampling),
+                    &config.sampling,
                     folder,
                     command,
                 ))
@@ -106,12 +106,7 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
     let steps = runs.iter().map(|run| {
         let of_family = (command.with_value("--family", run.family.name()))
             .with_value("--out", &run.folder.display().to_string());
-        after_run(
-            &run.summary,
-            Some(&config.sampling),
-            &run.folder,
-            &of_family,
-        )
+        after_population(&run.summary, &config.sampling, &run.folder, &of_family)
     });
     tell_once(steps.flatten());
     let converged = runs.iter().all(|run| run.summary.converged);
