@@ -644,10 +644,10 @@ fn the_page_shows_the_comparison_with_the_first_run() {
         "two runs",
         &[shown("a", &a, None), shown("b", &b, Some(&comparison))],
     );
-    let rows: Vec<&str> = html.split("<tr><td>").collect();
+    let rows: Vec<&str> = html.split("<tr><td class=\"together\">").collect();
     let row = rows.iter().find(|row| row.starts_with("b</td>")).unwrap();
     assert!(
-        row.contains("<td>-5.7</td>") && row.contains("<td>+0.00</td>"),
+        row.contains("<td>\u{2212}5.7</td>") && row.contains("<td>+0.00</td>"),
         "{row}"
     );
 }
