@@ -195,6 +195,18 @@ pub fn coarse_summary(folder: &RunFolder) -> Option<Summary> {
     Summary::read(&coarse.summary()).ok()
 }
 
+/// Whether a fit has failed checks that it may pass if it goes on: with more batches, or more extensions.
+pub fn may_grow(summary: &Summary, folder: &RunFolder) -> bool {
+    let coarse = coarse_summary(folder);
+    let sampled = coarse.as_ref().unwrap_or(summary);
+    let failed = names(sampled);
+    match sampled.method {
+        Method::Nested => has_few_draws(&failed),
+        Method::PtHmc => failed.iter().any(|name| needs_scans(name)),
+        Method::Bridge => false,
+    }
+}
+
 /// Says what is wrong with the coarse fit, if it is the reason why the fit has not ended or not converged.
 pub fn tell_coarse(summary: &Summary, folder: &RunFolder) {
     let Some(coarse) = coarse_summary(folder) else {

@@ -2,7 +2,7 @@
 
 use super::command_line::CommandLine;
 use super::exit::Exit;
-use super::next::Step;
+use super::next::{Step, may_grow};
 use super::options::{JsonFlag, LimitFlags, WorkFlags};
 use super::output::{Output, note, shown};
 use super::progress::Progress;
@@ -101,15 +101,23 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
     if result.runs().any(stopped) {
         Step::again("continue the runs that reached the time limit", command).tell();
     }
-    let extended =
-        |run: &&StudyRun| run.sampler == Sampler::PtHmc && !run.summary.converged && !stopped(run);
-    if let Some(run) = result.runs().find(extended) {
-        let purpose = format!(
-            "extend {} and others like it, raise its `sampling.pt_hmc.extensions` in {} and repeat the study",
-            run.name,
-            args.study.display()
-        );
-        Step::again(&purpose, command).tell();
+    for (sampler, key) in [
+        (Sampler::PtHmc, "sampling.pt_hmc.extensions"),
+        (Sampler::Nested, "sampling.nested.max_batches"),
+    ] {
+        let extended = |run: &&StudyRun| {
+            run.sampler == sampler
+                && !stopped(run)
+                && RunFolder::open(&run.folder).is_ok_and(|folder| may_grow(&run.summary, &folder))
+        };
+        if let Some(run) = result.tracks.iter().chain(&result.mocks).find(extended) {
+            let purpose = format!(
+                "extend {} and others like it, raise its `{key}` in {} and repeat the study",
+                run.name,
+                args.study.display()
+            );
+            Step::again(&purpose, command).tell();
+        }
     }
     let converged = result.runs().all(|p| p.summary.converged);
     Ok(Exit::from_converged(

@@ -265,14 +265,14 @@ mod tests {
         }
         (summary.ess, summary.ln_z_error) = (90.0, 0.1);
         assert!((summary.posterior_fraction(&alone) - 0.8).abs() < 1e-12);
+        summary.ess = 100.0;
+        assert!(summary.meets(&settings) && summary.meets(&alone));
         // An error falls as the root of the number of batches.
         (summary.ess, summary.ln_z_error) = (50.0, 0.2);
         let (open, needed) = summary.open(&settings);
         assert_eq!(open, ["target-ess", "target-ln-z-error"]);
         assert!((needed - 4.0).abs() < 1e-12);
         assert_eq!(summary.open(&alone), (vec!["target-ess".to_owned()], 2.0));
-        summary.ess = 100.0;
-        assert!(summary.meets(&settings) && summary.meets(&alone));
     }
 
     #[test]

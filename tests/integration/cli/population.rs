@@ -37,6 +37,13 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(text.contains("population_beta") && text.contains("population_truncated-gaussian"));
+    // The fits have one batch each: which setting lets them go on.
+    let text = String::from_utf8_lossy(&output.stderr);
+    let extend = format!("raise its `sampling.nested.max_batches` in {study} and repeat the study");
+    assert!(
+        text.contains("To extend mock_3_") && text.contains(&extend),
+        "{text}"
+    );
     let mocks = folder.path().join("study/mocks");
     let mut fits: Vec<String> = std::fs::read_dir(&mocks)
         .expect("fits")
