@@ -52,11 +52,19 @@ pub enum Event {
         calls: u64,
         /// New points per call in the last iteration.
         efficiency: f64,
+        /// Batches done, with the part of the present one that is done, by its logarithm of the prior volume; 0 in the first batch.
+        batches: f64,
     },
     /// A dynamic nested run has ended a batch without meeting its target, and adds another batch of live points.
     Batch {
         /// Batches so far.
         number: usize,
+        /// How many there may be.
+        of: usize,
+        /// Names of the convergence checks that are still open.
+        open: Vec<String>,
+        /// How many times as many batches these need, if their numbers grow with them.
+        needed: f64,
         /// Evidence.
         ln_z: f64,
         /// Its error.
@@ -109,6 +117,12 @@ pub enum Event {
         fraction: f64,
         /// Further MCMC steps done at the fine likelihood.
         further: usize,
+        /// How many there may be.
+        of: usize,
+        /// Effective sample size at the fine likelihood; none before.
+        ess: Option<f64>,
+        /// At this one the bridge ends.
+        target_ess: f64,
         /// Evidence there.
         ln_z: f64,
         /// Likelihood calls so far.

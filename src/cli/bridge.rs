@@ -3,14 +3,14 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
-use super::next::after_run;
-use super::options::{Common, ModelFlags};
+use super::next::after_bridge;
+use super::options::{LimitFlags, ModelFlags};
 use super::output::Output;
 use super::set::SetFlags;
 use crate::config::read;
 use crate::error::Result;
 use crate::inference::FitSettings;
-use crate::run::{RunFolder, bridge};
+use crate::run::bridge;
 use std::path::PathBuf;
 
 /// Flags of `oblate bridge`.
@@ -42,16 +42,13 @@ pub struct Args {
     #[command(flatten)]
     set: SetFlags,
     #[command(flatten)]
+    limits: LimitFlags,
+    #[command(flatten)]
     folder: FolderFlags,
 }
 
 /// Continues one fit to a finer model.
-pub fn run(
-    args: &Args,
-    common: &Common,
-    command: &CommandLine,
-    out: &mut Output<'_>,
-) -> Result<Exit> {
+pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<Exit> {
     let given: Option<FitSettings> = args.config.as_deref().map(read).transpose()?;
     let change = |settings: &mut FitSettings| {
         if let Some(given) = given {
@@ -70,13 +67,9 @@ pub fn run(
     args.folder.fill(
         "bridge",
         command,
-        common,
+        &args.limits,
         out,
         |destination, monitor| bridge(&args.run, change, destination, monitor),
-        |fit, folder| {
-            let settings: Option<FitSettings> = read(&RunFolder::open(folder)?.config()).ok();
-            let sampling = settings.map(|settings| settings.sampling);
-            Ok(after_run(&fit.summary, sampling.as_ref(), folder, command))
-        },
+        |fit, folder| after_bridge(&fit.summary, &args.run, folder, command),
     )
 }

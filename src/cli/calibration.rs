@@ -1,7 +1,7 @@
 //! `oblate calibration`.
 
 use super::exit::Exit;
-use super::options::{Common, refuse_existing, write_file};
+use super::options::{JsonFlag, refuse_existing, write_file};
 use super::output::{Output, note};
 use super::run_folders::run_folders;
 use crate::error::Result;
@@ -30,10 +30,12 @@ pub struct Args {
     /// Replace the figure if it exists
     #[arg(long, requires = "figure")]
     force: bool,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Ranks the true values of mocks in their fits.
-pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     if let Some(path) = &args.figure {
         refuse_existing(path, args.force)?;
     }
@@ -48,7 +50,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     {
         write_file(path, svg.as_bytes(), args.force)?;
     }
-    if common.json {
+    if args.output.json {
         out.json(&json!({"levels": LEVELS, "calibration": found, "fits": fits}))?;
     } else {
         print(&found, out)?;

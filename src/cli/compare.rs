@@ -1,7 +1,7 @@
 //! `oblate compare`.
 
 use super::exit::Exit;
-use super::options::Common;
+use super::options::JsonFlag;
 use super::output::{Output, note};
 use crate::error::{Error, Result};
 use crate::posterior::{Comparison, compare};
@@ -19,10 +19,12 @@ pub struct Args {
     /// Finished runs of one track with the same free parameters
     #[arg(required = true, num_args = 2..)]
     runs: Vec<PathBuf>,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Compares every run with the first.
-pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let stored: Vec<StoredRun> = args
         .runs
         .iter()
@@ -36,7 +38,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     for other in others {
         let comparison = compare(&first.name, &first.run, &other.name, &other.run)?;
         agree &= comparison.agree();
-        if common.json {
+        if args.output.json {
             out.json(&comparison)?;
         } else {
             print(&comparison, out)?;

@@ -2,7 +2,7 @@
 
 use super::eta::duration;
 use super::exit::Exit;
-use super::options::Common;
+use super::options::{JsonFlag, WorkFlags};
 use super::output::{Output, note};
 use crate::error::Result;
 use crate::inference::Speed;
@@ -22,10 +22,15 @@ pub struct Args {
     /// Seconds of the benchmark
     #[arg(long, default_value_t = 5, value_name = "SECONDS")]
     seconds: u64,
+    #[command(flatten)]
+    work: WorkFlags,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Describes the machine.
-pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
+    args.work.start_threads()?;
     in_range("--seconds", args.seconds, 1..=10)?;
     let level = match Level::best() {
         Level::Avx512 => "AVX-512",
@@ -37,12 +42,12 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let threads = rayon::current_num_threads();
     let cores = std::thread::available_parallelism().map_or(threads, usize::from);
     let version = env!("CARGO_PKG_VERSION");
-    if !common.quiet {
+    if !args.work.quiet {
         note(&format!("measuring for {} s", args.seconds));
     }
     let speed = Speed::measure(Duration::from_secs(args.seconds))?;
     let [shortest, mean, longest] = speed.seconds_of_fit();
-    if common.json {
+    if args.output.json {
         out.json(&json!({
             "version": version,
             "stream_version": STREAM_VERSION,

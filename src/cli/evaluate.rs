@@ -1,7 +1,7 @@
 //! `oblate evaluate`: the likelihood for programs in any language.
 
 use super::exit::Exit;
-use super::options::{Common, FitFlags, TrackFlags};
+use super::options::{ModelFlags, TrackFlags, WorkFlags};
 use super::output::{Output, note};
 use crate::error::{Error, Rejection, Result};
 use crate::inference::{Evaluated, StreamTarget, Wanted};
@@ -32,24 +32,25 @@ pub struct Args {
     cube: bool,
     #[command(flatten)]
     reading: TrackFlags,
+    /// Settings file of a fit (TOML), for model, likelihood and prior; flags override it
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     #[command(flatten)]
-    settings: FitFlags,
+    model: ModelFlags,
+    #[command(flatten)]
+    work: WorkFlags,
 }
 
 /// Answers each line before reading the next, until the reader closes the output.
-pub fn run(
-    args: &Args,
-    common: &Common,
-    input: &mut dyn BufRead,
-    out: &mut Output<'_>,
-) -> Result<Exit> {
-    let settings = args.settings.settings()?;
+pub fn run(args: &Args, input: &mut dyn BufRead, out: &mut Output<'_>) -> Result<Exit> {
+    args.work.start_threads()?;
+    let settings = args.model.settings(args.config.as_deref())?;
     let track = args.reading.read(&args.track)?;
     for assumption in track.assumptions() {
         note(&format!("assumed: {assumption}"));
     }
     let target = StreamTarget::from_track(&track, &settings)?;
-    common.tell_memory(&target.memory(1));
+    args.work.tell_memory(&target.memory(1));
     let wanted = if args.gradient {
         Wanted::Gradient
     } else {

@@ -1,7 +1,7 @@
 //! `oblate export`.
 
 use super::exit::Exit;
-use super::options::{Common, refuse_existing, write_file};
+use super::options::{JsonFlag, refuse_existing, write_file};
 use super::output::{Output, shown};
 use crate::error::Result;
 use crate::posterior::{DrawTable, TableFormat};
@@ -24,16 +24,18 @@ pub struct Args {
     /// Replace the file if it exists
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Writes the draws of a run as a table.
-pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let format = TableFormat::of(&args.out)?;
     refuse_existing(&args.out, args.force)?;
     let stored = RunFolder::open(&args.run)?.read()?;
     let table = DrawTable::new(&stored.run, &stored.summary);
     write_file(&args.out, &table.bytes(format)?, args.force)?;
-    if common.json {
+    if args.output.json {
         let columns: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
         out.json(&json!({"table": shown(&args.out), "draws": table.len(), "columns": columns}))?;
     } else {

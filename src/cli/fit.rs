@@ -4,7 +4,7 @@ use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::next::{after_fit, tell_coarse};
-use super::options::{Common, FitFlags, TrackFlags, sampler};
+use super::options::{LimitFlags, ModelFlags, TrackFlags, sampler};
 use super::output::Output;
 use super::senses::fit_both;
 use super::set::SetFlags;
@@ -47,21 +47,24 @@ pub struct Args {
     extensions: Option<usize>,
     #[command(flatten)]
     reading: TrackFlags,
+    /// Settings file (TOML); flags override it
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     #[command(flatten)]
-    settings: FitFlags,
+    model: ModelFlags,
+    /// Master seed of the sampler
+    #[arg(long)]
+    seed: Option<u64>,
     #[command(flatten)]
     set: SetFlags,
+    #[command(flatten)]
+    limits: LimitFlags,
     #[command(flatten)]
     folder: FolderFlags,
 }
 
 /// Fits one track.
-pub fn run(
-    args: &Args,
-    common: &Common,
-    command: &CommandLine,
-    out: &mut Output<'_>,
-) -> Result<Exit> {
+pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<Exit> {
     let settings = settings(args)?;
     if args.print_config {
         out.bytes(commented(&crate::config::to_toml(&settings)?).as_bytes())?;
@@ -81,7 +84,7 @@ pub fn run(
             [&tracks.0, &tracks.1],
             &settings,
             &args.folder,
-            common,
+            &args.limits,
             command,
             out,
         );
@@ -91,7 +94,7 @@ pub fn run(
     args.folder.fill(
         &label,
         command,
-        common,
+        &args.limits,
         out,
         |destination, monitor| fit(&track, &settings, destination, monitor),
         |fit, folder| {
@@ -137,7 +140,8 @@ fn commented(toml: &str) -> String {
 
 /// The file's settings with the flags applied.
 fn settings(args: &Args) -> Result<FitSettings> {
-    let mut settings = args.settings.settings()?;
+    let mut settings = args.model.settings(args.config.as_deref())?;
+    settings.seed = args.seed.unwrap_or(settings.seed);
     let sampling = &mut settings.sampling;
     sampling.sampler = args.sampler.unwrap_or(sampling.sampler);
     sampling.nested.n_live = args.live.unwrap_or(sampling.nested.n_live);

@@ -4,7 +4,7 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::next::Step;
-use super::options::{Common, LimitFlags};
+use super::options::{JsonFlag, LimitFlags, WorkFlags};
 use super::output::{Output, note};
 use super::progress::{Progress, interrupt};
 use crate::error::{Error, Result};
@@ -30,7 +30,9 @@ pub struct FolderFlags {
     #[arg(long)]
     pub allow_unconverged: bool,
     #[command(flatten)]
-    limits: LimitFlags,
+    work: WorkFlags,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 impl FolderFlags {
@@ -43,15 +45,15 @@ impl FolderFlags {
         &self,
         label: &str,
         command: &CommandLine,
-        common: &Common,
+        limits: &LimitFlags,
         out: &mut Output<'_>,
         work: impl FnOnce(Destination<'_>, &mut Monitor<'_>) -> Result<Fit>,
         next: impl FnOnce(&Fit, &Path) -> Result<Vec<Step>>,
     ) -> Result<Exit> {
         let text = command.without_folder_flags().text();
-        let destination = self.destination(&text)?;
-        let mut progress = Progress::new(label, common);
-        let done = work(destination, &mut progress.monitor(&self.limits));
+        let destination = self.begin(limits, &text)?;
+        let mut progress = Progress::new(label, self.work.quiet);
+        let done = work(destination, &mut progress.monitor(limits));
         let stopped_at = progress.current().to_owned();
         // The display ends before anything else is written.
         drop(progress);
@@ -65,7 +67,7 @@ impl FolderFlags {
         if fit.run.status == Status::Interrupted {
             return Ok(interrupted(command, &stopped_at));
         }
-        if common.json {
+        if self.output.json {
             out.json(&fit.summary)?;
         } else {
             out.line(&format!(
@@ -89,20 +91,26 @@ impl FolderFlags {
     pub fn fill_several<T>(
         &self,
         command: &CommandLine,
-        common: &Common,
+        limits: &LimitFlags,
         work: impl FnOnce(Destination<'_>, &mut Monitored<'_>) -> Result<Option<T>>,
     ) -> Result<Option<T>> {
         let text = command.without_folder_flags().text();
-        let destination = self.destination(&text)?;
+        let destination = self.begin(limits, &text)?;
         work(destination, &mut |label, work| {
-            let mut progress = Progress::new(label, common);
-            work(&mut progress.monitor(&self.limits))
+            let mut progress = Progress::new(label, self.work.quiet);
+            work(&mut progress.monitor(limits))
         })
     }
 
-    /// Checks the flags; `command` is the command line for the summary.
-    fn destination<'a>(&'a self, command: &'a str) -> Result<Destination<'a>> {
-        self.limits.check()?;
+    /// Whether the result is to be JSON.
+    pub fn json(&self) -> bool {
+        self.output.json
+    }
+
+    /// Checks the flags and starts the threads; `command` is the command line for the summary.
+    fn begin<'a>(&'a self, limits: &LimitFlags, command: &'a str) -> Result<Destination<'a>> {
+        limits.check()?;
+        self.work.start_threads()?;
         let Some(folder) = &self.out else {
             return Err(Error::Setting {
                 key: "--out".to_owned(),

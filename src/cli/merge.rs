@@ -4,7 +4,7 @@ use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::FolderFlags;
 use super::next::after_merge;
-use super::options::Common;
+use super::options::LimitFlags;
 use super::output::Output;
 use crate::error::Result;
 use crate::run::merge;
@@ -24,16 +24,11 @@ pub struct Args {
 }
 
 /// Merges fits.
-pub fn run(
-    args: &Args,
-    common: &Common,
-    command: &CommandLine,
-    out: &mut Output<'_>,
-) -> Result<Exit> {
+pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<Exit> {
     args.folder.fill(
         "merge",
         command,
-        common,
+        &LimitFlags::default(),
         out,
         |destination, monitor| merge(&args.runs, destination, monitor),
         |fit, folder| after_merge(&fit.summary, &args.runs, folder),

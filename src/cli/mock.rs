@@ -1,7 +1,7 @@
 //! `oblate mock`.
 
 use super::exit::Exit;
-use super::options::{Common, ModelFlags, finite, refuse_existing, write_file};
+use super::options::{JsonFlag, ModelFlags, WorkFlags, finite, refuse_existing, write_file};
 use super::output::{Output, shown};
 use super::progress::Progress;
 use crate::config::to_toml;
@@ -38,6 +38,10 @@ pub struct Args {
     force: bool,
     #[command(flatten)]
     model: ModelFlags,
+    #[command(flatten)]
+    work: WorkFlags,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 fn population(text: &str) -> std::result::Result<QPopulation, String> {
@@ -51,7 +55,8 @@ fn population(text: &str) -> std::result::Result<QPopulation, String> {
 }
 
 /// Makes the mocks.
-pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
+    args.work.start_threads()?;
     let mut settings = MockSettings {
         population: args.population,
         ..MockSettings::default()
@@ -63,8 +68,8 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     let prior = StreamPrior::new(&PriorSettings::default())?;
     refuse_existing(&args.out.join("mocks.json"), args.force)?;
     let threads = rayon::current_num_threads();
-    common.tell_memory(&settings.model.memory(threads));
-    let mut progress = Progress::new("mock", common);
+    args.work.tell_memory(&settings.model.memory(threads));
+    let mut progress = Progress::new("mock", args.work.quiet);
     let found = mocks_with(&prior, &settings, args.count, args.seed, &mut |found| {
         let _ = progress.event(&Event::Advanced {
             done: found.mocks.len() as u64,
@@ -100,7 +105,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     });
     let listing = format!("{all:#}");
     write_file(&args.out.join("mocks.json"), listing.as_bytes(), args.force)?;
-    if common.json {
+    if args.output.json {
         out.json(&all)?;
     } else {
         for mock in &found.mocks {

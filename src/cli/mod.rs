@@ -12,6 +12,7 @@ mod exit;
 mod export;
 mod fit;
 mod folder;
+mod man;
 mod merge;
 mod message;
 mod mock;
@@ -19,7 +20,7 @@ mod next;
 mod options;
 mod output;
 mod population;
-mod progress;
+pub mod progress;
 mod report;
 mod run_folders;
 mod selection;
@@ -36,7 +37,6 @@ use clap::{CommandFactory, Parser, Subcommand};
 use command_line::CommandLine;
 use excerpt::excerpt;
 use message::{Flags, with_flags};
-use options::Common;
 use output::{Output, note};
 use std::ffi::OsString;
 use std::io::Write;
@@ -47,8 +47,6 @@ use std::io::Write;
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
-    #[command(flatten)]
-    common: Common,
 }
 
 #[derive(Subcommand, Debug)]
@@ -86,8 +84,8 @@ enum Verb {
         /// The shell
         shell: clap_complete::Shell,
     },
-    /// Prints the manual page
-    Man,
+    /// Prints the manual page, or writes those of all subcommands into a folder
+    Man(man::Args),
 }
 
 /// The definition of the command line for clap: every subcommand with its flags.
@@ -128,21 +126,21 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
         }
     };
     let line = CommandLine::of(args);
-    cli.common.in_pool(|| match &cli.verb {
-        Verb::Mock(a) => mock::run(a, &cli.common, out),
-        Verb::Selection(a) => selection::run(a, &cli.common, out),
-        Verb::Stream(a) => stream::run(a, &cli.common, out),
-        Verb::Evaluate(a) => evaluate::run(a, &cli.common, &mut std::io::stdin().lock(), out),
-        Verb::Fit(a) => fit::run(a, &cli.common, &line, out),
-        Verb::Bridge(a) => bridge::run(a, &cli.common, &line, out),
-        Verb::Merge(a) => merge::run(a, &cli.common, &line, out),
-        Verb::Compare(a) => compare::run(a, &cli.common, out),
-        Verb::Calibration(a) => calibration::run(a, &cli.common, out),
-        Verb::Population(a) => population::run(a, &cli.common, &line, out),
-        Verb::Export(a) => export::run(a, &cli.common, out),
-        Verb::Report(a) => report::run(a, &cli.common, out),
-        Verb::Run(a) => study::run(a, &cli.common, &line, out),
-        Verb::Doctor(a) => doctor::run(a, &cli.common, out),
+    match &cli.verb {
+        Verb::Mock(a) => mock::run(a, out),
+        Verb::Selection(a) => selection::run(a, out),
+        Verb::Stream(a) => stream::run(a, out),
+        Verb::Evaluate(a) => evaluate::run(a, &mut std::io::stdin().lock(), out),
+        Verb::Fit(a) => fit::run(a, &line, out),
+        Verb::Bridge(a) => bridge::run(a, &line, out),
+        Verb::Merge(a) => merge::run(a, &line, out),
+        Verb::Compare(a) => compare::run(a, out),
+        Verb::Calibration(a) => calibration::run(a, out),
+        Verb::Population(a) => population::run(a, &line, out),
+        Verb::Export(a) => export::run(a, out),
+        Verb::Report(a) => report::run(a, out),
+        Verb::Run(a) => study::run(a, &line, out),
+        Verb::Doctor(a) => doctor::run(a, out),
         Verb::Completions { shell } => {
             // Into memory first: clap's generator panics where it cannot write.
             let mut script = Vec::new();
@@ -150,11 +148,6 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
             out.bytes(&script)?;
             Ok(Exit::Done)
         }
-        Verb::Man => {
-            let mut page = Vec::new();
-            out.settle(clap_mangen::Man::new(command()).render(&mut page))?;
-            out.bytes(&page)?;
-            Ok(Exit::Done)
-        }
-    })
+        Verb::Man(a) => man::run(a, command(), out),
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::command_line::CommandLine;
 use super::output::note;
+use crate::config::read;
 use crate::error::Result;
 use crate::inference::{FitSettings, Sampler, SamplerSettings};
 use crate::posterior::Summary;
@@ -32,6 +33,11 @@ impl Step {
     /// The one that continues a run from its checkpoint.
     pub fn resume(command: &CommandLine) -> Self {
         Self::new("continue it", &command.resumed())
+    }
+
+    /// Whether it continues a run.
+    fn resumes(&self) -> bool {
+        self.command.split(' ').any(|word| word == "--resume")
     }
 
     /// The same command, without a time limit.
@@ -118,28 +124,87 @@ pub fn after_merge(summary: &Summary, parts: &[PathBuf], folder: &Path) -> Resul
     ])
 }
 
-/// What to do after a bridge or a population.
-pub fn after_run(
+/// What to do after a fit that is in this folder, with the track and the settings in it.
+pub fn after_stored_fit(summary: &Summary, folder: &RunFolder) -> Result<Vec<Step>> {
+    let own = CommandLine::new(["fit".to_owned(), folder.track().display().to_string()])
+        .with_value("--config", &folder.config().display().to_string())
+        .with_value("--out", &folder.path().display().to_string());
+    let settings: FitSettings = read(&folder.config())?;
+    Ok(after_fit(summary, &settings, folder, &own))
+}
+
+/// What to do after a bridge of the run in `coarse`: continue it, or first what makes the coarse run converge.
+pub fn after_bridge(
     summary: &Summary,
-    sampling: Option<&SamplerSettings>,
+    coarse: &Path,
+    folder: &Path,
+    command: &CommandLine,
+) -> Result<Vec<Step>> {
+    if summary.status == Status::BudgetSpent {
+        return Ok(vec![Step::resume(command)]);
+    }
+    let failed = names(summary);
+    if failed.contains(&"coarse-run-checks") {
+        let coarse = RunFolder::open(coarse)?;
+        let own = Summary::read(&coarse.summary())?;
+        // Others than fits have no command that continues them.
+        if !own.command.starts_with("fit ") {
+            return Ok(Vec::new());
+        }
+        let mut steps = after_stored_fit(&own, &coarse)?;
+        if steps.iter().any(Step::resumes) {
+            let anew = command.without_folder_flags().with("--force", None);
+            steps.push(Step::new("bridge it again after that", &anew));
+        }
+        return Ok(steps);
+    }
+    let settings: FitSettings = read(&RunFolder::open(folder)?.config())?;
+    let changes = changes(&failed, &settings.sampling);
+    let more = longer_bridge(summary, &settings.sampling, command).into_iter();
+    Ok(more.chain(again(&changes, folder, command)).collect())
+}
+
+/// What to do after a population: it takes seconds, and is sampled again as a whole.
+pub fn after_population(
+    summary: &Summary,
+    sampling: &SamplerSettings,
     folder: &Path,
     command: &CommandLine,
 ) -> Vec<Step> {
     if summary.status == Status::BudgetSpent {
         return vec![Step::resume(command)];
     }
-    let Some(sampling) = sampling else {
-        return Vec::new();
-    };
-    let changes = changes(&names(summary), sampling);
-    let more = longer_bridge(summary, sampling, command).into_iter();
-    more.chain(again(&changes, folder, command)).collect()
+    let mut failed = names(summary);
+    let mut longer = Vec::new();
+    if summary.method == Method::Nested && sampling.nested.dynamic() && has_few_draws(&failed) {
+        let more = 2 * sampling.nested.max_batches;
+        longer.push(("sampling.nested.max_batches", more.to_string()));
+        failed.retain(|name| *name != "effective-lineages");
+    }
+    if summary.method == Method::PtHmc && failed.iter().any(|name| needs_scans(name)) {
+        let more = sampling.pt_hmc.extensions + 2;
+        longer.push(("sampling.pt_hmc.extensions", more.to_string()));
+    }
+    let changes = [longer, changes(&failed, sampling)].concat();
+    again(&changes, folder, command).into_iter().collect()
 }
 
 /// The summary of the coarse fit that came first, if there is one.
 pub fn coarse_summary(folder: &RunFolder) -> Option<Summary> {
     let coarse = RunFolder::open(&folder.coarse()).ok()?;
     Summary::read(&coarse.summary()).ok()
+}
+
+/// Whether a fit has failed checks that it may pass if it goes on: with more batches, or more extensions.
+pub fn may_grow(summary: &Summary, folder: &RunFolder) -> bool {
+    let coarse = coarse_summary(folder);
+    let sampled = coarse.as_ref().unwrap_or(summary);
+    let failed = names(sampled);
+    match sampled.method {
+        Method::Nested => has_few_draws(&failed),
+        Method::PtHmc => failed.iter().any(|name| needs_scans(name)),
+        Method::Bridge => false,
+    }
 }
 
 /// Says what is wrong with the coarse fit, if it is the reason why the fit has not ended or not converged.
@@ -177,9 +242,8 @@ fn more_batches(
     command: &CommandLine,
 ) -> Option<Step> {
     let failed = names(summary);
-    let grows = summary.method == Method::Nested
-        && sampling.nested.dynamic()
-        && (failed.iter()).any(|name| name.starts_with("ess-") || *name == "effective-lineages");
+    let grows =
+        summary.method == Method::Nested && sampling.nested.dynamic() && has_few_draws(&failed);
     let change = format!(
         "sampling.nested.max_batches={}",
         2 * sampling.nested.max_batches
@@ -203,6 +267,12 @@ fn longer_bridge(
     let change = format!("sampling.bridge.further_mcmc_steps={more}");
     let longer = command.resumed().with("--set", Some(&change));
     grows.then(|| Step::new("continue its bridge", &longer))
+}
+
+/// Whether failed checks of a nested run may pass with more batches.
+fn has_few_draws(failed: &[&str]) -> bool {
+    let mut failed = failed.iter();
+    failed.any(|name| name.starts_with("ess-") || *name == "effective-lineages")
 }
 
 /// Whether a check of a tempered run may pass with more scans.

@@ -13,32 +13,32 @@ use oblate_samplers::files::{create_atomically, write_atomically};
 use oblate_samplers::limits::{Memory, in_range};
 use std::io::ErrorKind;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::str::FromStr;
 
 /// Allowed numbers of threads: more than the cores of any computer only take memory and time to start.
 const THREADS: RangeInclusive<usize> = 1..=1024;
 
+/// Seconds between checkpoints.
+const CHECKPOINT_EVERY: u64 = 30;
+
 /// The environment variable with the number of threads of rayon.
 const THREADS_VARIABLE: &str = "RAYON_NUM_THREADS";
 
-/// Flags of every subcommand.
+/// Flags of subcommands that compute.
 #[derive(Args, Debug)]
-pub struct Common {
+pub struct WorkFlags {
     /// Number of threads, all cores by default; results do not depend on it
-    #[arg(long, global = true)]
+    #[arg(long)]
     threads: Option<usize>,
-    /// Print JSON instead of text
-    #[arg(long, global = true)]
-    pub json: bool,
-    /// Print results only, no progress
-    #[arg(short, long, global = true)]
+    /// Print results only: no progress, and no warning of much memory
+    #[arg(short, long)]
     pub quiet: bool,
 }
 
-impl Common {
-    /// Runs `work` with the given number of threads.
-    pub(super) fn in_pool<T: Send>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
+impl WorkFlags {
+    /// Starts the given number of threads, for all work of the process.
+    pub fn start_threads(&self) -> Result<()> {
         if let Some(threads) = self.threads {
             in_range("--threads", threads, THREADS)?;
             // The global pool: subcommands call the library from the main thread, which is not one of the pool's.
@@ -57,7 +57,7 @@ impl Common {
             // For rayon 0 means all cores.
             in_range(THREADS_VARIABLE, threads, 0..=*THREADS.end())?;
         }
-        work()
+        Ok(())
     }
 
     /// Writes to standard error how much memory will be used, if it is much.
@@ -68,16 +68,33 @@ impl Common {
     }
 }
 
-/// Flags of every run.
+/// The flag of subcommands whose result is text or JSON.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct JsonFlag {
+    /// Print JSON instead of text
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Flags of a run that writes checkpoints.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct LimitFlags {
     /// Seconds between checkpoints: the maximum of work that is lost if the process is killed
-    #[arg(long, default_value_t = 30, value_name = "SECONDS")]
+    #[arg(long, default_value_t = CHECKPOINT_EVERY, value_name = "SECONDS")]
     pub checkpoint_every: u64,
     /// Minutes after which a run ends, unconverged, with its result so far; the same command, with --resume for a single run,
     /// continues it
     #[arg(long, value_name = "MINUTES")]
     pub max_minutes: Option<u64>,
+}
+
+impl Default for LimitFlags {
+    fn default() -> Self {
+        Self {
+            checkpoint_every: CHECKPOINT_EVERY,
+            max_minutes: None,
+        }
+    }
 }
 
 impl LimitFlags {
@@ -185,28 +202,6 @@ impl ModelFlags {
         if let Some(seed) = self.model_seed {
             model.releases.seed = seed;
         }
-    }
-}
-
-/// Flags of a fit's settings.
-#[derive(Args, Debug, Default)]
-pub struct FitFlags {
-    /// Settings file (TOML); flags override it
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    #[command(flatten)]
-    pub model: ModelFlags,
-    /// Master seed of the sampler
-    #[arg(long)]
-    pub seed: Option<u64>,
-}
-
-impl FitFlags {
-    /// The settings: the file's or the defaults, then the profile, then the flags.
-    pub fn settings(&self) -> Result<FitSettings> {
-        let mut settings = self.model.settings(self.config.as_deref())?;
-        settings.seed = self.seed.unwrap_or(settings.seed);
-        Ok(settings)
     }
 }
 

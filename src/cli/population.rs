@@ -3,8 +3,8 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::{FolderFlags, interrupted};
-use super::next::after_run;
-use super::options::{Common, sampler};
+use super::next::after_population;
+use super::options::{LimitFlags, sampler};
 use super::output::{Output, shown};
 use super::set::SetFlags;
 use super::several::{print_faults, tell_once};
@@ -42,6 +42,8 @@ pub struct Args {
     #[command(flatten)]
     set: SetFlags,
     #[command(flatten)]
+    limits: LimitFlags,
+    #[command(flatten)]
     folder: FolderFlags,
 }
 
@@ -50,12 +52,7 @@ fn family(text: &str) -> std::result::Result<FamilyName, String> {
 }
 
 /// Samples the population of finished fits by one family of distributions of q, or by several.
-pub fn run(
-    args: &Args,
-    common: &Common,
-    command: &CommandLine,
-    out: &mut Output<'_>,
-) -> Result<Exit> {
+pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<Exit> {
     let mut config: PopulationConfig = match &args.config {
         Some(path) => read(path)?,
         None => PopulationConfig::default(),
@@ -75,26 +72,26 @@ pub fn run(
         return folder.fill(
             &label,
             command,
-            common,
+            &args.limits,
             out,
             |destination, monitor| population(&fits, &config, destination, monitor),
             |fit, folder| {
-                Ok(after_run(
+                Ok(after_population(
                     &fit.summary,
-                    Some(&config.sampling),
+                    &config.sampling,
                     folder,
                     command,
                 ))
             },
         );
     }
-    let runs = folder.fill_several(command, common, |destination, monitored| {
+    let runs = folder.fill_several(command, &args.limits, |destination, monitored| {
         populations(&fits, &config, &args.family, destination, monitored)
     })?;
     let Some(runs) = runs else {
         return Ok(interrupted(command, "one of the families"));
     };
-    if common.json {
+    if folder.json() {
         let rows: Vec<_> = runs
             .iter()
             .map(|run| json!({"family": run.family, "folder": shown(&run.folder), "summary": run.summary}))
@@ -106,12 +103,7 @@ pub fn run(
     let steps = runs.iter().map(|run| {
         let of_family = (command.with_value("--family", run.family.name()))
             .with_value("--out", &run.folder.display().to_string());
-        after_run(
-            &run.summary,
-            Some(&config.sampling),
-            &run.folder,
-            &of_family,
-        )
+        after_population(&run.summary, &config.sampling, &run.folder, &of_family)
     });
     tell_once(steps.flatten());
     let converged = runs.iter().all(|run| run.summary.converged);

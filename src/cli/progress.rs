@@ -1,7 +1,7 @@
 //! Progress of long work on standard error: a line that is renewed on a terminal, otherwise a line for each stage and one a minute.
 
 use super::eta::{Trend, duration};
-use super::options::{Common, LimitFlags};
+use super::options::LimitFlags;
 use super::output::note;
 use crate::run::{FitsSoFar, Monitor};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
@@ -42,7 +42,7 @@ pub struct Progress {
     /// How many runs share the lines of plain text.
     beside: Arc<AtomicU32>,
     stage: Stage,
-    /// The convergence checks that a tempered run had open when it last looked at them.
+    /// The convergence checks that a run had open when it last looked at them.
     open: Option<Open>,
     current: String,
 }
@@ -58,21 +58,22 @@ pub struct Board {
 }
 
 impl Board {
-    /// Without a run yet.
-    pub fn new(common: &Common) -> Self {
+    /// Without a run yet; a quiet one shows nothing.
+    pub fn new(quiet: bool) -> Self {
         let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
         Self {
-            bars: (terminal && !common.quiet).then(MultiProgress::new),
+            bars: (terminal && !quiet).then(MultiProgress::new),
             all: None,
-            plain: !terminal && !common.quiet,
+            plain: !terminal && !quiet,
             running: Arc::new(AtomicU32::new(1)),
             last: Mutex::default(),
         }
     }
 
     /// With a line for all fits.
-    pub fn of_fits(common: &Common) -> Self {
-        let mut board = Self::new(common);
+    #[must_use]
+    pub fn of_fits(quiet: bool) -> Self {
+        let mut board = Self::new(quiet);
         board.all = board.bars.as_ref().map(|bars| {
             let bar = bars.add(ProgressBar::new_spinner());
             if let Ok(style) = ProgressStyle::with_template("{msg}") {
@@ -147,8 +148,8 @@ fn all_fits(fits: &FitsSoFar) -> String {
 /// Open convergence checks.
 struct Open {
     names: Vec<String>,
-    /// Scans that the run needs at least, if its numbers grow as before.
-    scans: f64,
+    /// Scans or batches that the run needs, if its numbers grow as before.
+    needed: f64,
 }
 
 /// The present stage.
@@ -158,7 +159,7 @@ struct Stage {
     part: String,
     began: Instant,
     done: Trend,
-    left: Trend,
+    left: Vec<Trend>,
 }
 
 impl Stage {
@@ -168,7 +169,7 @@ impl Stage {
             part: String::new(),
             began: Instant::now(),
             done: Trend::default(),
-            left: Trend::default(),
+            left: Vec::new(),
         }
     }
 }
@@ -181,14 +182,15 @@ struct Report {
     text: String,
     /// What counts its work, and how many so far.
     done: Option<(&'static str, f64)>,
-    /// Work that is left, in any unit, and the words before the time that it takes.
-    left: Option<(f64, &'static str)>,
+    /// What may end the stage, whichever comes first: work that is left, in any unit, and the words before the time that it takes.
+    left: Vec<(f64, &'static str)>,
 }
 
 impl Progress {
-    /// For a run called `label`.
-    pub fn new(label: &str, common: &Common) -> Self {
-        Board::new(common).progress(label)
+    /// For a run called `label`; a quiet one shows nothing.
+    #[must_use]
+    pub fn new(label: &str, quiet: bool) -> Self {
+        Board::new(quiet).progress(label)
     }
 
     fn with(label: &str, bar: Option<ProgressBar>, plain: bool, beside: Arc<AtomicU32>) -> Self {
@@ -217,6 +219,7 @@ impl Progress {
     }
 
     /// What was shown last: the stage and how far it was.
+    #[must_use]
     pub fn current(&self) -> &str {
         &self.current
     }
@@ -244,10 +247,14 @@ impl Progress {
         let seconds = stage.began.elapsed().as_secs_f64();
         let mut parts = Vec::new();
         // What matters most comes first: a terminal cuts the line off at its width.
-        if let Some((left, what)) = report.left {
-            stage.left.note(seconds, left);
-            let left = stage.left.seconds_to_zero();
-            parts.extend(left.map(|left| format!("{what} {}", duration(left))));
+        stage.left.resize_with(report.left.len(), Trend::default);
+        let ends = stage.left.iter_mut().zip(report.left);
+        let ends = ends.filter_map(|(trend, (left, what))| {
+            trend.note(seconds, left);
+            Some((trend.seconds_to_zero()?, what))
+        });
+        if let Some((left, what)) = ends.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            parts.push(format!("{what} {}", duration(left)));
         }
         if let Some((what, done)) = report.done {
             stage.done.note(seconds, done);
@@ -307,7 +314,22 @@ impl Observer for Progress {
             } => {
                 self.open = Some(Open {
                     names: open.clone(),
-                    scans: *scans as f64 * needed,
+                    needed: *scans as f64 * needed,
+                });
+            }
+            Event::Batch {
+                number,
+                of,
+                open,
+                needed,
+                ..
+            } => {
+                // At least one more, and no more than there may be.
+                let batches = *number as f64;
+                self.open = Some(Open {
+                    names: open.clone(),
+                    needed: (batches * needed)
+                        .clamp(batches + 1.0, (batches + 1.0).max(*of as f64)),
                 });
             }
             other => {
@@ -327,7 +349,7 @@ fn report(event: &Event, open: Option<&Open>) -> Option<Report> {
             part: "count".to_owned(),
             text: format!("{done} of {of}"),
             done: None,
-            left: Some(((of - done) as f64, "ends in")),
+            left: vec![((of - done) as f64, "ends in")],
         },
         Event::Nested {
             ln_x,
@@ -336,35 +358,44 @@ fn report(event: &Event, open: Option<&Open>) -> Option<Report> {
             delta_ln_z,
             dlnz,
             calls,
+            batches,
             ..
-        } => Report {
+        } if *batches < 1.0 => Report {
             part: "nested".to_owned(),
             text: format!(
                 "ln X {ln_x:.1}, ln Z {ln_z:.2} +- {ln_z_error:.2}, delta ln Z {delta_ln_z:.3} of {dlnz}, {calls} calls"
             ),
             done: Some(("calls", *calls as f64)),
-            left: Some(nested_left(*delta_ln_z, *dlnz)),
+            left: vec![nested_left(*delta_ln_z, *dlnz)],
         },
-        Event::Batch {
-            number,
+        Event::Nested {
             ln_z,
-            ln_z_error,
-            ess,
             calls,
-        } => Report {
-            part: "batches".to_owned(),
-            text: format!(
-                "batch {number}, ln Z {ln_z:.2} +- {ln_z_error:.2}, ESS {ess:.0}, {calls} calls"
-            ),
-            done: Some(("calls", *calls as f64)),
-            left: None,
-        },
+            batches,
+            ..
+        } => {
+            let mut text = format!(
+                "batch {:.0}, ln Z {ln_z:.2}, {calls} calls",
+                batches.floor() + 1.0
+            );
+            let mut left = (batches.floor() + 1.0 - batches, "the batch ends in");
+            if let Some(open) = open {
+                text += &format!(", open checks: {}", open.names.join(", "));
+                left = (open.needed - batches, "ends in about");
+            }
+            Report {
+                part: "batches".to_owned(),
+                text,
+                done: Some(("calls", *calls as f64)),
+                left: vec![left],
+            }
+        }
         Event::Smc { beta, ln_z, calls } => Report {
             part: "SMC".to_owned(),
             text: format!("SMC, beta {beta:.2e} of 1, ln Z {ln_z:.2}, {calls} calls"),
             done: Some(("calls", *calls as f64)),
             // The steps of SMC are about equal in ln beta.
-            left: Some((-beta.ln(), "SMC ends in")),
+            left: vec![(-beta.ln(), "SMC ends in")],
         },
         Event::Tempered {
             round,
@@ -387,7 +418,7 @@ fn report(event: &Event, open: Option<&Open>) -> Option<Report> {
                 text += &format!(", open checks: {}", open.names.join(", "));
                 // Without an end where the number of an open check is still zero.
                 left = (
-                    left.0.max(open.scans - *scan as f64 - 1.0),
+                    left.0.max(open.needed - *scan as f64 - 1.0),
                     "ends in at least",
                 );
             }
@@ -395,26 +426,41 @@ fn report(event: &Event, open: Option<&Open>) -> Option<Report> {
                 part: format!("round {round}"),
                 text,
                 done: Some(("scans", *scan as f64)),
-                left: Some(left),
+                left: vec![left],
             }
         }
         Event::Bridge {
-            fraction,
             further,
+            of,
+            ess: Some(ess),
+            target_ess,
             ln_z,
             calls,
+            ..
         } => Report {
-            part: format!("bridge, further: {}", *further > 0),
-            text: if *further > 0 {
-                format!("further MCMC step {further}, ln Z {ln_z:.2}, {calls} calls")
-            } else {
-                format!(
-                    "{:.0} % of the way, ln Z {ln_z:.2}, {calls} calls",
-                    100.0 * fraction
-                )
-            },
+            part: "further MCMC steps".to_owned(),
+            text: format!(
+                "further MCMC step {further} of at most {of}, ESS {ess:.0} of {target_ess}, ln Z {ln_z:.2}, {calls} calls"
+            ),
             done: Some(("calls", *calls as f64)),
-            left: (*further == 0).then_some((1.0 - fraction, "reaches the finer model in")),
+            left: vec![
+                (target_ess - ess, "ends in about"),
+                ((of - further) as f64, "ends in at most"),
+            ],
+        },
+        Event::Bridge {
+            fraction,
+            ln_z,
+            calls,
+            ..
+        } => Report {
+            part: "bridge".to_owned(),
+            text: format!(
+                "{:.0} % of the way, ln Z {ln_z:.2}, {calls} calls",
+                100.0 * fraction
+            ),
+            done: Some(("calls", *calls as f64)),
+            left: vec![(1.0 - fraction, "reaches the finer model in")],
         },
         _ => return None,
     };

@@ -1,9 +1,9 @@
 //! `oblate report`.
 
 use super::exit::Exit;
-use super::options::{Common, parsed, refuse_existing};
+use super::options::{JsonFlag, parsed, refuse_existing};
 use super::output::{Output, shown};
-use super::run_folders::run_folders;
+use super::run_folders::{finished, run_folders};
 use crate::error::Result;
 use crate::report::FigureFormat;
 use crate::run::render_report;
@@ -16,7 +16,7 @@ use std::path::PathBuf;
 Each figure is also written into its run folder."
 )]
 pub struct Args {
-    /// Finished runs; files and folders that are no runs are skipped with a note
+    /// Finished runs; unfinished ones, and files and folders that are no runs, are skipped with a note
     #[arg(required = true)]
     runs: Vec<PathBuf>,
     /// The page to write
@@ -31,14 +31,16 @@ pub struct Args {
     /// Title of the page
     #[arg(long, default_value = "oblate report")]
     title: String,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Writes the page.
-pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     refuse_existing(&args.out, args.force)?;
-    let runs = run_folders(&args.runs);
+    let runs = finished(&run_folders(&args.runs));
     render_report(&args.title, &runs, &args.format, &args.out)?;
-    if common.json {
+    if args.output.json {
         out.json(&serde_json::json!({"report": shown(&args.out)}))?;
     } else {
         out.line(&format!("{}", args.out.display()))?;

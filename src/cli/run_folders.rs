@@ -7,14 +7,29 @@ use std::path::{Path, PathBuf};
 /// The paths that are run folders; others are skipped with a note. A path where nothing is stays, and is an error; so do all where none is a
 /// run.
 pub fn run_folders(given: &[PathBuf]) -> Vec<PathBuf> {
-    let is_other = |path: &Path| path.exists() && RunFolder::open(path).is_err();
-    let (others, runs): (Vec<PathBuf>, Vec<PathBuf>) =
-        given.iter().cloned().partition(|path| is_other(path));
-    if runs.is_empty() {
+    let is_run = |path: &Path| !path.exists() || RunFolder::open(path).is_ok();
+    kept(given, is_run, "is no run folder")
+}
+
+/// Of run folders those of finished runs; others are skipped with a note, unless there are no others.
+pub fn finished(runs: &[PathBuf]) -> Vec<PathBuf> {
+    let is_finished = |path: &Path| RunFolder::open(path).is_ok_and(|run| run.finished());
+    kept(
+        runs,
+        |path| !path.exists() || is_finished(path),
+        "has not finished",
+    )
+}
+
+/// The paths for which `keeps` holds; the others are skipped, and the note says `why`. All if it holds for none.
+fn kept(given: &[PathBuf], keeps: impl Fn(&Path) -> bool, why: &str) -> Vec<PathBuf> {
+    let (kept, others): (Vec<PathBuf>, Vec<PathBuf>) =
+        given.iter().cloned().partition(|path| keeps(path));
+    if kept.is_empty() {
         return given.to_vec();
     }
     for path in others {
-        note(&format!("skipped: {} is no run folder", path.display()));
+        note(&format!("skipped: {} {why}", path.display()));
     }
-    runs
+    kept
 }

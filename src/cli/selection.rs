@@ -1,7 +1,7 @@
 //! `oblate selection`.
 
 use super::exit::Exit;
-use super::options::{Common, ModelFlags, refuse_existing, write_file};
+use super::options::{JsonFlag, ModelFlags, WorkFlags, refuse_existing, write_file};
 use super::output::Output;
 use super::progress::Progress;
 use super::set::SetFlags;
@@ -44,6 +44,10 @@ pub struct Args {
     set: SetFlags,
     #[command(flatten)]
     model: ModelFlags,
+    #[command(flatten)]
+    work: WorkFlags,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// The settings that are written.
@@ -53,7 +57,8 @@ struct Settings<'a> {
 }
 
 /// Estimates which fraction of streams is kept at each q.
-pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
+    args.work.start_threads()?;
     let mut settings = MockSettings::default();
     args.model.apply_to_mocks(&mut settings.model);
     args.set.apply(&mut settings)?;
@@ -63,8 +68,9 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     };
     let prior = StreamPrior::new(&prior)?;
     refuse_existing(&args.out, args.force)?;
-    common.tell_memory(&settings.model.memory(rayon::current_num_threads()));
-    let mut progress = Progress::new("selection", common);
+    args.work
+        .tell_memory(&settings.model.memory(rayon::current_num_threads()));
+    let mut progress = Progress::new("selection", args.work.quiet);
     let found = selection(
         &prior,
         &settings,
@@ -81,7 +87,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
     drop(progress);
     let text = to_toml(&Settings { selection: &found })?;
     write_file(&args.out, text.as_bytes(), args.force)?;
-    if common.json {
+    if args.output.json {
         out.json(&json!({"seed": args.seed, "draws": args.draws, "settings": settings, "selection": found}))?;
     } else {
         out.line("     q   kept")?;

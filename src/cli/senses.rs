@@ -3,11 +3,10 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::{FolderFlags, interrupted};
-use super::next::{Step, after_fit, tell_coarse};
-use super::options::Common;
+use super::next::{Step, after_stored_fit, tell_coarse};
+use super::options::LimitFlags;
 use super::output::{Output, shown};
 use super::several::{print_faults, tell_once};
-use crate::config::read;
 use crate::data::ObservedTrack;
 use crate::error::Result;
 use crate::inference::FitSettings;
@@ -21,17 +20,17 @@ pub fn fit_both(
     tracks: [&ObservedTrack; 2],
     settings: &FitSettings,
     folder: &FolderFlags,
-    common: &Common,
+    limits: &LimitFlags,
     command: &CommandLine,
     out: &mut Output<'_>,
 ) -> Result<Exit> {
-    let runs = folder.fill_several(command, common, |destination, monitored| {
+    let runs = folder.fill_several(command, limits, |destination, monitored| {
         senses(tracks, settings, destination, monitored)
     })?;
     let Some(runs) = runs else {
         return Ok(interrupted(command, "one of the senses"));
     };
-    if common.json {
+    if folder.json() {
         let rows: Vec<_> = runs
             .iter()
             .map(|run| {
@@ -50,21 +49,13 @@ pub fn fit_both(
             // Of both, because only this command says how probable they are.
             steps.push(Step::resume(command));
         } else {
-            steps.extend(next(run, &folder)?);
+            // Its folder has the track in its sense, and the prior of this sense.
+            steps.extend(after_stored_fit(&run.summary, &folder)?);
         }
     }
     tell_once(steps);
     let converged = runs.iter().all(|run| run.summary.converged);
     Ok(Exit::from_converged(converged || folder.allow_unconverged))
-}
-
-/// What to do after one of the fits: its folder has the track in its sense and the settings, with the prior of this sense.
-fn next(run: &SenseRun, folder: &RunFolder) -> Result<Vec<Step>> {
-    let own = CommandLine::new(["fit".to_owned(), folder.track().display().to_string()])
-        .with_value("--config", &folder.config().display().to_string())
-        .with_value("--out", &run.folder.display().to_string());
-    let settings: FitSettings = read(&folder.config())?;
-    Ok(after_fit(&run.summary, &settings, folder, &own))
 }
 
 /// A probability with its error as text; small ones keep their digits.

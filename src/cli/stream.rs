@@ -1,7 +1,7 @@
 //! `oblate stream`.
 
 use super::exit::Exit;
-use super::options::{Common, ModelFlags, finite, refuse_existing, write_file};
+use super::options::{JsonFlag, ModelFlags, WorkFlags, finite, refuse_existing, write_file};
 use super::output::Output;
 use crate::config::read;
 use crate::error::{Error, Result};
@@ -39,10 +39,15 @@ pub struct Args {
     config: Option<PathBuf>,
     #[command(flatten)]
     model: ModelFlags,
+    #[command(flatten)]
+    work: WorkFlags,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Computes one stream.
-pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
+pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
+    args.work.start_threads()?;
     let params: StreamParams<f64> = read(&args.params)?;
     let settings = args.model.settings(args.config.as_deref())?;
     let prior = StreamPrior::new(&settings.prior.with_required_free())?;
@@ -70,7 +75,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
         refuse_existing(file, args.force)?;
     }
     let model = Model::new(&settings)?;
-    common.tell_memory(&settings.memory(1));
+    args.work.tell_memory(&settings.memory(1));
     let begin = Instant::now();
     let solution = model
         .progenitor_solution(&System::from_params(&params, prior.q_range()))
@@ -89,7 +94,7 @@ pub fn run(args: &Args, common: &Common, out: &mut Output<'_>) -> Result<Exit> {
         write_file(file, csv.as_bytes(), args.force)?;
     }
     let shape = prior.shape(&params);
-    if common.json {
+    if args.output.json {
         let column =
             |f: fn(&crate::track::TrackBin) -> f64| track.bins.iter().map(f).collect::<Vec<f64>>();
         out.json(&json!({

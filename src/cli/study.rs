@@ -3,8 +3,8 @@
 use super::command_line::CommandLine;
 use super::eta::duration;
 use super::exit::Exit;
-use super::next::Step;
-use super::options::{Common, LimitFlags};
+use super::next::{Step, may_grow};
+use super::options::{JsonFlag, LimitFlags, WorkFlags};
 use super::output::{Output, note, shown};
 use super::progress::{Board, interrupt};
 use crate::config::{StudyConfig, read};
@@ -43,6 +43,10 @@ pub struct Args {
     allow_unconverged: bool,
     #[command(flatten)]
     limits: LimitFlags,
+    #[command(flatten)]
+    work: WorkFlags,
+    #[command(flatten)]
+    output: JsonFlag,
 }
 
 /// Who does the fits of a study.
@@ -80,12 +84,8 @@ impl Watcher for Shown<'_> {
 }
 
 /// Runs a study and writes its report.
-pub fn run(
-    args: &Args,
-    common: &Common,
-    command: &CommandLine,
-    out: &mut Output<'_>,
-) -> Result<Exit> {
+pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<Exit> {
+    args.work.start_threads()?;
     args.limits.check()?;
     let mut config: StudyConfig = read(&args.study)?;
     if let Some(folder) = &args.out {
@@ -101,10 +101,10 @@ pub fn run(
     }
     let files_from = args.study.parent().unwrap_or(Path::new("."));
     let shown_fits = Shown {
-        board: Board::of_fits(common),
+        board: Board::of_fits(args.work.quiet),
         limits: &args.limits,
     };
-    let result = done(args, common, &config, files_from, command, &shown_fits);
+    let result = done(args, &config, files_from, command, &shown_fits);
     drop(shown_fits);
     let result = result.map_err(|error| match error {
         Error::InTable { .. } => Error::InFile {
@@ -135,7 +135,7 @@ pub fn run(
             note(&format!("error: {}", failed.reason));
         }
     }
-    if common.json {
+    if args.output.json {
         let rows: Vec<_> = result.runs()
             .map(|p| json!({"name": p.name, "sampler": p.sampler, "folder": shown(&p.folder), "summary": p.summary}))
             .collect();
@@ -178,7 +178,6 @@ fn predicted(cost: &Cost) -> String {
 /// Does the study, or one fit of it.
 fn done(
     args: &Args,
-    common: &Common,
     config: &StudyConfig,
     files_from: &Path,
     command: &CommandLine,
@@ -189,10 +188,10 @@ fn done(
     if let Some(number) = args.fit {
         return study.run_fit(number, &text, watcher);
     }
-    if !common.quiet {
-        if let Some(cost) = study.cost()? {
-            note(&predicted(&cost));
-        }
+    if !args.work.quiet
+        && let Some(cost) = study.cost()?
+    {
+        note(&predicted(&cost));
     }
     match args.executor {
         ExecutorName::Local => study.run(Executor::Local, &text, watcher),
@@ -243,15 +242,23 @@ fn tell_next(args: &Args, command: &CommandLine, result: &StudyResult) {
     if result.runs().any(stopped) {
         Step::again("continue the runs that reached the time limit", command).tell();
     }
-    let extended =
-        |run: &&StudyRun| run.sampler == Sampler::PtHmc && !run.summary.converged && !stopped(run);
-    if let Some(run) = result.runs().find(extended) {
-        let purpose = format!(
-            "extend {} and others like it, raise its `sampling.pt_hmc.extensions` in {} and repeat the study",
-            run.name,
-            args.study.display()
-        );
-        Step::again(&purpose, command).tell();
+    for (sampler, key) in [
+        (Sampler::PtHmc, "sampling.pt_hmc.extensions"),
+        (Sampler::Nested, "sampling.nested.max_batches"),
+    ] {
+        let extended = |run: &&StudyRun| {
+            run.sampler == sampler
+                && !stopped(run)
+                && RunFolder::open(&run.folder).is_ok_and(|folder| may_grow(&run.summary, &folder))
+        };
+        if let Some(run) = result.tracks.iter().chain(&result.mocks).find(extended) {
+            let purpose = format!(
+                "extend {} and others like it, raise its `{key}` in {} and repeat the study",
+                run.name,
+                args.study.display()
+            );
+            Step::again(&purpose, command).tell();
+        }
     }
 }
 

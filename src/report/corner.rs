@@ -31,7 +31,7 @@ fn range(column: &CornerColumn, weights: &[f64]) -> (f64, f64) {
 #[must_use]
 pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String {
     let n = columns.len().max(1);
-    let (left, bottom, above) = (48.0, 48.0, 16.0);
+    let (left, bottom, above) = (48.0, 48.0, if n > 6 { 22.0 } else { 16.0 });
     let gap = if n > 6 { 2.0 } else { 4.0 };
     // Two columns make a small square, fourteen fill a sheet: the panels must stay legible.
     let panel = (720.0 / n as f64 - gap).clamp(52.0, 150.0);
@@ -61,7 +61,7 @@ pub fn corner(columns: &[CornerColumn], weights: &[f64], title: &str) -> String 
             if row == col {
                 let x = ranges[row];
                 let own = (&columns[row], &spreads[row]);
-                let axes = marginal(&mut canvas, own, weights, x, rect, size);
+                let axes = marginal(&mut canvas, own, weights, x, rect, size, n > 6);
                 axes.draw_x(&mut canvas, &below, most, size);
             } else {
                 let axes = Axes {
@@ -92,6 +92,7 @@ fn marginal(
     x: (f64, f64),
     rect: (f64, f64, f64, f64),
     size: f64,
+    is_narrow: bool,
 ) -> Axes {
     let density = kernel_density(&column.column.values, weights, spread, x);
     let most = density.iter().map(|(_, d)| *d).fold(0.0, f64::max);
@@ -112,18 +113,23 @@ fn marginal(
         axes.mark(canvas, truth, COLOURS[1], "");
     }
     axes.frame(canvas);
-    canvas.text(
-        (rect.0 + 0.5 * rect.2, rect.1 - 3.0),
-        &credible(median, lo, hi),
-        size,
-        Anchor::Middle,
-        0.0,
-    );
+    let (median, sides) = credible(median, lo, hi);
+    let middle = rect.0 + 0.5 * rect.2;
+    // In one line both are wider than a narrow panel.
+    let lines = if is_narrow {
+        vec![sides, median]
+    } else {
+        vec![format!("{median} {sides}")]
+    };
+    for (line, text) in lines.iter().enumerate() {
+        let height = rect.1 - 3.0 - 1.2 * size * line as f64;
+        canvas.text((middle, height), text, size, Anchor::Middle, 0.0);
+    }
     axes
 }
 
-/// `median +up -down` with two digits of the smaller side.
-fn credible(median: f64, lo: f64, hi: f64) -> String {
+/// The median, and `+up -down` with two digits of the smaller side.
+fn credible(median: f64, lo: f64, hi: f64) -> (String, String) {
     let (down, up) = (median - lo, hi - median);
     let least = down.min(up);
     let mut digits = 0;
@@ -132,7 +138,11 @@ fn credible(median: f64, lo: f64, hi: f64) -> String {
         digits += 1;
         unit /= 10.0;
     }
-    format!("{median:.digits$} +{up:.digits$} \u{2212}{down:.digits$}").replace('-', "\u{2212}")
+    let median = format!("{median:.digits$}");
+    let is_zero = median.trim_start_matches(['-', '0', '.']).is_empty();
+    let sign = if is_zero { "" } else { "\u{2212}" };
+    let median = median.replace('-', sign);
+    (median, format!("+{up:.digits$} \u{2212}{down:.digits$}"))
 }
 
 fn pair(

@@ -200,15 +200,25 @@ fn number(x: f64) -> String {
     } else {
         format!("{x:.3}")
     };
+    minus(&text)
+}
+
+/// A number as text, with the sign of typography.
+fn minus(text: &str) -> String {
     text.replace('-', "\u{2212}")
 }
 
 /// A table, which can be moved sideways where it is wider than the screen.
 fn table(out: &mut String, head: &str, rows: &str) {
+    table_of(out, "", head, rows);
+}
+
+/// A table of a class of the style sheet.
+fn table_of(out: &mut String, class: &str, head: &str, rows: &str) {
     if !rows.is_empty() {
         put!(
             out,
-            "<div class=\"scroll\"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+            "<div class=\"scroll\"><table class=\"{class}\"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
         );
     }
 }
@@ -225,18 +235,19 @@ fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
         let q = c.and_then(|c| c.marginals.iter().find(|m| m.name == "q"));
         let worst = c.and_then(Comparison::worst_marginal);
         format!(
-            "<tr><td>{}</td><td>{}</td><td>{:.2} \u{b1} {:.2}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>\
-             <td>{:.0}</td><td>{}</td><td>{}</td><td>{:.1}</td></tr>",
+            "<tr><td class=\"together\">{}</td><td>{}</td><td class=\"together\">{} \u{b1} {:.2}</td><td>{}</td><td>{}</td><td>{}</td>\
+             <td class=\"together\">{}</td><td>{:.0}</td><td>{}</td><td>{}</td><td>{:.1}</td></tr>",
             escape(run.name),
             if s.converged { "yes" } else { "NO" },
-            s.ln_z.value,
+            minus(&format!("{:.2}", s.ln_z.value)),
             s.ln_z.error,
-            c.map_or_else(dash, |c| format!("{:+.1}", c.ln_z_sigma)),
+            c.map_or_else(dash, |c| minus(&format!("{:+.1}", c.ln_z_sigma))),
             s.q.as_ref()
                 .map_or_else(dash, |q| format!("{:.3}", q.median)),
-            q.map_or_else(dash, |q| format!("{:+.2}", q.shift)),
+            q.map_or_else(dash, |q| minus(&format!("{:+.2}", q.shift))),
             worst.map_or_else(dash, |m| {
-                format!("{} {:+.2}", html(&sign(&m.name, "").0), m.sigma)
+                let difference = minus(&format!("{:+.2}", m.sigma));
+                format!("{} {difference}", html(&sign(&m.name, "").0))
             }),
             s.ess,
             s.cost.calls,
@@ -247,7 +258,7 @@ fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
     let rows: String = runs.iter().map(row).collect();
     table(
         out,
-        "<th>run</th><th>converged</th><th>ln <i>Z</i></th><th>\u{394} ln <i>Z</i> / \u{3c3}</th><th><i>q</i></th>\
+        "<th>run</th><th>converged</th><th>ln <i>Z</i></th><th class=\"together\">\u{394} ln <i>Z</i> / \u{3c3}</th><th><i>q</i></th>\
          <th>shift of <i>q</i></th><th>largest difference</th><th>effective draws</th><th>calls</th><th>gradients</th><th>CPU [s]</th>",
         &rows,
     );
@@ -368,20 +379,34 @@ fn model_error(out: &mut String, s: &Summary) {
     }
 }
 
+/// Intervals; the columns of units and of R-hat are there where a quantity has one.
 fn parameters(out: &mut String, s: &Summary) {
+    let mut all = s.parameters.iter().chain(&s.derived);
+    let has_units = all.any(|(name, interval)| !sign(name, &interval.unit).1.is_empty());
+    let with_r_hat = |cell: String| {
+        if s.r_hat.is_empty() {
+            String::new()
+        } else {
+            cell
+        }
+    };
+    let with_units = |cell: String| if has_units { cell } else { String::new() };
     let row = |name: &str, i: &Interval, r_hat: Option<&f64>| {
         let (symbol, unit) = sign(name, &i.unit);
         format!(
-            "<tr><td>{}</td><td class=\"name\">{}</td><td>{}</td><td>{}</td><td>[{}, {}]</td><td>[{}, {}]</td><td>{}</td></tr>",
+            "<tr><td class=\"together\">{}</td><td class=\"name\">{}</td>{}<td>{}</td><td>[{}, {}]</td><td>[{}, {}]</td>{}</tr>",
             html(&symbol),
             escape(name),
-            html(&unit),
+            with_units(format!("<td>{}</td>", html(&unit))),
             number(i.median),
             number(i.lo68),
             number(i.hi68),
             number(i.lo95),
             number(i.hi95),
-            r_hat.map_or_else(|| "\u{2013}".to_owned(), |r| format!("{r:.3}"))
+            with_r_hat(format!(
+                "<td>{}</td>",
+                r_hat.map_or_else(|| "\u{2013}".to_owned(), |r| format!("{r:.3}"))
+            ))
         )
     };
     let free = s.parameters.iter().enumerate();
@@ -391,7 +416,11 @@ fn parameters(out: &mut String, s: &Summary) {
     rows.extend((s.derived.iter()).map(|(name, interval)| row(name, interval, None)));
     table(
         out,
-        "<th>quantity</th><th class=\"words\">name in files</th><th>unit</th><th>median</th><th>68 %</th><th>95 %</th><th>R-hat</th>",
+        &format!(
+            "<th>quantity</th><th class=\"words name\">name in files</th>{}<th>median</th><th>68 %</th><th>95 %</th>{}",
+            with_units("<th>unit</th>".to_owned()),
+            with_r_hat("<th>R-hat</th>".to_owned()),
+        ),
         &rows,
     );
 }
@@ -529,8 +558,9 @@ fn checks(out: &mut String, s: &Summary) {
             )
         })
         .collect();
-    table(
+    table_of(
         out,
+        "checks",
         "<th>check</th><th>value</th><th>limit</th><th>passed</th><th class=\"words\">meaning</th>",
         &rows,
     );

@@ -337,7 +337,7 @@ fn the_ranges_of_flags_are_those_of_the_page() {
     let out = folder.path().join("out").display().to_string();
     for Row { key, lo, hi } in rows("5. Flags") {
         let arguments: &[&str] = match key.as_str() {
-            "--threads" => &["man"],
+            "--threads" => &["stream", "nowhere"],
             "--seconds" => &["doctor"],
             "--checkpoint-every" | "--max-minutes" => &["population", "nowhere", "--out", &out],
             _ => &["stream", &params, "--particles", "64"],
@@ -377,9 +377,11 @@ fn the_ranges_of_flags_are_those_of_the_page() {
 
 #[test]
 fn more_threads_in_the_environment_than_in_a_flag_are_refused_too() {
+    let params = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/stream.toml");
+    let params = params.display().to_string();
     let words = |threads: &str| {
         let command = Command::new(env!("CARGO_BIN_EXE_oblate"))
-            .arg("man")
+            .args(["stream", &params, "--particles", "64"])
             .env("RAYON_NUM_THREADS", threads)
             .output()
             .expect("the command");

@@ -291,6 +291,30 @@ fn corner_of_a_population_has_three_panels() {
     assert_eq!(svg.matches("class=\"truth\"").count(), 1);
 }
 
+#[test]
+fn titles_of_a_corner_fit_above_their_panels_and_have_no_negative_zero() {
+    let run = runs::nested(3000, 5);
+    let titles = |count: usize| {
+        let mut all = corner_columns(&run, count);
+        all[0].column.values = (0..3000).map(|i| f64::from(i) * 1e-3 - 1.501).collect();
+        let weights = [1.0; 3000];
+        let svg = sound(&format!("corner_{count}"), corner(&all, &weights, "titles"));
+        let texts = svg.split('>').filter(|text| text.contains(" \u{2212}"));
+        let texts = texts.filter_map(|text| text.split('<').next());
+        texts.map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert!(titles(2)[0].starts_with("0.0 +1.0 "), "{:?}", titles(2));
+    // Fourteen panels are narrow: the median has a line of its own.
+    let narrow = titles(14);
+    assert_eq!(narrow.len(), 14);
+    for title in narrow {
+        assert!(
+            title.starts_with('+') && title.chars().count() <= 13,
+            "{title}"
+        );
+    }
+}
+
 /// A constant column has no density to draw: the figure must still be valid.
 #[test]
 fn corner_of_a_constant_column_is_drawn() {
@@ -620,10 +644,10 @@ fn the_page_shows_the_comparison_with_the_first_run() {
         "two runs",
         &[shown("a", &a, None), shown("b", &b, Some(&comparison))],
     );
-    let rows: Vec<&str> = html.split("<tr><td>").collect();
+    let rows: Vec<&str> = html.split("<tr><td class=\"together\">").collect();
     let row = rows.iter().find(|row| row.starts_with("b</td>")).unwrap();
     assert!(
-        row.contains("<td>-5.7</td>") && row.contains("<td>+0.00</td>"),
+        row.contains("<td>\u{2212}5.7</td>") && row.contains("<td>+0.00</td>"),
         "{row}"
     );
 }

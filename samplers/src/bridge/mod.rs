@@ -27,7 +27,7 @@ pub use settings::Settings;
 use crate::checkpointer::Checkpointer;
 use crate::control::{Control, Event};
 use crate::error::{Error, Result};
-use crate::output::{Run, Status};
+use crate::output::{MIN_ESS, Run, Status};
 use crate::surrogate::Surrogate;
 use crate::target::Target;
 use state::{Bridge, State};
@@ -99,7 +99,8 @@ pub fn run(
         Some(state) => bridge.resume(state),
         None => bridge.begin(parent)?,
     }
-    while !outcome::enough(&bridge, parent)? {
+    let mut ess = outcome::ess(&bridge, parent)?;
+    while !outcome::enough(&bridge, parent, ess) {
         if stop || control.interrupted() || control.spent(bridge.state.cost.calls) {
             checkpointer.save(&bridge.state, control)?;
             control.tell(&Event::Checkpointed);
@@ -110,9 +111,13 @@ pub fn run(
         if let Err(error) = moved {
             return Err(checkpointer.save_after(error, &bridge.state, control));
         }
+        ess = outcome::ess(&bridge, parent)?;
         stop = control.tell(&Event::Bridge {
             fraction: bridge.state.fraction,
             further: bridge.further_mcmc_steps().unwrap_or(0),
+            of: settings.further_mcmc_steps,
+            ess,
+            target_ess: MIN_ESS,
             ln_z: parent.evidence.ln_z + bridge.state.ln_ratio,
             calls: bridge.state.cost.calls,
         });

@@ -43,17 +43,22 @@ fn column(levels: &[Level], of: impl Fn(&Level) -> f64) -> Vec<f64> {
     levels.iter().map(of).collect()
 }
 
-/// Whether the bridge is at its end: at the fine likelihood, with draws enough, or with as many further MCMC steps as it may make.
-pub(super) fn enough(bridge: &Bridge<'_>, parent: &Run) -> Result<bool> {
-    let Some(further) = bridge.further_mcmc_steps() else {
-        return Ok(false);
-    };
-    // Nothing makes good what a coarse run that has not converged may have missed.
-    if further >= bridge.settings.further_mcmc_steps || !parent.converged() {
-        return Ok(true);
+/// The effective sample size at the fine likelihood; none before its MCMC steps are done.
+pub(super) fn ess(bridge: &Bridge<'_>, parent: &Run) -> Result<Option<f64>> {
+    if bridge.further_mcmc_steps().is_none() {
+        return Ok(None);
     }
     let draws = draws(bridge, &clusters(&parent.draws))?;
-    Ok(effective_sizes(&draws, bridge).quoted >= MIN_ESS)
+    Ok(Some(effective_sizes(&draws, bridge).quoted))
+}
+
+/// Whether the bridge is at its end, with this effective sample size: at the fine likelihood, with draws enough, or with as many further
+/// MCMC steps as it may make.
+pub(super) fn enough(bridge: &Bridge<'_>, parent: &Run, ess: Option<f64>) -> bool {
+    // Nothing makes good what a coarse run that has not converged may have missed.
+    let most = bridge.settings.further_mcmc_steps;
+    let last = |further: usize| further >= most || !parent.converged();
+    bridge.further_mcmc_steps().is_some_and(last) || ess.is_some_and(|ess| ess >= MIN_ESS)
 }
 
 /// Blocks of successive draws into which each chain of a parent is divided. They must be longer than a chain stays in one place, and

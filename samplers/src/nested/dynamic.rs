@@ -103,8 +103,8 @@ pub(super) struct RunSummary {
     pub ln_z_error: f64,
     /// Effective sample size to quote.
     pub ess: f64,
-    /// Whether the draws have few ancestors.
-    few_ancestors: bool,
+    /// Effective number of the draws' ancestors.
+    lineages: f64,
     /// Whether they resemble each other.
     alike: bool,
 }
@@ -127,7 +127,7 @@ impl RunSummary {
                 expected
             },
             ess: ess.quoted,
-            few_ancestors: history.effective_lineages(&weighted) < MIN_LINEAGES,
+            lineages: history.effective_lineages(&weighted),
             alike: ess.quoted < MIN_INDEPENDENCE * ess.kish,
             points,
             history,
@@ -138,11 +138,28 @@ impl RunSummary {
     /// Where the next batch is to be.
     pub fn next_range(&self, settings: &Settings) -> LikelihoodRange {
         let [more_draws, _] = self.wants(settings);
-        if more_draws && (self.alike || self.few_ancestors) {
+        if more_draws && (self.alike || self.few_ancestors()) {
             return LikelihoodRange::whole(&self.history, &self.weighted);
         }
         let fraction = self.posterior_fraction(settings);
         LikelihoodRange::of(&self.history, &self.weighted, fraction)
+    }
+
+    /// The checks that keep the run from its end, and how many times as many batches they need if their numbers grow with them.
+    pub fn open(&self, settings: &Settings) -> (Vec<String>, f64) {
+        let ess = settings.target_ess.map_or(0.0, |target| target / self.ess);
+        let lineages = settings
+            .target_ess
+            .map_or(0.0, |_| MIN_LINEAGES / self.lineages);
+        let error = (settings.target_ln_z_error).map_or(0.0, |target| self.ln_z_error / target);
+        let checks = [
+            ("target-ess", ess),
+            ("effective-lineages", lineages),
+            ("target-ln-z-error", error.powi(2)),
+        ];
+        let open: Vec<(&str, f64)> = checks.into_iter().filter(|check| check.1 > 1.0).collect();
+        let names = open.iter().map(|(name, _)| (*name).to_owned()).collect();
+        (names, open.iter().map(|check| check.1).fold(1.0, f64::max))
     }
 
     /// Whether all targets are met.
@@ -160,10 +177,15 @@ impl RunSummary {
         }
     }
 
+    /// Whether the draws have few ancestors.
+    fn few_ancestors(&self) -> bool {
+        self.lineages < MIN_LINEAGES
+    }
+
     /// Whether the target ESS, and whether the target error of ln Z, is not met yet.
     fn wants(&self, settings: &Settings) -> [bool; 2] {
         [
-            (settings.target_ess).is_some_and(|target| self.ess < target || self.few_ancestors),
+            (settings.target_ess).is_some_and(|target| self.ess < target || self.few_ancestors()),
             settings
                 .target_ln_z_error
                 .is_some_and(|target| self.ln_z_error > target),
@@ -194,7 +216,7 @@ mod tests {
             history,
             ln_z_error: 0.3,
             ess: 10.0,
-            few_ancestors: false,
+            lineages: 2.0 * MIN_LINEAGES,
             alike: false,
         }
     }
@@ -245,6 +267,12 @@ mod tests {
         assert!((summary.posterior_fraction(&alone) - 0.8).abs() < 1e-12);
         summary.ess = 100.0;
         assert!(summary.meets(&settings) && summary.meets(&alone));
+        // An error falls as the root of the number of batches.
+        (summary.ess, summary.ln_z_error) = (50.0, 0.2);
+        let (open, needed) = summary.open(&settings);
+        assert_eq!(open, ["target-ess", "target-ln-z-error"]);
+        assert!((needed - 4.0).abs() < 1e-12);
+        assert_eq!(summary.open(&alone), (vec!["target-ess".to_owned()], 2.0));
     }
 
     #[test]
@@ -263,10 +291,10 @@ mod tests {
         };
         assert_eq!(floor(|_| ()), Some(7.0));
         assert_eq!(floor(|s| s.alike = true), Some(NEVER));
-        assert_eq!(floor(|s| s.few_ancestors = true), Some(NEVER));
+        assert_eq!(floor(|s| s.lineages = 1.0), Some(NEVER));
         // Enough draws are enough, however alike, but not if their number rests on few ancestors.
         assert_eq!(floor(|s| (s.ess, s.alike) = (100.0, true)), None);
-        let few = floor(|s| (s.ess, s.few_ancestors) = (100.0, true));
+        let few = floor(|s| (s.ess, s.lineages) = (100.0, 1.0));
         assert_eq!(few, Some(NEVER));
     }
 

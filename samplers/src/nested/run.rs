@@ -57,6 +57,7 @@ pub fn run(
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
     stop |= control.tell_memory(&settings.memory(target.dim()));
+    let mut ln_x_at_end = state.ln_x_at_end();
     let status = loop {
         let mut ended = None;
         if state.batch_ended(settings) {
@@ -67,8 +68,12 @@ pub fn run(
             if summary.meets(settings) {
                 break Status::Complete;
             }
+            let (open, needed) = summary.open(settings);
             stop |= control.tell(&Event::Batch {
                 number: state.batches,
+                of: settings.max_batches,
+                open,
+                needed,
                 ln_z: summary.weighted.ln_z,
                 ln_z_error: summary.ln_z_error,
                 ess: summary.ess,
@@ -82,6 +87,7 @@ pub fn run(
         if control.spent(state.cost.all_calls()) {
             break Status::BudgetSpent;
         }
+        let begins = ended.is_some();
         let step = match ended {
             Some(summary) => state.add_batch(&context, summary),
             None => state.advance(&context),
@@ -90,7 +96,10 @@ pub fn run(
         if let Err(error) = step {
             return Err(checkpointer.save_after(error, &state, control));
         }
-        stop = control.tell(&event(&state, settings));
+        if begins {
+            ln_x_at_end = state.ln_x_at_end();
+        }
+        stop = control.tell(&event(&state, settings, ln_x_at_end));
         if control.checkpoint_due() {
             checkpointer.save(&state, control)?;
             stop |= control.tell(&Event::Checkpointed);
@@ -103,7 +112,7 @@ pub fn run(
     Ok(run)
 }
 
-fn event(state: &State, settings: &Settings) -> Event {
+fn event(state: &State, settings: &Settings, ln_x_at_end: Option<f64>) -> Event {
     Event::Nested {
         iteration: state.iteration,
         ln_x: state.ln_x,
@@ -113,5 +122,6 @@ fn event(state: &State, settings: &Settings) -> Event {
         dlnz: settings.dlnz,
         calls: state.cost.calls,
         efficiency: state.efficiency,
+        batches: state.batches_done(ln_x_at_end),
     }
 }

@@ -4,6 +4,7 @@ mod check;
 
 use super::bound::Bound;
 use super::dynamic::{LikelihoodRange, RunSummary};
+use super::evidence::DeadPoints;
 use super::kernel::{self, ChainContext, NewPoint};
 use super::learning::Learner;
 use super::likelihood::{Likelihood, draw_prior};
@@ -211,6 +212,25 @@ impl State {
                 lowest > range.ceiling || self.on_last_plateau(settings)
             }
         }
+    }
+
+    /// Expected log prior volume at the end of the present batch; none for the first, whose end is not known.
+    pub fn ln_x_at_end(&self) -> Option<f64> {
+        let range = self.range?;
+        let history = DeadPoints::of(&self.dead);
+        let deaths = history.ln_l.partition_point(|l| *l <= range.ceiling);
+        Some(history.expected_ln_t()[..deaths].iter().sum())
+    }
+
+    /// Batches done, with the part that is done of the present one, which ends at this log prior volume; 0 in the first batch.
+    pub fn batches_done(&self, ln_x_at_end: Option<f64>) -> f64 {
+        let part = match (self.range, ln_x_at_end) {
+            (Some(range), Some(end)) if end < range.ln_x => {
+                ((range.ln_x - self.ln_x) / (range.ln_x - end)).clamp(0.0, 1.0)
+            }
+            _ => 0.0,
+        };
+        (self.batches - 1) as f64 + part
     }
 
     /// One iteration: the lowest points die, and as many are born. On an error nothing has changed.

@@ -45,6 +45,36 @@ fn no_number_of_any_verb_may_be_infinite_or_nan() {
     assert!(seen > 30, "only {seen} flags seen");
 }
 
+/// Which of the flags that many subcommands have each one has.
+#[test]
+fn options_are_where_they_do_something() {
+    let command = oblate::cli::command();
+    for verb in command.get_subcommands() {
+        let name = verb.get_name();
+        let has = |flag: &str| verb.get_arguments().any(|a| a.get_long() == Some(flag));
+        let prints_only = matches!(name, "completions" | "man");
+        let computes =
+            !prints_only && !matches!(name, "calibration" | "compare" | "export" | "report");
+        let samples = matches!(name, "bridge" | "fit" | "population" | "run");
+        assert_eq!(has("threads"), computes, "{name} --threads");
+        assert_eq!(has("quiet"), computes, "{name} --quiet");
+        // The answers of `evaluate` are always JSON.
+        assert_eq!(
+            has("json"),
+            !prints_only && name != "evaluate",
+            "{name} --json"
+        );
+        for flag in ["max-minutes", "checkpoint-every"] {
+            assert_eq!(has(flag), samples, "{name} --{flag}");
+        }
+        let draws = matches!(name, "bridge" | "fit" | "mock" | "population" | "selection");
+        assert_eq!(has("seed"), draws, "{name} --seed");
+    }
+    for flag in ["--threads=2", "--json", "--quiet"] {
+        refused(&oblate(&["man", flag], ""), &["unexpected argument"]);
+    }
+}
+
 #[test]
 fn a_number_out_of_its_range_is_refused_with_the_range() {
     let stream = example("stream.toml").display().to_string();

@@ -1,7 +1,10 @@
 //! What the command says about the machine it is on.
 
 use super::{json, oblate, refused};
+use oblate::posterior::SUMMARY_FORMAT;
 use oblate::scalar::Level;
+use oblate_samplers::checkpoint::FORMAT_VERSION;
+use oblate_samplers::rng::STREAM_VERSION;
 
 #[test]
 fn the_machine_is_described_and_measured() {
@@ -30,4 +33,16 @@ fn the_machine_is_described_and_measured() {
     assert!(times[0] > 0.0 && times.is_sorted(), "{times:?}");
     assert_eq!(times.len(), 3);
     refused(&oblate(&["doctor", "--seconds", "0"], ""), &["--seconds"]);
+}
+
+#[test]
+fn the_pages_have_the_present_versions() {
+    let versions = format!(
+        "random streams {STREAM_VERSION}, checkpoints {FORMAT_VERSION}, summaries {SUMMARY_FORMAT}"
+    );
+    for page in ["docs/installation.md", "CHANGELOG.md"] {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(page);
+        let text = std::fs::read_to_string(path).expect("the page");
+        assert!(text.contains(&versions), "{page}: {versions}");
+    }
 }

@@ -68,9 +68,18 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
     // The page holds the figures.
     let page = folder.path().join("page.html").display().to_string();
     let other = write(folder.path(), "notes.txt", "no run");
-    let output = oblate(&["report", &one, &other, &two, "--out", &page], "");
-    let skipped = String::from_utf8_lossy(&output.stderr).contains("skipped: ");
-    assert!(skipped, "{output:?}");
+    let unfinished = folder.path().join("unfinished");
+    std::fs::create_dir(&unfinished).expect("a folder");
+    for file in ["versions.json", "config.toml"] {
+        let copy = unfinished.join(file);
+        std::fs::copy(Path::new(&one).join(file), copy).expect("a copy");
+    }
+    let unfinished = unfinished.display().to_string();
+    let given = ["report", &one, &other, &two, &unfinished, "--out", &page];
+    let output = oblate(&given, "");
+    let notes = String::from_utf8_lossy(&output.stderr);
+    assert!(notes.contains("notes.txt is no run folder"), "{notes}");
+    assert!(notes.contains("unfinished has not finished"), "{notes}");
     assert_eq!(
         output.status.code(),
         Some(0),

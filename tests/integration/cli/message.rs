@@ -23,7 +23,7 @@ const LINES: [&str; 16] = [
     "export r --out d.fits",
     "doctor",
     "completions bash",
-    "man",
+    "man --out x",
 ];
 
 fn args(line: &str) -> Vec<OsString> {

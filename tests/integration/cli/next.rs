@@ -141,3 +141,25 @@ fn one_setting_is_changed_by_its_key() {
         assert!(message.contains(words), "{change}: {message}");
     }
 }
+
+#[test]
+fn a_bridge_from_a_fit_with_failed_checks_begins_with_what_continues_that_fit() {
+    let (_kept, folder) = folder();
+    let fit = shell(&folder, &format!("{FIT} --coarse-particles 0"));
+    assert_eq!(fit.status.code(), Some(1), "{fit:?}");
+    let bridge = "oblate bridge 'my run' --particles 200 -q --json --out finer";
+    let bridge = shell(&folder, bridge);
+    assert_eq!(bridge.status.code(), Some(1), "{bridge:?}");
+    let steps = proposed(&bridge);
+    let purposes: Vec<&str> = steps.iter().map(|step| step.0.as_str()).collect();
+    let [first, .., last] = &purposes[..] else {
+        panic!("{purposes:?}");
+    };
+    assert_eq!(*first, "add batches of live points:");
+    assert_eq!(*last, "bridge it again after that:");
+    let longer = shell(&folder, &format!("{} --json", steps[0].1));
+    assert_ne!(longer.status.code(), Some(2), "{longer:?}");
+    assert!(calls(&longer) > calls(&fit));
+    let again = shell(&folder, &steps[steps.len() - 1].1);
+    assert_ne!(again.status.code(), Some(2), "{again:?}");
+}

@@ -37,6 +37,13 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(text.contains("population_beta") && text.contains("population_truncated-gaussian"));
+    // The fits have one batch each: which setting lets them go on.
+    let text = String::from_utf8_lossy(&output.stderr);
+    let extend = format!("raise its `sampling.nested.max_batches` in {study} and repeat the study");
+    assert!(
+        text.contains("To extend mock_3_") && text.contains(&extend),
+        "{text}"
+    );
     let mocks = folder.path().join("study/mocks");
     let mut fits: Vec<String> = std::fs::read_dir(&mocks)
         .expect("fits")
@@ -122,6 +129,15 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     // The figures are ours, so that the run can be replaced.
     let output = population(&fits, &[&several[..], &["--force"]].concat());
     assert_eq!(output.status.code(), Some(0), "{output:?}");
+
+    // Too few draws: the same with more batches is the command to type.
+    let short = path("short");
+    let one_batch = ["sampling.nested.max_batches=1", "sampling.nested.n_live=30"];
+    let [batches, live] = one_batch;
+    let output = population(&fits, &["--set", batches, "--set", live, "--out", &short]);
+    let text = String::from_utf8_lossy(&output.stderr);
+    let proposed = format!("--out {short}_2 --set sampling.nested.max_batches=2");
+    assert!(text.contains(&proposed), "{output:?}");
 
     // With a selection, which the mocks' maker writes.
     let selection = path("selection.toml");

@@ -225,3 +225,50 @@ fn a_run_goes_on_with_more_batches_as_if_it_had_been_allowed_them() {
     assert!(one.draws.len() < three.draws.len());
     assert_eq!(three.bits(), sample(&target, &aimed(3), 1).bits());
 }
+
+/// The events of a run that say how far its batches are.
+#[derive(Default)]
+struct Marks(Vec<Event>);
+
+impl Observer for Marks {
+    fn event(&mut self, event: &Event) -> ControlFlow<()> {
+        if let Event::Nested { .. } | Event::Batch { .. } = event {
+            self.0.push(event.clone());
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+#[test]
+fn a_run_says_how_far_its_batches_are_and_about_how_many_it_needs() {
+    let target = smooth::shells(5);
+    let aimed = dynamic(60, Kernel::Differential, 500.0);
+    let mut marks = Marks::default();
+    let run = run(&target, &aimed, 1, &mut Control::new(&mut marks)).unwrap();
+    assert_eq!(run.status, Status::Complete);
+    let (mut done, mut needs) = (0.0, Vec::new());
+    for event in &marks.0 {
+        match event {
+            Event::Nested { batches, .. } => {
+                assert!(*batches >= done, "{batches} after {done}");
+                done = *batches;
+            }
+            Event::Batch {
+                number,
+                of,
+                open,
+                needed,
+                ..
+            } => {
+                let (first, number) = (*number == 1, *number as f64);
+                // An end that is expected from earlier batches is near the end that comes.
+                assert!(first || done > number - 0.3, "{done} of {number}");
+                assert!(*of == aimed.max_batches && !open.is_empty() && *needed > 1.0);
+                needs.push(number * needed);
+            }
+            _ => {}
+        }
+    }
+    let (all, last) = (done.floor() + 1.0, needs.pop().expect("a second batch"));
+    assert!(last > 0.5 * all && last < 2.0 * all, "{last} of {all}");
+}
