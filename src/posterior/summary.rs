@@ -158,6 +158,14 @@ pub fn intervals(columns: &[Column], weights: &[f64]) -> Vec<(String, Interval)>
 }
 
 impl Summary {
+    /// What the result is known by where it is an input: the hash of its own inputs, and the checksum of the draws, which change if the run
+    /// is extended.
+    #[must_use]
+    pub fn result_hash(&self) -> String {
+        let draws = self.posterior.as_ref().map(|draws| draws.fnv1a.as_str());
+        format!("{} {}", self.input_hash, draws.unwrap_or_default())
+    }
+
     /// Summarises a run.
     #[must_use]
     pub fn new(run: &Run, context: &SummaryContext) -> Self {

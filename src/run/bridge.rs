@@ -43,7 +43,8 @@ pub fn bridge(
     let threads = rayon::current_num_threads();
     let memory = fine.memory(threads).and(&coarse.memory(threads), "");
     memory.check()?;
-    let inputs = [b"bridge".as_slice(), stored.summary.input_hash.as_bytes()];
+    let hash = stored.summary.result_hash();
+    let inputs = [b"bridge".as_slice(), hash.as_bytes()];
     let session = match RunSession::begin_fit(destination, &track, &settings, &inputs)? {
         RunState::Finished(stored) => return Ok(stored.into()),
         RunState::Unfinished(session) => session,

@@ -48,7 +48,11 @@ pub fn merge(
     let runs: Vec<&Run> = fits.iter().map(|f| &f.stored.run).collect();
     let run = inference::merge(&target, &runs)?;
     let mut inputs = vec![b"merge".as_slice()];
-    inputs.extend(fits.iter().map(|f| f.stored.summary.input_hash.as_bytes()));
+    let hashes: Vec<String> = fits
+        .iter()
+        .map(|f| f.stored.summary.result_hash())
+        .collect();
+    inputs.extend(hashes.iter().map(String::as_bytes));
     match RunSession::begin_fit(destination, &first.track, &first.settings, &inputs)? {
         RunState::Finished(stored) => Ok(stored.into()),
         RunState::Unfinished(session) => {

@@ -105,10 +105,7 @@ pub fn population(
         .family
         .target(&streams, config.reweighting, config.selection.as_ref())?;
     let config_toml = to_toml(config)?;
-    let hashes: Vec<String> = stored
-        .iter()
-        .map(|s| s.summary.input_hash.clone())
-        .collect();
+    let hashes: Vec<String> = stored.iter().map(|s| s.summary.result_hash()).collect();
     let hashes = hashes.join(" ");
     let mut inputs = vec![config_toml.as_bytes(), hashes.as_bytes()];
     inputs.extend(fits.missing.iter().map(String::as_bytes));

@@ -2,9 +2,10 @@
 
 use super::result::StudyRun;
 use super::watch::Watcher;
-use crate::config::{PopulationConfig, StudyConfig};
-use crate::error::Result;
-use crate::inference::Sampler;
+use crate::config::{PopulationConfig, StudyConfig, read};
+use crate::error::{Error, Result};
+use crate::inference::{Fit, Sampler};
+use crate::run::folder::RunFolder;
 use crate::run::locked::IfExists;
 use crate::run::population::{PopulationFits, population};
 use crate::run::session::Destination;
@@ -66,23 +67,39 @@ impl PlannedPopulation {
             // A study reports unconverged fits at its end instead of stopping at them.
             allow_unconverged: true,
         };
-        let destination = Destination {
-            folder: &self.folder,
-            if_exists: IfExists::Resume,
-            command,
-        };
         let label = format!("{} {}", self.name, self.sampler.name());
-        let mut done = None;
-        watcher.monitored(&label, &mut |monitor| {
-            done = Some(population(&fits, &self.settings, destination, monitor)?);
-            Ok(())
-        })?;
-        let done = done.filter(|fit| fit.run.status != Status::Interrupted);
+        let sampled = |if_exists| {
+            let mut done = None;
+            let destination = Destination {
+                folder: &self.folder,
+                if_exists,
+                command,
+            };
+            watcher.monitored(&label, &mut |monitor| {
+                done = Some(population(&fits, &self.settings, destination, monitor)?);
+                Ok(())
+            })?;
+            Ok(done)
+        };
+        let done = match sampled(IfExists::Resume) {
+            // Its streams have been fitted further since.
+            Err(Error::OtherInputs { .. }) if self.has_these_settings()? => {
+                sampled(IfExists::Replace)?
+            }
+            other => other?,
+        };
+        let done = done.filter(|fit: &Fit| fit.run.status != Status::Interrupted);
         Ok(done.map(|fit| StudyRun {
             folder: self.folder,
             name: self.name,
             sampler: self.sampler,
             summary: fit.summary,
         }))
+    }
+
+    /// Whether the population in the folder has the settings of this one.
+    fn has_these_settings(&self) -> Result<bool> {
+        let stored: PopulationConfig = read(&RunFolder::open(&self.folder)?.config())?;
+        Ok(stored == self.settings)
     }
 }

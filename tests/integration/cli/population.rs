@@ -232,3 +232,43 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     refused(&output, &["model.releases.recipe"]);
     assert!(!Path::new(&nowhere).exists());
 }
+
+#[test]
+fn a_population_of_fits_that_went_on_is_sampled_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = STUDY
+        .replace("OUT", &folder.path().join("study").display().to_string())
+        .replace("count = 3", "count = 1")
+        .replace("families = [\"truncated-gaussian\", \"beta\"]\n", "");
+    let run = |text: &str| {
+        let study = write(folder.path(), "study.toml", text);
+        let output = oblate(&["run", &study, "-q", "--json"], "");
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        let runs = json(&output.stdout)["runs"].clone();
+        [0, 1].map(|k: usize| runs[k]["summary"]["ln_z"]["value"].as_f64().expect("ln Z"))
+    };
+    let [fit, population] = run(&text);
+    assert_eq!(run(&text), [fit, population]);
+    let [longer, after] = run(&text.replace("max_batches = 1", "max_batches = 2"));
+    assert!(longer != fit && after != population, "{fit} {population}");
+    // By hand it is refused, because the folder's population is one of other fits.
+    let fits = folder.path().join("study/mocks");
+    let fit = std::fs::read_dir(fits)
+        .expect("fits")
+        .next()
+        .expect("a fit");
+    let fit = fit.expect("an entry").path().display().to_string();
+    let out = folder.path().join("population").display().to_string();
+    let args = [
+        "population",
+        &fit,
+        "--out",
+        &out,
+        "-q",
+        "--allow-unconverged",
+    ];
+    assert_eq!(oblate(&args, "").status.code(), Some(0));
+    run(&text.replace("max_batches = 1", "max_batches = 3"));
+    let resumed = [&args[..], &["--resume"]].concat();
+    refused(&oblate(&resumed, ""), &["other settings", "--force"]);
+}
