@@ -225,15 +225,19 @@ pub enum Error {
         /// Why.
         fault: NameFault,
     },
-    /// No draw of the prior gives the data's track.
+    /// No draw of the prior gives the data's track, or the greater part of it.
     #[error(
-        "none of {tries} prior draws covers the data's bin at phi = {phi_deg} deg within a factor of five of its radius, {r_kpc} kpc; \
-         check the track's units and its progenitor's position, or widen the prior"
+        "none of {tries} prior draws covers {unreached} of the track's {bins} bins within a factor of five of their radii, such as \
+         r = {r_kpc:.4} kpc at phi = {phi_deg} deg; check the track's units and its progenitor's position, or widen the prior"
     )]
     UnreachableTrack {
         /// Number of draws.
         tries: u64,
-        /// Centre of the bin.
+        /// Number of the track's bins.
+        bins: usize,
+        /// Number of those that no draw covers.
+        unreached: usize,
+        /// Centre of the first of these.
         phi_deg: f64,
         /// Its radius.
         r_kpc: f64,

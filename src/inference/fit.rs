@@ -49,7 +49,7 @@ impl FitPlan {
     /// As [`of_settings`](Self::of_settings), for a track that the prior can reach.
     ///
     /// # Errors
-    /// As of [`of_settings`](Self::of_settings); [`Error::UnreachableTrack`] if no draw of the prior reaches the track.
+    /// As of [`of_settings`](Self::of_settings); [`Error::UnreachableTrack`] if no draw of the prior reaches more than half of the track.
     pub fn new(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         let plan = Self::of_settings(track, settings)?;
         check_prior_predictive(&plan.target, settings.seed, &mut |_, _| ())?;

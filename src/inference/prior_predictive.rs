@@ -19,16 +19,17 @@ const FACTOR: f64 = 5.0;
 /// Number of draws between two reports of progress.
 const CHUNK: u64 = 50;
 
-/// Checks that every data bin is reached by at least one of 1,000 prior draws: that the draw's track covers the bin, at a radius within
-/// a factor of five of the data's. `advanced` is told how many of how many draws are done.
+/// Checks which data bins are reached by none of 1,000 prior draws: by none whose track covers the bin, at a radius within
+/// a factor of five of the data's. `advanced` is told how many of how many draws are done. The ends of a track that winds far are rare, and
+/// some bins may be out of reach; returns a warning that names them.
 ///
 /// # Errors
-/// [`Error::UnreachableTrack`] with the first bin that no draw reaches.
+/// [`Error::UnreachableTrack`] if no draw reaches more than half of the bins.
 pub fn check_prior_predictive(
     target: &StreamTarget,
     seed: u64,
     advanced: &mut Advanced<'_>,
-) -> Result<()> {
+) -> Result<Option<String>> {
     let likelihood = target.likelihood();
     let grid = likelihood.track().grid();
     let data: Vec<_> = likelihood.track().data().copied().collect();
@@ -49,12 +50,27 @@ pub fn check_prior_predictive(
         reached = either(reached, chunk.reduce(|| vec![false; data.len()], either));
         advanced(first + CHUNK, DRAWS);
     }
-    match reached.iter().position(|r| !r) {
-        None => Ok(()),
-        Some(i) => Err(Error::UnreachableTrack {
+    let unreached: Vec<&DataBin> = (data.iter().zip(&reached))
+        .filter_map(|(bin, reached)| (!reached).then_some(bin))
+        .collect();
+    let Some(first) = unreached.first() else {
+        return Ok(None);
+    };
+    if 2 * unreached.len() > data.len() {
+        return Err(Error::UnreachableTrack {
             tries: DRAWS,
-            phi_deg: grid.centre_deg(data[i].bin),
-            r_kpc: data[i].r_kpc,
-        }),
+            bins: data.len(),
+            unreached: unreached.len(),
+            phi_deg: grid.centre_deg(first.bin),
+            r_kpc: first.r_kpc,
+        });
     }
+    let centres: Vec<String> = (unreached.iter())
+        .map(|bin| grid.centre_deg(bin.bin).to_string())
+        .collect();
+    Ok(Some(format!(
+        "none of {DRAWS} prior draws covers the bins at phi = {} deg within a factor of five of their radii: so it may be where a track winds \
+         far; otherwise check these rows",
+        centres.join(", ")
+    )))
 }

@@ -53,9 +53,12 @@ fn fit_in_stages(
         None => ("", MODEL_ERROR),
     };
     monitor.stage(before + 1, of, &format!("check of the prior{of_model}"));
-    check_prior_predictive(&plan.target, settings.seed, &mut |done, of| {
+    let warning = check_prior_predictive(&plan.target, settings.seed, &mut |done, of| {
         monitor.advanced(done, of);
     })?;
+    if let Some(message) = warning {
+        monitor.warn(message);
+    }
     let track_bytes = serde_json::to_vec(track).unwrap_or_default();
     let session = match RunSession::begin_fit(destination, track, settings, &[&track_bytes])? {
         RunState::Finished(stored) => return Ok(stored.into()),

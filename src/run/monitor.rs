@@ -32,9 +32,14 @@ impl Monitor<'_> {
     /// Sends the observer a warning if the run will take much memory.
     pub(super) fn tell_memory(&mut self, memory: &Memory) {
         if let Some(message) = memory.warning() {
-            // A `Break` is ignored here, because no work has begun; it is possible again at the sampler's first event.
-            let _ = self.observer.event(&Event::Warning { message });
+            self.warn(message);
         }
+    }
+
+    /// Sends the observer a warning. A `Break` is ignored here, because no work has begun; it is possible again at the sampler's first
+    /// event.
+    pub(super) fn warn(&mut self, message: String) {
+        let _ = self.observer.event(&Event::Warning { message });
     }
 
     /// Tells the observer that stage `number` of `of` begins. A `Break` is ignored here; the observer can stop the run at the next event.

@@ -120,14 +120,13 @@ fn a_page_that_is_no_report_is_not_replaced() {
     }
 }
 
-/// Six mocks, the third of which no draw of the prior reaches, and their population. Each fit takes a fraction of a second.
-const MOCKS: &str = r#"
-title = "mocks"
+/// A folder of tracks and their population. Each fit takes a fraction of a second.
+const TRACKS: &str = r#"
+title = "tracks"
 out = "out"
 allow_unconverged = true
-[mocks]
-count = 6
-seed = 7
+[tracks]
+files = ["tracks"]
 samplers = ["nested"]
 fit.coarse_particles = 0
 fit.model = { steps = 4, step_phase = 3.0, max_halvings = 2, orbit_steps = 16, releases = { particles = 128 } }
@@ -145,17 +144,24 @@ fn in_folder(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-/// A study of mocks in a folder of its own.
-fn mocks(count: usize) -> tempfile::TempDir {
+/// A study of so many mocks and a track in the middle of them that no draw of the prior reaches.
+fn tracks(count: usize) -> tempfile::TempDir {
     let temporary = tempfile::tempdir().unwrap();
-    let text = MOCKS.replace("count = 6", &format!("count = {count}"));
-    fs::write(temporary.path().join("study.toml"), text).unwrap();
+    fs::write(temporary.path().join("study.toml"), TRACKS).unwrap();
+    let count = count.to_string();
+    let mocks = [
+        "mock", "--count", &count, "--seed", "7", "--out", "tracks", "-q",
+    ];
+    let output = in_folder(temporary.path(), &mocks).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let far = "phi,r,r_err\n-5,60000,1\n5,61000,1\n15,62000,1\n";
+    fs::write(temporary.path().join("tracks/mock_7_20_far.csv"), far).unwrap();
     temporary
 }
 
 #[test]
 fn a_failed_fit_is_reported_and_left_out_of_the_population() {
-    let temporary = mocks(6);
+    let temporary = tracks(5);
     let ended = |arguments: &[&str]| {
         let mut command = in_folder(temporary.path(), &["run", "study.toml"]);
         command.args(arguments).output().unwrap()
@@ -170,10 +176,10 @@ fn a_failed_fit_is_reported_and_left_out_of_the_population() {
     assert_eq!(failed.len(), 1, "{printed}");
     let reason = failed[0].strip_prefix("FAILED  ").unwrap();
     assert!(
-        reason.starts_with("mock_7_17 nested: none of 1000 prior draws"),
+        reason.starts_with("mock_7_20_far nested: none of 1000 prior draws"),
         "{reason}"
     );
-    assert!(printed.contains("mock_7_37"), "{printed}");
+    assert!(printed.contains("mock_7_6 "), "{printed}");
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(
         said.starts_with("6 fits will take about ") && said.contains("by a pilot of 6"),
@@ -228,7 +234,7 @@ fn a_failed_fit_is_reported_and_left_out_of_the_population() {
 
 /// Kills a study of so many mocks so many times, after growing parts of its time, and compares all files with those of one that was never stopped.
 fn killed(count: usize, times: u32) {
-    let whole = mocks(count);
+    let whole = tracks(count);
     let arguments = [
         "run",
         "study.toml",
@@ -243,7 +249,7 @@ fn killed(count: usize, times: u32) {
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     let time = began.elapsed();
     let expected = files(&whole.path().join("out"));
-    let temporary = mocks(count);
+    let temporary = tracks(count);
     let mut kills = 0;
     for k in 1..=times {
         let mut child = in_folder(temporary.path(), &arguments)
@@ -267,7 +273,7 @@ fn killed(count: usize, times: u32) {
 
 #[test]
 fn a_killed_study_of_fits_at_once_ends_in_the_same_bytes() {
-    killed(6, 4);
+    killed(5, 4);
 }
 
 #[test]
@@ -280,24 +286,20 @@ fn a_folder_stands_for_its_tracks_and_a_population_may_be_theirs() {
         fs::copy(from, tracks.join(to)).unwrap();
     }
     fs::write(tracks.join("notes.txt"), "not a track").unwrap();
-    let text = MOCKS.replace(
-        "[mocks]\ncount = 6\nseed = 7",
-        "[tracks]\nfiles = [\"tracks\"]",
-    );
     let with = |text: &str| {
         fs::write(temporary.path().join("study.toml"), text).unwrap();
         in_folder(temporary.path(), &["run", "study.toml", "-q"])
             .output()
             .unwrap()
     };
-    let fixed = text.replace("fit.model", "fit.prior.fixed = { dir_x = 0.1 }\nfit.model");
+    let fixed = TRACKS.replace("fit.model", "fit.prior.fixed = { dir_x = 0.1 }\nfit.model");
     refused(&with(&fixed), &["[tracks.fit]", "prior of q"]);
-    let of_mocks = format!("{text}of = \"mocks\"\n");
+    let of_mocks = format!("{TRACKS}of = \"mocks\"\n");
     refused(
         &with(&of_mocks),
         &["[population]", "of = \"mocks\"", "[mocks]"],
     );
-    let output = with(&text);
+    let output = with(TRACKS);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let printed = String::from_utf8(output.stdout).unwrap();
     let first = |line: &str| line.split_whitespace().next().unwrap().to_owned();
@@ -305,7 +307,7 @@ fn a_folder_stands_for_its_tracks_and_a_population_may_be_theirs() {
     assert_eq!(rows, ["s1_prolate_tilted", "s2_spherical", "population"]);
     fs::remove_dir_all(&tracks).unwrap();
     fs::create_dir_all(&tracks).unwrap();
-    refused(&with(&text), &["[tracks]", "files", ".ecsv"]);
+    refused(&with(TRACKS), &["[tracks]", "files", ".ecsv"]);
 }
 
 #[test]
