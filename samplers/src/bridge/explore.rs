@@ -1,12 +1,13 @@
 //! The MCMC moves of one particle of a bridge.
 
 use super::between::Between;
+use super::independent::propose;
 use super::particle::Particle;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
 use crate::hmc::{
-    Evaluator, LEAPFROGS, LocalSampler, MAX_ENERGY_RANGE, Metric, Plan, Point, slice_updates,
-    surrogate_move, try_involutions,
+    Evaluator, LEAPFROGS, LocalSampler, MAX_ENERGY_RANGE, Metric, Plan, Point, Reference,
+    slice_updates, surrogate_move, try_involutions,
 };
 use crate::output::Calls;
 use crate::rng::RandomStream;
@@ -21,6 +22,8 @@ pub(super) struct Moves<'a> {
     pub(super) fraction: f64,
     /// A surrogate of the fine likelihood, if there is one.
     pub(super) surrogate: Option<&'a Surrogate>,
+    /// Density of independent proposals, in further MCMC steps.
+    pub(super) density: Option<&'a Reference>,
     /// Of the particles of the other half.
     pub(super) metric: &'a Metric,
     pub(super) pool: &'a DifferencePool,
@@ -42,7 +45,8 @@ pub(super) struct Moved {
 
 impl Moves<'_> {
     /// Moves a particle by a slice update, in the first MCMC step at an exponent after the target's involutions. Where there is a
-    /// surrogate, moves along it follow, and the slice update is made in that first MCMC step only.
+    /// surrogate, moves along it follow, and the slice update is made in that first MCMC step only. In further MCMC steps an independent
+    /// proposal comes before them.
     pub(super) fn explore(&self, particle: &Particle, rng: &mut RandomStream) -> Result<Moved> {
         let mut moved = Moved {
             particle: particle.clone(),
@@ -52,6 +56,12 @@ impl Moves<'_> {
         };
         if self.first || self.surrogate.is_none() {
             self.by_slice_update(&mut moved, rng)?;
+        }
+        if let Some(density) = self.density {
+            let targets = [self.coarse, self.target];
+            let (calls, examples) = propose(&mut moved.particle, density, targets, rng)?;
+            moved.calls.add(&calls);
+            moved.examples = examples;
         }
         if let Some(surrogate) = self.surrogate {
             self.along(surrogate, &mut moved, rng)?;
@@ -119,7 +129,7 @@ impl Moves<'_> {
         moved.calls.add(&coarse.calls);
         let (calls, examples) = fine.into_calls_and_examples();
         moved.calls.add(&calls);
-        moved.examples = examples;
+        moved.examples.append(examples);
         Ok(())
     }
 }

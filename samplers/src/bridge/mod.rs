@@ -17,6 +17,7 @@
 mod between;
 mod check;
 mod explore;
+mod independent;
 mod outcome;
 mod particle;
 mod settings;
@@ -79,6 +80,8 @@ pub fn run(
         coarse,
         settings,
         seed,
+        parent,
+        proposals: None,
         state: State::default(),
     };
     let mut stop = control.tell(&Event::Started { dim: target.dim() });
@@ -97,7 +100,7 @@ pub fn run(
     )?;
     match saved {
         Some(state) => bridge.resume(state),
-        None => bridge.begin(parent)?,
+        None => bridge.begin()?,
     }
     let mut ess = outcome::ess(&bridge, parent)?;
     while !outcome::enough(&bridge, parent, ess) {

@@ -2,12 +2,13 @@
 
 use super::Settings;
 use super::explore::{Moved, Moves};
+use super::independent::Proposals;
 use super::particle::{Both, Particle};
 use super::settings::EXAMPLES_KEPT;
 use crate::diagnostics::effective_kinds;
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, StepSize};
+use crate::hmc::{Evaluator, Metric, Reference, StepSize};
 use crate::output::{Calls, Cost, Run};
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::{SmcWeights, after_step};
@@ -84,6 +85,9 @@ pub(super) struct Bridge<'a> {
     pub(super) coarse: &'a dyn Target,
     pub(super) settings: &'a Settings,
     pub(super) seed: u64,
+    pub(super) parent: &'a Run,
+    /// For further MCMC steps, made with the first of them in this process; none where the parent has too few draws.
+    pub(super) proposals: Option<Option<Proposals>>,
     pub(super) state: State,
 }
 
@@ -104,9 +108,10 @@ impl Bridge<'_> {
     }
 
     /// Resamples draws of the parent to equal weights and computes their fine likelihood.
-    pub(super) fn begin(&mut self, parent: &Run) -> Result<()> {
+    pub(super) fn begin(&mut self) -> Result<()> {
+        let parent = self.parent;
         let draws = &parent.draws;
-        let grouped = draws.cluster.iter().any(|g| *g != draws.cluster[0]);
+        let lineage = lineages(parent);
         let offset = unit_open(&mut stream(self.seed, Domain::Bridge, 0, RESAMPLING));
         let mut particles = Vec::new();
         for row in draws.resample(self.settings.smc_particles, offset) {
@@ -122,11 +127,7 @@ impl Bridge<'_> {
                         fine: f64::NEG_INFINITY,
                     },
                     eve: row,
-                    lineage: if grouped {
-                        draws.cluster[row]
-                    } else {
-                        u32::try_from(row).unwrap_or(u32::MAX)
-                    },
+                    lineage: lineage(row),
                 });
             }
         }
@@ -165,7 +166,8 @@ impl Bridge<'_> {
         }
         self.state.examples.keep_last(EXAMPLES_KEPT);
         let surrogate = self.learned();
-        self.mcmc_step(surrogate)?;
+        let densities = surrogate.as_ref().and_then(|s| self.densities(s));
+        self.mcmc_step(surrogate, densities.as_ref())?;
         let state = &mut self.state;
         state.mcmc_steps += 1;
         if state.mcmc_steps == self.settings.mcmc_steps {
@@ -226,8 +228,23 @@ impl Bridge<'_> {
         Some(fitted.unwrap_or_else(|| present.clone()))
     }
 
+    /// The densities of independent proposals for the particles of each half, in further MCMC steps only.
+    fn densities(&mut self, surrogate: &Surrogate) -> Option<[Reference; 2]> {
+        self.further_mcmc_steps()?;
+        let (parent, target, seed) = (self.parent, self.target, self.seed);
+        let task = self.level() << 32 | self.state.mcmc_steps as u64;
+        let proposals = self
+            .proposals
+            .get_or_insert_with(|| Proposals::new(parent, target, seed, lineages(parent)));
+        proposals.as_ref()?.screened(surrogate, target, seed, task)
+    }
+
     /// One MCMC step of every particle at the present exponent, along this surrogate, which is then the present one.
-    fn mcmc_step(&mut self, surrogate: Option<Surrogate>) -> Result<()> {
+    fn mcmc_step(
+        &mut self,
+        surrogate: Option<Surrogate>,
+        densities: Option<&[Reference; 2]>,
+    ) -> Result<()> {
         let state = &self.state;
         let (level, mcmc_step) = (self.level(), state.mcmc_steps as u64);
         let mut step = state.step.unwrap_or(StepSize::new(FIRST_STEP));
@@ -236,6 +253,7 @@ impl Bridge<'_> {
             coarse: self.coarse,
             fraction: state.fraction,
             surrogate: surrogate.as_ref(),
+            density: densities.map(|both| &both[half]),
             metric: &state.metrics[half],
             pool: &state.pools[half],
             step: step.step(),
@@ -265,6 +283,19 @@ impl Bridge<'_> {
             state.step = Some(step);
         }
         Ok(())
+    }
+}
+
+/// The lineage of each row of a parent: its cluster of dependent draws, or the row itself where there is only one.
+fn lineages(parent: &Run) -> impl Fn(usize) -> u32 + '_ {
+    let cluster = &parent.draws.cluster;
+    let grouped = cluster.iter().any(|g| *g != cluster[0]);
+    move |row| {
+        if grouped {
+            cluster[row]
+        } else {
+            u32::try_from(row).unwrap_or(u32::MAX)
+        }
     }
 }
 
