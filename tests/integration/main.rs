@@ -7,6 +7,7 @@
 mod arrows;
 mod calibration;
 mod cli;
+mod commands;
 mod config;
 mod data;
 mod families;

@@ -6,7 +6,8 @@ use oblate::inference::FitSettings;
 use oblate::params::{PARAMETERS, Parameter, REQUIRED};
 use std::path::{Path, PathBuf};
 
-const PAGES: [&str; 20] = [
+/// The pages.
+pub const PAGES: [&str; 20] = [
     "README.md",
     "CHANGELOG.md",
     "docs/faq.md",
@@ -118,7 +119,7 @@ fn the_tracks_on_the_pages_can_be_read() {
 }
 
 /// The command lines of `oblate` in the blocks of a page, without comments, continued lines joined.
-fn command_lines(page: &str) -> Vec<String> {
+pub fn command_lines(page: &str) -> Vec<String> {
     let text = text(page).replace("\\\n", " ");
     let blocks = text.split("```").skip(1).step_by(2);
     let lines = blocks
