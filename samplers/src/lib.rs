@@ -61,6 +61,8 @@
 )]
 
 mod autoregressive;
+#[cfg(test)]
+mod bent;
 pub mod bridge;
 pub mod checkpoint;
 mod checkpointer;

@@ -115,98 +115,44 @@ pub(super) fn propose(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bent::{Batches, Bent, ln_likelihood, wrong_surrogate};
     use crate::rng::standard_normal;
-    use crate::target::{Marginal, Outcome, Prior};
-
-    /// `ln L = -(z0 - 1)^2 / 2 - 2 (z1 - z0^2 / 4)^2` over standard normals.
-    struct Bent(Prior);
-
-    impl Target for Bent {
-        fn prior(&self) -> &Prior {
-            &self.0
-        }
-        fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
-            Outcome::Value(bent(theta))
-        }
-    }
-
-    fn bent(z: &[f64]) -> f64 {
-        -0.5 * (z[0] - 1.0).powi(2) - 2.0 * (z[1] - 0.25 * z[0] * z[0]).powi(2)
-    }
 
     #[test]
     fn proposals_of_a_wrong_density_screened_by_a_wrong_surrogate_sample_the_posterior() {
-        let unit = Marginal::Normal { mean: 0.0, sd: 1.0 };
-        let target = Bent(Prior::new(["x", "y"].map(|name| (name, "", unit))).unwrap());
+        let target = Bent::new();
         let mut rng = stream(1, Domain::Test, 0, 0);
-        // Both lie elsewhere than the posterior, and are wider.
-        let mut examples = Examples::default();
-        let mut rows = Vec::new();
-        for _ in 0..4_000 {
-            let z = [0; 2].map(|_| 1.5 * standard_normal(&mut rng));
-            examples.push(
-                &z,
-                -0.3 * (z[0] - 0.6).powi(2) - 0.5 * (z[1] - 0.2).powi(2),
-                &[],
-            );
-            rows.extend([0.3 + 0.6 * z[0], 0.1 + 0.5 * z[1]]);
-        }
-        let surrogate = Surrogate::fit(&examples, None, &mut rng).unwrap();
+        // Elsewhere than the posterior, and wider.
+        let draw = |_| [0.3, 0.1].map(|mean| mean + 0.9 * standard_normal(&mut rng));
+        let rows: Vec<f64> = (0..4_000).flat_map(draw).collect();
         let fit = |part: usize| stream(1, Domain::Test, 1, part as u64);
         let density = Reference::resembling(&rows, 2, fit).unwrap();
         let proposals = Proposals([density.clone(), density]);
-        let [density, _] = proposals.screened(&surrogate, &target, 1, 7).unwrap();
-        // Means of z0, z1 and z0^2 by summation over a grid.
-        let of = |z: &[f64]| [z[0], z[1], z[0] * z[0]];
-        let (mut total, mut exact) = (0.0, [0.0; 3]);
-        for i in -160..=160 {
-            for j in -160..=160 {
-                let z = [i, j].map(|place| f64::from(place) / 32.0);
-                let weight = (bent(&z) - 0.5 * (z[0] * z[0] + z[1] * z[1])).exp();
-                total += weight;
-                for (sum, x) in exact.iter_mut().zip(of(&z)) {
-                    *sum += weight * x;
-                }
-            }
-        }
-        // Batches of 50 proposals give the error of each mean.
-        let mut batches = vec![[0.0; 3]; 200];
+        let screened = proposals.screened(&wrong_surrogate(), &target, 1, 7);
+        let [density, _] = screened.unwrap();
         let mut particle = Particle {
             z: vec![0.0; 2],
             both: Both {
                 coarse: 0.0,
-                fine: bent(&[0.0; 2]),
+                fine: ln_likelihood(&[0.0; 2]),
             },
             eve: 0,
             lineage: 0,
         };
-        let mut moved = 0;
-        for batch in &mut batches {
-            for _ in 0..50 {
-                let before = particle.z.clone();
-                let (calls, examples) =
-                    propose(&mut particle, &density, [&target, &target], &mut rng).unwrap();
-                moved += usize::from(particle.z != before);
-                assert!(calls.values <= 2 && examples.len() == 1);
-                for (sum, x) in batch.iter_mut().zip(of(&particle.z)) {
-                    *sum += x / 50.0;
-                }
-            }
+        let (mut batches, mut moved) = (Batches::new(50), 0);
+        for _ in 0..10_000 {
+            let before = particle.z.clone();
+            let (calls, examples) =
+                propose(&mut particle, &density, [&target, &target], &mut rng).unwrap();
+            moved += usize::from(particle.z != before);
+            assert!(calls.values <= 2 && examples.len() == 1);
+            batches.push(&particle.z);
         }
         // Proposals of the posterior itself would be accepted always; these are wrong enough to matter.
         assert!(
             (2_000..9_500).contains(&moved),
             "{moved} of 10,000 accepted"
         );
-        for k in 0..3 {
-            let mean = batches.iter().map(|b| b[k]).sum::<f64>() / 200.0;
-            let variance = batches.iter().map(|b| (b[k] - mean).powi(2)).sum::<f64>() / 199.0;
-            let (error, exact) = ((variance / 200.0).sqrt(), exact[k] / total);
-            assert!(
-                (mean - exact).abs() < 4.0 * error,
-                "{k}: {mean} +- {error}, {exact}"
-            );
-            assert!(error < 0.05, "{k}: {error}");
-        }
+        batches.assert_exact(1.0, 0.05);
     }
 }

@@ -65,41 +65,9 @@ pub fn surrogate_move(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bent::{Batches, Bent, wrong_surrogate};
     use crate::hmc::{Evaluator, Metric};
-    use crate::rng::{Domain, standard_normal, stream};
-    use crate::surrogate::{Examples, Surrogate};
-    use crate::target::{Marginal, Outcome, Prior, Target};
-
-    /// `ln L = -(z0 - 1)^2 / 2 - 2 (z1 - z0^2 / 4)^2` over standard normals.
-    struct Bent(Prior);
-
-    impl Target for Bent {
-        fn prior(&self) -> &Prior {
-            &self.0
-        }
-        fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
-            Outcome::Value(bent(theta))
-        }
-    }
-
-    fn bent(z: &[f64]) -> f64 {
-        -0.5 * (z[0] - 1.0).powi(2) - 2.0 * (z[1] - 0.25 * z[0] * z[0]).powi(2)
-    }
-
-    /// A surrogate that is wrong: its likelihood lies elsewhere and is wider.
-    fn wrong() -> Surrogate {
-        let mut rng = stream(1, Domain::Test, 0, 0);
-        let mut examples = Examples::default();
-        for _ in 0..4_000 {
-            let z = [0; 2].map(|_| 1.5 * standard_normal(&mut rng));
-            examples.push(
-                &z,
-                -0.3 * (z[0] - 0.6).powi(2) - 0.5 * (z[1] - 0.2).powi(2),
-                &[],
-            );
-        }
-        Surrogate::fit(&examples, None, &mut rng).unwrap()
-    }
+    use crate::rng::{Domain, stream};
 
     #[test]
     fn moves_along_a_wrong_surrogate_sample_the_density_at_each_temperature() {
@@ -110,9 +78,8 @@ mod tests {
 
     /// Samples `N(z; 0, I) L^beta` by moves along the posterior of the wrong surrogate.
     fn assert_sampled(beta: f64) {
-        let unit = Marginal::Normal { mean: 0.0, sd: 1.0 };
-        let target = Bent(Prior::new(["x", "y"].map(|name| (name, "", unit))).unwrap());
-        let (surrogate, metric) = (wrong(), Metric::identity(2));
+        let target = Bent::new();
+        let (surrogate, metric) = (wrong_surrogate(), Metric::identity(2));
         let plan = Plan {
             step: 0.5,
             length: 4.0,
@@ -120,21 +87,7 @@ mod tests {
             max_energy_range: 1000.0,
             slack: 0.0,
         };
-        // Means of z0, z1 and z0^2 by summation over a grid.
-        let grid: Vec<[f64; 2]> = (-160..=160)
-            .flat_map(|i| (-160..=160).map(move |j| [f64::from(i), f64::from(j)].map(|x| x / 32.0)))
-            .collect();
-        let of = |z: &[f64]| [z[0], z[1], z[0] * z[0]];
-        let (mut total, mut exact) = (0.0, [0.0; 3]);
-        for z in &grid {
-            let weight = (beta * bent(z) - 0.5 * (z[0] * z[0] + z[1] * z[1])).exp();
-            total += weight;
-            for (sum, x) in exact.iter_mut().zip(of(z)) {
-                *sum += weight * x;
-            }
-        }
-        // Batches of 100 moves give the error of each mean.
-        let mut batches = vec![[0.0; 3]; 400];
+        let mut batches = Batches::new(100);
         let mut rng = stream(2, Domain::Test, 0, 0);
         let mut evaluator = Evaluator::new(&target);
         let along = Evaluator::new(&target).with_surrogate(&surrogate);
@@ -142,30 +95,17 @@ mod tests {
         let mut at = Point::new(2);
         at.ln_likelihood = evaluator.value(&at.z).unwrap();
         let mut sum_of_acceptance = 0.0;
-        for batch in &mut batches {
-            for _ in 0..100 {
-                let values = |z: &[f64]| Ok((evaluator.value(z)?, 0.0));
-                let (_, acceptance) =
-                    surrogate_move(values, &mut along, beta, &plan, &mut at, &mut rng).unwrap();
-                sum_of_acceptance += acceptance;
-                for (sum, x) in batch.iter_mut().zip(of(&at.z)) {
-                    *sum += x / 100.0;
-                }
-            }
+        for _ in 0..40_000 {
+            let values = |z: &[f64]| Ok((evaluator.value(z)?, 0.0));
+            let (_, acceptance) =
+                surrogate_move(values, &mut along, beta, &plan, &mut at, &mut rng).unwrap();
+            sum_of_acceptance += acceptance;
+            batches.push(&at.z);
         }
         // A surrogate that is right would be accepted always; this one is wrong enough to matter.
         let acceptance = sum_of_acceptance / 40_000.0;
         assert!((0.2..0.9).contains(&acceptance), "{acceptance}");
-        for k in 0..3 {
-            let mean = batches.iter().map(|b| b[k]).sum::<f64>() / 400.0;
-            let variance = batches.iter().map(|b| (b[k] - mean).powi(2)).sum::<f64>() / 399.0;
-            let (error, exact) = ((variance / 400.0).sqrt(), exact[k] / total);
-            assert!(
-                (mean - exact).abs() < 4.0 * error,
-                "{k}: {mean} +- {error}, {exact}"
-            );
-            assert!(error < 0.03, "{k}: {error}");
-        }
+        batches.assert_exact(beta, 0.03);
         // One value for each move that has left its beginning.
         assert!(evaluator.calls.values <= 40_001);
     }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// From the lowest layer up. `checkpoint` stands before `output`, whose hash of a run is that of checkpoints; `nested` and `hmc`
 /// do not import each other, which the order alone cannot say (see the second test).
-const ORDER: [&str; 22] = [
+const ORDER: [&str; 23] = [
     "limits",
     "error",
     "normal",
@@ -27,6 +27,7 @@ const ORDER: [&str; 22] = [
     "smc_weights",
     "mixture",
     "autoregressive",
+    "bent",
     "hmc",
     "nested",
     "pt",
