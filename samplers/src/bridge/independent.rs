@@ -6,19 +6,17 @@
 
 use super::particle::{Both, Particle};
 use crate::error::Result;
-use crate::hmc::{Evaluator, Reference, Screen};
+use crate::hmc::{Evaluator, Reference, screen};
 use crate::output::{Calls, Run};
 use crate::rng::{Domain, RandomStream, stream, unit_open};
 use crate::surrogate::{Examples, Surrogate};
 use crate::target::Target;
-use rayon::prelude::*;
 
 /// Most draws of the coarse run that the densities of both halves are fitted to.
 const MAX_TRAINING: usize = 8_000;
 
-/// Draws by which a screen is set, and how many of them are made by one task.
-const SCREENED: usize = 4_000;
-const SCREENED_TASK: usize = 500;
+/// Tasks whose draws set a screen.
+const SCREEN_TASKS: usize = 8;
 
 /// Task of the random streams of the fits, and the first index, within an MCMC step, of those of the screens.
 const FITS: u64 = u64::MAX;
@@ -61,17 +59,12 @@ impl Proposals {
         task: u64,
     ) -> Option<[Reference; 2]> {
         let screened = |half: usize| {
-            let ln_ratios: Vec<f64> = (0..SCREENED / SCREENED_TASK)
-                .into_par_iter()
-                .flat_map_iter(|part| {
-                    let index = SCREENS + (2 * part + half) as u64;
-                    let mut rng = stream(seed, Domain::Bridge, task, index);
-                    let mut evaluator = Evaluator::from_reference(target, &self.0[half]);
-                    evaluator.ln_ratios_of_draws(surrogate, SCREENED_TASK, &mut rng)
-                })
-                .collect();
-            let screen = Screen::new(surrogate, &ln_ratios)?;
-            Some(self.0[half].clone().screened(Some(screen)))
+            let density = &self.0[half];
+            let screen = screen(density, surrogate, target, SCREEN_TASKS, |part| {
+                let index = SCREENS + (2 * part + half) as u64;
+                stream(seed, Domain::Bridge, task, index)
+            })?;
+            Some(density.clone().screened(Some(screen)))
         };
         Some([screened(0)?, screened(1)?])
     }

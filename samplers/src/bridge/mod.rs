@@ -102,8 +102,8 @@ pub fn run(
         Some(state) => bridge.resume(state),
         None => bridge.begin()?,
     }
-    let mut ess = outcome::ess(&bridge, parent)?;
-    while !outcome::enough(&bridge, parent, ess) {
+    let mut ess = outcome::ess(&bridge)?;
+    while !outcome::enough(&bridge, ess) {
         if stop || control.interrupted() || control.spent(bridge.state.cost.calls) {
             checkpointer.save(&bridge.state, control)?;
             control.tell(&Event::Checkpointed);
@@ -114,7 +114,7 @@ pub fn run(
         if let Err(error) = moved {
             return Err(checkpointer.save_after(error, &bridge.state, control));
         }
-        ess = outcome::ess(&bridge, parent)?;
+        ess = outcome::ess(&bridge)?;
         stop = control.tell(&Event::Bridge {
             fraction: bridge.state.fraction,
             further: bridge.further_mcmc_steps().unwrap_or(0),
@@ -130,7 +130,7 @@ pub fn run(
         }
     }
     checkpointer.save_at_end(Status::Complete, &bridge.state, control)?;
-    let run = outcome::assemble(&bridge, parent)?;
+    let run = outcome::assemble(&bridge)?;
     control.tell(&Event::Finished);
     Ok(run)
 }

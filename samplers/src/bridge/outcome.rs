@@ -7,12 +7,12 @@ use crate::output::{Check, Draws, Ess, Evidence, History, MIN_ESS, Method, Origi
 use crate::rng::STREAM_VERSION;
 
 /// The result of a finished bridge.
-pub(super) fn assemble(bridge: &Bridge<'_>, parent: &Run) -> Result<Run> {
-    let state = &bridge.state;
+pub(super) fn assemble(bridge: &Bridge<'_>) -> Result<Run> {
+    let (state, parent) = (&bridge.state, bridge.parent);
     let prior = bridge.target.prior();
     let clusters = clusters(&parent.draws);
     let draws = draws(bridge, &clusters)?;
-    let evidence = evidence(bridge, &draws, parent, &clusters);
+    let evidence = evidence(bridge, &draws, &clusters);
     let ess = effective_sizes(&draws, bridge);
     let checks = checks(parent, &evidence, &ess);
     Ok(Run {
@@ -44,20 +44,20 @@ fn column(levels: &[Level], of: impl Fn(&Level) -> f64) -> Vec<f64> {
 }
 
 /// The effective sample size at the fine likelihood; none before its MCMC steps are done.
-pub(super) fn ess(bridge: &Bridge<'_>, parent: &Run) -> Result<Option<f64>> {
+pub(super) fn ess(bridge: &Bridge<'_>) -> Result<Option<f64>> {
     if bridge.further_mcmc_steps().is_none() {
         return Ok(None);
     }
-    let draws = draws(bridge, &clusters(&parent.draws))?;
+    let draws = draws(bridge, &clusters(&bridge.parent.draws))?;
     Ok(Some(effective_sizes(&draws, bridge).quoted))
 }
 
 /// Whether the bridge is at its end, with this effective sample size: at the fine likelihood, with draws enough, or with as many further
 /// MCMC steps as it may make.
-pub(super) fn enough(bridge: &Bridge<'_>, parent: &Run, ess: Option<f64>) -> bool {
+pub(super) fn enough(bridge: &Bridge<'_>, ess: Option<f64>) -> bool {
     // Nothing makes good what a coarse run that has not converged may have missed.
     let most = bridge.settings.further_mcmc_steps;
-    let last = |further: usize| further >= most || !parent.converged();
+    let last = |further: usize| further >= most || !bridge.parent.converged();
     bridge.further_mcmc_steps().is_some_and(last) || ess.is_some_and(|ess| ess >= MIN_ESS)
 }
 
@@ -97,7 +97,8 @@ fn draws(bridge: &Bridge<'_>, clusters: &[u32]) -> Result<Draws> {
     Ok(draws)
 }
 
-fn evidence(bridge: &Bridge<'_>, draws: &Draws, parent: &Run, clusters: &[u32]) -> Evidence {
+fn evidence(bridge: &Bridge<'_>, draws: &Draws, clusters: &[u32]) -> Evidence {
+    let parent = bridge.parent;
     let ln_z = parent.evidence.ln_z + bridge.state.ln_ratio;
     let parts = [
         ("parent", parent.evidence.error),

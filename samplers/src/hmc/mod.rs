@@ -20,7 +20,7 @@ mod symmetry;
 pub use leapfrog::{End, LocalSampler, MAX_ENERGY_RANGE, Plan, Transition, shorten};
 pub use metric::Metric;
 pub use moments::Moments;
-pub use point::{Evaluator, Point};
+pub use point::{Evaluator, Point, screen};
 pub use reference::Reference;
 pub use screen::{Screen, Screened};
 pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};

@@ -8,6 +8,7 @@ use crate::rng::{RandomStream, unit_open};
 use crate::surrogate::{Examples, Scratch, Surrogate};
 use crate::target::Target;
 use crate::valid::{Valid, ensure, moderate};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A state of a chain.
@@ -336,4 +337,27 @@ impl<'a> Evaluator<'a> {
     fn screened_ratio(&mut self, z: &[f64], screen: &Screen, ln_over_prior: f64) -> f64 {
         self.surrogate_value(z, &screen.surrogate) - ln_over_prior
     }
+}
+
+/// Draws by which one task sets a screen.
+const SCREENED_TASK: usize = 500;
+
+/// The screen of a reference by a surrogate, set by the draws of so many tasks; `rng` gives the stream of each. None if no draw has a finite
+/// value.
+#[must_use]
+pub fn screen(
+    reference: &Reference,
+    surrogate: &Surrogate,
+    target: &dyn Target,
+    tasks: usize,
+    rng: impl Fn(usize) -> RandomStream + Sync,
+) -> Option<Screen> {
+    let ln_ratios: Vec<f64> = (0..tasks)
+        .into_par_iter()
+        .flat_map_iter(|task| {
+            let mut evaluator = Evaluator::from_reference(target, reference);
+            evaluator.ln_ratios_of_draws(surrogate, SCREENED_TASK, &mut rng(task))
+        })
+        .collect();
+    Screen::new(surrogate, &ln_ratios)
 }

@@ -7,19 +7,17 @@ use super::smc::{CommunicationBarrier, Level, of_others};
 use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, Reference, Screen, StepSize};
+use crate::hmc::{Evaluator, Metric, Reference, StepSize, screen};
 use crate::rng::{Domain, below, stream};
 use crate::surrogate::Surrogate;
 use crate::target::{Symmetry, Target};
-use rayon::prelude::*;
 
 /// Maximum number of rows that a reference is fitted to. Half as many rows of earlier rounds
 /// are kept, so that the oldest, which are the least accurate, lose their influence.
 const MAX_TRAINING: usize = 5_000;
 
-/// Draws of a reference by which its screen is chosen, and those of one task.
-const SCREENED: usize = 10_000;
-const SCREENED_TASK: usize = 500;
+/// Tasks whose draws of a reference set its screen.
+const SCREEN_TASKS: usize = 20;
 
 /// More parts than a reference has, whose random streams are numbered.
 const MAX_PARTS: usize = 64;
@@ -246,16 +244,10 @@ impl State {
         let Some(surrogate) = &self.surrogate else {
             return reference;
         };
-        let ln_ratios: Vec<f64> = (0..SCREENED / SCREENED_TASK)
-            .into_par_iter()
-            .flat_map_iter(|task| {
-                let part = 2 * (MAX_PARTS + task) + half;
-                let mut rng = stream(self.seed, Domain::PtReference, self.clock, part as u64);
-                let mut evaluator = Evaluator::from_reference(target, &reference);
-                evaluator.ln_ratios_of_draws(surrogate, SCREENED_TASK, &mut rng)
-            })
-            .collect();
-        let screen = Screen::new(surrogate, &ln_ratios);
+        let screen = screen(&reference, surrogate, target, SCREEN_TASKS, |task| {
+            let part = 2 * (MAX_PARTS + task) + half;
+            stream(self.seed, Domain::PtReference, self.clock, part as u64)
+        });
         reference.screened(screen)
     }
 

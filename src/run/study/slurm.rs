@@ -18,8 +18,8 @@ use std::time::{Duration, Instant};
 /// Fits of one array job. Slurm allows 1,000 unless its administrator chooses another number.
 const FITS_OF_A_JOB: usize = 1_000;
 
-/// How often in a row the queue may not answer, as while Slurm restarts, before that is an error.
-const MAX_SILENCE: usize = 20;
+/// How often the queue is asked before that it does not answer, as while Slurm restarts, is an error.
+const MAX_TRIES: usize = 20;
 
 /// Time between two looks at the interrupt.
 const NAP: Duration = Duration::from_millis(200);
@@ -75,7 +75,7 @@ impl<'a> Slurm<'a> {
     /// returns how each ended, in their order. An interrupt ends the watching, not the jobs.
     ///
     /// # Errors
-    /// [`Error::Command`] if Slurm refuses a job or does not answer; [`Error::Io`] if a script cannot be written; as of [`one_fit`].
+    /// [`Error::Command`] if Slurm refuses a job or does not answer; [`Error::Sampler`] if a script cannot be written; as of [`one_fit`].
     pub fn all_fits(
         &self,
         fits: &[PlannedFit],
@@ -84,20 +84,12 @@ impl<'a> Slurm<'a> {
     ) -> Result<Vec<Outcome>> {
         let mut attempts = BTreeMap::new();
         let mut pace = Pace::new();
-        let mut silence = 0;
+        // Where there is no Slurm, that is an error at once.
+        self.queue()?;
         loop {
-            let queue = match self.queue() {
-                Ok(queue) => queue,
-                Err(error) if silence == 0 || silence == MAX_SILENCE => return Err(error),
-                Err(_) => {
-                    silence += 1;
-                    if self.rests(watcher) {
-                        continue;
-                    }
-                    return Ok(interrupted(fits));
-                }
+            let Some(queue) = self.queue_in_time(watcher)? else {
+                return Ok(interrupted(fits));
             };
-            silence = 1;
             let mut so_far = FitsSoFar {
                 of: fits.len(),
                 running: queue.running,
@@ -155,11 +147,7 @@ impl<'a> Slurm<'a> {
                 "#!/bin/sh\nFIT=$(({first} + SLURM_ARRAY_TASK_ID))\nexport FIT\n{}\n",
                 self.task
             );
-            write_atomically(&script, text.as_bytes()).map_err(|e| Error::Io {
-                path: script.clone(),
-                source: std::io::Error::other(e),
-                remedy: "check that the folder is writable and has space left",
-            })?;
+            write_atomically(&script, text.as_bytes())?;
             let mut array = format!("--array={}", indices.join(","));
             if let Some(at_once) = self.settings.at_once {
                 array += &format!("%{at_once}");
@@ -200,6 +188,19 @@ impl<'a> Slurm<'a> {
             }
         }
         Ok(queue)
+    }
+
+    /// The queue, also where Slurm does not answer for some time; none after an interrupt.
+    fn queue_in_time(&self, watcher: &dyn Watcher) -> Result<Option<Queue>> {
+        for _ in 1..MAX_TRIES {
+            if let Ok(queue) = self.queue() {
+                return Ok(Some(queue));
+            }
+            if !self.rests(watcher) {
+                return Ok(None);
+            }
+        }
+        self.queue().map(Some)
     }
 
     /// Waits until the next look at the queue; false after an interrupt.
