@@ -13,11 +13,11 @@ const DRAWS: &str = include_str!("../../benches/draws.csv");
 
 /// So many values of the coarse model take as long as the shortest coarse stage of a default fit with all 13 parameters free, moves along the surrogate
 /// included (docs/validation.md, section 4), as their mean, and as the longest (section 5, s0).
-const COARSE_VALUES: [f64; 3] = [3e5, 4e6, 13e6];
+const COARSE_VALUES: [f64; 3] = [3e5, 2.5e6, 13e6];
 
 /// The same for values of the model itself, in the bridge (docs/validation.md, section 4), without further MCMC steps, in the mean, and with all of
 /// them.
-const VALUES: [f64; 3] = [2e4, 7e4, 1.5e5];
+const VALUES: [f64; 3] = [2e4, 5e4, 1.5e5];
 
 /// Draws of the prior from which [`Speed::of_fit`] takes the best, and how many of these.
 const PRIOR_DRAWS: u64 = 400;
