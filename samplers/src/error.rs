@@ -131,9 +131,9 @@ pub enum Error {
         /// Which run: of a bridge or a merge.
         run: &'static str,
     },
-    /// ln L of a draw of a run is not what the target gives there.
+    /// ln L of several draws of a run is not what the target gives there.
     #[error(
-        "ln L of a draw of {run} is {there}, and {here} for this target; give the data and settings with which it was made"
+        "ln L of {run} is another for this target, of one of several draws {here} instead of {there}; give the data and settings with which it was made"
     )]
     OtherLikelihood {
         /// Which run: of a bridge or a merge.

@@ -60,8 +60,9 @@ type Sound = Result<(), RunFault>;
 /// How far the sum of the weights may be from 1: the rounding of some million exponentials.
 const WEIGHT_SUM_TOLERANCE: f64 = 1e-6;
 
-/// Largest difference between ln L of a draw and a new value at its point: a target may work in single precision, compute gradients
-/// in another precision than values, and be symmetric only to rounding.
+/// Largest difference between ln L of a draw and a new value at its point, for all but a fifth of the draws that are compared: a target may
+/// work in single precision, compute gradients in another precision than values, and be symmetric only to rounding. Where ln L is chaotic
+/// rounding changes it by more, at a few draws of a posterior (docs/validation.md, section 4).
 const ROUNDING: f64 = 0.05;
 
 /// Number of draws of equal weight whose ln L is compared, besides the best.
@@ -301,8 +302,8 @@ impl Run {
         Ok(())
     }
 
-    /// Whether it is a consistent run ([`check`](Self::check)) on this target: parameters have the same names, and some draws the same
-    /// ln L to rounding. `run` names it in errors.
+    /// Whether it is a consistent run ([`check`](Self::check)) on this target: parameters have the same names, and all but a fifth of some
+    /// draws the same ln L to rounding. `run` names it in errors.
     ///
     /// # Errors
     /// [`Error::Inconsistent`], [`Error::OtherParameters`], [`Error::NoDraws`] or [`Error::OtherLikelihood`] if it is not; [`Error::Fatal`] and
@@ -322,14 +323,20 @@ impl Run {
         };
         let mut rows = self.draws.resample(COMPARED, 0.5);
         rows.push(best);
-        for row in rows {
-            let theta = self.draws.theta_row(row);
-            let there = self.draws.ln_likelihood[row];
+        let mut others = Vec::new();
+        for row in &rows {
+            let theta = self.draws.theta_row(*row);
+            let there = self.draws.ln_likelihood[*row];
             let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
             if (here - there).abs() > ROUNDING + 1e-9 * here.abs() {
-                return Err(Error::OtherLikelihood { run, here, there });
+                others.push((here, there));
             }
         }
-        Ok(())
+        match others.first() {
+            Some(&(here, there)) if 5 * others.len() > rows.len() => {
+                Err(Error::OtherLikelihood { run, here, there })
+            }
+            _ => Ok(()),
+        }
     }
 }

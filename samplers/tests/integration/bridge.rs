@@ -322,14 +322,14 @@ impl Observer for Hasty {
 }
 
 /// ln L of a state that a symmetry moved, or whose gradient was computed, differs by rounding from a new value; in single precision by
-/// hundredths.
+/// hundredths, and by more where ln L is chaotic, which few draws are.
 #[test]
 fn a_parent_may_have_its_likelihoods_to_rounding_and_not_worse() {
     let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
     let parent = parent(&coarse, 1);
-    let attempt = |shift: f64| {
+    let attempt = |shift: f64, every: usize| {
         let mut parent = parent.clone();
-        for l in &mut parent.draws.ln_likelihood {
+        for l in parent.draws.ln_likelihood.iter_mut().step_by(every) {
             *l += shift;
         }
         let mut silent = Silent;
@@ -337,8 +337,12 @@ fn a_parent_may_have_its_likelihoods_to_rounding_and_not_worse() {
         let settings = bridge::Settings::default();
         bridge::run(&fine, &coarse, &parent, &settings, 1, &mut control)
     };
-    assert!(attempt(0.01).is_ok());
-    assert!(matches!(attempt(0.1), Err(Error::OtherLikelihood { .. })));
+    assert!(attempt(0.01, 1).is_ok());
+    assert!(matches!(
+        attempt(0.1, 1),
+        Err(Error::OtherLikelihood { .. })
+    ));
+    assert!(attempt(1.0, 20).is_ok());
 }
 
 #[test]
