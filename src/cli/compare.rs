@@ -5,7 +5,7 @@ use super::options::JsonFlag;
 use super::output::{Output, note};
 use crate::error::{Error, Result};
 use crate::posterior::{Comparison, compare};
-use crate::run::{RunFolder, StoredRun};
+use crate::run::{RunFolder, StoredRun, distinct_names};
 use std::path::PathBuf;
 
 /// Flags of `oblate compare`.
@@ -34,9 +34,10 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     tell_other_tracks(&args.runs)?;
+    let names = distinct_names(&args.runs, stored.iter());
     let mut agree = true;
-    for other in others {
-        let comparison = compare(&first.name, &first.run, &other.name, &other.run)?;
+    for (other, name) in others.iter().zip(&names[1..]) {
+        let comparison = compare(&names[0], &first.run, name, &other.run)?;
         agree &= comparison.agree();
         if args.output.json {
             out.json(&comparison)?;

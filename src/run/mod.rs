@@ -25,7 +25,7 @@ pub use bridge::bridge;
 pub use calibration::ranked_fits;
 pub use contents::SUMMARY_FILE;
 pub use fit::fit;
-pub use folder::{RunFolder, StoredRun};
+pub use folder::{RunFolder, StoredRun, distinct_names};
 pub use locked::{Beginning, IfExists, LockedFolder};
 pub use log::Log;
 pub use merge::merge;

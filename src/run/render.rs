@@ -1,6 +1,6 @@
 //! From run folders to figures and one page: reads the runs, computes the model tracks again, and passes the numbers to the report.
 
-use super::folder::{RunFolder, StoredRun};
+use super::folder::{RunFolder, StoredRun, distinct_names};
 use super::population::DENSITY_POINTS;
 use crate::config::PopulationConfig;
 use crate::data::ObservedTrack;
@@ -107,7 +107,7 @@ pub fn render_report(
             }
         }
     }
-    let names = unique_names(&rendered, folders);
+    let names = distinct_names(folders, rendered.iter().map(|d| &d.stored));
     // Groups in the order of their first runs.
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (i, d) in rendered.iter().enumerate() {
@@ -166,25 +166,6 @@ fn write_figure(path: &Path, bytes: &[u8]) -> Result<()> {
         }
         written => Ok(written?),
     }
-}
-
-/// Names of the runs on the page: that of the folder, or its whole path where two folders have the same name.
-fn unique_names(rendered: &[RunFigures], folders: &[PathBuf]) -> Vec<String> {
-    rendered
-        .iter()
-        .zip(folders)
-        .map(|(d, path)| {
-            let twins = rendered
-                .iter()
-                .filter(|o| o.stored.name == d.stored.name)
-                .count();
-            if twins > 1 {
-                path.display().to_string()
-            } else {
-                d.stored.name.clone()
-            }
-        })
-        .collect()
 }
 
 fn figures_of(path: &Path) -> Result<RunFigures> {

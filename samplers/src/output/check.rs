@@ -328,7 +328,8 @@ impl Run {
             let theta = self.draws.theta_row(*row);
             let there = self.draws.ln_likelihood[*row];
             let here = target.ln_likelihood(theta).ln_likelihood(theta)?;
-            if (here - there).abs() > ROUNDING + 1e-9 * here.abs() {
+            // A point that this target rejects has minus infinity here.
+            if (here - there).abs() > ROUNDING + 1e-9 * there.abs() {
                 others.push((here, there));
             }
         }

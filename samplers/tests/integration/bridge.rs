@@ -378,6 +378,10 @@ fn what_cannot_be_bridged_is_refused_and_an_interrupt_ends_it() {
         attempt(&nowhere, &coarse, 500),
         Error::NoCommonSupport
     ));
+    assert!(matches!(
+        attempt(&fine, &nowhere, 500),
+        Error::OtherLikelihood { .. }
+    ));
     let settings = bridge::Settings::default();
     let mut hasty = Hasty;
     let mut control = Control::new(&mut hasty);

@@ -60,7 +60,19 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
     assert_eq!(summary["parameters"], other["parameters"]);
     let output = oblate(&["compare", &one, &two], "");
     assert_eq!(output.status.code(), Some(0));
-    assert!(String::from_utf8_lossy(&output.stdout).contains("they agree"));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("one against two: they agree"));
+    // Runs in folders of the same name are told apart.
+    let elsewhere = folder.path().join("elsewhere");
+    std::fs::create_dir(&elsewhere).expect("a folder");
+    let namesake = elsewhere.join("one");
+    std::os::unix::fs::symlink(&one, &namesake).expect("a link");
+    let namesake = namesake.display().to_string();
+    let output = oblate(&["compare", &one, &namesake], "");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        text.starts_with(&format!("{one} against {namesake}: ")),
+        "{text}"
+    );
     // Fixed shape components leave no closed prior of q: a population must refuse.
     let out = folder.path().join("population").display().to_string();
     let arguments = ["population", &one, "--out", &out, "--allow-unconverged"];
