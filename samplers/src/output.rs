@@ -306,13 +306,13 @@ impl Ess {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// The checks of the draws of any sampler; `remedy` says what makes more of them.
-    pub(crate) fn checks(&self, remedy: &str) -> [Check; 2] {
+    /// The checks of the draws of any sampler: at least `min` of them; `remedy` says what makes more.
+    pub(crate) fn checks(&self, min: f64, remedy: &str) -> [Check; 2] {
         [("bulk", &self.bulk), ("tail", &self.tail)].map(|(of, sizes)| {
             Check::at_least(
                 &format!("ess-{of}"),
                 Self::smallest(sizes, &[]),
-                MIN_ESS,
+                min,
                 format!("smallest {of} ESS over parameters; if too small, {remedy}"),
             )
         })

@@ -13,6 +13,10 @@ use crate::track::BinEdges;
 /// (docs/validation.md, section 4).
 const STEP_PHASE: f64 = 1.6;
 
+/// Effective draws that the coarse fit aims at, as a fraction of those of the fit: the MCMC steps of the bridge make more of them, at less cost
+/// (docs/validation.md, section 5).
+const COARSE_ESS: f64 = 0.5;
+
 /// Maximum residual of an uncovered bin in the coarse model, in standard deviations: with few particles, bins are often uncovered by
 /// chance.
 const MAX_Z_MISS: f64 = 5.0;
@@ -30,6 +34,10 @@ impl FitSettings {
         (self.coarse_particles > 0 && many).then(|| {
             let mut coarse = self.clone();
             coarse.coarse_particles = 0;
+            coarse.sampling.pt_hmc.target_ess *= COARSE_ESS;
+            if let Some(target) = &mut coarse.sampling.nested.target_ess {
+                *target *= COARSE_ESS;
+            }
             let releases = &mut coarse.model.releases;
             // 0: the number of release times follows from the number of particles.
             releases.release_times = 0;

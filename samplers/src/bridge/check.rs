@@ -1,7 +1,7 @@
 //! Whether a state that was read from a checkpoint is one that this bridge can have come to.
 
 use super::particle::Particle;
-use super::settings::Settings;
+use super::settings::{FITTED_STEPS, Settings};
 use super::state::State;
 use crate::hmc::StepSize;
 use crate::output::Draws;
@@ -53,6 +53,20 @@ impl State {
         ensure(
             countable([self.levels.len() as u64]) && self.gaps_before.iter().all(|g| !g.is_nan()),
             "a difference of likelihoods is not a number",
+        )?;
+        let further = self.mcmc_steps.saturating_sub(settings.mcmc_steps);
+        let visits = if self.fraction < 1.0 || self.surrogate.is_none() {
+            0
+        } else {
+            further.min(FITTED_STEPS) * dim
+        };
+        let whole = [0, 1].iter().zip(&self.visited).all(|(half, rows)| {
+            let own = self.particles.iter().filter(|p| p.lineage % 2 == *half);
+            rows.len() == visits * own.count() && moderate(rows)
+        });
+        ensure(
+            whole,
+            "the places that its particles have been at are not complete",
         )?;
         self.surrogate.iter().try_for_each(|s| s.check(features))?;
         self.examples.check(features)?;
@@ -120,7 +134,7 @@ mod tests {
             ..State::default()
         };
         assert_eq!(sound.check(&settings, &parent, 2, 2), Ok(()));
-        let damages: [(Damage<'_>, &str); 10] = [
+        let damages: [(Damage<'_>, &str); 11] = [
             (&|s| s.fraction = f64::NAN, "between"),
             (&|s| s.particles.clear(), "number of SMC particles"),
             (&|s| s.particles[3].z = vec![0.0; 3], "another dimension"),
@@ -133,6 +147,7 @@ mod tests {
             (&|s| s.metrics.clear(), "no metric"),
             (&|s| s.mcmc_steps = 4, "too many MCMC steps"),
             (&|s| s.examples.push(&[1.0; 3], 0.0, &[]), "examples"),
+            (&|s| s.visited[1] = vec![0.0; 2], "not complete"),
             (&|s| s.cost.calls = u64::MAX, "too large"),
         ];
         let ended = State {

@@ -58,8 +58,7 @@ impl Moves<'_> {
             self.by_slice_update(&mut moved, rng)?;
         }
         if let Some(density) = self.density {
-            let targets = [self.coarse, self.target];
-            let (calls, examples) = propose(&mut moved.particle, density, targets, rng)?;
+            let (calls, examples) = propose(&mut moved.particle, density, self.target, rng)?;
             moved.calls.add(&calls);
             moved.examples = examples;
         }
@@ -107,13 +106,17 @@ impl Moves<'_> {
         };
         let mut at = Point::new(z.len());
         at.z.clone_from(z);
+        // Further MCMC steps are made at the fine likelihood, and need no other.
+        let further = self.density.is_some();
         for leapfrogs in LEAPFROGS {
             at.ln_likelihood = both.at(self.fraction);
             let mut new = *both;
             let values = |z: &[f64]| {
-                new.coarse = coarse.value(z)?;
-                if new.coarse == f64::NEG_INFINITY {
-                    return Ok((f64::NEG_INFINITY, 0.0));
+                if !further {
+                    new.coarse = coarse.value(z)?;
+                    if new.coarse == f64::NEG_INFINITY {
+                        return Ok((f64::NEG_INFINITY, 0.0));
+                    }
                 }
                 new.fine = fine.value(z)?;
                 Ok((new.at(self.fraction), 0.0))

@@ -1,24 +1,26 @@
-//! Proposals for the further MCMC steps that do not depend on where a particle is: draws of a density that resembles the posterior of the coarse
-//! likelihood, screened by the surrogate of the fine one. By them particles pass from mode to mode, and forget from which draw they descend.
+//! Proposals for the further MCMC steps that do not depend on where a particle is: draws of a density that resembles the posterior, screened by
+//! the surrogate of the fine likelihood. By them particles pass from mode to mode, and forget from which draw they descend.
 //!
 //! A proposal is accepted with the Metropolis probability of an independent one. The density for particles of one half of the lineages is
-//! fitted to the coarse draws of the other half.
+//! fitted to the other half: to its coarse draws, and the more, the more there are, to where its particles have been at the fine likelihood. What few
+//! coarse draws have brought to the fine posterior, others can come to.
 
-use super::particle::{Both, Particle};
+use super::particle::Particle;
 use crate::error::Result;
 use crate::hmc::{Evaluator, Reference, screen};
-use crate::output::{Calls, Run};
+use crate::output::{Calls, Draws};
 use crate::rng::{Domain, RandomStream, stream, unit_open};
 use crate::surrogate::{Examples, Surrogate};
 use crate::target::Target;
 
-/// Most draws of the coarse run that the densities of both halves are fitted to.
+/// Most points that the densities of both halves are fitted to.
 const MAX_TRAINING: usize = 8_000;
 
 /// Tasks whose draws set a screen.
 const SCREEN_TASKS: usize = 8;
 
-/// Task of the random streams of the fits, and the first index, within an MCMC step, of those of the screens.
+/// Task of the random streams of the first fits, from where those of later fits descend, and the first index, within an MCMC step, of those of
+/// the screens.
 const FITS: u64 = u64::MAX;
 const SCREENS: u64 = u64::MAX - 1_000;
 
@@ -26,25 +28,31 @@ const SCREENS: u64 = u64::MAX - 1_000;
 pub(super) struct Proposals([Reference; 2]);
 
 impl Proposals {
-    /// Fitted to the draws of a coarse run; none if they are too few. `lineage` gives that of a row.
+    /// Fitted to where the particles of even and of odd lineages were after each of `steps` further MCMC steps, `visited`, and, as far as that is
+    /// little, to the `draws` of a coarse run; none if all are too few. `lineage` gives that of a draw.
     pub fn new(
-        parent: &Run,
+        draws: &Draws,
+        visited: [&[f64]; 2],
+        steps: usize,
         target: &dyn Target,
         seed: u64,
         lineage: impl Fn(usize) -> u32,
     ) -> Option<Self> {
-        let (draws, dim) = (&parent.draws, target.dim());
-        let mut halves = [Vec::new(), Vec::new()];
+        let dim = target.dim();
+        let known = visited.map(|rows| evenly_chosen(rows, dim, MAX_TRAINING / 2));
+        let wanted = MAX_TRAINING - (known[0].len() + known[1].len()) / dim;
+        let mut others = known;
         let mut z = vec![0.0; dim];
-        for row in draws.resample(MAX_TRAINING.min(draws.len()), 0.5) {
+        for row in draws.resample(wanted.min(draws.len()), 0.5) {
             target.prior().z_from_theta(draws.theta_row(row), &mut z);
             if z.iter().all(|z| z.is_finite()) {
-                halves[1 - (lineage(row) % 2) as usize].extend_from_slice(&z);
+                others[(lineage(row) % 2) as usize].extend_from_slice(&z);
             }
         }
+        let task = FITS - steps as u64;
         let fit = |half: usize| {
-            let rng = |part: usize| stream(seed, Domain::Bridge, FITS, (2 * part + half) as u64);
-            Reference::resembling(&halves[half], dim, rng)
+            let rng = |part: usize| stream(seed, Domain::Bridge, task, (2 * part + half) as u64);
+            Reference::resembling(&others[1 - half], dim, rng)
         };
         let (even, odd) = rayon::join(|| fit(0), || fit(1));
         Some(Self([even?, odd?]))
@@ -73,11 +81,11 @@ impl Proposals {
 /// Proposes a draw of `density` for a particle at the fine likelihood. Returns the calls, and the value of the fine likelihood as an example.
 ///
 /// # Errors
-/// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the targets.
+/// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
 pub(super) fn propose(
     particle: &mut Particle,
     density: &Reference,
-    [coarse, fine]: [&dyn Target; 2],
+    fine: &dyn Target,
     rng: &mut RandomStream,
 ) -> Result<(Calls, Examples)> {
     let mut evaluator = Evaluator::from_reference(fine, density).keeping_examples(true);
@@ -88,28 +96,72 @@ pub(super) fn propose(
     let uniform = unit_open(rng);
     let value = evaluator.value(&z)?;
     let rise = (value - there) - (particle.both.fine - here);
-    let (mut calls, examples) = evaluator.into_calls_and_examples();
     if uniform.ln() < rise {
-        let mut evaluator = Evaluator::new(coarse);
-        let both = Both {
-            coarse: evaluator.value(&z)?,
-            fine: value,
-        };
-        calls.add(&evaluator.calls);
-        // Where the coarse likelihood is zero the intermediate ones have no density.
-        if both.coarse > f64::NEG_INFINITY {
-            particle.z = z;
-            particle.both = both;
-        }
+        particle.z = z;
+        particle.both.fine = value;
     }
-    Ok((calls, examples))
+    Ok(evaluator.into_calls_and_examples())
+}
+
+/// At most `count` of the rows, evenly chosen.
+fn evenly_chosen(rows: &[f64], dim: usize, count: usize) -> Vec<f64> {
+    let total = rows.len() / dim;
+    let count = count.min(total);
+    let chosen = (0..count).map(|i| i * total / count);
+    chosen
+        .flat_map(|row| &rows[row * dim..(row + 1) * dim])
+        .copied()
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::particle::Both;
     use super::*;
     use crate::bent::{Batches, Bent, ln_likelihood, wrong_surrogate};
+    use crate::output::Origin;
     use crate::rng::standard_normal;
+
+    /// Draws of a coarse run around the origin, of two lineages.
+    fn coarse_draws(target: &Bent, rng: &mut RandomStream) -> Draws {
+        let mut draws = Draws::of(target);
+        for row in 0..4_000 {
+            let theta = [(); 2].map(|()| 0.3 * standard_normal(rng));
+            let origin = Origin {
+                chain: 0,
+                cluster: row % 2,
+            };
+            draws
+                .push(target, &theta, 0.0, -4_000_f64.ln(), origin)
+                .unwrap();
+        }
+        draws
+    }
+
+    /// What particles of even lineages have found beside the coarse draws is proposed to those of odd lineages, and only to these.
+    #[test]
+    fn densities_know_where_the_particles_of_the_other_half_have_been() {
+        let target = Bent::new();
+        let mut rng = stream(1, Domain::Test, 2, 0);
+        let draws = coarse_draws(&target, &mut rng);
+        let found: Vec<f64> = (0..4_000)
+            .map(|_| 2.5 + 0.1 * standard_normal(&mut rng))
+            .collect();
+        let ln_over_prior = |steps: usize| {
+            let visited = [&found[..1_000 * steps], &[]];
+            let lineage = |row: usize| draws.cluster[row];
+            let Proposals(densities) =
+                Proposals::new(&draws, visited, steps, &target, 1, lineage).unwrap();
+            densities.map(|density| {
+                Evaluator::from_reference(&target, &density).ln_over_prior(&[2.5; 2])
+            })
+        };
+        let [even_before, odd_before] = ln_over_prior(0);
+        let [even, odd] = ln_over_prior(4);
+        // Without them there is a twentieth of the prior, or less where wide.
+        assert!(odd > odd_before + 3.0, "{odd_before} {odd}");
+        assert!((even - even_before).abs() < 1.0, "{even_before} {even}");
+    }
 
     #[test]
     fn proposals_of_a_wrong_density_screened_by_a_wrong_surrogate_sample_the_posterior() {
@@ -135,10 +187,9 @@ mod tests {
         let (mut batches, mut moved) = (Batches::new(50), 0);
         for _ in 0..10_000 {
             let before = particle.z.clone();
-            let (calls, examples) =
-                propose(&mut particle, &density, [&target, &target], &mut rng).unwrap();
+            let (calls, examples) = propose(&mut particle, &density, &target, &mut rng).unwrap();
             moved += usize::from(particle.z != before);
-            assert!(calls.values <= 2 && examples.len() == 1);
+            assert!(calls.values == 1 && examples.len() == 1);
             batches.push(&particle.z);
         }
         // Proposals of the posterior itself would be accepted always; these are wrong enough to matter.

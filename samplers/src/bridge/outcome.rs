@@ -178,6 +178,7 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
         ),
     ];
     checks.extend(ess.checks(
+        MIN_ESS,
         "allow more `further_mcmc_steps`, give more `smc_particles`, continue the coarse run, or use a coarse likelihood closer to the fine one",
     ));
     checks

@@ -25,6 +25,7 @@ impl Both {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Particle {
     pub(super) z: Vec<f64>,
+    /// In further MCMC steps the coarse one is that of an earlier point.
     pub(super) both: Both,
     /// Eve index: the row of the parent's draws from which it descends.
     pub(super) eve: usize,

@@ -4,8 +4,12 @@ use crate::error::{Error, Result};
 use crate::limits::{Memory, in_range};
 use serde::{Deserialize, Serialize};
 
-/// Memory of the coordinates of an SMC particle: its own, those of its copies, and those of the draw that it becomes.
-const BYTES_PER_COORDINATE: f64 = 5.0 * 8.0;
+/// Number of further MCMC steps after which the places of the particles are kept, for the densities of independent proposals. More would
+/// not make these better.
+pub(super) const FITTED_STEPS: usize = 32;
+
+/// Memory of the coordinates of an SMC particle: its own, those of its copies, those of the draw that it becomes, and where it has been.
+const BYTES_PER_COORDINATE: f64 = (5 + FITTED_STEPS) as f64 * 8.0;
 
 /// Memory of everything else of an SMC particle.
 const BYTES_PER_MEMBER: f64 = 50.0 * 8.0;

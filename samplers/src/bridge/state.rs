@@ -4,7 +4,7 @@ use super::Settings;
 use super::explore::{Moved, Moves};
 use super::independent::Proposals;
 use super::particle::{Both, Particle};
-use super::settings::EXAMPLES_KEPT;
+use super::settings::{EXAMPLES_KEPT, FITTED_STEPS};
 use crate::diagnostics::effective_kinds;
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
@@ -58,6 +58,8 @@ pub(super) struct State {
     pub(super) examples: Examples,
     /// Leapfrog step along it; none before the first.
     pub(super) step: Option<StepSize>,
+    /// Coordinates of the particles of even and of odd lineages after each of the first further MCMC steps along a surrogate.
+    pub(super) visited: [Vec<f64>; 2],
     pub(super) cost: Cost,
 }
 
@@ -86,8 +88,8 @@ pub(super) struct Bridge<'a> {
     pub(super) settings: &'a Settings,
     pub(super) seed: u64,
     pub(super) parent: &'a Run,
-    /// For further MCMC steps, made with the first of them in this process; none where the parent has too few draws.
-    pub(super) proposals: Option<Option<Proposals>>,
+    /// For further MCMC steps: the number of them to which these are fitted, and the proposals; none where the parent has too few draws.
+    pub(super) proposals: Option<(usize, Option<Proposals>)>,
     pub(super) state: State,
 }
 
@@ -230,12 +232,20 @@ impl Bridge<'_> {
 
     /// The densities of independent proposals for the particles of each half, in further MCMC steps only.
     fn densities(&mut self, surrogate: &Surrogate) -> Option<[Reference; 2]> {
-        self.further_mcmc_steps()?;
+        let further = self.further_mcmc_steps()?;
         let (parent, target, seed) = (self.parent, self.target, self.seed);
         let task = self.level() << 32 | self.state.mcmc_steps as u64;
-        let proposals = self
-            .proposals
-            .get_or_insert_with(|| Proposals::new(parent, target, seed, lineages(parent)));
+        // Fitted anew whenever there are twice as many steps.
+        let kept = further.min(FITTED_STEPS);
+        let steps = (kept.checked_ilog2()).map_or(0, |doublings| 1 << doublings);
+        if (self.proposals.as_ref()).is_none_or(|(fitted, _)| *fitted != steps) {
+            let visited = self.state.visited.each_ref();
+            let visited = visited.map(|rows| &rows[..rows.len() / kept.max(1) * steps]);
+            let lineage = lineages(parent);
+            let fitted = Proposals::new(&parent.draws, visited, steps, target, seed, lineage);
+            self.proposals = Some((steps, fitted));
+        }
+        let (_, proposals) = self.proposals.as_ref()?;
         proposals.as_ref()?.screened(surrogate, target, seed, task)
     }
 
@@ -247,6 +257,7 @@ impl Bridge<'_> {
     ) -> Result<()> {
         let state = &self.state;
         let (level, mcmc_step) = (self.level(), state.mcmc_steps as u64);
+        let further = self.further_mcmc_steps();
         let mut step = state.step.unwrap_or(StepSize::new(FIRST_STEP));
         let moves = [0, 1].map(|half| Moves {
             target: self.target,
@@ -275,6 +286,11 @@ impl Bridge<'_> {
             state.particles.push(own.particle);
             state.examples.append(own.examples);
             state.cost.count(&own.calls);
+        }
+        if further.is_some_and(|further| further < FITTED_STEPS) && surrogate.is_some() {
+            for particle in &state.particles {
+                state.visited[(particle.lineage % 2) as usize].extend_from_slice(&particle.z);
+            }
         }
         state.surrogate = surrogate;
         if state.surrogate.is_some() {

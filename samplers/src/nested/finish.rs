@@ -19,7 +19,7 @@ pub(super) fn finish(context: &Context<'_>, state: &State, status: Status) -> Re
     let draws = draws(&results.history, &results.weighted, context.target, &theta)?;
     let ess = ess(&draws);
     let mut checks = checks::checks(context, state, &results.measured(), &ess);
-    checks.extend(ess.checks(MORE_DRAWS));
+    checks.extend(ess.checks(context.settings.min_ess(), MORE_DRAWS));
     let mut warnings = Vec::new();
     if state.tuning.steps > context.first_steps() {
         warnings.push(format!(

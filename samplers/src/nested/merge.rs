@@ -11,7 +11,7 @@ use super::results::{Errors, Results, draws, ess, simulated};
 use super::settings::Settings;
 use crate::diagnostics::{chi2_p_value, weighted_moments};
 use crate::error::{Error, Result};
-use crate::output::{Check, Cost, Draws, History, Method, Run, Status};
+use crate::output::{Check, Cost, Draws, History, MIN_ESS, Method, Run, Status};
 use crate::target::Target;
 use std::collections::BTreeSet;
 
@@ -54,7 +54,7 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     let ess = ess(&draws);
     let mut checks = worst(runs);
     checks.extend(by_lineages(&results.measured()));
-    checks.extend(ess.checks(MORE_DRAWS));
+    checks.extend(ess.checks(MIN_ESS, MORE_DRAWS));
     checks.extend(agreement(runs));
     let ranks = parts.iter().flat_map(|part| part.insertion_rank);
     Ok(Run {

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::limits::{Memory, in_range};
+use crate::output::MIN_ESS;
 use serde::{Deserialize, Serialize};
 
 /// Dead points per live point of a whole run: the natural logarithm by which the prior volume shrinks. A posterior of 13 parameters
@@ -121,6 +122,12 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// Effective sample size that the checks want: 400, or the target where that is smaller.
+    #[must_use]
+    pub(super) fn min_ess(&self) -> f64 {
+        self.target_ess.unwrap_or(MIN_ESS).min(MIN_ESS)
+    }
+
     /// Checks every number by itself: the ranges of docs/limits.md.
     ///
     /// # Errors

@@ -70,6 +70,7 @@ fn assess(state: &State, cold: &PosteriorDraws, dim: usize) -> Assessment {
         history: &state.history,
         steps: &steps,
         agreement: &agreement,
+        target_ess: state.settings.target_ess,
         slices: state.slices(),
     });
     let confirmation = if state.settings.extensions == 0 {
@@ -81,6 +82,7 @@ fn assess(state: &State, cold: &PosteriorDraws, dim: usize) -> Assessment {
             &newest.agreement(dim, state.clusters()),
             state.evidence_of_earlier_and_newest().as_ref(),
             looks_passed,
+            state.settings.target_ess,
         )
     };
     Assessment {

@@ -28,11 +28,15 @@ const EARLY_SLACK: f64 = 0.05;
 /// Inverse temperature below which there are no moves along a surrogate: hardly any would be accepted.
 const LEAST_BETA: f64 = 0.15;
 
+/// Scans from one slice update of a chain with moves along a surrogate to the next. A slice update costs twice as many values as these
+/// moves and goes a small part of their way, but also where the surrogate is wrong (docs/validation.md, section 5).
+const SLICE_SCANS: u64 = 4;
+
 /// Scans after which the surrogate is fitted again, in an extension that is longer.
 const SURROGATE_SCANS: usize = 512;
 
 /// About how many values of ln L a chain computes in a scan with moves along a surrogate.
-const VALUES_OF_A_CHAIN: usize = 8;
+const VALUES_OF_A_CHAIN: usize = 5;
 
 /// Result of the moves of one chain in one scan.
 struct Explored {
@@ -308,7 +312,12 @@ impl State {
             point.has_gradient = false;
         } else {
             let pool = &temperature.pools[self.half(chain)];
-            let slices = self.settings.slice_updates;
+            let surrogate = self.surrogate.as_ref().filter(|_| beta >= LEAST_BETA);
+            let slices = if surrogate.is_none() || self.clock.is_multiple_of(SLICE_SCANS) {
+                self.settings.slice_updates
+            } else {
+                0
+            };
             hmc::involutions_and_slice_updates(
                 &mut evaluator,
                 beta,
@@ -320,27 +329,24 @@ impl State {
                 &mut visit,
             )?;
             let plan = self.plan(temperature);
-            if let Some(surrogate) = &self.surrogate {
-                if beta >= LEAST_BETA {
-                    let along = Evaluator::new(target).with_surrogate(surrogate);
-                    let mut along = LocalSampler::of(along, 1.0, metric);
-                    for leapfrogs in hmc::LEAPFROGS {
-                        let values =
-                            |z: &[f64]| Ok((evaluator.value(z)?, evaluator.ln_over_prior(z)));
-                        let (moved, acceptance) = hmc::surrogate_move(
-                            values,
-                            &mut along,
-                            beta,
-                            &plan.of_leapfrogs(leapfrogs),
-                            &mut point,
-                            &mut rng,
-                        )?;
-                        local.note(&moved);
-                        local.surrogate_acceptance += acceptance;
-                        visit(&point);
-                    }
-                    score = along.score(&point)?;
+            if let Some(surrogate) = surrogate {
+                let along = Evaluator::new(target).with_surrogate(surrogate);
+                let mut along = LocalSampler::of(along, 1.0, metric);
+                for leapfrogs in hmc::LEAPFROGS {
+                    let values = |z: &[f64]| Ok((evaluator.value(z)?, evaluator.ln_over_prior(z)));
+                    let (moved, acceptance) = hmc::surrogate_move(
+                        values,
+                        &mut along,
+                        beta,
+                        &plan.of_leapfrogs(leapfrogs),
+                        &mut point,
+                        &mut rng,
+                    )?;
+                    local.note(&moved);
+                    local.surrogate_acceptance += acceptance;
+                    visit(&point);
                 }
+                score = along.score(&point)?;
             } else {
                 let mut along = LocalSampler::of(evaluator, beta, metric);
                 for _ in 0..self.settings.hmc_transitions {

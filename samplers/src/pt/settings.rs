@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::limits::{Memory, in_range};
+use crate::output::MIN_ESS;
 use serde::{Deserialize, Serialize};
 
 /// Maximum number of SMC particles of an SMC sampler: each has a random stream of its own.
@@ -49,6 +50,9 @@ pub struct Settings {
     /// metrics are fitted anew to all draws before each extension. A run that ended too soon is continued from its
     /// checkpoint if more are allowed.
     pub extensions: usize,
+    /// Effective sample size, the smallest of bulk and tails, that the checks want of all draws, and half of it of the newest extension;
+    /// R-hat may be 1.01, and more where it is below 400.
+    pub target_ess: f64,
     /// Scans of the first round.
     pub first_scans: usize,
     /// Temperatures of the first rounds.
@@ -96,6 +100,7 @@ impl Default for Settings {
             chain_sets: 4,
             rounds: 10,
             extensions: 0,
+            target_ess: MIN_ESS,
             first_scans: 4,
             temperatures: 20,
             min_temperatures: 8,
@@ -178,6 +183,7 @@ impl Settings {
         in_range("chain_sets", self.chain_sets, 2..=1024)?;
         in_range("rounds", self.rounds, 2..=24)?;
         in_range("extensions", self.extensions, 0..=Self::MAX_EXTENSIONS)?;
+        in_range("target_ess", self.target_ess, 50.0..=1e7)?;
         in_range("first_scans", self.first_scans, 2..=4096)?;
         in_range("temperatures", self.temperatures, 3..=1024)?;
         in_range("min_temperatures", self.min_temperatures, 3..=1024)?;
