@@ -1,7 +1,8 @@
 //! Settings as text.
 
 use oblate::FitSettings;
-use oblate::config::read;
+use oblate::config::{StudyConfig, read};
+use std::path::Path;
 
 /// The message about a settings file with this text.
 fn refusal(text: &str) -> String {
@@ -40,4 +41,22 @@ fn a_list_in_the_place_of_a_table_is_refused() {
         words.contains("nested") && words.contains("not a table"),
         "{words}"
     );
+}
+
+#[test]
+fn every_study_of_the_examples_can_begin() {
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples");
+    let studies = std::fs::read_dir(examples.join("studies")).unwrap();
+    let mut files: Vec<_> = studies.map(|entry| entry.unwrap().path()).collect();
+    assert!(files.len() >= 3, "{files:?}");
+    files.push(examples.join("quickstart.toml"));
+    for file in files {
+        let study: StudyConfig = read(&file).unwrap();
+        assert!(
+            study.check().is_ok(),
+            "{}: {:?}",
+            file.display(),
+            study.check()
+        );
+    }
 }
