@@ -189,9 +189,12 @@ fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
         Coverage::Reject => f64::INFINITY,
     };
     assert!(z_miss(&coarse) < z_miss(&fine));
-    // Everything else is as in the fit, and it has no coarse model of its own.
+    // It aims at half of the draws; everything else is as in the fit, and it has no coarse model of its own.
     assert_eq!((&coarse.prior, coarse.seed), (&fine.prior, fine.seed));
-    assert_eq!(coarse.sampling, fine.sampling);
+    let mut sampling = fine.sampling.clone();
+    sampling.pt_hmc.target_ess *= 0.5;
+    sampling.nested.target_ess = sampling.nested.target_ess.map(|target| 0.5 * target);
+    assert_eq!(coarse.sampling, sampling);
     assert_eq!(coarse.coarse(8.0), None);
     // A penalty that is small already is not changed.
     let mut gentle = fine.clone();
