@@ -17,6 +17,14 @@ const STEP_PHASE: f64 = 1.6;
 /// (docs/validation.md, section 5).
 const COARSE_ESS: f64 = 0.5;
 
+/// A target of at most so many is not halved: with fewer draws the checks of the coarse fit could not judge.
+const FEWEST_DRAWS: f64 = 50.0;
+
+/// Effective draws that the coarse fit aims at where the fit aims at so many.
+fn of_coarse(target_ess: f64) -> f64 {
+    (COARSE_ESS * target_ess).max(target_ess.min(FEWEST_DRAWS))
+}
+
 /// Maximum residual of an uncovered bin in the coarse model, in standard deviations: with few particles, bins are often uncovered by
 /// chance.
 const MAX_Z_MISS: f64 = 5.0;
@@ -34,10 +42,9 @@ impl FitSettings {
         (self.coarse_particles > 0 && many).then(|| {
             let mut coarse = self.clone();
             coarse.coarse_particles = 0;
-            coarse.sampling.pt_hmc.target_ess *= COARSE_ESS;
-            if let Some(target) = &mut coarse.sampling.nested.target_ess {
-                *target *= COARSE_ESS;
-            }
+            let (pt_hmc, nested) = (&mut coarse.sampling.pt_hmc, &mut coarse.sampling.nested);
+            pt_hmc.target_ess = of_coarse(pt_hmc.target_ess);
+            nested.target_ess = nested.target_ess.map(of_coarse);
             let releases = &mut coarse.model.releases;
             // 0: the number of release times follows from the number of particles.
             releases.release_times = 0;

@@ -196,6 +196,13 @@ fn a_coarse_model_is_smoother_than_the_fit_that_it_begins() {
     sampling.nested.target_ess = sampling.nested.target_ess.map(|target| 0.5 * target);
     assert_eq!(coarse.sampling, sampling);
     assert_eq!(coarse.coarse(8.0), None);
+    // The smallest targets that a fit may have are not halved: half of them would be refused.
+    let mut small = fine.clone();
+    (
+        small.sampling.pt_hmc.target_ess,
+        small.sampling.nested.target_ess,
+    ) = (50.0, Some(1.0));
+    assert!(small.check().is_ok() && small.coarse(8.0).unwrap().check().is_ok());
     // A penalty that is small already is not changed.
     let mut gentle = fine.clone();
     gentle.likelihood.coverage = Coverage::Penalty {
