@@ -34,7 +34,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     tell_other_tracks(&args.runs)?;
-    let names = distinct_names(&args.runs, stored.iter());
+    let names = distinct_names(&args.runs, &stored.iter().collect::<Vec<_>>());
     let mut agree = true;
     for (other, name) in others.iter().zip(&names[1..]) {
         let comparison = compare(&names[0], &first.run, name, &other.run)?;

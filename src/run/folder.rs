@@ -39,19 +39,16 @@ pub struct StoredRun {
 }
 
 /// Names of runs that are shown together: those of their folders, or the whole path where two folders have the same name.
-pub fn distinct_names<'a>(
-    folders: &[PathBuf],
-    runs: impl Iterator<Item = &'a StoredRun> + Clone,
-) -> Vec<String> {
-    let name = |(run, path): (&StoredRun, &PathBuf)| {
-        let others = runs.clone().filter(|other| other.name == run.name);
-        if others.count() > 1 {
+pub fn distinct_names(folders: &[PathBuf], runs: &[&StoredRun]) -> Vec<String> {
+    let name = |(run, path): (&&StoredRun, &PathBuf)| {
+        let namesakes = runs.iter().filter(|other| other.name == run.name);
+        if namesakes.count() > 1 {
             path.display().to_string()
         } else {
             run.name.clone()
         }
     };
-    runs.clone().zip(folders).map(name).collect()
+    runs.iter().zip(folders).map(name).collect()
 }
 
 impl From<Box<StoredRun>> for Fit {

@@ -107,7 +107,8 @@ pub fn render_report(
             }
         }
     }
-    let names = distinct_names(folders, rendered.iter().map(|d| &d.stored));
+    let stored: Vec<&StoredRun> = rendered.iter().map(|d| &d.stored).collect();
+    let names = distinct_names(folders, &stored);
     // Groups in the order of their first runs.
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (i, d) in rendered.iter().enumerate() {

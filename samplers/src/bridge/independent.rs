@@ -7,7 +7,7 @@
 
 use super::particle::Particle;
 use crate::error::Result;
-use crate::hmc::{Evaluator, Reference, screen};
+use crate::hmc::{Evaluator, Reference, screen, thinned};
 use crate::output::{Calls, Draws};
 use crate::rng::{Domain, RandomStream, stream, unit_open};
 use crate::surrogate::{Examples, Surrogate};
@@ -39,20 +39,20 @@ impl Proposals {
         lineage: impl Fn(usize) -> u32,
     ) -> Option<Self> {
         let dim = target.dim();
-        let known = visited.map(|rows| evenly_chosen(rows, dim, MAX_TRAINING / 2));
+        let known = visited.map(|rows| thinned(rows, dim, MAX_TRAINING / 2));
         let wanted = MAX_TRAINING - (known[0].len() + known[1].len()) / dim;
-        let mut others = known;
+        let mut halves = known;
         let mut z = vec![0.0; dim];
         for row in draws.resample(wanted.min(draws.len()), 0.5) {
             target.prior().z_from_theta(draws.theta_row(row), &mut z);
             if z.iter().all(|z| z.is_finite()) {
-                others[(lineage(row) % 2) as usize].extend_from_slice(&z);
+                halves[(lineage(row) % 2) as usize].extend_from_slice(&z);
             }
         }
         let task = FITS - steps as u64;
         let fit = |half: usize| {
             let rng = |part: usize| stream(seed, Domain::Bridge, task, (2 * part + half) as u64);
-            Reference::resembling(&others[1 - half], dim, rng)
+            Reference::resembling(&halves[1 - half], dim, rng)
         };
         let (even, odd) = rayon::join(|| fit(0), || fit(1));
         Some(Self([even?, odd?]))
@@ -101,17 +101,6 @@ pub(super) fn propose(
         particle.both.fine = value;
     }
     Ok(evaluator.into_calls_and_examples())
-}
-
-/// At most `count` of the rows, evenly chosen.
-fn evenly_chosen(rows: &[f64], dim: usize, count: usize) -> Vec<f64> {
-    let total = rows.len() / dim;
-    let count = count.min(total);
-    let chosen = (0..count).map(|i| i * total / count);
-    chosen
-        .flat_map(|row| &rows[row * dim..(row + 1) * dim])
-        .copied()
-        .collect()
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ pub use leapfrog::{End, LocalSampler, MAX_ENERGY_RANGE, Plan, Transition, shorte
 pub use metric::Metric;
 pub use moments::Moments;
 pub use point::{Evaluator, Point, screen};
-pub use reference::Reference;
+pub use reference::{Reference, thinned};
 pub use screen::{Screen, Screened};
 pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};
 pub use step_size::{MAX_STEP, StepSize};

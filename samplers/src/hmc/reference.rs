@@ -180,6 +180,14 @@ impl Fitted {
     }
 }
 
+/// At most so many rows of coordinates, evenly spaced among those given.
+pub fn thinned(rows: &[f64], dim: usize, max: usize) -> Vec<f64> {
+    let count = rows.len() / dim;
+    let kept = count.min(max);
+    let row = |k: usize| &rows[k * count / kept * dim..][..dim];
+    (0..kept).flat_map(row).copied().collect()
+}
+
 /// The rows of all blocks but those held out, and the latter.
 fn divided(all: &[f64], dim: usize) -> (Rows, Rows) {
     let (mut rows, mut held_out) = (Vec::new(), Vec::new());

@@ -7,7 +7,7 @@ use super::smc::{CommunicationBarrier, Level, of_others};
 use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, Reference, StepSize, screen};
+use crate::hmc::{Evaluator, Metric, Reference, StepSize, screen, thinned};
 use crate::rng::{Domain, below, stream};
 use crate::surrogate::Surrogate;
 use crate::target::{Symmetry, Target};
@@ -353,12 +353,4 @@ impl State {
             })
             .collect()
     }
-}
-
-/// At most so many rows of coordinates, evenly spaced among those given.
-fn thinned(rows: &[f64], dim: usize, max: usize) -> Vec<f64> {
-    let count = rows.len() / dim;
-    let kept = count.min(max);
-    let row = |k: usize| &rows[k * count / kept * dim..][..dim];
-    (0..kept).flat_map(row).copied().collect()
 }
