@@ -39,6 +39,7 @@ pub struct StoredRun {
 }
 
 /// Names of runs that are shown together: those of their folders, or the whole path where two folders have the same name.
+#[must_use]
 pub fn distinct_names(folders: &[PathBuf], runs: &[&StoredRun]) -> Vec<String> {
     let name = |(run, path): (&&StoredRun, &PathBuf)| {
         let namesakes = runs.iter().filter(|other| other.name == run.name);

@@ -181,6 +181,7 @@ impl Fitted {
 }
 
 /// At most so many rows of coordinates, evenly spaced among those given.
+#[must_use]
 pub fn thinned(rows: &[f64], dim: usize, max: usize) -> Vec<f64> {
     let count = rows.len() / dim;
     let kept = count.min(max);
