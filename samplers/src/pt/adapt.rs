@@ -89,8 +89,8 @@ impl State {
     /// its states from them.
     fn begin_at_mixture(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
         let coldest: Vec<&Level> = smc_samplers.iter().filter_map(|l| l.last()).collect();
-        let rows = of_others(coldest.iter().map(|level| &level.z));
-        let Some(references) = self.resembling(rows, target) else {
+        let rows: Vec<f64> = coldest.iter().flat_map(|level| &level.z).copied().collect();
+        let Some(references) = self.resembling_all(&rows, target) else {
             return;
         };
         self.one_metric();
@@ -200,13 +200,13 @@ impl State {
         if !self.mixture_next() {
             return;
         }
-        let rows = if self.is_last_round() {
-            of_others(self.record.all_draws().iter())
+        let references = if self.is_last_round() {
+            self.resembling_others(target)
         } else {
-            of_others(self.record.trails.iter())
+            self.resembling_all(&self.record.trails.concat(), target)
         };
         // Without a mixture that fits, the references stay what they were, and the result has a warning.
-        let Some(references) = self.resembling(rows, target) else {
+        let Some(references) = references else {
             return;
         };
         if self.path_from_prior() {
@@ -215,28 +215,44 @@ impl State {
         self.take_references(references, target);
     }
 
-    /// References fitted to the new draws of each half of the clusters and to the kept ones of earlier rounds; none if they are
-    /// too few. Draws of the last round are not kept: they are among those of its next extension.
-    fn resembling(&mut self, halves: [Vec<f64>; 2], target: &dyn Target) -> Option<[Reference; 2]> {
-        let dim = target.dim();
-        let mut training = self.training.clone();
-        for (known, new) in training.iter_mut().zip(halves) {
-            *known = thinned(known, dim, MAX_TRAINING / 2);
-            known.extend(thinned(&new, dim, MAX_TRAINING));
-        }
-        let fit = |half: usize| {
-            let rng = |part: usize| {
-                let part = (part * 2 + half) as u64;
-                stream(self.seed, Domain::PtReference, self.clock, part)
-            };
-            let reference = Reference::resembling(&training[half], dim, rng)?;
-            Some(self.screened(reference, half, target))
+    /// One reference for all chain sets before the burn-in ends, fitted to the new draws of all of them and to kept ones of earlier rounds; none if
+    /// they are too few. A chain set that has come to a mode which only it has found leaves it by this reference. By one that is fitted to
+    /// the draws of others alone it would not, and the result would have it for thousands of scans (docs/validation.md, section 5).
+    fn resembling_all(&mut self, rows: &[f64], target: &dyn Target) -> Option<[Reference; 2]> {
+        let training = self.training_with(rows, target.dim());
+        let reference = self.resembling(&training, 0, target);
+        self.training = training;
+        let reference = reference?;
+        Some([reference.clone(), reference])
+    }
+
+    /// References of the draws that are the result: each half of the clusters has one that is fitted to the draws of the other half, and to the kept
+    /// ones of the rounds before. None if they are too few.
+    fn resembling_others(&self, target: &dyn Target) -> Option<[Reference; 2]> {
+        let [even, odd] = of_others(self.record.all_draws().iter());
+        let fit = |half: usize, rows: &[f64]| {
+            let training = self.training_with(rows, target.dim());
+            self.resembling(&training, half, target)
         };
-        let references = rayon::join(|| fit(0), || fit(1));
-        if !self.is_last_round() {
-            self.training = training;
-        }
-        Some([references.0?, references.1?])
+        let (even, odd) = rayon::join(|| fit(0, &even), || fit(1, &odd));
+        Some([even?, odd?])
+    }
+
+    /// The draws of earlier rounds, half as many as there may be, and the new ones.
+    fn training_with(&self, rows: &[f64], dim: usize) -> Vec<f64> {
+        let mut training = thinned(&self.training, dim, MAX_TRAINING / 2);
+        training.extend(thinned(rows, dim, MAX_TRAINING));
+        training
+    }
+
+    /// The reference of a half of the clusters that is fitted to these draws, screened by the surrogate if there is one.
+    fn resembling(&self, training: &[f64], half: usize, target: &dyn Target) -> Option<Reference> {
+        let rng = |part: usize| {
+            let part = (part * 2 + half) as u64;
+            stream(self.seed, Domain::PtReference, self.clock, part)
+        };
+        let reference = Reference::resembling(training, target.dim(), rng)?;
+        Some(self.screened(reference, half, target))
     }
 
     /// The reference of a half of the clusters, screened by the surrogate if there is one.

@@ -47,7 +47,7 @@ impl State {
         )?;
         let whole = |rows: &Vec<f64>| rows.len().is_multiple_of(dim) && moderate(rows);
         ensure(
-            self.training.iter().all(whole),
+            whole(&self.training),
             "the draws that the references were fitted to have another dimension, or are not finite",
         )?;
         self.check_temperatures(dim)?;
@@ -235,7 +235,7 @@ mod tests {
                 &|s| s.chains[1].point.z = Vec::new(),
                 "a point has another dimension",
             ),
-            (late, &|s| s.training[0].push(0.0), "fitted to"),
+            (late, &|s| s.training.push(0.0), "fitted to"),
         ];
         for (state, damage, expected) in damages {
             let found = fault(state, damage);

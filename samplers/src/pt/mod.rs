@@ -9,7 +9,7 @@
 //! itself is the burn-in. At beta = 0 the prior or the mixture is drawn independently in every scan. So each round trip of a
 //! replica is an independent restart, and the evidence of each chain set is an independent estimate.
 //!
-//! With `surrogate` a surrogate of ln L is fitted before the first round, after each, and every 512 scans of an extension. Beside slice updates
+//! With `surrogate` a surrogate of ln L is fitted before the first round, after each, and eight times in an extension. Beside slice updates
 //! each chain then makes moves along it, whose ends are accepted by ln L itself at the chain's temperature. The result is exact
 //! whatever the surrogate, and a good one carries states far for one value of ln L.
 //!

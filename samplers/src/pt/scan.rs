@@ -32,8 +32,9 @@ const LEAST_BETA: f64 = 0.15;
 /// moves and goes a small part of their way, but also where the surrogate is wrong (docs/validation.md, section 5).
 const SLICE_SCANS: u64 = 4;
 
-/// Scans after which the surrogate is fitted again, in an extension that is longer.
-const SURROGATE_SCANS: usize = 512;
+/// Fits of the surrogate within a long extension, and least number of scans from one to the next (docs/validation.md, section 5).
+const SURROGATE_FITS: usize = 8;
+const SURROGATE_SCANS: usize = 128;
 
 /// About how many values of ln L a chain computes in a scan with moves along a surrogate.
 const VALUES_OF_A_CHAIN: usize = 5;
@@ -77,7 +78,7 @@ impl State {
             passed_before: false,
             clock: 0,
             references: Default::default(),
-            training: Default::default(),
+            training: Vec::new(),
             surrogate: None,
             examples: Default::default(),
             record: Record::new(
@@ -386,7 +387,8 @@ impl State {
     /// updates, whose values then teach it.
     fn surrogate_due(&self) -> bool {
         let done = self.record.extension().traces.scans();
-        self.is_last_round() && self.scan < self.scans() && done.is_multiple_of(SURROGATE_SCANS)
+        let every = SURROGATE_SCANS.max(self.newest_scans() / SURROGATE_FITS);
+        self.is_last_round() && self.scan < self.scans() && done.is_multiple_of(every)
     }
 
     /// A surrogate learns from the values of one in so many scans, so that all examples that it may have are spread over the whole round or

@@ -85,7 +85,7 @@ pub struct Settings {
     /// trajectories. Each costs several values and no gradient.
     pub slice_updates: usize,
     /// Whether a surrogate of ln L is fitted, to the values of the SMC samplers and of the chains, before the first round, after each, and
-    /// every 512 scans of an extension. In every scan each chain but the hottest then makes moves along it that ln L accepts
+    /// eight times in an extension. In every scan each chain but the hottest then makes moves along it that ln L accepts
     /// ([module](super)), in place of `hmc_transitions`. For likelihoods that cost much, are rough, or have no gradient.
     pub surrogate: bool,
     /// Number of rounds at the end whose reference is a mixture fitted to earlier draws, most of them of the round

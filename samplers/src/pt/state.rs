@@ -58,9 +58,8 @@ pub(super) struct State {
     pub(super) clock: u64,
     /// The distributions at beta = 0: of the chain sets of even clusters, and of those of odd ones.
     pub(super) references: [Reference; 2],
-    /// The draws that the references were fitted to: those of odd clusters for the chain sets of even ones, and of even
-    /// clusters for the odd. So a mode that only some clusters have found makes them disagree, and is passed on.
-    pub(super) training: [Vec<f64>; 2],
+    /// The draws of all clusters that the references of the rounds before the last were fitted to.
+    pub(super) training: Vec<f64>,
     /// The surrogate of ln L that HMC transitions follow, where the settings ask for one.
     pub(super) surrogate: Option<Surrogate>,
     /// What it was fitted to.
