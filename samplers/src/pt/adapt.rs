@@ -217,7 +217,7 @@ impl State {
 
     /// One reference for all chain sets before the burn-in ends, fitted to the new draws of all of them and to kept ones of earlier rounds; none if
     /// they are too few. A chain set that has come to a mode which only it has found leaves it by this reference. By one that is fitted to
-    /// the draws of others alone it would not, and the result would have it for thousands of scans (docs/validation.md, section 5).
+    /// the draws of others alone it would not, and the result would have it for thousands of scans (docs/validation.md, section 4).
     fn resembling_all(&mut self, rows: &[f64], target: &dyn Target) -> Option<[Reference; 2]> {
         let training = self.training_with(rows, target.dim());
         let reference = self.resembling(&training, 0, target);

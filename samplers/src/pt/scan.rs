@@ -32,7 +32,7 @@ const LEAST_BETA: f64 = 0.15;
 /// moves and goes a small part of their way, but also where the surrogate is wrong (docs/validation.md, section 5).
 const SLICE_SCANS: u64 = 4;
 
-/// Fits of the surrogate within a long extension, and least number of scans from one to the next (docs/validation.md, section 5).
+/// Fits of the surrogate within a long extension, and least number of scans from one to the next (docs/validation.md, section 4).
 const SURROGATE_FITS: usize = 8;
 const SURROGATE_SCANS: usize = 128;
 
