@@ -28,8 +28,8 @@ pub enum Domain {
     PtSwap = 17,
     /// One SMC particle of a tempered run; task = SMC sampler * 2^20 + SMC particle, index = MCMC step.
     PtSmc = 18,
-    /// The references of a tempered run; task = scan, index = 2 x (components of the mixture, or 0 for the autoregressive density) + half
-    /// of the clusters.
+    /// The references of a tempered run; task = scan, index = 2 x part + half of the clusters, where part is the number of components of
+    /// the mixture, 0 for the autoregressive density, or the number of a task of the screen or of a moved copy, beyond all of these.
     PtReference = 19,
     /// The surrogate of a tempered run; task = scan.
     PtSurrogate = 20,

@@ -9,6 +9,7 @@
 mod leapfrog;
 mod metric;
 mod moments;
+mod moved_copies;
 mod point;
 mod reference;
 mod screen;
@@ -20,6 +21,7 @@ mod symmetry;
 pub use leapfrog::{End, LocalSampler, MAX_ENERGY_RANGE, Plan, Transition, shorten};
 pub use metric::Metric;
 pub use moments::Moments;
+pub use moved_copies::with_moved_copies;
 pub use point::{Evaluator, Point, screen};
 pub use reference::{Reference, thinned};
 pub use screen::{Screen, Screened};

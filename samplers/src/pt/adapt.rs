@@ -7,7 +7,9 @@ use super::smc::{CommunicationBarrier, Level, of_others};
 use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, Reference, StepSize, screen, thinned};
+use crate::hmc::{
+    Evaluator, Metric, Point, Reference, StepSize, screen, thinned, with_moved_copies,
+};
 use crate::rng::{Domain, below, stream};
 use crate::surrogate::Surrogate;
 use crate::target::{Symmetry, Target};
@@ -29,7 +31,12 @@ const FIRST_STEP: f64 = 0.1;
 impl State {
     /// Begins the first round from the SMC samplers: temperatures evenly spaced in their communication barrier, and the
     /// particles of the nearest levels as states, metric and difference pool.
-    pub(super) fn begin(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
+    pub(super) fn begin(
+        &mut self,
+        smc_samplers: &[Vec<Level>],
+        posterior: &[Point],
+        target: &dyn Target,
+    ) -> Result<()> {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
         let communication_barriers: Vec<CommunicationBarrier> = smc_samplers
@@ -80,34 +87,35 @@ impl State {
         self.temperatures = temperatures;
         self.chains = chains.concat();
         if self.settings.mixes(0) {
-            self.begin_at_mixture(smc_samplers, target);
+            self.begin_at_mixture(posterior, target)?;
         }
         self.record = self.new_record(dim, 0);
+        Ok(())
     }
 
-    /// Gives the first round references fitted to the SMC particles at their last temperature, and takes
-    /// its states from them.
-    fn begin_at_mixture(&mut self, smc_samplers: &[Vec<Level>], target: &dyn Target) {
-        let coldest: Vec<&Level> = smc_samplers.iter().filter_map(|l| l.last()).collect();
-        let rows: Vec<f64> = coldest.iter().flat_map(|level| &level.z).copied().collect();
-        let Some(references) = self.resembling_all(&rows, target) else {
-            return;
+    /// Gives the first round a reference fitted to these SMC particles at the posterior, and takes its states from them.
+    fn begin_at_mixture(&mut self, posterior: &[Point], target: &dyn Target) -> Result<()> {
+        let rows: Vec<f64> = posterior.iter().flat_map(|p| &p.z).copied().collect();
+        let Some(references) = self.resembling_all(&rows, target)? else {
+            return Ok(());
         };
         self.one_metric();
-        let temperatures = self.temperatures.len();
-        for chain in 0..self.chains.len() {
-            let (chain_set, k) = (chain / temperatures, chain % temperatures);
-            let level = coldest[chain_set % coldest.len()];
+        // Neighbours, which may have one ancestor, go to different chain sets.
+        let (temperatures, chains) = (self.temperatures.len(), self.chains.len());
+        for (number, chain) in self.chains.iter_mut().enumerate() {
+            let (chain_set, k) = (number / temperatures, number % temperatures);
             let turn = k * self.settings.chain_sets + chain_set;
-            let particles = level.ln_likelihood.len();
-            let most = temperatures * self.settings.chain_sets;
-            self.chains[chain].point = level.point(turn * particles / most);
+            chain.point = posterior[turn * posterior.len() / chains].clone();
         }
         self.take_references(references, target);
+        Ok(())
     }
 
     /// Ends a round, or an extension of the last: new temperatures, metrics and steps from its record.
-    pub(super) fn adapt(&mut self, target: &dyn Target) {
+    ///
+    /// # Errors
+    /// Those of the target.
+    pub(super) fn adapt(&mut self, target: &dyn Target) -> Result<()> {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
         let old = communication_barrier(&self.record.extension().mean_rejection());
@@ -121,9 +129,9 @@ impl State {
             for temperature in &mut self.temperatures {
                 temperature.step = StepSize::new(temperature.step.ln_found().exp());
             }
-            self.next_reference(target);
+            self.next_reference(target)?;
             self.next_round(dim);
-            return;
+            return Ok(());
         }
         let (beta, found) = (self.beta(), self.found(dim));
         let count = self.next_temperatures(total);
@@ -159,7 +167,7 @@ impl State {
                 }
             })
             .collect();
-        self.next_reference(target);
+        self.next_reference(target)?;
         if self.is_last_round() {
             let scans = self.settings.scans_of_extension(self.extensions);
             let beta = self.beta();
@@ -167,6 +175,7 @@ impl State {
         } else {
             self.next_round(dim);
         }
+        Ok(())
     }
 
     /// Fits the surrogate anew, where the settings ask for one, to the newest values of ln L. The present one remains where ln L is
@@ -196,46 +205,52 @@ impl State {
 
     /// Fits the next reference to the draws at beta = 1 of the round, or of all extensions of the last, where the settings
     /// ask for one.
-    fn next_reference(&mut self, target: &dyn Target) {
+    fn next_reference(&mut self, target: &dyn Target) -> Result<()> {
         if !self.mixture_next() {
-            return;
+            return Ok(());
         }
-        let references = if self.is_last_round() {
-            self.resembling_others(target)
+        let references = if !self.is_last_round() {
+            self.resembling_all(&self.record.trails.concat(), target)?
+        } else if self.record.next_burns_in() {
+            self.resembling_all(&self.record.extension().draws.concat(), target)?
         } else {
-            self.resembling_all(&self.record.trails.concat(), target)
+            self.resembling_others(target)?
         };
         // Without a mixture that fits, the references stay what they were, and the result has a warning.
         let Some(references) = references else {
-            return;
+            return Ok(());
         };
         if self.path_from_prior() {
             self.leave_prior();
         }
         self.take_references(references, target);
+        Ok(())
     }
 
-    /// One reference for all chain sets before the burn-in ends, fitted to the new draws of all of them and to kept ones of earlier rounds; none if
+    /// One reference for all chain sets until the burn-in ends, fitted to the new draws of all of them and to kept ones of earlier rounds; none if
     /// they are too few. A chain set that has come to a mode which only it has found leaves it by this reference. By one that is fitted to
     /// the draws of others alone it would not, and the result would have it for thousands of scans (docs/validation.md, section 4).
-    fn resembling_all(&mut self, rows: &[f64], target: &dyn Target) -> Option<[Reference; 2]> {
+    fn resembling_all(
+        &mut self,
+        rows: &[f64],
+        target: &dyn Target,
+    ) -> Result<Option<[Reference; 2]>> {
         let training = self.training_with(rows, target.dim());
-        let reference = self.resembling(&training, 0, target);
+        let reference = self.resembling(&training, 0, target)?;
         self.training = training;
-        let reference = reference?;
-        Some([reference.clone(), reference])
+        Ok(reference.map(|reference| [reference.clone(), reference]))
     }
 
     /// References of the draws that are the result: each half of the clusters has one that is fitted to the draws of the other half, and to the kept
     /// ones of the rounds before. None if they are too few.
-    fn resembling_others(&self, target: &dyn Target) -> Option<[Reference; 2]> {
-        let [even, odd] = of_others(self.record.all_draws().iter());
+    fn resembling_others(&self, target: &dyn Target) -> Result<Option<[Reference; 2]>> {
+        let [even, odd] = of_others(self.record.draws_since_burn_in().iter());
         let fit = |half: usize, rows: &[f64]| {
             let training = self.training_with(rows, target.dim());
             self.resembling(&training, half, target)
         };
         let (even, odd) = rayon::join(|| fit(0, &even), || fit(1, &odd));
-        Some([even?, odd?])
+        Ok(even?.zip(odd?).map(|(even, odd)| [even, odd]))
     }
 
     /// The draws of earlier rounds, half as many as there may be, and the new ones.
@@ -245,14 +260,36 @@ impl State {
         training
     }
 
-    /// The reference of a half of the clusters that is fitted to these draws, screened by the surrogate if there is one.
-    fn resembling(&self, training: &[f64], half: usize, target: &dyn Target) -> Option<Reference> {
+    /// The reference of a half of the clusters that is fitted to these draws, and screened by the surrogate if there is one. If they are few,
+    /// copies of them that were moved along the surrogate are added.
+    fn resembling(
+        &self,
+        training: &[f64],
+        half: usize,
+        target: &dyn Target,
+    ) -> Result<Option<Reference>> {
+        let dim = target.dim();
         let rng = |part: usize| {
             let part = (part * 2 + half) as u64;
             stream(self.seed, Domain::PtReference, self.clock, part)
         };
-        let reference = Reference::resembling(training, target.dim(), rng)?;
-        Some(self.screened(reference, half, target))
+        let reference = match (&self.surrogate, self.temperatures.last()) {
+            (Some(surrogate), Some(cold)) => {
+                let rng_of_row = |row: usize| rng(MAX_PARTS + SCREEN_TASKS + row);
+                let rows = with_moved_copies(
+                    training,
+                    MAX_TRAINING + MAX_TRAINING / 2,
+                    target,
+                    surrogate,
+                    &cold.metric,
+                    self.plan(cold),
+                    rng_of_row,
+                )?;
+                Reference::resembling(&rows, dim, rng)
+            }
+            _ => Reference::resembling(training, dim, rng),
+        };
+        Ok(reference.map(|reference| self.screened(reference, half, target)))
     }
 
     /// The reference of a half of the clusters, screened by the surrogate if there is one.

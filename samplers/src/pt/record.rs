@@ -230,6 +230,8 @@ impl Extension {
 pub(super) struct Record {
     /// The planned part, and the extensions of the last round.
     extensions: Vec<Extension>,
+    /// How many of them are the burn-in of a path from a mixture: at least the planned part.
+    burn_in: usize,
     /// Positions of each chain set at beta = 1 after every move of every scan, in a round that a mixture is fitted to.
     pub(super) trails: Vec<Vec<f64>>,
     clusters: usize,
@@ -247,6 +249,7 @@ impl Record {
     ) -> Self {
         Self {
             extensions: vec![Extension::new(dim, chain_sets, clusters, beta, scans)],
+            burn_in: 1,
             trails: vec![Vec::new(); chain_sets],
             clusters,
         }
@@ -265,6 +268,7 @@ impl Record {
         let (chain_sets, clusters) = (settings.chain_sets, settings.clusters());
         ensure(
             (1..=planned.len()).contains(&self.extensions.len())
+                && (1..=self.extensions.len()).contains(&self.burn_in)
                 && self.trails.len() == chain_sets
                 && self.clusters == clusters,
             "a record has other extensions, chain sets or clusters",
@@ -321,11 +325,25 @@ impl Record {
         &mut self.extensions[last]
     }
 
-    /// The extensions that count: all but the round itself, which is the burn-in of a path from a mixture. The round counts
-    /// until an extension is complete.
+    /// Whether the present extension belongs to the burn-in.
+    pub(super) fn burns_in(&self) -> bool {
+        self.extensions.len() <= self.burn_in
+    }
+
+    /// Whether the next extension will.
+    pub(super) fn next_burns_in(&self) -> bool {
+        self.extensions.len() < self.burn_in
+    }
+
+    /// Makes the next extension a part of the burn-in too.
+    pub(super) fn lengthen_burn_in(&mut self) {
+        self.burn_in += 1;
+    }
+
+    /// The extensions that count: all after the burn-in. The last whole one of the burn-in counts until one after it is whole.
     pub(super) fn counted(&self) -> &[Extension] {
-        let extended = self.extensions.len() > 1 && self.extensions[1].whole();
-        &self.extensions[usize::from(extended)..]
+        let whole = self.extensions.iter().take_while(|e| e.whole()).count();
+        &self.extensions[self.burn_in.min(whole.saturating_sub(1))..]
     }
 
     /// Those of them that are long enough for temperatures and ln Z: at least a tenth of the longest.
@@ -350,9 +368,11 @@ impl Record {
         }
     }
 
-    /// Positions at beta = 1 of all extensions, including those that do not count.
-    pub(super) fn all_draws(&self) -> Vec<Vec<f64>> {
-        by_chain_set(&self.extensions, |extension| &extension.draws)
+    /// Positions at beta = 1 of the extensions that count and of the last of the burn-in.
+    pub(super) fn draws_since_burn_in(&self) -> Vec<Vec<f64>> {
+        by_chain_set(&self.extensions[self.burn_in - 1..], |extension| {
+            &extension.draws
+        })
     }
 
     /// Scans that count.

@@ -7,9 +7,7 @@ use super::smc::{Level, SmcSamplers};
 use super::state::{Chain, State, Temperature};
 use super::{Settings, swap};
 use crate::error::{Error, Result};
-use crate::hmc::{
-    self, Evaluator, LocalSampler, MAX_ENERGY_RANGE, Metric, Plan, Point, Screened, StepSize,
-};
+use crate::hmc::{self, Evaluator, LocalSampler, Metric, Point, Screened, StepSize};
 use crate::output::{Calls, Cost};
 use crate::rng::{Domain, RandomStream, stream, unit_open};
 use crate::surrogate::Examples;
@@ -18,12 +16,6 @@ use rayon::prelude::*;
 
 /// Maximum number of draws of the prior in search of one with a likelihood.
 const START_TRIES: usize = 100_000;
-
-/// Maximum number of leapfrog steps of a transition in an early round.
-const EARLY_LEAPFROGS: usize = 32;
-
-/// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory descended.
-const EARLY_SLACK: f64 = 0.05;
 
 /// Inverse temperature below which there are no moves along a surrogate: hardly any would be accepted.
 const LEAST_BETA: f64 = 0.15;
@@ -172,10 +164,13 @@ impl State {
     pub(super) fn go_on(&mut self, target: &dyn Target, passed: bool) -> Result<()> {
         self.changed(|next| {
             next.passed_before = next.looks_passed(passed) > 0;
+            if next.burns_in() && !next.ln_z_settled() {
+                next.record.lengthen_burn_in();
+            }
             next.extensions += 1;
             if next.mixture_next() {
                 next.next_surrogate()?;
-                next.adapt(target);
+                next.adapt(target)?;
             }
             Ok(())
         })
@@ -202,8 +197,7 @@ impl State {
         if self.scan == self.scans() {
             self.changed(|next| {
                 next.next_surrogate()?;
-                next.adapt(target);
-                Ok(())
+                next.adapt(target)
             })?;
         }
         let explored: Vec<Result<Explored>> = (0..self.chains.len())
@@ -277,10 +271,10 @@ impl State {
         }
         if smc_samplers.done() {
             let levels: Vec<Vec<Level>> = smc_samplers.levels().map(<[Level]>::to_vec).collect();
+            let posterior = smc_samplers.posterior();
             self.changed(|next| {
                 next.next_surrogate()?;
-                next.begin(&levels, target);
-                Ok(())
+                next.begin(&levels, &posterior, target)
             })?;
         }
         Ok(())
@@ -401,26 +395,6 @@ impl State {
         };
         let values = scans * self.chains.len() * VALUES_OF_A_CHAIN;
         values.div_ceil(EXAMPLES_KEPT).max(1) as u64
-    }
-
-    pub(super) fn plan(&self, temperature: &Temperature) -> Plan {
-        let early = self.is_early_round();
-        let most = self.settings.max_leapfrogs;
-        Plan {
-            step: temperature.step.step(),
-            length: self.settings.trajectory,
-            max_leapfrogs: if early {
-                most.min(EARLY_LEAPFROGS)
-            } else {
-                most
-            },
-            max_energy_range: if early {
-                f64::INFINITY
-            } else {
-                MAX_ENERGY_RANGE
-            },
-            slack: if early { EARLY_SLACK } else { 0.0 },
-        }
     }
 
     /// Even pairs of temperatures in even scans, odd pairs in odd scans.

@@ -247,6 +247,25 @@ impl SmcSamplers {
         self.smc_samplers.iter().map(|p| p.levels.as_slice())
     }
 
+    /// The SMC particles at the posterior: all of the SMC sampler with the largest evidence, and of every other so many in proportion
+    /// to its own, at least one. An SMC sampler that has missed the main modes so hardly counts.
+    pub(super) fn posterior(&self) -> Vec<Point> {
+        let most = (self.smc_samplers.iter()).fold(f64::NEG_INFINITY, |most, p| most.max(p.ln_z));
+        let of_sampler = |smc_sampler: &SmcSampler| -> Vec<Point> {
+            let count = smc_sampler.points.len();
+            let share = (smc_sampler.ln_z - most).exp();
+            #[allow(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a whole number up to the number of SMC particles"
+            )]
+            let kept = (share * count as f64).ceil().max(1.0) as usize;
+            let evenly = (0..kept).map(|k| k * count / kept);
+            evenly.map(|i| smc_sampler.points[i].clone()).collect()
+        };
+        self.smc_samplers.iter().flat_map(of_sampler).collect()
+    }
+
     /// Lowers the temperature as far as the weights of every SMC sampler allow, and resamples.
     ///
     /// # Errors
@@ -349,5 +368,35 @@ pub(super) fn of_others<R: AsRef<[f64]>>(rows: impl Iterator<Item = R>) -> [Vec<
         [odd.clone(), odd]
     } else {
         [even, odd]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_smc_sampler_has_a_part_of_the_posterior_by_its_evidence() {
+        let points = |x: f64| {
+            let mut point = Point::new(1);
+            point.z[0] = x;
+            vec![point; 8]
+        };
+        let mut smc_samplers = SmcSamplers::new(vec![points(0.0), points(1.0), points(2.0)]);
+        for (smc_sampler, evidence) in smc_samplers
+            .smc_samplers
+            .iter_mut()
+            .zip([0.5_f64, 1.0, 1e-9])
+        {
+            smc_sampler.ln_z = evidence.ln() - 40.0;
+        }
+        let posterior = smc_samplers.posterior();
+        let of = |x: f64| {
+            posterior
+                .iter()
+                .filter(|p| (p.z[0] - x).abs() < 0.5)
+                .count()
+        };
+        assert_eq!([0.0, 1.0, 2.0].map(of), [4, 8, 1]);
     }
 }

@@ -6,7 +6,7 @@ use super::record::Record;
 use super::smc::SmcSamplers;
 use crate::control::Event;
 use crate::difference_pool::DifferencePool;
-use crate::hmc::{Metric, Point, Reference, StepSize};
+use crate::hmc::{MAX_ENERGY_RANGE, Metric, Plan, Point, Reference, StepSize};
 use crate::output::Cost;
 use crate::surrogate::{Examples, Surrogate};
 use serde::{Deserialize, Serialize};
@@ -14,6 +14,15 @@ use serde::{Deserialize, Serialize};
 /// A round of fewer scans is early: it only finds the scales, so its trajectories are short and their energy range has
 /// no limit.
 pub(super) const EARLY_SCANS: usize = 32;
+
+/// Maximum number of leapfrog steps of a transition in an early round.
+const EARLY_LEAPFROGS: usize = 32;
+
+/// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory descended.
+const EARLY_SLACK: f64 = 0.05;
+
+/// Largest change of ln Z, in nats, from one extension to the next with which the burn-in ends (docs/validation.md, section 4).
+const SETTLED_LN_Z: f64 = 0.3;
 
 /// One temperature.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -92,11 +101,22 @@ impl State {
         self.settings.scans_of_extension(self.extensions)
     }
 
+    /// Whether the present scans belong to the burn-in of a path from a mixture: the rounds, and extensions until ln Z is settled.
+    pub(super) fn burns_in(&self) -> bool {
+        self.settings.mixture_rounds > 0 && (!self.is_last_round() || self.record.burns_in())
+    }
+
+    /// Whether ln Z of the extension that has just ended is that of the one, or the round, before it. While references still approach the
+    /// posterior it is not.
+    pub(super) fn ln_z_settled(&self) -> bool {
+        let before = self.history.last().map_or(f64::NAN, |round| round.ln_z);
+        (self.evidence().ln_z - before).abs() <= SETTLED_LN_Z
+    }
+
     /// Number of looks in succession at which all checks passed, at most 2: the present one if `passed`, and the one
     /// before. Draws of the burn-in of a path from a mixture do not count, and a look at them neither.
     pub(super) fn looks_passed(&self, passed: bool) -> usize {
-        let burn_in = self.extensions == 0 && self.settings.mixture_rounds > 0;
-        if passed && !burn_in {
+        if passed && !self.burns_in() {
             1 + usize::from(self.passed_before)
         } else {
             0
@@ -174,6 +194,27 @@ impl State {
 
     pub(super) fn is_early_round(&self) -> bool {
         !self.is_last_round() && self.settings.scans(self.round) < EARLY_SCANS
+    }
+
+    /// The plan of a transition of one temperature in the present round.
+    pub(super) fn plan(&self, temperature: &Temperature) -> Plan {
+        let early = self.is_early_round();
+        let most = self.settings.max_leapfrogs;
+        Plan {
+            step: temperature.step.step(),
+            length: self.settings.trajectory,
+            max_leapfrogs: if early {
+                most.min(EARLY_LEAPFROGS)
+            } else {
+                most
+            },
+            max_energy_range: if early {
+                f64::INFINITY
+            } else {
+                MAX_ENERGY_RANGE
+            },
+            slack: if early { EARLY_SLACK } else { 0.0 },
+        }
     }
 
     pub(super) fn beta(&self) -> Vec<f64> {
