@@ -422,3 +422,30 @@ fn by_chain_set(extensions: &[Extension], of: fn(&Extension) -> &Vec<Vec<f64>>) 
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn extensions_count_from_the_end_of_the_burn_in_on() {
+        let beta = [0.0, 1.0];
+        // Extensions without scans are whole from the start.
+        let mut record = Record::new(1, 2, 2, &beta, 0);
+        assert!(record.burns_in() && !record.next_burns_in());
+        record.lengthen_burn_in();
+        assert!(record.next_burns_in());
+        record.begin_extension(1, &beta, 0);
+        assert!(record.burns_in() && !record.next_burns_in());
+        assert_eq!(record.counted().len(), 1, "the last one of the burn-in");
+        for counted in 1..4 {
+            record.begin_extension(1, &beta, 0);
+            assert!(!record.burns_in());
+            assert_eq!(record.counted().len(), counted);
+        }
+        // One that has only begun does not count alone.
+        let mut begun = Record::new(1, 2, 2, &beta, 0);
+        begun.begin_extension(1, &beta, 8);
+        assert_eq!(begun.counted().len(), 2);
+    }
+}
