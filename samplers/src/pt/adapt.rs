@@ -111,14 +111,14 @@ impl State {
         Ok(())
     }
 
-    /// Ends a round, or an extension of the last: new temperatures, metrics and steps from its record.
+    /// Ends a round, or a part of an extension of the last: new temperatures, metrics and steps from its record.
     ///
     /// # Errors
     /// Those of the target.
     pub(super) fn adapt(&mut self, target: &dyn Target) -> Result<()> {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
-        let old = communication_barrier(&self.record.extension().mean_rejection());
+        let old = communication_barrier(&self.record.part().mean_rejection());
         let total = old[old.len() - 1];
         self.history.push(Finished {
             communication_barrier: total,
@@ -150,7 +150,7 @@ impl State {
                     beta,
                     metric: found[i].0.between(&found[i + 1].0, t),
                     step: StepSize::new(ln_step.exp()),
-                    pools: of_others(self.record.extension().visits[nearest((i, t))].iter())
+                    pools: of_others(self.record.part().visits[nearest((i, t))].iter())
                         .map(|rows| DifferencePool::new(&rows, dim, orbit)),
                 }
             })
@@ -169,9 +169,8 @@ impl State {
             .collect();
         self.next_reference(target)?;
         if self.is_last_round() {
-            let scans = self.settings.scans_of_extension(self.extensions);
-            let beta = self.beta();
-            self.record.begin_extension(dim, &beta, scans);
+            let (beta, scans) = (self.beta(), self.scans_of_next_part());
+            self.record.begin_part(dim, &beta, self.extensions, scans);
         } else {
             self.next_round(dim);
         }
@@ -212,7 +211,7 @@ impl State {
         let references = if !self.is_last_round() {
             self.resembling_all(&self.record.trails.concat(), target)?
         } else if self.record.next_burns_in() {
-            self.resembling_all(&self.record.extension().draws.concat(), target)?
+            self.resembling_all(&self.record.part().draws.concat(), target)?
         } else {
             self.resembling_others(target)?
         };
@@ -343,10 +342,10 @@ impl State {
         let dim = self.chains[0].point.z.len();
         for (chain, place) in self.chains.iter_mut().enumerate() {
             let (chain_set, k) = (chain / temperatures, chain % temperatures);
-            let extension = self.record.extension();
-            let ln_likelihood = &extension.ln_likelihood[chain_set];
+            let part = self.record.part();
+            let ln_likelihood = &part.ln_likelihood[chain_set];
             let row = (ln_likelihood.len() * (k + 1)).div_ceil(temperatures) - 1;
-            let z = &extension.draws[chain_set][row * dim..(row + 1) * dim];
+            let z = &part.draws[chain_set][row * dim..(row + 1) * dim];
             place.point.z.copy_from_slice(z);
             place.point.ln_likelihood = ln_likelihood[row];
         }
@@ -374,7 +373,7 @@ impl State {
 
     /// The metric and the logarithm of the step that the round found for each of its temperatures.
     fn found(&self, dim: usize) -> Vec<(Metric, f64)> {
-        let moments = &self.record.extension().moments;
+        let moments = &self.record.part().moments;
         let enough = 10.0 * dim as f64;
         self.temperatures
             .iter()
@@ -394,7 +393,7 @@ impl State {
                     temperature.metric.refined(&pooled)
                 };
                 let metric = metric.unwrap_or_else(|| temperature.metric.clone());
-                let local = &self.record.extension().locals[k];
+                let local = &self.record.part().locals[k];
                 let ln_found = if self.is_last_round() && local.moves > 0 {
                     let target = self.settings.target_acceptance;
                     (temperature.step).ln_corrected(local.mean_acceptance(), target)

@@ -61,12 +61,14 @@ impl State {
             }
             None => {
                 self.check_chains(dim)?;
-                let planned: Vec<usize> = if self.is_last_round() {
-                    (0..=self.extensions)
-                        .map(|extension| settings.scans_of_extension(extension))
-                        .collect()
+                let planned: Vec<(usize, usize)> = if self.is_last_round() {
+                    let parts = |extension| {
+                        let parts = settings.parts_of_extension(extension);
+                        parts.map(move |scans| (extension, scans))
+                    };
+                    (0..=self.extensions).flat_map(parts).collect()
                 } else {
-                    vec![settings.scans(self.round)]
+                    vec![(0, settings.scans(self.round))]
                 };
                 self.record
                     .check(dim, settings, &self.beta(), &planned, self.scan)

@@ -39,8 +39,8 @@ pub(super) fn checks(run: &CheckInputs<'_>) -> Vec<Check> {
 fn index_processes(run: &CheckInputs<'_>) -> Vec<Check> {
     let index_processes = run.record.index_processes();
     let scans = run.record.scans();
-    let extension = run.record.last_long_enough();
-    let replicas = (index_processes.len() * extension.traces.temperatures()) as f64;
+    let part = run.record.last_long_enough();
+    let replicas = (index_processes.len() * part.traces.temperatures()) as f64;
     let fewest = index_processes
         .iter()
         .map(|(trips, _)| *trips)
@@ -49,7 +49,7 @@ fn index_processes(run: &CheckInputs<'_>) -> Vec<Check> {
     let restarts: u64 = index_processes.iter().map(|(_, restarts)| restarts).sum();
     let trips = run.record.round_trips() as f64;
     let rate = trips / (scans * index_processes.len()).max(1) as f64;
-    let expected = round_trip_rate(&extension.mean_rejection());
+    let expected = round_trip_rate(&part.mean_rejection());
     vec![
         Check::at_least(
             "round-trips-worst-chain-set",

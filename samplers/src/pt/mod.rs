@@ -5,7 +5,7 @@
 //! deterministic even-odd swaps. Several independent chain sets run through rounds of doubling length. Temperatures,
 //! metrics and step sizes are adapted between rounds, step sizes also within all rounds but the last. The last round
 //! has fixed settings and is the result. It can be extended until the run passes its checks: from the prior with the
-//! same settings; from a mixture with settings fitted anew to all draws before each extension, and the round
+//! same settings; from a mixture with settings fitted anew before each extension and within long ones, and the round
 //! itself is the burn-in, with extensions until ln Z no longer changes. At beta = 0 the prior or the mixture is drawn independently in every scan. So each round trip of a
 //! replica is an independent restart, and the evidence of each chain set is an independent estimate.
 //!

@@ -198,20 +198,20 @@ fn evidence(draws: &Draws, estimate: Estimate) -> Evidence {
 
 fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History {
     let record = &state.record;
-    let extension = record.last_long_enough();
-    let temperatures = extension.beta.len();
-    let chain_sets: Vec<usize> = (0..extension.traces.chain_sets()).collect();
+    let part = record.last_long_enough();
+    let temperatures = part.beta.len();
+    let chain_sets: Vec<usize> = (0..part.traces.chain_sets()).collect();
     let (mean, variance) = (0..temperatures)
-        .map(|temperature| extension.traces.moments(&chain_sets, temperature))
+        .map(|temperature| part.traces.moments(&chain_sets, temperature))
         .unzip();
-    let rejection = extension.mean_rejection();
+    let rejection = part.mean_rejection();
     History::Tempered {
-        beta: extension.beta.clone(),
+        beta: part.beta.clone(),
         mean_ln_likelihood: mean,
         variance_ln_likelihood: variance,
         communication_barrier: communication_barrier(&rejection),
         swap_rejection: rejection,
-        acceptance: extension
+        acceptance: part
             .locals
             .iter()
             .map(|l| {
@@ -223,12 +223,12 @@ fn history(state: &State, step_size: Vec<f64>, trace: Vec<Vec<f64>>) -> History 
             })
             .collect(),
         step_size,
-        mean_leapfrogs: extension
+        mean_leapfrogs: part
             .locals
             .iter()
             .map(|l| l.leapfrogs as f64 / l.moves.max(1) as f64)
             .collect(),
-        divergences: extension.locals.iter().map(|l| l.diverged).collect(),
+        divergences: part.locals.iter().map(|l| l.diverged).collect(),
         round_trips: record
             .index_processes()
             .iter()
@@ -252,8 +252,8 @@ fn warnings(state: &State) -> Vec<String> {
                 .to_owned(),
         );
     }
-    let extension = state.record.last_long_enough();
-    for (beta, rejection) in extension.beta.iter().zip(extension.mean_rejection()) {
+    let part = state.record.last_long_enough();
+    for (beta, rejection) in part.beta.iter().zip(part.mean_rejection()) {
         if state.is_last_round() && rejection > SLOW_GAP {
             warnings.push(format!(
                 "{:.0} % of swaps above beta = {:.3e} are rejected, which slows round trips; raise `max_temperatures`, or add rounds so that temperatures can adapt",
@@ -261,7 +261,7 @@ fn warnings(state: &State) -> Vec<String> {
             ));
         }
     }
-    let locals = &extension.locals;
+    let locals = &part.locals;
     let diverged: u64 = locals.iter().map(|local| local.diverged).sum();
     if state.is_last_round() && diverged > 0 {
         let moves: u64 = locals.iter().map(|local| local.moves).sum();

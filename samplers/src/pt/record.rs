@@ -16,10 +16,10 @@ const MAX_SCORE: f64 = 1_000.0;
 /// scans of a round.
 const MAX_VISITS: usize = 256;
 
-/// An extension shorter than the longest one by this factor is not used for temperatures and ln Z.
+/// A part shorter than the longest one by this factor is not used for temperatures and ln Z.
 const MIN_PART: usize = 10;
 
-/// The HMC transitions at one temperature in one extension, all chain sets together.
+/// The HMC transitions at one temperature in one part, all chain sets together.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Local {
     /// HMC transitions.
@@ -94,10 +94,12 @@ impl Local {
     }
 }
 
-/// Scans with fixed temperatures, metrics and reference: the planned part of a round, or one extension of the last round.
+/// Scans with fixed temperatures, metrics and reference: a round, or an extension of the last, or a part of a long one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Extension {
+pub(super) struct Part {
     pub(super) beta: Vec<f64>,
+    /// Number of the extension that it belongs to; 0 for the round itself.
+    pub(super) extension: usize,
     /// Planned number of scans.
     scans: usize,
     /// ln L minus the log ratio of reference to prior, of every chain after every scan's moves.
@@ -120,11 +122,12 @@ pub(super) struct Extension {
     rejection: Vec<f64>,
 }
 
-impl Extension {
+impl Part {
     fn new(dim: usize, chain_sets: usize, clusters: usize, beta: &[f64], scans: usize) -> Self {
         let temperatures = beta.len();
         Self {
             beta: beta.to_vec(),
+            extension: 0,
             scans,
             traces: Traces::new(chain_sets, temperatures),
             draws: vec![Vec::new(); chain_sets],
@@ -138,17 +141,24 @@ impl Extension {
         }
     }
 
-    /// Checks an extension of `scans` that was read from a file.
-    fn check(&self, dim: usize, chain_sets: usize, clusters: usize, scans: usize) -> Valid {
+    /// Checks a part of this extension, with `scans`, that was read from a file.
+    fn check(
+        &self,
+        dim: usize,
+        chain_sets: usize,
+        clusters: usize,
+        (extension, scans): (usize, usize),
+    ) -> Valid {
         let temperatures = self.beta.len();
         ensure(
             temperatures >= 2
+                && self.extension == extension
                 && self.scans == scans
                 && self.index_processes.len() == chain_sets
                 && self.locals.len() == temperatures
                 && self.moments.len() == temperatures
                 && self.rejection.len() == temperatures - 1,
-            "an extension has other chain sets, temperatures or scans",
+            "a part of a round has other chain sets, temperatures or scans",
         )?;
         self.traces.check(chain_sets, temperatures)?;
         let noted = self.traces.scans();
@@ -211,7 +221,8 @@ impl Extension {
         }
     }
 
-    fn whole(&self) -> bool {
+    /// Whether all planned scans are done.
+    pub(super) fn whole(&self) -> bool {
         self.traces.scans() >= self.scans
     }
 
@@ -228,8 +239,8 @@ impl Extension {
 /// The record of a round: for adaptation, evidence, checks and draws.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Record {
-    /// The planned part, and the extensions of the last round.
-    extensions: Vec<Extension>,
+    /// The round, and the parts of the extensions of the last.
+    parts: Vec<Part>,
     /// How many of them are the burn-in of a path from a mixture: at least the planned part.
     burn_in: usize,
     /// Positions of each chain set at beta = 1 after every move of every scan, in a round that a mixture is fitted to.
@@ -248,148 +259,136 @@ impl Record {
         scans: usize,
     ) -> Self {
         Self {
-            extensions: vec![Extension::new(dim, chain_sets, clusters, beta, scans)],
+            parts: vec![Part::new(dim, chain_sets, clusters, beta, scans)],
             burn_in: 1,
             trails: vec![Vec::new(); chain_sets],
             clusters,
         }
     }
 
-    /// Checks a record that was read from a file: `planned` has the scans of the round and of its extensions, of which `done` are done in
+    /// Checks a record that was read from a file: `planned` has the scans of all parts with the numbers of their extensions, of which `done` are done in
     /// all.
     pub(super) fn check(
         &self,
         dim: usize,
         settings: &Settings,
         beta: &[f64],
-        planned: &[usize],
+        planned: &[(usize, usize)],
         done: usize,
     ) -> Valid {
         let (chain_sets, clusters) = (settings.chain_sets, settings.clusters());
         ensure(
-            (1..=planned.len()).contains(&self.extensions.len())
-                && (1..=self.extensions.len()).contains(&self.burn_in)
+            (1..=planned.len()).contains(&self.parts.len())
+                && (1..=self.parts.len()).contains(&self.burn_in)
                 && self.trails.len() == chain_sets
                 && self.clusters == clusters,
-            "a record has other extensions, chain sets or clusters",
+            "a record has other parts, chain sets or clusters",
         )?;
         let whole = |z: &Vec<f64>| z.len().is_multiple_of(dim) && moderate(z);
         ensure(
             self.trails.iter().all(whole),
             "a list of positions has another dimension, or is not finite",
         )?;
-        (self.extensions.iter().zip(planned)).try_for_each(|(extension, scans)| {
-            extension.check(dim, chain_sets, clusters, *scans)
-        })?;
-        let noted: usize = self
-            .extensions
-            .iter()
-            .map(|extension| extension.traces.scans())
-            .sum();
-        let before = &self.extensions[..self.extensions.len() - 1];
+        (self.parts.iter().zip(planned))
+            .try_for_each(|(part, planned)| part.check(dim, chain_sets, clusters, *planned))?;
+        let noted: usize = self.parts.iter().map(|part| part.traces.scans()).sum();
+        let before = &self.parts[..self.parts.len() - 1];
         ensure(
-            noted == done
-                && before
-                    .iter()
-                    .all(|extension| extension.traces.scans() == extension.scans),
+            noted == done && before.iter().all(|part| part.traces.scans() == part.scans),
             "a record has other scans than the round",
         )?;
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
-        let last = &self.extension().beta;
+        let last = &self.part().beta;
         ensure(
             last.len() == beta.len() && last.iter().zip(beta).all(same),
-            "the present extension is at other temperatures",
+            "the present part is at other temperatures",
         )
     }
 
-    /// Begins another extension of `scans`; replicas keep their numbers.
-    pub(super) fn begin_extension(&mut self, dim: usize, beta: &[f64], scans: usize) {
-        let mut extension = Extension::new(dim, self.trails.len(), self.clusters, beta, scans);
-        extension.index_processes = self
-            .extension()
+    /// Begins another part, of `scans` and of this extension; replicas keep their numbers.
+    pub(super) fn begin_part(&mut self, dim: usize, beta: &[f64], extension: usize, scans: usize) {
+        let mut part = Part::new(dim, self.trails.len(), self.clusters, beta, scans);
+        part.index_processes = self
+            .part()
             .index_processes
             .iter()
             .map(IndexProcess::onward)
             .collect();
-        self.extensions.push(extension);
+        part.extension = extension;
+        self.parts.push(part);
     }
 
-    /// The present extension.
-    pub(super) fn extension(&self) -> &Extension {
-        &self.extensions[self.extensions.len() - 1]
+    /// The present part.
+    pub(super) fn part(&self) -> &Part {
+        &self.parts[self.parts.len() - 1]
     }
 
-    /// The present extension, to be added to.
-    pub(super) fn extension_mut(&mut self) -> &mut Extension {
-        let last = self.extensions.len() - 1;
-        &mut self.extensions[last]
+    /// The present part, to be added to.
+    pub(super) fn part_mut(&mut self) -> &mut Part {
+        let last = self.parts.len() - 1;
+        &mut self.parts[last]
     }
 
-    /// Whether the present extension belongs to the burn-in.
+    /// Whether the present part belongs to the burn-in.
     pub(super) fn burns_in(&self) -> bool {
-        self.extensions.len() <= self.burn_in
+        self.parts.len() <= self.burn_in
     }
 
-    /// Whether the next extension will.
+    /// Whether the next part will.
     pub(super) fn next_burns_in(&self) -> bool {
-        self.extensions.len() < self.burn_in
+        self.parts.len() < self.burn_in
     }
 
-    /// Makes the next extension a part of the burn-in too.
-    pub(super) fn lengthen_burn_in(&mut self) {
-        self.burn_in += 1;
+    /// Makes so many further parts the burn-in too.
+    pub(super) fn lengthen_burn_in(&mut self, parts: usize) {
+        self.burn_in += parts;
     }
 
-    /// The extensions that count: all after the burn-in. The last whole one of the burn-in counts until one after it is whole.
-    pub(super) fn counted(&self) -> &[Extension] {
-        let whole = self.extensions.iter().take_while(|e| e.whole()).count();
-        &self.extensions[self.burn_in.min(whole.saturating_sub(1))..]
+    /// The parts that count: all after the burn-in. The last whole one of the burn-in counts until one after it is whole.
+    pub(super) fn counted(&self) -> &[Part] {
+        let whole = self.parts.iter().take_while(|e| e.whole()).count();
+        &self.parts[self.burn_in.min(whole.saturating_sub(1))..]
     }
 
     /// Those of them that are long enough for temperatures and ln Z: at least a tenth of the longest.
-    pub(super) fn long_enough(&self) -> impl DoubleEndedIterator<Item = &Extension> {
-        let scans = |extension: &Extension| extension.traces.scans();
+    pub(super) fn long_enough(&self) -> impl DoubleEndedIterator<Item = &Part> {
+        let scans = |part: &Part| part.traces.scans();
         let longest = self.counted().iter().map(scans).max().unwrap_or(0);
         let least = longest.div_ceil(MIN_PART);
-        let extensions = self.counted().iter();
-        extensions.filter(move |extension| scans(extension) >= least)
+        let parts = self.counted().iter();
+        parts.filter(move |part| scans(part) >= least)
     }
 
-    /// The last extension that is long enough.
-    pub(super) fn last_long_enough(&self) -> &Extension {
-        self.long_enough().next_back().unwrap_or(self.extension())
+    /// The last part that is long enough.
+    pub(super) fn last_long_enough(&self) -> &Part {
+        self.long_enough().next_back().unwrap_or(self.part())
     }
 
     /// What counts at beta = 1.
     pub(super) fn cold(&self) -> PosteriorDraws {
         PosteriorDraws {
-            positions: by_chain_set(self.counted(), |extension| &extension.draws),
-            ln_likelihood: by_chain_set(self.counted(), |extension| &extension.ln_likelihood),
+            positions: by_chain_set(self.counted(), |part| &part.draws),
+            ln_likelihood: by_chain_set(self.counted(), |part| &part.ln_likelihood),
         }
     }
 
-    /// Positions at beta = 1 of the extensions that count and of the last of the burn-in.
+    /// Positions at beta = 1 of the parts that count and of the last of the burn-in.
     pub(super) fn draws_since_burn_in(&self) -> Vec<Vec<f64>> {
-        by_chain_set(&self.extensions[self.burn_in - 1..], |extension| {
-            &extension.draws
-        })
+        by_chain_set(&self.parts[self.burn_in - 1..], |part| &part.draws)
     }
 
     /// Scans that count.
     pub(super) fn scans(&self) -> usize {
-        self.counted()
-            .iter()
-            .map(|extension| extension.traces.scans())
-            .sum()
+        self.counted().iter().map(|part| part.traces.scans()).sum()
     }
 
     /// Round trips and restarts of each chain set that count.
     pub(super) fn index_processes(&self) -> Vec<(u64, u64)> {
         let chain_sets = 0..self.trails.len();
         let of = |chain_set: usize, count: fn(&IndexProcess) -> u64| {
-            let extensions = self.counted().iter();
-            extensions
-                .map(|extension| count(&extension.index_processes[chain_set]))
+            let parts = self.counted().iter();
+            parts
+                .map(|part| count(&part.index_processes[chain_set]))
                 .sum()
         };
         chain_sets
@@ -408,15 +407,13 @@ impl Record {
     }
 }
 
-fn by_chain_set(extensions: &[Extension], of: fn(&Extension) -> &Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-    let chain_sets = extensions
-        .first()
-        .map_or(0, |extension| of(extension).len());
+fn by_chain_set(parts: &[Part], of: fn(&Part) -> &Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    let chain_sets = parts.first().map_or(0, |part| of(part).len());
     (0..chain_sets)
         .map(|chain_set| {
-            extensions
+            parts
                 .iter()
-                .flat_map(|extension| &of(extension)[chain_set])
+                .flat_map(|part| &of(part)[chain_set])
                 .copied()
                 .collect()
         })
@@ -428,24 +425,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn extensions_count_from_the_end_of_the_burn_in_on() {
+    fn parts_count_from_the_end_of_the_burn_in_on() {
         let beta = [0.0, 1.0];
-        // Extensions without scans are whole from the start.
+        // Parts without scans are whole from the start.
         let mut record = Record::new(1, 2, 2, &beta, 0);
         assert!(record.burns_in() && !record.next_burns_in());
-        record.lengthen_burn_in();
+        record.lengthen_burn_in(1);
         assert!(record.next_burns_in());
-        record.begin_extension(1, &beta, 0);
+        record.begin_part(1, &beta, 1, 0);
         assert!(record.burns_in() && !record.next_burns_in());
         assert_eq!(record.counted().len(), 1, "the last one of the burn-in");
         for counted in 1..4 {
-            record.begin_extension(1, &beta, 0);
+            record.begin_part(1, &beta, 1, 0);
             assert!(!record.burns_in());
             assert_eq!(record.counted().len(), counted);
         }
         // One that has only begun does not count alone.
         let mut begun = Record::new(1, 2, 2, &beta, 0);
-        begun.begin_extension(1, &beta, 8);
+        begun.begin_part(1, &beta, 1, 8);
         assert_eq!(begun.counted().len(), 2);
     }
 }

@@ -165,7 +165,11 @@ impl State {
         self.changed(|next| {
             next.passed_before = next.looks_passed(passed) > 0;
             if next.burns_in() && !next.ln_z_settled() {
-                next.record.lengthen_burn_in();
+                let parts = next
+                    .settings
+                    .parts_of_extension(next.extensions + 1)
+                    .count();
+                next.record.lengthen_burn_in(parts);
             }
             next.extensions += 1;
             if next.mixture_next() {
@@ -194,7 +198,7 @@ impl State {
             }
             return advanced;
         }
-        if self.scan == self.scans() {
+        if self.scan == self.scans() || self.part_ended() {
             self.changed(|next| {
                 next.next_surrogate()?;
                 next.adapt(target)
@@ -211,9 +215,9 @@ impl State {
         for (index, explored) in explored.into_iter().enumerate() {
             if let Some(score) = explored.score {
                 let temperature = index % temperatures;
-                (self.record.extension_mut()).note_score(temperature, &explored.point, score);
+                (self.record.part_mut()).note_score(temperature, &explored.point, score);
             }
-            let traces = &mut self.record.extension_mut().traces;
+            let traces = &mut self.record.part_mut().traces;
             traces.push_screened(index / temperatures, &explored.screened);
             self.chains[index].point = explored.point;
             locals[index % temperatures].add(&explored.local);
@@ -227,13 +231,13 @@ impl State {
             let points = self.chains[chain_set * temperatures..(chain_set + 1) * temperatures]
                 .iter()
                 .map(|chain| &chain.point);
-            self.record.extension_mut().note(chain_set, points);
+            self.record.part_mut().note(chain_set, points);
             self.swap(chain_set, &beta);
         }
         let (frozen, early) = (self.is_last_round(), self.is_early_round());
         let scans = self.scans();
         for (temperature, local) in locals.iter().enumerate() {
-            self.record.extension_mut().locals[temperature].add(local);
+            self.record.part_mut().locals[temperature].add(local);
             if frozen || temperature == 0 {
                 continue;
             }
@@ -380,9 +384,10 @@ impl State {
     /// Whether the surrogate is to be fitted again within an extension: a state whose ln L it underestimates by far is left only by slice
     /// updates, whose values then teach it.
     fn surrogate_due(&self) -> bool {
-        let done = self.record.extension().traces.scans();
+        let done = self.record.part().traces.scans();
         let every = SURROGATE_SCANS.max(self.newest_scans() / SURROGATE_FITS);
-        self.is_last_round() && self.scan < self.scans() && done.is_multiple_of(every)
+        let goes_on = self.is_last_round() && self.scan < self.scans();
+        goes_on && !self.part_ended() && done.is_multiple_of(every)
     }
 
     /// A surrogate learns from the values of one in so many scans, so that all examples that it may have are spread over the whole round or
@@ -409,7 +414,7 @@ impl State {
                 self.chains.swap(hot, hot + 1);
             }
         }
-        self.record.extension_mut().index_processes[chain_set].note(
+        self.record.part_mut().index_processes[chain_set].note(
             self.chains[chain_set * temperatures].replica,
             self.chains[(chain_set + 1) * temperatures - 1].replica,
         );

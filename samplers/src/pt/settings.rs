@@ -11,6 +11,9 @@ const MAX_PARTICLES: usize = 1 << 19;
 /// Minimum number of MCMC steps at each temperature, if their number is not given.
 const MIN_MCMC_STEPS: usize = 8;
 
+/// Scans of the longest part of an extension over those of the last round.
+const PART: usize = 4;
+
 /// Temperatures that an SMC sampler passes from the prior to the posterior, for the estimate of memory. A posterior of 13 parameters needs
 /// about 30.
 const LEVELS: f64 = 64.0;
@@ -127,6 +130,18 @@ impl Settings {
     #[must_use]
     pub(super) fn scans_of_extension(&self, extension: usize) -> usize {
         self.scans(self.rounds - 1) << (extension / 2)
+    }
+
+    /// Scans of the parts of the last round (0) or of one of its extensions. A part has references, temperatures and metrics of its own on a
+    /// path from a mixture; those of a long extension would else be old at its end.
+    pub(super) fn parts_of_extension(&self, extension: usize) -> impl Iterator<Item = usize> {
+        let all = self.scans_of_extension(extension);
+        let most = if self.mixture_rounds > 0 {
+            PART * self.scans(self.rounds - 1)
+        } else {
+            all
+        };
+        (0..all).step_by(most).map(move |done| most.min(all - done))
     }
 
     /// Scans of the last round with so many extensions.

@@ -96,6 +96,19 @@ impl State {
         self.is_last_round() && self.scan == self.scans()
     }
 
+    /// Whether a part of an extension has ended, but not the extension, and another is to begin.
+    pub(super) fn part_ended(&self) -> bool {
+        let goes_on = self.is_last_round() && self.scan < self.scans();
+        goes_on && self.mixture_next() && self.record.part().whole()
+    }
+
+    /// Scans of the next part of the present extension.
+    pub(super) fn scans_of_next_part(&self) -> usize {
+        let left = self.scans() - self.scan;
+        let longest = self.settings.parts_of_extension(self.extensions).next();
+        longest.map_or(left, |longest| longest.min(left))
+    }
+
     /// Scans of the present extension of the last round, or of the round itself.
     pub(super) fn newest_scans(&self) -> usize {
         self.settings.scans_of_extension(self.extensions)
@@ -106,7 +119,7 @@ impl State {
         self.settings.mixture_rounds > 0 && (!self.is_last_round() || self.record.burns_in())
     }
 
-    /// Whether ln Z of the extension that has just ended is that of the one, or the round, before it. While references still approach the
+    /// Whether ln Z of the part that has just ended is that of the one, or the round, before it. While references still approach the
     /// posterior it is not.
     pub(super) fn ln_z_settled(&self) -> bool {
         let before = self.history.last().map_or(f64::NAN, |round| round.ln_z);
@@ -225,41 +238,45 @@ impl State {
     }
 
     pub(super) fn evidence(&self) -> Estimate {
-        let extensions: Vec<(&[f64], &Traces)> = self.parts().collect();
-        self.evidence_of(&extensions)
+        let parts: Vec<(&[f64], &Traces)> = self.parts(|_| true).collect();
+        self.evidence_of(&parts)
     }
 
     /// The evidence of the scans before the newest extension, and of that extension alone; none if there is none before.
     pub(super) fn evidence_of_earlier_and_newest(&self) -> Option<[Estimate; 2]> {
-        let parts: Vec<(&[f64], &Traces)> = self.parts().collect();
-        let (&(beta, newest), earlier) = parts.split_last()?;
-        if !earlier.is_empty() {
-            return Some([
-                self.evidence_of(earlier),
-                self.evidence_of(&[(beta, newest)]),
-            ]);
+        let of = |newest: bool| -> Option<Estimate> {
+            let parts = self.parts(|extension| (extension == self.extensions) == newest);
+            let parts: Vec<(&[f64], &Traces)> = parts.collect();
+            (!parts.is_empty()).then(|| self.evidence_of(&parts))
+        };
+        if let (Some(earlier), Some(newest)) = (of(false), of(true)) {
+            return Some([earlier, newest]);
         }
-        // On a path from the prior all extensions are one part.
-        let before = newest.scans().checked_sub(self.newest_scans())?;
+        // Without a mixture all extensions are one part.
+        let (beta, all) = self.parts(|_| true).next()?;
+        let before = all.scans().checked_sub(self.newest_scans())?;
         (before > 0 && self.path_from_prior()).then(|| {
-            let both = newest.split_at(before);
+            let both = all.split_at(before);
             both.map(|part| self.evidence_of(&[(beta, &part)]))
         })
     }
 
-    /// The parts of the last round that are long enough for ln Z: inverse temperatures, and the traces at them.
-    fn parts(&self) -> impl Iterator<Item = (&[f64], &Traces)> {
-        let extensions = self.record.long_enough();
-        extensions.map(|extension| (extension.beta.as_slice(), &extension.traces))
+    /// The parts of these extensions that are long enough for ln Z: inverse temperatures, and the traces at them.
+    fn parts(&self, of: impl Fn(usize) -> bool) -> impl Iterator<Item = (&[f64], &Traces)> {
+        let parts = self
+            .record
+            .long_enough()
+            .filter(move |part| of(part.extension));
+        parts.map(|part| (part.beta.as_slice(), &part.traces))
     }
 
-    fn evidence_of(&self, extensions: &[(&[f64], &Traces)]) -> Estimate {
+    fn evidence_of(&self, parts: &[(&[f64], &Traces)]) -> Estimate {
         let paths = if self.path_from_prior() {
             1
         } else {
             self.references.len()
         };
-        estimate(extensions, self.settings.clusters(), paths)
+        estimate(parts, self.settings.clusters(), paths)
     }
 
     /// The event of a scan; evidence and communication barrier are NaN before a round has finished.
