@@ -3,7 +3,7 @@
 use super::exit::Exit;
 use super::options::{JsonFlag, refuse_existing, write_file};
 use super::output::{Output, note};
-use super::run_folders::run_folders;
+use super::run_folders::{finished, run_folders};
 use crate::error::Result;
 use crate::posterior::{Calibration, CalibrationRow, LEVELS, MIN_P_VALUE, RankedFit};
 use crate::report::calibration;
@@ -21,7 +21,7 @@ The mocks must come from the prior of the fits. Columns: mean rank, the mean of 
 right; p-value, of the Kolmogorov-Smirnov test that these are uniform; the fraction of true values within central intervals of each probability."
 )]
 pub struct Args {
-    /// Finished fits of mocks, each of another one, and tables that --json has printed (FILE.json); other files and folders are skipped with a note
+    /// Finished fits of mocks, each of another one, and tables that --json has printed (FILE.json); unfinished fits, and other files and folders, are skipped with a note
     #[arg(required = true)]
     runs: Vec<PathBuf>,
     /// Figure of the distribution of ranks to write (SVG)
@@ -42,7 +42,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let is_table = |path: &PathBuf| path.extension().is_some_and(|e| e == "json");
     let (mut paths, runs): (Vec<PathBuf>, Vec<PathBuf>) =
         args.runs.iter().cloned().partition(is_table);
-    paths.extend(run_folders(&runs));
+    paths.extend(finished(&run_folders(&runs)));
     let fits = ranked_fits(&paths)?;
     let found = Calibration::new(&fits);
     if let Some(path) = &args.figure

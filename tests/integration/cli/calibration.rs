@@ -37,6 +37,13 @@ fn fits_of_mocks_are_ranked_and_others_refused() {
     fit(&track(folder.path(), 1, 12.0), &runs[0]);
     fit(&track(folder.path(), 2, 12.0), &runs[1]);
 
+    // A fit that has only begun is no reason to wait with the others.
+    let begun = path("begun");
+    std::fs::create_dir(&begun).expect("a folder");
+    for file in ["versions.json", "config.toml", "track.ecsv"] {
+        std::fs::copy(Path::new(&runs[0]).join(file), Path::new(&begun).join(file)).expect(file);
+    }
+
     // No fit passes with 40 live points, so that the verdict is about both.
     let figure = path("ranks.svg");
     let args = [
@@ -44,12 +51,15 @@ fn fits_of_mocks_are_ranked_and_others_refused() {
         &runs[0],
         &runs[1],
         &config,
+        &begun,
         "--figure",
         &figure,
         "--json",
     ];
     let output = oblate(&args, "");
-    assert!(String::from_utf8_lossy(&output.stderr).contains("small.toml is no run folder"));
+    let notes = String::from_utf8_lossy(&output.stderr);
+    assert!(notes.contains("small.toml is no run folder"), "{notes}");
+    assert!(notes.contains("begun has not finished"), "{notes}");
     let said = json(&output.stdout);
     assert_eq!(said["calibration"]["all"][0]["fits"], 2);
     assert_eq!(said["calibration"]["converged"], json!([]));
