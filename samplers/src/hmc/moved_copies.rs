@@ -92,7 +92,7 @@ mod tests {
     const ALL: usize = 16;
 
     fn moved(most: usize, step: f64) -> Vec<f64> {
-        // All rows are at one place, four standard deviations from the surrogate's mean.
+        // All rows are at one place, some three standard deviations from the surrogate's mean.
         let rows = [2.5; 2 * ROWS];
         let plan = Plan {
             step,
