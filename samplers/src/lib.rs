@@ -38,7 +38,7 @@
 //! # }
 //! ```
 //!
-//! Modules, each of which may only import the ones before it: [`limits`], [`error`], [`normal`], [`rng`], [`target`],
+//! Modules, each of which may only import the ones before it: [`limits`], [`error`], [`normal`], [`rng`], single precision, [`target`],
 //! [`files`], [`read`], checks of states, [`checkpoint`], [`output`], [`control`], checkpointing and clocks, [`diagnostics`], [`difference_pool`],
 //! [`smc_weights`], mixtures, [`surrogate`], then the samplers: [`hmc`], [`nested`] and
 //! [`pt`], and [`bridge`], the SMC bridge from a finished run to a finer likelihood.
@@ -80,6 +80,7 @@ pub mod output;
 pub mod pt;
 pub mod read;
 pub mod rng;
+mod single;
 pub mod smc_weights;
 pub mod surrogate;
 pub mod target;

@@ -19,8 +19,8 @@ const MIN_ROWS_PER_DIM: usize = 10;
 /// Maximum number of iterations of expectation-maximisation.
 const MAX_ROUNDS: usize = 100;
 
-/// The fit ends when the mean log density grows by less than this.
-const SETTLED: f64 = 1e-4;
+/// The fit ends when the mean log density grows by less than this in an iteration.
+const SETTLED: f64 = 1e-3;
 
 /// Added to the diagonal of every covariance, in units of the draws' own, because draws of a chain may repeat.
 const RIDGE: f64 = 1e-9;

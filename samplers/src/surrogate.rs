@@ -10,6 +10,7 @@ mod network;
 
 use crate::diagnostics::column_moments;
 use crate::rng::{RandomStream, below};
+use crate::single::single;
 use crate::valid::{Valid, ensure, moderate, rows};
 use muon::Muon;
 use network::{Batch, Network, Pass};
@@ -173,11 +174,6 @@ struct Learned {
     ln_likelihood: Vec<f32>,
     /// Largest ln L.
     top: f32,
-}
-
-#[allow(clippy::cast_possible_truncation, reason = "single precision")]
-fn single(x: f64) -> f32 {
-    x as f32
 }
 
 impl Surrogate {

@@ -23,7 +23,7 @@ pub use metric::Metric;
 pub use moments::Moments;
 pub use moved_copies::with_moved_copies;
 pub use point::{Evaluator, Point, screen};
-pub use reference::{Reference, thinned};
+pub use reference::{Reference, evenly_spaced, thinned};
 pub use screen::{Screen, Screened};
 pub use slice::{involutions_and_slice_updates, slice, slice_updates, try_involutions};
 pub use step_size::{MAX_STEP, StepSize};

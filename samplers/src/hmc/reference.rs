@@ -29,6 +29,9 @@ const WIDENING: f64 = 1.3;
 /// Maximum number of components of a mixture.
 const MAX_COMPONENTS: usize = 16;
 
+/// Rows that a mixture is fitted to; all of them would cost an easy run as much as its values of ln L.
+const MIXTURE_ROWS: usize = 2_500;
+
 /// Number of blocks of successive draws; one of `HELD_OUT` is held out when densities are fitted to the others.
 const BLOCKS: usize = 20;
 const HELD_OUT: usize = 4;
@@ -59,9 +62,10 @@ impl Reference {
         dim: usize,
         rng: impl Fn(usize) -> RandomStream + Sync,
     ) -> Option<Self> {
+        let few = divided(&thinned(rows, dim, MIXTURE_ROWS), dim);
         let (rows, held_out) = divided(rows, dim);
         let (mixture, autoregressive) = rayon::join(
-            || Mixture::choose([&rows, &held_out], MAX_COMPONENTS, &rng)?.widened(WIDENING),
+            || Mixture::choose([&few.0, &few.1], MAX_COMPONENTS, &rng)?.widened(WIDENING),
             || Autoregressive::fit(&rows.values, &held_out.values, dim, &mut rng(0)),
         );
         Some(Self(Some(Fitted {
@@ -183,10 +187,15 @@ impl Fitted {
 /// At most so many rows of coordinates, evenly spaced among those given.
 #[must_use]
 pub fn thinned(rows: &[f64], dim: usize, max: usize) -> Vec<f64> {
-    let count = rows.len() / dim;
+    let row = |i: usize| &rows[i * dim..(i + 1) * dim];
+    let kept = evenly_spaced(rows.len() / dim, max);
+    kept.flat_map(row).copied().collect()
+}
+
+/// At most `max` of the numbers from 0 to `count - 1`, evenly spaced.
+pub fn evenly_spaced(count: usize, max: usize) -> impl Iterator<Item = usize> {
     let kept = count.min(max);
-    let row = |k: usize| &rows[k * count / kept * dim..][..dim];
-    (0..kept).flat_map(row).copied().collect()
+    (0..kept).map(move |k| k * count / kept)
 }
 
 /// The rows of all blocks but those held out, and the latter.

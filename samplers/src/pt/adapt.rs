@@ -3,7 +3,7 @@
 
 use super::schedule::{communication_barrier, first_schedule, locate, respaced};
 use super::settings::EXAMPLES_KEPT;
-use super::smc::{CommunicationBarrier, Level, of_others};
+use super::smc::{CommunicationBarrier, Level, SmcSamplers, of_others};
 use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
@@ -31,17 +31,12 @@ const FIRST_STEP: f64 = 0.1;
 impl State {
     /// Begins the first round from the SMC samplers: temperatures evenly spaced in their communication barrier, and the
     /// particles of the nearest levels as states, metric and difference pool.
-    pub(super) fn begin(
-        &mut self,
-        smc_samplers: &[Vec<Level>],
-        posterior: &[Point],
-        target: &dyn Target,
-    ) -> Result<()> {
+    pub(super) fn begin(&mut self, smc_samplers: &SmcSamplers, target: &dyn Target) -> Result<()> {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
-        let communication_barriers: Vec<CommunicationBarrier> = smc_samplers
-            .iter()
-            .map(|l| CommunicationBarrier::of(l))
+        let samplers: Vec<&[Level]> = smc_samplers.levels().collect();
+        let communication_barriers: Vec<CommunicationBarrier> = (samplers.iter())
+            .map(|levels| CommunicationBarrier::of(levels))
             .collect();
         let path = CommunicationBarrier::mean(&communication_barriers);
         let count = self.enough_temperatures(path.total());
@@ -55,8 +50,8 @@ impl State {
         let mut temperatures = Vec::with_capacity(count);
         let mut chains = vec![Vec::with_capacity(count); chain_sets];
         for (k, beta) in path.schedule(count).into_iter().enumerate() {
-            let mut rows = vec![Vec::new(); smc_samplers.len()];
-            for (cluster, levels) in smc_samplers.iter().enumerate() {
+            let mut rows = vec![Vec::new(); samplers.len()];
+            for (cluster, levels) in samplers.iter().enumerate() {
                 let place = path.total() * k as f64 / (count - 1) as f64;
                 if let Some(level) = nearest(levels, place).map(|i| &levels[i]) {
                     let task = (cluster << 20) + k;
@@ -65,8 +60,7 @@ impl State {
                     let first = below(&mut rng, particles);
                     // Chain sets of one cluster take particles far apart in number: those of one ancestor have neighbouring
                     // numbers.
-                    let own: Vec<usize> =
-                        (cluster..chain_sets).step_by(smc_samplers.len()).collect();
+                    let own: Vec<usize> = (cluster..chain_sets).step_by(samplers.len()).collect();
                     for (turn, chain_set) in own.iter().enumerate() {
                         let particle = (first + turn * particles / own.len()) % particles;
                         chains[*chain_set].push(Chain {
@@ -87,7 +81,7 @@ impl State {
         self.temperatures = temperatures;
         self.chains = chains.concat();
         if self.settings.mixes(0) {
-            self.begin_at_mixture(posterior, target)?;
+            self.begin_at_mixture(&smc_samplers.posterior(), target)?;
         }
         self.record = self.new_record(dim, 0);
         Ok(())
@@ -111,18 +105,18 @@ impl State {
         Ok(())
     }
 
-    /// Ends a round, or a part of an extension of the last: new temperatures, metrics and steps from its record.
+    /// Ends a round, or a part of an extension of the last, with this ln Z: new temperatures, metrics and steps from its record.
     ///
     /// # Errors
     /// Those of the target.
-    pub(super) fn adapt(&mut self, target: &dyn Target) -> Result<()> {
+    pub(super) fn adapt(&mut self, target: &dyn Target, ln_z: f64) -> Result<()> {
         let dim = target.dim();
         let orbit = Symmetry::first_orbit(target.symmetries());
         let old = communication_barrier(&self.record.part().mean_rejection());
         let total = old[old.len() - 1];
         self.history.push(Finished {
             communication_barrier: total,
-            ln_z: self.evidence().ln_z,
+            ln_z,
         });
         if self.settings.smc_particles > 0 && self.is_early_round() {
             // The SMC samplers give better temperatures, metrics and directions than a few scans do.
@@ -177,18 +171,20 @@ impl State {
         Ok(())
     }
 
-    /// Fits the surrogate anew, where the settings ask for one, to the newest values of ln L. The present one remains where ln L is
-    /// finite at too few points.
+    /// Fits the surrogate anew, where the settings ask for one, to at most so many values of ln L, newer ones more than older ones. The present one
+    /// remains where ln L is finite at too few points.
     ///
     /// # Errors
     /// [`Error::Setting`] if ln L is finite at too few points for a first surrogate.
-    pub(super) fn next_surrogate(&mut self) -> Result<()> {
+    pub(super) fn next_surrogate(&mut self, most: usize) -> Result<()> {
         if !self.settings.surrogate {
             return Ok(());
         }
         self.examples.keep_last(EXAMPLES_KEPT);
+        let mut examples = self.examples.clone();
+        examples.thin(most);
         let mut rng = stream(self.seed, Domain::PtSurrogate, self.clock, 0);
-        let fitted = Surrogate::fit(&self.examples, self.surrogate.as_ref(), &mut rng);
+        let fitted = Surrogate::fit(&examples, self.surrogate.as_ref(), &mut rng);
         if fitted.is_some() {
             self.surrogate = fitted;
         }
@@ -210,7 +206,7 @@ impl State {
         }
         let references = if !self.is_last_round() {
             self.resembling_all(&self.record.trails.concat(), target)?
-        } else if self.record.next_burns_in() {
+        } else if self.record.burns_in(self.extensions) {
             self.resembling_all(&self.record.part().draws.concat(), target)?
         } else {
             self.resembling_others(target)?

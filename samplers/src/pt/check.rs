@@ -178,7 +178,8 @@ mod tests {
         for step in 0..steps {
             assert_eq!(state.check(&settings, 1, 2, 2), Ok(()), "{step}");
             if state.finished() {
-                state.go_on(&target, false).unwrap();
+                let ln_z = state.evidence().ln_z;
+                state.go_on(&target, false, ln_z).unwrap();
             }
             state.advance(&target).unwrap();
         }

@@ -118,7 +118,7 @@ pub fn run(
                 break Status::Complete;
             }
             stop |= control.tell(&look.event(state.scans()));
-            if let Err(error) = state.go_on(target, look.passed) {
+            if let Err(error) = state.go_on(target, look.passed, look.ln_z) {
                 return Err(checkpointer.save_after(error, &state, control));
             }
         }

@@ -102,6 +102,8 @@ fn all_pass(checks: &[Check]) -> bool {
 pub(super) struct Look {
     /// Whether all checks of the draws so far passed.
     pub(super) passed: bool,
+    /// Their estimate of ln Z.
+    pub(super) ln_z: f64,
     /// Whether this is confirmed: the run may end.
     pub(super) confirmed: bool,
     /// The checks that have not passed.
@@ -140,6 +142,7 @@ pub(super) fn look(state: &State, dim: usize) -> Look {
     let all = (assessment.checks.iter()).chain(&assessment.confirmation);
     Look {
         passed,
+        ln_z: assessment.estimate.ln_z,
         confirmed: passed && all_pass(&assessment.confirmation),
         open: all.filter(|check| !check.pass).cloned().collect(),
     }

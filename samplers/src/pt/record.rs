@@ -241,7 +241,7 @@ impl Part {
 pub(super) struct Record {
     /// The round, and the parts of the extensions of the last.
     parts: Vec<Part>,
-    /// How many of them are the burn-in of a path from a mixture: at least the planned part.
+    /// Number of extensions that are the burn-in of a path from a mixture, with the round itself.
     burn_in: usize,
     /// Positions of each chain set at beta = 1 after every move of every scan, in a round that a mixture is fitted to.
     pub(super) trails: Vec<Vec<f64>>,
@@ -260,7 +260,7 @@ impl Record {
     ) -> Self {
         Self {
             parts: vec![Part::new(dim, chain_sets, clusters, beta, scans)],
-            burn_in: 1,
+            burn_in: 0,
             trails: vec![Vec::new(); chain_sets],
             clusters,
         }
@@ -279,7 +279,7 @@ impl Record {
         let (chain_sets, clusters) = (settings.chain_sets, settings.clusters());
         ensure(
             (1..=planned.len()).contains(&self.parts.len())
-                && (1..=self.parts.len()).contains(&self.burn_in)
+                && self.burn_in <= self.part().extension
                 && self.trails.len() == chain_sets
                 && self.clusters == clusters,
             "a record has other parts, chain sets or clusters",
@@ -329,25 +329,25 @@ impl Record {
         &mut self.parts[last]
     }
 
-    /// Whether the present part belongs to the burn-in.
-    pub(super) fn burns_in(&self) -> bool {
-        self.parts.len() <= self.burn_in
+    /// Whether an extension belongs to the burn-in.
+    pub(super) fn burns_in(&self, extension: usize) -> bool {
+        extension <= self.burn_in
     }
 
-    /// Whether the next part will.
-    pub(super) fn next_burns_in(&self) -> bool {
-        self.parts.len() < self.burn_in
+    /// Makes one more extension the burn-in too.
+    pub(super) fn lengthen_burn_in(&mut self) {
+        self.burn_in += 1;
     }
 
-    /// Makes so many further parts the burn-in too.
-    pub(super) fn lengthen_burn_in(&mut self, parts: usize) {
-        self.burn_in += parts;
+    /// Number of parts of the burn-in.
+    fn parts_of_burn_in(&self) -> usize {
+        (self.parts).partition_point(|part| self.burns_in(part.extension))
     }
 
     /// The parts that count: all after the burn-in. The last whole one of the burn-in counts until one after it is whole.
     pub(super) fn counted(&self) -> &[Part] {
         let whole = self.parts.iter().take_while(|e| e.whole()).count();
-        &self.parts[self.burn_in.min(whole.saturating_sub(1))..]
+        &self.parts[self.parts_of_burn_in().min(whole.saturating_sub(1))..]
     }
 
     /// Those of them that are long enough for temperatures and ln Z: at least a tenth of the longest.
@@ -374,7 +374,9 @@ impl Record {
 
     /// Positions at beta = 1 of the parts that count and of the last of the burn-in.
     pub(super) fn draws_since_burn_in(&self) -> Vec<Vec<f64>> {
-        by_chain_set(&self.parts[self.burn_in - 1..], |part| &part.draws)
+        by_chain_set(&self.parts[self.parts_of_burn_in() - 1..], |part| {
+            &part.draws
+        })
     }
 
     /// Scans that count.
@@ -429,15 +431,16 @@ mod tests {
         let beta = [0.0, 1.0];
         // Parts without scans are whole from the start.
         let mut record = Record::new(1, 2, 2, &beta, 0);
-        assert!(record.burns_in() && !record.next_burns_in());
-        record.lengthen_burn_in(1);
-        assert!(record.next_burns_in());
-        record.begin_part(1, &beta, 1, 0);
-        assert!(record.burns_in() && !record.next_burns_in());
-        assert_eq!(record.counted().len(), 1, "the last one of the burn-in");
-        for counted in 1..4 {
+        assert!(record.burns_in(0) && !record.burns_in(1));
+        record.lengthen_burn_in();
+        assert!(record.burns_in(1) && !record.burns_in(2));
+        for _ in 0..2 {
             record.begin_part(1, &beta, 1, 0);
-            assert!(!record.burns_in());
+            assert_eq!(record.counted().len(), 1, "the last one of the burn-in");
+        }
+        assert_eq!(record.parts_of_burn_in(), 3);
+        for counted in 1..4 {
+            record.begin_part(1, &beta, 2, 0);
             assert_eq!(record.counted().len(), counted);
         }
         // One that has only begun does not count alone.

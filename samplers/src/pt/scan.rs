@@ -3,7 +3,7 @@
 use super::record::{Local, Record};
 use super::schedule::first_schedule;
 use super::settings::EXAMPLES_KEPT;
-use super::smc::{Level, SmcSamplers};
+use super::smc::SmcSamplers;
 use super::state::{Chain, State, Temperature};
 use super::{Settings, swap};
 use crate::error::{Error, Result};
@@ -27,6 +27,10 @@ const SLICE_SCANS: u64 = 4;
 /// Fits of the surrogate within a long extension, and least number of scans from one to the next (docs/validation.md, section 4).
 const SURROGATE_FITS: usize = 8;
 const SURROGATE_SCANS: usize = 128;
+
+/// Values of ln L that such a fit learns from: it begins with the surrogate of some hundred scans ago, which knows the others. All of them would cost an easy
+/// run more than its values.
+const EXAMPLES_REFITTED: usize = EXAMPLES_KEPT / 4;
 
 /// About how many values of ln L a chain computes in a scan with moves along a surrogate.
 const VALUES_OF_A_CHAIN: usize = 5;
@@ -160,21 +164,18 @@ impl State {
     }
 
     /// Extends the last round: with the same settings on a path from the prior, with settings and surrogate fitted anew on a path from
-    /// a mixture. `passed` says whether all checks of the draws so far have passed. On an error nothing has changed.
-    pub(super) fn go_on(&mut self, target: &dyn Target, passed: bool) -> Result<()> {
+    /// a mixture. `passed` says whether all checks of the draws so far have passed, and `ln_z` is their estimate. On an error nothing has
+    /// changed.
+    pub(super) fn go_on(&mut self, target: &dyn Target, passed: bool, ln_z: f64) -> Result<()> {
         self.changed(|next| {
             next.passed_before = next.looks_passed(passed) > 0;
-            if next.burns_in() && !next.ln_z_settled() {
-                let parts = next
-                    .settings
-                    .parts_of_extension(next.extensions + 1)
-                    .count();
-                next.record.lengthen_burn_in(parts);
+            if next.burns_in() && !next.settled_at(ln_z) {
+                next.record.lengthen_burn_in();
             }
             next.extensions += 1;
             if next.mixture_next() {
-                next.next_surrogate()?;
-                next.adapt(target)?;
+                next.next_surrogate(EXAMPLES_KEPT)?;
+                next.adapt(target, ln_z)?;
             }
             Ok(())
         })
@@ -200,8 +201,8 @@ impl State {
         }
         if self.scan == self.scans() || self.part_ended() {
             self.changed(|next| {
-                next.next_surrogate()?;
-                next.adapt(target)
+                next.next_surrogate(EXAMPLES_KEPT)?;
+                next.adapt(target, next.evidence().ln_z)
             })?;
         }
         let explored: Vec<Result<Explored>> = (0..self.chains.len())
@@ -259,7 +260,7 @@ impl State {
         }
         self.scan += 1;
         if self.surrogate_due() {
-            self.next_surrogate()?;
+            self.next_surrogate(EXAMPLES_REFITTED)?;
         }
         Ok(())
     }
@@ -274,11 +275,9 @@ impl State {
             self.learn(examples);
         }
         if smc_samplers.done() {
-            let levels: Vec<Vec<Level>> = smc_samplers.levels().map(<[Level]>::to_vec).collect();
-            let posterior = smc_samplers.posterior();
             self.changed(|next| {
-                next.next_surrogate()?;
-                next.begin(&levels, &posterior, target)
+                next.next_surrogate(EXAMPLES_KEPT)?;
+                next.begin(smc_samplers, target)
             })?;
         }
         Ok(())

@@ -14,7 +14,9 @@ use super::settings::Settings;
 use super::swap;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
-use crate::hmc::{Evaluator, Metric, Point, Reference, involutions_and_slice_updates};
+use crate::hmc::{
+    Evaluator, Metric, Point, Reference, evenly_spaced, involutions_and_slice_updates,
+};
 use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::{SmcWeights, after_step};
@@ -260,8 +262,8 @@ impl SmcSamplers {
                 reason = "a whole number up to the number of SMC particles"
             )]
             let kept = (share * count as f64).ceil().max(1.0) as usize;
-            let evenly = (0..kept).map(|k| k * count / kept);
-            evenly.map(|i| smc_sampler.points[i].clone()).collect()
+            let kept = evenly_spaced(count, kept);
+            kept.map(|i| smc_sampler.points[i].clone()).collect()
         };
         self.smc_samplers.iter().flat_map(of_sampler).collect()
     }

@@ -116,14 +116,15 @@ impl State {
 
     /// Whether the present scans belong to the burn-in of a path from a mixture: the rounds, and extensions until ln Z is settled.
     pub(super) fn burns_in(&self) -> bool {
-        self.settings.mixture_rounds > 0 && (!self.is_last_round() || self.record.burns_in())
+        self.settings.mixture_rounds > 0
+            && (!self.is_last_round() || self.record.burns_in(self.extensions))
     }
 
     /// Whether ln Z of the part that has just ended is that of the one, or the round, before it. While references still approach the
     /// posterior it is not.
-    pub(super) fn ln_z_settled(&self) -> bool {
+    pub(super) fn settled_at(&self, ln_z: f64) -> bool {
         let before = self.history.last().map_or(f64::NAN, |round| round.ln_z);
-        (self.evidence().ln_z - before).abs() <= SETTLED_LN_Z
+        (ln_z - before).abs() <= SETTLED_LN_Z
     }
 
     /// Number of looks in succession at which all checks passed, at most 2: the present one if `passed`, and the one

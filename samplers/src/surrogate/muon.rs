@@ -105,14 +105,14 @@ fn orthogonal(columns: &[f32], rows: usize, count: usize) -> DMatrix<f32> {
 mod tests {
     use super::*;
     use crate::rng::{Domain, standard_normal, stream};
+    use crate::single::single;
 
     #[test]
     fn steps_have_singular_values_of_about_one() {
         let mut rng = stream(1, Domain::Test, 0, 0);
         for (rows, columns) in [(12, 7), (7, 12), (9, 9)] {
-            #[allow(clippy::cast_possible_truncation, reason = "single precision")]
             let matrix: Vec<f32> = (0..rows * columns)
-                .map(|_| standard_normal(&mut rng) as f32)
+                .map(|_| single(standard_normal(&mut rng)))
                 .collect();
             let before = DMatrix::from_column_slice(rows, columns, &matrix);
             let after = orthogonal(&matrix, rows, columns);

@@ -1,6 +1,7 @@
 //! A fully connected neural network in single precision, with its exact derivatives by inputs and by parameters.
 
 use crate::rng::{RandomStream, unit_open};
+use crate::single::single;
 use crate::valid::{Valid, ensure};
 use multiversion::multiversion;
 use nalgebra::{DMatrixView, DMatrixViewMut};
@@ -105,9 +106,7 @@ impl Network {
             for input in 0..=layer.inputs {
                 let row = layer.first + input * layer.width;
                 for p in &mut network.parameters[row..row + units] {
-                    #[allow(clippy::cast_possible_truncation, reason = "single precision")]
-                    let uniform = (most * (2.0 * unit_open(rng) - 1.0)) as f32;
-                    *p = uniform;
+                    *p = single(most * (2.0 * unit_open(rng) - 1.0));
                 }
             }
         }

@@ -8,12 +8,13 @@ use std::path::Path;
 
 /// From the lowest layer up. `checkpoint` stands before `output`, whose hash of a run is that of checkpoints; `nested` and `hmc`
 /// do not import each other, which the order alone cannot say (see the second test).
-const ORDER: [&str; 23] = [
+const ORDER: [&str; 24] = [
     "limits",
     "error",
     "normal",
     "diagnostics",
     "rng",
+    "single",
     "target",
     "files",
     "read",
