@@ -48,6 +48,8 @@ mod adapt;
 mod check;
 mod checks;
 mod evidence;
+#[cfg(test)]
+mod missed_mode;
 mod outcome;
 mod posterior_draws;
 mod record;
