@@ -85,7 +85,7 @@ impl SamplerSettings {
         sampling.nested.max_batches = 8;
         sampling.bridge.smc_particles = 1_000;
         sampling.bridge.mcmc_steps = 2;
-        sampling.bridge.further_mcmc_steps = 160;
+        sampling.bridge.further_mcmc_steps = 80;
         sampling.pt_hmc.surrogate = true;
         // A path from a screened reference is short.
         sampling.pt_hmc.min_temperatures = 4;

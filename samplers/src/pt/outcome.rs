@@ -266,7 +266,8 @@ fn warnings(state: &State) -> Vec<String> {
     }
     let locals = &part.locals;
     let diverged: u64 = locals.iter().map(|local| local.diverged).sum();
-    if state.is_last_round() && diverged > 0 {
+    // A move along a surrogate that diverges is only rejected: slice updates remain.
+    if state.is_last_round() && diverged > 0 && state.surrogate.is_none() {
         let moves: u64 = locals.iter().map(|local| local.moves).sum();
         let temperatures = locals.iter().filter(|local| local.diverged > 0).count();
         warnings.push(format!(
