@@ -2,12 +2,12 @@
 
 use crate::checkpoint;
 use crate::control::{Control, Event};
+use crate::cpu_clock::CpuClock;
 use crate::error::{CheckpointFault, Error, Result};
 use crate::output::{Cost, Status};
 use crate::rng;
 use crate::target::Target;
 use crate::valid::Valid;
-use cpu_time::ProcessTime;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::time::Instant;
@@ -17,7 +17,7 @@ pub(crate) struct Checkpointer {
     config_hash: u64,
     fingerprint: u64,
     wall: Instant,
-    cpu: Option<ProcessTime>,
+    cpu: CpuClock,
     /// Seconds of wall and of CPU time that earlier processes spent on the run.
     before: [f64; 2],
 }
@@ -37,7 +37,7 @@ impl Checkpointer {
             config_hash: 0,
             fingerprint: 0,
             wall: Instant::now(),
-            cpu: ProcessTime::try_now().ok(),
+            cpu: CpuClock::start(),
             before: [0.0; 2],
         };
         if let Some(plan) = &control.checkpoint {
@@ -140,11 +140,10 @@ impl Checkpointer {
     }
 
     /// Writes the time spent until now, by all processes that worked on the run, into its cost.
-    pub fn note_times(&self, cost: &mut Cost) {
-        let cpu = self.cpu.and_then(|start| start.try_elapsed().ok());
+    pub fn note_times(&mut self, cost: &mut Cost) {
         let [wall_before, cpu_before] = self.before;
         cost.wall_seconds = wall_before + self.wall.elapsed().as_secs_f64();
-        cost.cpu_seconds = cpu_before + cpu.map_or(0.0, |cpu| cpu.as_secs_f64());
+        cost.cpu_seconds = cpu_before + self.cpu.elapsed().as_secs_f64();
     }
 }
 

@@ -67,6 +67,7 @@ pub mod bridge;
 pub mod checkpoint;
 mod checkpointer;
 pub mod control;
+mod cpu_clock;
 pub mod diagnostics;
 pub mod difference_pool;
 pub mod error;

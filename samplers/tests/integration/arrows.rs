@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// From the lowest layer up. `checkpoint` stands before `output`, whose hash of a run is that of checkpoints; `nested` and `hmc`
 /// do not import each other, which the order alone cannot say (see the second test).
-const ORDER: [&str; 24] = [
+const ORDER: [&str; 25] = [
     "limits",
     "error",
     "normal",
@@ -23,6 +23,7 @@ const ORDER: [&str; 24] = [
     "surrogate",
     "output",
     "control",
+    "cpu_clock",
     "checkpointer",
     "difference_pool",
     "smc_weights",
