@@ -140,7 +140,7 @@ impl Checkpointer {
     }
 
     /// Writes the time spent until now, by all processes that worked on the run, into its cost.
-    pub fn note_times(&mut self, cost: &mut Cost) {
+    pub fn note_times(&self, cost: &mut Cost) {
         let [wall_before, cpu_before] = self.before;
         cost.wall_seconds = wall_before + self.wall.elapsed().as_secs_f64();
         cost.cpu_seconds = cpu_before + self.cpu.elapsed().as_secs_f64();

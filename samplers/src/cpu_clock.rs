@@ -1,48 +1,36 @@
-//! CPU time of a run: that of the threads of the present rayon pool, so that runs that have pools of their own do not count each other's.
+//! CPU time of a run.
 
-use cpu_time::ThreadTime;
-use std::time::{Duration, Instant};
+use cpu_time::{ProcessTime, ThreadTime};
+use std::time::Duration;
 
-/// Asking every thread of a pool wakes it, so that it is not done more often than this.
-const LEAST_INTERVAL: Duration = Duration::from_millis(20);
-
-/// CPU time since the clock was started. Work of others on the same pool counts too.
-pub(crate) struct CpuClock {
-    /// None where the system has no such clock.
-    start: Option<Duration>,
-    asked: Instant,
-    elapsed: Duration,
+/// CPU time since the clock was started: in a rayon pool of one thread that of this thread, so that runs at once in such pools do not count each
+/// other's; else that of the process.
+pub(crate) enum CpuClock {
+    Thread(ThreadTime),
+    Process(ProcessTime),
+    /// The system has no such clock.
+    None,
 }
 
 impl CpuClock {
-    /// Starts a clock of the present pool and, where it is none of that pool's, of the present thread.
+    /// Starts a clock.
     pub fn start() -> Self {
-        Self {
-            start: now(),
-            asked: Instant::now(),
-            elapsed: Duration::ZERO,
+        let alone = rayon::current_thread_index().is_some() && rayon::current_num_threads() == 1;
+        if alone {
+            ThreadTime::try_now().map_or(Self::None, Self::Thread)
+        } else {
+            ProcessTime::try_now().map_or(Self::None, Self::Process)
         }
     }
 
-    /// Time since the start, at most some hundredths of a second ago.
-    pub fn elapsed(&mut self) -> Duration {
-        let one = rayon::current_num_threads() == 1;
-        if one || self.asked.elapsed() >= LEAST_INTERVAL {
-            self.asked = Instant::now();
-            self.elapsed = (now().zip(self.start))
-                .map_or(Duration::ZERO, |(now, start)| now.saturating_sub(start));
-        }
-        self.elapsed
-    }
-}
-
-fn now() -> Option<Duration> {
-    let own = || Some(ThreadTime::try_now().ok()?.as_duration());
-    let pool: Option<Duration> = rayon::broadcast(|_| own()).into_iter().sum();
-    if rayon::current_thread_index().is_some() {
-        pool
-    } else {
-        Some(pool? + own()?)
+    /// Time since the start, by the thread that started it; zero without a clock.
+    pub fn elapsed(&self) -> Duration {
+        let elapsed = match self {
+            Self::Thread(start) => start.try_elapsed(),
+            Self::Process(start) => start.try_elapsed(),
+            Self::None => return Duration::ZERO,
+        };
+        elapsed.unwrap_or(Duration::ZERO)
     }
 }
 
@@ -61,27 +49,23 @@ mod tests {
         x
     }
 
+    /// What the clock of a pool of so many threads says after so many tasks of 0.1 s.
+    fn in_pool(threads: usize, tasks: usize) -> f64 {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.unwrap().install(|| {
+            let clock = CpuClock::start();
+            let sum: f64 = (0..tasks).into_par_iter().map(|_| work(0.1)).sum();
+            assert!(sum.is_finite());
+            clock.elapsed().as_secs_f64()
+        })
+    }
+
     #[test]
-    fn all_threads_of_the_own_pool_count_and_those_of_another_do_not() {
-        let pool = |threads: usize| {
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap()
-        };
-        let in_pool = |threads: usize, tasks: usize| {
-            pool(threads).install(|| {
-                let mut clock = CpuClock::start();
-                let sum: f64 = (0..tasks).into_par_iter().map(|_| work(0.1)).sum();
-                assert!(sum.is_finite());
-                std::thread::sleep(LEAST_INTERVAL);
-                clock.elapsed().as_secs_f64()
-            })
-        };
+    fn runs_in_pools_of_one_thread_do_not_count_each_others_time() {
         std::thread::scope(|scope| {
             let other = scope.spawn(|| in_pool(1, 4));
-            let own = in_pool(2, 6);
-            // Each task works for 0.1 s of its thread's own time; little else is done. Together it would be 1.
+            let own = in_pool(1, 6);
+            // Little else is done; together it would be 1.
             assert!((0.6..0.9).contains(&own), "{own}");
             let other = other.join().unwrap();
             assert!((0.4..0.9).contains(&other), "{other}");
@@ -89,10 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_outside_of_the_pool_counts_too() {
-        let mut clock = CpuClock::start();
-        assert!(work(0.1).is_finite());
-        std::thread::sleep(LEAST_INTERVAL);
-        assert!(clock.elapsed().as_secs_f64() >= 0.1);
+    fn all_threads_of_a_larger_pool_count() {
+        assert!(in_pool(2, 6) >= 0.6);
     }
 }
