@@ -15,8 +15,10 @@ const UNITS: usize = 96;
 /// Layers of weights: to each hidden layer and to the outputs.
 const LAYERS: usize = HIDDEN + 1;
 
-/// Units whose sums are accumulated together, in registers.
+/// Units whose sums are accumulated together, in registers, or twice or three times so many: more sums wait less for each other.
 const LANES: usize = 32;
+const TWICE: usize = 2 * LANES;
+const THRICE: usize = 3 * LANES;
 
 /// Largest magnitude of a parameter that was read from a file.
 const MAX_PARAMETER: f32 = 1e6;
@@ -323,18 +325,36 @@ impl Network {
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq", "x86_64+avx2"))]
 fn weighted_sums(parameters: &[f32], inputs: &[f32], sums: &mut [f32]) {
     let width = sums.len();
-    let (rows, _) = parameters.as_chunks::<LANES>();
-    let stride = width / LANES;
-    let (sums, _) = sums.as_chunks_mut::<LANES>();
-    for (place, sums) in sums.iter_mut().enumerate() {
-        let mut lanes = rows[inputs.len() * stride + place];
-        for (x, row) in inputs.iter().zip(rows[place..].iter().step_by(stride)) {
-            for k in 0..LANES {
-                lanes[k] += x * row[k];
-            }
-        }
-        *sums = lanes;
+    let mut first = 0;
+    while first < width {
+        first += match width - first {
+            LANES => sums_of::<LANES>(parameters, inputs, first, sums),
+            TWICE => sums_of::<TWICE>(parameters, inputs, first, sums),
+            _ => sums_of::<THRICE>(parameters, inputs, first, sums),
+        };
     }
+}
+
+/// The sums of `COUNT` units from number `first` on. Returns `COUNT`.
+#[inline(always)]
+fn sums_of<const COUNT: usize>(
+    parameters: &[f32],
+    inputs: &[f32],
+    first: usize,
+    sums: &mut [f32],
+) -> usize {
+    let width = sums.len();
+    let rows = &parameters[first..];
+    let mut lanes = [0.0; COUNT];
+    lanes.copy_from_slice(&rows[inputs.len() * width..][..COUNT]);
+    for (x, row) in inputs.iter().zip(rows.chunks(width)) {
+        let row = &row[..COUNT];
+        for k in 0..COUNT {
+            lanes[k] += x * row[k];
+        }
+    }
+    sums[first..first + COUNT].copy_from_slice(&lanes);
+    COUNT
 }
 
 /// Writes the columns of `rows` numbers of a matrix as rows. (A view with strides would save the copy; nalgebra 0.35 writes outside
