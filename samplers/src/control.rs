@@ -115,10 +115,14 @@ pub enum Event {
     Bridge {
         /// Exponent `s` of the fine likelihood.
         fraction: f64,
-        /// Further MCMC steps done at the fine likelihood.
+        /// Further MCMC steps done at the fine likelihood since the last batch of particles came there.
         further: usize,
         /// How many there may be.
         of: usize,
+        /// Batches of particles, the present one included.
+        batches: usize,
+        /// How many there may be.
+        of_batches: usize,
         /// Effective sample size at the fine likelihood; none before.
         ess: Option<f64>,
         /// At this one the bridge ends.

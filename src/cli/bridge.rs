@@ -24,16 +24,16 @@ pub struct Args {
     /// Settings file whose model, likelihood and bridge are used; flags override it
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Number of SMC particles, which are the draws of the result
+    /// Number of SMC particles of a batch, which are draws of the result
     #[arg(long)]
     smc_particles: Option<usize>,
     /// Number of MCMC steps of each SMC particle after each step of the bridge
     #[arg(long)]
     mcmc_steps: Option<usize>,
-    /// Maximum number of further MCMC steps at the finer model, made while the effective sample size is too small; with --resume, more
-    /// than before continue a bridge that has ended
+    /// Maximum number of batches of SMC particles, added while the effective sample size is too small; with --resume, more than before
+    /// continue a bridge that has ended
     #[arg(long)]
-    further_mcmc_steps: Option<usize>,
+    max_batches: Option<usize>,
     /// Master seed; the fit's own by default
     #[arg(long)]
     seed: Option<u64>,
@@ -60,7 +60,7 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
         let bridge = &mut settings.sampling.bridge;
         bridge.smc_particles = args.smc_particles.unwrap_or(bridge.smc_particles);
         bridge.mcmc_steps = args.mcmc_steps.unwrap_or(bridge.mcmc_steps);
-        bridge.further_mcmc_steps = args.further_mcmc_steps.unwrap_or(bridge.further_mcmc_steps);
+        bridge.max_batches = args.max_batches.unwrap_or(bridge.max_batches);
         settings.seed = args.seed.unwrap_or(settings.seed);
         args.set.apply(settings)
     };

@@ -263,10 +263,10 @@ fn longer_bridge(
     let grows = summary.method == Method::Bridge
         && few.iter().any(|name| failed.contains(name))
         && !failed.contains(&"coarse-run-checks");
-    let more = 2 * sampling.bridge.further_mcmc_steps.max(10);
-    let change = format!("sampling.bridge.further_mcmc_steps={more}");
+    let more = 2 * sampling.bridge.max_batches;
+    let change = format!("sampling.bridge.max_batches={more}");
     let longer = command.resumed().with("--set", Some(&change));
-    grows.then(|| Step::new("continue its bridge", &longer))
+    grows.then(|| Step::new("add batches to its bridge", &longer))
 }
 
 /// Whether failed checks of a nested run may pass with more batches.

@@ -432,31 +432,39 @@ fn report(event: &Event, open: Option<&Open>) -> Option<Report> {
         Event::Bridge {
             further,
             of,
+            batches,
+            of_batches,
             ess: Some(ess),
             target_ess,
             ln_z,
             calls,
             ..
-        } => Report {
-            part: "further MCMC steps".to_owned(),
-            text: format!(
-                "further MCMC step {further} of at most {of}, ESS {ess:.0} of {target_ess}, ln Z {ln_z:.2}, {calls} calls"
-            ),
-            done: Some(("calls", *calls as f64)),
-            left: vec![
-                (target_ess - ess, "ends in about"),
-                ((of - further) as f64, "ends in at most"),
-            ],
-        },
+        } => {
+            let mut left = vec![(target_ess - ess, "ends in about")];
+            // Before the last batch nobody knows what those to come will take.
+            if batches == of_batches {
+                left.push(((of - further) as f64, "ends in at most"));
+            }
+            Report {
+                part: "further MCMC steps".to_owned(),
+                text: format!(
+                    "batch {batches} of at most {of_batches}, further MCMC step {further} of at most {of}, ESS {ess:.0} of {target_ess}, ln Z {ln_z:.2}, {calls} calls"
+                ),
+                done: Some(("calls", *calls as f64)),
+                left,
+            }
+        }
         Event::Bridge {
             fraction,
+            batches,
+            of_batches,
             ln_z,
             calls,
             ..
         } => Report {
             part: "bridge".to_owned(),
             text: format!(
-                "{:.0} % of the way, ln Z {ln_z:.2}, {calls} calls",
+                "batch {batches} of at most {of_batches}, {:.0} % of the way, ln Z {ln_z:.2}, {calls} calls",
                 100.0 * fraction
             ),
             done: Some(("calls", *calls as f64)),

@@ -85,7 +85,8 @@ impl SamplerSettings {
         sampling.nested.max_batches = 8;
         sampling.bridge.smc_particles = 1_000;
         sampling.bridge.mcmc_steps = 2;
-        sampling.bridge.further_mcmc_steps = 80;
+        sampling.bridge.further_mcmc_steps = 16;
+        sampling.bridge.max_batches = 3;
         sampling.pt_hmc.surrogate = true;
         // A path from a screened reference is short.
         sampling.pt_hmc.min_temperatures = 4;
@@ -216,31 +217,31 @@ impl FitSettings {
         settings
     }
 
-    /// These settings without those that say only how long a run may go on: batches of a nested run, extensions of the last tempered round,
-    /// and further MCMC steps of a bridge. Everything else determines the draws, so that two runs which agree in these settings agree in all draws that they have in
+    /// These settings without those that say only how long a run may go on: batches of a nested run and of a bridge, and extensions of the last
+    /// tempered round. Everything else determines the draws, so that two runs which agree in these settings agree in all draws that they have in
     /// common.
     #[must_use]
     pub fn without_extensions(&self) -> Self {
         let mut settings = self.clone();
         settings.sampling.nested.max_batches = 1;
         settings.sampling.pt_hmc.extensions = 0;
-        settings.sampling.bridge.further_mcmc_steps = 0;
+        settings.sampling.bridge.max_batches = 1;
         settings
     }
 
     /// Whether a finished run by `method` with the settings `before`, which failed its convergence checks, may go on under these settings: a
     /// tempered run, or a bridge from one, if these allow more extensions; a nested one with a target, or a bridge from one, if they allow more
-    /// batches; any bridge if they allow more further MCMC steps. The two must be equal in everything else.
+    /// batches; any bridge if they allow more batches of its own. The two must be equal in everything else.
     #[must_use]
     pub fn may_go_on(&self, before: &Self, method: Method) -> bool {
         let extensions = |settings: &Self| settings.sampling.pt_hmc.extensions;
-        let further = |settings: &Self| settings.sampling.bridge.further_mcmc_steps;
+        let of_bridge = |settings: &Self| settings.sampling.bridge.max_batches;
         let batches = |settings: &Self| settings.sampling.nested.max_batches;
         let longer = match self.sampling.sampler {
             Sampler::PtHmc => extensions(self) > extensions(before),
             Sampler::Nested => self.sampling.nested.dynamic() && batches(self) > batches(before),
         };
-        longer || method == Method::Bridge && further(self) > further(before)
+        longer || method == Method::Bridge && of_bridge(self) > of_bridge(before)
     }
 }
 

@@ -225,13 +225,14 @@ pub fn bridge_seeds() -> Vec<Seed> {
         )
         .unwrap()
     };
-    // Fifty draws are too few, so that further MCMC steps follow.
+    // Fifty draws are too few, so that further MCMC steps and another batch follow.
     let settings = bridge::Settings {
         smc_particles: 50,
         mcmc_steps: 3,
         further_mcmc_steps: 4,
+        max_batches: 2,
     };
-    [0, 1, 2, 8, 14]
+    [0, 1, 2, 8, 14, 20, 26]
         .map(|steps| seed(Work::Bridge(settings.clone(), Box::new(parent())), steps))
         .into()
 }

@@ -345,7 +345,7 @@ fn only_a_run_that_gains_by_it_goes_on_under_settings_that_allow_more() {
     let before = FitSettings::default();
     let (mut longer, mut further) = (before.clone(), before.clone());
     longer.sampling.pt_hmc.extensions += 1;
-    further.sampling.bridge.further_mcmc_steps += 1;
+    further.sampling.bridge.max_batches += 1;
     let methods = [Method::PtHmc, Method::Bridge];
     assert_eq!(methods.map(|m| longer.may_go_on(&before, m)), [true; 2]);
     assert_eq!(

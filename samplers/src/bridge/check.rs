@@ -1,5 +1,6 @@
 //! Whether a state that was read from a checkpoint is one that this bridge can have come to.
 
+use super::batch::Batch;
 use super::particle::Particle;
 use super::settings::{FITTED_STEPS, Settings};
 use super::state::State;
@@ -20,11 +21,10 @@ impl State {
             (0.0..=1.0).contains(&self.fraction) && self.ln_ratio.is_finite(),
             "it is not between its two likelihoods",
         )?;
-        ensure(
-            (1..=settings.smc_particles).contains(&self.particles.len()),
-            "another number of SMC particles than the settings allow",
-        )?;
-        (self.particles.iter()).try_for_each(|particle| particle.check(parent, dim))?;
+        self.check_batches(settings)?;
+        let all = self.particles.iter().chain(&self.waiting);
+        all.clone()
+            .try_for_each(|particle| particle.check(parent, dim))?;
         let fine = |particle: &Particle| particle.both.fine.is_finite();
         // The first step gives particles without a fine likelihood the weight 0.
         ensure(
@@ -35,8 +35,7 @@ impl State {
         let most = if self.fraction < 1.0 {
             settings.mcmc_steps
         } else {
-            // It may have been allowed other numbers of further ones.
-            settings.mcmc_steps + Settings::MAX_FURTHER
+            settings.mcmc_steps + settings.further_mcmc_steps
         };
         let moves = self.metrics.len() == 2
             && self.pools.len() == 2
@@ -63,7 +62,8 @@ impl State {
         let whole = [0, 1].iter().zip(&self.visited).all(|(half, rows)| {
             let own = self.particles.iter().filter(|p| p.lineage % 2 == *half);
             rows.len() == visits * own.count() && moderate(rows)
-        });
+        }) && (self.visited_before.iter())
+            .all(|rows| rows.len().is_multiple_of(dim) && moderate(rows));
         ensure(
             whole,
             "the places that its particles have been at are not complete",
@@ -72,6 +72,28 @@ impl State {
         self.examples.check(features)?;
         self.step.iter().try_for_each(StepSize::check)?;
         self.cost.check()
+    }
+
+    /// Each batch has particles, as many as the settings allow at most; those before the present one wait until it is at the fine likelihood.
+    fn check_batches(&self, settings: &Settings) -> Valid {
+        let allowed = |particles: usize| (1..=settings.smc_particles).contains(&particles);
+        let sum = |of: fn(&Batch) -> usize| {
+            let mut of_batches = self.batches.iter().map(of);
+            of_batches.try_fold(0_usize, |sum, number| sum.checked_add(number))
+        };
+        let joined = self.fraction >= 1.0 && self.mcmc_steps >= settings.mcmc_steps;
+        let sound = |batch: &Batch| allowed(batch.particles) && batch.ln_ratio.is_finite();
+        let present = sum(|batch| batch.particles).and_then(|earlier| {
+            let waiting = if joined { 0 } else { earlier };
+            let present = self.particles.len().checked_sub(earlier - waiting)?;
+            (self.waiting.len() == waiting).then_some(present)
+        });
+        ensure(
+            self.batches.iter().all(sound)
+                && present.is_some_and(allowed)
+                && sum(|batch| batch.levels).is_some_and(|levels| levels <= self.levels.len()),
+            "another number of SMC particles than the settings allow",
+        )
     }
 }
 
@@ -108,7 +130,8 @@ mod tests {
         let settings = Settings {
             smc_particles: 30,
             mcmc_steps: 3,
-            further_mcmc_steps: 0,
+            further_mcmc_steps: 2,
+            max_batches: 2,
         };
         let parent = Draws {
             ln_likelihood: vec![-1.0; 50],
@@ -134,7 +157,12 @@ mod tests {
             ..State::default()
         };
         assert_eq!(sound.check(&settings, &parent, 2, 2), Ok(()));
-        let damages: [(Damage<'_>, &str); 11] = [
+        let batch = |particles: usize, levels: usize| Batch {
+            particles,
+            levels,
+            ln_ratio: 0.0,
+        };
+        let damages: [(Damage<'_>, &str); 15] = [
             (&|s| s.fraction = f64::NAN, "between"),
             (&|s| s.particles.clear(), "number of SMC particles"),
             (&|s| s.particles[3].z = vec![0.0; 3], "another dimension"),
@@ -149,7 +177,29 @@ mod tests {
             (&|s| s.examples.push(&[1.0; 3], 0.0, &[]), "examples"),
             (&|s| s.visited[1] = vec![0.0; 2], "not complete"),
             (&|s| s.cost.calls = u64::MAX, "too large"),
+            (
+                &|s| s.batches = vec![batch(30, 0)],
+                "number of SMC particles",
+            ),
+            (
+                &|s| s.waiting = vec![particle(0)],
+                "number of SMC particles",
+            ),
+            (
+                &|s| {
+                    s.batches = vec![batch(1, 1)];
+                    s.waiting = vec![particle(0)];
+                },
+                "number of SMC particles",
+            ),
+            (&|s| s.visited_before[0] = vec![0.0; 3], "not complete"),
         ];
+        let second = State {
+            batches: vec![batch(1, 0)],
+            waiting: vec![particle(0)],
+            ..sound.clone()
+        };
+        assert_eq!(second.check(&settings, &parent, 2, 2), Ok(()));
         let ended = State {
             fraction: 1.0,
             mcmc_steps: 4,

@@ -6,6 +6,7 @@
 //! coarse draws have brought to the fine posterior, others can come to.
 
 use super::particle::Particle;
+use super::settings::FITTED_STEPS;
 use crate::error::Result;
 use crate::hmc::{Evaluator, Reference, screen, thinned};
 use crate::output::{Calls, Draws};
@@ -14,7 +15,7 @@ use crate::surrogate::{Examples, Surrogate};
 use crate::target::Target;
 
 /// Most points that the densities of both halves are fitted to.
-const MAX_TRAINING: usize = 8_000;
+pub(super) const MAX_TRAINING: usize = 8_000;
 
 /// Tasks whose draws set a screen.
 const SCREEN_TASKS: usize = 8;
@@ -28,18 +29,19 @@ const SCREENS: u64 = u64::MAX - 1_000;
 pub(super) struct Proposals([Reference; 2]);
 
 impl Proposals {
-    /// Fitted to where the particles of even and of odd lineages were after each of `steps` further MCMC steps, `visited`, and, as far as that is
-    /// little, to the `draws` of a coarse run; none if all are too few. `lineage` gives that of a draw.
+    /// Fitted to where the particles of even and of odd lineages have been in further MCMC steps, `visited`, and, as far as that is
+    /// little, to the `draws` of a coarse run; none if all are too few. `lineage` gives that of a draw, and `fitted` the numbers of earlier batches
+    /// and of steps of the present one whose places these are.
     pub fn new(
         draws: &Draws,
-        visited: [&[f64]; 2],
-        steps: usize,
+        visited: [Vec<f64>; 2],
+        [batches, steps]: [usize; 2],
         target: &dyn Target,
         seed: u64,
         lineage: impl Fn(usize) -> u32,
     ) -> Option<Self> {
         let dim = target.dim();
-        let known = visited.map(|rows| thinned(rows, dim, MAX_TRAINING / 2));
+        let known = visited.map(|rows| thinned(&rows, dim, MAX_TRAINING / 2));
         let wanted = MAX_TRAINING - (known[0].len() + known[1].len()) / dim;
         let mut halves = known;
         let mut z = vec![0.0; dim];
@@ -49,7 +51,7 @@ impl Proposals {
                 halves[(lineage(row) % 2) as usize].extend_from_slice(&z);
             }
         }
-        let task = FITS - steps as u64;
+        let task = FITS - (batches * (FITTED_STEPS + 1) + steps) as u64;
         let fit = |half: usize| {
             let rng = |part: usize| stream(seed, Domain::Bridge, task, (2 * part + half) as u64);
             Reference::resembling(&halves[1 - half], dim, rng)
@@ -137,10 +139,10 @@ mod tests {
             .map(|_| 2.5 + 0.1 * standard_normal(&mut rng))
             .collect();
         let ln_over_prior = |steps: usize| {
-            let visited = [&found[..1_000 * steps], &[]];
+            let visited = [found[..1_000 * steps].to_vec(), Vec::new()];
             let lineage = |row: usize| draws.cluster[row];
             let Proposals(densities) =
-                Proposals::new(&draws, visited, steps, &target, 1, lineage).unwrap();
+                Proposals::new(&draws, visited, [0, steps], &target, 1, lineage).unwrap();
             densities.map(|density| {
                 Evaluator::from_reference(&target, &density).ln_over_prior(&[2.5; 2])
             })

@@ -12,8 +12,10 @@
 //! invariant. An MCMC step is a slice update. If the coarse run has a surrogate of its likelihood, it is instead three moves along a
 //! surrogate of the fine one ([`surrogate_move`](crate::hmc::surrogate_move)), which begins as that of the coarse run and is fitted anew
 //! before each MCMC step to the values of the fine likelihood so far. At the fine likelihood further MCMC steps follow while
-//! the effective sample size is too small: copies of one particle part by them.
+//! the effective sample size is too small: copies of one particle part by them. Where these do not suffice another batch of particles begins with
+//! other draws of the run, is moved in the same way, and joins the others.
 
+mod batch;
 mod between;
 mod check;
 mod explore;
@@ -69,9 +71,9 @@ pub fn run(
         });
     }
     let origin = (parent.seed, parent.evidence.ln_z, parent.draws.len());
-    // The number of further MCMC steps decides where a bridge ends, but not what it draws.
+    // The number of batches decides where a bridge ends, but not what it draws.
     let drawing = Settings {
-        further_mcmc_steps: 0,
+        max_batches: 1,
         ..settings.clone()
     };
     let mut checkpointer = Checkpointer::new(&[target, coarse], &(drawing, seed, origin), control)?;
@@ -119,9 +121,11 @@ pub fn run(
             fraction: bridge.state.fraction,
             further: bridge.further_mcmc_steps().unwrap_or(0),
             of: settings.further_mcmc_steps,
+            batches: bridge.state.batches.len() + 1,
+            of_batches: settings.max_batches,
             ess,
             target_ess: MIN_ESS,
-            ln_z: parent.evidence.ln_z + bridge.state.ln_ratio,
+            ln_z: parent.evidence.ln_z + outcome::ln_ratio(&bridge),
             calls: bridge.state.cost.calls,
         });
         if control.checkpoint_due() {

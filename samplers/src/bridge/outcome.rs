@@ -1,5 +1,7 @@
 //! From the final particles of a bridge to its result and checks.
 
+use super::batch::{self, Batch};
+use super::particle::Particle;
 use super::state::{Bridge, Level};
 use crate::diagnostics::{effective_kinds, sums_by_group};
 use crate::error::Result;
@@ -52,12 +54,14 @@ pub(super) fn ess(bridge: &Bridge<'_>) -> Result<Option<f64>> {
     Ok(Some(effective_sizes(&draws, bridge).quoted))
 }
 
-/// Whether the bridge is at its end, with this effective sample size: at the fine likelihood, with draws enough, or with as many further
+/// Whether the bridge is at its end, with this effective sample size: at the fine likelihood, with draws enough, or with as many batches and further
 /// MCMC steps as it may make.
 pub(super) fn enough(bridge: &Bridge<'_>, ess: Option<f64>) -> bool {
     // Nothing makes good what a coarse run that has not converged may have missed.
     let most = bridge.settings.further_mcmc_steps;
-    let last = |further: usize| further >= most || !bridge.parent.converged();
+    let last = |further: usize| {
+        further >= most && !bridge.may_have_another_batch() || !bridge.parent.converged()
+    };
     bridge.further_mcmc_steps().is_some_and(last) || ess.is_some_and(|ess| ess >= MIN_ESS)
 }
 
@@ -82,11 +86,38 @@ fn clusters(parent: &Draws) -> Vec<u32> {
     clusters
 }
 
+/// ln Z minus that of the coarse run: at the fine likelihood by all batches, before by the present one at its exponent.
+pub(super) fn ln_ratio(bridge: &Bridge<'_>) -> f64 {
+    if bridge.further_mcmc_steps().is_some() {
+        batch::ln_ratio(&bridge.state.all_batches())
+    } else {
+        bridge.state.ln_ratio
+    }
+}
+
+/// The particles of each batch with its own numbers and its fraction of the whole weight; at the fine likelihood.
+fn by_batch<'b>(bridge: &'b Bridge<'_>) -> Vec<(&'b [Particle], Batch, f64)> {
+    let batches = bridge.state.all_batches();
+    let mut rest = bridge.state.particles.as_slice();
+    let shares = batch::shares(&batches);
+    let both = batches.into_iter().zip(shares);
+    both.map(|(batch, share)| {
+        let (own, others) = rest.split_at(batch.particles);
+        rest = others;
+        (own, batch, share)
+    })
+    .collect()
+}
+
 fn draws(bridge: &Bridge<'_>, clusters: &[u32]) -> Result<Draws> {
-    let ln_weight = -(bridge.state.particles.len() as f64).ln();
     let mut draws = Draws::of(bridge.target);
     let mut theta = vec![0.0; bridge.target.dim()];
-    for particle in &bridge.state.particles {
+    let by_batch = by_batch(bridge).into_iter();
+    let particles = by_batch.flat_map(|(own, batch, share)| {
+        let ln_weight = share.ln() - (batch.particles as f64).ln();
+        own.iter().map(move |particle| (particle, ln_weight))
+    });
+    for (particle, ln_weight) in particles {
         bridge.target.prior().theta_from_z(&particle.z, &mut theta);
         let origin = Origin {
             chain: 0,
@@ -99,7 +130,7 @@ fn draws(bridge: &Bridge<'_>, clusters: &[u32]) -> Result<Draws> {
 
 fn evidence(bridge: &Bridge<'_>, draws: &Draws, clusters: &[u32]) -> Evidence {
     let parent = bridge.parent;
-    let ln_z = parent.evidence.ln_z + bridge.state.ln_ratio;
+    let ln_z = parent.evidence.ln_z + ln_ratio(bridge);
     let parts = [
         ("parent", parent.evidence.error),
         ("weights", coalescence_error(bridge)),
@@ -108,7 +139,8 @@ fn evidence(bridge: &Bridge<'_>, draws: &Draws, clusters: &[u32]) -> Evidence {
             cluster_weight_error(draws, &parent.draws, clusters),
         ),
     ];
-    let mean = draws.ln_likelihood.iter().sum::<f64>() / draws.len() as f64;
+    let weighted = draws.ln_likelihood.iter().zip(draws.weights());
+    let mean: f64 = weighted.map(|(l, w)| l * w).sum();
     Evidence {
         ln_z,
         error: parts.iter().map(|(_, e)| e * e).sum::<f64>().sqrt(),
@@ -118,14 +150,22 @@ fn evidence(bridge: &Bridge<'_>, draws: &Draws, clusters: &[u32]) -> Evidence {
     }
 }
 
-/// Error of the mean weights by excess coalescence: how many pairs of particles have a common ancestor beyond what
+/// Error of the mean weights by excess coalescence: how many pairs of particles of a batch have a common ancestor beyond what
 /// resampling without weights would make (Lee & Whiteley 2018).
 fn coalescence_error(bridge: &Bridge<'_>) -> f64 {
-    let particles = bridge.state.particles.len() as f64;
-    let alike = 1.0 / effective_kinds(bridge.state.particles.iter().map(|m| m.eve));
-    let times = 1.0 + bridge.state.levels.len() as f64;
-    let unlike = (particles / (particles - 1.0)).powf(times) * (1.0 - alike);
-    (1.0 - unlike).max(0.0).sqrt()
+    let variance = |(own, batch, share): (&[Particle], Batch, f64)| {
+        let particles = batch.particles as f64;
+        let times = 1.0 + batch.levels as f64;
+        let unlike = (particles / (particles - 1.0)).powf(times) * (1.0 - alike(own));
+        share * share * (1.0 - unlike).max(0.0)
+    };
+    let variances = by_batch(bridge).into_iter().map(variance);
+    variances.sum::<f64>().sqrt()
+}
+
+/// Fraction of the pairs of particles that have a common ancestor.
+fn alike(particles: &[Particle]) -> f64 {
+    1.0 / effective_kinds(particles.iter().map(|particle| particle.eve))
 }
 
 /// Error of ln Z from the weights that the bridge has moved between clusters of the parent's draws: in the parent the weight of
@@ -150,8 +190,12 @@ fn cluster_weight_error(draws: &Draws, parent: &Draws, clusters: &[u32]) -> f64 
 /// and what the MCMC steps have made good of it. Kish's is the number of ancestors.
 fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
     let (bulk, tail) = draws.clustered_ess();
+    let by_batch = by_batch(bridge).into_iter();
+    let alike: f64 = by_batch
+        .map(|(own, _, share)| share * share * alike(own))
+        .sum();
     Ess {
-        kish: effective_kinds(bridge.state.particles.iter().map(|m| m.eve)),
+        kish: 1.0 / alike,
         quoted: Ess::smallest(&bulk, &tail),
         bulk,
         tail,
@@ -179,7 +223,7 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
     ];
     checks.extend(ess.checks(
         MIN_ESS,
-        "allow more `further_mcmc_steps`, give more `smc_particles`, continue the coarse run, or use a coarse likelihood closer to the fine one",
+        "allow more `max_batches`, give more `smc_particles`, or use a coarse likelihood closer to the fine one",
     ));
     checks
 }

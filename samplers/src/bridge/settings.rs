@@ -21,12 +21,15 @@ pub(super) const EXAMPLES_KEPT: usize = 50_000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// Number of SMC particles: draws taken from the coarse run, and draws of the result.
+    /// Number of SMC particles of a batch: draws taken from the coarse run, and draws of the result.
     pub smc_particles: usize,
     /// MCMC steps of each particle after each step: slice updates, or moves along the surrogate of a coarse run that has one.
     pub mcmc_steps: usize,
-    /// Maximum number of further MCMC steps at the fine likelihood, made while the effective sample size is too small.
+    /// Maximum number of further MCMC steps of all particles at the fine likelihood after each batch, made while the effective sample size is
+    /// too small.
     pub further_mcmc_steps: usize,
+    /// Maximum number of batches. Another one begins while the effective sample size is too small after all further MCMC steps.
+    pub max_batches: usize,
 }
 
 impl Default for Settings {
@@ -35,14 +38,12 @@ impl Default for Settings {
             smc_particles: 2_000,
             mcmc_steps: 12,
             further_mcmc_steps: 0,
+            max_batches: 1,
         }
     }
 }
 
 impl Settings {
-    /// Largest number of further MCMC steps.
-    pub(super) const MAX_FURTHER: usize = 100_000;
-
     /// Checks every number by itself: the ranges of docs/limits.md.
     ///
     /// # Errors
@@ -50,11 +51,8 @@ impl Settings {
     pub fn check_ranges(&self) -> Result<()> {
         in_range("smc_particles", self.smc_particles, 10..=1_000_000)?;
         in_range("mcmc_steps", self.mcmc_steps, 1..=1000)?;
-        in_range(
-            "further_mcmc_steps",
-            self.further_mcmc_steps,
-            0..=Self::MAX_FURTHER,
-        )?;
+        in_range("further_mcmc_steps", self.further_mcmc_steps, 0..=100_000)?;
+        in_range("max_batches", self.max_batches, 1..=1_000)?;
         Ok(())
     }
 
@@ -84,7 +82,7 @@ impl Settings {
         let examples = 2.0 * 4.0 * (3 * dim + 1) as f64 * EXAMPLES_KEPT as f64;
         Memory::default().with(
             "smc_particles",
-            particle * self.smc_particles as f64 + examples,
+            particle * (self.smc_particles * self.max_batches) as f64 + examples,
         )
     }
 }

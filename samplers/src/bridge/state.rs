@@ -1,14 +1,15 @@
 //! The particles of a bridge and how they are moved.
 
 use super::Settings;
+use super::batch::Batch;
 use super::explore::{Moved, Moves};
-use super::independent::Proposals;
+use super::independent::{MAX_TRAINING, Proposals};
 use super::particle::{Both, Particle};
 use super::settings::{EXAMPLES_KEPT, FITTED_STEPS};
 use crate::diagnostics::effective_kinds;
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
-use crate::hmc::{Evaluator, Metric, Reference, StepSize};
+use crate::hmc::{Evaluator, Metric, Reference, StepSize, thinned};
 use crate::output::{Calls, Cost, Run};
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::{SmcWeights, after_step};
@@ -41,16 +42,23 @@ pub(super) struct Level {
 /// The particles and the exponent reached: what a checkpoint holds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct State {
+    /// The batches before the present one.
+    pub(super) batches: Vec<Batch>,
+    /// Their particles, until those of the present batch are at the fine likelihood too.
+    pub(super) waiting: Vec<Particle>,
+    /// Exponent of the present batch, and its ln Z there minus that of the coarse run.
     pub(super) fraction: f64,
     pub(super) ln_ratio: f64,
+    /// The particles that are moved: those of the present batch, and at the fine likelihood after those of the earlier ones.
     pub(super) particles: Vec<Particle>,
-    /// MCMC steps done at this exponent; none are due at 0, and more than elsewhere may be at 1.
+    /// MCMC steps of the present batch done at this exponent; none are due at 0, and more than elsewhere may be at 1.
     pub(super) mcmc_steps: usize,
     /// `ln L_fine - ln L_coarse` of every SMC particle before these MCMC steps.
     pub(super) gaps_before: Vec<f64>,
     /// Metrics for particles of even and of odd lineages; `pools` likewise.
     pub(super) metrics: Vec<Metric>,
     pub(super) pools: Vec<DifferencePool>,
+    /// Of all batches, one after the other.
     pub(super) levels: Vec<Level>,
     /// The surrogate of the fine likelihood, at first that of the coarse one; none if the coarse run has none.
     pub(super) surrogate: Option<Surrogate>,
@@ -58,8 +66,11 @@ pub(super) struct State {
     pub(super) examples: Examples,
     /// Leapfrog step along it; none before the first.
     pub(super) step: Option<StepSize>,
-    /// Coordinates of the particles of even and of odd lineages after each of the first further MCMC steps along a surrogate.
+    /// Coordinates of the particles of even and of odd lineages after each of the first further MCMC steps along a surrogate since the present
+    /// batch is at the fine likelihood.
     pub(super) visited: [Vec<f64>; 2],
+    /// Some of those before.
+    pub(super) visited_before: [Vec<f64>; 2],
     pub(super) cost: Cost,
 }
 
@@ -67,6 +78,34 @@ impl State {
     /// `ln L_fine - ln L_coarse` of every SMC particle.
     fn gaps(&self) -> Vec<f64> {
         self.particles.iter().map(|m| m.both.gap()).collect()
+    }
+
+    /// All batches with the present one.
+    pub(super) fn all_batches(&self) -> Vec<Batch> {
+        let earlier = self.batches.iter();
+        let particles: usize = earlier.clone().map(|batch| batch.particles).sum();
+        let levels: usize = earlier.clone().map(|batch| batch.levels).sum();
+        let all = self.waiting.len() + self.particles.len();
+        let present = Batch {
+            particles: all - particles,
+            levels: self.levels.len() - levels,
+            ln_ratio: self.ln_ratio,
+        };
+        earlier.copied().chain([present]).collect()
+    }
+
+    /// Fits metrics and pools to the particles of the other half of the lineages.
+    fn fit_moves(&mut self, target: &dyn Target) {
+        let (dim, orbit) = (target.dim(), Symmetry::first_orbit(target.symmetries()));
+        let others = [1, 0].map(|parity| self.rows(parity));
+        let rows = others.iter();
+        self.metrics = rows
+            .clone()
+            .map(|rows| Metric::of_rows(rows, dim))
+            .collect();
+        self.pools = rows
+            .map(|rows| DifferencePool::new(rows, dim, orbit))
+            .collect();
     }
 
     /// Coordinates of the SMC particles of even (0) or odd (1) lineages; of all SMC particles where there are no such
@@ -88,8 +127,9 @@ pub(super) struct Bridge<'a> {
     pub(super) settings: &'a Settings,
     pub(super) seed: u64,
     pub(super) parent: &'a Run,
-    /// For further MCMC steps: the number of them to which these are fitted, and the proposals; none where the parent has too few draws.
-    pub(super) proposals: Option<(usize, Option<Proposals>)>,
+    /// For further MCMC steps: the numbers of earlier batches and of these steps to which they are fitted, and the proposals; none where the
+    /// parent has too few draws.
+    pub(super) proposals: Option<([usize; 2], Option<Proposals>)>,
     pub(super) state: State,
 }
 
@@ -109,12 +149,47 @@ impl Bridge<'_> {
         further.filter(|_| done)
     }
 
-    /// Resamples draws of the parent to equal weights and computes their fine likelihood.
+    /// Whether another batch comes next: the present one and those before have made all their further MCMC steps.
+    fn next_batch_due(&self) -> bool {
+        self.may_have_another_batch()
+            && (self.further_mcmc_steps()).is_some_and(|f| f >= self.settings.further_mcmc_steps)
+    }
+
+    /// Whether the settings allow a batch after the present one.
+    pub(super) fn may_have_another_batch(&self) -> bool {
+        self.state.batches.len() + 1 < self.settings.max_batches
+    }
+
+    /// Begins a batch with draws of the parent. On an error nothing has changed.
     pub(super) fn begin(&mut self) -> Result<()> {
+        let first = self.state.particles.is_empty();
+        let (particles, examples, calls) = self.drawn(self.level() - u64::from(first))?;
+        let state = &mut self.state;
+        if first {
+            state.surrogate.clone_from(&self.parent.surrogate);
+        } else {
+            state.batches = state.all_batches();
+            state.waiting = std::mem::take(&mut state.particles);
+            for (before, visited) in state.visited_before.iter_mut().zip(&mut state.visited) {
+                before.append(visited);
+                *before = thinned(before, self.target.dim(), MAX_TRAINING / 2);
+            }
+        }
+        (state.fraction, state.ln_ratio) = (0.0, 0.0);
+        state.cost.count(&calls);
+        state.examples.append(examples);
+        state.particles = particles;
+        state.mcmc_steps = self.settings.mcmc_steps;
+        Ok(())
+    }
+
+    /// Draws of the parent, resampled to equal weights, with their fine likelihoods, which are examples for a surrogate. `task` is that of
+    /// the random stream.
+    fn drawn(&self, task: u64) -> Result<(Vec<Particle>, Examples, Calls)> {
         let parent = self.parent;
         let draws = &parent.draws;
         let lineage = lineages(parent);
-        let offset = unit_open(&mut stream(self.seed, Domain::Bridge, 0, RESAMPLING));
+        let offset = unit_open(&mut stream(self.seed, Domain::Bridge, task, RESAMPLING));
         let mut particles = Vec::new();
         for row in draws.resample(self.settings.smc_particles, offset) {
             let mut z = vec![0.0; draws.dim];
@@ -142,27 +217,26 @@ impl Bridge<'_> {
                 Ok((fine, calls, examples))
             })
             .collect();
-        let mut examples = Examples::default();
+        let (mut calls, mut examples) = (Calls::default(), Examples::default());
         for (particle, fine) in particles.iter_mut().zip(fine) {
-            let (fine, calls, own) = fine?;
+            let (fine, own_calls, own) = fine?;
             particle.both.fine = fine;
-            self.state.cost.count(&calls);
+            calls.add(&own_calls);
             examples.append(own);
         }
         let nowhere = |particle: &Particle| particle.both.fine == f64::NEG_INFINITY;
         if particles.iter().all(nowhere) {
             return Err(Error::NoCommonSupport);
         }
-        self.state.surrogate.clone_from(&parent.surrogate);
-        self.state.examples = examples;
-        self.state.particles = particles;
-        self.state.mcmc_steps = self.settings.mcmc_steps;
-        Ok(())
+        Ok((particles, examples, calls))
     }
 
-    /// One MCMC step of every particle, after a step of the exponent where one is due. On an error no particle has
-    /// moved, and the same MCMC step can be repeated.
+    /// The beginning of another batch where it is due, else one MCMC step of every particle, after a step of the exponent where one is due. On an
+    /// error no particle has moved, and the same can be repeated.
     pub(super) fn advance(&mut self) -> Result<()> {
+        if self.next_batch_due() {
+            return self.begin();
+        }
         if self.state.fraction < 1.0 && self.state.mcmc_steps == self.settings.mcmc_steps {
             self.step()?;
         }
@@ -180,13 +254,20 @@ impl Bridge<'_> {
                 correlation: correlation(&state.gaps_before, &state.gaps()),
             };
             state.levels.push(level);
+            if state.fraction >= 1.0 && !state.waiting.is_empty() {
+                let present = std::mem::take(&mut state.particles);
+                state.particles = std::mem::take(&mut state.waiting);
+                state.particles.extend(present);
+                state.gaps_before = state.gaps();
+                state.fit_moves(self.target);
+            }
         }
         Ok(())
     }
 
-    /// Number of the present step, from 1 on.
+    /// Number of the present step among those of all batches and their beginnings; that of the first step is 1.
     fn level(&self) -> u64 {
-        self.state.levels.len() as u64 + 1
+        (self.state.levels.len() + self.state.batches.len()) as u64 + 1
     }
 
     /// Reweights and resamples.
@@ -206,17 +287,7 @@ impl Bridge<'_> {
         state.particles = drawn.map(|i| state.particles[i].clone()).collect();
         state.mcmc_steps = 0;
         state.gaps_before = state.gaps();
-        let dim = self.target.dim();
-        let orbit = Symmetry::first_orbit(self.target.symmetries());
-        let others = [1, 0].map(|parity| state.rows(parity));
-        state.metrics = others
-            .iter()
-            .map(|rows| Metric::of_rows(rows, dim))
-            .collect();
-        state.pools = others
-            .iter()
-            .map(|rows| DifferencePool::new(rows, dim, orbit))
-            .collect();
+        state.fit_moves(self.target);
         Ok(())
     }
 
@@ -238,12 +309,20 @@ impl Bridge<'_> {
         // Fitted anew whenever there are twice as many steps.
         let kept = further.min(FITTED_STEPS);
         let steps = (kept.checked_ilog2()).map_or(0, |doublings| 1 << doublings);
-        if (self.proposals.as_ref()).is_none_or(|(fitted, _)| *fitted != steps) {
-            let visited = self.state.visited.each_ref();
-            let visited = visited.map(|rows| &rows[..rows.len() / kept.max(1) * steps]);
+        let fitted = [self.state.batches.len(), steps];
+        if (self.proposals.as_ref()).is_none_or(|(to, _)| *to != fitted) {
+            let State {
+                visited,
+                visited_before,
+                ..
+            } = &self.state;
+            let visited = [0, 1].map(|half| {
+                let present = &visited[half][..visited[half].len() / kept.max(1) * steps];
+                [&visited_before[half], present].concat()
+            });
             let lineage = lineages(parent);
-            let fitted = Proposals::new(&parent.draws, visited, steps, target, seed, lineage);
-            self.proposals = Some((steps, fitted));
+            let proposals = Proposals::new(&parent.draws, visited, fitted, target, seed, lineage);
+            self.proposals = Some((fitted, proposals));
         }
         let (_, proposals) = self.proposals.as_ref()?;
         proposals.as_ref()?.screened(surrogate, target, seed, task)

@@ -133,6 +133,7 @@ fn effective_sizes_of_a_bridge_from_tempered_chains_are_those_of_its_means() {
         smc_particles: 1_000,
         mcmc_steps: 2,
         further_mcmc_steps: 0,
+        max_batches: 1,
     };
     let mut squares = 0.0;
     for seed in 1..=12 {
@@ -153,31 +154,69 @@ fn effective_sizes_of_a_bridge_from_tempered_chains_are_those_of_its_means() {
 }
 
 #[test]
-fn further_mcmc_steps_are_made_until_the_draws_are_enough_also_later() {
+fn further_mcmc_steps_and_batches_are_made_until_the_draws_are_enough_also_later() {
     let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
     let mut parent = parent(&coarse, 1);
     // Four hundred live points are few for its own checks, and without them no further steps are made.
     parent.checks.clear();
     let folder = tempfile::tempdir().unwrap();
-    let with = |smc_particles: usize, further_mcmc_steps: usize, name: &str| {
+    let with = |smc_particles: usize, steps_and_batches: [usize; 2], name: &str| {
+        let [further_mcmc_steps, max_batches] = steps_and_batches;
         let settings = bridge::Settings {
             smc_particles,
             mcmc_steps: 1,
             further_mcmc_steps,
+            max_batches,
         };
         let mut silent = Silent;
         let mut control = Control::new(&mut silent);
         control.checkpoint = Some(plan(&folder.path().join(name)));
         bridge::run(&fine, &coarse, &parent, &settings, 1, &mut control).unwrap()
     };
-    // A hundred draws are never enough.
-    let (short, long) = (with(100, 0, "short"), with(100, 5, "long"));
-    assert!(long.cost.calls > short.cost.calls && long.ess.quoted < 400.0);
-    assert_eq!(with(100, 5, "short").bits(), long.bits());
-    // Eight hundred are, once their copies have parted.
-    let enough = with(800, 1_000, "enough");
-    assert!(with(800, 0, "few").ess.quoted < 400.0);
-    assert!(enough.ess.quoted >= 400.0, "{:?}", enough.ess);
+    // A hundred draws are never enough, nor are three hundred.
+    let (short, long) = (with(100, [2, 1], "short"), with(100, [2, 3], "long"));
+    assert_eq!([short.draws.len(), long.draws.len()], [100, 300]);
+    assert!(long.ess.quoted < 400.0);
+    assert_eq!(with(100, [2, 3], "short").bits(), long.bits());
+    // Eight hundred are once their copies have parted, and five batches of a hundred and fifty.
+    let enough = with(800, [1_000, 1], "enough");
+    assert!(with(800, [0, 1], "few").ess.quoted < 400.0);
+    let batches = with(150, [8, 100], "batches");
+    for run in [enough, batches] {
+        assert!(run.ess.quoted >= 400.0, "{:?}", run.ess);
+        assert!(pull(&run, fine.ln_z()).abs() < 4.0, "{:?}", run.evidence);
+    }
+}
+
+/// Ratios of evidences by one batch and by four, of sixteen seeds each: mean squares in their own errors.
+#[test]
+fn several_batches_have_a_smaller_error_than_one_and_it_is_right() {
+    let (coarse, fine) = (Bell::new(3, 6.0, 0.8), Bell::new(3, 30.0, 1.0));
+    let mut parent = parent(&coarse, 1);
+    parent.checks.clear();
+    let mut errors = [0.0; 2];
+    for (error, max_batches) in errors.iter_mut().zip([1, 4]) {
+        let settings = bridge::Settings {
+            smc_particles: 50,
+            mcmc_steps: 4,
+            further_mcmc_steps: 0,
+            max_batches,
+        };
+        let mut squares = 0.0;
+        for seed in 1..=16 {
+            let mut silent = Silent;
+            let mut control = Control::new(&mut silent);
+            let run = bridge::run(&fine, &coarse, &parent, &settings, seed, &mut control).unwrap();
+            assert_eq!(run.draws.len(), 50 * max_batches);
+            let off = run.evidence.ln_z - parent.evidence.ln_z - (fine.ln_z() - coarse.ln_z());
+            let part = |name: &str| run.evidence.error_parts[name].powi(2);
+            squares += off * off / (part("weights") + part("lineage-weights")) / 16.0;
+            *error += part("weights").sqrt() / 16.0;
+        }
+        // Chi-square of 16 degrees of freedom over 16: a standard deviation of 0.35. The parent's own draws add to it.
+        assert!((0.1..2.4).contains(&squares), "{max_batches}: {squares}");
+    }
+    assert!(errors[1] < 0.7 * errors[0], "{errors:?}");
 }
 
 /// Parallel tempering along a surrogate.
@@ -206,9 +245,10 @@ fn a_surrogate_of_the_coarse_run_moves_the_particles_of_the_bridge() {
     let parent = along_a_surrogate(&coarse);
     assert!(parent.surrogate.is_some());
     let settings = bridge::Settings {
-        smc_particles: 1_500,
+        smc_particles: 350,
         mcmc_steps: 2,
-        further_mcmc_steps: 10,
+        further_mcmc_steps: 3,
+        max_batches: 6,
     };
     let plainly = || {
         let mut silent = Silent;
@@ -222,6 +262,7 @@ fn a_surrogate_of_the_coarse_run_moves_the_particles_of_the_bridge() {
     let weight = right.iter().sum::<f64>() / right.len() as f64;
     let error = (0.9 * 0.1 / run.draws.ess_of_mean(&right)).sqrt();
     assert!((weight - 0.9).abs() < 4.0 * error, "{weight} +- {error}");
+    // Several batches are needed for so many.
     assert!(run.ess.quoted >= 400.0, "{:?}", run.ess);
     assert!(run.surrogate.is_some() && run.surrogate != parent.surrogate);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();

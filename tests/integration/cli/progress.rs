@@ -94,21 +94,29 @@ fn added_batches_have_a_time_left_before_and_after_their_checks_are_known() {
 
 #[test]
 fn further_steps_of_a_bridge_have_a_time_left_by_their_draws_or_their_number() {
-    let further = |further: usize, ess: f64| Event::Bridge {
+    let further = |batches: usize, further: usize, ess: f64| Event::Bridge {
         fraction: 1.0,
         further,
         of: 20,
+        batches,
+        of_batches: 2,
         ess: Some(ess),
         target_ess: 400.0,
         ln_z: -8.0,
         calls: 100,
     };
-    let grows = shown(&[further(0, 300.0), further(1, 350.0), further(2, 390.0)]);
+    let grows = shown(&[
+        further(1, 0, 300.0),
+        further(1, 1, 350.0),
+        further(1, 2, 390.0),
+    ]);
     assert!(grows.contains("ends in about 1 s, "), "{grows}");
     assert!(
-        grows.contains("further MCMC step 2 of at most 20, ESS 390 of 400"),
+        grows.contains("batch 1 of at most 2, further MCMC step 2 of at most 20, ESS 390 of 400"),
         "{grows}"
     );
-    let stays = shown(&[further(1, 300.0), further(2, 300.0)]);
-    assert!(stays.contains("ends in at most "), "{stays}");
+    let stays = |batches: usize| shown(&[further(batches, 1, 300.0), further(batches, 2, 300.0)]);
+    assert!(stays(2).contains("ends in at most "), "{}", stays(2));
+    // Another batch may follow.
+    assert!(!stays(1).contains("ends in at most "), "{}", stays(1));
 }
