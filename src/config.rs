@@ -115,6 +115,11 @@ impl StudyConfig {
         if let Some(population) = &self.population {
             let checked = population.settings.check();
             checked.map_err(|e| e.within("population.settings"))?;
+            if let Some(subsets) = &population.subsets {
+                subsets
+                    .check()
+                    .map_err(|e| e.within("population.subsets"))?;
+            }
         }
         self.slurm.check().map_err(|e| e.within("slurm"))
     }
@@ -176,6 +181,9 @@ pub struct StudyPopulation {
     /// Families; each is sampled. None: the family of the settings.
     #[serde(default)]
     pub families: Vec<FamilyName>,
+    /// Random subsets of the streams whose populations show how the errors fall with the number of streams, if they are wanted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subsets: Option<SubsetSettings>,
     /// Settings.
     #[serde(default)]
     pub settings: PopulationConfig,
@@ -190,6 +198,30 @@ impl StudyPopulation {
         } else {
             self.families.clone()
         }
+    }
+}
+
+/// Random subsets of the streams of a population, each sampled by the first family and the first sampler.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SubsetSettings {
+    /// Numbers of streams. Those that are not below the number of all streams are left out.
+    pub sizes: Vec<usize>,
+    /// Number of subsets of each size.
+    pub repeats: usize,
+}
+
+impl SubsetSettings {
+    /// Checks every number by itself: the ranges of docs/limits.md.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] with the first one that is out of its range.
+    pub fn check(&self) -> Result<()> {
+        for size in &self.sizes {
+            in_range("sizes", *size, NUMBERS_OF_MOCKS)?;
+        }
+        in_range("repeats", self.repeats, 1..=1_000)?;
+        Ok(())
     }
 }
 

@@ -49,7 +49,7 @@ fn population(text: &str) -> std::result::Result<QPopulation, String> {
         .split_once(',')
         .map(|(mu, sigma)| (finite(mu.trim()), finite(sigma.trim())))
     {
-        Some((Ok(mu), Ok(sigma))) => Ok(QPopulation { mu, sigma }),
+        Some((Ok(mu), Ok(sigma))) => Ok(QPopulation::gaussian(mu, sigma)),
         _ => Err("give two finite numbers, such as 0.8,0.1".to_owned()),
     }
 }

@@ -39,7 +39,7 @@ pub struct Args {
 pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     refuse_existing(&args.out, args.force)?;
     let runs = finished(&run_folders(&args.runs));
-    render_report(&args.title, &runs, &args.format, &args.out)?;
+    render_report(&args.title, &runs, &args.format, &[], &args.out)?;
     if args.output.json {
         out.json(&serde_json::json!({"report": shown(&args.out)}))?;
     } else {

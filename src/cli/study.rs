@@ -10,13 +10,14 @@ use super::progress::{Board, interrupt};
 use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
 use crate::inference::Sampler;
-use crate::posterior::{Summary, compare};
-use crate::report::FigureFormat;
+use crate::posterior::{ScalingRow, Summary, compare, scaling_csv};
+use crate::report::{self, Figure, FigureFormat};
 use crate::run::{
     Cost, Executor, FitsSoFar, Monitor, RunFolder, Study, StudyResult, StudyRun, Watcher,
     render_report, report_path,
 };
 use clap::ValueEnum;
+use oblate_samplers::files::write_atomically;
 use oblate_samplers::output::Status;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -126,8 +127,11 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
     let page = report_path(&config.out);
     let folders: Vec<PathBuf> = result.runs().map(|p| p.folder.clone()).collect();
     let reported = args.fit.is_none() && !folders.is_empty();
+    let scaling = result.scaling();
     if reported {
-        render_report(&config.title, &folders, &[FigureFormat::Svg], &page)?;
+        let figures = scaling_figures(&scaling, &config.out)?;
+        let formats = [FigureFormat::Svg];
+        render_report(&config.title, &folders, &formats, &figures, &page)?;
     }
     if args.fit.is_some() {
         // Slurm's log of the fit is searched for it.
@@ -146,6 +150,7 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
             "runs": rows,
             "failed": failed,
             "acceptance": result.acceptance,
+            "scaling": scaling,
             "report": reported.then(|| shown(&page)),
         }))?;
     } else {
@@ -160,6 +165,18 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
         result.failed.is_empty()
             && (converged || args.allow_unconverged || config.allow_unconverged),
     ))
+}
+
+/// Writes the table of how widths fall with the number of streams, and draws its figure; nothing without rows.
+fn scaling_figures(rows: &[ScalingRow], out: &Path) -> Result<Vec<(&'static str, Figure)>> {
+    let Some(svg) = report::scaling(rows) else {
+        return Ok(Vec::new());
+    };
+    write_atomically(&out.join("scaling.csv"), scaling_csv(rows).as_bytes())?;
+    let caption = "Mean width of the central 68 % interval of each hyperparameter over random subsets of the streams, and its standard deviation; \
+        dashed: in proportion to one over the root of the number of streams"
+        .to_owned();
+    Ok(vec![("Number of streams", Figure { caption, svg })])
 }
 
 /// What the fits will cost, in words.
@@ -269,6 +286,29 @@ fn print(result: &StudyResult, out: &mut Output<'_>) -> Result<()> {
     }
     for failed in &result.failed {
         out.line(&format!("FAILED  {failed}"))?;
+    }
+    for ScalingRow {
+        streams,
+        populations,
+        widths,
+    } in result.scaling()
+    {
+        let widths = widths.iter().map(|width| {
+            let sd = width.sd.map(|sd| format!(" +- {sd:.3}"));
+            format!("{} {:.3}{}", width.name, width.mean, sd.unwrap_or_default())
+        });
+        out.line(&format!(
+            "streams {streams}, populations {populations}, 68 % widths: {}",
+            widths.collect::<Vec<_>>().join(", ")
+        ))?;
+    }
+    let unconverged = result.subsets.iter().filter(|s| !s.run.summary.converged);
+    let unconverged = unconverged.count();
+    if unconverged > 0 {
+        out.line(&format!(
+            "{unconverged} of {} populations of subsets have not converged",
+            result.subsets.len()
+        ))?;
     }
     for run in result.runs() {
         for assumption in &run.summary.assumptions {

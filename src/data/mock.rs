@@ -38,14 +38,40 @@ pub struct MockSettings {
     pub population: Option<QPopulation>,
 }
 
-/// A Gaussian population of q, truncated to the prior's range.
+/// A Gaussian population of q, or two of the same width and weight; truncated to the prior's range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct QPopulation {
     /// Mean of the Gaussian.
     pub mu: f64,
-    /// Its standard deviation.
+    /// Mean of the other one, from which half of the streams are drawn, if there are two.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub other_mu: Option<f64>,
+    /// Standard deviation.
     pub sigma: f64,
+}
+
+impl QPopulation {
+    /// One Gaussian.
+    #[must_use]
+    pub fn gaussian(mu: f64, sigma: f64) -> Self {
+        Self {
+            mu,
+            other_mu: None,
+            sigma,
+        }
+    }
+
+    /// The q between `lo` and `hi` of a uniform number, which also chooses among two Gaussians.
+    fn q(&self, lo: f64, hi: f64, uniform: f64) -> f64 {
+        match self.other_mu {
+            Some(other) if uniform >= 0.5 => {
+                truncated(other, self.sigma, (lo, hi), 2.0 * uniform - 1.0)
+            }
+            Some(_) => truncated(self.mu, self.sigma, (lo, hi), 2.0 * uniform),
+            None => truncated(self.mu, self.sigma, (lo, hi), uniform),
+        }
+    }
 }
 
 impl Default for MockSettings {
@@ -104,8 +130,18 @@ impl MockSettings {
                 remedy: "give the smaller one first".to_owned(),
             });
         }
-        if let Some(QPopulation { mu, sigma }) = self.population {
+        if let Some(population) = self.population {
+            let QPopulation {
+                mu,
+                other_mu,
+                sigma,
+            } = population;
             in_range("population.mu", mu, -100.0..=100.0)?;
+            in_range(
+                "population.other_mu",
+                other_mu.unwrap_or(mu),
+                -100.0..=100.0,
+            )?;
             in_range("population.sigma", sigma, 0.0..=100.0)?;
         }
         Ok(())
@@ -241,12 +277,8 @@ fn draw(
     // Both are drawn always, so that the noise of a draw does not depend on the population.
     let uniform = unit_open(&mut rng);
     if let Some(population) = settings.population {
-        q = truncated(
-            population,
-            prior.settings().q_min,
-            prior.settings().q_max,
-            uniform,
-        );
+        let (lo, hi) = (prior.settings().q_min, prior.settings().q_max);
+        q = population.q(lo, hi, uniform);
         let dir: Vec3<f64> = prior
             .q_range()
             .dir(q, prior.shape(&params).axis)
@@ -301,7 +333,7 @@ pub(super) fn is_kept(
     index: u64,
 ) -> bool {
     let only_q = MockSettings {
-        population: Some(QPopulation { mu: q, sigma: 0.0 }),
+        population: Some(QPopulation::gaussian(q, 0.0)),
         ..*settings
     };
     draw(prior, &only_q, model, seed, index).is_ok()
@@ -347,10 +379,9 @@ fn criteria(track: &Track, settings: &MockSettings) -> std::result::Result<f64, 
     Ok(length)
 }
 
-/// The quantile `u` of the truncated Gaussian, computed from the side of the tail.
-fn truncated(population: QPopulation, lo: f64, hi: f64, u: f64) -> f64 {
+/// The quantile `u` of a truncated Gaussian, computed from the side of the tail.
+fn truncated(mu: f64, sigma: f64, (lo, hi): (f64, f64), u: f64) -> f64 {
     use oblate_samplers::normal::{cdf, sf};
-    let QPopulation { mu, sigma } = population;
     if sigma <= 0.0 {
         return mu.clamp(lo, hi.next_down());
     }

@@ -15,6 +15,7 @@ mod interval;
 pub mod json;
 pub mod modes;
 mod population_summary;
+mod scaling;
 mod summary;
 pub mod zarr;
 
@@ -35,4 +36,5 @@ pub use population_summary::{
     MAX_PARETO_K, MeanWithoutStream, PopulationSummary, PredictiveQuantity, StreamInPopulation,
     WithoutStream,
 };
+pub use scaling::{ScalingRow, ScalingWidth, scaling, scaling_csv};
 pub use summary::{SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals};

@@ -38,6 +38,7 @@ pub use render::render_report;
 pub use senses::{SenseRun, senses};
 pub use session::Destination;
 pub use study::{
-    Cost, Executor, FailedRun, FitsSoFar, Study, StudyResult, StudyRun, Watcher, report_path,
+    Cost, Executor, FailedRun, FitsSoFar, Study, StudyResult, StudyRun, StudySubset, Watcher,
+    report_path,
 };
 pub use versions::{FolderKind, Versions};

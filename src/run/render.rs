@@ -82,7 +82,8 @@ impl RunFigures {
     }
 }
 
-/// Writes every figure of finished runs into their folders, in these formats, and one self-contained HTML page of all of them.
+/// Writes every figure of finished runs into their folders, in these formats, and one self-contained HTML page of all of them, with `others` at its
+/// end, figures of many runs under headings.
 ///
 /// # Errors
 /// As of [`FigureWriter::new`]; [`Io`](crate::Error::Io), [`Syntax`](crate::Error::Syntax), [`Checksum`](crate::Error::Checksum),
@@ -93,6 +94,7 @@ pub fn render_report(
     title: &str,
     folders: &[PathBuf],
     formats: &[FigureFormat],
+    others: &[(&str, Figure)],
     out: &Path,
 ) -> Result<()> {
     let writer = FigureWriter::new(formats)?;
@@ -151,6 +153,11 @@ pub fn render_report(
                 .collect(),
             figures,
         })
+        .chain(others.iter().map(|(name, figure)| Group {
+            name: (*name).to_owned(),
+            runs: Vec::new(),
+            figures: std::slice::from_ref(figure),
+        }))
         .collect();
     write_atomically(out, page(title, &shown).as_bytes())?;
     Ok(())

@@ -251,7 +251,7 @@ pub fn report_case(rng: &mut RandomStream, seeds: &[Seed], out: &Path) -> Verdic
     std::fs::write(file, damaged).unwrap();
     let folders = [seed.folder.path().to_path_buf()];
     let done = std::panic::catch_unwind(|| {
-        render_report("fuzz", &folders, &[FigureFormat::Svg], out).is_ok()
+        render_report("fuzz", &folders, &[FigureFormat::Svg], &[], out).is_ok()
     });
     std::fs::write(file, bytes).unwrap();
     match done {

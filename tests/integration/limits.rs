@@ -271,8 +271,8 @@ fn the_ranges_of_a_population_are_those_of_the_page() {
 fn the_ranges_of_mocks_are_those_of_the_page() {
     let settings = MockSettings {
         population: Some(QPopulation {
-            mu: 0.8,
-            sigma: 0.1,
+            other_mu: Some(1.2),
+            ..QPopulation::gaussian(0.8, 0.1)
         }),
         ..MockSettings::default()
     };
@@ -314,6 +314,28 @@ fn the_number_of_mocks_of_a_study_is_that_of_the_page() {
             assert!(of(hi + 1).unwrap_err().contains("count = 100001"));
             assert!(of(lo - 1).unwrap_err().contains("allowed 1 to 100000"));
         }
+    }
+}
+
+#[test]
+fn subsets_of_a_study_are_as_the_page_says() {
+    let study = |sizes: &str, repeats: usize| {
+        let text = format!(
+            "title = 'a'\nout = 'b'\n[population]\nsamplers = ['nested']\nsubsets = {{ sizes = {sizes}, repeats = {repeats} }}"
+        );
+        let config: StudyConfig = toml::from_str(&text).expect("a study");
+        config.check().map_err(|e| e.to_string())
+    };
+    assert_eq!(study("[1, 100000]", 1), Ok(()));
+    assert_eq!(study("[]", 1_000), Ok(()));
+    for (sizes, repeats, words) in [
+        ("[0]", 1, "[population.subsets] sizes = 0"),
+        ("[5, 100001]", 1, "sizes = 100001"),
+        ("[5]", 0, "repeats = 0"),
+        ("[5]", 1_001, "repeats = 1001"),
+    ] {
+        let error = study(sizes, repeats).unwrap_err();
+        assert!(error.contains(words), "{error}");
     }
 }
 
@@ -704,7 +726,7 @@ fn a_population_of_q_beyond_the_prior_is_at_its_nearer_end() {
     let prior = StreamPrior::new(&PriorSettings::default()).expect("the prior");
     for (mu, sigma, q) in [(0.0, 1e-3, 0.5), (3.0, 1e-3, 1.5), (1.2, 1e-300, 1.2)] {
         let mut settings = MockSettings {
-            population: Some(QPopulation { mu, sigma }),
+            population: Some(QPopulation::gaussian(mu, sigma)),
             ..MockSettings::default()
         };
         settings.model.releases.particles = 200;

@@ -11,7 +11,7 @@ mod slurm;
 mod watch;
 
 pub use pilot::Cost;
-pub use result::{FailedRun, StudyResult, StudyRun};
+pub use result::{FailedRun, StudyResult, StudyRun, StudySubset};
 pub use watch::{FitsSoFar, Watcher};
 
 use crate::config::{StreamsOf, StudyConfig};
@@ -21,7 +21,7 @@ use fits::{Outcome, all_fits, one_fit};
 use inputs::{StudyInputs, streams_of};
 use oblate_samplers::limits::in_range;
 use plan::{PlannedFit, planned_fits};
-use populations::planned_populations;
+use populations::{planned_populations, planned_subsets};
 use slurm::Slurm;
 use std::fs::File;
 use std::io::Read;
@@ -149,7 +149,16 @@ impl<'a> Study<'a> {
                 None => result.interrupted = true,
             }
             if result.interrupted {
-                break;
+                return Ok(());
+            }
+        }
+        for (streams, planned) in planned_subsets(self.config, folders.len()) {
+            match planned.sample(&folders, &missing, command, watcher)? {
+                Some(run) => result.subsets.push(StudySubset { streams, run }),
+                None => {
+                    result.interrupted = true;
+                    break;
+                }
             }
         }
         Ok(())

@@ -10,7 +10,14 @@ use crate::run::locked::IfExists;
 use crate::run::population::{PopulationFits, population};
 use crate::run::session::Destination;
 use oblate_samplers::output::Status;
+use oblate_samplers::rng::{Domain, below, stream};
 use std::path::PathBuf;
+
+/// The folder of the populations of subsets.
+const SUBSETS: &str = "subsets";
+
+/// Substreams within [`Domain::Post`] of the choice of subsets, by their size.
+const SUBSET_TASK: u64 = 0x7375_6273_0000_0000;
 
 /// A population with its folder.
 #[derive(Clone, Debug)]
@@ -19,6 +26,8 @@ pub(super) struct PlannedPopulation {
     pub sampler: Sampler,
     settings: PopulationConfig,
     folder: PathBuf,
+    /// The size and the number of the subset of the streams; none: all.
+    subset: Option<(usize, usize)>,
 }
 
 /// The populations in their order; none if the study has none.
@@ -43,10 +52,47 @@ pub(super) fn planned_populations(config: &StudyConfig) -> Vec<PlannedPopulation
                 name: name.clone(),
                 sampler: *sampler,
                 settings,
+                subset: None,
             });
         }
     }
     planned
+}
+
+/// The populations of subsets of the streams, of which there are so many, each after its number of streams: by the first family and the first
+/// sampler.
+pub(super) fn planned_subsets(
+    config: &StudyConfig,
+    streams: usize,
+) -> Vec<(usize, PlannedPopulation)> {
+    let subsets = config.population.as_ref().and_then(|p| p.subsets.as_ref());
+    let first = planned_populations(config).into_iter().next();
+    let (Some(subsets), Some(first)) = (subsets, first) else {
+        return Vec::new();
+    };
+    let sizes = subsets.sizes.iter().filter(|size| **size < streams);
+    let planned = |size: usize, number: usize| PlannedPopulation {
+        name: format!("{size} streams, subset {number}"),
+        folder: config.out.join(SUBSETS).join(format!("{size}_{number}")),
+        subset: Some((size, number)),
+        ..first.clone()
+    };
+    sizes
+        .flat_map(|size| (1..=subsets.repeats).map(|number| (*size, planned(*size, number))))
+        .collect()
+}
+
+/// Random members of a subset, in their order.
+fn members(folders: &[PathBuf], seed: u64, (size, number): (usize, usize)) -> Vec<PathBuf> {
+    let mut rng = stream(seed, Domain::Post, SUBSET_TASK + size as u64, number as u64);
+    let mut places: Vec<usize> = (0..folders.len()).collect();
+    for taken in 0..size {
+        let other = taken + below(&mut rng, places.len() - taken);
+        places.swap(taken, other);
+    }
+    places.truncate(size);
+    places.sort_unstable();
+    places.into_iter().map(|i| folders[i].clone()).collect()
 }
 
 impl PlannedPopulation {
@@ -61,8 +107,12 @@ impl PlannedPopulation {
         command: &str,
         watcher: &dyn Watcher,
     ) -> Result<Option<StudyRun>> {
+        let chosen = match self.subset {
+            Some(subset) => members(folders, self.settings.seed, subset),
+            None => folders.to_vec(),
+        };
         let fits = PopulationFits {
-            folders,
+            folders: &chosen,
             missing,
             // A study reports unconverged fits at its end instead of stopping at them.
             allow_unconverged: true,

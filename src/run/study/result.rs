@@ -2,7 +2,7 @@
 
 use crate::config::StreamsOf;
 use crate::inference::Sampler;
-use crate::posterior::Summary;
+use crate::posterior::{ScalingRow, Summary, scaling};
 use std::path::PathBuf;
 
 /// A finished run of a study.
@@ -18,6 +18,15 @@ pub struct StudyRun {
     pub summary: Summary,
 }
 
+/// A finished population of a subset of the streams.
+#[derive(Clone, Debug)]
+pub struct StudySubset {
+    /// Number of its streams.
+    pub streams: usize,
+    /// The run.
+    pub run: StudyRun,
+}
+
 /// The finished runs of a study.
 #[derive(Clone, Debug, Default)]
 pub struct StudyResult {
@@ -27,6 +36,8 @@ pub struct StudyResult {
     pub mocks: Vec<StudyRun>,
     /// Populations.
     pub populations: Vec<StudyRun>,
+    /// Populations of subsets of the streams.
+    pub subsets: Vec<StudySubset>,
     /// Fits and populations that could not be done.
     pub failed: Vec<FailedRun>,
     /// Fraction of prior draws that met the criteria of a mock.
@@ -42,6 +53,25 @@ impl StudyResult {
             .iter()
             .chain(&self.mocks)
             .chain(&self.populations)
+    }
+}
+
+impl StudyResult {
+    /// How the widths of the hyperparameters fall with the number of streams, from the subsets to the first population of all streams; empty
+    /// without subsets.
+    #[must_use]
+    pub fn scaling(&self) -> Vec<ScalingRow> {
+        let all = self
+            .populations
+            .first()
+            .filter(|_| !self.subsets.is_empty());
+        let all = all.and_then(|run| {
+            let population = run.summary.population.as_ref()?;
+            Some((population.streams.len(), &run.summary))
+        });
+        let subsets = self.subsets.iter();
+        let subsets = subsets.map(|subset| (subset.streams, &subset.run.summary));
+        scaling(&subsets.chain(all).collect::<Vec<_>>())
     }
 }
 

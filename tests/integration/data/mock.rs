@@ -1,6 +1,6 @@
 //! Mocks with parameters of the observation.
 
-use oblate::data::{Mock, MockSettings, mocks};
+use oblate::data::{Mock, MockSettings, QPopulation, mocks};
 use oblate::params::{PriorSettings, REQUIRED, StreamPrior};
 
 /// The first mock with these fixed parameters.
@@ -51,4 +51,23 @@ fn a_jitter_adds_to_the_noise_but_not_to_the_errors() {
         let error = loud.track.r_err_lo_kpc[row] / loud.track.r_kpc[row];
         assert!((error - 0.06).abs() < 1e-12);
     }
+}
+
+#[test]
+fn half_of_the_mocks_are_around_each_of_two_means() {
+    let mut settings = MockSettings {
+        population: Some(QPopulation {
+            other_mu: Some(1.3),
+            ..QPopulation::gaussian(0.7, 0.02)
+        }),
+        ..MockSettings::default()
+    };
+    settings.model.releases.particles = 200;
+    settings.model.steps = 60;
+    let prior = StreamPrior::new(&PriorSettings::default()).unwrap();
+    let found = mocks(&prior, &settings, 40, 3).unwrap().mocks;
+    // Six standard deviations from the nearer mean at most, and 20 of 40 each, give or take four standard deviations of 3.2.
+    let near = |mean: f64| found.iter().filter(|m| (m.q - mean).abs() < 0.12).count();
+    assert_eq!(near(0.7) + near(1.3), 40);
+    assert!((8..=32).contains(&near(0.7)), "{}", near(0.7));
 }

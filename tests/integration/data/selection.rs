@@ -31,7 +31,7 @@ fn the_fractions_are_those_of_mocks_with_this_q() {
     );
     for ((q, kept), error) in found.q.iter().zip(&found.kept).zip(&found.error) {
         let settings = MockSettings {
-            population: Some(QPopulation { mu: *q, sigma: 0.0 }),
+            population: Some(QPopulation::gaussian(*q, 0.0)),
             ..settings()
         };
         let count = (kept * DRAWS as f64).round() as usize;
@@ -71,10 +71,7 @@ fn selections_that_cannot_be_made_are_refused() {
     assert!(matches!(make(&settings(), 1, 10), Error::OutOfRange(e) if e.key == "points"));
     assert!(matches!(make(&settings(), 2, 9), Error::OutOfRange(e) if e.key == "draws"));
     let of_a_population = MockSettings {
-        population: Some(QPopulation {
-            mu: 0.8,
-            sigma: 0.1,
-        }),
+        population: Some(QPopulation::gaussian(0.8, 0.1)),
         ..settings()
     };
     assert!(

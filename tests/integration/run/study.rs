@@ -133,6 +133,7 @@ fit.model = { steps = 4, step_phase = 3.0, max_halvings = 2, orbit_steps = 16, r
 fit.sampling.nested = { n_live = 60, kernel = "random-slice", steps = 2, replaced_fraction = 0.5, max_batches = 1, simulations = 20, bootstraps = 20 }
 [population]
 samplers = ["nested"]
+subsets = { sizes = [2, 100], repeats = 2 }
 "#;
 
 fn in_folder(folder: &Path, arguments: &[&str]) -> Command {
@@ -194,6 +195,8 @@ fn a_failed_fit_is_reported_and_left_out_of_the_population() {
         "{warning}"
     );
 
+    scaling(temporary.path(), &printed);
+
     // The same bytes with several fits at once, and one fit after the other by number, in any order.
     let whole = files(&temporary.path().join("out"));
     assert!(whole.len() > 60, "{whole:?}");
@@ -230,6 +233,47 @@ fn a_failed_fit_is_reported_and_left_out_of_the_population() {
     let output = ended(&["--out", "by number", "-q"]);
     assert_eq!(output.status.code(), Some(1), "{output:?}");
     assert_eq!(files(&temporary.path().join("by number")), whole);
+}
+
+/// The widths of two populations of two streams and of that of all five, as printed and as in the summaries.
+fn scaling(study: &Path, printed: &str) {
+    let table = fs::read_to_string(study.join("out/scaling.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = table.lines().map(|l| l.split(',').collect()).collect();
+    assert_eq!(rows.len(), 3, "{table}");
+    assert_eq!(
+        rows[0][..4],
+        ["streams", "populations", "width_mu_pop", "sd_mu_pop"]
+    );
+    assert_eq!(
+        (&rows[1][..2], &rows[2][..2]),
+        (&["2", "2"][..], &["5", "1"][..])
+    );
+    assert_eq!(rows[2][3], "", "{table}");
+    let width = |folder: &str| {
+        let summary = fs::read(study.join("out").join(folder).join("summary.json")).unwrap();
+        let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
+        let of = |end: &str| summary["parameters"]["mu_pop"][end].as_f64().unwrap();
+        (
+            of("hi68") - of("lo68"),
+            summary["population"]["streams"].as_array().unwrap().len(),
+        )
+    };
+    let [(one, first), (other, second)] = ["subsets/2_1", "subsets/2_2"].map(width);
+    assert_eq!((first, second), (2, 2));
+    let number = |cell: &str| cell.parse::<f64>().unwrap();
+    assert!(
+        (number(rows[1][2]) - 0.5 * (one + other)).abs() < 1e-12,
+        "{table}"
+    );
+    let sd = (one - other).abs() / 2.0_f64.sqrt();
+    assert!((number(rows[1][3]) - sd).abs() < 1e-12, "{table}");
+    assert!((number(rows[2][2]) - width("population_nested").0).abs() < 1e-12);
+    assert!(
+        printed.contains("streams 2, populations 2, 68 % widths: mu_pop "),
+        "{printed}"
+    );
+    let page = fs::read_to_string(study.join("out/report.html")).unwrap();
+    assert!(page.contains("Number of streams") && page.contains("68 % width of"));
 }
 
 /// Kills a study of so many mocks so many times, after growing parts of its time, and compares all files with those of one that was never stopped.
