@@ -5,8 +5,10 @@ use super::options::{JsonFlag, refuse_existing, write_file};
 use super::output::{Output, note};
 use super::run_folders::{finished, run_folders};
 use crate::error::Result;
-use crate::posterior::{Calibration, CalibrationRow, LEVELS, MIN_P_VALUE, RankedFit};
-use crate::report::calibration;
+use crate::posterior::{
+    Calibration, CalibrationRow, LEVELS, MIN_P_VALUE, RankedFit, Trend, trends,
+};
+use crate::report::{calibration, q_errors};
 use crate::run::ranked_fits;
 use oblate_samplers::diagnostics::weighted_quantile;
 use serde_json::json;
@@ -27,8 +29,11 @@ pub struct Args {
     /// Figure of the distribution of ranks to write (SVG)
     #[arg(long, value_name = "FILE")]
     figure: Option<PathBuf>,
-    /// Replace the figure if it exists
-    #[arg(long, requires = "figure")]
+    /// Figure of the error of q over how far the tracks extend to write (SVG)
+    #[arg(long, value_name = "FILE")]
+    errors: Option<PathBuf>,
+    /// Replace figures that exist
+    #[arg(long)]
     force: bool,
     #[command(flatten)]
     output: JsonFlag,
@@ -36,7 +41,7 @@ pub struct Args {
 
 /// Ranks the true values of mocks in their fits.
 pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
-    if let Some(path) = &args.figure {
+    for path in [&args.figure, &args.errors].into_iter().flatten() {
         refuse_existing(path, args.force)?;
     }
     let is_table = |path: &PathBuf| path.extension().is_some_and(|e| e == "json");
@@ -44,16 +49,21 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         args.runs.iter().cloned().partition(is_table);
     paths.extend(finished(&run_folders(&runs)));
     let fits = ranked_fits(&paths)?;
-    let found = Calibration::new(&fits);
-    if let Some(path) = &args.figure
-        && let Some(svg) = calibration(&fits)
-    {
-        write_file(path, svg.as_bytes(), args.force)?;
+    let (found, trends) = (Calibration::new(&fits), trends(&fits));
+    for (path, svg) in [
+        (&args.figure, calibration(&fits)),
+        (&args.errors, q_errors(&fits, &trends)),
+    ] {
+        if let (Some(path), Some(svg)) = (path, svg) {
+            write_file(path, svg.as_bytes(), args.force)?;
+        }
     }
     if args.output.json {
-        out.json(&json!({"levels": LEVELS, "calibration": found, "fits": fits}))?;
+        out.json(
+            &json!({"levels": LEVELS, "calibration": found, "q_errors": trends, "fits": fits}),
+        )?;
     } else {
-        print(&found, out)?;
+        print(&found, &trends, out)?;
         out.line(&price(&fits))?;
     }
     if found.is_uniform() {
@@ -66,7 +76,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     Ok(Exit::Failed)
 }
 
-fn print(found: &Calibration, out: &mut Output<'_>) -> Result<()> {
+fn print(found: &Calibration, trends: &[Trend], out: &mut Output<'_>) -> Result<()> {
     let fits = |rows: &[CalibrationRow]| rows.first().map_or(0, |row| row.fits);
     let (all, converged) = (fits(&found.all), fits(&found.converged));
     if converged > 0 {
@@ -81,6 +91,23 @@ fn print(found: &Calibration, out: &mut Output<'_>) -> Result<()> {
         for group in &found.q_by_bins {
             let (lo, hi) = group.bins;
             out.line(&line(&format!("{lo} to {hi}"), &group.row))?;
+        }
+    }
+    if let Some(first) = trends.first() {
+        out.line(&format!(
+            "\nThe mean of |q - true q| over a posterior is {:.3} on average over {} fits. Its straight line over the extent of the tracks:",
+            first.q_error, first.fits
+        ))?;
+        out.line(&format!(
+            "{:>19} {:>9} {:>22} {:>12}",
+            "number", "mean", "slope", "correlation"
+        ))?;
+        for trend in trends {
+            let slope = format!("{:.1e} +- {:.1e}", trend.slope, trend.slope_error);
+            out.line(&format!(
+                "{:>19} {:9.1} {slope:>22} {:12.2}",
+                trend.name, trend.mean, trend.correlation
+            ))?;
         }
     }
     if let Some((row, p)) = found.worst() {

@@ -2,6 +2,7 @@
 //! docs/physics.md, section 11).
 
 use super::ObservedTrack;
+use super::extent::length_kpc;
 use super::observed::{NUMBERS_OF_BINS, RADII_KPC};
 use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
@@ -352,23 +353,9 @@ fn criteria(track: &Track, settings: &MockSettings) -> std::result::Result<f64, 
     if angle <= settings.min_angle_deg || !NUMBERS_OF_BINS.contains(&track.bins.len()) {
         return Err(Cut::Angle);
     }
-    let point = |phi_deg: f64, r: f64| {
-        (
-            r * phi_deg.to_radians().cos(),
-            r * phi_deg.to_radians().sin(),
-        )
-    };
-    let length: f64 = track
-        .bins
-        .windows(2)
-        .map(|pair| {
-            let (a, b) = (
-                point(pair[0].phi_deg, pair[0].r_kpc),
-                point(pair[1].phi_deg, pair[1].r_kpc),
-            );
-            (a.0 - b.0).hypot(a.1 - b.1)
-        })
-        .sum();
+    let bins = track.bins.iter();
+    let (phi_deg, r_kpc): (Vec<f64>, Vec<f64>) = bins.map(|b| (b.phi_deg, b.r_kpc)).unzip();
+    let length = length_kpc(&phi_deg, &r_kpc);
     if length <= settings.min_length_kpc {
         return Err(Cut::Length);
     }

@@ -13,6 +13,7 @@ mod assumed_error;
 mod check;
 mod csv_header;
 mod ecsv;
+mod extent;
 mod header_keys;
 mod mock;
 mod observed;
@@ -22,6 +23,7 @@ mod table;
 
 pub use angles::Handedness;
 pub use assumed_error::AssumedError;
+pub use extent::TrackExtent;
 pub use mock::{Mock, MockSettings, Mocks, NUMBERS_OF_MOCKS, QPopulation, mocks, mocks_with};
 pub use observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS};
 pub use read::ReadOptions;

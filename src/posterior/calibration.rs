@@ -4,6 +4,7 @@
 //! distributed, and a central interval of any probability contains the true value as often as that probability says (Cook, Gelman and
 //! Rubin 2006; Talts et al. 2018). A choice of mocks by their data alone changes neither.
 
+use crate::data::TrackExtent;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::Uniform;
 use statrs::stats_tests::NaNPolicy;
@@ -28,6 +29,10 @@ pub struct RankedFit {
     pub name: String,
     /// Radii of its track, by which fits of one track are recognised.
     pub r_kpc: Vec<f64>,
+    /// How far its track extends.
+    pub extent: TrackExtent,
+    /// Mean over its posterior of |q - true q|; none without q.
+    pub q_error: Option<f64>,
     /// Whether it has passed its checks.
     pub converged: bool,
     /// Its effective sample size.

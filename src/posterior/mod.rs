@@ -17,6 +17,7 @@ pub mod modes;
 mod population_summary;
 mod scaling;
 mod summary;
+mod trends;
 pub mod zarr;
 
 pub use assemble::assemble_run;
@@ -38,3 +39,4 @@ pub use population_summary::{
 };
 pub use scaling::{ScalingRow, ScalingWidth, scaling, scaling_csv};
 pub use summary::{SUMMARY_FORMAT, Summary, SummaryContext, ValueError, intervals};
+pub use trends::{Trend, trends};

@@ -21,6 +21,7 @@ mod scaling;
 mod streams_of_population;
 mod strips;
 mod text;
+mod trends;
 
 pub use calibration::calibration;
 pub use corner::{CornerColumn, corner};
@@ -34,3 +35,4 @@ pub use population_density::population_density;
 pub use q_posterior::{QCurve, q_posterior};
 pub use scaling::scaling;
 pub use streams_of_population::streams_of_population;
+pub use trends::q_errors;

@@ -2,6 +2,7 @@
 
 use super::folder::RunFolder;
 use super::stored_fit::StoredFit;
+use crate::data::TrackExtent;
 use crate::error::{Error, PosteriorFault, Result, TrackFault};
 use crate::inference::{DERIVED, derived};
 use crate::params::{NAMES, REQUIRED, StreamParams, StreamPrior};
@@ -83,14 +84,23 @@ fn ranked(fit: &StoredFit, file: &Path) -> Result<RankedFit> {
     let values = truth.to_array().into_iter().chain(derived(&prior, &truth));
     let truths: Vec<(&&str, f64)> = names.zip(values).collect();
     let weights = fit.stored.run.draws.weights();
-    let ranks = columns(&fit.stored.run).into_iter().filter_map(|column| {
-        let (_, truth) = truths.iter().find(|(name, _)| **name == column.name)?;
+    let truth_of = |name: &str| truths.iter().find(|(own, _)| **own == name);
+    let columns = columns(&fit.stored.run);
+    let q = columns.iter().find(|column| column.name == "q");
+    let q_error = q.zip(truth_of("q")).map(|(q, (_, truth))| {
+        let off = q.values.iter().map(|q| (q - truth).abs());
+        off.zip(&weights).map(|(off, w)| off * w).sum::<f64>() / weights.iter().sum::<f64>()
+    });
+    let ranks = columns.into_iter().filter_map(|column| {
+        let (_, truth) = truth_of(&column.name)?;
         let rank = rank(&column.values, &weights, *truth);
         Some((column.name, rank))
     });
     Ok(RankedFit {
         name: fit.stored.name.clone(),
         r_kpc: fit.track.r_kpc.clone(),
+        extent: TrackExtent::of(&fit.track),
+        q_error,
         converged: fit.stored.summary.converged,
         ess: fit.stored.summary.ess,
         calls: fit.stored.run.cost.calls,

@@ -1,7 +1,8 @@
 //! Ranks of true values: posteriors of known calibration.
 
-use oblate::posterior::{Calibration, RankedFit, rank};
-use oblate::report::calibration;
+use oblate::data::TrackExtent;
+use oblate::posterior::{Calibration, RankedFit, rank, trends};
+use oblate::report::{calibration, q_errors};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 
 const FITS: usize = 400;
@@ -20,6 +21,14 @@ fn normal_fits(shift: f64, width: f64) -> Vec<RankedFit> {
         RankedFit {
             name: format!("fit {i}"),
             r_kpc: vec![10.0; 10 + i % 20],
+            extent: TrackExtent {
+                length_deg: 10.0 * (10 + i % 20) as f64,
+                length_kpc: 200.0 + i as f64,
+                mean_kpc: 10.0,
+                spread_kpc: y.abs(),
+            },
+            // 0.3 with 10 bins, and 0.01 less with each more; and twice the error in every other fit.
+            q_error: Some((0.3 - 0.01 * (i % 20) as f64) * (1.0 + (i / 20 % 2) as f64)),
             converged: i.is_multiple_of(2),
             ess: 400.0,
             calls: 1_000,
@@ -51,6 +60,44 @@ fn right_posteriors_are_calibrated() {
             "{row:?}"
         );
     }
+}
+
+/// Three fits that have passed and one that has not: lines of known slope.
+#[test]
+fn lines_through_the_errors_of_q_are_those_of_least_squares() {
+    let mut fits = normal_fits(0.0, 1.0);
+    fits.truncate(4);
+    for (fit, (x, error)) in fits
+        .iter_mut()
+        .zip([(1.0, 1.0), (2.0, 3.0), (3.0, 2.0), (9.0, 9.0)])
+    {
+        (fit.extent.length_kpc, fit.extent.mean_kpc) = (x, 2.0 * error);
+        (fit.q_error, fit.converged) = (Some(error), x < 9.0);
+    }
+    let found = trends(&fits);
+    let line = |name: &str| found.iter().find(|t| t.name == name).unwrap();
+    let length = line("length_kpc");
+    assert_eq!((length.fits, length.mean, length.q_error), (3, 2.0, 2.0));
+    let expected = [
+        (length.slope, 0.5),
+        (length.slope_error, 0.75_f64.sqrt()),
+        (length.correlation, 0.5),
+    ];
+    let radius = line("mean_kpc");
+    let exact = [
+        (radius.slope, 0.5),
+        (radius.slope_error, 0.0),
+        (radius.correlation, 1.0),
+    ];
+    for (found, expected) in expected.into_iter().chain(exact) {
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    }
+    let svg = q_errors(&fits, &found).unwrap();
+    assert_eq!(svg.matches("class=\"fit\"").count(), 4 * 4);
+    // Where none has passed all count.
+    fits.iter_mut().for_each(|fit| fit.converged = false);
+    assert_eq!(trends(&fits)[0].fits, 4);
+    assert!(trends(&fits[..2]).is_empty() && q_errors(&fits[..2], &[]).is_none());
 }
 
 #[test]

@@ -2,7 +2,9 @@
 
 use super::{example, json, oblate, refused, write};
 use oblate::data::ObservedTrack;
+use oblate::params::{PriorSettings, StreamPrior};
 use oblate::posterior::zarr;
+use oblate::scalar::Vec3;
 use serde_json::json;
 use std::path::Path;
 
@@ -81,6 +83,19 @@ fn fits_of_mocks_are_ranked_and_others_refused() {
         (rank[1].as_f64().expect("a number") - below).abs() < 1e-9,
         "{rank} {below}"
     );
+    // So is the error of q, which is the first derived quantity. The track has 10 degrees for each bin.
+    let prior = StreamPrior::new(&PriorSettings::default()).expect("the prior");
+    let truth = prior.q_range().shape(Vec3::new(0.1, 0.2, 0.8)).q;
+    let off = draws.derived_column(0).into_iter().zip(draws.weights());
+    let q_error: f64 = off.map(|(q, w)| (q - truth).abs() * w).sum();
+    let said_error = said["fits"][0]["q_error"].as_f64().expect("a number");
+    assert!(
+        (said_error - q_error).abs() < 1e-9,
+        "{said_error} {q_error}"
+    );
+    let bins = said["fits"][0]["r_kpc"].as_array().map_or(0, Vec::len);
+    assert_eq!(said["fits"][0]["extent"]["length_deg"], 10.0 * bins as f64);
+    assert_eq!(said["q_errors"], json!([]), "two points are no line");
     // Three free parameters, five derived quantities; none of the fixed ones.
     assert_eq!(said["fits"][0]["ranks"].as_array().map(Vec::len), Some(8));
 
