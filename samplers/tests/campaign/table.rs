@@ -22,6 +22,8 @@ pub struct Case {
     name: String,
     target: Box<dyn Target>,
     ln_z: f64,
+    /// Posterior probability of a positive first parameter, of targets with two modes.
+    right: Option<f64>,
 }
 
 impl From<Smooth> for Case {
@@ -29,6 +31,7 @@ impl From<Smooth> for Case {
         Self {
             name: target.name.to_owned(),
             ln_z: target.ln_z,
+            right: target.right(),
             target: Box::new(target),
         }
     }
@@ -51,6 +54,7 @@ pub fn hard(name: &str, target: Hard) -> Case {
     Case {
         name: name.to_owned(),
         ln_z: target.ln_z,
+        right: None,
         target: Box::new(target),
     }
 }
@@ -78,9 +82,9 @@ impl Table {
         columns.extend(own);
         let names: Vec<&str> = columns.iter().map(|c| c.0).collect();
         println!(
-            "\n| target | d | how | mean z | sd z | {} | checks failed |\n|{}",
+            "\n| target | d | how | mean z | sd z | mode: mean z | sd z | {} | checks failed |\n|{}",
             names.join(" | "),
-            "---|".repeat(6 + names.len())
+            "---|".repeat(8 + names.len())
         );
         Self {
             columns,
@@ -106,13 +110,21 @@ impl Table {
                 self.by_check.entry(name.to_owned()).or_default().push(*z);
             }
         }
+        let mode = case.right.map(|right| {
+            let z: Vec<f64> = runs.iter().map(|run| pull_of_mode(run, right)).collect();
+            scatter(&z)
+        });
+        let of_mode = match mode {
+            Some((mean, sd)) => format!("{mean:+.2} | {sd:.2}"),
+            None => "| ".to_owned(),
+        };
         let means: Vec<String> = self
             .columns
             .iter()
             .map(|(_, of)| figures(runs.iter().map(of).sum::<f64>() / runs.len() as f64))
             .collect();
         println!(
-            "| {} | {} | {how} | {mean:+.2} | {sd:.2} | {} | {} |",
+            "| {} | {} | {how} | {mean:+.2} | {sd:.2} | {of_mode} | {} | {} |",
             case.name,
             case.target.dim(),
             means.join(" | "),
@@ -122,6 +134,11 @@ impl Table {
         if !(mean.abs() < MAX_MEAN && (MIN_SD..=MAX_SD).contains(&sd)) {
             self.wrong
                 .push(format!("{} {how}: {mean:+.3} {sd:.3}", case.name));
+        }
+        // An error that is too large is no fault here: there are few independent draws of a mode.
+        if mode.is_some_and(|(mean, sd)| !(mean.abs() < MAX_MEAN && sd <= MAX_SD)) {
+            self.wrong
+                .push(format!("{} {how}, weight of a mode: {of_mode}", case.name));
         }
     }
 
@@ -139,6 +156,15 @@ impl Table {
         }
         assert!(self.wrong.is_empty(), "{:#?}", self.wrong);
     }
+}
+
+/// (weight of the mode on the right - truth) / its error, from the effective sample size of its indicator.
+fn pull_of_mode(run: &Run, truth: f64) -> f64 {
+    let first = run.draws.column(0).into_iter();
+    let inside: Vec<f64> = first.map(|x| f64::from(u8::from(x > 0.0))).collect();
+    let weights = run.draws.weights();
+    let weight: f64 = inside.iter().zip(&weights).map(|(i, w)| i * w).sum();
+    (weight - truth) / (truth * (1.0 - truth) / run.draws.ess_of_mean(&inside)).sqrt()
 }
 
 fn figures(value: f64) -> String {

@@ -260,8 +260,9 @@ fn a_surrogate_of_the_coarse_run_moves_the_particles_of_the_bridge() {
     let x = run.draws.column(0);
     let right: Vec<f64> = x.iter().map(|x| f64::from(u8::from(*x > 0.0))).collect();
     let weight = right.iter().sum::<f64>() / right.len() as f64;
-    let error = (0.9 * 0.1 / run.draws.ess_of_mean(&right)).sqrt();
-    assert!((weight - 0.9).abs() < 4.0 * error, "{weight} +- {error}");
+    let truth = fine.right().unwrap();
+    let error = (truth * (1.0 - truth) / run.draws.ess_of_mean(&right)).sqrt();
+    assert!((weight - truth).abs() < 4.0 * error, "{weight} +- {error}");
     // Several batches are needed for so many.
     assert!(run.ess.quoted >= 400.0, "{:?}", run.ess);
     assert!(run.surrogate.is_some() && run.surrogate != parent.surrogate);

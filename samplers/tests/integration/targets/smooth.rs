@@ -52,6 +52,15 @@ impl Smooth {
         }
     }
 
+    /// Posterior probability of a positive first parameter, of targets with a mode on both sides.
+    pub fn right(&self) -> Option<f64> {
+        match self.law {
+            Law::Twins { plus, .. } => Some(plus),
+            Law::Shells => Some(0.5),
+            Law::Gaussian { .. } | Law::Binomial { .. } | Law::Flat { .. } => None,
+        }
+    }
+
     /// The same target with an upper bound of ln L.
     pub fn bounded(mut self, bound: f64) -> Self {
         self.bound = Some(bound);
