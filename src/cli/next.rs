@@ -10,7 +10,7 @@ use crate::run::RunFolder;
 use crate::spray::TableSettings;
 use crate::stream::{ModelSettings, StepRule};
 use oblate_samplers::nested::Kernel;
-use oblate_samplers::output::{Method, Status};
+use oblate_samplers::output::{MIN_ESS, Method, Status};
 use std::path::{Path, PathBuf};
 
 /// A command that can be typed next.
@@ -87,8 +87,12 @@ pub fn after_fit(
             failed.retain(|name| *name != "effective-lineages");
         }
         steps.extend(batches);
-        steps.extend(longer_bridge(summary, sampling, command));
+        let batches = longer_bridge(summary, sampling, command);
         let mut changes = changes(&failed, sampling);
+        if batches.is_some() {
+            changes.push(more_coarse_draws(sampling));
+        }
+        steps.extend(batches);
         changes.extend(model_changes(summary, &settings.model));
         steps.extend(again(&changes, folder.path(), command));
         return steps;
@@ -267,6 +271,21 @@ fn longer_bridge(
     let change = format!("sampling.bridge.max_batches={more}");
     let longer = command.resumed().with("--set", Some(&change));
     grows.then(|| Step::new("add batches to its bridge", &longer))
+}
+
+/// The setting with which a coarse run has more effective draws, for a bridge whose batches do not help: they are of too few coarse draws.
+fn more_coarse_draws(sampling: &SamplerSettings) -> Change {
+    let more = |target: f64| (4.0 * target).to_string();
+    match sampling.sampler {
+        Sampler::PtHmc => (
+            "sampling.pt_hmc.target_ess",
+            more(sampling.pt_hmc.target_ess),
+        ),
+        Sampler::Nested => (
+            "sampling.nested.target_ess",
+            more(sampling.nested.target_ess.unwrap_or(MIN_ESS)),
+        ),
+    }
 }
 
 /// Whether failed checks of a nested run may pass with more batches.

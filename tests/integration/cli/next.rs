@@ -163,3 +163,31 @@ fn a_bridge_from_a_fit_with_failed_checks_begins_with_what_continues_that_fit() 
     let again = shell(&folder, &steps[steps.len() - 1].1);
     assert_ne!(again.status.code(), Some(2), "{again:?}");
 }
+
+/// A fit of two parameters, whose coarse run has draws enough and whose bridge has few.
+const FEW_BRIDGED: &str = r#"
+coarse_particles = 64
+model = { releases = { particles = 128 }, step_phase = 2.0, max_halvings = 3 }
+prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, dir_z = 1.0, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
+sampling.sampler = "nested"
+sampling.nested = { n_live = 200, kernel = "random-slice", steps = 6, target_ess = 100, max_batches = 4 }
+sampling.bridge = { smc_particles = 20, mcmc_steps = 1, further_mcmc_steps = 1, max_batches = 1 }
+"#;
+
+#[test]
+fn a_bridge_with_few_draws_gets_batches_or_more_coarse_draws() {
+    let (_kept, folder) = folder();
+    write(&folder, "my settings.toml", FEW_BRIDGED);
+    let first = shell(&folder, FIT);
+    assert_eq!(first.status.code(), Some(1), "{first:?}");
+    let steps = proposed(&first);
+    let [(more, longer), (other, repeated)] = &steps[..] else {
+        panic!("{steps:?}");
+    };
+    assert_eq!(more, "add batches to its bridge:");
+    assert_eq!(other, "sample again with other settings:");
+    assert!(repeated.contains("target_ess=400"), "{repeated}");
+    let longer = shell(&folder, longer);
+    assert_eq!(longer.status.code(), Some(1), "{longer:?}");
+    assert!(calls(&longer) > calls(&first));
+}
