@@ -118,7 +118,10 @@ fn table_of_missed_modes() {
         let missed = (MISSED.0, sd);
         for seed in 1..=8 {
             let run = run(missed, seed);
-            let ((weight, error), scans) = (weight(&run, missed), run.draws.len() / 4);
+            let ((weight, error), scans) = (
+                weight(&run, missed),
+                run.draws.len() / Settings::default().chain_sets,
+            );
             let passes = run.converged();
             println!("| {sd} | {seed} | {passes} | {weight:.3} ± {error:.3} | {scans} |");
         }
