@@ -17,6 +17,7 @@ use std::path::PathBuf;
 /// Flags of `oblate calibration`.
 #[derive(clap::Args, Debug)]
 #[command(
+    group = clap::ArgGroup::new("figures").args(["figure", "errors"]).multiple(true),
     after_help = "Example:\n  oblate mock --count 100 --out mocks\n  oblate calibration runs/mock_* --figure ranks.svg\n  \
 oblate calibration runs/mock_* --json > part1.json\n  oblate calibration part1.json more_runs/mock_*\n\n\
 The mocks must come from the prior of the fits. Columns: mean rank, the mean of the posterior probabilities below the true values, 0.5 if they are \
@@ -33,7 +34,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     errors: Option<PathBuf>,
     /// Replace figures that exist
-    #[arg(long)]
+    #[arg(long, requires = "figures")]
     force: bool,
     #[command(flatten)]
     output: JsonFlag,

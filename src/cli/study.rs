@@ -154,7 +154,7 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
             "report": reported.then(|| shown(&page)),
         }))?;
     } else {
-        print(&result, out)?;
+        print(&result, &scaling, out)?;
         if reported {
             out.line(&format!("report: {}", page.display()))?;
         }
@@ -279,7 +279,7 @@ fn tell_next(args: &Args, command: &CommandLine, result: &StudyResult) {
     }
 }
 
-fn print(result: &StudyResult, out: &mut Output<'_>) -> Result<()> {
+fn print(result: &StudyResult, scaling: &[ScalingRow], out: &mut Output<'_>) -> Result<()> {
     out.line("run                               ln Z              median [interval]           ESS   calls  gradients  CPU/s")?;
     for run in result.runs() {
         out.line(&row(run))?;
@@ -291,7 +291,7 @@ fn print(result: &StudyResult, out: &mut Output<'_>) -> Result<()> {
         streams,
         populations,
         widths,
-    } in result.scaling()
+    } in scaling
     {
         let widths = widths.iter().map(|width| {
             let sd = width.sd.map(|sd| format!(" +- {sd:.3}"));

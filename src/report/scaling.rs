@@ -29,8 +29,7 @@ pub fn scaling(rows: &[ScalingRow]) -> Option<String> {
     let sizes = || rows.iter().map(|row| row.streams as f64);
     for (panel, of_last) in last.widths.iter().enumerate() {
         let widths = rows.iter().filter_map(|row| row.widths.get(panel));
-        let ends =
-            widths.flat_map(|w| [w.mean - w.sd.unwrap_or(0.0), w.mean + w.sd.unwrap_or(0.0)]);
+        let ends = widths.map(|w| w.mean + w.sd.unwrap_or(0.0));
         let (_, top) = range_of(ends.chain([0.0]), 0.06);
         let axes = Axes {
             rect: (LEFT + PITCH * panel as f64, TOP, PANEL.0, PANEL.1),

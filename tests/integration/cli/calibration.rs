@@ -71,6 +71,11 @@ fn fits_of_mocks_are_ranked_and_others_refused() {
             .starts_with("<svg")
     );
     refused(&oblate(&args, ""), &["exists already", "--force"]);
+    let nothing_to_replace = oblate(&["calibration", &runs[0], "--force"], "");
+    refused(&nothing_to_replace, &["--figure", "--errors"]);
+    let errors = path("errors.svg");
+    let both = [&args[..], &["--errors", &errors, "--force"]].concat();
+    assert_eq!(json(&oblate(&both, "").stdout), said);
 
     // The rank is that of the draws.
     let stored = zarr::read(&Path::new(&runs[0]).join("posterior.zarr")).expect("draws");
