@@ -33,6 +33,9 @@ pub struct Args {
     /// Relative noise of each radius
     #[arg(long, value_parser = finite)]
     noise: Option<f64>,
+    /// Errors of the noise alone, as in the paper: without the standard error of a mean over the stars of a bin
+    #[arg(long)]
+    no_star_scatter: bool,
     /// Replace files that exist
     #[arg(long)]
     force: bool,
@@ -59,6 +62,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     args.work.start_threads()?;
     let mut settings = MockSettings {
         population: args.population,
+        star_scatter: !args.no_star_scatter,
         ..MockSettings::default()
     };
     args.model.apply_to_mocks(&mut settings.model);

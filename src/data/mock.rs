@@ -27,6 +27,9 @@ pub struct MockSettings {
     pub bin_width_deg: f64,
     /// Relative Gaussian noise of each bin's radius.
     pub noise: f64,
+    /// Whether `r_err` has the standard error of a mean over so many stars besides the noise. Without it, as in the paper, the errors of wide
+    /// bins with few stars are too small.
+    pub star_scatter: bool,
     /// A bin is kept with at least this fraction of the particles (100 of 10,000).
     pub min_fraction: f64,
     /// Minimum angle that the kept bins cover, degrees.
@@ -90,6 +93,7 @@ impl Default for MockSettings {
             },
             bin_width_deg: 10.0,
             noise: 0.02,
+            star_scatter: true,
             min_fraction: 0.01,
             min_angle_deg: 90.0,
             min_length_kpc: 100.0,
@@ -310,7 +314,16 @@ fn draw(
         .iter()
         .map(|b| b.r_kpc * (1.0 + noise * standard_normal(&mut rng)))
         .collect();
-    let r_err: Vec<f64> = r.iter().map(|r| settings.noise.max(1e-6) * r).collect();
+    let r_err: Vec<f64> = (r.iter().zip(&track.bins))
+        .map(|(r, bin)| {
+            let of_mean = if settings.star_scatter {
+                bin.r_err_kpc
+            } else {
+                0.0
+            };
+            (settings.noise.max(1e-6) * r).hypot(of_mean)
+        })
+        .collect();
     let name = format!("mock_{seed}_{index}");
     let mut observed = ObservedTrack::new(&name, &phi, settings.bin_width_deg, &r, &r_err)
         .map_err(|_| Cut::Radius)?;

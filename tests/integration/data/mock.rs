@@ -2,11 +2,14 @@
 
 use oblate::data::{Mock, MockSettings, QPopulation, mocks};
 use oblate::params::{PriorSettings, REQUIRED, StreamPrior};
+use oblate::stream::{Model, ModelSettings, Particles, StepSchedules, System};
+use oblate::track::{BinEdges, Track, TrackBin};
 
 /// The first mock with these fixed parameters.
 fn mock(fixed: &[(&str, f64)], noise: f64) -> Mock {
     let mut settings = MockSettings {
         noise,
+        star_scatter: false,
         ..MockSettings::default()
     };
     settings.model.releases.particles = 600;
@@ -70,4 +73,45 @@ fn half_of_the_mocks_are_around_each_of_two_means() {
     let near = |mean: f64| found.iter().filter(|m| (m.q - mean).abs() < 0.12).count();
     assert_eq!(near(0.7) + near(1.3), 40);
     assert!((8..=32).contains(&near(0.7)), "{}", near(0.7));
+}
+
+/// Mean square residual of mocks from tracks of many more particles at their true parameters, in standard errors, and the number of bins.
+fn mean_square_residual(star_scatter: bool) -> (f64, usize) {
+    let settings = MockSettings {
+        star_scatter,
+        ..MockSettings::default()
+    };
+    let prior = StreamPrior::new(&PriorSettings::default()).unwrap();
+    let mut finer = ModelSettings::default();
+    finer.releases.particles = 40_000;
+    let model = Model::new(&finer).unwrap();
+    let mut squares = Vec::new();
+    for mock in mocks(&prior, &settings, 12, 1).unwrap().mocks {
+        let system = System::from_params(&mock.params, prior.q_range());
+        let solution = model.progenitor_solution(&system).unwrap();
+        let (mut schedules, mut particles) = (StepSchedules::default(), Particles::default());
+        model
+            .integrate(&solution, &mut schedules, &mut particles)
+            .unwrap();
+        let track = Track::new(&particles, 10.0, BinEdges::Hard, 1.0).unwrap();
+        for (row, phi_deg) in mock.track.phi_deg.iter().enumerate() {
+            let same = |bin: &&TrackBin| (bin.phi_deg - phi_deg).abs() < 1.0;
+            let bin = track.bins.iter().find(same).unwrap();
+            let residual = (bin.r_kpc - mock.track.r_kpc[row]) / mock.track.r_err_lo_kpc[row];
+            squares.push(residual * residual);
+        }
+    }
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    (mean, squares.len())
+}
+
+#[test]
+fn errors_of_mocks_are_those_of_their_radii() {
+    let (mean, bins) = mean_square_residual(true);
+    // Four standard deviations of the mean of squares of so many unit normals.
+    let limit = 4.0 * (2.0 / bins as f64).sqrt();
+    assert!((mean - 1.0).abs() < limit, "{mean} of {bins} bins");
+    // Those of the paper leave out that a bin has few stars.
+    let (of_paper, _) = mean_square_residual(false);
+    assert!(of_paper > 1.0 + limit, "{of_paper}");
 }
