@@ -18,6 +18,8 @@ pub struct Diagnostics {
 /// Diagnostics of a fit:
 /// - `bounded_tidal_radius`, `ambiguous_windings`: the approximations in the best fit's stream ([`Tally`](crate::Tally));
 /// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, with its jitter, and the number of data bins;
+/// - `star_scatter`: if the track has numbers of stars, the variance of a mean over them by the best fit's scatter of radii, over that of the datum, mean
+///   over bins. Errors that include the scatter of the stars have at most 1;
 /// - `density_on_minor_axis_msun_kpc3`: the halo's density on its symmetry axis, at the progenitor's distance from the centre.
 ///
 /// All depend on the draws alone: a run that was stopped and resumed has the same. If there are no draws, or if the best fit has no
@@ -37,15 +39,25 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     found.insert("bounded_tidal_radius", tally.bounded_tidal_radius as f64);
     found.insert("ambiguous_windings", tally.ambiguous_windings as f64);
     let mut chi2 = 0.0;
+    let mut of_stars = Vec::new();
     for (row, bin) in track.bins().into_iter().enumerate() {
         if let Some(model) = modelled.bins.iter().find(|b| b.bin == bin) {
             let error = track.r_err_towards_kpc(row, model.r_kpc);
             let sigma = error.hypot(params.jitter * track.r_kpc[row]);
             chi2 += ((model.r_kpc - track.r_kpc[row]) / sigma).powi(2);
+            if let Some(stars) = track.n.as_ref().map(|n| n[row])
+                && stars > 1.0
+            {
+                let variance_of_r = model.n * model.r_err_kpc * model.r_err_kpc;
+                of_stars.push(variance_of_r / stars / (sigma * sigma));
+            }
         }
     }
     found.insert("best_fit_chi2", chi2);
     found.insert("best_fit_bins", track.len() as f64);
+    if !of_stars.is_empty() {
+        found.insert_star_scatter(of_stars.iter().sum::<f64>() / of_stars.len() as f64);
+    }
     let system = likelihood.system(&params);
     let r = system.today.x.norm2().sqrt();
     let density = system.host.density(system.host.axis * r);
@@ -60,7 +72,22 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     found
 }
 
+/// Mean variance of means over the stars of bins, over that of the data, above which the data's errors cannot include it. By the best fit it is up to 1
+/// with the right errors, give or take a fifth: the scatter of some hundred stars.
+const MAX_STAR_SCATTER: f64 = 1.2;
+
 impl Diagnostics {
+    fn insert_star_scatter(&mut self, star_scatter: f64) {
+        self.insert("star_scatter", star_scatter);
+        if star_scatter > MAX_STAR_SCATTER {
+            let times = star_scatter.sqrt();
+            self.warnings.push(format!(
+                "the radii of the stars scatter so much that the mean over those of a bin errs by {times:.1} times `r_err`, by the best fit and the column `n`: \
+                 add the standard deviation of r over the root of n to `r_err` in quadrature, or leave `n` out if it is no number of stars"
+            ));
+        }
+    }
+
     pub(super) fn insert(&mut self, name: &str, value: f64) {
         self.numbers.insert(name.to_owned(), value);
     }

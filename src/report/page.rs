@@ -275,9 +275,13 @@ fn figures(out: &mut String, figures: &[Figure]) {
 }
 
 /// Words for the numbers of the best fit; others have their own name.
-const NUMBERS: [(&str, &str); 5] = [
+const NUMBERS: [(&str, &str); 6] = [
     ("best_fit_chi2", "\u{3c7}\u{b2} of the best fit"),
     ("best_fit_bins", "bins of the track"),
+    (
+        "star_scatter",
+        "variance of means over the stars of bins, by the best fit, over that of the data",
+    ),
     (
         "density_on_minor_axis_msun_kpc3",
         "halo's density on its symmetry axis at the progenitor's radius [M\u{2299} kpc\u{207b}\u{b3}]",

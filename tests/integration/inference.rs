@@ -1,7 +1,9 @@
 //! The target of the samplers, draws of its prior, the fit in memory, and the settings of the coarse fit.
 
 use oblate::data::ObservedTrack;
-use oblate::inference::{Fit, FitSettings, Profile, Sampler, StreamTarget, fit_with, prior_draws};
+use oblate::inference::{
+    Fit, FitSettings, Profile, Sampler, StreamTarget, diagnose, fit_with, prior_draws,
+};
 use oblate::likelihood::Coverage;
 use oblate::run::{Destination, IfExists, Monitor};
 use oblate::stream::{Model, Precision};
@@ -168,6 +170,33 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
         text.contains("ln Z = ") && text.contains("log10_m_halo"),
         "{text}"
     );
+    errors_are_compared_with_the_stars_of_bins(track, &settings, &fit);
+}
+
+/// The stars of gala's bins are thousands. Means over one of 1,500 of them err by more than the errors of the track.
+fn errors_are_compared_with_the_stars_of_bins(
+    mut track: ObservedTrack,
+    settings: &FitSettings,
+    fit: &Fit,
+) {
+    let target = StreamTarget::from_track(&track, settings).unwrap();
+    let mut diagnose_with = |times: f64| {
+        track.n.iter_mut().flatten().for_each(|n| *n *= times);
+        let found = diagnose(&target, &track, &fit.run);
+        let warned = found.warnings.iter().any(|w| w.contains("`r_err`"));
+        (found.numbers.get("star_scatter").copied(), warned)
+    };
+    let (many, warned) = diagnose_with(1.0);
+    assert!(many.is_some_and(|s| s < 0.5) && !warned, "{many:?}");
+    let (few, warned) = diagnose_with(1.0 / 1_500.0);
+    let times = few.zip(many).map(|(few, many)| few / many);
+    assert!(
+        times.is_some_and(|t| (t - 1_500.0).abs() < 1e-3) && few > Some(1.2) && warned,
+        "{few:?}"
+    );
+    track.n = None;
+    let found = diagnose(&target, &track, &fit.run);
+    assert!(!found.numbers.contains_key("star_scatter"));
 }
 
 #[test]
