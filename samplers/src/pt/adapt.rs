@@ -180,14 +180,7 @@ impl State {
         if !self.settings.surrogate {
             return Ok(());
         }
-        self.examples.keep_last(EXAMPLES_KEPT);
-        let mut examples = self.examples.clone();
-        examples.thin(most);
-        let mut rng = stream(self.seed, Domain::PtSurrogate, self.clock, 0);
-        let fitted = Surrogate::fit(&examples, self.surrogate.as_ref(), &mut rng);
-        if fitted.is_some() {
-            self.surrogate = fitted;
-        }
+        self.fit_surrogate(most, 0);
         if self.surrogate.is_none() {
             return Err(Error::Setting {
                 name: "surrogate",
@@ -196,6 +189,19 @@ impl State {
             });
         }
         Ok(())
+    }
+
+    /// The surrogate fitted to at most so many examples, as the fit of this number since the last scan; the one before remains where ln L is finite at too
+    /// few points.
+    pub(super) fn fit_surrogate(&mut self, most: usize, number: u64) {
+        self.examples.keep_last(EXAMPLES_KEPT);
+        let mut examples = self.examples.clone();
+        examples.thin(most);
+        let mut rng = stream(self.seed, Domain::PtSurrogate, self.clock, number);
+        let fitted = Surrogate::fit(&examples, self.surrogate.as_ref(), &mut rng);
+        if fitted.is_some() {
+            self.surrogate = fitted;
+        }
     }
 
     /// Fits the next reference to the draws at beta = 1 of the round, or of all extensions of the last, where the settings

@@ -58,6 +58,7 @@ mod schedule;
 mod settings;
 mod smc;
 mod state;
+mod surrogate_moves;
 mod swap;
 
 pub use schedule::round_trip_rate;

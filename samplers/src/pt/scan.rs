@@ -3,8 +3,9 @@
 use super::record::{Local, Record};
 use super::schedule::first_schedule;
 use super::settings::EXAMPLES_KEPT;
-use super::smc::SmcSamplers;
+use super::smc::{MovesAlong, SmcSamplers};
 use super::state::{Chain, State, Temperature};
+use super::surrogate_moves::surrogate_moves;
 use super::{Settings, swap};
 use crate::error::{Error, Result};
 use crate::hmc::{self, Evaluator, LocalSampler, Metric, Point, Screened, StepSize};
@@ -270,7 +271,17 @@ impl State {
         if !smc_samplers.done() {
             let mcmc_steps = self.settings.mcmc_steps(target.dim());
             let learns = self.settings.surrogate;
-            let (calls, examples) = smc_samplers.advance(target, mcmc_steps, self.seed, learns)?;
+            if learns && smc_samplers.surrogate_due(mcmc_steps, self.examples.len()) {
+                // Where ln L is finite at too few points, particles make slice updates.
+                self.fit_surrogate(EXAMPLES_KEPT, smc_samplers.clock());
+                smc_samplers.note_surrogate(self.examples.len());
+            }
+            let moves_along = MovesAlong {
+                surrogate: self.surrogate.as_ref(),
+                target_acceptance: self.settings.target_acceptance,
+            };
+            let (calls, examples) =
+                smc_samplers.advance(target, mcmc_steps, self.seed, learns, moves_along)?;
             self.cost.count(&calls);
             self.learn(examples);
         }
@@ -330,20 +341,16 @@ impl State {
             if let Some(surrogate) = surrogate {
                 let along = Evaluator::new(target).with_surrogate(surrogate);
                 let mut along = LocalSampler::of(along, 1.0, metric);
-                for leapfrogs in hmc::LEAPFROGS {
-                    let values = |z: &[f64]| Ok((evaluator.value(z)?, evaluator.ln_over_prior(z)));
-                    let (moved, acceptance) = hmc::surrogate_move(
-                        values,
-                        &mut along,
-                        beta,
-                        &plan.of_leapfrogs(leapfrogs),
-                        &mut point,
-                        &mut rng,
-                    )?;
-                    local.note(&moved);
-                    local.surrogate_acceptance += acceptance;
-                    visit(&point);
-                }
+                surrogate_moves(
+                    &mut evaluator,
+                    &mut along,
+                    beta,
+                    &plan,
+                    &mut point,
+                    &mut rng,
+                    &mut local,
+                    &mut visit,
+                )?;
                 score = along.score(&point)?;
             } else {
                 let mut along = LocalSampler::of(evaluator, beta, metric);

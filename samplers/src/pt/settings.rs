@@ -81,8 +81,8 @@ pub struct Settings {
     /// One SMC sampler of many particles weighs its modes against each other; many samplers of few particles only show
     /// how uncertain each is. Errors are the standard deviation over SMC samplers.
     pub smc_samplers: usize,
-    /// MCMC steps (slice updates of each SMC particle) per temperature; 0: as many as parameters, at least 8. With too
-    /// few the particles are not in equilibrium, and ln Z is too small.
+    /// MCMC steps of each SMC particle per temperature; 0: as many as parameters, at least 8. The first is a slice update; the others are moves
+    /// along the surrogate, if there is one, or slice updates. With too few the particles are not in equilibrium, and ln Z is too small.
     pub mcmc_steps: usize,
     /// Slice updates per scan and temperature, before the HMC transitions: for likelihoods too rough for long
     /// trajectories. Each costs several values and no gradient.

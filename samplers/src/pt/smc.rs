@@ -9,18 +9,21 @@
 //! those of odd number and the other way round: directions from particles with the same ancestors would not leave the
 //! distribution invariant.
 
+use super::record::Local;
 use super::schedule::{communication_barrier, locate, respaced};
 use super::settings::Settings;
+use super::surrogate_moves::surrogate_moves;
 use super::swap;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
 use crate::hmc::{
-    Evaluator, Metric, Point, Reference, evenly_spaced, involutions_and_slice_updates,
+    Evaluator, LocalSampler, MAX_ENERGY_RANGE, Metric, Plan, Point, Reference, StepSize,
+    evenly_spaced, involutions_and_slice_updates,
 };
 use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::{SmcWeights, after_step};
-use crate::surrogate::Examples;
+use crate::surrogate::{Examples, Surrogate};
 use crate::target::{Symmetry, Target};
 use crate::valid::{Valid, countable, ensure, moderate, rows};
 use rayon::prelude::*;
@@ -29,6 +32,24 @@ use serde::{Deserialize, Serialize};
 /// Fraction of the particles of an SMC sampler of small evidence that are kept. Its evidence errs by several units of ln Z, and it may be the only one
 /// in a mode: with single particles of it the first reference leaves the mode out, and the run never finds it (docs/validation.md, section 4).
 const LEAST_SHARE: f64 = 0.25;
+
+/// Inverse temperature below which particles make no moves along a surrogate: hardly any would be accepted.
+const LEAST_BETA: f64 = 0.05;
+
+/// Examples of the first fit of the surrogate, and how many times as many those of the next.
+const FIRST_EXAMPLES: usize = 5_000;
+const MORE_EXAMPLES: f64 = 1.5;
+
+/// First step of moves along the surrogate, in the metric of the particles.
+const FIRST_STEP: f64 = 0.1;
+
+/// The surrogate that particles move along, if there is one.
+#[derive(Clone, Copy)]
+pub(super) struct MovesAlong<'a> {
+    pub(super) surrogate: Option<&'a Surrogate>,
+    /// Acceptance that the step is to have.
+    pub(super) target_acceptance: f64,
+}
 
 /// An SMC sampler at one temperature, after its MCMC steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -189,6 +210,10 @@ pub(super) struct SmcSamplers {
     pools: [DifferencePool; 2],
     /// MCMC steps done at all temperatures: the index of the random streams.
     clock: u64,
+    /// Step of moves along the surrogate.
+    step: StepSize,
+    /// Examples of the last fit of the surrogate.
+    learned: usize,
 }
 
 impl SmcSamplers {
@@ -207,6 +232,8 @@ impl SmcSamplers {
             metrics: [metric.clone(), metric],
             pools: Default::default(),
             clock: 0,
+            step: StepSize::new(FIRST_STEP),
+            learned: 0,
         }
     }
 
@@ -231,9 +258,29 @@ impl SmcSamplers {
             self.mcmc_steps <= settings.mcmc_steps(dim),
             "more MCMC steps than the settings allow",
         )?;
-        ensure(countable([self.clock]), "a count is too large")?;
+        ensure(
+            countable([self.clock, self.learned as u64]),
+            "a count is too large",
+        )?;
+        self.step.check()?;
         (self.metrics.iter()).try_for_each(|metric| metric.check(dim))?;
         self.pools.iter().try_for_each(|pool| pool.check(dim))
+    }
+
+    /// MCMC steps done.
+    pub(super) fn clock(&self) -> u64 {
+        self.clock
+    }
+
+    /// Whether the surrogate is to be fitted to so many examples: before the first step at a temperature, if they are many more than those of the last fit.
+    pub(super) fn surrogate_due(&self, mcmc_steps: usize, examples: usize) -> bool {
+        let enough = (MORE_EXAMPLES * self.learned as f64).max(FIRST_EXAMPLES as f64);
+        self.mcmc_steps == mcmc_steps && self.beta > 0.5 * LEAST_BETA && examples as f64 >= enough
+    }
+
+    /// Notes that the surrogate was fitted to so many examples.
+    pub(super) fn note_surrogate(&mut self, examples: usize) {
+        self.learned = examples;
     }
 
     /// Whether all have reached the posterior.
@@ -303,25 +350,36 @@ impl SmcSamplers {
         Ok(())
     }
 
-    /// One slice update of every particle of every SMC sampler, after a step in temperature where one is due; returns the values as
-    /// examples if a surrogate learns from them. On an error no particle has moved, and the same MCMC step can be repeated.
+    /// One MCMC step of every particle of every SMC sampler, after a step in temperature where one is due; returns the values as
+    /// examples if a surrogate learns from them. The first step at a temperature is a slice update, and so is every one without a surrogate; the others are moves along
+    /// it, which cost less and go farther, but not where it is wrong. On an error no particle has moved, and the same MCMC step can be repeated.
     pub(super) fn advance(
         &mut self,
         target: &dyn Target,
         mcmc_steps: usize,
         seed: u64,
         learns: bool,
+        moves_along: MovesAlong<'_>,
     ) -> Result<(Calls, Examples)> {
         if self.beta <= 0.0 || self.mcmc_steps == mcmc_steps {
             self.lower_temperature(target, seed)?;
         }
+        let later = self.mcmc_steps > 0 && self.beta >= LEAST_BETA;
+        let surrogate = moves_along.surrogate.filter(|_| later);
+        let plan = Plan {
+            step: self.step.step(),
+            length: self.step.step(),
+            max_leapfrogs: 1,
+            max_energy_range: MAX_ENERGY_RANGE,
+            slack: 0.0,
+        };
         let tasks: Vec<(usize, usize)> = self
             .smc_samplers
             .iter()
             .enumerate()
             .flat_map(|(number, p)| (0..p.points.len()).map(move |i| (number, i)))
             .collect();
-        let moved: Vec<Result<(Point, Evaluator<'_>)>> = tasks
+        let moved: Vec<Result<(Point, Evaluator<'_>, Local)>> = tasks
             .par_iter()
             .map(|&(number, i)| {
                 let task = (number as u64) << 20 | i as u64;
@@ -329,26 +387,48 @@ impl SmcSamplers {
                 let mut evaluator = Evaluator::new(target).keeping_examples(learns);
                 let mut point = self.smc_samplers[number].points[i].clone();
                 let half = number % 2;
+                let mut local = Local::default();
                 involutions_and_slice_updates(
                     &mut evaluator,
                     self.beta,
                     &self.metrics[half],
                     &self.pools[half],
-                    1,
+                    usize::from(surrogate.is_none()),
                     &mut point,
                     &mut rng,
                     |_| (),
                 )?;
-                Ok((point, evaluator))
+                if let Some(surrogate) = surrogate {
+                    let along = Evaluator::new(target).with_surrogate(surrogate);
+                    surrogate_moves(
+                        &mut evaluator,
+                        &mut LocalSampler::of(along, self.beta, &self.metrics[half]),
+                        self.beta,
+                        &plan,
+                        &mut point,
+                        &mut rng,
+                        &mut local,
+                        |_| (),
+                    )?;
+                }
+                Ok((point, evaluator, local))
             })
             .collect();
-        let moved: Vec<(Point, Evaluator<'_>)> = moved.into_iter().collect::<Result<_>>()?;
+        let moved: Vec<_> = moved.into_iter().collect::<Result<Vec<_>>>()?;
         let (mut calls, mut examples) = (Calls::default(), Examples::default());
-        for (&(number, i), (point, evaluator)) in tasks.iter().zip(moved) {
+        let mut locals = Local::default();
+        for (&(number, i), (point, evaluator, local)) in tasks.iter().zip(moved) {
             self.smc_samplers[number].points[i] = point;
+            locals.add(&local);
             let (own, learned) = evaluator.into_calls_and_examples();
             calls.add(&own);
             examples.append(learned);
+        }
+        if locals.moves > 0 {
+            // It goes on learning at every temperature.
+            let (target, scans) = (moves_along.target_acceptance, usize::MAX);
+            let acceptance = locals.mean_acceptance();
+            self.step.learn(acceptance, target, self.mcmc_steps, scans);
         }
         self.mcmc_steps += 1;
         if self.mcmc_steps == mcmc_steps {
