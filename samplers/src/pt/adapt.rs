@@ -3,7 +3,7 @@
 
 use super::schedule::{communication_barrier, first_schedule, locate, respaced};
 use super::settings::EXAMPLES_KEPT;
-use super::smc::{CommunicationBarrier, Level, SmcSamplers, of_others};
+use super::smc::{CommunicationBarrier, FIRST_STEP, Level, SmcSamplers, of_others};
 use super::state::{Chain, EARLY_SCANS, Finished, State, Temperature};
 use crate::difference_pool::DifferencePool;
 use crate::error::{Error, Result};
@@ -23,10 +23,6 @@ const SCREEN_TASKS: usize = 20;
 
 /// More parts than a reference has, whose random streams are numbered.
 const MAX_PARTS: usize = 64;
-
-/// First step of HMC transitions in the metric of an SMC sampler: ridges are narrower than the distribution of all
-/// particles.
-const FIRST_STEP: f64 = 0.1;
 
 impl State {
     /// Begins the first round from the SMC samplers: temperatures evenly spaced in their communication barrier, and the

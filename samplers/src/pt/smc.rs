@@ -30,7 +30,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Fraction of the particles of an SMC sampler of small evidence that are kept. Its evidence errs by several units of ln Z, and it may be the only one
-/// in a mode: with single particles of it the first reference leaves the mode out, and the run never finds it (docs/validation.md, section 4).
+/// in a mode: with single particles of it the first reference leaves the mode out, and the run never finds it (docs/validation.md, section 5).
 const LEAST_SHARE: f64 = 0.25;
 
 /// Inverse temperature below which particles make no moves along a surrogate: hardly any would be accepted.
@@ -40,8 +40,9 @@ const LEAST_BETA: f64 = 0.05;
 const FIRST_EXAMPLES: usize = 5_000;
 const MORE_EXAMPLES: f64 = 1.5;
 
-/// First step of moves along the surrogate, in the metric of the particles.
-const FIRST_STEP: f64 = 0.1;
+/// First step of HMC transitions in the metric of an SMC sampler: ridges are narrower than the distribution of all
+/// particles.
+pub(super) const FIRST_STEP: f64 = 0.1;
 
 /// The surrogate that particles move along, if there is one.
 #[derive(Clone, Copy)]
