@@ -7,9 +7,10 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
 use oblate::params::{DIM, QRange, StreamParams, without_optional};
+use oblate::potential::Nfw;
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::TableSettings;
-use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepSchedules, StepsPer};
+use oblate::stream::{Model, ModelSettings, Particles, StepRule, StepSchedules, StepsPer, System};
 use oblate::track::{BinEdges, Track};
 use std::hint::black_box;
 
@@ -37,12 +38,10 @@ fn likelihood(particles: usize) -> StreamLikelihood {
         q_min: 0.5,
         q_max: 1.5,
     };
-    let empty = DataBin::symmetric(0, 1.0, 1.0);
     let track =
         |data: &[DataBin]| TrackLikelihood::new(&settings, 10.0, data, &releases).expect("a track");
-    let solution = StreamLikelihood::new(model.clone(), track(&[empty]), q_range)
-        .system(&StreamParams::from_array(THETA));
-    let solution = model.progenitor_solution(&solution).expect("an orbit");
+    let system = System::from_params(&StreamParams::from_array(THETA), q_range);
+    let solution = model.progenitor_solution(&system).expect("an orbit");
     let (mut schedules, mut out) = (StepSchedules::default(), Particles::default());
     model
         .integrate(&solution, &mut schedules, &mut out)
@@ -59,7 +58,7 @@ fn likelihood(particles: usize) -> StreamLikelihood {
 /// The reference: the likelihood with every number a dual.
 fn gradient_by_duals(likelihood: &StreamLikelihood, theta: &[f64; DIM]) -> [f64; DIM] {
     let duals: [Dual<DIM>; DIM] = lift(theta);
-    let value = likelihood.ln_likelihood_on(&StreamParams::from_array(duals));
+    let value = likelihood.ln_likelihood_on::<Nfw, _>(&StreamParams::from_array(duals));
     gradient_of(&value.expect("a value"))
 }
 

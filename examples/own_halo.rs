@@ -56,7 +56,7 @@ fn main() -> Result<()> {
     let model = Model::new(&ModelSettings::default())?;
     let without = model.stream(&params)?.track(10.0)?;
     let system = System::<f64, NfwWithDisc>::with_halo(&params, QRange::default());
-    let with = model.stream(system)?.track(10.0)?;
+    let with = model.stream_of(&system)?.track(10.0)?;
     println!(
         "{:>8} {:>12} {:>12}",
         "phi/deg", "without disc", "with disc"

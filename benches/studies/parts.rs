@@ -12,7 +12,7 @@ use oblate::inference::{FitSettings, Profile, StreamTarget, prior_draws};
 use oblate::likelihood::Observation;
 use oblate::orbit::DenseOrbit;
 use oblate::params::{DIM, StreamParams};
-use oblate::stream::{Particles, Precision, StepSchedules};
+use oblate::stream::{Particles, Precision, StepSchedules, System};
 use oblate::track::{PartialSums, Sums};
 use std::hint::black_box;
 use std::path::Path;
@@ -38,7 +38,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 fn times(target: &StreamTarget, theta: &[f64; DIM]) -> Option<[f64; 6]> {
     let likelihood = target.likelihood();
     let (model, track) = (likelihood.model(), likelihood.track());
-    let system = likelihood.system(&StreamParams::from_array(*theta));
+    let system = System::from_params(&StreamParams::from_array(*theta), likelihood.q_range());
     let (host, today, age) = (&system.host, system.today, system.age_gyr);
     let method = model.settings().orbit;
     let first = model.progenitor_solution(&system).ok()?;

@@ -14,8 +14,9 @@ use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, StreamTarget};
 use oblate::likelihood::StreamLikelihood;
 use oblate::params::{DIM, StreamParams};
+use oblate::potential::Nfw;
 use oblate::scalar::{Dual, Level, gradient_of, lift};
-use oblate::stream::{Model, ModelSettings, Particles, Precision, StepSchedules};
+use oblate::stream::{Model, ModelSettings, Particles, Precision, StepSchedules, System};
 use std::cell::RefCell;
 use std::hint::black_box;
 use std::path::Path;
@@ -92,7 +93,7 @@ fn times_by_instruction_set() {
                 )
             };
             let [double, single] = [Precision::Double, Precision::Single].map(model);
-            let system = double.system(&target.params(&draw.theta));
+            let system = System::from_params(&target.params(&draw.theta), double.q_range());
             let solution = double.model().progenitor_solution(&system);
             let solution = solution.expect("an orbit");
             let buffers = RefCell::new((StepSchedules::default(), Particles::default()));
@@ -140,7 +141,7 @@ fn errors_and_times() {
                 evaluation.expect("a draw has a gradient").1
             };
             let exact = single
-                .ln_likelihood_on::<Dual<DIM>>(&StreamParams::from_array(lift(&draw.theta)))
+                .ln_likelihood_on::<Nfw, Dual<DIM>>(&StreamParams::from_array(lift(&draw.theta)))
                 .expect("a draw has a likelihood");
             rounding.push(value(&single) - exact.re);
             of_double.push(value(&double) - value(&fine));

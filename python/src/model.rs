@@ -7,7 +7,7 @@ use crate::tables::{particle_columns, track_columns};
 use oblate::Rejection;
 use oblate::inference::FitSettings;
 use oblate::params::{NAMES, PARAMETERS, StreamParams, StreamPrior, index_of};
-use oblate::stream::{self, Particles, System};
+use oblate::stream::{self, Particles, StreamInput, Workspace};
 use oblate::track::Track;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -51,14 +51,16 @@ impl Model {
     fn particles(&self, given: &Bound<'_, PyDict>) -> PyResult<(StreamParams<f64>, Particles)> {
         let params = params(given)?;
         self.prior.check_inside(&params).map_err(to_python)?;
-        let system = System::from_params(&params, self.prior.q_range());
+        let input = StreamInput {
+            params: &params,
+            q_range: self.prior.q_range(),
+            threads: stream::Threads::All,
+        };
         let pool = self.threads.pool()?;
         let work = || -> Result<Particles, Rejection> {
-            let solution = self.model.progenitor_solution(&system)?;
-            let mut particles = Particles::default();
-            self.model
-                .integrate_in_parallel(&solution, &mut particles)?;
-            Ok(particles)
+            let mut work = Workspace::default();
+            self.model.particles(&input, &mut work)?;
+            Ok(work.particles)
         };
         let particles = given.py().detach(|| pool.install(work)).map_err(no_track)?;
         Ok((params, particles))

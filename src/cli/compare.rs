@@ -3,8 +3,11 @@
 use super::exit::Exit;
 use super::options::JsonFlag;
 use super::output::{Output, note};
+use crate::config::read;
 use crate::error::{Error, Result};
+use crate::inference::FitSettings;
 use crate::posterior::{Comparison, compare};
+use crate::potential::HaloKind;
 use crate::run::{RunFolder, StoredRun, distinct_names};
 use std::path::PathBuf;
 
@@ -16,7 +19,7 @@ Columns: diff/err, the difference of the means over its standard error; diff/w68
 distance, the Wasserstein distance over that half-width; expected, its expectation for equal posteriors."
 )]
 pub struct Args {
-    /// Finished runs of one track with the same free parameters
+    /// Finished runs of one track with the same free parameters, by other samplers, with other seeds or in other haloes
     #[arg(required = true, num_args = 2..)]
     runs: Vec<PathBuf>,
     #[command(flatten)]
@@ -34,11 +37,12 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     tell_other_tracks(&args.runs)?;
+    let haloes = tell_other_haloes(&args.runs)?;
     let names = distinct_names(&args.runs, &stored.iter().collect::<Vec<_>>());
     let mut agree = true;
-    for (other, name) in others.iter().zip(&names[1..]) {
+    for ((other, name), halo) in others.iter().zip(&names[1..]).zip(&haloes[1..]) {
         let comparison = compare(&names[0], &first.run, name, &other.run)?;
-        agree &= comparison.agree();
+        agree &= comparison.agree() || *halo != haloes[0];
         if args.output.json {
             out.json(&comparison)?;
         } else {
@@ -79,6 +83,30 @@ fn tell_other_tracks(runs: &[PathBuf]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The kind of halo of each run that is a fit, and says which fits are in another than the first.
+fn tell_other_haloes(runs: &[PathBuf]) -> Result<Vec<Option<HaloKind>>> {
+    let halo = |path: &PathBuf| {
+        let folder = RunFolder::open(path)?;
+        // A population has no track.
+        let settings = folder.track().is_file().then(|| read(&folder.config()));
+        Ok(settings.transpose()?.map(|fit: FitSettings| fit.model.halo))
+    };
+    let haloes: Vec<Option<HaloKind>> = runs.iter().map(halo).collect::<Result<_>>()?;
+    for (path, halo) in runs.iter().zip(&haloes).skip(1) {
+        if let (Some(first), Some(other)) = (haloes[0], halo)
+            && first != *other
+        {
+            note(&format!(
+                "{} is a fit in another halo ({other}) than {} ({first}): they need not agree. The difference of ln Z is the evidence for one halo \
+                 over the other, under the same prior of the parameters.",
+                path.display(),
+                runs[0].display()
+            ));
+        }
+    }
+    Ok(haloes)
 }
 
 fn print(c: &Comparison, out: &mut Output<'_>) -> Result<()> {

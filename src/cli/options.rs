@@ -6,6 +6,7 @@ use crate::data::{AssumedError, Handedness, ObservedTrack, ReadOptions};
 use crate::error::{Error, OutputFault, Result};
 use crate::inference::{FitSettings, Profile, Sampler};
 use crate::likelihood::LikelihoodSettings;
+use crate::potential::HaloKind;
 use crate::spray::SamplingScheme;
 use crate::stream::ModelSettings;
 use clap::{Args, ValueEnum};
@@ -113,6 +114,9 @@ pub struct ModelFlags {
     /// Named settings: `fast` (smeared Sobol particles, soft bin edges, a penalty) or `paper` (10,000 random particles, hard edges, rejection)
     #[arg(long, value_enum)]
     profile: Option<ProfileName>,
+    /// Kind of halo: `nfw` flattened in its potential, as in the paper, `nfw-density` flattened in its density, or `logarithmic`
+    #[arg(long, value_enum)]
+    halo: Option<HaloName>,
     /// Number of particles, both tails together
     #[arg(long)]
     particles: Option<usize>,
@@ -131,6 +135,13 @@ pub struct ModelFlags {
 enum ProfileName {
     Fast,
     Paper,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum HaloName {
+    Nfw,
+    NfwDensity,
+    Logarithmic,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -154,7 +165,7 @@ impl ModelFlags {
     /// Applies the profile, then the other flags, to a fit's settings.
     pub fn apply_to_fit(&self, settings: &mut FitSettings) {
         if let Some(profile) = self.profile() {
-            settings.model = profile.model();
+            settings.model = with_halo_of(&settings.model, profile);
             settings.likelihood = LikelihoodSettings {
                 // It belongs to the data, not to the profile.
                 error_floor_percent: settings.likelihood.error_floor_percent,
@@ -168,7 +179,7 @@ impl ModelFlags {
     pub fn apply_to_mocks(&self, model: &mut ModelSettings) {
         if let Some(profile) = self.profile() {
             let seed = model.releases.seed;
-            *model = profile.model();
+            *model = with_halo_of(model, profile);
             model.releases.seed = seed;
         }
         self.apply(model);
@@ -184,6 +195,13 @@ impl ModelFlags {
 
     /// Applies the flags other than the profile to a model's settings.
     pub fn apply(&self, model: &mut ModelSettings) {
+        if let Some(halo) = self.halo {
+            model.halo = match halo {
+                HaloName::Nfw => HaloKind::Nfw,
+                HaloName::NfwDensity => HaloKind::NfwDensity,
+                HaloName::Logarithmic => HaloKind::Logarithmic,
+            };
+        }
         if let Some(scheme) = self.sampling_scheme {
             model.releases.sampling_scheme = match scheme {
                 SchemeName::Random => SamplingScheme::Random,
@@ -202,6 +220,14 @@ impl ModelFlags {
         if let Some(seed) = self.model_seed {
             model.releases.seed = seed;
         }
+    }
+}
+
+/// The model of a profile in the present kind of halo: it belongs to the physics, not to the profile.
+fn with_halo_of(present: &ModelSettings, profile: Profile) -> ModelSettings {
+    ModelSettings {
+        halo: present.halo,
+        ..profile.model()
     }
 }
 

@@ -6,7 +6,7 @@ use super::output::Output;
 use crate::config::read;
 use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
-use crate::stream::{Model, Particles, System};
+use crate::stream::{Model, Particles, StreamInput, Threads, Workspace, halo_of};
 use crate::track::{BIN_WIDTHS_DEG, BinEdges, Track};
 use oblate_samplers::limits::in_range;
 use serde_json::json;
@@ -77,13 +77,14 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let model = Model::new(&settings)?;
     args.work.tell_memory(&settings.memory(1));
     let begin = Instant::now();
-    let solution = model
-        .progenitor_solution(&System::from_params(&params, prior.q_range()))
-        .map_err(Error::NoTrack)?;
-    let mut particles = Particles::default();
-    model
-        .integrate_in_parallel(&solution, &mut particles)
-        .map_err(Error::NoTrack)?;
+    let input = StreamInput {
+        params: &params,
+        q_range: prior.q_range(),
+        threads: Threads::All,
+    };
+    let mut work = Workspace::default();
+    (model.particles(&input, &mut work)).map_err(Error::NoTrack)?;
+    let particles = work.particles;
     let min_n = min_fraction * particles.len() as f64;
     // As data have it whose progenitor is at another phi, or whose distance is another.
     let track = Track::new(&particles, args.bin_width, edges, min_n)?
@@ -107,7 +108,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
             "diagnostics": {
                 "bounded_tidal_radius": particles.tally.bounded_tidal_radius,
                 "ambiguous_windings": particles.tally.ambiguous_windings,
-                "orbit_energy_error": solution.orbit.energy_error(&solution.host),
+                "orbit_energy_error": halo_of(settings.halo).orbit_energy_error(&model, &input).map_err(Error::NoTrack)?,
                 "particles": particles.len(),
             },
             "seconds": seconds,

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
 use crate::scalar::Vec3;
 use crate::spray::{SamplingScheme, TableSettings};
-use crate::stream::{Model, ModelSettings, Particles, StepSchedules, System};
+use crate::stream::{Model, ModelSettings, StreamInput, Threads, Workspace};
 use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, Track};
 use oblate_samplers::limits::{MAX_SEED, in_range};
 use oblate_samplers::normal::quantile;
@@ -290,13 +290,14 @@ fn draw(
             .map_err(|_| Cut::NoStream)?;
         (params.dir_x, params.dir_y, params.dir_z) = (dir.x, dir.y, dir.z);
     }
-    let solution = model
-        .progenitor_solution(&System::from_params(&params, prior.q_range()))
-        .map_err(|_| Cut::NoStream)?;
-    let (mut schedules, mut particles) = (StepSchedules::default(), Particles::default());
-    model
-        .integrate(&solution, &mut schedules, &mut particles)
-        .map_err(|_| Cut::NoStream)?;
+    let input = StreamInput {
+        params: &params,
+        q_range: prior.q_range(),
+        threads: Threads::One,
+    };
+    let mut work = Workspace::default();
+    (model.particles(&input, &mut work)).map_err(|_| Cut::NoStream)?;
+    let particles = work.particles;
     let min_n = settings.min_fraction * particles.len() as f64;
     let track = Track::from_checked(
         &particles,

@@ -2,7 +2,6 @@
 
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
-use crate::potential::Potential;
 use oblate_samplers::Run;
 use std::collections::BTreeMap;
 
@@ -58,14 +57,16 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     if !of_stars.is_empty() {
         found.insert_star_scatter(of_stars.iter().sum::<f64>() / of_stars.len() as f64);
     }
-    let system = likelihood.system(&params);
-    let r = system.today.x.norm2().sqrt();
-    let density = system.host.density(system.host.axis * r);
+    let r = params.position_kpc().norm2().sqrt();
+    let axis = likelihood.q_range().shape(params.dir()).axis;
+    let density = (likelihood.halo())
+        .host(&params, likelihood.q_range())
+        .density(axis * r);
     found.insert("density_on_minor_axis_msun_kpc3", density);
     if density < 0.0 {
         found.warnings.push(
             "the best fit's mass density is negative on the symmetry axis at the progenitor's radius, which can happen because q \
-             flattens the potential, not the density: read q as the potential's, or raise `prior.q_min` to 0.6"
+             flattens the potential, not the density: read q as the potential's, or fit with `model.halo = \"nfw_density\"`"
                 .to_owned(),
         );
     }

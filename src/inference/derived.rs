@@ -1,7 +1,7 @@
 //! Quantities that follow from the parameters of a stream and are kept with its draws.
 
 use crate::params::{StreamParams, StreamPrior};
-use crate::potential::log10_m200;
+use crate::stream::AnyHalo;
 
 /// Names and units of the derived quantities.
 pub const DERIVED: [(&str, &str); 5] = [
@@ -14,13 +14,17 @@ pub const DERIVED: [(&str, &str); 5] = [
 
 /// The derived quantities, in the order of [`DERIVED`].
 #[must_use]
-pub fn derived(prior: &StreamPrior, params: &StreamParams<f64>) -> [f64; DERIVED.len()] {
+pub fn derived(
+    prior: &StreamPrior,
+    halo: &dyn AnyHalo,
+    params: &StreamParams<f64>,
+) -> [f64; DERIVED.len()] {
     let shape = prior.shape(params);
     [
         shape.q,
         shape.axis.x,
         shape.axis.y,
         shape.axis.z,
-        log10_m200(params.log10_m_halo, params.r_s_halo_kpc),
+        halo.log10_m200(params.log10_m_halo, params.r_s_halo_kpc),
     ]
 }

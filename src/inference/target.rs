@@ -178,6 +178,10 @@ impl Target for StreamTarget {
     }
 
     fn derived(&self, theta: &[f64], out: &mut Vec<f64>) {
-        out.extend(derived(&self.prior, &self.params(theta)));
+        out.extend(derived(
+            &self.prior,
+            self.likelihood.halo(),
+            &self.params(theta),
+        ));
     }
 }

@@ -5,16 +5,14 @@ use super::observation::Observation;
 use super::track::TrackLikelihood;
 use crate::error::{Rejection, Tally};
 use crate::params::{DIM, QRange, StreamParams};
-use crate::potential::Nfw;
-use crate::scalar::{Dual, Real, gradient_of, lift};
+use crate::scalar::Real;
 use crate::stream::{
-    Adjoint, CompiledHalo, Model, Particles, ProgenitorSolution, SolutionMemory, StepSchedules,
-    System, Threads, Workspace,
+    Adjoint, AnyHalo, CompiledHalo, Model, Particles, SolutionMemory, StepSchedules, StreamInput,
+    System, Threads, Workspace, halo_of,
 };
 use crate::track::{BinGrid, PartialSums, Sums, Track};
 use rayon::prelude::*;
 use std::cell::RefCell;
-use std::marker::PhantomData;
 
 /// ln L of a parameter set, and the number of approximations made for it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,33 +47,35 @@ fn with_buffers<T>(work: impl FnOnce(&mut Buffers) -> T) -> T {
 }
 
 /// The likelihood of one track as a function of the parameters.
-///
-/// `H` is the kind of halo, by default that of Chemaly et al. (2026).
 #[derive(Clone, Debug)]
-pub struct StreamLikelihood<H = Nfw> {
+pub struct StreamLikelihood {
     model: Model,
+    halo: &'static dyn AnyHalo,
     track: TrackLikelihood,
     q_range: QRange,
-    halo: PhantomData<H>,
 }
 
 impl StreamLikelihood {
-    /// From the model of the stream, the likelihood of the track and the range of q.
+    /// From the model of the stream, with the kind of halo of its settings, the likelihood of the track and the range of q.
     #[must_use]
     pub fn new(model: Model, track: TrackLikelihood, q_range: QRange) -> Self {
-        Self::with_halo(model, track, q_range)
+        let halo = halo_of(model.settings().halo);
+        Self::with_halo(model, halo, track, q_range)
     }
-}
 
-impl<H: CompiledHalo> StreamLikelihood<H> {
-    /// As [`new`](StreamLikelihood::new), with a halo of another kind.
+    /// As [`new`](Self::new), in a halo that settings cannot name: one of your own.
     #[must_use]
-    pub fn with_halo(model: Model, track: TrackLikelihood, q_range: QRange) -> Self {
+    pub fn with_halo(
+        model: Model,
+        halo: &'static dyn AnyHalo,
+        track: TrackLikelihood,
+        q_range: QRange,
+    ) -> Self {
         Self {
             model,
+            halo,
             track,
             q_range,
-            halo: PhantomData,
         }
     }
 
@@ -102,9 +102,24 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         &self.track
     }
 
-    /// The system of a parameter set.
-    pub fn system<S: Real>(&self, params: &StreamParams<S>) -> System<S, H> {
-        System::with_halo(params, self.q_range)
+    /// The kind of halo.
+    #[must_use]
+    pub fn halo(&self) -> &'static dyn AnyHalo {
+        self.halo
+    }
+
+    /// The range of q.
+    #[must_use]
+    pub fn q_range(&self) -> QRange {
+        self.q_range
+    }
+
+    fn input<'a>(&self, params: &'a StreamParams<f64>, threads: Threads) -> StreamInput<'a> {
+        StreamInput {
+            params,
+            q_range: self.q_range,
+            threads,
+        }
     }
 
     /// ln L, in lanes, on the caller's thread. `theta` are all parameters in the order and units of
@@ -195,12 +210,9 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         let observation = Observation::from(&params);
         observation.check()?;
         let grid = self.track.grid_from(observation.phi0_deg);
-        let solution = self
-            .model
-            .progenitor_solution_reusing(&self.system(&params), b.memory.take())?;
-        let summed = self.sum(&solution, &grid, threads, b);
-        b.memory = Some(solution.into_memory());
-        summed?;
+        let input = self.input(&params, threads);
+        (self.halo).particles(&self.model, &input, &mut b.memory, &mut b.work)?;
+        sum(&grid, threads, &b.work, &mut b.sums, &mut b.partial_sums);
         let ln_likelihood = self.track.ln_likelihood(&b.sums, &observation)?;
         Ok(Evaluation {
             ln_likelihood,
@@ -219,29 +231,34 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         let observation = Observation::from(&params);
         observation.check()?;
         let grid = self.track.grid_from(observation.phi0_deg);
-        let system = self.system(&params);
-        let solution = self.model.progenitor_solution(&system)?;
-        self.sum(&solution, &grid, threads, b)?;
-        let (ln_likelihood, observation_bar) =
-            self.track.vjp(&b.sums, &observation, &mut b.sums_bar)?;
-        let work = &mut b.work;
-        let offset_bar = grid.vjp(
-            &work.particles,
-            &b.sums_bar,
-            &mut work.x_bar,
-            &mut work.y_bar,
-        );
+        let Buffers {
+            work,
+            sums,
+            partial_sums,
+            sums_bar,
+            ..
+        } = b;
+        let mut of_track = None;
+        let mut of_particles = |work: &mut Workspace| {
+            sum(&grid, threads, work, sums, partial_sums);
+            let (ln_likelihood, observation_bar) = self.track.vjp(sums, &observation, sums_bar)?;
+            let Workspace {
+                particles,
+                x_bar,
+                y_bar,
+                ..
+            } = work;
+            let offset_bar = grid.vjp(particles, sums_bar, x_bar, y_bar);
+            of_track = Some((ln_likelihood, observation_bar, offset_bar));
+            Ok(())
+        };
+        let input = self.input(&params, threads);
+        let gradient =
+            (self.halo).gradient(&self.model, &input, adjoint, work, &mut of_particles)?;
+        let Some((ln_likelihood, observation_bar, offset_bar)) = of_track else {
+            return Err(Rejection::BadLikelihood);
+        };
         let tally = work.particles.tally;
-        let system_bar = self.model.vjp(&system, &solution, adjoint, threads, work);
-        let vector = self
-            .system::<Dual<DIM>>(&StreamParams::from_array(lift(theta)))
-            .to_vector();
-        let mut gradient = [0.0; DIM];
-        for (number, number_bar) in vector.iter().zip(system_bar) {
-            for (component, derivative) in gradient.iter_mut().zip(gradient_of(number)) {
-                *component += number_bar * derivative;
-            }
-        }
         let mut gradient = StreamParams::from_array(gradient);
         gradient.jitter += observation_bar.jitter;
         gradient.distance_factor += observation_bar.distance_factor;
@@ -259,23 +276,28 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         }
     }
 
-    /// ln L on any number type, particle by particle: slow. On `f64` it is the reference for [`ln_likelihood`](Self::ln_likelihood), on
+    /// ln L on any number type, particle by particle, in the halo `H`, which must be the model's: slow. On `f64` it is the reference for [`ln_likelihood`](Self::ln_likelihood), on
     /// [`Dual`] numbers for [`gradient`](Self::gradient).
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
-    pub fn ln_likelihood_on<S: Real>(&self, params: &StreamParams<S>) -> Result<S, Rejection> {
+    pub fn ln_likelihood_on<H: CompiledHalo, S: Real>(
+        &self,
+        params: &StreamParams<S>,
+    ) -> Result<S, Rejection> {
         let observation = Observation::from(params);
         observation.check()?;
         // The adaptive steps are those of the computation in lanes.
         let real_parts = params.map(Real::re);
         let mut in_lanes = Particles::default();
+        let system = System::<f64, H>::with_halo(&real_parts, self.q_range);
         self.model.integrate(
-            &self.model.progenitor_solution(&self.system(&real_parts))?,
+            &self.model.progenitor_solution(&system)?,
             &mut StepSchedules::default(),
             &mut in_lanes,
         )?;
-        let solution = self.model.progenitor_solution(&self.system(params))?;
+        let system = System::<S, H>::with_halo(params, self.q_range);
+        let solution = self.model.progenitor_solution(&system)?;
         let particles = self
             .model
             .integrate_one_by_one(&solution, &in_lanes.step_sizes)?;
@@ -327,11 +349,10 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
     ) -> Result<(Observation<f64>, Particles), Rejection> {
         let observation = Observation::from(params);
         observation.check()?;
-        let solution = self.model.progenitor_solution(&self.system(params))?;
-        let mut particles = Particles::default();
-        self.model
-            .integrate_in_parallel(&solution, &mut particles)?;
-        Ok((observation, particles))
+        let mut work = Workspace::default();
+        let input = self.input(params, Threads::All);
+        (self.halo).particles(&self.model, &input, &mut None, &mut work)?;
+        Ok((observation, work.particles))
     }
 
     /// The track of particles in the data's bins, moved along phi.
@@ -351,33 +372,18 @@ impl<H: CompiledHalo> StreamLikelihood<H> {
         );
         track.measured_with(observation.phi0_deg, observation.distance_factor)
     }
+}
 
-    /// Writes the particles and their sums over the bins of `grid` into the buffers.
-    ///
-    /// # Errors
-    /// [`Rejection::BadParticle`] if a particle is not finite.
-    fn sum(
-        &self,
-        solution: &ProgenitorSolution<f64, H>,
-        grid: &BinGrid,
-        threads: Threads,
-        b: &mut Buffers,
-    ) -> Result<(), Rejection> {
-        let Workspace {
-            schedules,
-            particles,
-            ..
-        } = &mut b.work;
-        match threads {
-            Threads::One => {
-                self.model.integrate(solution, schedules, particles)?;
-                grid.sum(particles, &mut b.sums, &mut b.partial_sums);
-            }
-            Threads::All => {
-                self.model.integrate_in_parallel(solution, particles)?;
-                grid.sum_in_parallel(particles, &mut b.sums);
-            }
-        }
-        Ok(())
+/// Writes the sums of the particles over the bins of `grid`.
+fn sum(
+    grid: &BinGrid,
+    threads: Threads,
+    work: &Workspace,
+    sums: &mut Sums<f64>,
+    partial_sums: &mut PartialSums,
+) {
+    match threads {
+        Threads::One => grid.sum(&work.particles, sums, partial_sums),
+        Threads::All => grid.sum_in_parallel(&work.particles, sums),
     }
 }

@@ -2,6 +2,8 @@
 
 use super::Potential;
 use crate::scalar::{Scalar, Tangent, Vec3};
+use crate::units::{CRITICAL_DENSITY, G};
+use std::f64::consts::PI;
 use std::fmt::Debug;
 
 /// The parameters of a halo.
@@ -85,6 +87,34 @@ pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
 
     /// The parameters of a potential.
     fn parameters<S: Scalar>(halo: &Self::In<S>) -> HaloParameters<S>;
+
+    /// log10 of M200 in Msun (docs/physics.md, section 1) of a spherical halo with the mass `10^log10_mass` Msun and the scale radius `r_s` kpc.
+    ///
+    /// This default solves for the radius by bisection between 10^-8 and 10^8 scale radii, by the acceleration of a halo whose mean density
+    /// decreases outwards. If it is nowhere 200 times the critical one, the result is the mass inside the smallest of these radii.
+    #[must_use]
+    fn log10_m200(log10_mass: f64, r_s: f64) -> f64 {
+        let axis = Vec3::new(0.0, 0.0, 1.0);
+        let halo = Self::new(HaloParameters::from_q(
+            10_f64.powf(log10_mass),
+            r_s,
+            1.0,
+            axis,
+        ));
+        let enclosed = |r: f64| -halo.acceleration(Vec3::new(r, 0.0, 0.0)).x * r * r / G;
+        let density_200 = 200.0 * CRITICAL_DENSITY * 4.0 * PI / 3.0;
+        let (mut lo, mut hi) = (-8.0_f64, 8.0_f64);
+        for _ in 0..60 {
+            let middle = 0.5 * (lo + hi);
+            let r = r_s * 10_f64.powf(middle);
+            if enclosed(r) > density_200 * r * r * r {
+                lo = middle;
+            } else {
+                hi = middle;
+            }
+        }
+        enclosed(r_s * 10_f64.powf(0.5 * (lo + hi))).log10()
+    }
 
     /// The same potential in another number type, as constants.
     #[inline(always)]

@@ -2,13 +2,19 @@
 //!
 //! Units: kpc, Gyr, solar masses; a potential is in (kpc/Gyr)^2.
 
+mod ellipsoidal_nfw;
 mod halo;
+mod kind;
+mod logarithmic;
 mod miyamoto_nagai;
 mod nfw;
 mod plummer;
 mod sum;
 
+pub use ellipsoidal_nfw::{EllipsoidalNfw, NfwDensity};
 pub use halo::{Halo, HaloCotangent, HaloParameters};
+pub use kind::HaloKind;
+pub use logarithmic::{Logarithmic, LogarithmicHalo};
 pub use miyamoto_nagai::MiyamotoNagai;
 pub use nfw::{FlattenedNfw, Nfw, log10_m200};
 pub use plummer::{Plummer, PlummerCotangent};
@@ -17,6 +23,16 @@ pub use sum::Sum;
 use crate::scalar::{Scalar, Vec3};
 use crate::units::G;
 use std::f64::consts::PI;
+
+/// Smallest m^2, kpc^2, so that the centre is finite. The cube of its root is a normal number of the precision.
+#[inline(always)]
+const fn tiny_m2<S: Scalar>() -> f64 {
+    if S::EPSILON > f64::EPSILON {
+        1e-20
+    } else {
+        1e-40
+    }
+}
 
 /// A potential, centred on the origin. The other functions follow from value, acceleration and the product of the Hessian with a vector.
 pub trait Potential<S: Scalar> {

@@ -1,7 +1,7 @@
 //! The NFW halo, flattened in its potential along one axis (docs/physics.md, section 2).
 
-use super::Potential;
 use super::halo::{Halo, HaloCotangent, HaloParameters};
+use super::{Potential, tiny_m2};
 use crate::scalar::{Scalar, Vec3, ln_1p, two_atanh_tail};
 use crate::units::{CRITICAL_DENSITY, G};
 use std::f64::consts::PI;
@@ -26,16 +26,6 @@ pub struct FlattenedNfw<S> {
 /// The kind of halo of Chemaly et al. (2026), with the potential [`FlattenedNfw`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nfw;
-
-/// Smallest m^2, kpc^2, so that the centre is finite. The cube of its root is a normal number of the precision.
-#[inline(always)]
-const fn tiny_m2<S: Scalar>() -> f64 {
-    if S::EPSILON > f64::EPSILON {
-        1e-20
-    } else {
-        1e-40
-    }
-}
 
 /// `g(s)` (docs/physics.md, section 2), which is near `s^2 / 2` at small s.
 ///
@@ -162,6 +152,10 @@ impl Halo for Nfw {
             strength: S::from_f64(halo.strength),
             inverse_r_s: S::from_f64(halo.inverse_r_s),
         }
+    }
+
+    fn log10_m200(log10_mass: f64, r_s: f64) -> f64 {
+        log10_m200(log10_mass, r_s)
     }
 
     /// A formula instead of the default, because the gradient of ln L takes most of its time here.

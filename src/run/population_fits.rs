@@ -63,6 +63,9 @@ fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), P
     if !same_prior(&fit.settings, &other.settings) {
         return Err(differs("[prior]"));
     }
+    if fit.settings.model.halo != other.settings.model.halo {
+        return Err(differs("model.halo"));
+    }
     let recipe = |fit: &StoredFit| fit.settings.model.releases.recipe;
     if recipe(fit) != recipe(other) {
         return Err(differs("model.releases.recipe"));

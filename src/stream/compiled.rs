@@ -4,7 +4,7 @@ use super::integrate::{IntegrateKernel, integrate};
 use super::integrate_vjp::{VjpKernel, integrate_vjp};
 use super::progenitor_solution_vjp::{SolutionVjpKernel, progenitor_solution_vjp};
 use super::system::SYSTEM_LEN;
-use crate::potential::{Halo, Nfw};
+use crate::potential::{Halo, Logarithmic, Nfw, NfwDensity};
 use crate::scalar::Level;
 
 /// The kernels of a stream in one kind of halo, for every instruction set.
@@ -65,9 +65,18 @@ pub trait CompiledHalo: Halo {
     fn kernels() -> &'static Kernels<Self>;
 }
 
-impl CompiledHalo for Nfw {
-    fn kernels() -> &'static Kernels<Self> {
-        static KERNELS: Kernels<Nfw> = Kernels::new();
-        &KERNELS
-    }
+/// Compiles the kernels of a kind of halo in this crate.
+macro_rules! compile_halo {
+    ($halo:ident) => {
+        impl CompiledHalo for $halo {
+            fn kernels() -> &'static Kernels<Self> {
+                static KERNELS: Kernels<$halo> = Kernels::new();
+                &KERNELS
+            }
+        }
+    };
 }
+
+compile_halo!(Nfw);
+compile_halo!(NfwDensity);
+compile_halo!(Logarithmic);

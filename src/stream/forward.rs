@@ -16,14 +16,13 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 impl Model {
-    /// The particles of a stream today, on the threads of the present rayon pool. The stream is given by a [`System`] with any kind of
-    /// halo, or by 13 parameters with the default range of q.
+    /// The particles of a stream today from a [`System`] with any kind of halo, on the threads of the present rayon pool.
     ///
     /// # Errors
     /// [`Error::NoTrack`] with the cause if there is no stream.
-    pub fn stream<H: CompiledHalo>(&self, system: impl Into<System<f64, H>>) -> Result<Particles> {
+    pub fn stream_of<H: CompiledHalo>(&self, system: &System<f64, H>) -> Result<Particles> {
         let mut particles = Particles::default();
-        self.progenitor_solution(&system.into())
+        self.progenitor_solution(system)
             .and_then(|solution| self.integrate_in_parallel(&solution, &mut particles))
             .map_err(Error::NoTrack)?;
         Ok(particles)

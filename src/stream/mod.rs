@@ -7,6 +7,7 @@
 //! [`Model::vjp`] differentiates both stages: the particles in reverse mode, the progenitor solution in forward mode. The adjoint of a
 //! file is in the file of the same name with `_vjp` appended.
 
+mod any_halo;
 mod compiled;
 mod cotangents;
 mod forward;
@@ -27,6 +28,7 @@ mod step_sizes;
 mod system;
 mod threads;
 
+pub use any_halo::{AnyHalo, StreamInput, halo_of};
 pub use compiled::{CompiledHalo, Kernels};
 pub use gradient::{Adjoint, MAX_STRETCH, Workspace};
 pub use integrate::IntegrateKernel;

@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::orbit::OrbitMethod;
+use crate::potential::HaloKind;
 use crate::spray::TableSettings;
 use oblate_samplers::limits::in_range;
 use serde::{Deserialize, Serialize};
@@ -59,6 +60,9 @@ pub enum Precision {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModelSettings {
+    /// The kind of the host's halo.
+    #[serde(skip_serializing_if = "HaloKind::is_default")]
+    pub halo: HaloKind,
     /// The releases.
     pub releases: TableSettings,
     /// Number of steps of a particle; of adaptive steps, if all are as long as possible.
@@ -84,6 +88,7 @@ pub struct ModelSettings {
 impl Default for ModelSettings {
     fn default() -> Self {
         Self {
+            halo: HaloKind::default(),
             releases: TableSettings::default(),
             steps: 8,
             steps_per: StepsPer::default(),

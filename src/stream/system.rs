@@ -54,13 +54,6 @@ impl<S: Real, H: Halo> System<S, H> {
     }
 }
 
-impl From<&StreamParams<f64>> for System<f64> {
-    /// As [`System::from_params`], with the range of q of the default prior.
-    fn from(params: &StreamParams<f64>) -> Self {
-        Self::from_params(params, QRange::default())
-    }
-}
-
 /// Length of the vector of a system.
 pub const SYSTEM_LEN: usize = 15;
 

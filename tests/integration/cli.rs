@@ -8,6 +8,7 @@ mod evaluate;
 mod exit;
 mod export;
 mod fit;
+mod haloes;
 mod man;
 mod merge;
 mod message;

@@ -16,6 +16,7 @@ mod faults;
 mod folders;
 mod gala;
 mod golden;
+mod haloes;
 mod inference;
 mod ks;
 mod likelihood;

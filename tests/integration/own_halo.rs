@@ -22,7 +22,7 @@ fn a_likelihood_in_an_own_halo_has_an_exact_gradient() {
     let model = Model::new(&settings).unwrap();
     let system =
         System::<f64, NfwWithDisc>::with_halo(&StreamParams::from_array(THETA), QRange::default());
-    let with_disc = model.stream(system).unwrap().track(10.0).unwrap();
+    let with_disc = model.stream_of(&system).unwrap().track(10.0).unwrap();
     let without = model
         .stream(&StreamParams::from_array(THETA))
         .unwrap()
@@ -49,13 +49,13 @@ fn a_likelihood_in_an_own_halo_has_an_exact_gradient() {
         &settings.releases,
     )
     .unwrap();
-    let likelihood = StreamLikelihood::<NfwWithDisc>::with_halo(model, track, QRange::default());
+    let likelihood = StreamLikelihood::with_halo(model, &NfwWithDisc, track, QRange::default());
     let (value, gradient) = likelihood.gradient(&THETA).unwrap();
     let alone = likelihood.ln_likelihood(&THETA).unwrap();
     assert!((value.ln_likelihood - alone.ln_likelihood).abs() < 1e-12 * alone.ln_likelihood.abs());
     let by_duals = gradient_of(
         &likelihood
-            .ln_likelihood_on(&StreamParams::from_array(lift(&THETA)))
+            .ln_likelihood_on::<NfwWithDisc, _>(&StreamParams::from_array(lift(&THETA)))
             .unwrap(),
     );
     // Rounding differs between lanes with fused operations and duals: 1e-9 is the bound of the other gradient tests on regular

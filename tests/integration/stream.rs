@@ -373,7 +373,7 @@ fn adaptive_steps_converge_at_fourth_order_and_at_the_phase_asked_for() {
             ..ModelSettings::default()
         };
         let model = Model::new(&settings).expect("a model");
-        model.stream(system(name)).expect("a stream")
+        model.stream_of(&system(name)).expect("a stream")
     };
     for name in NAMES {
         let exact = particles(name, 0.1);

@@ -208,6 +208,7 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     for (key, value, words) in [
         ("q_max = 1.5", "q_max = 1.6", "[prior]"),
         ("fardal2015", "chen2025", "model.releases.recipe"),
+        ("[model]", "[model]\nhalo = \"nfw_density\"", "model.halo"),
     ] {
         let other = path("other");
         copy(Path::new(&fits[1]), Path::new(&other));

@@ -16,6 +16,7 @@ use oblate::orbit::OrbitMethod;
 use oblate::params::{
     DIM, PriorSettings, QRange, REQUIRED, StreamParams, StreamPrior, index_of, without_optional,
 };
+use oblate::potential::{HaloKind, Nfw};
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::{Recipe, SamplingScheme, TableSettings};
 use oblate::stream::{
@@ -61,7 +62,7 @@ fn gradient_by_duals(
     theta: &Theta,
 ) -> Result<(f64, Theta), Rejection> {
     let duals: [Dual<DIM>; DIM] = lift(theta);
-    let value = likelihood.ln_likelihood_on(&StreamParams::from_array(duals))?;
+    let value = likelihood.ln_likelihood_on::<Nfw, _>(&StreamParams::from_array(duals))?;
     Ok((value.re, gradient_of(&value)))
 }
 
@@ -593,8 +594,10 @@ proptest! {
         (step_phase, max_halvings) in prop_oneof![Just((1.2, 4)), Just((0.3, 0)), Just((3.0, 6))],
         orbit in prop_oneof![Just(OrbitMethod::Accurate), Just(OrbitMethod::Leapfrog)],
         precision in prop_oneof![Just(Precision::Double), Just(Precision::Single)],
+        halo in prop_oneof![Just(HaloKind::Nfw), Just(HaloKind::NfwDensity), Just(HaloKind::Logarithmic)],
     ) {
         let settings = ModelSettings {
+            halo,
             releases: TableSettings { particles, release_times, ..TableSettings::default() },
             steps,
             steps_per,

@@ -203,7 +203,7 @@ fn an_impossible_observation_is_a_counted_rejection() {
         assert_eq!(gradient, Err(Rejection::BadParameter));
         let params = StreamParams::from_array(theta);
         assert!(likelihood.track_at(&params).is_err());
-        assert!(likelihood.ln_likelihood_on(&params).is_err());
+        assert!(likelihood.ln_likelihood_on::<Nfw, _>(&params).is_err());
     }
     // Far out, but possible: finite, or a rejection by name.
     for theta in [

@@ -1,0 +1,189 @@
+//! The NFW halo, flattened in its density along one axis (docs/physics.md, section 2).
+
+use super::halo::{Halo, HaloParameters};
+use super::{Potential, nfw, tiny_m2};
+use crate::scalar::{Scalar, Vec3};
+use crate::units::G;
+
+/// Number of nodes of the quadrature.
+const NODES: usize = 12;
+
+/// Points p in (0, 1) and weights of the quadrature: Gauss-Legendre nodes u with `p = (201^u - 1) / 200`, which are dense near 0, where
+/// the integrand of a distant point changes fast.
+const POINTS: [(f64, f64); NODES] = [
+    (0.000_250_549_311_460_698_25, 0.000_656_804_846_416_461_3),
+    (0.001_447_455_938_612_884_5, 0.001_828_278_814_916_426_5),
+    (0.004_203_428_255_147_932, 0.003_906_598_451_650_995),
+    (0.009_935_296_014_870_19, 0.008_046_083_145_284_152),
+    (0.021_728_464_120_281_947, 0.016_548_689_541_036_36),
+    (0.045_856_853_463_582_85, 0.033_598_650_191_537_06),
+    (0.093_806_742_017_538_69, 0.065_276_810_017_157_75),
+    (0.183_001_823_725_702_12, 0.116_399_647_955_247_7),
+    (0.331_451_316_063_431_53, 0.181_256_217_532_704_6),
+    (0.540_992_195_591_818_7, 0.231_758_449_871_052_07),
+    (0.774_377_175_717_634_4, 0.221_004_810_697_552),
+    (0.952_042_721_040_943_7, 0.119_718_958_935_444_42),
+];
+
+/// One node of the quadrature for a halo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Node<S> {
+    /// t / Rs, in 1/kpc.
+    scaled: S,
+    /// 1/w - 1.
+    across: S,
+    /// The weight of the node with all factors that do not depend on the position, kpc/Gyr^2.
+    strength: S,
+}
+
+/// A halo with the NFW density on similar spheroids; docs/physics.md, section 2, has the symbols M, Rs, q, n, t, w and mu.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EllipsoidalNfw<S> {
+    /// The NFW mass scale M in Msun: the spheroid of semi-axis `m` has the mass `M g(m / Rs)`, whatever q is.
+    pub mass: S,
+    /// Scale radius in kpc.
+    pub r_s: S,
+    /// 1/q^2 - 1, with the axis ratio q of the density.
+    pub flattening: S,
+    /// Unit vector of the symmetry axis.
+    pub axis: Vec3<S>,
+    nodes: [Node<S>; NODES],
+}
+
+/// The kind of halo with the potential [`EllipsoidalNfw`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NfwDensity;
+
+impl<S: Scalar> EllipsoidalNfw<S> {
+    /// A halo of mass scale `mass` (Msun), scale radius `r_s` (kpc), 1/q^2 - 1 and the unit vector of its axis.
+    #[inline(always)]
+    pub fn from_flattening(mass: S, r_s: S, flattening: S, axis: Vec3<S>) -> Self {
+        let one = S::one();
+        let q2 = one / (flattening + 1.0);
+        // Nodes of an oblate halo are moved towards t = 1, where its 1/w is steep.
+        let moved = q2.min(one);
+        let inverse_r_s = one / r_s;
+        let strength = mass * G * (inverse_r_s * inverse_r_s);
+        let node = |(p, weight): (f64, f64)| {
+            let spread = moved + (one - moved) * (p * p);
+            let inverse = one / spread.sqrt();
+            let t = inverse * p;
+            let dt = moved * (inverse * inverse * inverse) * weight;
+            let w = (q2 - 1.0).mul_add(t * t, one);
+            Node {
+                scaled: t * inverse_r_s,
+                across: (one - q2) * (t * t) / w,
+                strength: strength * (t * dt / w.sqrt()),
+            }
+        };
+        Self {
+            mass,
+            r_s,
+            flattening,
+            axis,
+            nodes: POINTS.map(node),
+        }
+    }
+
+    /// mu of a node at a point with these `|x|^2` and `(n.x)^2`.
+    #[inline(always)]
+    fn mu(node: &Node<S>, r2: S, along2: S) -> S {
+        let mu2 = node.across.mul_add(along2, r2);
+        mu2.max(S::from_f64(tiny_m2::<S>())).sqrt()
+    }
+}
+
+impl<S: Scalar> Potential<S> for EllipsoidalNfw<S> {
+    #[inline(always)]
+    fn value(&self, x: Vec3<S>) -> S {
+        let along = self.axis.dot(x);
+        let (r2, along2) = (x.norm2(), along * along);
+        let mut sum = S::zero();
+        for node in &self.nodes {
+            let outside = node.scaled.mul_add(Self::mu(node, r2, along2), S::one());
+            sum += node.strength / (node.scaled * outside);
+        }
+        -sum
+    }
+
+    #[inline(always)]
+    fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
+        let along = self.axis.dot(x);
+        let (r2, along2) = (x.norm2(), along * along);
+        let (mut all, mut across) = (S::zero(), S::zero());
+        for node in &self.nodes {
+            let mu = Self::mu(node, r2, along2);
+            let outside = node.scaled.mul_add(mu, S::one());
+            let k = node.strength / (mu * (outside * outside));
+            all += k;
+            across = k.mul_add(node.across, across);
+        }
+        (x * -all).add_scaled(self.axis, -(across * along))
+    }
+
+    #[inline(always)]
+    fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
+        let along = self.axis.dot(x);
+        let v_along = self.axis.dot(v);
+        let (r2, along2) = (x.norm2(), along * along);
+        let mut product = Vec3::zero();
+        for node in &self.nodes {
+            let mu = Self::mu(node, r2, along2);
+            let outside = node.scaled.mul_add(mu, S::one());
+            let inverse = S::one() / (mu * outside);
+            let k = node.strength * inverse / outside;
+            // k'(mu) / mu.
+            let dk = -(k * inverse) * (node.scaled * mu * 3.0 + 1.0) / mu;
+            let y = x.add_scaled(self.axis, node.across * along);
+            let dy = v.add_scaled(self.axis, node.across * v_along);
+            product = product + dy * k + y * (dk * y.dot(v));
+        }
+        product
+    }
+}
+
+impl Halo for NfwDensity {
+    type In<S: Scalar> = EllipsoidalNfw<S>;
+
+    #[inline(always)]
+    fn new<S: Scalar>(parameters: HaloParameters<S>) -> EllipsoidalNfw<S> {
+        let HaloParameters {
+            mass,
+            r_s,
+            flattening,
+            axis,
+        } = parameters;
+        EllipsoidalNfw::from_flattening(mass, r_s, flattening, axis)
+    }
+
+    #[inline(always)]
+    fn parameters<S: Scalar>(halo: &EllipsoidalNfw<S>) -> HaloParameters<S> {
+        HaloParameters {
+            mass: halo.mass,
+            r_s: halo.r_s,
+            flattening: halo.flattening,
+            axis: halo.axis,
+        }
+    }
+
+    #[inline(always)]
+    fn broadcast<S: Scalar>(halo: &EllipsoidalNfw<f64>) -> EllipsoidalNfw<S> {
+        let node = |node: Node<f64>| Node {
+            scaled: S::from_f64(node.scaled),
+            across: S::from_f64(node.across),
+            strength: S::from_f64(node.strength),
+        };
+        EllipsoidalNfw {
+            mass: S::from_f64(halo.mass),
+            r_s: S::from_f64(halo.r_s),
+            flattening: S::from_f64(halo.flattening),
+            axis: Vec3::from_f64(halo.axis),
+            nodes: halo.nodes.map(node),
+        }
+    }
+
+    /// That of the spheroid whose mean density is 200 times the critical one: its mass does not depend on q.
+    fn log10_m200(log10_mass: f64, r_s: f64) -> f64 {
+        nfw::log10_m200(log10_mass, r_s)
+    }
+}

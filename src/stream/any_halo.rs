@@ -1,0 +1,174 @@
+//! Streams in a halo whose kind is known only when the program runs: by a setting, or one of the user's own.
+
+use super::compiled::CompiledHalo;
+use super::gradient::{Adjoint, Workspace};
+use super::model::Model;
+use super::particles::Particles;
+use super::progenitor_solution::SolutionMemory;
+use super::system::System;
+use super::threads::Threads;
+use crate::error::{Error, Rejection, Result as OblateResult};
+use crate::params::{DIM, QRange, StreamParams};
+use crate::potential::{HaloKind, Logarithmic, Nfw, NfwDensity, Potential};
+use crate::scalar::{Dual, gradient_of, lift};
+use std::fmt::Debug;
+
+/// A kind of halo as an object: what a likelihood asks of it. Every [`CompiledHalo`] has it, so that `&NfwDensity` is a
+/// `&'static dyn AnyHalo`.
+pub trait AnyHalo: Debug + Send + Sync {
+    /// Writes the particles today into `work`.
+    ///
+    /// # Errors
+    /// As of [`Model::progenitor_solution`] and [`Model::integrate`].
+    fn particles(
+        &self,
+        model: &Model,
+        input: &StreamInput<'_>,
+        memory: &mut Option<SolutionMemory<f64>>,
+        work: &mut Workspace,
+    ) -> Result<(), Rejection>;
+
+    /// As [`particles`](Self::particles), then calls `of_particles`, which writes the derivatives of a result with respect to the particles
+    /// into `work` ([`Model::vjp`]). Returns the gradient of that result with respect to all parameters, as far as it comes from the particles.
+    ///
+    /// # Errors
+    /// As of [`particles`](Self::particles), and those of `of_particles`.
+    fn gradient(
+        &self,
+        model: &Model,
+        input: &StreamInput<'_>,
+        adjoint: Adjoint,
+        work: &mut Workspace,
+        of_particles: &mut dyn FnMut(&mut Workspace) -> Result<(), Rejection>,
+    ) -> Result<[f64; DIM], Rejection>;
+
+    /// Largest relative change of the energy along the progenitor's orbit.
+    ///
+    /// # Errors
+    /// As of [`Model::progenitor_solution`].
+    fn orbit_energy_error(&self, model: &Model, input: &StreamInput<'_>) -> Result<f64, Rejection>;
+
+    /// The potential of the host.
+    fn host(&self, params: &StreamParams<f64>, q_range: QRange) -> Box<dyn Potential<f64>>;
+
+    /// As [`Halo::log10_m200`](crate::potential::Halo::log10_m200).
+    fn log10_m200(&self, log10_mass: f64, r_s: f64) -> f64;
+}
+
+/// A set of parameters, and the threads that may compute its stream.
+#[derive(Clone, Copy, Debug)]
+pub struct StreamInput<'a> {
+    /// The parameters.
+    pub params: &'a StreamParams<f64>,
+    /// The range of q.
+    pub q_range: QRange,
+    /// The threads.
+    pub threads: Threads,
+}
+
+impl<H: CompiledHalo> AnyHalo for H {
+    fn particles(
+        &self,
+        model: &Model,
+        input: &StreamInput<'_>,
+        memory: &mut Option<SolutionMemory<f64>>,
+        work: &mut Workspace,
+    ) -> Result<(), Rejection> {
+        let system = System::<f64, H>::with_halo(input.params, input.q_range);
+        let solution = model.progenitor_solution_reusing(&system, memory.take())?;
+        let Workspace {
+            schedules,
+            particles,
+            ..
+        } = work;
+        let integrated = match input.threads {
+            Threads::One => model.integrate(&solution, schedules, particles),
+            Threads::All => model.integrate_in_parallel(&solution, particles),
+        };
+        *memory = Some(solution.into_memory());
+        integrated
+    }
+
+    fn gradient(
+        &self,
+        model: &Model,
+        input: &StreamInput<'_>,
+        adjoint: Adjoint,
+        work: &mut Workspace,
+        of_particles: &mut dyn FnMut(&mut Workspace) -> Result<(), Rejection>,
+    ) -> Result<[f64; DIM], Rejection> {
+        let system = System::<f64, H>::with_halo(input.params, input.q_range);
+        let solution = model.progenitor_solution(&system)?;
+        match input.threads {
+            Threads::One => {
+                model.integrate(&solution, &mut work.schedules, &mut work.particles)?;
+            }
+            Threads::All => model.integrate_in_parallel(&solution, &mut work.particles)?,
+        }
+        of_particles(work)?;
+        let system_bar = model.vjp(&system, &solution, adjoint, input.threads, work);
+        let lifted = StreamParams::from_array(lift(&input.params.to_array()));
+        let vector = System::<Dual<DIM>, H>::with_halo(&lifted, input.q_range).to_vector();
+        let mut gradient = [0.0; DIM];
+        for (number, number_bar) in vector.iter().zip(system_bar) {
+            for (component, derivative) in gradient.iter_mut().zip(gradient_of(number)) {
+                *component += number_bar * derivative;
+            }
+        }
+        Ok(gradient)
+    }
+
+    fn orbit_energy_error(&self, model: &Model, input: &StreamInput<'_>) -> Result<f64, Rejection> {
+        let system = System::<f64, H>::with_halo(input.params, input.q_range);
+        let solution = model.progenitor_solution(&system)?;
+        Ok(solution.orbit.energy_error(&solution.host))
+    }
+
+    fn host(&self, params: &StreamParams<f64>, q_range: QRange) -> Box<dyn Potential<f64>> {
+        Box::new(System::<f64, H>::with_halo(params, q_range).host)
+    }
+
+    fn log10_m200(&self, log10_mass: f64, r_s: f64) -> f64 {
+        H::log10_m200(log10_mass, r_s)
+    }
+}
+
+/// The kind of halo that a setting names.
+#[must_use]
+pub fn halo_of(kind: HaloKind) -> &'static dyn AnyHalo {
+    match kind {
+        HaloKind::Nfw => &Nfw,
+        HaloKind::NfwDensity => &NfwDensity,
+        HaloKind::Logarithmic => &Logarithmic,
+    }
+}
+
+impl Model {
+    /// Writes the particles today, in the kind of halo of the settings, into `work`.
+    ///
+    /// # Errors
+    /// As of [`AnyHalo::particles`].
+    pub fn particles(
+        &self,
+        input: &StreamInput<'_>,
+        work: &mut Workspace,
+    ) -> Result<(), Rejection> {
+        halo_of(self.settings.halo).particles(self, input, &mut None, work)
+    }
+
+    /// The particles of a stream today, in the kind of halo of the settings, with the default range of q and on the threads of the present
+    /// rayon pool.
+    ///
+    /// # Errors
+    /// [`Error::NoTrack`] with the cause if there is no stream.
+    pub fn stream(&self, params: &StreamParams<f64>) -> OblateResult<Particles> {
+        let input = StreamInput {
+            params,
+            q_range: QRange::default(),
+            threads: Threads::All,
+        };
+        let mut work = Workspace::default();
+        self.particles(&input, &mut work).map_err(Error::NoTrack)?;
+        Ok(work.particles)
+    }
+}

@@ -1,0 +1,67 @@
+//! Kinds of haloes by flag and setting: streams, fits, and fits of one track side by side.
+
+use super::{example, json, oblate, refused, small_fit, write};
+use std::path::Path;
+
+#[test]
+fn a_stream_is_in_the_halo_of_the_flag_or_of_the_setting() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let params = example("stream.toml").display().to_string();
+    let config = write(
+        folder.path(),
+        "fit.toml",
+        "model.halo = \"logarithmic\"\nmodel.releases.particles = 512",
+    );
+    let printed = |more: &[&str]| {
+        let output = oblate(&[&["stream", &params], more].concat(), "");
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        String::from_utf8(output.stdout).expect("text")
+    };
+    let by_flag = |halo| printed(&["--particles", "512", "--halo", halo]);
+    assert_eq!(by_flag("nfw"), printed(&["--particles", "512"]));
+    assert_eq!(by_flag("logarithmic"), printed(&["--config", &config]));
+    assert_ne!(by_flag("nfw"), by_flag("nfw-density"));
+    assert_ne!(by_flag("nfw"), by_flag("logarithmic"));
+    // A profile changes the model's numbers, not its physics.
+    let in_profile = printed(&["--config", &config, "--profile", "paper"]);
+    assert_eq!(
+        in_profile,
+        printed(&["--profile", "paper", "--halo", "logarithmic"])
+    );
+
+    let unknown = write(folder.path(), "other.toml", "model.halo = \"einasto\"");
+    let output = oblate(&["stream", &params, "--config", &unknown], "");
+    refused(&output, &["other.toml", "einasto", "nfw_density"]);
+}
+
+#[test]
+fn fits_in_several_haloes_are_compared_by_their_evidence() {
+    let (folder, config, track) = small_fit();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let fit = |name: &str, halo: &[&str]| {
+        let out = path(name);
+        let arguments = ["fit", &track, "--config", &config, "--out", &out, "--json"];
+        let arguments = [&arguments[..], &["--allow-unconverged"], halo];
+        let output = oblate(&arguments.concat(), "");
+        assert!(output.status.success(), "{output:?}");
+        let text = std::fs::read_to_string(Path::new(&out).join("config.toml"));
+        (out, json(&output.stdout), text.expect("settings"))
+    };
+    let (one, of_one, settings) = fit("one", &[]);
+    let (two, of_two, other_settings) = fit("two", &["--halo", "nfw-density"]);
+    // The default is not named, so that settings of earlier fits are those of the same fit.
+    assert!(!settings.contains("halo = "), "{settings}");
+    assert!(
+        other_settings.contains("halo = \"nfw_density\""),
+        "{other_settings}"
+    );
+    assert_ne!(of_one["ln_z"], of_two["ln_z"]);
+    // They need not agree.
+    let output = oblate(&["compare", &one, &two], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let note = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(note.contains("another halo (nfw_density) than"), "{note}");
+    assert!(!note.contains("continue those"), "{note}");
+    let output = oblate(&["compare", &one, &one], "");
+    assert!(output.stderr.is_empty(), "{output:?}");
+}

@@ -1,0 +1,234 @@
+//! The other kinds of haloes: golden values, exact derivatives, and streams and likelihoods in them by the setting.
+
+use crate::golden::{cases, json, number, numbers, relative_difference};
+use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
+use oblate::params::{DIM, QRange, StreamParams, without_optional};
+use oblate::potential::{
+    Halo, HaloCotangent, HaloKind, HaloParameters, Logarithmic, Nfw, NfwDensity, Potential,
+    log10_m200,
+};
+use oblate::scalar::{Dual, Real, Scalar, Vec3, gradient_of, lift};
+use oblate::stream::{CompiledHalo, Model, ModelSettings, Precision, System};
+use oblate::units::{CRITICAL_DENSITY, G};
+use serde_json::Value;
+use std::f64::consts::PI;
+
+/// The halo of a golden case.
+fn halo<H: Halo>(case: &Value) -> H::In<f64> {
+    H::new(HaloParameters::from_q(
+        number(&case["mass_msun"]),
+        number(&case["r_s_kpc"]),
+        number(&case["q"]),
+        Vec3::from(numbers::<3>(&case["axis"])),
+    ))
+}
+
+/// Largest relative errors of acceleration and Hessian in all cases of a kind; `phi` checks the value.
+fn errors<H: Halo>(kind: &str, phi: impl Fn(&Value, f64, f64)) -> [f64; 2] {
+    let file = json("haloes.json");
+    let mut worst = [0.0_f64; 2];
+    let of_kind = cases(&file).iter().filter(|case| case["kind"] == kind);
+    let mut seen = 0;
+    for case in of_kind {
+        seen += 1;
+        let halo = halo::<H>(case);
+        let x = Vec3::from(numbers::<3>(&case["x_kpc"]));
+        phi(case, halo.value(x), number(&case["phi"]));
+        let acceleration = halo.acceleration(x).to_array();
+        worst[0] = worst[0].max(relative_difference(
+            &acceleration,
+            &numbers::<3>(&case["acc"]),
+        ));
+        let golden: Vec<f64> = (0..3)
+            .flat_map(|i| numbers::<3>(&case["hess"][i]))
+            .collect();
+        let ours: Vec<f64> = (0..3)
+            .flat_map(|i| {
+                let mut e = [0.0; 3];
+                e[i] = 1.0;
+                halo.hessian_product(x, Vec3::from(e)).to_array()
+            })
+            .collect();
+        worst[1] = worst[1].max(relative_difference(&ours, &golden));
+        let scale = golden.iter().fold(0.0_f64, |m, v| m.max(v.abs())) / (4.0 * PI * G);
+        let density = halo.density(x) - number(&case["density"]);
+        worst[1] = worst[1].max(density.abs() / scale);
+    }
+    assert_eq!(seen, 28);
+    worst
+}
+
+/// The errors of its twelve nodes, docs/physics.md, section 2.
+#[test]
+fn an_nfw_halo_flattened_in_its_density_meets_its_golden_values() {
+    let [acceleration, hessian] = errors::<NfwDensity>("nfw_density", |case, ours, golden| {
+        assert!(
+            (ours / golden - 1.0).abs() < 1e-6,
+            "{}: {ours} {golden}",
+            case["id"]
+        );
+    });
+    assert!(acceleration < 1e-6, "{acceleration:e}");
+    assert!(hessian < 5e-6, "{hessian:e}");
+}
+
+/// Ours is zero at the centre, the golden one has the logarithm of lengths in kpc.
+#[test]
+fn the_logarithmic_halo_meets_its_golden_values() {
+    let [acceleration, hessian] = errors::<Logarithmic>("logarithmic", |case, ours, golden| {
+        let r_s = number(&case["r_s_kpc"]);
+        let at_centre = G * number(&case["mass_msun"]) / r_s * r_s.ln();
+        assert!(
+            (ours + at_centre - golden).abs() < 1e-12 * golden.abs(),
+            "{}: {ours} {golden}",
+            case["id"]
+        );
+    });
+    assert!(acceleration < 1e-12, "{acceleration:e}");
+    assert!(hessian < 1e-12, "{hessian:e}");
+}
+
+/// On dual numbers the acceleration is the gradient of the potential with the same nodes, so that orbits conserve energy whatever the error
+/// of the nodes is; and the reverse mode is the transpose of the derivative by duals.
+fn derivatives_are_exact<H: Halo>(kind: &str) {
+    let file = json("haloes.json");
+    let lambda = Vec3::new(0.3, -1.1, 0.7);
+    for case in cases(&file).iter().filter(|case| case["kind"] == kind) {
+        let halo = halo::<H>(case);
+        let x = numbers::<3>(&case["x_kpc"]);
+        let HaloParameters {
+            mass,
+            r_s,
+            flattening,
+            axis,
+        } = H::parameters(&halo);
+        let values = [
+            0.0, 0.0, flattening, axis.x, axis.y, axis.z, x[0], x[1], x[2],
+        ];
+        let v: [Dual<9>; 9] = lift(&values);
+        let dual = H::new(HaloParameters {
+            mass: v[0].exp() * mass,
+            r_s: v[1].exp() * r_s,
+            flattening: v[2],
+            axis: Vec3::new(v[3], v[4], v[5]),
+        });
+        let at = Vec3::new(v[6], v[7], v[8]);
+        let slope = gradient_of(&dual.value(at));
+        let acceleration = halo.acceleration(Vec3::from(x));
+        let minus = (acceleration * -1.0).to_array();
+        let id = &case["id"];
+        assert!(relative_difference(&minus, &slope[6..]) < 1e-11, "{id}");
+
+        let mut cotangent = HaloCotangent::zero();
+        let (value, x_bar) = H::vjp(&halo, Vec3::from(x), lambda, &mut cotangent);
+        let difference = relative_difference(&value.to_array(), &acceleration.to_array());
+        assert!(difference < 1e-12, "{id}");
+        let by_duals = gradient_of(&dual.acceleration(at).dot(Vec3::from_f64(lambda)));
+        let ours = [
+            cotangent.ln_mass,
+            cotangent.ln_r_s,
+            cotangent.flattening,
+            cotangent.axis.x,
+            cotangent.axis.y,
+            cotangent.axis.z,
+        ];
+        let difference = relative_difference(&ours, &by_duals[..6]);
+        assert!(difference < 1e-11, "{id} {ours:?} {by_duals:?}");
+        let difference = relative_difference(&x_bar.to_array(), &by_duals[6..]);
+        assert!(difference < 1e-11, "{id}");
+    }
+}
+
+#[test]
+fn derivatives_in_other_haloes_are_exact() {
+    derivatives_are_exact::<NfwDensity>("nfw_density");
+    derivatives_are_exact::<Logarithmic>("logarithmic");
+}
+
+#[test]
+fn round_nfw_haloes_are_the_same() {
+    for x in [0.1, 3.0, 40.0, 900.0] {
+        let x = Vec3::new(x, -0.3 * x, 0.5 * x);
+        let parameters = HaloParameters::from_q(1.0e12, 17.0, 1.0, Vec3::new(0.6, 0.0, 0.8));
+        let ours = NfwDensity::new(parameters).acceleration(x).to_array();
+        let theirs = Nfw::new(parameters).acceleration(x).to_array();
+        assert!(
+            relative_difference(&ours, &theirs) < 1e-9,
+            "{ours:?} {theirs:?}"
+        );
+    }
+}
+
+#[test]
+fn m200_of_every_kind_has_its_mean_density() {
+    let (log10_mass, r_s) = (12.1, 14.0);
+    // A round NFW halo by bisection on its acceleration, and by its own formula.
+    #[derive(Clone, Copy, Debug, Default)]
+    struct ByBisection;
+    impl Halo for ByBisection {
+        type In<S: Scalar> = <Nfw as Halo>::In<S>;
+        fn new<S: Scalar>(parameters: HaloParameters<S>) -> Self::In<S> {
+            Nfw::new(parameters)
+        }
+        fn parameters<S: Scalar>(halo: &Self::In<S>) -> HaloParameters<S> {
+            Nfw::parameters(halo)
+        }
+    }
+    let formula = log10_m200(log10_mass, r_s);
+    assert!((ByBisection::log10_m200(log10_mass, r_s) - formula).abs() < 1e-12);
+    assert!((NfwDensity::log10_m200(log10_mass, r_s) - formula).abs() < 1e-12);
+    // M r^3 / (Rc (r^2 + Rc^2)) inside r.
+    let volume = 200.0 * CRITICAL_DENSITY * 4.0 * PI / 3.0 * r_s * r_s * r_s;
+    let x2 = 10_f64.powf(log10_mass) / volume - 1.0;
+    let exact = (volume * x2 * x2.sqrt()).log10();
+    assert!((Logarithmic::log10_m200(log10_mass, r_s) - exact).abs() < 1e-12);
+}
+
+const THETA: [f64; DIM] = without_optional([
+    12.0, 15.0, 0.3, 0.0, 1.2, 8.0, 1.0, 60.0, 30.0, 30.0, 140.0, 45.0, 3.0,
+]);
+
+/// A likelihood by the setting has the stream of that halo, and its exact gradient.
+fn likelihood_is_that_of<H: CompiledHalo>(kind: HaloKind) {
+    let mut settings = ModelSettings {
+        halo: kind,
+        precision: Precision::Double,
+        ..ModelSettings::default()
+    };
+    settings.releases.particles = 256;
+    let model = Model::new(&settings).unwrap();
+    let params = StreamParams::from_array(THETA);
+    let stream = model.stream(&params).unwrap();
+    let system = System::<f64, H>::with_halo(&params, QRange::default());
+    let of_system = model.stream_of(&system).unwrap();
+    assert_eq!(stream.x, of_system.x);
+    let data: Vec<DataBin> = (stream.track(10.0).unwrap().bins.iter().enumerate())
+        .map(|(i, bin)| {
+            let r_kpc = bin.r_kpc * (1.0 + 0.03 * (i as f64).sin());
+            DataBin::symmetric(bin.bin, r_kpc, 0.02 * bin.r_kpc)
+        })
+        .collect();
+    let (likelihood, releases) = (LikelihoodSettings::default(), &settings.releases);
+    let track = TrackLikelihood::new(&likelihood, 10.0, &data, releases).unwrap();
+    let likelihood = StreamLikelihood::new(model, track, QRange::default());
+    let (value, gradient) = likelihood.gradient(&THETA).unwrap();
+    let alone = likelihood.ln_likelihood(&THETA).unwrap();
+    let scale = alone.ln_likelihood.abs();
+    assert!((value.ln_likelihood - alone.ln_likelihood).abs() < 1e-12 * scale);
+    let lifted = StreamParams::from_array(lift(&THETA));
+    let by_duals = gradient_of(&likelihood.ln_likelihood_on::<H, _>(&lifted).unwrap());
+    // As for an own halo: rounding differs between lanes with fused operations and duals.
+    for (k, (ours, reference)) in gradient.iter().zip(by_duals).enumerate() {
+        assert!(
+            (ours - reference).abs() <= 1e-9 * reference.abs().max(1.0),
+            "{kind:?} {k}: {ours} {reference}"
+        );
+    }
+}
+
+#[test]
+fn likelihoods_by_the_setting_are_those_of_its_halo() {
+    likelihood_is_that_of::<Nfw>(HaloKind::Nfw);
+    likelihood_is_that_of::<NfwDensity>(HaloKind::NfwDensity);
+    likelihood_is_that_of::<Logarithmic>(HaloKind::Logarithmic);
+}
