@@ -1,6 +1,6 @@
 //! The NFW halo, flattened in its density along one axis (docs/physics.md, section 2).
 
-use super::halo::{Halo, HaloParameters};
+use super::halo::{Halo, HaloCotangent, HaloParameters};
 use super::{Potential, nfw, tiny_m2};
 use crate::scalar::{Scalar, Vec3};
 use crate::units::G;
@@ -34,6 +34,8 @@ struct Node<S> {
     across: S,
     /// The weight of the node with all factors that do not depend on the position, kpc/Gyr^2.
     strength: S,
+    /// Derivatives of `ln scaled`, `across` and `ln strength` with respect to 1/q^2 - 1.
+    slopes: [S; 3],
 }
 
 /// A halo with the NFW density on similar spheroids; docs/physics.md, section 2, has the symbols M, Rs, q, n, t, w and mu.
@@ -60,20 +62,34 @@ impl<S: Scalar> EllipsoidalNfw<S> {
     pub fn from_flattening(mass: S, r_s: S, flattening: S, axis: Vec3<S>) -> Self {
         let one = S::one();
         let q2 = one / (flattening + 1.0);
-        // Nodes of an oblate halo are moved towards t = 1, where its 1/w is steep.
-        let moved = q2.min(one);
+        let q2_slope = -(q2 * q2);
+        let prolate = one.lt(q2);
         let inverse_r_s = one / r_s;
         let strength = mass * G * (inverse_r_s * inverse_r_s);
         let node = |(p, weight): (f64, f64)| {
-            let spread = moved + (one - moved) * (p * p);
-            let inverse = one / spread.sqrt();
-            let t = inverse * p;
-            let dt = moved * (inverse * inverse * inverse) * weight;
-            let w = (q2 - 1.0).mul_add(t * t, one);
+            let p2 = p * p;
+            // q^2 + (1 - q^2) p^2 with t = p / spread^(1/2) and w = q^2 / spread of an oblate halo, whose nodes are moved towards t = 1, where 1/w is
+            // steep; 1 / w of a prolate one, with t = p, is `narrow`.
+            let spread = q2.mul_add(S::from_f64(1.0 - p2), S::from_f64(p2));
+            let inverse = one / spread;
+            let narrow = one / (q2 - 1.0).mul_add(S::from_f64(p2), one);
+            let either = |a: S, b: S| S::select(prolate, a, b);
+            let moved = either(one, inverse);
+            let t = moved.sqrt() * p;
+            let factor = either(narrow, q2 * (inverse * inverse * inverse));
             Node {
                 scaled: t * inverse_r_s,
-                across: (one - q2) * (t * t) / w,
-                strength: strength * (t * dt / w.sqrt()),
+                across: either((one - q2) * narrow, flattening) * p2,
+                strength: strength * factor.sqrt() * (p * weight),
+                slopes: [
+                    either(S::zero(), q2_slope * inverse * (0.5 * (p2 - 1.0))),
+                    either(narrow * narrow * (q2 * q2), one) * p2,
+                    q2_slope
+                        * either(
+                            narrow * (-0.5 * p2),
+                            inverse * (1.5 * (p2 - 1.0)) + S::from_f64(0.5) / q2,
+                        ),
+                ],
             }
         };
         Self {
@@ -172,6 +188,7 @@ impl Halo for NfwDensity {
             scaled: S::from_f64(node.scaled),
             across: S::from_f64(node.across),
             strength: S::from_f64(node.strength),
+            slopes: node.slopes.map(S::from_f64),
         };
         EllipsoidalNfw {
             mass: S::from_f64(halo.mass),
@@ -180,6 +197,54 @@ impl Halo for NfwDensity {
             axis: Vec3::from_f64(halo.axis),
             nodes: halo.nodes.map(node),
         }
+    }
+
+    /// A formula instead of the default, which would make the nodes anew at each evaluation.
+    #[inline(always)]
+    fn vjp<S: Scalar>(
+        halo: &EllipsoidalNfw<S>,
+        x: Vec3<S>,
+        lambda: Vec3<S>,
+        cotangent: &mut HaloCotangent<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let along = halo.axis.dot(x);
+        let n_lambda = halo.axis.dot(lambda);
+        let x_lambda = x.dot(lambda);
+        let (r2, along2) = (x.norm2(), along * along);
+        // Sums over the nodes of k and of k'(mu) / mu times y.lambda; `across` has them with 1/w - 1.
+        let (mut all, mut all_across) = (S::zero(), S::zero());
+        let (mut pull, mut pull_across) = (S::zero(), S::zero());
+        for node in &halo.nodes {
+            let mu = EllipsoidalNfw::mu(node, r2, along2);
+            let scaled_mu = node.scaled * mu;
+            let inverse_outside = S::one() / (scaled_mu + 1.0);
+            let inverse_mu = S::one() / mu;
+            let k = node.strength * inverse_mu * (inverse_outside * inverse_outside);
+            let y_lambda = (node.across * along).mul_add(n_lambda, x_lambda);
+            let k_lambda = k * y_lambda;
+            let dk_lambda =
+                -(k_lambda * inverse_outside * (inverse_mu * inverse_mu)) * (scaled_mu * 3.0 + 1.0);
+            all += k;
+            all_across = k.mul_add(node.across, all_across);
+            pull += dk_lambda;
+            pull_across = dk_lambda.mul_add(node.across, pull_across);
+            let by_scaled = k_lambda * (scaled_mu * inverse_outside) * 2.0;
+            let by_across = -(dk_lambda * along2 * 0.5 + k * along * n_lambda);
+            cotangent.ln_mass -= k_lambda;
+            cotangent.ln_r_s += k_lambda * 2.0 - by_scaled;
+            cotangent.flattening +=
+                by_scaled * node.slopes[0] + by_across * node.slopes[1] - k_lambda * node.slopes[2];
+        }
+        let across = pull_across.mul_add(along, all_across * n_lambda);
+        cotangent.axis = cotangent
+            .axis
+            .add_scaled(x, -across)
+            .add_scaled(lambda, -(all_across * along));
+        let x_bar = (lambda * -all)
+            .add_scaled(x, -pull)
+            .add_scaled(halo.axis, -across);
+        let acceleration = (x * -all).add_scaled(halo.axis, -(all_across * along));
+        (acceleration, x_bar)
     }
 
     /// That of the spheroid whose mean density is 200 times the critical one: its mass does not depend on q.

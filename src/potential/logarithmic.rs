@@ -1,7 +1,7 @@
 //! The logarithmic halo, flattened in its potential along one axis (docs/physics.md, section 2).
 
 use super::Potential;
-use super::halo::{Halo, HaloParameters};
+use super::halo::{Halo, HaloCotangent, HaloParameters};
 use crate::scalar::{Scalar, Vec3, ln_1p};
 use crate::units::G;
 
@@ -89,5 +89,35 @@ impl Halo for Logarithmic {
             flattening: halo.flattening,
             axis: halo.axis,
         }
+    }
+
+    /// A formula instead of the default, for speed.
+    #[inline(always)]
+    fn vjp<S: Scalar>(
+        halo: &LogarithmicHalo<S>,
+        x: Vec3<S>,
+        lambda: Vec3<S>,
+        cotangent: &mut HaloCotangent<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let along = halo.axis.dot(x);
+        let n_lambda = halo.axis.dot(lambda);
+        let (y, m2) = halo.geometry(x);
+        let y_lambda = y.dot(lambda);
+        let r_s2 = halo.r_s * halo.r_s;
+        let inverse = S::one() / (r_s2 + m2);
+        let k = halo.v0_squared() * inverse;
+        // The derivative with respect to m^2.
+        let pull = k * inverse * y_lambda;
+        cotangent.ln_mass -= k * y_lambda;
+        cotangent.ln_r_s += (r_s2 * inverse * 2.0 + 1.0) * (k * y_lambda);
+        cotangent.flattening += (pull * along - k * n_lambda) * along;
+        cotangent.axis = cotangent
+            .axis
+            .add_scaled(x, halo.flattening * (pull * along * 2.0 - k * n_lambda))
+            .add_scaled(lambda, -(k * along * halo.flattening));
+        let x_bar = (lambda * -k)
+            .add_scaled(halo.axis, -(k * halo.flattening * n_lambda))
+            .add_scaled(y, pull * 2.0);
+        (y * -k, x_bar)
     }
 }
