@@ -41,14 +41,7 @@ struct Node<S> {
 /// A halo with the NFW density on similar spheroids; docs/physics.md, section 2, has the symbols M, Rs, q, n, t, w and mu.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EllipsoidalNfw<S> {
-    /// The NFW mass scale M in Msun: the spheroid of semi-axis `m` has the mass `M g(m / Rs)`, whatever q is.
-    pub mass: S,
-    /// Scale radius in kpc.
-    pub r_s: S,
-    /// 1/q^2 - 1, with the axis ratio q of the density.
-    pub flattening: S,
-    /// Unit vector of the symmetry axis.
-    pub axis: Vec3<S>,
+    parameters: HaloParameters<S>,
     nodes: [Node<S>; NODES],
 }
 
@@ -57,9 +50,15 @@ pub struct EllipsoidalNfw<S> {
 pub struct NfwDensity;
 
 impl<S: Scalar> EllipsoidalNfw<S> {
-    /// A halo of mass scale `mass` (Msun), scale radius `r_s` (kpc), 1/q^2 - 1 and the unit vector of its axis.
+    /// A halo of these parameters: the spheroid of semi-axis `m` has the mass `M g(m / Rs)`, whatever the axis ratio q of the density is.
     #[inline(always)]
-    pub fn from_flattening(mass: S, r_s: S, flattening: S, axis: Vec3<S>) -> Self {
+    pub fn new(parameters: HaloParameters<S>) -> Self {
+        let HaloParameters {
+            mass,
+            r_s,
+            flattening,
+            ..
+        } = parameters;
         let one = S::one();
         let q2 = one / (flattening + 1.0);
         let q2_slope = -(q2 * q2);
@@ -93,10 +92,7 @@ impl<S: Scalar> EllipsoidalNfw<S> {
             }
         };
         Self {
-            mass,
-            r_s,
-            flattening,
-            axis,
+            parameters,
             nodes: POINTS.map(node),
         }
     }
@@ -112,7 +108,7 @@ impl<S: Scalar> EllipsoidalNfw<S> {
 impl<S: Scalar> Potential<S> for EllipsoidalNfw<S> {
     #[inline(always)]
     fn value(&self, x: Vec3<S>) -> S {
-        let along = self.axis.dot(x);
+        let along = self.parameters.axis.dot(x);
         let (r2, along2) = (x.norm2(), along * along);
         let mut sum = S::zero();
         for node in &self.nodes {
@@ -124,7 +120,7 @@ impl<S: Scalar> Potential<S> for EllipsoidalNfw<S> {
 
     #[inline(always)]
     fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
-        let along = self.axis.dot(x);
+        let along = self.parameters.axis.dot(x);
         let (r2, along2) = (x.norm2(), along * along);
         let (mut all, mut across) = (S::zero(), S::zero());
         for node in &self.nodes {
@@ -134,13 +130,13 @@ impl<S: Scalar> Potential<S> for EllipsoidalNfw<S> {
             all += k;
             across = k.mul_add(node.across, across);
         }
-        (x * -all).add_scaled(self.axis, -(across * along))
+        (x * -all).add_scaled(self.parameters.axis, -(across * along))
     }
 
     #[inline(always)]
     fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
-        let along = self.axis.dot(x);
-        let v_along = self.axis.dot(v);
+        let along = self.parameters.axis.dot(x);
+        let v_along = self.parameters.axis.dot(v);
         let (r2, along2) = (x.norm2(), along * along);
         let mut product = Vec3::zero();
         for node in &self.nodes {
@@ -150,8 +146,8 @@ impl<S: Scalar> Potential<S> for EllipsoidalNfw<S> {
             let k = node.strength * inverse / outside;
             // k'(mu) / mu.
             let dk = -(k * inverse) * (node.scaled * mu * 3.0 + 1.0) / mu;
-            let y = x.add_scaled(self.axis, node.across * along);
-            let dy = v.add_scaled(self.axis, node.across * v_along);
+            let y = x.add_scaled(self.parameters.axis, node.across * along);
+            let dy = v.add_scaled(self.parameters.axis, node.across * v_along);
             product = product + dy * k + y * (dk * y.dot(v));
         }
         product
@@ -163,23 +159,12 @@ impl Halo for NfwDensity {
 
     #[inline(always)]
     fn new<S: Scalar>(parameters: HaloParameters<S>) -> EllipsoidalNfw<S> {
-        let HaloParameters {
-            mass,
-            r_s,
-            flattening,
-            axis,
-        } = parameters;
-        EllipsoidalNfw::from_flattening(mass, r_s, flattening, axis)
+        EllipsoidalNfw::new(parameters)
     }
 
     #[inline(always)]
     fn parameters<S: Scalar>(halo: &EllipsoidalNfw<S>) -> HaloParameters<S> {
-        HaloParameters {
-            mass: halo.mass,
-            r_s: halo.r_s,
-            flattening: halo.flattening,
-            axis: halo.axis,
-        }
+        halo.parameters
     }
 
     #[inline(always)]
@@ -191,10 +176,7 @@ impl Halo for NfwDensity {
             slopes: node.slopes.map(S::from_f64),
         };
         EllipsoidalNfw {
-            mass: S::from_f64(halo.mass),
-            r_s: S::from_f64(halo.r_s),
-            flattening: S::from_f64(halo.flattening),
-            axis: Vec3::from_f64(halo.axis),
+            parameters: halo.parameters.map(S::from_f64),
             nodes: halo.nodes.map(node),
         }
     }
@@ -207,8 +189,8 @@ impl Halo for NfwDensity {
         lambda: Vec3<S>,
         cotangent: &mut HaloCotangent<S>,
     ) -> (Vec3<S>, Vec3<S>) {
-        let along = halo.axis.dot(x);
-        let n_lambda = halo.axis.dot(lambda);
+        let along = halo.parameters.axis.dot(x);
+        let n_lambda = halo.parameters.axis.dot(lambda);
         let x_lambda = x.dot(lambda);
         let (r2, along2) = (x.norm2(), along * along);
         // Sums over the nodes of k and of k'(mu) / mu times y.lambda; `across` has them with 1/w - 1.
@@ -242,8 +224,8 @@ impl Halo for NfwDensity {
             .add_scaled(lambda, -(all_across * along));
         let x_bar = (lambda * -all)
             .add_scaled(x, -pull)
-            .add_scaled(halo.axis, -across);
-        let acceleration = (x * -all).add_scaled(halo.axis, -(all_across * along));
+            .add_scaled(halo.parameters.axis, -across);
+        let acceleration = (x * -all).add_scaled(halo.parameters.axis, -(all_across * along));
         (acceleration, x_bar)
     }
 
