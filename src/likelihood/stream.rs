@@ -277,7 +277,7 @@ impl StreamLikelihood {
     }
 
     /// ln L on any number type, particle by particle, in the halo `H`, which must be the model's: slow. On `f64` it is the reference for [`ln_likelihood`](Self::ln_likelihood), on
-    /// [`Dual`] numbers for [`gradient`](Self::gradient).
+    /// [`Dual`](crate::scalar::Dual) numbers for [`gradient`](Self::gradient).
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
