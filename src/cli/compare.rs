@@ -3,7 +3,7 @@
 use super::exit::Exit;
 use super::options::JsonFlag;
 use super::output::{Output, note};
-use crate::config::read;
+use crate::config::parse;
 use crate::error::{Error, Result};
 use crate::inference::FitSettings;
 use crate::posterior::{Comparison, compare};
@@ -37,7 +37,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     tell_other_tracks(&args.runs)?;
-    let haloes = tell_other_haloes(&args.runs)?;
+    let haloes = tell_other_haloes(&args.runs, &stored)?;
     let names = distinct_names(&args.runs, &stored.iter().collect::<Vec<_>>());
     let mut agree = true;
     for ((other, name), halo) in others.iter().zip(&names[1..]).zip(&haloes[1..]) {
@@ -86,14 +86,16 @@ fn tell_other_tracks(runs: &[PathBuf]) -> Result<()> {
 }
 
 /// The kind of halo of each run that is a fit, and says which fits are in another than the first.
-fn tell_other_haloes(runs: &[PathBuf]) -> Result<Vec<Option<HaloKind>>> {
-    let halo = |path: &PathBuf| {
+fn tell_other_haloes(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<Option<HaloKind>>> {
+    let halo = |(path, stored): (&PathBuf, &StoredRun)| {
         let folder = RunFolder::open(path)?;
         // A population has no track.
-        let settings = folder.track().is_file().then(|| read(&folder.config()));
-        Ok(settings.transpose()?.map(|fit: FitSettings| fit.model.halo))
+        let is_fit = folder.track().is_file();
+        let settings = is_fit.then(|| parse::<FitSettings>(&stored.config, &folder.config()));
+        Ok(settings.transpose()?.map(|fit| fit.model.halo))
     };
-    let haloes: Vec<Option<HaloKind>> = runs.iter().map(halo).collect::<Result<_>>()?;
+    let haloes: Vec<Option<HaloKind>> =
+        (runs.iter().zip(stored).map(halo)).collect::<Result<_>>()?;
     for (path, halo) in runs.iter().zip(&haloes).skip(1) {
         if let (Some(first), Some(other)) = (haloes[0], halo)
             && first != *other

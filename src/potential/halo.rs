@@ -70,6 +70,21 @@ impl<S: Scalar> HaloCotangent<S> {
     }
 }
 
+/// log10 of the radius, in scale radii, inside which the mean density is 200 times the critical one, between -8 and 8. It decreases outwards, and
+/// `denser` says whether it is larger inside a radius.
+pub(super) fn log10_radius_200(denser: impl Fn(f64) -> bool) -> f64 {
+    let (mut lo, mut hi) = (-8.0_f64, 8.0_f64);
+    for _ in 0..60 {
+        let middle = 0.5 * (lo + hi);
+        if denser(10_f64.powf(middle)) {
+            lo = middle;
+        } else {
+            hi = middle;
+        }
+    }
+    0.5 * (lo + hi)
+}
+
 /// Number of directions of the derivatives in the default [`Halo::vjp`]: `lambda`, and the six numbers of the parameters.
 const DIRECTIONS: usize = 7;
 
@@ -103,17 +118,11 @@ pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
         ));
         let enclosed = |r: f64| -halo.acceleration(Vec3::new(r, 0.0, 0.0)).x * r * r / G;
         let density_200 = 200.0 * CRITICAL_DENSITY * 4.0 * PI / 3.0;
-        let (mut lo, mut hi) = (-8.0_f64, 8.0_f64);
-        for _ in 0..60 {
-            let middle = 0.5 * (lo + hi);
-            let r = r_s * 10_f64.powf(middle);
-            if enclosed(r) > density_200 * r * r * r {
-                lo = middle;
-            } else {
-                hi = middle;
-            }
-        }
-        enclosed(r_s * 10_f64.powf(0.5 * (lo + hi))).log10()
+        let log10_radius = log10_radius_200(|scaled| {
+            let r = r_s * scaled;
+            enclosed(r) > density_200 * r * r * r
+        });
+        enclosed(r_s * 10_f64.powf(log10_radius)).log10()
     }
 
     /// The same potential in another number type, as constants.

@@ -1,6 +1,6 @@
 //! The NFW halo, flattened in its potential along one axis (docs/physics.md, section 2).
 
-use super::halo::{Halo, HaloCotangent, HaloParameters};
+use super::halo::{Halo, HaloCotangent, HaloParameters, log10_radius_200};
 use super::{Potential, tiny_m2};
 use crate::scalar::{Scalar, Vec3, ln_1p, two_atanh_tail};
 use crate::units::{CRITICAL_DENSITY, G};
@@ -195,15 +195,6 @@ pub fn log10_m200(log10_mass: f64, r_s: f64) -> f64 {
     let mass = 10.0_f64.powf(log10_mass);
     let volume_mass = 200.0 * CRITICAL_DENSITY * 4.0 * PI / 3.0 * r_s * r_s * r_s;
     let wanted = volume_mass / mass;
-    let (mut lo, mut hi) = (-8.0_f64, 8.0_f64);
-    for _ in 0..60 {
-        let middle = 0.5 * (lo + hi);
-        let c = 10.0_f64.powf(middle);
-        if enclosed(c) / (c * c * c) > wanted {
-            lo = middle;
-        } else {
-            hi = middle;
-        }
-    }
-    volume_mass.log10() + 3.0 * 0.5 * (lo + hi)
+    let log10_c = log10_radius_200(|c| enclosed(c) / (c * c * c) > wanted);
+    volume_mass.log10() + 3.0 * log10_c
 }

@@ -4,7 +4,7 @@ use super::compiled::CompiledHalo;
 use super::gradient::{Adjoint, Workspace};
 use super::model::Model;
 use super::particles::Particles;
-use super::progenitor_solution::SolutionMemory;
+use super::progenitor_solution::{ProgenitorSolution, SolutionMemory};
 use super::system::System;
 use super::threads::Threads;
 use crate::error::{Error, Rejection, Result as OblateResult};
@@ -76,15 +76,7 @@ impl<H: CompiledHalo> AnyHalo for H {
     ) -> Result<(), Rejection> {
         let system = System::<f64, H>::with_halo(input.params, input.q_range);
         let solution = model.progenitor_solution_reusing(&system, memory.take())?;
-        let Workspace {
-            schedules,
-            particles,
-            ..
-        } = work;
-        let integrated = match input.threads {
-            Threads::One => model.integrate(&solution, schedules, particles),
-            Threads::All => model.integrate_in_parallel(&solution, particles),
-        };
+        let integrated = integrate(model, &solution, input.threads, work);
         *memory = Some(solution.into_memory());
         integrated
     }
@@ -99,12 +91,7 @@ impl<H: CompiledHalo> AnyHalo for H {
     ) -> Result<[f64; DIM], Rejection> {
         let system = System::<f64, H>::with_halo(input.params, input.q_range);
         let solution = model.progenitor_solution(&system)?;
-        match input.threads {
-            Threads::One => {
-                model.integrate(&solution, &mut work.schedules, &mut work.particles)?;
-            }
-            Threads::All => model.integrate_in_parallel(&solution, &mut work.particles)?,
-        }
+        integrate(model, &solution, input.threads, work)?;
         of_particles(work)?;
         let system_bar = model.vjp(&system, &solution, adjoint, input.threads, work);
         let lifted = StreamParams::from_array(lift(&input.params.to_array()));
@@ -130,6 +117,24 @@ impl<H: CompiledHalo> AnyHalo for H {
 
     fn log10_m200(&self, log10_mass: f64, r_s: f64) -> f64 {
         H::log10_m200(log10_mass, r_s)
+    }
+}
+
+/// Integrates the particles into `work`, on one thread or on all.
+fn integrate<H: CompiledHalo>(
+    model: &Model,
+    solution: &ProgenitorSolution<f64, H>,
+    threads: Threads,
+    work: &mut Workspace,
+) -> Result<(), Rejection> {
+    let Workspace {
+        schedules,
+        particles,
+        ..
+    } = work;
+    match threads {
+        Threads::One => model.integrate(solution, schedules, particles),
+        Threads::All => model.integrate_in_parallel(solution, particles),
     }
 }
 
