@@ -7,26 +7,26 @@
 
 use oblate::Result;
 use oblate::params::{QRange, StreamParams};
-use oblate::potential::{FlattenedNfw, Halo, HaloParameters, MiyamotoNagai, Sum};
+use oblate::potential::{Disc, DiscProfile, DiscShape, FlattenedNfw, Halo, HaloParameters, Sum};
 use oblate::scalar::{Scalar, Vec3};
-use oblate::stream::{CompiledHalo, Kernels, Model, ModelSettings, System};
+use oblate::stream::{CompiledHost, Kernels, Model, ModelSettings, System};
 
 /// The kind of halo: a flattened NFW halo with a disc of 7e10 Msun that is seen edge-on, its normal along the sky's y axis.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NfwWithDisc;
 
 impl Halo for NfwWithDisc {
-    type In<S: Scalar> = Sum<FlattenedNfw<S>, MiyamotoNagai<S>>;
+    type In<S: Scalar> = Sum<FlattenedNfw<S>, Disc<S>>;
 
     #[inline(always)]
     fn new<S: Scalar>(p: HaloParameters<S>) -> Self::In<S> {
         let halo = FlattenedNfw::from_flattening(p.mass, p.r_s, p.flattening, p.axis);
-        let disc = MiyamotoNagai {
-            mass: S::from_f64(7e10),
-            a: S::from_f64(3.0),
-            b: S::from_f64(0.3),
-            normal: Vec3::from_f64(Vec3::new(0.0, 1.0, 0.0)),
-        };
+        let disc = Disc::new(
+            S::from_f64(7e10),
+            S::from_f64(3.0),
+            Vec3::from_f64(Vec3::new(0.0, 1.0, 0.0)),
+            DiscShape::new(DiscProfile::MiyamotoNagai, 0.1),
+        );
         Sum(halo, disc)
     }
 
@@ -41,7 +41,7 @@ impl Halo for NfwWithDisc {
     }
 }
 
-impl CompiledHalo for NfwWithDisc {
+impl CompiledHost for NfwWithDisc {
     fn kernels() -> &'static Kernels<Self> {
         static KERNELS: Kernels<NfwWithDisc> = Kernels::new();
         &KERNELS
@@ -55,7 +55,8 @@ fn main() -> Result<()> {
     ]);
     let model = Model::new(&ModelSettings::default())?;
     let without = model.stream(&params)?.track(10.0)?;
-    let system = System::<f64, NfwWithDisc>::with_halo(&params, QRange::default());
+    let system =
+        System::<f64, NfwWithDisc>::with_host(&params, QRange::default(), model.settings());
     let with = model.stream_of(&system)?.track(10.0)?;
     println!(
         "{:>8} {:>12} {:>12}",

@@ -4,10 +4,11 @@ use super::exit::Exit;
 use super::options::{JsonFlag, ModelFlags, WorkFlags, finite, refuse_existing, write_file};
 use super::output::{Output, shown};
 use super::progress::Progress;
-use crate::config::to_toml;
+use crate::config::{read, to_toml};
 use crate::data::{MockSettings, QPopulation, mocks_with};
 use crate::error::{Error, Result};
-use crate::params::{PriorSettings, StreamPrior};
+use crate::inference::FitSettings;
+use crate::params::StreamPrior;
 use oblate_samplers::{Event, Observer};
 use serde_json::json;
 use std::path::PathBuf;
@@ -27,6 +28,9 @@ pub struct Args {
     /// Folder for the tracks and their true parameters
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
+    /// Settings file of a fit (TOML), for prior, halo, disc and bulge
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     /// Draw q from a truncated Gaussian MU,SIGMA instead of the prior
     #[arg(long, value_name = "MU,SIGMA", value_parser = population)]
     population: Option<QPopulation>,
@@ -65,11 +69,16 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         star_scatter: !args.no_star_scatter,
         ..MockSettings::default()
     };
+    let fit = match &args.config {
+        Some(path) => read(path)?,
+        None => FitSettings::default(),
+    };
+    settings.model = settings.model.with_host_of(&fit.model);
     args.model.apply_to_mocks(&mut settings.model);
     if let Some(noise) = args.noise {
         settings.noise = noise;
     }
-    let prior = StreamPrior::new(&PriorSettings::default())?;
+    let prior = StreamPrior::new(&fit.prior)?;
     refuse_existing(&args.out.join("mocks.json"), args.force)?;
     let threads = rayon::current_num_threads();
     args.work.tell_memory(&settings.model.memory(threads));

@@ -162,10 +162,10 @@ impl ModelFlags {
         Ok(settings)
     }
 
-    /// Applies the profile, then the other flags, to a fit's settings.
+    /// Applies the profile, then the other flags, to a fit's settings. The host belongs to the physics, not to the profile.
     pub fn apply_to_fit(&self, settings: &mut FitSettings) {
         if let Some(profile) = self.profile() {
-            settings.model = with_halo_of(&settings.model, profile);
+            settings.model = profile.model().with_host_of(&settings.model);
             settings.likelihood = LikelihoodSettings {
                 // It belongs to the data, not to the profile.
                 error_floor_percent: settings.likelihood.error_floor_percent,
@@ -179,7 +179,7 @@ impl ModelFlags {
     pub fn apply_to_mocks(&self, model: &mut ModelSettings) {
         if let Some(profile) = self.profile() {
             let seed = model.releases.seed;
-            *model = with_halo_of(model, profile);
+            *model = profile.model().with_host_of(model);
             model.releases.seed = seed;
         }
         self.apply(model);
@@ -220,14 +220,6 @@ impl ModelFlags {
         if let Some(seed) = self.model_seed {
             model.releases.seed = seed;
         }
-    }
-}
-
-/// The model of a profile in the present kind of halo: it belongs to the physics, not to the profile.
-fn with_halo_of(present: &ModelSettings, profile: Profile) -> ModelSettings {
-    ModelSettings {
-        halo: present.halo,
-        ..profile.model()
     }
 }
 

@@ -9,7 +9,7 @@ use crate::config::{read, to_toml};
 use crate::data::{MockSettings, Selection, selection};
 use crate::error::Result;
 use crate::inference::FitSettings;
-use crate::params::{PriorSettings, StreamPrior};
+use crate::params::StreamPrior;
 use oblate_samplers::{Event, Observer};
 use serde::Serialize;
 use serde_json::json;
@@ -37,7 +37,7 @@ pub struct Args {
     /// Replace the file if it exists
     #[arg(long)]
     force: bool,
-    /// Settings file of a fit (TOML), for the prior
+    /// Settings file of a fit (TOML), for prior, halo, disc and bulge
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     #[command(flatten)]
@@ -60,13 +60,14 @@ struct Settings<'a> {
 pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     args.work.start_threads()?;
     let mut settings = MockSettings::default();
+    let fit = match &args.config {
+        Some(path) => read(path)?,
+        None => FitSettings::default(),
+    };
+    settings.model = settings.model.with_host_of(&fit.model);
     args.model.apply_to_mocks(&mut settings.model);
     args.set.apply(&mut settings)?;
-    let prior = match &args.config {
-        Some(path) => read::<FitSettings>(path)?.prior,
-        None => PriorSettings::default(),
-    };
-    let prior = StreamPrior::new(&prior)?;
+    let prior = StreamPrior::new(&fit.prior)?;
     refuse_existing(&args.out, args.force)?;
     args.work
         .tell_memory(&settings.model.memory(rayon::current_num_threads()));

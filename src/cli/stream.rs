@@ -6,7 +6,7 @@ use super::output::Output;
 use crate::config::read;
 use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
-use crate::stream::{Model, Particles, StreamInput, Threads, Workspace, halo_of};
+use crate::stream::{Model, Particles, StreamInput, Threads, Workspace, host_of};
 use crate::track::{BIN_WIDTHS_DEG, BinEdges, Track};
 use oblate_samplers::limits::in_range;
 use serde_json::json;
@@ -17,7 +17,7 @@ use std::time::Instant;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example:\n  oblate stream mocks/mock_7_3.toml --json")]
 pub struct Args {
-    /// The 13 parameters as TOML
+    /// The parameters as TOML; optional ones that the settings fix may be left out
     params: PathBuf,
     /// Bin width in degrees
     #[arg(long, default_value_t = 10.0, value_parser = finite)]
@@ -48,14 +48,17 @@ pub struct Args {
 /// Computes one stream.
 pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     args.work.start_threads()?;
-    let params: StreamParams<f64> = read(&args.params)?;
+    let given: StreamParams<Option<f64>> = read(&args.params)?;
     let settings = args.model.settings(args.config.as_deref())?;
     let prior = StreamPrior::new(&settings.prior.with_required_free())?;
-    prior.check_inside(&params).map_err(|e| Error::InFile {
+    settings.model.baryons.check_prior(&prior)?;
+    let in_file = |e| Error::InFile {
         path: args.params.clone(),
         line: None,
         source: Box::new(e),
-    })?;
+    };
+    let params = prior.complete(&given).map_err(in_file)?;
+    prior.check_inside(&params).map_err(in_file)?;
     in_range("--bin-width", args.bin_width, BIN_WIDTHS_DEG)?;
     let edge = args.edge.unwrap_or(match settings.likelihood.edges {
         BinEdges::Hard => 0.0,
@@ -108,7 +111,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
             "diagnostics": {
                 "bounded_tidal_radius": particles.tally.bounded_tidal_radius,
                 "ambiguous_windings": particles.tally.ambiguous_windings,
-                "orbit_energy_error": halo_of(settings.halo).orbit_energy_error(&model, &input).map_err(Error::NoTrack)?,
+                "orbit_energy_error": host_of(&settings).orbit_energy_error(&model, &input).map_err(Error::NoTrack)?,
                 "particles": particles.len(),
             },
             "seconds": seconds,

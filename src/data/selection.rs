@@ -94,7 +94,8 @@ impl Selection {
 /// number of values of q that are done.
 ///
 /// # Errors
-/// Those of [`MockSettings::check`]; [`Error::OutOfRange`] for numbers of points, draws or seeds that are not allowed;
+/// Those of [`MockSettings::check`] and [`BaryonSettings::check_prior`](crate::stream::BaryonSettings::check_prior);
+/// [`Error::OutOfRange`] for numbers of points, draws or seeds that are not allowed;
 /// [`Error::Setting`] for settings with a population of q; [`Error::TooMuchMemory`] as of [`mocks`](super::mocks()); [`Error::TooFewMocks`] if
 /// no draw of some q meets the criteria.
 pub fn selection(
@@ -120,6 +121,7 @@ pub fn selection(
         .model
         .memory(rayon::current_num_threads())
         .check()?;
+    settings.model.baryons.check_prior(prior)?;
     let model = Model::new(&settings.model)?;
     let (lo, hi) = (prior.settings().q_min, prior.settings().q_max);
     let mut found = Selection {

@@ -59,9 +59,7 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     }
     let r = params.position_kpc().norm2().sqrt();
     let axis = likelihood.q_range().shape(params.dir()).axis;
-    let density = (likelihood.halo())
-        .host(&params, likelihood.q_range())
-        .density(axis * r);
+    let density = likelihood.potential(&params).density(axis * r);
     found.insert("density_on_minor_axis_msun_kpc3", density);
     if density < 0.0 {
         found.warnings.push(

@@ -28,6 +28,7 @@ impl StreamTarget {
     /// likelihood; [`Error::TooMuchMemory`](crate::Error::TooMuchMemory) if the model needs too much memory.
     pub fn from_track(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         let prior = StreamPrior::new(&settings.prior)?;
+        settings.model.baryons.check_prior(&prior)?;
         let model = Model::new(&settings.model)?;
         let data: Vec<DataBin> = track
             .bins()
@@ -76,6 +77,10 @@ impl StreamTarget {
     #[must_use]
     pub fn likelihood(&self) -> &StreamLikelihood {
         &self.likelihood
+    }
+
+    fn has_baryons(&self) -> bool {
+        !self.likelihood.model().settings().baryons.is_none()
     }
 
     /// The prior with its fixed parameters.
@@ -142,21 +147,27 @@ impl Target for StreamTarget {
     }
 
     fn feature_count(&self) -> usize {
-        FEATURES + self.prior.free_optional().len()
+        FEATURES + usize::from(self.has_baryons()) + self.prior.free_optional().len()
     }
 
-    /// Those of the stream, and the free optional parameters as they are.
+    /// Those of the stream, with baryons the mass of the halo, which theirs are compared with, and the free optional parameters as they are.
     fn features(&self, _z: &[f64], theta: &[f64], all: &mut [f64]) {
-        let (of_stream, optional) = all.split_at_mut(FEATURES);
-        of_stream.copy_from_slice(&features(&self.params(theta), self.prior.q_range()));
+        let params = self.params(theta);
+        let (of_stream, others) = all.split_at_mut(FEATURES);
+        of_stream.copy_from_slice(&features(&params, self.prior.q_range()));
+        let (mass, optional) = others.split_at_mut(usize::from(self.has_baryons()));
+        mass.fill(params.log10_m_halo);
         optional.copy_from_slice(&theta[theta.len() - optional.len()..]);
     }
 
     fn features_vjp(&self, z: &[f64], theta: &[f64], features_bar: &[f64], z_bar: &mut [f64]) {
-        let (of_stream, optional) = features_bar.split_at(FEATURES);
+        let (of_stream, others) = features_bar.split_at(FEATURES);
+        let (mass, optional) = others.split_at(usize::from(self.has_baryons()));
         let mut bar = [0.0; FEATURES];
         bar.copy_from_slice(of_stream);
-        let bar = features_vjp(&self.params(theta), self.prior.q_range(), &bar).to_array();
+        let mut bar = features_vjp(&self.params(theta), self.prior.q_range(), &bar);
+        bar.log10_m_halo += mass.iter().sum::<f64>();
+        let bar = bar.to_array();
         for (slot, place) in z_bar.iter_mut().zip(self.prior.free()) {
             *slot = bar[*place];
         }
@@ -180,7 +191,10 @@ impl Target for StreamTarget {
     fn derived(&self, theta: &[f64], out: &mut Vec<f64>) {
         out.extend(derived(
             &self.prior,
-            self.likelihood.halo(),
+            (
+                self.likelihood.host(),
+                self.likelihood.model().settings().halo,
+            ),
             &self.params(theta),
         ));
     }

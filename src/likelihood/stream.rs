@@ -5,10 +5,11 @@ use super::observation::Observation;
 use super::track::TrackLikelihood;
 use crate::error::{Rejection, Tally};
 use crate::params::{DIM, QRange, StreamParams};
+use crate::potential::Potential;
 use crate::scalar::Real;
 use crate::stream::{
-    Adjoint, AnyHalo, CompiledHalo, Model, Particles, SolutionMemory, StepSchedules, StreamInput,
-    System, Threads, Workspace, halo_of,
+    Adjoint, AnyHost, CompiledHost, Model, Particles, SolutionMemory, StepSchedules, StreamInput,
+    System, Threads, Workspace, host_of,
 };
 use crate::track::{BinGrid, PartialSums, Sums, Track};
 use rayon::prelude::*;
@@ -50,30 +51,30 @@ fn with_buffers<T>(work: impl FnOnce(&mut Buffers) -> T) -> T {
 #[derive(Clone, Debug)]
 pub struct StreamLikelihood {
     model: Model,
-    halo: &'static dyn AnyHalo,
+    host: &'static dyn AnyHost,
     track: TrackLikelihood,
     q_range: QRange,
 }
 
 impl StreamLikelihood {
-    /// From the model of the stream, with the kind of halo of its settings, the likelihood of the track and the range of q.
+    /// From the model of the stream, with the kind of host of its settings, the likelihood of the track and the range of q.
     #[must_use]
     pub fn new(model: Model, track: TrackLikelihood, q_range: QRange) -> Self {
-        let halo = halo_of(model.settings().halo);
-        Self::with_halo(model, halo, track, q_range)
+        let host = host_of(model.settings());
+        Self::with_host(model, host, track, q_range)
     }
 
-    /// As [`new`](Self::new), in a halo that settings cannot name: one of your own.
+    /// As [`new`](Self::new), in a host that settings cannot name: a halo of your own.
     #[must_use]
-    pub fn with_halo(
+    pub fn with_host(
         model: Model,
-        halo: &'static dyn AnyHalo,
+        host: &'static dyn AnyHost,
         track: TrackLikelihood,
         q_range: QRange,
     ) -> Self {
         Self {
             model,
-            halo,
+            host,
             track,
             q_range,
         }
@@ -102,10 +103,17 @@ impl StreamLikelihood {
         &self.track
     }
 
-    /// The kind of halo.
+    /// The kind of host.
     #[must_use]
-    pub fn halo(&self) -> &'static dyn AnyHalo {
-        self.halo
+    pub fn host(&self) -> &'static dyn AnyHost {
+        self.host
+    }
+
+    /// The potential of the host.
+    #[must_use]
+    pub fn potential(&self, params: &StreamParams<f64>) -> Box<dyn Potential<f64>> {
+        let input = self.input(params, Threads::One);
+        self.host.potential(&self.model, &input)
     }
 
     /// The range of q.
@@ -211,7 +219,7 @@ impl StreamLikelihood {
         observation.check()?;
         let grid = self.track.grid_from(observation.phi0_deg);
         let input = self.input(&params, threads);
-        (self.halo).particles(&self.model, &input, &mut b.memory, &mut b.work)?;
+        (self.host).particles(&self.model, &input, &mut b.memory, &mut b.work)?;
         sum(&grid, threads, &b.work, &mut b.sums, &mut b.partial_sums);
         let ln_likelihood = self.track.ln_likelihood(&b.sums, &observation)?;
         Ok(Evaluation {
@@ -254,7 +262,7 @@ impl StreamLikelihood {
         };
         let input = self.input(&params, threads);
         let gradient =
-            (self.halo).gradient(&self.model, &input, adjoint, work, &mut of_particles)?;
+            (self.host).gradient(&self.model, &input, adjoint, work, &mut of_particles)?;
         let Some((ln_likelihood, observation_bar, offset_bar)) = of_track else {
             return Err(Rejection::BadLikelihood);
         };
@@ -276,27 +284,28 @@ impl StreamLikelihood {
         }
     }
 
-    /// ln L on any number type, particle by particle, in the halo `H`, which must be the model's: slow. On `f64` it is the reference for [`ln_likelihood`](Self::ln_likelihood), on
+    /// ln L on any number type, particle by particle, in the host `H`, which must be the model's: slow. On `f64` it is the reference for [`ln_likelihood`](Self::ln_likelihood), on
     /// [`Dual`](crate::scalar::Dual) numbers for [`gradient`](Self::gradient).
     ///
     /// # Errors
     /// As [`ln_likelihood`](Self::ln_likelihood).
-    pub fn ln_likelihood_on<H: CompiledHalo, S: Real>(
+    pub fn ln_likelihood_on<H: CompiledHost, S: Real>(
         &self,
         params: &StreamParams<S>,
     ) -> Result<S, Rejection> {
         let observation = Observation::from(params);
         observation.check()?;
+        let settings = self.model.settings();
         // The adaptive steps are those of the computation in lanes.
         let real_parts = params.map(Real::re);
         let mut in_lanes = Particles::default();
-        let system = System::<f64, H>::with_halo(&real_parts, self.q_range);
+        let system = System::<f64, H>::with_host(&real_parts, self.q_range, settings);
         self.model.integrate(
             &self.model.progenitor_solution(&system)?,
             &mut StepSchedules::default(),
             &mut in_lanes,
         )?;
-        let system = System::<S, H>::with_halo(params, self.q_range);
+        let system = System::<S, H>::with_host(params, self.q_range, settings);
         let solution = self.model.progenitor_solution(&system)?;
         let particles = self
             .model
@@ -351,7 +360,7 @@ impl StreamLikelihood {
         observation.check()?;
         let mut work = Workspace::default();
         let input = self.input(params, Threads::All);
-        (self.halo).particles(&self.model, &input, &mut None, &mut work)?;
+        (self.host).particles(&self.model, &input, &mut None, &mut work)?;
         Ok((observation, work.particles))
     }
 

@@ -2,7 +2,7 @@
 
 use super::leapfrog::force;
 use super::{Schedule, State};
-use crate::potential::{Halo, HaloCotangent, Plummer, PlummerCotangent};
+use crate::potential::{Host, HostCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
 
 /// The vector-Jacobian product of [`advance`](super::advance()): from `position_bar`, the derivative of a result with respect to
@@ -18,13 +18,13 @@ use crate::scalar::{Scalar, Vec3};
     clippy::too_many_arguments,
     reason = "the arguments of `advance`, and the sums of derivatives"
 )]
-pub fn advance_vjp<S: Scalar, H: Halo>(
+pub fn advance_vjp<S: Scalar, H: Host>(
     host: &H::In<S>,
     progenitor: &Plummer<S>,
     schedule: &impl Schedule<S>,
     end: State<S>,
     position_bar: Vec3<S>,
-    host_bar: &mut HaloCotangent<S>,
+    host_bar: &mut HostCotangent<S>,
     progenitor_bar: &mut PlummerCotangent<S>,
     progenitor_positions_bar: &mut [Vec3<S>],
     ln_time_bar: &mut S,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::ops::RangeInclusive;
 
 /// Number of parameters, the optional ones included.
-pub const DIM: usize = 16;
+pub const DIM: usize = 22;
 
 /// Number of parameters that every stream has: the first ones of [`PARAMETERS`].
 pub const REQUIRED: usize = 13;
@@ -212,6 +212,19 @@ parameters! {
     distance_factor, "", 0.1..=10.0, Some(1.0);
     /// phi of the progenitor in the data, degrees.
     phi0_deg, "deg", -360.0..=360.0, Some(0.0);
+    /// log10 of the mass of the host's disc in solar masses.
+    log10_m_disc, "dex(solMass)", 2.0..=14.0, Some(2.0);
+    /// Scale length of the disc in kpc.
+    r_disc_kpc, "kpc", 0.01..=1_000.0, Some(0.01);
+    /// Angle between the normal of the disc and the line of sight, degrees; between 0 and 90 if the side of the disc at `phi_disc_deg` + 90 is
+    /// the far one, between -90 and 0 if it is the near one.
+    inclination_disc_deg, "deg", -180.0..=180.0, Some(0.0);
+    /// phi of the major axis of the disc in the data, degrees.
+    phi_disc_deg, "deg", -360.0..=360.0, Some(0.0);
+    /// log10 of the mass of the host's bulge in solar masses.
+    log10_m_bulge, "dex(solMass)", 2.0..=14.0, Some(2.0);
+    /// Scale radius of the bulge in kpc.
+    r_bulge_kpc, "kpc", 0.001..=1_000.0, Some(0.001);
 }
 
 impl<S: Copy> StreamParams<S> {

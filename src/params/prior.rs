@@ -50,10 +50,17 @@ fn default_marginals() -> StreamParams<Option<Marginal>> {
 }
 
 /// Parameters that change their sign if the sky is mirrored at its x axis and the orbit still turns counter-clockwise.
-const MIRRORED: [&str; 2] = ["dir_y", "phi0_deg"];
+const MIRRORED: [&str; 4] = ["dir_y", "phi0_deg", "inclination_disc_deg", "phi_disc_deg"];
 
 /// Parameters that must not be negative.
-const NOT_NEGATIVE: [&str; 4] = ["r_s_halo_kpc", "r_s_prog_kpc", "age_gyr", "jitter"];
+const NOT_NEGATIVE: [&str; 6] = [
+    "r_s_halo_kpc",
+    "r_s_prog_kpc",
+    "age_gyr",
+    "jitter",
+    "r_disc_kpc",
+    "r_bulge_kpc",
+];
 
 /// The prior as the user writes it. Every key may be left out.
 ///
@@ -154,7 +161,7 @@ impl PriorSettings {
     }
 
     /// The same prior for the track of the other sense, whose phi has the opposite sign: the parameters that a mirrored sky changes,
-    /// `dir_y` and `phi0_deg`, have the opposite sign in their distributions and fixed values.
+    /// `dir_y`, `phi0_deg` and the angles of a disc, have the opposite sign in their distributions and fixed values.
     ///
     /// # Errors
     /// [`Error::Setting`] if `vy0_km_s` may be negative, so that orbits of both senses are in the prior already, and for a half-normal

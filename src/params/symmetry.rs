@@ -1,6 +1,7 @@
 //! Symmetries of the posterior that samplers use as moves: the exact degeneracy of mass, velocity and age, and two
 //! involutions between orientation modes, which a projected track barely distinguishes (docs/physics.md, section 9).
 
+use super::layout::NAMES;
 use super::prior::StreamPrior;
 use super::shape::{length_cdf, length_quantile, length_sf};
 use oblate_samplers::rng::{RandomStream, unit_open};
@@ -24,12 +25,20 @@ pub fn symmetries(prior: &StreamPrior) -> Vec<Symmetry> {
     moves
 }
 
+/// The logarithms of masses; the first is the host's.
+const MASSES: [&str; 4] = [
+    "log10_m_halo",
+    "log10_m_prog",
+    "log10_m_disc",
+    "log10_m_bulge",
+];
+
 /// The exact degeneracy of mass, velocity and age. Masses times `s`, velocities times `sqrt s`, age over `sqrt s`:
 /// every length of the model is unchanged, at any number of steps.
 ///
 /// How to move along this group orbit (Liu and Sabatti 2000, theorem 1): if `x` follows the density `p`, so does `g x` with
 /// `g` drawn from `p(g x) |J_g(x)|` with respect to the group's left Haar measure. Here the group is the
-/// multiplicative one, with Haar measure `ds / s`. In the coordinates (log10 M, log10 m, vx, vy, vz, T) the masses
+/// multiplicative one, with Haar measure `ds / s`. In the coordinates (log10 M, log10 m, .., vx, vy, vz, T) the masses
 /// are shifted, three velocities are multiplied by `s^(1/2)` each and one age by `s^(-1/2)`: `J = s^(3/2 - 1/2) = s`.
 /// The likelihood is constant on the orbit, at any temperature, so `p` is the prior there: constant in the uniform
 /// log10 M, log10 m and T inside their bounds, and `exp(-s k)`, `k = sum_i v_i^2 / (2 w_i^2)`, in the normal
@@ -39,14 +48,14 @@ pub fn symmetries(prior: &StreamPrior) -> Vec<Symmetry> {
 pub struct MassVelocityAge {
     prior: Prior,
     /// Places among the free parameters, with bounds.
-    masses: [(usize, f64, f64); 2],
+    masses: Vec<(usize, f64, f64)>,
     /// Places among the free parameters, with standard deviations.
     velocities: [(usize, f64); 3],
     age: (usize, f64, f64),
 }
 
 impl MassVelocityAge {
-    /// The move under a prior; `None` unless both masses, the three velocities and the age are free, masses and age
+    /// The move under a prior; `None` unless all masses, the three velocities and the age are free, masses and age
     /// uniform, and velocities normal or half-normal around zero.
     #[must_use]
     pub fn new(prior: &StreamPrior) -> Option<Self> {
@@ -63,8 +72,12 @@ impl MassVelocityAge {
             (place, Marginal::Normal { mean, sd }) if mean.abs() <= 0.0 => Some((place, sd)),
             _ => None,
         };
+        let is_mass = |&&place: &&usize| MASSES.contains(&NAMES[place]);
+        let masses = (prior.present().iter().filter(is_mass))
+            .map(|&place| uniform(NAMES[place]))
+            .collect::<Option<_>>()?;
         Some(Self {
-            masses: [uniform("log10_m_halo")?, uniform("log10_m_prog")?],
+            masses,
             velocities: [
                 centred("vx0_km_s")?,
                 centred("vy0_km_s")?,
@@ -80,7 +93,7 @@ impl MassVelocityAge {
         let (place, lo, hi) = self.age;
         let mut s_lo = (theta[place] / hi).powi(2);
         let mut s_hi = (theta[place] / lo).powi(2);
-        for (place, lo, hi) in self.masses {
+        for &(place, lo, hi) in &self.masses {
             s_lo = s_lo.max(10_f64.powf(lo - theta[place]));
             s_hi = s_hi.min(10_f64.powf(hi - theta[place]));
         }
@@ -101,7 +114,7 @@ impl MassVelocityAge {
 
     /// Moves physical parameters along the orbit by the factor `s`, in place.
     pub fn scale(&self, theta: &mut [f64], s: f64) {
-        for (place, ..) in self.masses {
+        for &(place, ..) in &self.masses {
             theta[place] += s.log10();
         }
         for (place, _) in self.velocities {

@@ -91,7 +91,7 @@ const DIRECTIONS: usize = 7;
 /// A kind of halo: a potential of four parameters on every number type.
 ///
 /// To add one, implement [`Potential`] for a struct, with an acceleration on all number types, and this trait for a marker type.
-/// Derivatives follow from the acceleration by dual numbers. For streams implement [`CompiledHalo`](crate::stream::CompiledHalo) as
+/// Derivatives follow from the acceleration by dual numbers. For streams implement [`CompiledHost`](crate::stream::CompiledHost) as
 /// well; `examples/own_halo.rs` is an example.
 pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
     /// The potential in the number type `S`.

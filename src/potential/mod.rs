@@ -2,20 +2,30 @@
 //!
 //! Units: kpc, Gyr, solar masses; a potential is in (kpc/Gyr)^2.
 
+mod baryons;
+mod called;
+mod disc;
 mod ellipsoidal_nfw;
+mod galaxy;
 mod halo;
+mod hernquist;
+mod host;
 mod kind;
 mod logarithmic;
-mod miyamoto_nagai;
 mod nfw;
 mod plummer;
 mod sum;
 
+pub use baryons::{Baryons, BaryonsCotangent};
+pub use called::Called;
+pub use disc::{Disc, DiscCotangent, DiscProfile, DiscShape};
 pub use ellipsoidal_nfw::{EllipsoidalNfw, NfwDensity};
+pub use galaxy::{Galaxy, GalaxyPotential};
 pub use halo::{Halo, HaloCotangent, HaloParameters};
+pub use hernquist::{Hernquist, HernquistCotangent};
+pub use host::{Host, HostCotangent, HostParts};
 pub use kind::HaloKind;
 pub use logarithmic::{Logarithmic, LogarithmicHalo};
-pub use miyamoto_nagai::MiyamotoNagai;
 pub use nfw::{FlattenedNfw, Nfw, log10_m200};
 pub use plummer::{Plummer, PlummerCotangent};
 pub use sum::Sum;
@@ -62,5 +72,22 @@ pub trait Potential<S: Scalar> {
     #[inline(always)]
     fn second_derivative_along(&self, x: Vec3<S>, direction: Vec3<S>) -> S {
         direction.dot(self.hessian_product(x, direction))
+    }
+}
+
+impl<S: Scalar, P: Potential<S>> Potential<S> for &P {
+    #[inline(always)]
+    fn value(&self, x: Vec3<S>) -> S {
+        (**self).value(x)
+    }
+
+    #[inline(always)]
+    fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
+        (**self).acceleration(x)
+    }
+
+    #[inline(always)]
+    fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
+        (**self).hessian_product(x, v)
     }
 }

@@ -3,7 +3,7 @@
 use super::text::literal;
 
 /// (name in files, symbol, unit after it); of other columns the name and the unit of the run are shown.
-const SIGNS: [(&str, &str, &str); 23] = [
+const SIGNS: [(&str, &str, &str); 29] = [
     ("log10_m_halo", "log_{10} *M*_{halo} / *M*_{\u{2299}}", ""),
     ("r_s_halo_kpc", "*R*_{s, halo}", "kpc"),
     ("dir_x", "dir_{x}", ""),
@@ -20,6 +20,12 @@ const SIGNS: [(&str, &str, &str); 23] = [
     ("jitter", "jitter", ""),
     ("distance_factor", "*D* / *D*_{file}", ""),
     ("phi0_deg", "\u{3c6}_{0}", "deg"),
+    ("log10_m_disc", "log_{10} *M*_{disc} / *M*_{\u{2299}}", ""),
+    ("r_disc_kpc", "*R*_{disc}", "kpc"),
+    ("inclination_disc_deg", "*i*_{disc}", "deg"),
+    ("phi_disc_deg", "\u{3c6}_{disc}", "deg"),
+    ("log10_m_bulge", "log_{10} *M*_{bulge} / *M*_{\u{2299}}", ""),
+    ("r_bulge_kpc", "*r*_{bulge}", "kpc"),
     ("q", "*q*", ""),
     ("axis_x", "*n*_{x}", ""),
     ("axis_y", "*n*_{y}", ""),

@@ -7,7 +7,7 @@ use crate::error::{Error, PosteriorFault, Result, TrackFault};
 use crate::inference::{DERIVED, derived};
 use crate::params::{NAMES, REQUIRED, StreamParams, StreamPrior};
 use crate::posterior::{RankedFit, columns, rank};
-use crate::stream::halo_of;
+use crate::stream::host_of;
 use oblate_samplers::read;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -81,12 +81,13 @@ fn table(path: &Path) -> Result<Vec<RankedFit>> {
 fn ranked(fit: &StoredFit, file: &Path) -> Result<RankedFit> {
     let prior = StreamPrior::new(&fit.settings.prior)?;
     let truth = true_parameters(fit, &prior, file)?;
-    let halo = halo_of(fit.settings.model.halo);
+    let model = &fit.settings.model;
+    let host = (host_of(model), model.halo);
     let names = NAMES.iter().chain(DERIVED.iter().map(|(name, _)| name));
     let values = truth
         .to_array()
         .into_iter()
-        .chain(derived(&prior, halo, &truth));
+        .chain(derived(&prior, host, &truth));
     let truths: Vec<(&&str, f64)> = names.zip(values).collect();
     let weights = fit.stored.run.draws.weights();
     let truth_of = |name: &str| truths.iter().find(|(own, _)| **own == name);

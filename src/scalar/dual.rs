@@ -1,6 +1,6 @@
 //! Dual numbers: those of `num-dual`, which are the reference, and faster ones whose derivatives are in lanes.
 
-use super::isa::{Isa, LANES, LaneArray, round_ties_even, split_exponent};
+use super::isa::{Isa, LANES, LaneArray, Subroutine, round_ties_even, split_exponent};
 use super::{Lanes, Real, Scalar};
 use num_dual::DualSVec64;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
@@ -171,6 +171,11 @@ impl<I: Isa, const K: usize> Div<f64> for LaneDual<I, K> {
 
 impl<I: Isa, const K: usize> Scalar for LaneDual<I, K> {
     type Mask = bool;
+
+    #[inline(always)]
+    fn call<C: Subroutine>(subroutine: C) -> C::Output {
+        I::call(subroutine)
+    }
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {

@@ -4,7 +4,7 @@
     reason = "adapters of iterators are functions that may not be inlined, and would be compiled without the kernel's instructions"
 )]
 
-use super::isa::{Isa, LANES, LaneArray, MAX_GROUPS, Vectors};
+use super::isa::{Isa, LANES, LaneArray, MAX_GROUPS, Subroutine, Vectors};
 use super::{Scalar, Vec3};
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -83,6 +83,11 @@ impl<V: Vectors, const K: usize> Scalar for Lanes<V, K> {
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
         Self([V::splat(value); K])
+    }
+
+    #[inline(always)]
+    fn call<C: Subroutine>(subroutine: C) -> C::Output {
+        V::call(subroutine)
     }
 
     #[inline(always)]

@@ -17,7 +17,7 @@ pub(crate) use dispatch::compile_kernel;
 pub use dual::{Dual, LaneDual, gradient_of, lift, variable};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use isa::{Avx2, Avx512};
-pub use isa::{Isa, Kernel, LANES, LaneArray, Portable, Vectors};
+pub use isa::{Isa, Kernel, LANES, LaneArray, Portable, Subroutine, Vectors};
 pub use lanes::Lanes;
 pub use tangent::Tangent;
 pub use vec3::Vec3;
@@ -58,6 +58,13 @@ pub trait Scalar:
 
     /// A number with derivatives of zero, the same in every lane.
     fn from_f64(value: f64) -> Self;
+
+    /// Runs a computation on numbers of this type. In lanes it is called and not inlined, so that a long one that is used in many places is
+    /// compiled once; others are short.
+    #[inline(always)]
+    fn call<C: Subroutine>(subroutine: C) -> C::Output {
+        subroutine.run()
+    }
 
     /// Square root.
     fn sqrt(self) -> Self;

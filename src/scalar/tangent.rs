@@ -1,6 +1,6 @@
 //! Dual numbers over any number type: of lanes, or of other dual numbers.
 
-use super::Scalar;
+use super::{Scalar, Subroutine};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// A number of type `S` with its derivatives in `N` directions.
@@ -177,6 +177,11 @@ impl<S: Scalar, const N: usize> Scalar for Tangent<S, N> {
 
     const MIN_POSITIVE: f64 = S::MIN_POSITIVE;
     const EPSILON: f64 = S::EPSILON;
+
+    #[inline(always)]
+    fn call<C: Subroutine>(subroutine: C) -> C::Output {
+        S::call(subroutine)
+    }
 
     #[inline(always)]
     fn from_f64(value: f64) -> Self {

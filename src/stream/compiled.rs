@@ -1,20 +1,20 @@
-//! The kernels of a stream, compiled for one kind of halo.
+//! The kernels of a stream, compiled for one kind of host.
 
 use super::integrate::{IntegrateKernel, integrate};
 use super::integrate_vjp::{VjpKernel, integrate_vjp};
 use super::progenitor_solution_vjp::{SolutionVjpKernel, progenitor_solution_vjp};
 use super::system::SYSTEM_LEN;
-use crate::potential::{Halo, Logarithmic, Nfw, NfwDensity};
+use crate::potential::{Galaxy, Host, Nfw};
 use crate::scalar::Level;
 
-/// The kernels of a stream in one kind of halo, for every instruction set.
-pub struct Kernels<H: Halo> {
+/// The kernels of a stream in one kind of host, for every instruction set.
+pub struct Kernels<H: Host> {
     pub(super) integrate: fn(IntegrateKernel<'_, H>, Level) -> f64,
     pub(super) integrate_vjp: fn(VjpKernel<'_, H>, Level),
     pub(super) progenitor_solution_vjp: fn(SolutionVjpKernel<'_, H>, Level) -> [f64; SYSTEM_LEN],
 }
 
-impl<H: Halo> Kernels<H> {
+impl<H: Host> Kernels<H> {
     /// The kernels, compiled in the crate that calls this function.
     #[must_use]
     pub const fn new() -> Self {
@@ -26,21 +26,21 @@ impl<H: Halo> Kernels<H> {
     }
 }
 
-impl<H: Halo> Default for Kernels<H> {
+impl<H: Host> Default for Kernels<H> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-/// A kind of halo whose kernels have been compiled.
+/// A kind of host whose kernels have been compiled.
 ///
-/// The kernels are large. A `static` holds them, so that they are compiled once, in the crate of the halo, and not again in each
+/// The kernels are large. A `static` holds them, so that they are compiled once, in the crate of the host, and not again in each
 /// crate that uses it:
 ///
 /// ```
 /// # use oblate::potential::{FlattenedNfw, Halo, HaloParameters};
 /// # use oblate::scalar::Scalar;
-/// use oblate::stream::{CompiledHalo, Kernels};
+/// use oblate::stream::{CompiledHost, Kernels};
 /// # #[derive(Clone, Copy, Debug, Default)]
 /// # struct Mine;
 /// # impl Halo for Mine {
@@ -53,30 +53,29 @@ impl<H: Halo> Default for Kernels<H> {
 /// #     }
 /// # }
 ///
-/// impl CompiledHalo for Mine {
+/// impl CompiledHost for Mine {
 ///     fn kernels() -> &'static Kernels<Self> {
 ///         static KERNELS: Kernels<Mine> = Kernels::new();
 ///         &KERNELS
 ///     }
 /// }
 /// ```
-pub trait CompiledHalo: Halo {
-    /// The kernels of this kind of halo, from a `static`.
+pub trait CompiledHost: Host {
+    /// The kernels of this kind of host, from a `static`.
     fn kernels() -> &'static Kernels<Self>;
 }
 
-/// Compiles the kernels of a kind of halo in this crate.
-macro_rules! compile_halo {
-    ($halo:ident) => {
-        impl CompiledHalo for $halo {
+/// Compiles the kernels of a kind of host in this crate.
+macro_rules! compile_host {
+    ($host:ty) => {
+        impl CompiledHost for $host {
             fn kernels() -> &'static Kernels<Self> {
-                static KERNELS: Kernels<$halo> = Kernels::new();
+                static KERNELS: Kernels<$host> = Kernels::new();
                 &KERNELS
             }
         }
     };
 }
 
-compile_halo!(Nfw);
-compile_halo!(NfwDensity);
-compile_halo!(Logarithmic);
+compile_host!(Nfw);
+compile_host!(Galaxy);

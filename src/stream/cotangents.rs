@@ -3,7 +3,7 @@
 use super::lane_groups::{Bundle, Interleaved, UNROLL};
 use super::progenitor_solution::ReleaseFrame;
 use crate::orbit::{Node, State};
-use crate::potential::{HaloCotangent, PlummerCotangent};
+use crate::potential::{HostCotangent, PlummerCotangent};
 use crate::scalar::{Isa, Vec3};
 use std::ops::Range;
 
@@ -42,7 +42,7 @@ impl Cotangents {
 /// Derivatives with respect to what the particles of all release times share: potentials and age.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SharedCotangent {
-    pub host: HaloCotangent<f64>,
+    pub host: HostCotangent<f64>,
     pub progenitor: PlummerCotangent<f64>,
     pub age_gyr: f64,
 }
@@ -50,17 +50,27 @@ pub(super) struct SharedCotangent {
 impl SharedCotangent {
     fn zero() -> Self {
         Self {
-            host: HaloCotangent::zero(),
+            host: HostCotangent::zero(),
             progenitor: PlummerCotangent::zero(),
             age_gyr: 0.0,
         }
     }
 
     fn add(&mut self, other: &Self) {
-        self.host.ln_mass += other.host.ln_mass;
-        self.host.ln_r_s += other.host.ln_r_s;
-        self.host.flattening += other.host.flattening;
-        self.host.axis += other.host.axis;
+        let (halo, disc, bulge) = (
+            &mut self.host.halo,
+            &mut self.host.baryons.disc,
+            &mut self.host.baryons.bulge,
+        );
+        halo.ln_mass += other.host.halo.ln_mass;
+        halo.ln_r_s += other.host.halo.ln_r_s;
+        halo.flattening += other.host.halo.flattening;
+        halo.axis += other.host.halo.axis;
+        disc.ln_mass += other.host.baryons.disc.ln_mass;
+        disc.ln_r_s += other.host.baryons.disc.ln_r_s;
+        disc.normal += other.host.baryons.disc.normal;
+        bulge.ln_mass += other.host.baryons.bulge.ln_mass;
+        bulge.ln_r_s += other.host.baryons.bulge.ln_r_s;
         self.progenitor.ln_mass += other.progenitor.ln_mass;
         self.progenitor.r_s += other.progenitor.r_s;
         self.age_gyr += other.age_gyr;

@@ -1,6 +1,6 @@
 //! The particles of a stream today, on one thread or many.
 
-use super::compiled::CompiledHalo;
+use super::compiled::CompiledHost;
 use super::integrate::IntegrateKernel;
 use super::lane_groups::StepSchedules;
 use super::model::Model;
@@ -10,7 +10,7 @@ use super::settings::StepRule;
 use super::step_sizes::StepSizes;
 use super::system::System;
 use crate::error::{Error, Rejection, Result, Tally};
-use crate::potential::Halo;
+use crate::potential::Host;
 use crate::scalar::Level;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -20,7 +20,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::NoTrack`] with the cause if there is no stream.
-    pub fn stream_of<H: CompiledHalo>(&self, system: &System<f64, H>) -> Result<Particles> {
+    pub fn stream_of<H: CompiledHost>(&self, system: &System<f64, H>) -> Result<Particles> {
         let mut particles = Particles::default();
         self.progenitor_solution(system)
             .and_then(|solution| self.integrate_in_parallel(&solution, &mut particles))
@@ -33,7 +33,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a state is not finite.
-    pub fn integrate<H: CompiledHalo>(
+    pub fn integrate<H: CompiledHost>(
         &self,
         solution: &ProgenitorSolution<f64, H>,
         schedules: &mut StepSchedules,
@@ -46,7 +46,7 @@ impl Model {
     ///
     /// # Errors
     /// As [`integrate`](Self::integrate).
-    pub fn integrate_at<H: CompiledHalo>(
+    pub fn integrate_at<H: CompiledHost>(
         &self,
         level: Level,
         solution: &ProgenitorSolution<f64, H>,
@@ -73,7 +73,7 @@ impl Model {
     ///
     /// # Errors
     /// As [`integrate`](Self::integrate).
-    pub fn integrate_in_parallel<H: CompiledHalo>(
+    pub fn integrate_in_parallel<H: CompiledHost>(
         &self,
         solution: &ProgenitorSolution<f64, H>,
         out: &mut Particles,
@@ -145,7 +145,7 @@ impl Model {
     clippy::cast_sign_loss,
     reason = "a count below particles times steps"
 )]
-fn tally<H: Halo>(
+fn tally<H: Host>(
     solution: &ProgenitorSolution<f64, H>,
     ambiguous_windings: f64,
 ) -> std::result::Result<Tally, Rejection> {

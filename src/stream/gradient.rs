@@ -5,7 +5,7 @@
 //! [`ProgenitorSolution`] are computed in reverse mode, and multiplied by the derivatives of the solution, which are computed on dual
 //! numbers.
 
-use super::compiled::CompiledHalo;
+use super::compiled::CompiledHost;
 use super::integrate_vjp::{ReleaseTimeChunk, SkyCotangents, VjpKernel};
 use super::lane_groups::{StepSchedules, release_times_per_chunk};
 use super::model::Model;
@@ -14,7 +14,7 @@ use super::progenitor_solution::ProgenitorSolution;
 use super::progenitor_solution_vjp::SolutionVjpKernel;
 use super::system::{SYSTEM_LEN, System};
 use super::threads::Threads;
-use crate::potential::Halo;
+use crate::potential::Host;
 use crate::scalar::Level;
 use rayon::prelude::*;
 
@@ -53,7 +53,7 @@ impl Model {
     /// derivatives with respect to the particles' sky positions are `work.x_bar` and `work.y_bar`. `solution` must be the one of this
     /// system, and `work.particles` the result of [`integrate`](Self::integrate) for it. The gradient has the same bits for any
     /// [`Threads`].
-    pub fn vjp<H: CompiledHalo>(
+    pub fn vjp<H: CompiledHost>(
         &self,
         system: &System<f64, H>,
         solution: &ProgenitorSolution<f64, H>,
@@ -115,7 +115,7 @@ impl Model {
     }
 
     /// Divides the release times into chunks and sets their derivatives to zero.
-    fn prepare<H: Halo>(&self, solution: &ProgenitorSolution<f64, H>, work: &mut Workspace) {
+    fn prepare<H: Host>(&self, solution: &ProgenitorSolution<f64, H>, work: &mut Workspace) {
         let release_times = self.table.taus.len();
         let per_chunk = release_times_per_chunk(release_times);
         let first_pair = |release_time: usize| {

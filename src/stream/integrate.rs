@@ -9,12 +9,12 @@ use super::step_schedules::{BundleSteps, Planner};
 use super::step_sizes::StepSizes;
 use crate::error::Rejection;
 use crate::orbit::{FinalParticle, MAX_TOGETHER, StepSchedule, advance, advance_adaptively};
-use crate::potential::{Halo, Plummer};
+use crate::potential::{Host, Plummer};
 use crate::scalar::{Isa, Kernel, Lanes, Level, Real, Vectors, compile_kernel};
 use std::ops::Range;
 
 /// The integration of some bundles of lane groups.
-pub struct IntegrateKernel<'a, H: Halo> {
+pub struct IntegrateKernel<'a, H: Host> {
     pub(super) model: &'a Model,
     pub(super) solution: &'a ProgenitorSolution<f64, H>,
     pub(super) bundles: &'a [Range<usize>],
@@ -23,7 +23,7 @@ pub struct IntegrateKernel<'a, H: Halo> {
     pub(super) out: Columns<'a>,
 }
 
-impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
+impl<H: Host> Kernel for IntegrateKernel<'_, H> {
     type Output = f64;
 
     /// Integrates every bundle. Returns the number of ambiguous windings, NaN if any state is not finite.
@@ -43,7 +43,7 @@ impl<H: Halo> Kernel for IntegrateKernel<'_, H> {
     }
 }
 
-impl<H: Halo> IntegrateKernel<'_, H> {
+impl<H: Host> IntegrateKernel<'_, H> {
     /// As [`run`](Self::run), by equal steps in `K` vectors of `V`.
     #[inline(always)]
     fn uniformly<V: Vectors, const K: usize>(self) -> f64 {
@@ -86,10 +86,10 @@ impl<H: Halo> IntegrateKernel<'_, H> {
     }
 }
 
-compile_kernel!(IntegrateKernel<H: crate::potential::Halo>);
+compile_kernel!(IntegrateKernel<H: crate::potential::Host>);
 
 /// Runs the kernel for an instruction set.
-pub(super) fn integrate<H: Halo>(kernel: IntegrateKernel<'_, H>, level: Level) -> f64 {
+pub(super) fn integrate<H: Host>(kernel: IntegrateKernel<'_, H>, level: Level) -> f64 {
     kernel.dispatch(level)
 }
 
@@ -99,7 +99,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Rejection::BadParticle`] if a state is not finite.
-    pub fn integrate_one_by_one<S: Real, H: Halo>(
+    pub fn integrate_one_by_one<S: Real, H: Host>(
         &self,
         solution: &ProgenitorSolution<S, H>,
         step_sizes: &StepSizes,

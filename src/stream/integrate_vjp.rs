@@ -11,7 +11,10 @@ use super::progenitor_solution::ProgenitorSolution;
 use super::settings::StepRule;
 use super::step_schedules::Planner;
 use crate::orbit::{State, advance_vjp};
-use crate::potential::{Halo, HaloCotangent, Plummer, PlummerCotangent};
+use crate::potential::{
+    BaryonsCotangent, DiscCotangent, HaloCotangent, HernquistCotangent, Host, HostCotangent,
+    Plummer, PlummerCotangent,
+};
 use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, Scalar, Vec3, compile_kernel};
 use std::ops::Range;
 
@@ -84,7 +87,7 @@ fn padded<I: Isa>(pair: &Bundle<'_>, column: &[f64]) -> Interleaved<I> {
 }
 
 /// The reverse mode of the integration of the particles of some release times.
-pub struct VjpKernel<'a, H: Halo> {
+pub struct VjpKernel<'a, H: Host> {
     pub(super) model: &'a Model,
     pub(super) solution: &'a ProgenitorSolution<f64, H>,
     pub(super) today: &'a SkyCotangents<'a>,
@@ -93,7 +96,7 @@ pub struct VjpKernel<'a, H: Halo> {
     pub(super) chunk: &'a mut ReleaseTimeChunk,
 }
 
-impl<H: Halo> Kernel for VjpKernel<'_, H> {
+impl<H: Host> Kernel for VjpKernel<'_, H> {
     type Output = ();
 
     #[inline(always)]
@@ -107,7 +110,7 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
         } = self;
         let host = H::broadcast::<Interleaved<I>>(&solution.host);
         let progenitor = Plummer::<Interleaved<I>>::broadcast(&solution.progenitor);
-        let mut host_bar = HaloCotangent::<Interleaved<I>>::zero();
+        let mut host_bar = HostCotangent::<Interleaved<I>>::zero();
         let mut progenitor_bar = PlummerCotangent::<Interleaved<I>>::zero();
         let mut progenitor_positions_bar: Vec<Vec3<Interleaved<I>>> = Vec::new();
         let mut ln_time_bar = Interleaved::<I>::zero();
@@ -155,11 +158,24 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
             }
         }
         cotangents.shared.age_gyr = ln_time_bar.sum() / solution.age_gyr;
-        cotangents.shared.host = HaloCotangent {
-            ln_mass: host_bar.ln_mass.sum(),
-            ln_r_s: host_bar.ln_r_s.sum(),
-            flattening: host_bar.flattening.sum(),
-            axis: sum_vector(host_bar.axis),
+        cotangents.shared.host = HostCotangent {
+            halo: HaloCotangent {
+                ln_mass: host_bar.halo.ln_mass.sum(),
+                ln_r_s: host_bar.halo.ln_r_s.sum(),
+                flattening: host_bar.halo.flattening.sum(),
+                axis: sum_vector(host_bar.halo.axis),
+            },
+            baryons: BaryonsCotangent {
+                disc: DiscCotangent {
+                    ln_mass: host_bar.baryons.disc.ln_mass.sum(),
+                    ln_r_s: host_bar.baryons.disc.ln_r_s.sum(),
+                    normal: sum_vector(host_bar.baryons.disc.normal),
+                },
+                bulge: HernquistCotangent {
+                    ln_mass: host_bar.baryons.bulge.ln_mass.sum(),
+                    ln_r_s: host_bar.baryons.bulge.ln_r_s.sum(),
+                },
+            },
         };
         cotangents.shared.progenitor = PlummerCotangent {
             ln_mass: progenitor_bar.ln_mass.sum(),
@@ -168,10 +184,10 @@ impl<H: Halo> Kernel for VjpKernel<'_, H> {
     }
 }
 
-compile_kernel!(VjpKernel<H: crate::potential::Halo>);
+compile_kernel!(VjpKernel<H: crate::potential::Host>);
 
 /// Runs the kernel for an instruction set.
-pub(super) fn integrate_vjp<H: Halo>(kernel: VjpKernel<'_, H>, level: Level) {
+pub(super) fn integrate_vjp<H: Host>(kernel: VjpKernel<'_, H>, level: Level) {
     kernel.dispatch(level);
 }
 

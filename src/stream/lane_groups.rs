@@ -3,7 +3,7 @@
 use super::progenitor_solution::{ProgenitorSolution, ReleaseFrame};
 use super::settings::{ModelSettings, Precision, StepRule};
 use crate::orbit::{MAX_TOGETHER, State, StepSchedule};
-use crate::potential::Halo;
+use crate::potential::Host;
 use crate::scalar::{LANES, LaneArray, Lanes, Vec3, Vectors};
 use crate::spray::ReleaseTable;
 use std::ops::Range;
@@ -148,7 +148,7 @@ impl<'a> Bundle<'a> {
 
     /// Their release frames.
     #[inline(always)]
-    pub fn release_frames<V: Vectors, const K: usize, H: Halo>(
+    pub fn release_frames<V: Vectors, const K: usize, H: Host>(
         &self,
         solution: &ProgenitorSolution<f64, H>,
     ) -> ReleaseFrame<Lanes<V, K>> {

@@ -7,7 +7,8 @@
 //! [`Model::vjp`] differentiates both stages: the particles in reverse mode, the progenitor solution in forward mode. The adjoint of a
 //! file is in the file of the same name with `_vjp` appended.
 
-mod any_halo;
+mod any_host;
+mod baryons;
 mod compiled;
 mod cotangents;
 mod forward;
@@ -28,8 +29,9 @@ mod step_sizes;
 mod system;
 mod threads;
 
-pub use any_halo::{AnyHalo, StreamInput, halo_of};
-pub use compiled::{CompiledHalo, Kernels};
+pub use any_host::{AnyHost, StreamInput, host_of};
+pub use baryons::{BaryonSettings, BulgeProfile, DiscPlane, DiscSettings};
+pub use compiled::{CompiledHost, Kernels};
 pub use gradient::{Adjoint, MAX_STRETCH, Workspace};
 pub use integrate::IntegrateKernel;
 pub use integrate_vjp::VjpKernel;

@@ -6,7 +6,7 @@ use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Result};
 use crate::orbit::{HermiteWeights, NodeTimes};
-use crate::potential::Halo;
+use crate::potential::Host;
 use crate::scalar::Real;
 use crate::spray::ReleaseTable;
 use std::ops::Range;
@@ -114,7 +114,7 @@ impl Model {
     /// # Errors
     /// [`Rejection::BadParameter`] if a parameter is not finite, or a mass, scale radius or the age is not positive;
     /// [`Rejection::BadOrbit`] if the orbit is not finite; [`Rejection::UnresolvedOrbit`] if it needs more steps than the settings allow.
-    pub fn progenitor_solution<S: Real, H: Halo>(
+    pub fn progenitor_solution<S: Real, H: Host>(
         &self,
         system: &System<S, H>,
     ) -> std::result::Result<ProgenitorSolution<S, H>, Rejection> {
@@ -125,7 +125,7 @@ impl Model {
     ///
     /// # Errors
     /// As [`progenitor_solution`](Self::progenitor_solution).
-    pub fn progenitor_solution_reusing<S: Real, H: Halo>(
+    pub fn progenitor_solution_reusing<S: Real, H: Host>(
         &self,
         system: &System<S, H>,
         memory: Option<SolutionMemory<S>>,

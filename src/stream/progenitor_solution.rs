@@ -4,7 +4,7 @@ use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Tally};
 use crate::orbit::{DenseOrbit, Resolution, State, crossing};
-use crate::potential::{Halo, Nfw, Plummer, Potential};
+use crate::potential::{Baryons, Host, HostParts, Nfw, Plummer, Potential};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
 
@@ -110,7 +110,7 @@ fn resolved_orbit<S: Real>(
 
 /// What all particles of one parameter set share: potentials, age, orbit and release frames.
 #[derive(Clone, Debug)]
-pub struct ProgenitorSolution<S: Scalar, H: Halo = Nfw> {
+pub struct ProgenitorSolution<S: Scalar, H: Host = Nfw> {
     /// The host.
     pub host: H::In<S>,
     /// The progenitor's own gravity.
@@ -142,7 +142,7 @@ impl<S: Scalar> Default for SolutionMemory<S> {
     }
 }
 
-impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
+impl<S: Scalar, H: Host> ProgenitorSolution<S, H> {
     /// The buffers of this solution.
     #[must_use]
     pub fn into_memory(self) -> SolutionMemory<S> {
@@ -153,7 +153,7 @@ impl<S: Scalar, H: Halo> ProgenitorSolution<S, H> {
     }
 }
 
-impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
+impl<S: Real, H: Host> ProgenitorSolution<S, H> {
     /// Integrates the orbit and computes the release frames, in the buffers of another solution if there is one.
     ///
     /// # Errors
@@ -170,15 +170,24 @@ impl<S: Real, H: Halo> ProgenitorSolution<S, H> {
             today,
             age_gyr,
         } = *system;
-        let halo = H::parameters(&host);
+        let HostParts { halo, baryons, .. } = H::parts(&host);
+        let Baryons { disc, bulge } = baryons;
         let positive = [
             halo.mass,
             halo.r_s,
+            disc.r_s,
+            bulge.r_s,
             progenitor.mass,
             progenitor.r_s,
             age_gyr,
         ];
-        let finite = today.x.norm2() + today.v.norm2() + halo.flattening + halo.axis.norm2();
+        let finite = today.x.norm2()
+            + today.v.norm2()
+            + halo.flattening
+            + halo.axis.norm2()
+            + disc.normal.norm2()
+            + disc.mass
+            + bulge.mass;
         if !finite.re().is_finite()
             || positive
                 .iter()

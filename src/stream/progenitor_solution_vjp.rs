@@ -4,14 +4,13 @@
 use super::cotangents::{Cotangents, SharedCotangent};
 use super::model::Model;
 use super::progenitor_solution::release_frame;
-use super::system::{SYSTEM_LEN, System};
+use super::system::{HALO_LEN, SYSTEM_LEN, System};
 use crate::orbit::{DenseOrbit, NodeTimes};
-use crate::potential::{Halo, Potential};
+use crate::potential::{Baryons, Called, Host, HostParts};
 use crate::scalar::{Isa, Kernel, LANES, LaneDual, Lanes, Level, Scalar, Vec3, compile_kernel};
-use std::marker::PhantomData;
 
 /// The vector-Jacobian product of a progenitor solution.
-pub struct SolutionVjpKernel<'a, H: Halo> {
+pub struct SolutionVjpKernel<'a, H: Host> {
     pub(super) model: &'a Model,
     pub(super) system: &'a System<f64, H>,
     /// The times of the orbit's nodes.
@@ -20,14 +19,27 @@ pub struct SolutionVjpKernel<'a, H: Halo> {
     pub(super) solution_bar: &'a Cotangents,
 }
 
-/// Number of lane arrays that hold the derivatives with respect to the vector of a system.
-const VECTORS: usize = SYSTEM_LEN.div_ceil(LANES);
+/// Number of lane arrays that hold the derivatives with respect to the vector of a system without baryons, and of any.
+const HALO_VECTORS: usize = HALO_LEN.div_ceil(LANES);
+const ALL_VECTORS: usize = SYSTEM_LEN.div_ceil(LANES);
 
-impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
+impl<H: Host> Kernel for SolutionVjpKernel<'_, H> {
     type Output = [f64; SYSTEM_LEN];
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Self::Output {
+        if H::BARYONS {
+            self.with_vectors::<I, ALL_VECTORS>()
+        } else {
+            self.with_vectors::<I, HALO_VECTORS>()
+        }
+    }
+}
+
+impl<H: Host> SolutionVjpKernel<'_, H> {
+    /// As [`run`](Self::run), with the derivatives in `VECTORS` lane arrays.
+    #[inline(always)]
+    fn with_vectors<I: Isa, const VECTORS: usize>(self) -> [f64; SYSTEM_LEN] {
         let Self {
             model,
             system,
@@ -36,17 +48,20 @@ impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
         } = self;
         let mut vector = [LaneDual::<I, VECTORS>::zero(); SYSTEM_LEN];
         for (i, number) in system.to_vector().into_iter().enumerate() {
-            vector[i] = LaneDual::variable(number, i);
+            if i < VECTORS * LANES {
+                vector[i] = LaneDual::variable(number, i);
+            }
         }
-        let system = System::<_, H>::from_vector(vector);
+        let system = system.with_vector(vector);
         let orbit = DenseOrbit::integrate_at(
-            &OutOfLine::<I, _>::new(&system.host),
+            // On dual numbers the force is long, and a step of the orbit evaluates it several times.
+            &Called(&system.host),
             system.today,
             system.age_gyr,
             times,
             model.settings.orbit,
         );
-        let mut sum = Contraction::<I>(Lanes::zero());
+        let mut sum = Contraction::<I, VECTORS>(Lanes::zero());
         for (node, node_bar) in orbit.nodes.iter().zip(&solution_bar.nodes) {
             for row in 0..3 {
                 sum.add_vec(&node.vector(row), node_bar.vector(row));
@@ -73,11 +88,24 @@ impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
             progenitor,
             age_gyr,
         } = solution_bar.shared;
-        let halo = H::parameters(&system.host);
-        sum.add(&halo.mass, host.ln_mass / halo.mass.re);
-        sum.add(&halo.r_s, host.ln_r_s / halo.r_s.re);
-        sum.add(&halo.flattening, host.flattening);
-        sum.add_vec(&halo.axis, host.axis);
+        let HostParts { halo, baryons, .. } = H::parts(&system.host);
+        sum.add(&halo.mass, host.halo.ln_mass / halo.mass.re);
+        sum.add(&halo.r_s, host.halo.ln_r_s / halo.r_s.re);
+        sum.add(&halo.flattening, host.halo.flattening);
+        sum.add_vec(&halo.axis, host.halo.axis);
+        let Baryons { disc, bulge } = baryons;
+        // A part without mass is absent.
+        if disc.mass.re > 0.0 {
+            let disc_bar = host.baryons.disc;
+            sum.add(&disc.mass, disc_bar.ln_mass / disc.mass.re);
+            sum.add(&disc.r_s, disc_bar.ln_r_s / disc.r_s.re);
+            sum.add_vec(&disc.normal, disc_bar.normal);
+        }
+        if bulge.mass.re > 0.0 {
+            let bulge_bar = host.baryons.bulge;
+            sum.add(&bulge.mass, bulge_bar.ln_mass / bulge.mass.re);
+            sum.add(&bulge.r_s, bulge_bar.ln_r_s / bulge.r_s.re);
+        }
         sum.add(
             &system.progenitor.mass,
             progenitor.ln_mass / system.progenitor.mass.re,
@@ -86,77 +114,27 @@ impl<H: Halo> Kernel for SolutionVjpKernel<'_, H> {
         sum.add(&system.age_gyr, age_gyr);
         let mut gradient = [0.0; SYSTEM_LEN];
         let lanes = sum.0.store();
-        gradient.copy_from_slice(&lanes.0.as_flattened()[..SYSTEM_LEN]);
+        for (number, lane) in gradient.iter_mut().zip(lanes.0.as_flattened()) {
+            *number = *lane;
+        }
         gradient
     }
 }
 
-compile_kernel!(SolutionVjpKernel<H: crate::potential::Halo>);
+compile_kernel!(SolutionVjpKernel<H: crate::potential::Host>);
 
 /// Runs the kernel for an instruction set.
-pub(super) fn progenitor_solution_vjp<H: Halo>(
+pub(super) fn progenitor_solution_vjp<H: Host>(
     kernel: SolutionVjpKernel<'_, H>,
     level: Level,
 ) -> [f64; SYSTEM_LEN] {
     kernel.dispatch(level)
 }
 
-/// A potential whose acceleration is called and not inlined: on dual numbers it is long, and a step of the orbit evaluates it several
-/// times.
-struct OutOfLine<'a, I, P>(&'a P, PhantomData<I>);
-
-impl<'a, I, P> OutOfLine<'a, I, P> {
-    fn new(potential: &'a P) -> Self {
-        Self(potential, PhantomData)
-    }
-}
-
-impl<I: Isa, P: Potential<LaneDual<I, VECTORS>>> Potential<LaneDual<I, VECTORS>>
-    for OutOfLine<'_, I, P>
-{
-    #[inline(always)]
-    fn value(&self, x: Vec3<LaneDual<I, VECTORS>>) -> LaneDual<I, VECTORS> {
-        self.0.value(x)
-    }
-
-    #[inline(always)]
-    fn acceleration(&self, x: Vec3<LaneDual<I, VECTORS>>) -> Vec3<LaneDual<I, VECTORS>> {
-        I::call(Acceleration {
-            potential: self.0,
-            x,
-        })
-    }
-
-    #[inline(always)]
-    fn hessian_product(
-        &self,
-        x: Vec3<LaneDual<I, VECTORS>>,
-        v: Vec3<LaneDual<I, VECTORS>>,
-    ) -> Vec3<LaneDual<I, VECTORS>> {
-        self.0.hessian_product(x, v)
-    }
-}
-
-/// The acceleration as a kernel, for [`Isa::call`].
-struct Acceleration<'a, I: Isa, P> {
-    potential: &'a P,
-    x: Vec3<LaneDual<I, VECTORS>>,
-}
-
-impl<I: Isa, P: Potential<LaneDual<I, VECTORS>>> Kernel for Acceleration<'_, I, P> {
-    type Output = Vec3<LaneDual<I, VECTORS>>;
-
-    /// `Same` is `I`, the instruction set of the fields.
-    #[inline(always)]
-    fn run<Same: Isa>(self) -> Self::Output {
-        self.potential.acceleration(self.x)
-    }
-}
-
 /// The sum over numbers of the derivative of the result with respect to the number times the number's derivatives: the chain rule.
-struct Contraction<I: Isa>(Lanes<I, VECTORS>);
+struct Contraction<I: Isa, const VECTORS: usize>(Lanes<I, VECTORS>);
 
-impl<I: Isa> Contraction<I> {
+impl<I: Isa, const VECTORS: usize> Contraction<I, VECTORS> {
     #[inline(always)]
     fn add(&mut self, number: &LaneDual<I, VECTORS>, number_bar: f64) {
         self.0 = number.eps.mul_add(Lanes::from_f64(number_bar), self.0);

@@ -1,5 +1,6 @@
 //! Settings of the model of a stream: releases, steps, orbit.
 
+use super::baryons::BaryonSettings;
 use crate::error::Result;
 use crate::orbit::OrbitMethod;
 use crate::potential::HaloKind;
@@ -63,6 +64,9 @@ pub struct ModelSettings {
     /// The kind of the host's halo.
     #[serde(skip_serializing_if = "HaloKind::is_default")]
     pub halo: HaloKind,
+    /// Disc and bulge of the host.
+    #[serde(skip_serializing_if = "BaryonSettings::is_none")]
+    pub baryons: BaryonSettings,
     /// The releases.
     pub releases: TableSettings,
     /// Number of steps of a particle; of adaptive steps, if all are as long as possible.
@@ -89,6 +93,7 @@ impl Default for ModelSettings {
     fn default() -> Self {
         Self {
             halo: HaloKind::default(),
+            baryons: BaryonSettings::default(),
             releases: TableSettings::default(),
             steps: 8,
             steps_per: StepsPer::default(),
@@ -103,11 +108,40 @@ impl Default for ModelSettings {
 }
 
 impl ModelSettings {
+    /// The host in words: the kind of halo, and with it a disc and a bulge.
+    #[must_use]
+    pub fn host_in_words(&self) -> String {
+        let with = match (self.baryons.disc.is_some(), self.baryons.bulge.is_some()) {
+            (false, false) => "",
+            (true, false) => " with a disc",
+            (false, true) => " with a bulge",
+            (true, true) => " with a disc and a bulge",
+        };
+        format!("{}{with}", self.halo)
+    }
+
+    /// Whether halo, disc and bulge are of the same kinds as in other settings.
+    #[must_use]
+    pub fn has_host_of(&self, other: &Self) -> bool {
+        self.with_host_of(other) == *self
+    }
+
+    /// These settings with halo, disc and bulge of others.
+    #[must_use]
+    pub fn with_host_of(self, other: &Self) -> Self {
+        Self {
+            halo: other.halo,
+            baryons: other.baryons,
+            ..self
+        }
+    }
+
     /// Checks that every number, those of the releases too, is in its range of docs/limits.md.
     ///
     /// # Errors
     /// [`Error::OutOfRange`](crate::Error::OutOfRange) with the first one that is out of its range.
     pub fn check(&self) -> Result<()> {
+        self.baryons.check()?;
         self.releases.check()?;
         in_range("model.steps", self.steps, 1..=100_000)?;
         in_range("model.orbit_steps", self.orbit_steps, 1..=100_000)?;

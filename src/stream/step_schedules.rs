@@ -9,7 +9,7 @@ use crate::orbit::{
     AdaptiveSteps, DRIFTS, HermiteWeights, InterleavedSchedules, KICKS, MAX_TOGETHER, STAGES,
     StepSchedule, TIMES, length,
 };
-use crate::potential::Halo;
+use crate::potential::Host;
 use crate::scalar::{Isa, Lanes, Real, Vec3, Vectors};
 use std::marker::PhantomData;
 
@@ -37,7 +37,7 @@ impl Model {
     /// Writes the step schedule of the particles of one release time, whose adaptive steps have these sizes. `step_sizes` is not used if the
     /// steps are equal.
     #[inline(always)]
-    pub(super) fn plan<S: Real, H: Halo>(
+    pub(super) fn plan<S: Real, H: Host>(
         &self,
         release_time: usize,
         step_sizes: &[u8],
@@ -90,7 +90,7 @@ impl Model {
 }
 
 /// The adaptive steps of one bundle of lane groups.
-pub(super) struct BundleSteps<'a, I: Isa, H: Halo> {
+pub(super) struct BundleSteps<'a, I: Isa, H: Host> {
     solution: &'a ProgenitorSolution<f64, H>,
     step_sizes: &'a mut StepSizes,
     taus: [f64; MAX_TOGETHER],
@@ -104,7 +104,7 @@ pub(super) struct BundleSteps<'a, I: Isa, H: Halo> {
     isa: PhantomData<I>,
 }
 
-impl<'a, I: Isa, H: Halo> BundleSteps<'a, I, H> {
+impl<'a, I: Isa, H: Host> BundleSteps<'a, I, H> {
     #[inline(always)]
     pub fn new(
         model: &'a Model,
@@ -169,7 +169,7 @@ impl<'a, I: Isa, H: Halo> BundleSteps<'a, I, H> {
     }
 }
 
-impl<I: Isa, V: Vectors, H: Halo> AdaptiveSteps<Interleaved<V>> for BundleSteps<'_, I, H> {
+impl<I: Isa, V: Vectors, H: Host> AdaptiveSteps<Interleaved<V>> for BundleSteps<'_, I, H> {
     #[inline(always)]
     fn steps(&self) -> usize {
         self.steps
@@ -216,7 +216,7 @@ impl<I: Isa, V: Vectors, H: Halo> AdaptiveSteps<Interleaved<V>> for BundleSteps<
 }
 
 /// Writes the step schedules of one bundle after the other. Equal steps of the same release times are not written again.
-pub(super) struct Planner<'a, H: Halo> {
+pub(super) struct Planner<'a, H: Host> {
     model: &'a Model,
     solution: &'a ProgenitorSolution<f64, H>,
     schedules: &'a mut StepSchedules,
@@ -224,7 +224,7 @@ pub(super) struct Planner<'a, H: Halo> {
     planned: [usize; MAX_TOGETHER],
 }
 
-impl<'a, H: Halo> Planner<'a, H> {
+impl<'a, H: Host> Planner<'a, H> {
     /// `schedules` are buffers; their content is not used.
     #[inline]
     pub fn new(

@@ -1,17 +1,18 @@
 //! The system: host, progenitor, its state today, and the age.
 
+use super::settings::ModelSettings;
 use crate::orbit::State;
 use crate::params::{QRange, StreamParams};
-use crate::potential::{Halo, HaloParameters, Nfw, Plummer};
+use crate::potential::{Baryons, HaloParameters, Hernquist, Host, HostParts, Nfw, Plummer};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::units::KM_S_IN_KPC_PER_GYR;
 use std::f64::consts::LN_10;
 
 /// Host, progenitor, its state today, and the age: everything physical that a stream depends on.
 ///
-/// `H` is the kind of halo, by default that of Chemaly et al. (2026).
+/// `H` is the kind of host, by default that of Chemaly et al. (2026).
 #[derive(Clone, Copy, Debug)]
-pub struct System<S: Scalar, H: Halo = Nfw> {
+pub struct System<S: Scalar, H: Host = Nfw> {
     /// The host.
     pub host: H::In<S>,
     /// The progenitor's own gravity.
@@ -25,22 +26,28 @@ pub struct System<S: Scalar, H: Halo = Nfw> {
 impl<S: Real> System<S> {
     /// The system of 13 parameters (docs/physics.md, section 1).
     pub fn from_params(params: &StreamParams<S>, q_range: QRange) -> Self {
-        Self::with_halo(params, q_range)
+        Self::with_host(params, q_range, &ModelSettings::default())
     }
 }
 
-impl<S: Real, H: Halo> System<S, H> {
-    /// As [`from_params`](System::from_params), with a halo of another kind.
-    pub fn with_halo(params: &StreamParams<S>, q_range: QRange) -> Self {
+impl<S: Real, H: Host> System<S, H> {
+    /// As [`from_params`](System::from_params), with a host of another kind, which may have the halo, the disc and the bulge of a model's
+    /// settings.
+    pub fn with_host(params: &StreamParams<S>, q_range: QRange, model: &ModelSettings) -> Self {
         let mass = |log10: S| (log10 * LN_10).exp();
         let shape = q_range.shape(params.dir());
         Self {
-            host: H::new(HaloParameters::from_q(
-                mass(params.log10_m_halo),
-                params.r_s_halo_kpc,
-                shape.q,
-                shape.axis,
-            )),
+            host: H::from_parts(HostParts {
+                halo: HaloParameters::from_q(
+                    mass(params.log10_m_halo),
+                    params.r_s_halo_kpc,
+                    shape.q,
+                    shape.axis,
+                ),
+                kind: model.halo,
+                baryons: model.baryons.at(params, shape.axis),
+                has_baryons: !model.baryons.is_none(),
+            }),
             progenitor: Plummer {
                 mass: mass(params.log10_m_prog),
                 r_s: params.r_s_prog_kpc,
@@ -54,12 +61,16 @@ impl<S: Real, H: Halo> System<S, H> {
     }
 }
 
-/// Length of the vector of a system.
-pub const SYSTEM_LEN: usize = 15;
+/// Length of the vector of a system without baryons.
+pub const HALO_LEN: usize = 15;
 
-impl<S: Real, H: Halo> System<S, H> {
+/// Length of the vector of a system.
+pub const SYSTEM_LEN: usize = HALO_LEN + 7;
+
+impl<S: Scalar, H: Host> System<S, H> {
     /// The system as a vector: mass (Msun), scale radius (kpc), flattening 1/q^2 - 1 and axis of the halo; mass (Msun) and scale radius
-    /// (kpc) of the progenitor, its position (kpc) and velocity (kpc/Gyr) today; the age (Gyr).
+    /// (kpc) of the progenitor, its position (kpc) and velocity (kpc/Gyr) today; the age (Gyr); mass (Msun), scale length (kpc) and normal
+    /// of the disc; mass (Msun) and scale radius (kpc) of the bulge.
     #[inline(always)]
     pub fn to_vector(&self) -> [S; SYSTEM_LEN] {
         let Self {
@@ -68,12 +79,14 @@ impl<S: Real, H: Halo> System<S, H> {
             age_gyr,
             ..
         } = *self;
+        let HostParts { halo, baryons, .. } = H::parts(&self.host);
         let HaloParameters {
             mass,
             r_s,
             flattening,
             axis: n,
-        } = H::parameters(&self.host);
+        } = halo;
+        let Baryons { disc, bulge } = baryons;
         [
             mass,
             r_s,
@@ -90,19 +103,26 @@ impl<S: Real, H: Halo> System<S, H> {
             v.y,
             v.z,
             age_gyr,
+            disc.mass,
+            disc.r_s,
+            disc.normal.x,
+            disc.normal.y,
+            disc.normal.z,
+            bulge.mass,
+            bulge.r_s,
         ]
     }
 
-    /// The system of a [vector](Self::to_vector).
+    /// The same kind of system with the numbers of another [vector](Self::to_vector).
     #[inline(always)]
-    pub fn from_vector(vector: [S; SYSTEM_LEN]) -> Self {
+    pub fn with_vector<T: Scalar>(&self, vector: [T; SYSTEM_LEN]) -> System<T, H> {
         let [
             mass,
             r_s,
             flattening,
-            n_x,
-            n_y,
-            n_z,
+            axis_x,
+            axis_y,
+            axis_z,
             m,
             a,
             x,
@@ -112,13 +132,39 @@ impl<S: Real, H: Halo> System<S, H> {
             v_y,
             v_z,
             age_gyr,
+            disc_mass,
+            disc_r,
+            n_x,
+            n_y,
+            n_z,
+            bulge_mass,
+            bulge_r,
         ] = vector;
-        Self {
-            host: H::new(HaloParameters {
-                mass,
-                r_s,
-                flattening,
-                axis: Vec3::new(n_x, n_y, n_z),
+        let HostParts {
+            kind,
+            baryons,
+            has_baryons,
+            ..
+        } = H::parts(&self.host);
+        let normal = Vec3::new(n_x, n_y, n_z);
+        let baryons = Baryons {
+            disc: baryons.disc.with_numbers(disc_mass, disc_r, normal),
+            bulge: Hernquist {
+                mass: bulge_mass,
+                r_s: bulge_r,
+            },
+        };
+        System {
+            host: H::from_parts(HostParts {
+                kind,
+                has_baryons,
+                halo: HaloParameters {
+                    mass,
+                    r_s,
+                    flattening,
+                    axis: Vec3::new(axis_x, axis_y, axis_z),
+                },
+                baryons,
             }),
             progenitor: Plummer { mass: m, r_s: a },
             today: State {

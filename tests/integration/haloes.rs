@@ -4,11 +4,11 @@ use crate::golden::{cases, json, number, numbers, relative_difference};
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
 use oblate::params::{DIM, QRange, StreamParams, without_optional};
 use oblate::potential::{
-    Halo, HaloCotangent, HaloKind, HaloParameters, Logarithmic, Nfw, NfwDensity, Potential,
+    Galaxy, Halo, HaloCotangent, HaloKind, HaloParameters, Logarithmic, Nfw, NfwDensity, Potential,
     log10_m200,
 };
 use oblate::scalar::{Dual, Real, Scalar, Vec3, gradient_of, lift};
-use oblate::stream::{CompiledHalo, Model, ModelSettings, Precision, System};
+use oblate::stream::{CompiledHost, Model, ModelSettings, Precision, System};
 use oblate::track::Track;
 use oblate::units::{CRITICAL_DENSITY, G};
 use serde_json::Value;
@@ -213,11 +213,11 @@ pub fn near(track: &Track, settings: &ModelSettings) -> TrackLikelihood {
 }
 
 /// Asserts that the gradient of a likelihood in this halo is that of ln L with every number a dual.
-pub fn has_an_exact_gradient<H: CompiledHalo>(likelihood: &StreamLikelihood) {
-    let (value, gradient) = likelihood.gradient(&THETA).unwrap();
-    let alone = likelihood.ln_likelihood(&THETA).unwrap();
+pub fn has_an_exact_gradient<H: CompiledHost>(likelihood: &StreamLikelihood, theta: &[f64; DIM]) {
+    let (value, gradient) = likelihood.gradient(theta).unwrap();
+    let alone = likelihood.ln_likelihood(theta).unwrap();
     assert!((value.ln_likelihood - alone.ln_likelihood).abs() < 1e-12 * alone.ln_likelihood.abs());
-    let lifted = StreamParams::from_array(lift(&THETA));
+    let lifted = StreamParams::from_array(lift(theta));
     let by_duals = gradient_of(&likelihood.ln_likelihood_on::<H, _>(&lifted).unwrap());
     // Rounding differs between lanes with fused operations and duals: 1e-9 is the bound of the other gradient tests on regular
     // streams, relative to each component.
@@ -230,23 +230,22 @@ pub fn has_an_exact_gradient<H: CompiledHalo>(likelihood: &StreamLikelihood) {
     }
 }
 
-/// A likelihood by the setting has the stream of that halo, and its exact gradient.
-fn likelihood_is_that_of<H: CompiledHalo>(kind: HaloKind) {
-    let settings = small(kind);
-    let model = Model::new(&settings).unwrap();
-    let params = StreamParams::from_array(THETA);
+/// A likelihood by the settings has the stream of that host, and its exact gradient.
+pub fn likelihood_is_that_of<H: CompiledHost>(settings: &ModelSettings, theta: &[f64; DIM]) {
+    let model = Model::new(settings).unwrap();
+    let params = StreamParams::from_array(*theta);
     let stream = model.stream(&params).unwrap();
-    let system = System::<f64, H>::with_halo(&params, QRange::default());
+    let system = System::<f64, H>::with_host(&params, QRange::default(), settings);
     let of_system = model.stream_of(&system).unwrap();
     assert_eq!(stream.x, of_system.x);
-    let track = near(&stream.track(10.0).unwrap(), &settings);
+    let track = near(&stream.track(10.0).unwrap(), settings);
     let likelihood = StreamLikelihood::new(model, track, QRange::default());
-    has_an_exact_gradient::<H>(&likelihood);
+    has_an_exact_gradient::<H>(&likelihood, theta);
 }
 
 #[test]
 fn likelihoods_by_the_setting_are_those_of_its_halo() {
-    likelihood_is_that_of::<Nfw>(HaloKind::Nfw);
-    likelihood_is_that_of::<NfwDensity>(HaloKind::NfwDensity);
-    likelihood_is_that_of::<Logarithmic>(HaloKind::Logarithmic);
+    likelihood_is_that_of::<Nfw>(&small(HaloKind::Nfw), &THETA);
+    likelihood_is_that_of::<Galaxy>(&small(HaloKind::NfwDensity), &THETA);
+    likelihood_is_that_of::<Galaxy>(&small(HaloKind::Logarithmic), &THETA);
 }

@@ -10,12 +10,12 @@ use oblate::likelihood::{
 use oblate::params::{
     DIM, NAMES, PARAMETERS, PriorSettings, QRange, StreamParams, StreamPrior, without_optional,
 };
-use oblate::potential::log10_m200;
+use oblate::potential::{DiscProfile, log10_m200};
 use oblate::samplers::control::Silent;
 use oblate::samplers::limits::OutOfRange;
 use oblate::samplers::{Control, Marginal, Outcome, Prior, Run, Target, nested, pt};
 use oblate::spray::{SamplingScheme, TableSettings};
-use oblate::stream::{Model, ModelSettings, StepRule};
+use oblate::stream::{DiscPlane, DiscSettings, Model, ModelSettings, StepRule};
 use oblate::track::{BinEdges, Track};
 use proptest::prelude::*;
 use serde::Serialize;
@@ -190,6 +190,11 @@ fn the_ranges_of_a_fit_are_those_of_the_page() {
     settings.likelihood.error_correlation = Some(ErrorCorrelation {
         angle_deg: 30.0,
         fraction: 1.0,
+    });
+    settings.model.baryons.disc = Some(DiscSettings {
+        profile: DiscProfile::Exponential,
+        thickness: 0.1,
+        plane: DiscPlane::default(),
     });
     agree("1. A fit", &settings, FitSettings::check);
     settings.sampling.nested.target_ess = Some(1.0);
@@ -744,8 +749,8 @@ proptest! {
 
     #[test]
     fn at_the_ends_of_all_ranges_a_point_has_a_likelihood_or_a_cause(
-        ends in prop::array::uniform16(0.0_f64..=1.0),
-        corners in prop::array::uniform16(0..4),
+        ends in prop::array::uniform22(0.0_f64..=1.0),
+        corners in prop::array::uniform22(0..4),
     ) {
         let params: [f64; DIM] = std::array::from_fn(|i| {
             let (lo, hi) = (*PARAMETERS[i].range.start(), *PARAMETERS[i].range.end());

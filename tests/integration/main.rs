@@ -5,6 +5,7 @@
 )]
 
 mod arrows;
+mod baryons;
 mod calibration;
 mod cli;
 mod commands;

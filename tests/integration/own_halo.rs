@@ -16,11 +16,11 @@ fn a_likelihood_in_an_own_halo_has_an_exact_gradient() {
     let settings = small(HaloKind::Nfw);
     let model = Model::new(&settings).unwrap();
     let params = StreamParams::from_array(THETA);
-    let system = System::<f64, NfwWithDisc>::with_halo(&params, QRange::default());
+    let system = System::<f64, NfwWithDisc>::with_host(&params, QRange::default(), &settings);
     let with_disc = model.stream_of(&system).unwrap().track(10.0).unwrap();
     let without = model.stream(&params).unwrap().track(10.0).unwrap();
     assert_ne!(with_disc, without);
     let track = near(&with_disc, &settings);
-    let likelihood = StreamLikelihood::with_halo(model, &NfwWithDisc, track, QRange::default());
-    has_an_exact_gradient::<NfwWithDisc>(&likelihood);
+    let likelihood = StreamLikelihood::with_host(model, &NfwWithDisc, track, QRange::default());
+    has_an_exact_gradient::<NfwWithDisc>(&likelihood, &THETA);
 }

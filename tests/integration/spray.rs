@@ -2,7 +2,7 @@
 
 use crate::golden::{cases, json, number, numbers};
 use oblate::orbit::State;
-use oblate::potential::FlattenedNfw;
+use oblate::potential::{Disc, DiscProfile, DiscShape, FlattenedNfw};
 use oblate::scalar::{Dual, LANES, Real, Vec3, gradient_of, lift};
 use oblate::spray::{
     Recipe, ReleaseOffset, ReleaseTable, SamplingScheme, TableSettings, Tail, Tidal,
@@ -120,24 +120,15 @@ fn a_radial_orbit_and_a_negative_bracket_give_finite_releases() {
     assert!(tidal.r_j.is_finite() && tidal.omega.is_finite());
     assert!(tidal.frame.iter().all(|e| f64::is_finite(e.norm2())));
     // A potential whose radial second derivative exceeds Omega^2: a heavy disc seen from above at rest.
-    let disc = oblate::potential::MiyamotoNagai {
-        mass: 1e12,
-        a: 5.0,
-        b: 2.0,
-        normal: Vec3::new(0.0, 0.0, 1.0),
-    };
+    let shape = DiscShape::new(DiscProfile::MiyamotoNagai, 0.4);
     let [z, vx] = lift::<2>(&[0.5, 1.0]);
     let zero = Dual::from_re(0.0);
     let state = State {
         x: Vec3::new(zero, zero, z),
         v: Vec3::new(vx, zero, zero),
     };
-    let disc = oblate::potential::MiyamotoNagai {
-        mass: Dual::from_re(disc.mass),
-        a: Dual::from_re(disc.a),
-        b: Dual::from_re(disc.b),
-        normal: Vec3::from_f64(disc.normal),
-    };
+    let normal = Vec3::new(zero, zero, Dual::from_re(1.0));
+    let disc = Disc::new(Dual::from_re(1e12), Dual::from_re(5.0), normal, shape);
     let tidal = Tidal::new(&disc, Dual::from_re(1e8), state);
     assert!(tidal.bounded);
     assert!(

@@ -27,13 +27,21 @@ pub const MAX_GROUPS: usize = 2;
 #[repr(align(64))]
 pub struct LaneArray<const K: usize>(pub [[f64; LANES]; K]);
 
-/// A computation that is compiled for each instruction set: by `compile_kernel` where it is called on a [`Level`](super::Level), by
-/// [`Isa::call`] within another kernel.
+/// A computation that is compiled for each instruction set, by `compile_kernel` where it is called on a [`Level`](super::Level).
 pub trait Kernel {
     /// The type of the result.
     type Output;
     /// The computation, in lanes of `I`. Mark its implementation `#[inline(always)]`, and every function called in it that uses lanes.
     fn run<I: Isa>(self) -> Self::Output;
+}
+
+/// A long computation within a kernel that is compiled once and called, see [`Scalar::call`](super::Scalar::call). Mark its implementation
+/// `#[inline(always)]`.
+pub trait Subroutine {
+    /// The type of the result.
+    type Output;
+    /// The computation.
+    fn run(self) -> Self::Output;
 }
 
 /// The operations of an instruction set on vectors of one precision. A vector has [`GROUPS`](Self::GROUPS) times eight lanes; in memory
@@ -53,6 +61,8 @@ pub trait Vectors: Copy + Debug + Send + Sync + 'static {
     /// Added to a number of at most a third of it in magnitude, it rounds the number to an integer.
     const NO_FRACTION: f64;
 
+    /// Runs a subroutine of a kernel of this instruction set.
+    fn call<C: Subroutine>(subroutine: C) -> C::Output;
     /// The same number in all lanes.
     fn splat(a: f64) -> Self::Vector;
     /// One number for each group, in all of its lanes.
@@ -104,9 +114,6 @@ pub trait Isa: Vectors {
     /// Vectors of sixteen numbers in single precision.
     type Singles: Vectors;
 
-    /// Runs a kernel within another one of this instruction set. The function is called and not inlined, so that a computation that is
-    /// used in many places is compiled once.
-    fn call<K: Kernel>(kernel: K) -> K::Output;
     /// The columns of a matrix of eight rows.
     fn columns(rows: [&[f64; 4]; LANES]) -> [Self::Vector; 4];
     /// The rows of a matrix of eight rows, from its columns.

@@ -3,7 +3,7 @@
 //! Functions of closures are not always inlined, so there are none: arrays are computed by a macro.
 
 use super::{
-    Isa, Kernel, LANES, NO_FRACTION, SINGLE_NO_FRACTION, Vectors, split_exponent,
+    Isa, LANES, NO_FRACTION, SINGLE_NO_FRACTION, Subroutine, Vectors, split_exponent,
     split_exponent_of_single,
 };
 
@@ -59,6 +59,10 @@ macro_rules! arrays {
                 for i in 0..$groups * LANES {
                     groups[i / LANES][i % LANES] = a[i] as f64;
                 }
+            }
+            #[inline(never)]
+            fn call<C: Subroutine>(subroutine: C) -> C::Output {
+                subroutine.run()
             }
             #[inline(always)]
             fn add(a: Self::Vector, b: Self::Vector) -> Self::Vector {
@@ -132,10 +136,6 @@ arrays!(PortableSingles of 2 groups: f32, u32, SINGLE_NO_FRACTION, split_exponen
 impl Isa for Portable {
     type Singles = PortableSingles;
 
-    #[inline(never)]
-    fn call<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run::<Self>()
-    }
     #[inline(always)]
     fn columns(rows: [&[f64; 4]; LANES]) -> [Self::Vector; 4] {
         let mut columns = [[0.0; LANES]; 4];

@@ -2,8 +2,8 @@
 //! compiled without the instructions of the instruction set.
 
 use super::{
-    Isa, Kernel, LANES, MANTISSA, NO_FRACTION, SHIFT, SINGLE_BIAS, SINGLE_MANTISSA,
-    SINGLE_NO_FRACTION, SINGLE_SHIFT, TWO_52_AND_BIAS, TWO_52_BITS, Vectors,
+    Isa, LANES, MANTISSA, NO_FRACTION, SHIFT, SINGLE_BIAS, SINGLE_MANTISSA, SINGLE_NO_FRACTION,
+    SINGLE_SHIFT, Subroutine, TWO_52_AND_BIAS, TWO_52_BITS, Vectors,
 };
 use std::arch::x86_64::*;
 use std::f64::consts::LN_2;
@@ -14,6 +14,21 @@ macro_rules! cpu {
         // SAFETY: only `scalar::dispatch` names the marker types, and runs code with them only on a CPU that has reported their
         // features.
         unsafe { $($instructions)* }
+    };
+}
+
+/// A subroutine with these features of the CPU.
+macro_rules! call_with {
+    ($features:literal) => {
+        #[inline(always)]
+        fn call<C: Subroutine>(subroutine: C) -> C::Output {
+            #[inline(never)]
+            #[target_feature(enable = $features)]
+            fn compiled<C: Subroutine>(subroutine: C) -> C::Output {
+                subroutine.run()
+            }
+            cpu! { compiled(subroutine) }
+        }
     };
 }
 
@@ -178,15 +193,6 @@ impl Isa for Avx512 {
     type Singles = Avx512Singles;
 
     #[inline(always)]
-    fn call<K: Kernel>(kernel: K) -> K::Output {
-        #[inline(never)]
-        #[target_feature(enable = "avx512f,avx512dq,avx512vl,fma")]
-        fn compiled<K: Kernel>(kernel: K) -> K::Output {
-            kernel.run::<Avx512>()
-        }
-        cpu! { compiled(kernel) }
-    }
-    #[inline(always)]
     fn columns(rows: [&[f64; 4]; LANES]) -> [__m512d; 4] {
         cpu! {
             let mut pairs = [_mm512_setzero_pd(); 4];
@@ -223,6 +229,7 @@ impl Isa for Avx512 {
 }
 
 impl Vectors for Avx512 {
+    call_with!("avx512f,avx512dq,avx512vl,fma");
     one_register! {
         __m512d, __mmask8: add _mm512_add_pd, sub _mm512_sub_pd, mul _mm512_mul_pd, div _mm512_div_pd;
         _mm512_sqrt_pd _mm512_max_pd _mm512_min_pd _mm512_fmadd_pd _mm512_xor_pd _mm512_set1_pd _mm512_cmp_pd_mask _mm512_mask_blend_pd
@@ -279,6 +286,7 @@ impl Vectors for Avx512 {
 }
 
 impl Vectors for Avx512Singles {
+    call_with!("avx512f,avx512dq,avx512vl,fma");
     one_register! {
         __m512, __mmask16: add _mm512_add_ps, sub _mm512_sub_ps, mul _mm512_mul_ps, div _mm512_div_ps;
         _mm512_sqrt_ps _mm512_max_ps _mm512_min_ps _mm512_fmadd_ps _mm512_xor_ps _mm512_set1_ps _mm512_cmp_ps_mask _mm512_mask_blend_ps
@@ -348,15 +356,6 @@ impl Isa for Avx2 {
     type Singles = Avx2Singles;
 
     #[inline(always)]
-    fn call<K: Kernel>(kernel: K) -> K::Output {
-        #[inline(never)]
-        #[target_feature(enable = "avx2,fma")]
-        fn compiled<K: Kernel>(kernel: K) -> K::Output {
-            kernel.run::<Avx2>()
-        }
-        cpu! { compiled(kernel) }
-    }
-    #[inline(always)]
     fn columns(rows: [&[f64; 4]; LANES]) -> [[__m256d; 2]; 4] {
         let mut columns = [[Self::splat(0.0)[0]; 2]; 4];
         for half in 0..2 {
@@ -407,6 +406,7 @@ impl Avx2 {
 }
 
 impl Vectors for Avx2 {
+    call_with!("avx2,fma");
     two_registers! {
         __m256d: add _mm256_add_pd, sub _mm256_sub_pd, mul _mm256_mul_pd, div _mm256_div_pd;
         _mm256_sqrt_pd _mm256_max_pd _mm256_min_pd _mm256_fmadd_pd _mm256_xor_pd _mm256_set1_pd _mm256_cmp_pd _mm256_blendv_pd
@@ -486,6 +486,7 @@ impl Avx2Singles {
 }
 
 impl Vectors for Avx2Singles {
+    call_with!("avx2,fma");
     two_registers! {
         __m256: add _mm256_add_ps, sub _mm256_sub_ps, mul _mm256_mul_ps, div _mm256_div_ps;
         _mm256_sqrt_ps _mm256_max_ps _mm256_min_ps _mm256_fmadd_ps _mm256_xor_ps _mm256_set1_ps _mm256_cmp_ps _mm256_blendv_ps

@@ -1,21 +1,22 @@
-//! Streams in a halo whose kind is known only when the program runs: by a setting, or one of the user's own.
+//! Streams in a host whose kind is known only when the program runs: by settings, or one of the user's own.
 
-use super::compiled::CompiledHalo;
+use super::compiled::CompiledHost;
 use super::gradient::{Adjoint, Workspace};
 use super::model::Model;
 use super::particles::Particles;
 use super::progenitor_solution::{ProgenitorSolution, SolutionMemory};
+use super::settings::ModelSettings;
 use super::system::System;
 use super::threads::Threads;
 use crate::error::{Error, Rejection, Result as OblateResult};
 use crate::params::{DIM, QRange, StreamParams};
-use crate::potential::{HaloKind, Logarithmic, Nfw, NfwDensity, Potential};
+use crate::potential::{Galaxy, HaloKind, Nfw, Potential};
 use crate::scalar::{Dual, gradient_of, lift};
 use std::fmt::Debug;
 
-/// A kind of halo as an object: what a likelihood asks of it. Every [`CompiledHalo`] has it, so that `&NfwDensity` is a
-/// `&'static dyn AnyHalo`.
-pub trait AnyHalo: Debug + Send + Sync {
+/// A kind of host as an object: what a likelihood asks of it. Every [`CompiledHost`] has it, so that `&Galaxy` is a
+/// `&'static dyn AnyHost`.
+pub trait AnyHost: Debug + Send + Sync {
     /// Writes the particles today into `work`.
     ///
     /// # Errors
@@ -49,10 +50,10 @@ pub trait AnyHalo: Debug + Send + Sync {
     fn orbit_energy_error(&self, model: &Model, input: &StreamInput<'_>) -> Result<f64, Rejection>;
 
     /// The potential of the host.
-    fn host(&self, params: &StreamParams<f64>, q_range: QRange) -> Box<dyn Potential<f64>>;
+    fn potential(&self, model: &Model, input: &StreamInput<'_>) -> Box<dyn Potential<f64>>;
 
-    /// As [`Halo::log10_m200`](crate::potential::Halo::log10_m200).
-    fn log10_m200(&self, log10_mass: f64, r_s: f64) -> f64;
+    /// As [`Host::log10_m200`](crate::potential::Host::log10_m200).
+    fn log10_m200(&self, kind: HaloKind, log10_mass: f64, r_s: f64) -> f64;
 }
 
 /// A set of parameters, and the threads that may compute its stream.
@@ -66,7 +67,13 @@ pub struct StreamInput<'a> {
     pub threads: Threads,
 }
 
-impl<H: CompiledHalo> AnyHalo for H {
+impl StreamInput<'_> {
+    fn system<H: CompiledHost>(&self, model: &Model) -> System<f64, H> {
+        System::with_host(self.params, self.q_range, &model.settings)
+    }
+}
+
+impl<H: CompiledHost> AnyHost for H {
     fn particles(
         &self,
         model: &Model,
@@ -74,7 +81,7 @@ impl<H: CompiledHalo> AnyHalo for H {
         memory: &mut Option<SolutionMemory<f64>>,
         work: &mut Workspace,
     ) -> Result<(), Rejection> {
-        let system = System::<f64, H>::with_halo(input.params, input.q_range);
+        let system = input.system::<H>(model);
         let solution = model.progenitor_solution_reusing(&system, memory.take())?;
         let integrated = integrate(model, &solution, input.threads, work);
         *memory = Some(solution.into_memory());
@@ -89,13 +96,14 @@ impl<H: CompiledHalo> AnyHalo for H {
         work: &mut Workspace,
         of_particles: &mut dyn FnMut(&mut Workspace) -> Result<(), Rejection>,
     ) -> Result<[f64; DIM], Rejection> {
-        let system = System::<f64, H>::with_halo(input.params, input.q_range);
+        let system = input.system::<H>(model);
         let solution = model.progenitor_solution(&system)?;
         integrate(model, &solution, input.threads, work)?;
         of_particles(work)?;
         let system_bar = model.vjp(&system, &solution, adjoint, input.threads, work);
         let lifted = StreamParams::from_array(lift(&input.params.to_array()));
-        let vector = System::<Dual<DIM>, H>::with_halo(&lifted, input.q_range).to_vector();
+        let vector =
+            System::<Dual<DIM>, H>::with_host(&lifted, input.q_range, &model.settings).to_vector();
         let mut gradient = [0.0; DIM];
         for (number, number_bar) in vector.iter().zip(system_bar) {
             for (component, derivative) in gradient.iter_mut().zip(gradient_of(number)) {
@@ -106,22 +114,22 @@ impl<H: CompiledHalo> AnyHalo for H {
     }
 
     fn orbit_energy_error(&self, model: &Model, input: &StreamInput<'_>) -> Result<f64, Rejection> {
-        let system = System::<f64, H>::with_halo(input.params, input.q_range);
+        let system = input.system::<H>(model);
         let solution = model.progenitor_solution(&system)?;
         Ok(solution.orbit.energy_error(&solution.host))
     }
 
-    fn host(&self, params: &StreamParams<f64>, q_range: QRange) -> Box<dyn Potential<f64>> {
-        Box::new(System::<f64, H>::with_halo(params, q_range).host)
+    fn potential(&self, model: &Model, input: &StreamInput<'_>) -> Box<dyn Potential<f64>> {
+        Box::new(input.system::<H>(model).host)
     }
 
-    fn log10_m200(&self, log10_mass: f64, r_s: f64) -> f64 {
-        H::log10_m200(log10_mass, r_s)
+    fn log10_m200(&self, kind: HaloKind, log10_mass: f64, r_s: f64) -> f64 {
+        H::log10_m200(kind, log10_mass, r_s)
     }
 }
 
 /// Integrates the particles into `work`, on one thread or on all.
-fn integrate<H: CompiledHalo>(
+fn integrate<H: CompiledHost>(
     model: &Model,
     solution: &ProgenitorSolution<f64, H>,
     threads: Threads,
@@ -138,30 +146,30 @@ fn integrate<H: CompiledHalo>(
     }
 }
 
-/// The kind of halo that a setting names.
+/// The kind of host that settings name.
 #[must_use]
-pub fn halo_of(kind: HaloKind) -> &'static dyn AnyHalo {
-    match kind {
-        HaloKind::Nfw => &Nfw,
-        HaloKind::NfwDensity => &NfwDensity,
-        HaloKind::Logarithmic => &Logarithmic,
+pub fn host_of(settings: &ModelSettings) -> &'static dyn AnyHost {
+    if settings.has_host_of(&ModelSettings::default()) {
+        &Nfw
+    } else {
+        &Galaxy
     }
 }
 
 impl Model {
-    /// Writes the particles today, in the kind of halo of the settings, into `work`.
+    /// Writes the particles today, in the kind of host of the settings, into `work`.
     ///
     /// # Errors
-    /// As of [`AnyHalo::particles`].
+    /// As of [`AnyHost::particles`].
     pub fn particles(
         &self,
         input: &StreamInput<'_>,
         work: &mut Workspace,
     ) -> Result<(), Rejection> {
-        halo_of(self.settings.halo).particles(self, input, &mut None, work)
+        host_of(&self.settings).particles(self, input, &mut None, work)
     }
 
-    /// The particles of a stream today, in the kind of halo of the settings, with the default range of q and on the threads of the present
+    /// The particles of a stream today, in the kind of host of the settings, with the default range of q and on the threads of the present
     /// rayon pool.
     ///
     /// # Errors
