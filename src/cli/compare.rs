@@ -6,9 +6,9 @@ use super::output::{Output, note};
 use crate::config::parse;
 use crate::error::{Error, Result};
 use crate::inference::FitSettings;
-use crate::posterior::{Comparison, compare};
-use crate::potential::HaloKind;
+use crate::posterior::{Comparison, compare, compare_models};
 use crate::run::{RunFolder, StoredRun, distinct_names};
+use crate::stream::ModelSettings;
 use std::path::PathBuf;
 
 /// Flags of `oblate compare`.
@@ -19,7 +19,7 @@ Columns: diff/err, the difference of the means over its standard error; diff/w68
 distance, the Wasserstein distance over that half-width; expected, its expectation for equal posteriors."
 )]
 pub struct Args {
-    /// Finished runs of one track with the same free parameters, by other samplers, with other seeds or in other haloes
+    /// Finished runs of one track, by other samplers, with other seeds or in other hosts
     #[arg(required = true, num_args = 2..)]
     runs: Vec<PathBuf>,
     #[command(flatten)]
@@ -37,12 +37,20 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     tell_other_tracks(&args.runs)?;
-    let haloes = tell_other_haloes(&args.runs, &stored)?;
+    let models = tell_other_hosts(&args.runs, &stored)?;
     let names = distinct_names(&args.runs, &stored.iter().collect::<Vec<_>>());
     let mut agree = true;
-    for ((other, name), halo) in others.iter().zip(&names[1..]).zip(&haloes[1..]) {
-        let comparison = compare(&names[0], &first.run, name, &other.run)?;
-        agree &= comparison.agree() || *halo != haloes[0];
+    for ((other, name), model) in others.iter().zip(&names[1..]).zip(&models[1..]) {
+        let one_model = match (models[0], model) {
+            (Some(first), Some(other)) => first.has_host_of(other),
+            _ => true,
+        };
+        let comparison = if one_model {
+            compare(&names[0], &first.run, name, &other.run)?
+        } else {
+            compare_models(&names[0], &first.run, name, &other.run)
+        };
+        agree &= comparison.agree();
         if args.output.json {
             out.json(&comparison)?;
         } else {
@@ -85,30 +93,32 @@ fn tell_other_tracks(runs: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// The kind of halo of each run that is a fit, and says which fits are in another than the first.
-fn tell_other_haloes(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<Option<HaloKind>>> {
-    let halo = |(path, stored): (&PathBuf, &StoredRun)| {
+/// The model of each run that is a fit, and says which fits are in another host than the first.
+fn tell_other_hosts(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<Option<ModelSettings>>> {
+    let model = |(path, stored): (&PathBuf, &StoredRun)| {
         let folder = RunFolder::open(path)?;
         // A population has no track.
         let is_fit = folder.track().is_file();
         let settings = is_fit.then(|| parse::<FitSettings>(&stored.config, &folder.config()));
-        Ok(settings.transpose()?.map(|fit| fit.model.halo))
+        Ok(settings.transpose()?.map(|fit| fit.model))
     };
-    let haloes: Vec<Option<HaloKind>> =
-        (runs.iter().zip(stored).map(halo)).collect::<Result<_>>()?;
-    for (path, halo) in runs.iter().zip(&haloes).skip(1) {
-        if let (Some(first), Some(other)) = (haloes[0], halo)
-            && first != *other
+    let models: Vec<Option<ModelSettings>> =
+        (runs.iter().zip(stored).map(model)).collect::<Result<_>>()?;
+    for (path, model) in runs.iter().zip(&models).skip(1) {
+        if let (Some(first), Some(other)) = (models[0], model)
+            && !first.has_host_of(other)
         {
             note(&format!(
-                "{} is a fit in another halo ({other}) than {} ({first}): they need not agree. The difference of ln Z is the evidence for one halo \
-                 over the other, under the same prior of the parameters.",
+                "{} is a fit in another host ({}) than {} ({}): they need not agree. The difference of ln Z is the evidence for one host \
+                 over the other, under their priors.",
                 path.display(),
-                runs[0].display()
+                other.host_in_words(),
+                runs[0].display(),
+                first.host_in_words()
             ));
         }
     }
-    Ok(haloes)
+    Ok(models)
 }
 
 fn print(c: &Comparison, out: &mut Output<'_>) -> Result<()> {

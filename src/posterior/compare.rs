@@ -1,4 +1,4 @@
-//! Comparison of two runs of one target: evidence, marginals, mode weights, cost.
+//! Comparison of two runs of one target, or of two models of one track: evidence, marginals, mode weights, cost.
 
 use super::columns::{Column, column, columns};
 use super::modes::{Mode, Probability, mode_weights, prolate_probability};
@@ -78,16 +78,20 @@ pub struct Comparison {
     pub cost: [CostRow; 2],
     /// Whether both runs have converged by their own checks.
     pub converged: [bool; 2],
+    /// Whether the runs are of one model, so that they must agree.
+    pub one_model: bool,
 }
 
 impl Comparison {
-    /// Whether the evidences agree within three combined standard errors and every marginal mean within 3.5 (there are many).
+    /// Whether the evidences agree within three combined standard errors and every marginal mean within 3.5 (there are many). Runs of two models
+    /// need not agree.
     #[must_use]
     pub fn agree(&self) -> bool {
-        self.ln_z_sigma.abs() <= SIGMA_LIMIT
-            && self
-                .worst_marginal()
-                .is_none_or(|m| m.sigma.abs() <= SIGMA_LIMIT + 0.5)
+        !self.one_model
+            || self.ln_z_sigma.abs() <= SIGMA_LIMIT
+                && self
+                    .worst_marginal()
+                    .is_none_or(|m| m.sigma.abs() <= SIGMA_LIMIT + 0.5)
     }
 
     /// The marginal whose means differ most in combined standard errors.
@@ -98,15 +102,31 @@ impl Comparison {
             .max_by(|a, b| a.sigma.abs().total_cmp(&b.sigma.abs()))
     }
 
+    /// The evidence for one of two models in words.
+    fn odds(&self) -> String {
+        let [a, b] = &self.ln_z;
+        let difference = a.value - b.value;
+        let better = usize::from(difference < 0.0);
+        format!(
+            "two models; ln Z {:+.2} +- {:.2}, odds of {:.3} to 1 for {}",
+            difference,
+            a.error.hypot(b.error),
+            difference.abs().exp(),
+            self.names[better]
+        )
+    }
+
     /// The result in one sentence.
     #[must_use]
     pub fn verdict(&self) -> String {
-        let mut text = if self.agree() {
+        let mut text = if !self.one_model {
+            self.odds()
+        } else if self.agree() {
             "they agree".to_owned()
         } else {
             "they DISAGREE".to_owned()
         };
-        if let Some(worst) = self.worst_marginal() {
+        if let Some(worst) = self.worst_marginal().filter(|_| self.one_model) {
             text.push_str(&format!(
                 " (ln Z by {:+.2} combined standard errors, the worst marginal is {} by {:+.2})",
                 self.ln_z_sigma, worst.name, worst.sigma
@@ -134,6 +154,15 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
             second_names: b.names.clone(),
         });
     }
+    Ok(Comparison {
+        one_model: true,
+        ..compare_models(name_a, a, name_b, b)
+    })
+}
+
+/// Compares runs of two models of one track, in the parameters that both have.
+#[must_use]
+pub fn compare_models(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Comparison {
     let ln_z = [a, b].map(|r| ValueError {
         value: r.evidence.ln_z,
         error: r.evidence.error,
@@ -168,7 +197,7 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
             .ok()
             .map(|q| r.draws.ess_of_mean(&q.values) / r.cost.cpu_seconds),
     });
-    Ok(Comparison {
+    Comparison {
         names: [name_a.to_owned(), name_b.to_owned()],
         ln_z_sigma: (ln_z[0].value - ln_z[1].value) / ln_z[0].error.hypot(ln_z[1].error),
         ln_z,
@@ -176,7 +205,8 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
         modes,
         cost,
         converged: [a.converged(), b.converged()],
-    })
+        one_model: false,
+    }
 }
 
 fn mode_row(name: String, a: Probability, b: Probability) -> ModeRow {

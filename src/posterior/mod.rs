@@ -25,7 +25,9 @@ pub use calibration::{
     Calibration, CalibrationGroup, CalibrationRow, LEVELS, MIN_P_VALUE, RankedFit, rank,
 };
 pub use columns::{Column, column, columns};
-pub use compare::{Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare};
+pub use compare::{
+    Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare, compare_models,
+};
 pub use export::{DrawTable, TableFormat};
 pub use information::{
     EQUAL_TO_PRIOR, MIN_ESS_FOR_INFORMATION, equal_to_prior, information, marginal_information,

@@ -1,6 +1,7 @@
 //! The command itself: machine-readable output, exit codes, and one clear error for each bad input.
 
 mod arguments;
+mod baryons;
 mod calibration;
 mod doctor;
 mod eta;

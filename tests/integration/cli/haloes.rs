@@ -60,7 +60,9 @@ fn fits_in_several_haloes_are_compared_by_their_evidence() {
     let output = oblate(&["compare", &one, &two], "");
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let note = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(note.contains("another halo (nfw_density) than"), "{note}");
+    assert!(note.contains("another host (nfw_density) than"), "{note}");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("two models; ln Z"), "{text}");
     assert!(!note.contains("continue those"), "{note}");
     let output = oblate(&["compare", &one, &one], "");
     assert!(output.stderr.is_empty(), "{output:?}");
