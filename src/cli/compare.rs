@@ -37,15 +37,11 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     tell_other_tracks(&args.runs)?;
-    let models = tell_other_hosts(&args.runs, &stored)?;
+    let of_first_host = tell_other_hosts(&args.runs, &stored)?;
     let names = distinct_names(&args.runs, &stored.iter().collect::<Vec<_>>());
     let mut agree = true;
-    for ((other, name), model) in others.iter().zip(&names[1..]).zip(&models[1..]) {
-        let one_model = match (models[0], model) {
-            (Some(first), Some(other)) => first.has_host_of(other),
-            _ => true,
-        };
-        let comparison = if one_model {
+    for ((other, name), one_model) in others.iter().zip(&names[1..]).zip(&of_first_host[1..]) {
+        let comparison = if *one_model {
             compare(&names[0], &first.run, name, &other.run)?
         } else {
             compare_models(&names[0], &first.run, name, &other.run)
@@ -93,8 +89,8 @@ fn tell_other_tracks(runs: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// The model of each run that is a fit, and says which fits are in another host than the first.
-fn tell_other_hosts(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<Option<ModelSettings>>> {
+/// Whether each run is in the host of the first, and says which fits are not.
+fn tell_other_hosts(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<bool>> {
     let model = |(path, stored): (&PathBuf, &StoredRun)| {
         let folder = RunFolder::open(path)?;
         // A population has no track.
@@ -104,10 +100,12 @@ fn tell_other_hosts(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<Option
     };
     let models: Vec<Option<ModelSettings>> =
         (runs.iter().zip(stored).map(model)).collect::<Result<_>>()?;
-    for (path, model) in runs.iter().zip(&models).skip(1) {
+    let mut of_first_host = vec![true; runs.len()];
+    for ((path, model), same) in runs.iter().zip(&models).zip(&mut of_first_host) {
         if let (Some(first), Some(other)) = (models[0], model)
             && !first.has_host_of(other)
         {
+            *same = false;
             note(&format!(
                 "{} is a fit in another host ({}) than {} ({}): they need not agree. The difference of ln Z is the evidence for one host \
                  over the other, under their priors.",
@@ -118,7 +116,7 @@ fn tell_other_hosts(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<Option
             ));
         }
     }
-    Ok(models)
+    Ok(of_first_host)
 }
 
 fn print(c: &Comparison, out: &mut Output<'_>) -> Result<()> {

@@ -1,13 +1,14 @@
 //! `oblate mock`.
 
 use super::exit::Exit;
-use super::options::{JsonFlag, ModelFlags, WorkFlags, finite, refuse_existing, write_file};
+use super::options::{
+    JsonFlag, ModelFlags, WorkFlags, finite, fit_settings, refuse_existing, write_file,
+};
 use super::output::{Output, shown};
 use super::progress::Progress;
-use crate::config::{read, to_toml};
+use crate::config::to_toml;
 use crate::data::{MockSettings, QPopulation, mocks_with};
 use crate::error::{Error, Result};
-use crate::inference::FitSettings;
 use crate::params::StreamPrior;
 use oblate_samplers::{Event, Observer};
 use serde_json::json;
@@ -69,10 +70,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         star_scatter: !args.no_star_scatter,
         ..MockSettings::default()
     };
-    let fit = match &args.config {
-        Some(path) => read(path)?,
-        None => FitSettings::default(),
-    };
+    let fit = fit_settings(args.config.as_deref())?;
     settings.model = settings.model.with_host_of(&fit.model);
     args.model.apply_to_mocks(&mut settings.model);
     if let Some(noise) = args.noise {

@@ -154,10 +154,7 @@ enum SchemeName {
 impl ModelFlags {
     /// Settings of a fit: the file's or the defaults, with these flags applied.
     pub fn settings(&self, config: Option<&Path>) -> Result<FitSettings> {
-        let mut settings = match config {
-            Some(path) => read(path)?,
-            None => FitSettings::default(),
-        };
+        let mut settings = fit_settings(config)?;
         self.apply_to_fit(&mut settings);
         Ok(settings)
     }
@@ -221,6 +218,11 @@ impl ModelFlags {
             model.releases.seed = seed;
         }
     }
+}
+
+/// Settings of a fit: the file's or the defaults.
+pub fn fit_settings(config: Option<&Path>) -> Result<FitSettings> {
+    config.map_or_else(|| Ok(FitSettings::default()), read)
 }
 
 /// Flags of subcommands that read a track.

@@ -1,14 +1,13 @@
 //! `oblate selection`.
 
 use super::exit::Exit;
-use super::options::{JsonFlag, ModelFlags, WorkFlags, refuse_existing, write_file};
+use super::options::{JsonFlag, ModelFlags, WorkFlags, fit_settings, refuse_existing, write_file};
 use super::output::Output;
 use super::progress::Progress;
 use super::set::SetFlags;
-use crate::config::{read, to_toml};
+use crate::config::to_toml;
 use crate::data::{MockSettings, Selection, selection};
 use crate::error::Result;
-use crate::inference::FitSettings;
 use crate::params::StreamPrior;
 use oblate_samplers::{Event, Observer};
 use serde::Serialize;
@@ -60,10 +59,7 @@ struct Settings<'a> {
 pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     args.work.start_threads()?;
     let mut settings = MockSettings::default();
-    let fit = match &args.config {
-        Some(path) => read(path)?,
-        None => FitSettings::default(),
-    };
+    let fit = fit_settings(args.config.as_deref())?;
     settings.model = settings.model.with_host_of(&fit.model);
     args.model.apply_to_mocks(&mut settings.model);
     args.set.apply(&mut settings)?;

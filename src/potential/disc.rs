@@ -49,7 +49,7 @@ pub struct DiscShape {
 
 impl DiscShape {
     /// Of a disc without mass.
-    const THIN: Self = Self {
+    const MASSLESS: Self = Self {
         masses: [0.0; RINGS],
         lengths: [1.0; RINGS],
         height: 1.0,
@@ -145,14 +145,14 @@ impl<S: Scalar> Disc<S> {
     #[must_use]
     pub fn none() -> Self {
         let normal = Vec3::new(S::zero(), S::zero(), S::one());
-        Self::new(S::zero(), S::one(), normal, DiscShape::THIN)
+        Self::new(S::zero(), S::one(), normal, DiscShape::MASSLESS)
     }
 
     /// The same disc with numbers of another type, each converted by `f`.
     #[inline(always)]
     pub fn map<T: Scalar>(&self, f: impl Fn(S) -> T) -> Disc<T> {
         let normal = Vec3::new(f(self.normal.x), f(self.normal.y), f(self.normal.z));
-        Disc::new(f(self.mass), f(self.r_s), normal, self.shape)
+        self.with_numbers(f(self.mass), f(self.r_s), normal)
     }
 
     /// The same disc with another mass, scale length and normal.

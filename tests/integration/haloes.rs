@@ -24,6 +24,16 @@ fn halo<H: Halo>(case: &Value) -> H::In<f64> {
     ))
 }
 
+/// The nine second derivatives of a potential.
+pub fn hessian(potential: &impl Potential<f64>, x: Vec3<f64>) -> Vec<f64> {
+    let column = |i: usize| {
+        let mut e = [0.0; 3];
+        e[i] = 1.0;
+        potential.hessian_product(x, Vec3::from(e)).to_array()
+    };
+    (0..3).flat_map(column).collect()
+}
+
 /// Largest relative errors of acceleration and Hessian in all cases of a kind; `phi` checks the value.
 fn errors<H: Halo>(kind: &str, phi: impl Fn(&Value, f64, f64)) -> [f64; 2] {
     let file = json("haloes.json");
@@ -43,13 +53,7 @@ fn errors<H: Halo>(kind: &str, phi: impl Fn(&Value, f64, f64)) -> [f64; 2] {
         let golden: Vec<f64> = (0..3)
             .flat_map(|i| numbers::<3>(&case["hess"][i]))
             .collect();
-        let ours: Vec<f64> = (0..3)
-            .flat_map(|i| {
-                let mut e = [0.0; 3];
-                e[i] = 1.0;
-                halo.hessian_product(x, Vec3::from(e)).to_array()
-            })
-            .collect();
+        let ours = hessian(&halo, x);
         worst[1] = worst[1].max(relative_difference(&ours, &golden));
         let scale = golden.iter().fold(0.0_f64, |m, v| m.max(v.abs())) / (4.0 * PI * G);
         let density = halo.density(x) - number(&case["density"]);
