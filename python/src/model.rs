@@ -108,7 +108,7 @@ impl Model {
         let track = Track::new(&particles, bin_width_deg, likelihood.edges, min_n);
         // As data have it whose progenitor is at another phi, or whose distance is another.
         let track = track.map_err(to_python)?;
-        let track = track.measured_with(params.phi0_deg, params.distance_factor);
+        let track = track.measured_with(&params);
         track_columns(parameters.py(), &track)
     }
 

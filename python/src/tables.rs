@@ -15,6 +15,10 @@ pub fn track_columns<'py>(py: Python<'py>, track: &Track) -> PyResult<Bound<'py,
     columns.set_item("r_kpc", column(|bin| bin.r_kpc))?;
     columns.set_item("r_err_kpc", column(|bin| bin.r_err_kpc))?;
     columns.set_item("n", column(|bin| bin.n))?;
+    columns.set_item("v_km_s", column(|bin| bin.v_km_s))?;
+    columns.set_item("v_err_km_s", column(|bin| bin.v_err_km_s))?;
+    columns.set_item("width_kpc", column(|bin| bin.width_kpc))?;
+    columns.set_item("density_per_deg", column(|bin| bin.density_per_deg))?;
     Ok(columns)
 }
 

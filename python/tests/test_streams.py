@@ -83,6 +83,26 @@ def test_a_track_of_arrays_is_that_of_the_file(fit, points):
     assert oblate.Fit(made).data.name == "made"
 
 
+def test_a_track_of_arrays_has_velocities_widths_and_densities():
+    nan = float("nan")
+    measured = {"v_km_s": [-50.0, nan, 20.0], "v_err_km_s": [5.0, nan, 4.0]}
+    columns = [[-10.0, 0.0, 10.0], [50.0, 51.0, 52.0], [1.0, 1.0, 1.0]]
+    track = oblate.Track(*columns, bin_width_deg=10.0, **measured)
+    assert track.v_km_s == pytest.approx(measured["v_km_s"], nan_ok=True)
+    assert track.v_err_km_s == pytest.approx(measured["v_err_km_s"], nan_ok=True)
+    assert track.width_kpc is None and track.density_err_per_deg is None
+    others = {"width_kpc": [1.0] * 3, "width_err_kpc": [0.1] * 3, "density_per_deg": [9.0] * 3, "density_err_per_deg": [2.0] * 3}
+    track = oblate.Track(*columns, bin_width_deg=10.0, **others)
+    assert track.width_kpc.tolist() == [1.0] * 3 and track.width_err_kpc.tolist() == [0.1] * 3
+    assert track.density_per_deg.tolist() == [9.0] * 3 and track.density_err_per_deg.tolist() == [2.0] * 3
+    with pytest.raises(ValueError, match="together"):
+        oblate.Track(*columns, bin_width_deg=10.0, v_km_s=[1.0, 2.0, 3.0])
+    with pytest.raises(oblate.OblateError, match="bin 2"):
+        oblate.Track(*columns, bin_width_deg=10.0, v_km_s=[1.0, 2.0, 3.0], v_err_km_s=[1.0, 0.0, 1.0])
+    with pytest.raises(oblate.OblateError, match="empty"):
+        oblate.Track(*columns, bin_width_deg=10.0, width_kpc=[nan] * 3, width_err_kpc=[nan] * 3)
+
+
 def test_tracks_that_cannot_be_used_are_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="give the path of a readable ECSV or CSV track"):
         oblate.Fit(tmp_path / "none.csv")

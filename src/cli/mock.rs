@@ -38,6 +38,15 @@ pub struct Args {
     /// Relative noise of each radius
     #[arg(long, value_parser = finite)]
     noise: Option<f64>,
+    /// Add mean line-of-sight velocities with this noise, km/s
+    #[arg(long, value_name = "KM_S", value_parser = finite)]
+    velocity_noise: Option<f64>,
+    /// Add widths of the stream with this relative noise
+    #[arg(long, value_parser = finite)]
+    width_noise: Option<f64>,
+    /// Add densities of stars with this relative noise; the settings must have log10_n_stars
+    #[arg(long, value_parser = finite)]
+    density_noise: Option<f64>,
     /// Errors of the noise alone, as in the paper: without the standard error of a mean over the stars of a bin
     #[arg(long)]
     no_star_scatter: bool,
@@ -68,6 +77,9 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let mut settings = MockSettings {
         population: args.population,
         star_scatter: !args.no_star_scatter,
+        velocity_noise_km_s: args.velocity_noise,
+        width_noise: args.width_noise,
+        density_noise: args.density_noise,
         ..MockSettings::default()
     };
     let fit = fit_settings(args.config.as_deref())?;

@@ -90,8 +90,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let particles = work.particles;
     let min_n = min_fraction * particles.len() as f64;
     // As data have it whose progenitor is at another phi, or whose distance is another.
-    let track = Track::new(&particles, args.bin_width, edges, min_n)?
-        .measured_with(params.phi0_deg, params.distance_factor);
+    let track = Track::new(&particles, args.bin_width, edges, min_n)?.measured_with(&params);
     let seconds = begin.elapsed().as_secs_f64();
     if let Some(file) = &args.particles_out {
         let csv = particles_csv(&particles, &model);
@@ -105,6 +104,8 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
             "track": {
                 "phi_deg": column(|b| b.phi_deg), "r_kpc": column(|b| b.r_kpc),
                 "r_err_kpc": column(|b| b.r_err_kpc), "n": column(|b| b.n),
+                "v_km_s": column(|b| b.v_km_s), "v_err_km_s": column(|b| b.v_err_km_s),
+                "width_kpc": column(|b| b.width_kpc), "density_per_deg": column(|b| b.density_per_deg),
             },
             "q": shape.q,
             "axis": shape.axis.to_array(),
@@ -122,11 +123,11 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
             shape.q,
             shape.axis.to_array()
         ))?;
-        out.line(" phi/deg     r/kpc   +-/kpc        n")?;
+        out.line(" phi/deg     r/kpc   +-/kpc        n    v/(km/s) +-/(km/s) width/kpc")?;
         for b in &track.bins {
             out.line(&format!(
-                "{:8.1} {:9.3} {:8.3} {:8.1}",
-                b.phi_deg, b.r_kpc, b.r_err_kpc, b.n
+                "{:8.1} {:9.3} {:8.3} {:8.1} {:11.2} {:9.2} {:9.3}",
+                b.phi_deg, b.r_kpc, b.r_err_kpc, b.n, b.v_km_s, b.v_err_km_s, b.width_kpc
             ))?;
         }
         if particles.tally.ambiguous_windings > 0 {

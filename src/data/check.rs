@@ -1,8 +1,9 @@
 //! The checks that columns must pass to be a track, shared by files and tracks made in memory.
 
+use super::measured::Measured;
 use super::observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, SLACK, STARS};
 use crate::error::{Error, Result, TrackFault};
-use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG};
+use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinQuantity};
 use std::collections::BTreeMap;
 
 /// A fault of a track, and the row, from 0, if one row is at fault.
@@ -32,7 +33,8 @@ pub fn fault(track: &ObservedTrack) -> Option<Fault> {
     let same = track.r_kpc.len() == rows
         && track.r_err_lo_kpc.len() == rows
         && track.r_err_hi_kpc.len() == rows
-        && track.n.as_ref().is_none_or(|n| n.len() == rows);
+        && track.n.as_ref().is_none_or(|n| n.len() == rows)
+        && track.measured.values().all(|values| values.len() == rows);
     if !same {
         return Fault::whole(TrackFault::ColumnLengths);
     }
@@ -51,6 +53,7 @@ pub fn fault(track: &ObservedTrack) -> Option<Fault> {
     (0..rows)
         .find_map(|row| row_fault(track, errors, row))
         .or_else(|| width_fault(track))
+        .or_else(|| measured_fault(track))
 }
 
 fn row_fault(
@@ -107,6 +110,41 @@ fn row_fault(
     None
 }
 
+fn measured_fault(track: &ObservedTrack) -> Option<Fault> {
+    for (quantity, rows) in &track.measured {
+        let column = quantity.column();
+        if rows.iter().all(Option::is_none) {
+            let column = column.value;
+            return Fault::whole(TrackFault::NeverMeasured { column });
+        }
+        for (row, measured) in rows.iter().enumerate() {
+            let Some(Measured { value, error }) = *measured else {
+                continue;
+            };
+            for (name, value, range) in [
+                (column.value, value, &column.values),
+                (column.error, error, &column.errors),
+            ] {
+                if !value.is_finite() {
+                    let column = name;
+                    return Fault::at(row, TrackFault::NotFinite { column, value });
+                }
+                if !range.contains(&value) {
+                    let fault = TrackFault::OutOfRange {
+                        column: name,
+                        value,
+                        lo: *range.start(),
+                        hi: *range.end(),
+                        unit: column.unit,
+                    };
+                    return Fault::at(row, fault);
+                }
+            }
+        }
+    }
+    None
+}
+
 fn width_fault(track: &ObservedTrack) -> Option<Fault> {
     let width_deg = track.bin_width_deg;
     if !BIN_WIDTHS_DEG.contains(&width_deg) {
@@ -154,12 +192,30 @@ impl ObservedTrack {
             r_err_hi_kpc: r_err_kpc.to_vec(),
             assumed_error: None,
             n: None,
+            measured: BTreeMap::new(),
             meta: BTreeMap::new(),
         };
-        match fault(&track) {
-            None => Ok(track),
+        track.checked()
+    }
+
+    /// The same track with a quantity that is measured beside the radii, one value for each bin.
+    ///
+    /// # Errors
+    /// [`Error::Track`] if there are not as many values as bins, none is measured, or one is not finite or out of its range.
+    pub fn with_measured(
+        mut self,
+        quantity: BinQuantity,
+        values: Vec<Option<Measured>>,
+    ) -> Result<Self> {
+        self.measured.insert(quantity, values);
+        self.checked()
+    }
+
+    fn checked(self) -> Result<Self> {
+        match fault(&self) {
+            None => Ok(self),
             Some(found) => Err(Error::Track {
-                name: name.to_owned(),
+                name: self.name,
                 bin: found.row.map(|row| row + 1),
                 fault: found.fault,
             }),

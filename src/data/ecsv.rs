@@ -1,8 +1,10 @@
 //! The header of ECSV (astropy's enhanced CSV): YAML in comment lines, read with `saphyr` and written by hand in the
 //! small subset that both YAML 1.1 (astropy) and 1.2 read the same way.
 
+use super::measured::Measured;
 use super::observed::ObservedTrack;
 use crate::error::{Error, Result, TrackFault};
+use crate::track::BinQuantity;
 use saphyr::{LoadableYamlNode, Scalar, Yaml};
 use saphyr_parser::{Event, Parser};
 use serde_json::Value;
@@ -223,21 +225,48 @@ pub fn quantity(value: &Value) -> Option<(f64, Option<String>)> {
 
 /// The whole file of a track.
 pub fn text(track: &ObservedTrack) -> String {
+    let cells = |values: &[f64]| values.iter().map(|x| number(*x)).collect::<Vec<_>>();
     let mut columns = vec![
-        ("phi", "deg", &track.phi_deg, "bin centre"),
-        ("r", "kpc", &track.r_kpc, "mean projected radius"),
+        ("phi", "deg", cells(&track.phi_deg), "bin centre"),
+        ("r", "kpc", cells(&track.r_kpc), "mean projected radius"),
     ];
     if track.assumed_error.is_some() {
         // The header says how the errors follow from r.
     } else if track.has_symmetric_errors() {
-        columns.push(("r_err", "kpc", &track.r_err_lo_kpc, "standard error of r"));
+        let error = cells(&track.r_err_lo_kpc);
+        columns.push(("r_err", "kpc", error, "standard error of r"));
     } else {
-        let (lo, hi) = (&track.r_err_lo_kpc, &track.r_err_hi_kpc);
+        let (lo, hi) = (cells(&track.r_err_lo_kpc), cells(&track.r_err_hi_kpc));
         columns.push(("r_err_lo", "kpc", lo, "standard error towards smaller r"));
         columns.push(("r_err_hi", "kpc", hi, "standard error towards larger r"));
     }
     if let Some(n) = &track.n {
-        columns.push(("n", "", n, "stars in the bin"));
+        columns.push(("n", "", cells(n), "stars in the bin"));
+    }
+    for (quantity, rows) in &track.measured {
+        let column = quantity.column();
+        let [description, of_error] = match quantity {
+            BinQuantity::Velocity => [
+                "mean line-of-sight velocity relative to the host",
+                "standard error of v",
+            ],
+            BinQuantity::Width => [
+                "standard deviation of the projected radii",
+                "standard error of width",
+            ],
+            BinQuantity::Density => ["stars per degree", "standard error of density"],
+        };
+        // A quoted empty text is what astropy writes for a masked value.
+        let cells = |of: fn(&Measured) -> f64| {
+            let cell = |m: &Option<Measured>| {
+                m.as_ref()
+                    .map_or_else(|| "\"\"".to_owned(), |m| number(of(m)))
+            };
+            rows.iter().map(cell).collect::<Vec<_>>()
+        };
+        let (values, errors) = (cells(|m| m.value), cells(|m| m.error));
+        columns.push((column.value, column.unit, values, description));
+        columns.push((column.error, column.unit, errors, of_error));
     }
     let mut out = String::from("# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n");
     // Writing to a string cannot fail.
@@ -272,7 +301,7 @@ pub fn text(track: &ObservedTrack) -> String {
     let names: Vec<&str> = columns.iter().map(|c| c.0).collect();
     let _ = writeln!(out, "{}", names.join(","));
     for row in 0..track.len() {
-        let values: Vec<String> = columns.iter().map(|c| number(c.2[row])).collect();
+        let values: Vec<&str> = columns.iter().map(|c| c.2[row].as_str()).collect();
         let _ = writeln!(out, "{}", values.join(","));
     }
     out

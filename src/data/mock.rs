@@ -3,13 +3,14 @@
 
 use super::ObservedTrack;
 use super::extent::length_kpc;
+use super::measured::Measured;
 use super::observed::{NUMBERS_OF_BINS, RADII_KPC};
 use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
 use crate::scalar::Vec3;
 use crate::spray::{SamplingScheme, TableSettings};
 use crate::stream::{Model, ModelSettings, StreamInput, Threads, Workspace};
-use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, Track};
+use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, BinQuantity, Track, TrackBin};
 use oblate_samplers::limits::{MAX_SEED, in_range};
 use oblate_samplers::normal::quantile;
 use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
@@ -27,7 +28,7 @@ pub struct MockSettings {
     pub bin_width_deg: f64,
     /// Relative Gaussian noise of each bin's radius.
     pub noise: f64,
-    /// Whether `r_err` has the standard error of a mean over so many stars besides the noise. Without it, as in the paper, the errors of wide
+    /// Whether errors have the standard error of a mean over so many stars besides the noise. Without it, as in the paper, the errors of wide
     /// bins with few stars are too small.
     pub star_scatter: bool,
     /// A bin is kept with at least this fraction of the particles (100 of 10,000).
@@ -38,6 +39,15 @@ pub struct MockSettings {
     pub min_length_kpc: f64,
     /// Range that all radii must lie in, kpc.
     pub radii_kpc: (f64, f64),
+    /// Gaussian noise of a mean line-of-sight velocity in every bin, km/s; none: no velocities.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_noise_km_s: Option<f64>,
+    /// Relative Gaussian noise of a width in every bin; none: no widths.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub width_noise: Option<f64>,
+    /// Relative Gaussian noise of a density in every bin; none: no densities.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub density_noise: Option<f64>,
     /// Draw q from this population instead of the prior.
     pub population: Option<QPopulation>,
 }
@@ -98,6 +108,9 @@ impl Default for MockSettings {
             min_angle_deg: 90.0,
             min_length_kpc: 100.0,
             radii_kpc: (10.0, 500.0),
+            velocity_noise_km_s: None,
+            width_noise: None,
+            density_noise: None,
             population: None,
         }
     }
@@ -135,6 +148,15 @@ impl MockSettings {
                 remedy: "give the smaller one first".to_owned(),
             });
         }
+        if let Some(noise) = self.velocity_noise_km_s {
+            in_range("velocity_noise_km_s", noise, 0.01..=1_000.0)?;
+        }
+        if let Some(noise) = self.width_noise {
+            in_range("width_noise", noise, 0.001..=1.0)?;
+        }
+        if let Some(noise) = self.density_noise {
+            in_range("density_noise", noise, 0.001..=1.0)?;
+        }
         if let Some(population) = self.population {
             let QPopulation {
                 mu,
@@ -148,6 +170,24 @@ impl MockSettings {
                 -100.0..=100.0,
             )?;
             in_range("population.sigma", sigma, 0.0..=100.0)?;
+        }
+        Ok(())
+    }
+}
+
+impl MockSettings {
+    /// Checks that a prior has the number of stars, if there are densities.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if it has not.
+    fn check_prior(&self, prior: &StreamPrior) -> Result<()> {
+        if self.density_noise.is_some() && !prior.has("log10_n_stars") {
+            return Err(Error::Setting {
+                key: "density_noise".to_owned(),
+                value: "given".to_owned(),
+                remedy: "give the settings of a fit whose prior has log10_n_stars, the number of stars of the stream"
+                    .to_owned(),
+            });
         }
         Ok(())
     }
@@ -239,6 +279,7 @@ pub fn mocks_with(
         .memory(rayon::current_num_threads())
         .check()?;
     settings.model.baryons.check_prior(prior)?;
+    settings.check_prior(prior)?;
     let model = Model::new(&settings.model)?;
     let mut found = Mocks {
         mocks: Vec::new(),
@@ -308,7 +349,7 @@ fn draw(
         BinEdges::Hard,
         min_n,
     )
-    .measured_with(params.phi0_deg, params.distance_factor);
+    .measured_with(&params);
     let length_kpc = criteria(&track, settings)?;
     let phi: Vec<f64> = track.bins.iter().map(|b| b.phi_deg).collect();
     let noise = settings.noise.hypot(params.jitter);
@@ -331,6 +372,34 @@ fn draw(
     let mut observed = ObservedTrack::new(&name, &phi, settings.bin_width_deg, &r, &r_err)
         .map_err(|_| Cut::Radius)?;
     observed.n = Some(track.bins.iter().map(|b| b.n).collect());
+    // After the radii, so that these have the same noise with and without other data.
+    for quantity in BinQuantity::ALL {
+        let noise_of = |bin: &TrackBin| match quantity {
+            BinQuantity::Velocity => settings.velocity_noise_km_s,
+            BinQuantity::Width => settings.width_noise.map(|noise| noise * bin.width_kpc),
+            BinQuantity::Density => {
+                (settings.density_noise).map(|noise| noise * bin.density_per_deg)
+            }
+        };
+        let mut measure = |bin: &TrackBin| {
+            let noise = noise_of(bin)?;
+            let of_mean = if settings.star_scatter {
+                bin.error(quantity)
+            } else {
+                0.0
+            };
+            let value = bin.value(quantity) + noise * standard_normal(&mut rng);
+            let error = noise.hypot(of_mean);
+            // Noise may leave a width that no file can have.
+            let column = quantity.column();
+            let possible = column.values.contains(&value) && column.errors.contains(&error);
+            possible.then_some(Measured { value, error })
+        };
+        let rows: Vec<_> = track.bins.iter().map(&mut measure).collect();
+        if rows.iter().any(Option::is_some) {
+            observed.measured.insert(quantity, rows);
+        }
+    }
     observed.meta.insert("truth".to_owned(), truth(&params, q));
     Ok(Mock {
         track: observed,

@@ -1,7 +1,9 @@
 //! The observed track.
 
 use super::assumed_error::AssumedError;
+use super::measured::Measured;
 use crate::params::NAMES;
+use crate::track::BinQuantity;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -44,6 +46,9 @@ pub struct ObservedTrack {
     pub assumed_error: Option<AssumedError>,
     /// Stars (or particles) per bin, where known.
     pub n: Option<Vec<f64>>,
+    /// What is measured beside the radii, bin by bin; a value may be missing in any bin, but not in all.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub measured: BTreeMap<BinQuantity, Vec<Option<Measured>>>,
     /// Everything else that the header says (origin, distance, truth), as it was read.
     pub meta: BTreeMap<String, serde_json::Value>,
 }
@@ -125,8 +130,7 @@ impl ObservedTrack {
         known
     }
 
-    /// Whether another track has the same name and the same radii with the same errors at the same angles, so that fits of both have the same
-    /// posterior.
+    /// Whether another track has the same name and the same data at the same angles, so that fits of both have the same posterior.
     #[must_use]
     pub fn has_data_of(&self, other: &Self) -> bool {
         let columns = |track: &Self| {
@@ -138,7 +142,9 @@ impl ObservedTrack {
             ]
             .map(Clone::clone)
         };
-        self.name == other.name && columns(self) == columns(other)
+        self.name == other.name
+            && columns(self) == columns(other)
+            && self.measured == other.measured
     }
 
     /// Whether the sign of phi was changed when it was read.

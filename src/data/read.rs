@@ -4,12 +4,15 @@ use super::angles::{Handedness, header_angle_deg, phi_deg};
 use super::assumed_error::AssumedError;
 use super::ecsv::{self, Header, quantity};
 use super::header_keys::meant_by;
+use super::measured::Measured;
 use super::observed::{MIRRORED, ObservedTrack};
 use super::table::Table;
 use super::{check, csv_header};
 use crate::error::{Error, Result, TrackFault};
+use crate::track::BinQuantity;
 use oblate_samplers::read;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Largest size of a track file.
@@ -123,6 +126,7 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
         r_err_hi_kpc,
         assumed_error: assumed,
         n: table.find(path, "n")?,
+        measured: measured(path, &table, &header)?,
         phi_deg,
         r_kpc,
         meta: header.meta,
@@ -189,7 +193,7 @@ fn smallest_step(phi_deg: &[f64]) -> f64 {
     if min.is_finite() { min } else { 0.0 }
 }
 
-/// A column of radii or of their errors in kpc, if it is there. Errors without a unit have that of the radii.
+/// A column of radii or of their errors in kpc, if it is there.
 fn kpc(
     path: &Path,
     table: &Table,
@@ -199,9 +203,15 @@ fn kpc(
     let Some(values) = table.find(path, column)? else {
         return Ok(None);
     };
+    let to_kpc = to_kpc(path, table, header, column)?;
+    Ok(Some(values.iter().map(|x| x * to_kpc).collect()))
+}
+
+/// The unit of a column of lengths in kpc. A column without a unit has that of the radii.
+fn to_kpc(path: &Path, table: &Table, header: &Header, column: &'static str) -> Result<f64> {
     let fail = |fault| table.fail(path, fault);
     let unit = header.units.get(column).or_else(|| header.units.get("r"));
-    let to_kpc = match unit.map(String::as_str) {
+    Ok(match unit.map(String::as_str) {
         Some("arcsec") => KPC_PER_ARCSEC_MPC * distance_mpc(header).map_err(fail)?,
         Some("kpc") => 1.0,
         Some(unit) => {
@@ -216,8 +226,98 @@ fn kpc(
             return Err(fail(TrackFault::DistanceWithoutUnit));
         }
         None => 1.0,
-    };
-    Ok(Some(values.iter().map(|x| x * to_kpc).collect()))
+    })
+}
+
+/// Names of km/s and of one over a degree: as people and as astropy write them.
+const KM_S: [&str; 4] = ["km / s", "km/s", "km s-1", "km.s**-1"];
+const PER_DEGREE: [&str; 4] = ["1 / deg", "1/deg", "deg-1", "deg**-1"];
+
+/// Checks that a column has no unit or one of `names`.
+fn check_unit(
+    path: &Path,
+    table: &Table,
+    header: &Header,
+    column: &'static str,
+    names: &[&str],
+    known: &'static str,
+) -> Result<()> {
+    match header.units.get(column) {
+        Some(unit) if !names.contains(&unit.as_str()) => Err(table.fail(
+            path,
+            TrackFault::UnknownUnit {
+                column: column.to_owned(),
+                unit: unit.to_owned(),
+                known,
+            },
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// What is measured beside the radii. A row has both a value and its error, or neither.
+fn measured(
+    path: &Path,
+    table: &Table,
+    header: &Header,
+) -> Result<BTreeMap<BinQuantity, Vec<Option<Measured>>>> {
+    let mut measured = BTreeMap::new();
+    for quantity in BinQuantity::ALL {
+        let column = quantity.column();
+        let names = [column.value, column.error];
+        let numbers = (
+            table.find_sparse(path, column.value)?,
+            table.find_sparse(path, column.error)?,
+        );
+        let (values, errors) = match numbers {
+            (None, None) => continue,
+            (Some(values), Some(errors)) => (values, errors),
+            (None, Some(_)) => return Err(table.fail(path, half(column.error, column.value))),
+            (Some(_), None) => return Err(table.fail(path, half(column.value, column.error))),
+        };
+        let mut factors = [1.0; 2];
+        for (factor, name) in factors.iter_mut().zip(names) {
+            match quantity {
+                BinQuantity::Velocity => {
+                    check_unit(path, table, header, name, &KM_S, "km/s")?;
+                }
+                BinQuantity::Width => *factor = to_kpc(path, table, header, name)?,
+                BinQuantity::Density => {
+                    check_unit(path, table, header, name, &PER_DEGREE, "1/deg")?;
+                }
+            }
+        }
+        let mut rows = Vec::with_capacity(values.len());
+        for (row, pair) in values.into_iter().zip(errors).enumerate() {
+            let fault = match pair {
+                (Some(value), Some(error)) => {
+                    rows.push(Some(Measured {
+                        value: value * factors[0],
+                        error: error * factors[1],
+                    }));
+                    continue;
+                }
+                (None, None) => {
+                    rows.push(None);
+                    continue;
+                }
+                (Some(_), None) => half(column.value, column.error),
+                (None, Some(_)) => half(column.error, column.value),
+            };
+            return Err(Error::TrackFile {
+                path: path.to_path_buf(),
+                line: table.rows.get(row).map(|(line, _)| *line),
+                fault,
+            });
+        }
+        measured.insert(quantity, rows);
+    }
+    Ok(measured)
+}
+
+/// A value without its error, or an error without its value.
+fn half(given: &'static str, missing: &'static str) -> TrackFault {
+    TrackFault::HalfMeasured { given, missing }
 }
 
 /// The header's distance, which must be in Mpc.
@@ -248,7 +348,8 @@ impl ObservedTrack {
     /// Reads a track from ECSV (a file that starts with `# %ECSV`) or plain CSV; docs/tracks.md explains both.
     ///
     /// Columns: `phi`, or `PA` with `progenitor_pa` in the header (deg, rad, arcmin or arcsec); `r` (kpc, or arcsec with `distance` in
-    /// Mpc in the header); `r_err`, or `r_err_lo` and `r_err_hi` (as `r`); optionally `n`. The header may give `bin_width` in degrees;
+    /// Mpc in the header); `r_err`, or `r_err_lo` and `r_err_hi` (as `r`); optionally `n`, `v` with `v_err` (km/s), `width`
+    /// with `width_err` (as `r`), and `density` with `density_err` (stars per degree), which may be empty in some rows. The header may give `bin_width` in degrees;
     /// otherwise it is the smallest step of `phi`. Without units, angles are in degrees and radii in kpc.
     ///
     /// # Errors

@@ -5,7 +5,21 @@ use crate::error::{Error, Result, TrackFault};
 use std::path::Path;
 
 /// The columns that a track may have. Others are refused, because what they say would be ignored.
-pub const COLUMNS: [&str; 7] = ["phi", "PA", "r", "r_err", "r_err_lo", "r_err_hi", "n"];
+pub const COLUMNS: [&str; 13] = [
+    "phi",
+    "PA",
+    "r",
+    "r_err",
+    "r_err_lo",
+    "r_err_hi",
+    "n",
+    "v",
+    "v_err",
+    "width",
+    "width_err",
+    "density",
+    "density_err",
+];
 
 /// The body of a file: columns by name, each row with its line.
 pub struct Table {
@@ -146,17 +160,40 @@ impl Table {
         };
         self.rows
             .iter()
-            .map(|(line, fields)| {
-                fields[at].parse::<f64>().map_err(|_| Error::TrackFile {
-                    path: path.to_path_buf(),
-                    line: Some(*line),
-                    fault: TrackFault::NotANumber {
-                        column: name.to_owned(),
-                        text: fields[at].clone(),
-                    },
-                })
-            })
+            .map(|row| number(path, name, row, at))
             .collect::<Result<Vec<f64>>>()
             .map(Some)
     }
+
+    /// A column's numbers, if the column is there; `None` in a row where it is empty.
+    pub fn find_sparse(&self, path: &Path, name: &str) -> Result<Option<Vec<Option<f64>>>> {
+        let Some(at) = self.names.iter().position(|n| n == name) else {
+            return Ok(None);
+        };
+        self.rows
+            .iter()
+            .map(|row| {
+                let is_empty = row.1[at].is_empty();
+                (!is_empty).then(|| number(path, name, row, at)).transpose()
+            })
+            .collect::<Result<Vec<Option<f64>>>>()
+            .map(Some)
+    }
+}
+
+/// The number in field `at`, which is that of the column `name`, of a row.
+fn number(
+    path: &Path,
+    name: &str,
+    (line, fields): &(usize, Vec<String>),
+    at: usize,
+) -> Result<f64> {
+    fields[at].parse().map_err(|_| Error::TrackFile {
+        path: path.to_path_buf(),
+        line: Some(*line),
+        fault: TrackFault::NotANumber {
+            column: name.to_owned(),
+            text: fields[at].clone(),
+        },
+    })
 }

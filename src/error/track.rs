@@ -126,6 +126,24 @@ pub enum TrackFault {
         "the columns of errors do not go together; give either `r_err`, or both `r_err_lo` and `r_err_hi`"
     )]
     ErrorColumns,
+    /// A value has no error, or an error no value.
+    #[error(
+        "`{given}` is given without `{missing}`; give both in a bin, or leave both empty where nothing is measured"
+    )]
+    HalfMeasured {
+        /// The column that is given.
+        given: &'static str,
+        /// The column that is missing or empty.
+        missing: &'static str,
+    },
+    /// A quantity is measured in no bin.
+    #[error(
+        "column `{column}` is empty; give a value in at least one bin, or leave the column out"
+    )]
+    NeverMeasured {
+        /// The column.
+        column: &'static str,
+    },
     /// An entry of the header is nearly one that is read.
     #[error(
         "`{key}` in the header is not read; write it as `{nearest}: value`, or use another word"

@@ -2,6 +2,7 @@
 
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
+use crate::track::BinQuantity;
 use oblate_samplers::Run;
 use std::collections::BTreeMap;
 
@@ -17,6 +18,7 @@ pub struct Diagnostics {
 /// Diagnostics of a fit:
 /// - `bounded_tidal_radius`, `ambiguous_windings`: the approximations in the best fit's stream ([`Tally`](crate::Tally));
 /// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, with its jitter, and the number of data bins;
+/// - `best_fit_chi2_velocity` and `best_fit_velocities`, `_width` and `_widths`, `_density` and `_densities`: the same of what is measured beside the radii;
 /// - `star_scatter`: if the track has numbers of stars, the variance of a mean over them by the best fit's scatter of radii, over that of the datum, mean
 ///   over bins. Errors that include the scatter of the stars have at most 1;
 /// - `density_on_minor_axis_msun_kpc3`: the halo's density on its symmetry axis, at the progenitor's distance from the centre.
@@ -54,6 +56,23 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     }
     found.insert("best_fit_chi2", chi2);
     found.insert("best_fit_bins", track.len() as f64);
+    for (quantity, rows) in &track.measured {
+        let [chi2_name, count_name] = match quantity {
+            BinQuantity::Velocity => ["best_fit_chi2_velocity", "best_fit_velocities"],
+            BinQuantity::Width => ["best_fit_chi2_width", "best_fit_widths"],
+            BinQuantity::Density => ["best_fit_chi2_density", "best_fit_densities"],
+        };
+        let mut chi2 = 0.0;
+        for (bin, measured) in track.bins().into_iter().zip(rows) {
+            if let Some(datum) = measured
+                && let Some(model) = modelled.bins.iter().find(|b| b.bin == bin)
+            {
+                chi2 += ((model.value(*quantity) - datum.value) / datum.error).powi(2);
+            }
+        }
+        found.insert(chi2_name, chi2);
+        found.insert(count_name, rows.iter().flatten().count() as f64);
+    }
     if !of_stars.is_empty() {
         found.insert_star_scatter(of_stars.iter().sum::<f64>() / of_stars.len() as f64);
     }

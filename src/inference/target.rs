@@ -2,11 +2,12 @@
 
 use super::derived::{DERIVED, derived};
 use super::settings::FitSettings;
-use crate::data::ObservedTrack;
-use crate::error::{Rejection, Result};
-use crate::likelihood::{DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
+use crate::data::{Measured, ObservedTrack, QuantityColumn};
+use crate::error::{Error, Rejection, Result};
+use crate::likelihood::{BinMeasurement, DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
 use crate::params::{DIM, FEATURES, StreamParams, StreamPrior, features, features_vjp, symmetry};
 use crate::stream::Model;
+use crate::track::BinQuantity;
 use oblate_samplers::limits::Memory;
 use oblate_samplers::{Outcome, Prior, Symmetry, Target};
 
@@ -29,6 +30,7 @@ impl StreamTarget {
     pub fn from_track(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         let prior = StreamPrior::new(&settings.prior)?;
         settings.model.baryons.check_prior(&prior)?;
+        check_measured(track, &prior)?;
         let model = Model::new(&settings.model)?;
         let data: Vec<DataBin> = track
             .bins()
@@ -47,7 +49,8 @@ impl StreamTarget {
             &data,
             &model.settings().releases,
         )?
-        .with_offset_deg(track.offset_deg())?;
+        .with_offset_deg(track.offset_deg())?
+        .with_measurements(&measurements(track))?;
         let q_range = prior.q_range();
         Ok(Self::new(
             StreamLikelihood::new(model, likelihood, q_range),
@@ -58,7 +61,8 @@ impl StreamTarget {
     /// From a likelihood and a prior with the same range of q.
     #[must_use]
     pub fn new(likelihood: StreamLikelihood, prior: StreamPrior) -> Self {
-        let symmetries = symmetry::symmetries(&prior);
+        let velocities = likelihood.track().has(BinQuantity::Velocity);
+        let symmetries = symmetry::symmetries(&prior, velocities);
         Self {
             likelihood,
             prior,
@@ -79,8 +83,11 @@ impl StreamTarget {
         &self.likelihood
     }
 
-    fn has_baryons(&self) -> bool {
-        !self.likelihood.model().settings().baryons.is_none()
+    /// Whether ln L depends on the mass of the halo beside its ratio to other masses: baryons have masses of their own, and velocities a
+    /// scale.
+    fn has_scale(&self) -> bool {
+        let baryons = self.likelihood.model().settings().baryons;
+        !baryons.is_none() || self.likelihood.track().has(BinQuantity::Velocity)
     }
 
     /// The prior with its fixed parameters.
@@ -95,6 +102,55 @@ impl StreamTarget {
     pub fn params(&self, theta: &[f64]) -> StreamParams<f64> {
         self.prior.fill(theta)
     }
+}
+
+/// Velocities, widths and densities of a track.
+fn measurements(track: &ObservedTrack) -> Vec<BinMeasurement> {
+    let bins = track.bins();
+    let of_quantity = |(quantity, rows): (&BinQuantity, &Vec<Option<Measured>>)| {
+        let of_row = |(bin, measured): (&i64, &Option<Measured>)| {
+            measured.map(|Measured { value, error }| BinMeasurement {
+                bin: *bin,
+                quantity: *quantity,
+                value,
+                error,
+            })
+        };
+        bins.iter().zip(rows).filter_map(of_row).collect::<Vec<_>>()
+    };
+    track.measured.iter().flat_map(of_quantity).collect()
+}
+
+/// Checks that a prior has what the data of a track need, and no parameter that these do not have.
+fn check_measured(track: &ObservedTrack, prior: &StreamPrior) -> Result<()> {
+    let has = |quantity| track.measured.contains_key(&quantity);
+    for (quantity, name) in [
+        (BinQuantity::Velocity, "v_host_km_s"),
+        (BinQuantity::Density, "log10_n_stars"),
+    ] {
+        let QuantityColumn { value, error, .. } = quantity.column();
+        if prior.has(name) && !has(quantity) {
+            return Err(Error::Setting {
+                key: format!("prior.marginals.{name}"),
+                value: "given".to_owned(),
+                remedy: format!(
+                    "leave {name} out, or give a track with the columns `{value}` and `{error}`"
+                ),
+            });
+        }
+    }
+    if has(BinQuantity::Density) && !prior.has("log10_n_stars") {
+        return Err(Error::Setting {
+            key: "prior.marginals.log10_n_stars".to_owned(),
+            value: "none".to_owned(),
+            remedy: "densities need the number of stars of the whole stream: give its range, such as { kind = \"uniform\", lo = 2, hi = 5 }"
+                .to_owned(),
+        });
+    }
+    if has(BinQuantity::Velocity) {
+        prior.check_both_sides("velocities tell")?;
+    }
+    Ok(())
 }
 
 /// The result of an evaluation, for a sampler.
@@ -147,22 +203,22 @@ impl Target for StreamTarget {
     }
 
     fn feature_count(&self) -> usize {
-        FEATURES + usize::from(self.has_baryons()) + self.prior.free_optional().len()
+        FEATURES + usize::from(self.has_scale()) + self.prior.free_optional().len()
     }
 
-    /// Those of the stream, with baryons the mass of the halo, which theirs are compared with, and the free optional parameters as they are.
+    /// Those of the stream, the mass of the halo where ln L depends on it, and the free optional parameters as they are.
     fn features(&self, _z: &[f64], theta: &[f64], all: &mut [f64]) {
         let params = self.params(theta);
         let (of_stream, others) = all.split_at_mut(FEATURES);
         of_stream.copy_from_slice(&features(&params, self.prior.q_range()));
-        let (mass, optional) = others.split_at_mut(usize::from(self.has_baryons()));
+        let (mass, optional) = others.split_at_mut(usize::from(self.has_scale()));
         mass.fill(params.log10_m_halo);
         optional.copy_from_slice(&theta[theta.len() - optional.len()..]);
     }
 
     fn features_vjp(&self, z: &[f64], theta: &[f64], features_bar: &[f64], z_bar: &mut [f64]) {
         let (of_stream, others) = features_bar.split_at(FEATURES);
-        let (mass, optional) = others.split_at(usize::from(self.has_baryons()));
+        let (mass, optional) = others.split_at(usize::from(self.has_scale()));
         let mut bar = [0.0; FEATURES];
         bar.copy_from_slice(of_stream);
         let mut bar = features_vjp(&self.params(theta), self.prior.q_range(), &bar);

@@ -11,7 +11,7 @@ use crate::stream::{
     Adjoint, AnyHost, CompiledHost, Model, Particles, SolutionMemory, StepSchedules, StreamInput,
     System, Threads, Workspace, host_of,
 };
-use crate::track::{BinGrid, PartialSums, Sums, Track};
+use crate::track::{BinGrid, BinQuantity, PartialSums, Sums, Track, TrackBin};
 use rayon::prelude::*;
 use std::cell::RefCell;
 
@@ -220,7 +220,7 @@ impl StreamLikelihood {
         let grid = self.track.grid_from(observation.phi0_deg);
         let input = self.input(&params, threads);
         (self.host).particles(&self.model, &input, &mut b.memory, &mut b.work)?;
-        sum(&grid, threads, &b.work, &mut b.sums, &mut b.partial_sums);
+        self.sum(&grid, threads, &b.work, &mut b.sums, &mut b.partial_sums);
         let ln_likelihood = self.track.ln_likelihood(&b.sums, &observation)?;
         Ok(Evaluation {
             ln_likelihood,
@@ -248,15 +248,16 @@ impl StreamLikelihood {
         } = b;
         let mut of_track = None;
         let mut of_particles = |work: &mut Workspace| {
-            sum(&grid, threads, work, sums, partial_sums);
+            self.sum(&grid, threads, work, sums, partial_sums);
             let (ln_likelihood, observation_bar) = self.track.vjp(sums, &observation, sums_bar)?;
             let Workspace {
                 particles,
                 x_bar,
                 y_bar,
+                vz_bar,
                 ..
             } = work;
-            let offset_bar = grid.vjp(particles, sums_bar, x_bar, y_bar);
+            let offset_bar = grid.vjp(particles, sums_bar, [x_bar, y_bar, vz_bar]);
             of_track = Some((ln_likelihood, observation_bar, offset_bar));
             Ok(())
         };
@@ -270,6 +271,8 @@ impl StreamLikelihood {
         let mut gradient = StreamParams::from_array(gradient);
         gradient.jitter += observation_bar.jitter;
         gradient.distance_factor += observation_bar.distance_factor;
+        gradient.v_host_km_s += observation_bar.v_host_km_s;
+        gradient.log10_n_stars += observation_bar.log10_n_stars;
         // The bins of the data are at phi - phi0 from the progenitor.
         gradient.phi0_deg -= offset_bar;
         let gradient = gradient.to_array();
@@ -281,6 +284,24 @@ impl StreamLikelihood {
             Ok((evaluation, gradient))
         } else {
             Err(Rejection::BadLikelihood)
+        }
+    }
+
+    /// Writes the sums of the particles over the bins of `grid`.
+    fn sum(
+        &self,
+        grid: &BinGrid,
+        threads: Threads,
+        work: &Workspace,
+        sums: &mut Sums<f64>,
+        partial_sums: &mut PartialSums,
+    ) {
+        match threads {
+            Threads::One => grid.sum(&work.particles, sums, partial_sums),
+            Threads::All => grid.sum_in_parallel(&work.particles, sums),
+        }
+        if self.track.has(BinQuantity::Velocity) {
+            grid.sum_velocities(&work.particles, sums);
         }
     }
 
@@ -314,7 +335,8 @@ impl StreamLikelihood {
         let neighbourhood = self.model.table().neighbourhood.as_deref();
         let grid = self.track.grid_from(real_parts.phi0_deg);
         let offset_deg = -observation.phi0_deg + self.track.grid().offset_deg;
-        grid.sum_final_particles(&particles, neighbourhood, offset_deg, &mut sums);
+        let velocities = self.track.has(BinQuantity::Velocity);
+        grid.sum_final_particles(&particles, neighbourhood, offset_deg, velocities, &mut sums);
         self.track.ln_likelihood(&sums, &observation)
     }
 
@@ -325,13 +347,12 @@ impl StreamLikelihood {
     /// [`Rejection::BadParameter`], [`Rejection::BadOrbit`], [`Rejection::UnresolvedOrbit`] or [`Rejection::BadParticle`] where there
     /// is no stream.
     pub fn track_at(&self, params: &StreamParams<f64>) -> Result<(Track, Particles), Rejection> {
-        let (observation, particles) = self.particles_at(params)?;
-        let track = self.measured(&particles, &observation, 0.0);
+        let particles = self.particles_at(params)?;
+        let track = self.measured(&particles, params, 0.0);
         Ok((track, particles))
     }
 
-    /// As [`track_at`](Self::track_at), as a curve: phi in degrees and radius in kpc in bins that move along phi in `per_bin` steps for each bin
-    /// width, in the order of phi. Every `per_bin`-th point is one of the track.
+    /// As [`track_at`](Self::track_at), as a curve: bins that move along phi in `per_bin` steps for each bin width, in the order of phi. Every `per_bin`-th point is one of the track.
     ///
     /// # Errors
     /// As of [`track_at`](Self::track_at).
@@ -339,39 +360,27 @@ impl StreamLikelihood {
         &self,
         params: &StreamParams<f64>,
         per_bin: u32,
-    ) -> Result<(Vec<(f64, f64)>, Particles), Rejection> {
-        let (observation, particles) = self.particles_at(params)?;
+    ) -> Result<(Vec<TrackBin>, Particles), Rejection> {
+        let particles = self.particles_at(params)?;
         let step_deg = self.track.grid_from(0.0).width_deg / f64::from(per_bin);
         let tracks =
-            (0..per_bin).map(|k| self.measured(&particles, &observation, f64::from(k) * step_deg));
-        let mut curve: Vec<(f64, f64)> = tracks
-            .flat_map(|track| track.bins)
-            .map(|bin| (bin.phi_deg, bin.r_kpc))
-            .collect();
-        curve.sort_by(|a, b| a.0.total_cmp(&b.0));
+            (0..per_bin).map(|k| self.measured(&particles, params, f64::from(k) * step_deg));
+        let mut curve: Vec<TrackBin> = tracks.flat_map(|track| track.bins).collect();
+        curve.sort_by(|a, b| a.phi_deg.total_cmp(&b.phi_deg));
         Ok((curve, particles))
     }
 
-    fn particles_at(
-        &self,
-        params: &StreamParams<f64>,
-    ) -> Result<(Observation<f64>, Particles), Rejection> {
-        let observation = Observation::from(params);
-        observation.check()?;
+    fn particles_at(&self, params: &StreamParams<f64>) -> Result<Particles, Rejection> {
+        Observation::from(params).check()?;
         let mut work = Workspace::default();
         let input = self.input(params, Threads::All);
         (self.host).particles(&self.model, &input, &mut None, &mut work)?;
-        Ok((observation, work.particles))
+        Ok(work.particles)
     }
 
     /// The track of particles in the data's bins, moved along phi.
-    fn measured(
-        &self,
-        particles: &Particles,
-        observation: &Observation<f64>,
-        moved_deg: f64,
-    ) -> Track {
-        let grid = self.track.grid_from(observation.phi0_deg);
+    fn measured(&self, particles: &Particles, params: &StreamParams<f64>, moved_deg: f64) -> Track {
+        let grid = self.track.grid_from(params.phi0_deg);
         let track = Track::from_checked(
             particles,
             grid.width_deg,
@@ -379,20 +388,6 @@ impl StreamLikelihood {
             grid.edges,
             self.track.threshold().max(1.0),
         );
-        track.measured_with(observation.phi0_deg, observation.distance_factor)
-    }
-}
-
-/// Writes the sums of the particles over the bins of `grid`.
-fn sum(
-    grid: &BinGrid,
-    threads: Threads,
-    work: &Workspace,
-    sums: &mut Sums<f64>,
-    partial_sums: &mut PartialSums,
-) {
-    match threads {
-        Threads::One => grid.sum(&work.particles, sums, partial_sums),
-        Threads::All => grid.sum_in_parallel(&work.particles, sums),
+        track.measured_with(params)
     }
 }

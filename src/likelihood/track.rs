@@ -1,40 +1,17 @@
 //! The likelihood of a track: normal in the mean radius of each bin, with a rule for bins that are not covered (docs/physics.md, section 7).
 
 use super::correlation::{ErrorCorrelation, ExpectedError};
+use super::coverage::{Coverage, least_weight};
+use super::measurement::{BinMeasurement, Measurement, MeasurementRules};
 use super::observation::Observation;
 use crate::data::{RADII_KPC, RADIUS_ERRORS_KPC};
 use crate::error::{Error, Rejection, Result};
-use crate::scalar::{Dual, LANES, Real, gradient_of, lift, smooth_step};
+use crate::scalar::{Dual, LANES, Real, gradient_of, lift};
 use crate::spray::TableSettings;
-use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, BinGrid, Sums};
+use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, BinGrid, BinQuantity, Sums};
 use oblate_samplers::limits::{Memory, in_range};
 use oblate_samplers::normal::LN_SQRT_2PI;
 use serde::{Deserialize, Serialize};
-
-/// The rule for a bin of the data that the model does not cover.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Coverage {
-    /// The likelihood is zero, as in Chemaly et al. (2026).
-    Reject,
-    /// ln L is finite and has continuous second derivatives: below the threshold, ln L of a bin is interpolated to that of a residual of
-    /// `z_miss` standard errors, and a penalty is subtracted.
-    Penalty {
-        /// Residual of a bin without particles, in standard errors of the data.
-        z_miss: f64,
-        /// The penalty if no bin is covered.
-        lambda: f64,
-    },
-}
-
-impl Default for Coverage {
-    fn default() -> Self {
-        Self::Penalty {
-            z_miss: 10.0,
-            lambda: 1_000.0,
-        }
-    }
-}
 
 /// How a track is compared with data.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,10 +56,7 @@ impl LikelihoodSettings {
         let widest = *BIN_WIDTHS_DEG.end();
         self.edges
             .check("likelihood.edges.soft.half_width_deg", widest)?;
-        if let Coverage::Penalty { z_miss, lambda } = self.coverage {
-            in_range("likelihood.coverage.penalty.z_miss", z_miss, 1e-3..=1e3)?;
-            in_range("likelihood.coverage.penalty.lambda", lambda, 0.0..=1e7)?;
-        }
+        self.coverage.check()?;
         in_range("likelihood.min_fraction", self.min_fraction, 0.0..=1.0)?;
         let floor = self.error_floor_percent;
         in_range("likelihood.error_floor_percent", floor, 0.0..=100.0)?;
@@ -156,8 +130,12 @@ pub struct TrackLikelihood {
     data: Vec<Option<DataBin>>,
     /// By bin of the grid the correlation of its error with that of the datum before; 0 for the first, and of independent errors.
     correlations: Vec<f64>,
+    /// Velocities, widths and densities, in the order in which they were given.
+    measurements: Vec<Measurement>,
     /// Number of bins with data.
     count: usize,
+    /// Number of particles of the model.
+    particles: f64,
     /// The weight of a covered bin.
     threshold: f64,
     /// [`SamplingScheme::variance_factor`](crate::spray::SamplingScheme::variance_factor) of the model.
@@ -259,7 +237,9 @@ impl TrackLikelihood {
             },
             data: by_bin,
             correlations,
+            measurements: Vec::new(),
             count: data.len(),
+            particles: 0.0,
             threshold: 0.0,
             variance_factor: 1.0,
         }
@@ -278,11 +258,61 @@ impl TrackLikelihood {
         Ok(self)
     }
 
+    /// The same data with velocities, widths and densities in some of their bins.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] if a value or an error is out of its range of docs/limits.md; [`Error::Setting`] if a bin has no radius.
+    pub fn with_measurements(mut self, measurements: &[BinMeasurement]) -> Result<Self> {
+        for datum in measurements {
+            datum.check()?;
+            let index = usize::try_from(datum.bin - self.grid.first).ok();
+            let Some(index) = index.filter(|i| self.data.get(*i).is_some_and(Option::is_some))
+            else {
+                return Err(Error::Setting {
+                    key: "track".to_owned(),
+                    value: format!("a velocity, a width or a density in bin {}", datum.bin),
+                    remedy: "give them in bins that have a radius".to_owned(),
+                });
+            };
+            self.measurements.push(Measurement {
+                index,
+                datum: *datum,
+            });
+        }
+        Ok(self)
+    }
+
+    /// Whether there is a measurement of this quantity.
+    #[must_use]
+    pub fn has(&self, quantity: BinQuantity) -> bool {
+        self.measurements().any(|datum| datum.quantity == quantity)
+    }
+
+    /// Velocities, widths and densities.
+    pub fn measurements(&self) -> impl Iterator<Item = &BinMeasurement> {
+        self.measurements.iter().map(|m| &m.datum)
+    }
+
+    fn rules(&self) -> MeasurementRules {
+        MeasurementRules {
+            coverage: self.settings.coverage,
+            threshold: self.threshold,
+            variance_factor: if self.settings.model_noise {
+                self.variance_factor
+            } else {
+                0.0
+            },
+            fraction_per_weight: 1.0 / (self.particles * self.grid.width_deg),
+        }
+    }
+
     /// The same data and rules for models with other releases.
     #[must_use]
     pub fn with_releases(self, releases: &TableSettings) -> Self {
+        let particles = releases.particles as f64;
         Self {
-            threshold: self.settings.min_fraction * releases.particles as f64,
+            particles,
+            threshold: self.settings.min_fraction * particles,
             variance_factor: releases.sampling_scheme.variance_factor(),
             ..self
         }
@@ -338,7 +368,11 @@ impl TrackLikelihood {
                 .map(|c| correlation.least_variance(*c));
             least.map(|variance| -0.5 * variance.ln()).sum()
         });
-        exact_fit + narrower + BOUND_SLACK
+        let measured: f64 = self
+            .measurements()
+            .map(BinMeasurement::ln_likelihood_bound)
+            .sum();
+        exact_fit + narrower + measured + BOUND_SLACK
     }
 
     /// ln L of a model's sums over the bins of [`grid_from`](Self::grid_from): the density of the data as they are given.
@@ -362,7 +396,12 @@ impl TrackLikelihood {
                 mean_cover += term.covered / self.count as f64;
             }
         }
-        let total = total - self.penalty(mean_cover);
+        for measurement in &self.measurements {
+            total += measurement
+                .term(sums, observation, &self.rules())?
+                .ln_likelihood;
+        }
+        let total = total - self.settings.coverage.penalty(mean_cover);
         if total.re().is_finite() {
             Ok(total)
         } else {
@@ -370,7 +409,7 @@ impl TrackLikelihood {
         }
     }
 
-    /// Appends the residual of each bin of the data in standard errors, times the root of its cover: they are smooth, and
+    /// Appends the residual of each datum in standard errors, times the root of its cover: they are smooth, and
     /// `ln L + |residuals|^2 / 2` varies little where all bins are covered. Of correlated errors it is the residual beyond what the bins
     /// before let expect.
     ///
@@ -391,6 +430,10 @@ impl TrackLikelihood {
                 residuals.push(term.covered.sqrt() * term.residual / term.variance.sqrt());
             }
         }
+        for measurement in &self.measurements {
+            let term = measurement.term(sums, observation, &self.rules())?;
+            residuals.push(term.covered.sqrt() * term.residual);
+        }
         Ok(())
     }
 
@@ -408,6 +451,9 @@ impl TrackLikelihood {
         // ln L by the function above, because dual numbers round otherwise.
         let total = self.ln_likelihood(sums, observation)?;
         sums_bar.reset(self.grid.len);
+        if sums.has_velocities() {
+            sums_bar.reset_velocities();
+        }
         let mut mean_cover = 0.0;
         // Derivatives of each bin's cover, for the penalty below.
         let mut cover_bar = vec![0.0; self.grid.len];
@@ -431,6 +477,8 @@ impl TrackLikelihood {
                     jitter,
                     distance_factor,
                     phi0_deg: Dual::from_re(observation.phi0_deg),
+                    v_host_km_s: Dual::from_re(observation.v_host_km_s),
+                    log10_n_stars: Dual::from_re(observation.log10_n_stars),
                 };
                 let before = ExpectedError { mean, variance }.next(self.correlations[i]);
                 let term = self.bin_term(d, [weight, r, r2], &observation, before)?;
@@ -447,6 +495,8 @@ impl TrackLikelihood {
             distance_factor: 0.0,
             // The sums have it already.
             phi0_deg: 0.0,
+            v_host_km_s: 0.0,
+            log10_n_stars: 0.0,
         };
         // Derivatives with respect to the expected error after the bin.
         let mut error_bar = [0.0; 2];
@@ -460,7 +510,12 @@ impl TrackLikelihood {
             observation_bar.distance_factor += distance_factor;
             error_bar = [mean, variance];
         }
-        let penalty = self.penalty(crate::scalar::variable::<1>(mean_cover, 0));
+        let rules = self.rules();
+        for measurement in &self.measurements {
+            measurement.vjp(sums, observation, &rules, sums_bar, &mut observation_bar)?;
+        }
+        let mean_cover = crate::scalar::variable::<1>(mean_cover, 0);
+        let penalty = self.settings.coverage.penalty(mean_cover);
         let [mean_cover_bar] = gradient_of(&penalty);
         for (weight_bar, cover_bar) in sums_bar.weight.iter_mut().zip(&cover_bar) {
             *weight_bar -= mean_cover_bar * cover_bar / self.count as f64;
@@ -479,9 +534,8 @@ impl TrackLikelihood {
         observation: &Observation<S>,
         error: ExpectedError<S>,
     ) -> std::result::Result<BinTerm<S>, Rejection> {
-        let covered = self.cover(weight)?;
-        // Bounded, so that the mean is finite where the cover is 0.
-        let bounded_weight = weight.max(S::from_f64(0.25 * self.threshold).max(S::from_f64(1e-9)));
+        let covered = self.settings.coverage.of(weight, self.threshold)?;
+        let bounded_weight = weight.max(least_weight(self.threshold));
         // Radii of the model as the data have them.
         let factor = observation.distance_factor;
         let mean = r / bounded_weight / factor;
@@ -513,49 +567,14 @@ impl TrackLikelihood {
             let ln_covered = -residual * residual / variance * 0.5 - mean_sd.ln() - LN_SQRT_2PI;
             (residual, variance, ln_covered)
         };
-        let ln_likelihood = match self.settings.coverage {
-            Coverage::Reject => ln_covered,
-            Coverage::Penalty { z_miss, .. } => {
-                let mean_error = (of_data[0].sqrt() + of_data[1].sqrt()) * 0.5;
-                let ln_miss = S::from_f64(-0.5 * z_miss * z_miss) - mean_error.ln() - LN_SQRT_2PI;
-                covered * (ln_covered - ln_miss) + ln_miss
-            }
-        };
+        let mean_error = (of_data[0].sqrt() + of_data[1].sqrt()) * 0.5;
+        let coverage = self.settings.coverage;
         Ok(BinTerm {
-            ln_likelihood,
+            ln_likelihood: coverage.ln_likelihood(covered, ln_covered, mean_error),
             covered,
             residual,
             variance,
             error: after,
         })
-    }
-
-    /// The cover of a bin with this weight.
-    ///
-    /// # Errors
-    /// [`Rejection::Uncovered`] under [`Coverage::Reject`] if it is not covered.
-    fn cover<S: Real>(&self, weight: S) -> std::result::Result<S, Rejection> {
-        match self.settings.coverage {
-            // A bin without particles has no mean, even if the threshold is 0.
-            Coverage::Reject if weight.re() < self.threshold || weight.re() <= 0.0 => {
-                Err(Rejection::Uncovered)
-            }
-            Coverage::Reject => Ok(S::one()),
-            Coverage::Penalty { .. } if self.threshold > 0.0 => {
-                Ok(smooth_step(weight / self.threshold))
-            }
-            Coverage::Penalty { .. } => Ok(smooth_step(weight)),
-        }
-    }
-
-    /// The penalty at this mean cover of the bins.
-    fn penalty<S: Real>(&self, mean_cover: S) -> S {
-        match self.settings.coverage {
-            Coverage::Reject => S::zero(),
-            Coverage::Penalty { lambda, .. } => {
-                let missing = (S::one() - mean_cover).max(S::zero());
-                missing * missing * lambda
-            }
-        }
     }
 }

@@ -1,13 +1,12 @@
 //! Reverse mode of [`advance`](super::advance()): exact derivatives of the same discrete map (docs/physics.md, section 8).
 
-use super::leapfrog::force;
 use super::{Schedule, State};
 use crate::potential::{Host, HostCotangent, Plummer, PlummerCotangent};
 use crate::scalar::{Scalar, Vec3};
 
-/// The vector-Jacobian product of [`advance`](super::advance()): from `position_bar`, the derivative of a result with respect to
-/// a particle's final position (per kpc), returns its derivative with respect to the particle's initial state. The derivatives
-/// with respect to the host, the progenitor, the progenitor's position at each kick but the last, and the logarithm of the length of all
+/// The vector-Jacobian product of [`advance`](super::advance()): from `end_bar`, the derivative of a result with respect to
+/// a particle's final state (per kpc and per kpc/Gyr), returns its derivative with respect to the particle's initial state. The derivatives
+/// with respect to the host, the progenitor, the progenitor's position at each kick, and the logarithm of the length of all
 /// steps are added to `host_bar`, `progenitor_bar`, `progenitor_positions_bar` and `ln_time_bar`.
 ///
 /// The trajectory is not stored but integrated backwards from `end`, the final state of [`advance`](super::advance()): each drift
@@ -23,7 +22,7 @@ pub fn advance_vjp<S: Scalar, H: Host>(
     progenitor: &Plummer<S>,
     schedule: &impl Schedule<S>,
     end: State<S>,
-    position_bar: Vec3<S>,
+    end_bar: State<S>,
     host_bar: &mut HostCotangent<S>,
     progenitor_bar: &mut PlummerCotangent<S>,
     progenitor_positions_bar: &mut [Vec3<S>],
@@ -32,19 +31,8 @@ pub fn advance_vjp<S: Scalar, H: Host>(
 ) -> State<S> {
     let steps = schedule.steps();
     let mut state = end;
-    let mut state_bar = State {
-        x: position_bar,
-        v: Vec3::zero(),
-    };
-    // The last kick changes no position, so the first derivatives are those of the last drift.
-    let last = force(host, progenitor, state.x, schedule.progenitor_at(steps));
-    state.v = state.v.add_scaled(last, -schedule.kick_gyr(steps));
-    for j in (0..steps).rev() {
-        // Drift x_{j+1} = x_j + h v.
-        let drift = state.v * schedule.drift_gyr(j);
-        state.x = state.x - drift;
-        state_bar.v = state_bar.v.add_scaled(state_bar.x, schedule.drift_gyr(j));
-        *ln_time_bar += state_bar.x.dot(drift);
+    let mut state_bar = end_bar;
+    for j in (0..=steps).rev() {
         // Kick v += c a(x_j).
         let lambda = state_bar.v * schedule.kick_gyr(j);
         let (a_host, x_bar_host) = H::vjp(host, state.x, lambda, host_bar);
@@ -56,6 +44,16 @@ pub fn advance_vjp<S: Scalar, H: Host>(
         progenitor_positions_bar[j] = progenitor_positions_bar[j] - x_bar_progenitor;
         state_bar.x = state_bar.x + x_bar_host + x_bar_progenitor;
         state_bar = truncated(state_bar, limit2);
+        if j == 0 {
+            break;
+        }
+        // Drift x_j = x_{j-1} + h v.
+        let drift = state.v * schedule.drift_gyr(j - 1);
+        state.x = state.x - drift;
+        state_bar.v = state_bar
+            .v
+            .add_scaled(state_bar.x, schedule.drift_gyr(j - 1));
+        *ln_time_bar += state_bar.x.dot(drift);
     }
     state_bar
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::ops::RangeInclusive;
 
 /// Number of parameters, the optional ones included.
-pub const DIM: usize = 22;
+pub const DIM: usize = 24;
 
 /// Number of parameters that every stream has: the first ones of [`PARAMETERS`].
 pub const REQUIRED: usize = 13;
@@ -225,6 +225,10 @@ parameters! {
     log10_m_bulge, "dex(solMass)", 2.0..=14.0, Some(2.0);
     /// Scale radius of the bulge in kpc.
     r_bulge_kpc, "kpc", 0.001..=1_000.0, Some(0.001);
+    /// Line-of-sight velocity of the host beyond that which the velocities of the data are relative to, km/s.
+    v_host_km_s, "km / s", -10_000.0..=10_000.0, Some(0.0);
+    /// log10 of the number of stars of the sample that the whole stream has: the scale of the densities of the data.
+    log10_n_stars, "dex", 0.0..=12.0, Some(0.0);
 }
 
 impl<S: Copy> StreamParams<S> {

@@ -283,6 +283,28 @@ impl StreamPrior {
         &self.settings
     }
 
+    /// Checks that the progenitor may be on either side of the host, where the data or the model tell the near one from the far one. `reason`
+    /// says what does, with its verb.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if its distance has the default prior, which is that of a galaxy and a track without sides.
+    pub fn check_both_sides(&self, reason: &str) -> Result<()> {
+        let PriorSettings {
+            fixed, marginals, ..
+        } = &self.settings;
+        if fixed.z0_kpc.is_some() || marginals.z0_kpc != PriorSettings::default().marginals.z0_kpc {
+            return Ok(());
+        }
+        Err(Error::Setting {
+            key: "prior.marginals.z0_kpc".to_owned(),
+            value: "the half-normal default".to_owned(),
+            remedy: format!(
+                "{reason} the near side of the galaxy from the far one, so that the progenitor may be on either: give a normal \
+                 distribution, such as {{ kind = \"normal\", mean = 0, sd = 150 }}"
+            ),
+        })
+    }
+
     /// The product prior of the free parameters, with names and units.
     #[must_use]
     pub fn prior(&self) -> &Prior {
@@ -299,6 +321,12 @@ impl StreamPrior {
     #[must_use]
     pub fn present(&self) -> &[usize] {
         &self.present
+    }
+
+    /// Whether a parameter is present, free or fixed.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        index_of(name).is_some_and(|index| self.present.contains(&index))
     }
 
     /// The indices in [`PARAMETERS`] of the free optional parameters, in order: the last ones of [`free`](Self::free).

@@ -8,12 +8,12 @@ use oblate_samplers::rng::{RandomStream, unit_open};
 use oblate_samplers::target::{Involution, Orbit};
 use oblate_samplers::{Marginal, Prior, Symmetry};
 
-/// All moves that are valid under the given prior, for a likelihood that depends on lengths only (a track on the sky,
-/// without velocities).
+/// All moves that are valid under the given prior. A likelihood of lengths alone, that of a track on the sky, is constant along the degeneracy
+/// of mass, velocity and age; one of `velocities` is not.
 #[must_use]
-pub fn symmetries(prior: &StreamPrior) -> Vec<Symmetry> {
+pub fn symmetries(prior: &StreamPrior, velocities: bool) -> Vec<Symmetry> {
     let mut moves = Vec::new();
-    if let Some(orbit) = MassVelocityAge::new(prior) {
+    if !velocities && let Some(orbit) = MassVelocityAge::new(prior) {
         moves.push(Symmetry::Orbit(Box::new(orbit)));
     }
     if let Some(turn) = HalfTurn::new(prior) {

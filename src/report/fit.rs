@@ -2,37 +2,11 @@
 
 use super::axes::{Axes, range_of};
 use super::canvas::{Anchor, COLOURS, Canvas, INK};
+use super::curve::{Band, Curve, legend};
 use crate::data::ObservedTrack;
-use oblate_samplers::diagnostics::weighted_quantile;
 
-/// One model's track as a curve: radii in bins that move along phi, at the angles of the data and between them.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ModelTrack {
-    /// Bin centres in degrees, increasing.
-    pub phi_deg: Vec<f64>,
-    /// Projected radii in kpc.
-    pub r_kpc: Vec<f64>,
-}
-
-impl ModelTrack {
-    /// The curve with breaks where it jumps over more than `width_deg` and the rounding of angles: no bin is covered there.
-    fn broken(&self, width_deg: f64) -> Vec<(f64, f64)> {
-        let mut points: Vec<(f64, f64)> = Vec::new();
-        for (phi, r) in self.phi_deg.iter().zip(&self.r_kpc) {
-            if points
-                .last()
-                .is_some_and(|last| phi - last.0 > 1.01 * width_deg)
-            {
-                points.push((f64::NAN, f64::NAN));
-            }
-            points.push((*phi, *r));
-        }
-        points
-    }
-}
-
-impl ModelTrack {
-    /// The curve on the sky, (x, y) in kpc, with the same breaks.
+impl Curve {
+    /// Of radii, the curve on the sky, (x, y) in kpc, with breaks where no bin is covered.
     #[must_use]
     pub fn on_sky(&self, width_deg: f64, phi_zero_deg: f64) -> Vec<(f64, f64)> {
         let points = self.broken(width_deg).into_iter();
@@ -61,72 +35,16 @@ pub fn data_on_sky(track: &ObservedTrack, phi_zero_deg: f64) -> Vec<(f64, f64)> 
 pub struct FitPicture<'a> {
     /// The data.
     pub track: &'a ObservedTrack,
-    /// Equal-weight posterior draws of the model.
-    pub draws: &'a [ModelTrack],
-    /// The best fit.
-    pub best: &'a ModelTrack,
+    /// Radii of equal-weight posterior draws of the model.
+    pub draws: &'a [Curve],
+    /// Those of the best fit.
+    pub best: &'a Curve,
     /// Particles of the best fit on the sky, (x, y) in kpc; without them there is no panel of the sky.
     pub particles: &'a [(f64, f64)],
     /// Angle on the sky of phi = 0 in degrees, which turns `phi` into places there.
     pub phi_zero_deg: f64,
     /// x of the progenitor of the best fit in kpc; it is on the x axis.
     pub progenitor_kpc: f64,
-}
-
-/// Quantiles of the models in one bin: 2.5, 16, 84 and 97.5 %, over those draws that cover it.
-struct Band {
-    phi_deg: Vec<f64>,
-    quantiles: Vec<[f64; 4]>,
-}
-
-impl Band {
-    fn new(picture: &FitPicture<'_>) -> Self {
-        let mut phi: Vec<f64> = picture
-            .draws
-            .iter()
-            .flat_map(|d| d.phi_deg.iter().copied())
-            .collect();
-        phi.sort_by(f64::total_cmp);
-        phi.dedup_by(|a, b| (*a - *b).abs() < 0.01 * picture.track.bin_width_deg);
-        let mut band = Self {
-            phi_deg: Vec::new(),
-            quantiles: Vec::new(),
-        };
-        for centre in phi {
-            let radii: Vec<f64> = picture
-                .draws
-                .iter()
-                .filter_map(|d| radius_at(d, centre, picture.track.bin_width_deg))
-                .collect();
-            // A bin that most draws do not cover has no band.
-            if 2 * radii.len() < picture.draws.len() {
-                continue;
-            }
-            let weights = vec![1.0; radii.len()];
-            band.phi_deg.push(centre);
-            band.quantiles
-                .push([0.025, 0.16, 0.84, 0.975].map(|p| weighted_quantile(&radii, &weights, p)));
-        }
-        band
-    }
-
-    fn rings(&self, axes: &Axes, lo: usize, hi: usize) -> Vec<Vec<(f64, f64)>> {
-        let up = self
-            .phi_deg
-            .iter()
-            .zip(&self.quantiles)
-            .map(|(p, q)| axes.at(*p, q[hi]));
-        let down = self.phi_deg.iter().zip(&self.quantiles).rev();
-        vec![up.chain(down.map(|(p, q)| axes.at(*p, q[lo]))).collect()]
-    }
-}
-
-fn radius_at(model: &ModelTrack, phi_deg: f64, width_deg: f64) -> Option<f64> {
-    let at = model
-        .phi_deg
-        .iter()
-        .position(|p| (p - phi_deg).abs() < 0.01 * width_deg)?;
-    model.r_kpc.get(at).copied().filter(|r| r.is_finite())
 }
 
 impl FitPicture<'_> {
@@ -162,13 +80,11 @@ impl FitPicture<'_> {
     }
 
     fn radii(&self, canvas: &mut Canvas, axes: &Axes) {
-        let band = Band::new(self);
+        let width_deg = self.track.bin_width_deg;
+        let band = Band::new(self.draws, width_deg);
         canvas.clipped(axes.rect, |canvas| {
-            canvas.area(&band.rings(axes, 0, 3), COLOURS[5], 0.30);
-            canvas.area(&band.rings(axes, 1, 2), COLOURS[5], 0.55);
-            let best = self.best.broken(self.track.bin_width_deg).into_iter();
-            let best: Vec<_> = best.map(|(phi, r)| axes.at(phi, r)).collect();
-            canvas.line(&best, COLOURS[0], 1.2, "");
+            band.draw(canvas, axes);
+            self.best.draw(canvas, axes, width_deg);
             for (i, phi) in self.track.phi_deg.iter().enumerate() {
                 let (r, track) = (self.track.r_kpc[i], self.track);
                 let ends = [r - track.r_err_lo_kpc[i], r + track.r_err_hi_kpc[i]];
@@ -179,35 +95,16 @@ impl FitPicture<'_> {
         axes.frame(canvas);
         axes.draw_x(canvas, "", 7, 8.0);
         axes.draw_y(canvas, "projected radius *r* [kpc]", 6, 8.0, 32.0);
-        self.legend(canvas, !band.phi_deg.is_empty());
-    }
-
-    /// The track's name and the legend, above the panels.
-    fn legend(&self, canvas: &mut Canvas, band: bool) {
-        let left = 46.0;
-        let text = |canvas: &mut Canvas, at: (f64, f64), text: &str, size: f64| {
-            canvas.text(at, text, size, Anchor::Start, 0.0);
-        };
-        text(canvas, (left, 9.0), &self.track.name, 8.0);
-        let y = 18.0;
-        canvas.dot((left + 3.0, y), 1.9, INK, 1.0, "legend");
-        text(canvas, (left + 9.0, y + 2.5), "data", 7.0);
-        let best = left + 36.0;
-        canvas.line(&[(best, y), (best + 14.0, y)], COLOURS[0], 1.2, "");
-        text(canvas, (best + 18.0, y + 2.5), "best fit", 7.0);
-        if band {
-            let x = left + 90.0;
-            let strip = |d: f64| vec![(x, y - d), (x + 14.0, y - d), (x + 14.0, y + d), (x, y + d)];
-            canvas.area(&[strip(4.0)], COLOURS[5], 0.30);
-            canvas.area(&[strip(2.0)], COLOURS[5], 0.55);
-            text(canvas, (x + 18.0, y + 2.5), "68, 95 % of draws", 7.0);
-        }
+        // The track's name and the legend, above the panels.
+        canvas.text((46.0, 9.0), &self.track.name, 8.0, Anchor::Start, 0.0);
+        legend(canvas, (46.0, 18.0), !band.is_empty());
     }
 
     fn residuals(&self, canvas: &mut Canvas, x: (f64, f64)) {
         let track = self.track;
         let residual = |i: usize| {
-            radius_at(self.best, track.phi_deg[i], track.bin_width_deg).map_or(f64::NAN, |r| {
+            let at = self.best.at(track.phi_deg[i], track.bin_width_deg);
+            at.map_or(f64::NAN, |r| {
                 (track.r_kpc[i] - r) / track.r_err_towards_kpc(i, r)
             })
         };

@@ -3,7 +3,7 @@
 use super::text::literal;
 
 /// (name in files, symbol, unit after it); of other columns the name and the unit of the run are shown.
-const SIGNS: [(&str, &str, &str); 29] = [
+const SIGNS: [(&str, &str, &str); 31] = [
     ("log10_m_halo", "log_{10} *M*_{halo} / *M*_{\u{2299}}", ""),
     ("r_s_halo_kpc", "*R*_{s, halo}", "kpc"),
     ("dir_x", "dir_{x}", ""),
@@ -26,6 +26,8 @@ const SIGNS: [(&str, &str, &str); 29] = [
     ("phi_disc_deg", "\u{3c6}_{disc}", "deg"),
     ("log10_m_bulge", "log_{10} *M*_{bulge} / *M*_{\u{2299}}", ""),
     ("r_bulge_kpc", "*r*_{bulge}", "kpc"),
+    ("v_host_km_s", "*v*_{host}", "km s^{\u{2212}1}"),
+    ("log10_n_stars", "log_{10} *N*_{stars}", ""),
     ("q", "*q*", ""),
     ("axis_x", "*n*_{x}", ""),
     ("axis_y", "*n*_{y}", ""),

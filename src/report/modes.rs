@@ -2,7 +2,8 @@
 
 use super::axes::Axes;
 use super::canvas::{Anchor, COLOURS, Canvas, GREY, INK};
-use super::fit::{ModelTrack, data_on_sky};
+use super::curve::Curve;
+use super::fit::data_on_sky;
 use crate::data::ObservedTrack;
 use crate::posterior::ModeWeight;
 
@@ -18,7 +19,7 @@ pub struct ModePicture {
     /// Particles on the sky, (x, y) in kpc.
     pub particles: Vec<(f64, f64)>,
     /// Its track.
-    pub curve: ModelTrack,
+    pub curve: Curve,
     /// Angle on the sky of phi = 0 in degrees.
     pub phi_zero_deg: f64,
 }

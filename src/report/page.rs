@@ -275,9 +275,24 @@ fn figures(out: &mut String, figures: &[Figure]) {
 }
 
 /// Words for the numbers of the best fit; others have their own name.
-const NUMBERS: [(&str, &str); 6] = [
+const NUMBERS: [(&str, &str); 12] = [
     ("best_fit_chi2", "\u{3c7}\u{b2} of the best fit"),
     ("best_fit_bins", "bins of the track"),
+    (
+        "best_fit_chi2_velocity",
+        "\u{3c7}\u{b2} of the best fit by velocities",
+    ),
+    ("best_fit_velocities", "bins with a velocity"),
+    (
+        "best_fit_chi2_width",
+        "\u{3c7}\u{b2} of the best fit by widths",
+    ),
+    ("best_fit_widths", "bins with a width"),
+    (
+        "best_fit_chi2_density",
+        "\u{3c7}\u{b2} of the best fit by densities",
+    ),
+    ("best_fit_densities", "bins with a density"),
     (
         "star_scatter",
         "variance of means over the stars of bins, by the best fit, over that of the data",

@@ -11,11 +11,12 @@ use crate::posterior::{
     Column, Comparison, column, columns, compare, mode_weights, modes_of_draws,
 };
 use crate::report::{
-    CornerColumn, Figure, FigureFormat, FigureWriter, FitPicture, Group, ModePicture, ModelTrack,
-    PageRun, QCurve, corner, diagnostics, influence, modes, page, population_density, q_posterior,
-    streams_of_population,
+    CornerColumn, Curve, Figure, FigureFormat, FigureWriter, FitPicture, Group, MeasuredPicture,
+    ModePicture, PageRun, QCurve, corner, diagnostics, influence, modes, page, population_density,
+    q_posterior, streams_of_population,
 };
 use crate::stream::Particles;
+use crate::track::{BinQuantity, TrackBin};
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
 use std::io::ErrorKind;
@@ -229,10 +230,8 @@ fn figures_of(path: &Path) -> Result<RunFigures> {
 fn draw_streams(drawn: &mut RunFigures, track: &ObservedTrack) -> Result<()> {
     let settings: FitSettings = crate::config::parse(&drawn.stored.config, &drawn.folder.config())?;
     let target = StreamTarget::from_track(track, &settings)?;
-    if let Some(svg) = overlay(&target, track, &drawn.stored) {
-        let caption = "Data, tracks of posterior draws, and the best fit; residuals in units of the data's errors; the best fit's particles \
-                       on the sky";
-        drawn.push("fit", caption, svg);
+    for (name, caption, svg) in overlays(&target, track, &drawn.stored).unwrap_or_default() {
+        drawn.push(name, caption, svg);
     }
     if let Some(svg) = orientations(&target, track, &drawn.stored) {
         let caption = "Orientation modes of a weight of at least 1 %: track and particles of the draw of the highest ln L in each, the data (black), \
@@ -282,11 +281,20 @@ fn corner_columns(stored: &StoredRun) -> Vec<Column> {
         .collect()
 }
 
-/// The track of a row of draws as a curve, and its particles; `None` if it has no track.
-fn curve_of(target: &StreamTarget, params: &StreamParams<f64>) -> Option<(ModelTrack, Particles)> {
-    let (curve, particles) = target.likelihood().curve_at(params, PER_BIN).ok()?;
-    let (phi_deg, r_kpc) = curve.into_iter().unzip();
-    Some((ModelTrack { phi_deg, r_kpc }, particles))
+/// The bins along the track of a row of draws, and its particles; `None` if it has no track.
+fn bins_of(
+    target: &StreamTarget,
+    params: &StreamParams<f64>,
+) -> Option<(Vec<TrackBin>, Particles)> {
+    target.likelihood().curve_at(params, PER_BIN).ok()
+}
+
+/// A quantity of bins as a curve.
+fn curve_of(bins: &[TrackBin], value: impl Fn(&TrackBin) -> f64) -> Curve {
+    Curve {
+        phi_deg: bins.iter().map(|bin| bin.phi_deg).collect(),
+        values: bins.iter().map(value).collect(),
+    }
 }
 
 /// Some of the particles on the sky, at the distance of the data.
@@ -297,26 +305,60 @@ fn dots(particles: &Particles, params: &StreamParams<f64>, most: usize) -> Vec<(
     all.map(|(x, y)| (x / factor, y / factor)).collect()
 }
 
-/// Data, tracks of posterior draws and the best fit in one figure; `None` if the best fit has no track.
-fn overlay(target: &StreamTarget, track: &ObservedTrack, stored: &StoredRun) -> Option<String> {
+/// Data, tracks of posterior draws and the best fit: a figure of the radii, and one of each quantity that is measured beside them, with the
+/// name and the caption of each. None if the best fit has no track.
+fn overlays(
+    target: &StreamTarget,
+    track: &ObservedTrack,
+    stored: &StoredRun,
+) -> Option<Vec<(&'static str, &'static str, String)>> {
     let draws = &stored.run.draws;
     let params = target.params(draws.theta_row(draws.best()?));
-    let (best, particles) = curve_of(target, &params)?;
+    let (best, particles) = bins_of(target, &params)?;
     let offset = unit_open(&mut stream(stored.run.seed, Domain::Post, CHOICE_TASK, 0));
-    let tracks: Vec<ModelTrack> = draws
+    let tracks: Vec<Vec<TrackBin>> = draws
         .resample(TRACKS, offset)
         .into_iter()
-        .filter_map(|row| Some(curve_of(target, &target.params(draws.theta_row(row)))?.0))
+        .filter_map(|row| Some(bins_of(target, &target.params(draws.theta_row(row)))?.0))
         .collect();
+    let curves = |value: &dyn Fn(&TrackBin) -> f64| -> Vec<Curve> {
+        tracks.iter().map(|bins| curve_of(bins, value)).collect()
+    };
     let picture = FitPicture {
         track,
-        draws: &tracks,
-        best: &best,
+        draws: &curves(&|bin| bin.r_kpc),
+        best: &curve_of(&best, |bin| bin.r_kpc),
         particles: &dots(&particles, &params, DOTS),
         phi_zero_deg: -params.phi0_deg,
         progenitor_kpc: params.x0_kpc / params.distance_factor,
     };
-    Some(picture.svg())
+    let caption = "Data, tracks of posterior draws, and the best fit; residuals in units of the data's errors; the best fit's particles \
+                   on the sky";
+    let mut figures = vec![("fit", caption, picture.svg())];
+    for quantity in BinQuantity::ALL {
+        let picture = MeasuredPicture {
+            track,
+            quantity,
+            draws: &curves(&|bin| bin.value(quantity)),
+            best: &curve_of(&best, |bin| bin.value(quantity)),
+        };
+        let (name, caption) = match quantity {
+            BinQuantity::Velocity => (
+                "velocities",
+                "Mean line-of-sight velocities, away from the observer and relative to the host: data, posterior draws, and the best fit",
+            ),
+            BinQuantity::Width => (
+                "widths",
+                "Widths of the stream, standard deviations of the projected radii in a bin: data, posterior draws, and the best fit",
+            ),
+            BinQuantity::Density => (
+                "densities",
+                "Stars per degree along the stream: data, posterior draws, and the best fit",
+            ),
+        };
+        figures.extend(picture.svg().map(|svg| (name, caption, svg)));
+    }
+    Some(figures)
 }
 
 /// The orientation modes with a weight that can be seen, the heaviest first; `None` where the run has none.
@@ -340,13 +382,13 @@ fn orientations(
             let l = &run.draws.ln_likelihood;
             let row = rows.max_by(|a, b| l[*a].total_cmp(&l[*b]))?;
             let params = target.params(run.draws.theta_row(row));
-            let (curve, particles) = curve_of(target, &params)?;
+            let (bins, particles) = bins_of(target, &params)?;
             Some(ModePicture {
                 weight,
                 q: q[row],
                 axis: [x.values[row], y.values[row], z.values[row]],
                 particles: dots(&particles, &params, MODE_DOTS),
-                curve,
+                curve: curve_of(&bins, |bin| bin.r_kpc),
                 phi_zero_deg: -params.phi0_deg,
             })
         })

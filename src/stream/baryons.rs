@@ -1,7 +1,7 @@
 //! Disc and bulge of the host: which there are, by the settings, and their parameters (docs/physics.md, section 2).
 
 use crate::error::{Error, Result};
-use crate::params::{PARAMETERS, PriorSettings, StreamParams, StreamPrior};
+use crate::params::{StreamParams, StreamPrior};
 use crate::potential::{Baryons, Disc, DiscProfile, DiscShape, Hernquist};
 use crate::scalar::{Real, Vec3};
 use oblate_samplers::limits::in_range;
@@ -92,8 +92,7 @@ impl BaryonSettings {
         ];
         for (names, needed, part) in groups {
             for name in names {
-                let present = (prior.present().iter()).any(|&i| PARAMETERS[i].name == name);
-                if present == needed {
+                if prior.has(name) == needed {
                     continue;
                 }
                 let key = format!("prior.marginals.{name}");
@@ -118,28 +117,20 @@ impl BaryonSettings {
     }
 
     /// # Errors
-    /// [`Error::Setting`] if the disc has a near side, and the progenitor's distance the default prior of a galaxy without one.
+    /// [`Error::Setting`] by [`StreamPrior::check_both_sides`] if the disc has a near side.
     fn check_sides(&self, prior: &StreamPrior) -> Result<()> {
-        let settings = prior.settings();
         let has_side = match self.disc.map(|disc| disc.plane) {
             None | Some(DiscPlane::Halo) => false,
             Some(DiscPlane::Angles) => {
-                let fixed = settings.fixed.inclination_disc_deg;
+                let fixed = prior.settings().fixed.inclination_disc_deg;
                 fixed.is_none_or(|deg| (deg / 90.0).fract().abs() > 0.0)
             }
         };
-        let default = settings.fixed.z0_kpc.is_none()
-            && settings.marginals.z0_kpc == PriorSettings::default().marginals.z0_kpc;
-        if has_side && default {
-            return Err(Error::Setting {
-                key: "prior.marginals.z0_kpc".to_owned(),
-                value: "the half-normal default".to_owned(),
-                remedy: "an inclined disc tells the near side of the galaxy from the far one, so that the progenitor may be on either: give a \
-                         normal distribution, such as { kind = \"normal\", mean = 0, sd = 150 }"
-                    .to_owned(),
-            });
+        if has_side {
+            prior.check_both_sides("an inclined disc tells")
+        } else {
+            Ok(())
         }
-        Ok(())
     }
 
     /// Disc and bulge at these parameters, in a halo with this symmetry axis. One whose parameters are absent has the least mass of their range, which

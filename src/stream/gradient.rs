@@ -6,7 +6,7 @@
 //! numbers.
 
 use super::compiled::CompiledHost;
-use super::integrate_vjp::{ReleaseTimeChunk, SkyCotangents, VjpKernel};
+use super::integrate_vjp::{ObservedCotangents, ReleaseTimeChunk, VjpKernel};
 use super::lane_groups::{StepSchedules, release_times_per_chunk};
 use super::model::Model;
 use super::particles::Particles;
@@ -45,12 +45,15 @@ pub struct Workspace {
     pub x_bar: Vec<f64>,
     /// With respect to each particle's sky y, per kpc.
     pub y_bar: Vec<f64>,
+    /// With respect to each particle's velocity along z, per kpc/Gyr; empty if the result does not depend on velocities.
+    pub vz_bar: Vec<f64>,
     chunks: Vec<ReleaseTimeChunk>,
 }
 
 impl Model {
     /// The gradient, with respect to the [vector](System::to_vector) of a system and per unit of each of its numbers, of a result whose
-    /// derivatives with respect to the particles' sky positions are `work.x_bar` and `work.y_bar`. `solution` must be the one of this
+    /// derivatives with respect to the particles' sky positions and line-of-sight velocities are `work.x_bar`, `work.y_bar` and
+    /// `work.vz_bar`. `solution` must be the one of this
     /// system, and `work.particles` the result of [`integrate`](Self::integrate) for it. The gradient has the same bits for any
     /// [`Threads`].
     pub fn vjp<H: CompiledHost>(
@@ -66,13 +69,15 @@ impl Model {
             particles,
             x_bar,
             y_bar,
+            vz_bar,
             chunks,
             ..
         } = work;
-        let today = SkyCotangents {
+        let today = ObservedCotangents {
             particles,
             x_bar,
             y_bar,
+            vz_bar,
         };
         let max_stretch2 = match adjoint {
             Adjoint::Exact => f64::INFINITY,

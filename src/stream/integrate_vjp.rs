@@ -31,18 +31,20 @@ pub(super) struct ReleaseTimeChunk {
     pub cotangents: Cotangents,
 }
 
-/// The particles today, and the derivatives of the result with respect to their sky positions.
-pub(super) struct SkyCotangents<'a> {
+/// The particles today, and the derivatives of the result with respect to their sky positions and line-of-sight velocities.
+pub(super) struct ObservedCotangents<'a> {
     pub particles: &'a Particles,
     pub x_bar: &'a [f64],
     pub y_bar: &'a [f64],
+    /// Empty if the result does not depend on velocities.
+    pub vz_bar: &'a [f64],
 }
 
-impl SkyCotangents<'_> {
-    /// The states of a pair and the derivatives with respect to its positions. A lane without a particle has the state of another particle
+impl ObservedCotangents<'_> {
+    /// The states of a pair and the derivatives with respect to them. A lane without a particle has the state of another particle
     /// and derivatives of zero.
     #[inline(always)]
-    fn lanes<I: Isa>(&self, pair: &Bundle<'_>) -> (State<Interleaved<I>>, Vec3<Interleaved<I>>) {
+    fn lanes<I: Isa>(&self, pair: &Bundle<'_>) -> [State<Interleaved<I>>; 2] {
         let Particles { x, y, z, v, .. } = self.particles;
         let state = State {
             x: Vec3::new(repeated(pair, x), repeated(pair, y), repeated(pair, z)),
@@ -52,14 +54,24 @@ impl SkyCotangents<'_> {
                 repeated(pair, &v[2]),
             ),
         };
-        let position_bar = Vec3::new(
-            padded(pair, self.x_bar),
-            padded(pair, self.y_bar),
-            Lanes::zero(),
-        );
-        (state, position_bar)
+        let mut state_bar = State {
+            x: Vec3::new(
+                padded(pair, self.x_bar),
+                padded(pair, self.y_bar),
+                Lanes::zero(),
+            ),
+            v: Vec3::zero(),
+        };
+        if !self.vz_bar.is_empty() {
+            state_bar.v.z = padded(pair, self.vz_bar);
+        }
+        [state, state_bar]
     }
 }
+
+/// The time by which a derivative with respect to a velocity is compared with one with respect to a position, Gyr: a tenth of the period of
+/// a typical orbit.
+const VELOCITY_GYR: f64 = 0.1;
 
 /// A pair's numbers of a column; lanes without a particle repeat the last one.
 #[inline(always)]
@@ -90,7 +102,7 @@ fn padded<I: Isa>(pair: &Bundle<'_>, column: &[f64]) -> Interleaved<I> {
 pub struct VjpKernel<'a, H: Host> {
     pub(super) model: &'a Model,
     pub(super) solution: &'a ProgenitorSolution<f64, H>,
-    pub(super) today: &'a SkyCotangents<'a>,
+    pub(super) today: &'a ObservedCotangents<'a>,
     /// Square of [`MAX_STRETCH`](super::MAX_STRETCH), or infinity for the exact derivative.
     pub(super) max_stretch2: f64,
     pub(super) chunk: &'a mut ReleaseTimeChunk,
@@ -124,17 +136,18 @@ impl<H: Host> Kernel for VjpKernel<'_, H> {
         let adaptive = model.settings.step_rule == StepRule::Adaptive;
         for number in chunk.pairs.clone() {
             let pair = Bundle::new(&model.lane_groups, &model.pairs[number]);
-            let (end, position_bar) = today.lanes::<I>(&pair);
-            let limit2 = position_bar.norm2() * max_stretch2;
+            let [end, end_bar] = today.lanes::<I>(&pair);
+            let velocity_bar2 = end_bar.v.norm2() * (1.0 / (VELOCITY_GYR * VELOCITY_GYR));
+            let limit2 = (end_bar.x.norm2() + velocity_bar2) * max_stretch2;
             let schedules =
                 planner.schedules::<I, UNROLL>(&pair, today.particles.step_sizes.of_pair(number));
-            progenitor_positions_bar.resize(schedules.0[0].drift_gyr.len(), Vec3::zero());
+            progenitor_positions_bar.resize(schedules.0[0].kick_gyr.len(), Vec3::zero());
             let start_bar = advance_vjp::<_, H>(
                 &host,
                 &progenitor,
                 &schedules,
                 end,
-                position_bar,
+                end_bar,
                 &mut host_bar,
                 &mut progenitor_bar,
                 &mut progenitor_positions_bar,

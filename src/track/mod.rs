@@ -1,16 +1,20 @@
 //! The track: mean projected radius of the particles per bin of phi (docs/physics.md, section 6).
 
 mod grid;
+mod quantity;
 mod smear;
 mod sums;
 mod sums_lanes;
 mod sums_vjp;
 
 pub use grid::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, BinGrid};
+pub use quantity::BinQuantity;
 pub use sums::Sums;
+pub(crate) use sums::moments;
 pub use sums_lanes::PartialSums;
 
 use crate::error::Result;
+use crate::params::StreamParams;
 use crate::stream::Particles;
 use oblate_samplers::limits::in_range;
 use serde::{Deserialize, Serialize};
@@ -29,6 +33,37 @@ pub struct TrackBin {
     pub r_err_kpc: f64,
     /// Sum of the weights: the number of particles, where one in several bins adds a fraction to each.
     pub n: f64,
+    /// Mean line-of-sight velocity relative to the host, away from the observer, km/s.
+    pub v_km_s: f64,
+    /// Standard error of the mean for independent particles, km/s.
+    pub v_err_km_s: f64,
+    /// Standard deviation of the projected radii, kpc.
+    pub width_kpc: f64,
+    /// Fraction of all particles per degree of phi, times the number of stars of the stream.
+    pub density_per_deg: f64,
+}
+
+impl TrackBin {
+    /// A quantity beside the radius.
+    #[must_use]
+    pub fn value(&self, quantity: BinQuantity) -> f64 {
+        match quantity {
+            BinQuantity::Velocity => self.v_km_s,
+            BinQuantity::Width => self.width_kpc,
+            BinQuantity::Density => self.density_per_deg,
+        }
+    }
+
+    /// Its standard error for independent particles: of the width, that of the standard deviation of a normal distribution; of the density,
+    /// Poisson's.
+    #[must_use]
+    pub fn error(&self, quantity: BinQuantity) -> f64 {
+        match quantity {
+            BinQuantity::Velocity => self.v_err_km_s,
+            BinQuantity::Width => self.width_kpc / (2.0 * self.n).sqrt(),
+            BinQuantity::Density => self.density_per_deg / self.n.sqrt(),
+        }
+    }
 }
 
 /// The track of a model: the bins with particles in them, in order.
@@ -75,13 +110,24 @@ impl Track {
         Ok(Self::from_checked(particles, width_deg, 0.0, edges, min_n))
     }
 
-    /// The track as it is measured where the progenitor is at `phi0_deg` and radii are converted by the distance over `distance_factor`.
+    /// The track as it is measured with these parameters of the observation: at angles from `phi0_deg`, with radii converted by the distance
+    /// over `distance_factor`, in a host that moves away from the observer with `v_host_km_s`, of a stream of 10 to the `log10_n_stars` stars.
     #[must_use]
-    pub fn measured_with(mut self, phi0_deg: f64, distance_factor: f64) -> Self {
+    pub fn measured_with(mut self, params: &StreamParams<f64>) -> Self {
+        let StreamParams {
+            phi0_deg,
+            distance_factor,
+            v_host_km_s,
+            log10_n_stars,
+            ..
+        } = *params;
         for bin in &mut self.bins {
             bin.phi_deg += phi0_deg;
             bin.r_kpc /= distance_factor;
             bin.r_err_kpc /= distance_factor;
+            bin.width_kpc /= distance_factor;
+            bin.v_km_s += v_host_km_s;
+            bin.density_per_deg *= 10.0_f64.powf(log10_n_stars);
         }
         self
     }
@@ -126,12 +172,13 @@ impl Track {
         };
         let mut sums = Sums::default();
         grid.sum(particles, &mut sums, &mut PartialSums::default());
+        grid.sum_velocities(particles, &mut sums);
         let bins = (0..len)
             .filter(|&i| sums.weight[i] > 0.0 && sums.weight[i] >= min_n)
             .map(|i| {
                 let n = sums.weight[i];
-                let mean = sums.r[i] / n;
-                let variance = (sums.r2[i] / n - mean * mean).max(0.0);
+                let (mean, variance) = moments(n, sums.r[i], sums.r2[i]);
+                let (v_km_s, variance_of_v) = moments(n, sums.v[i], sums.v2[i]);
                 #[allow(
                     clippy::cast_possible_wrap,
                     reason = "an index below the number of bins"
@@ -143,6 +190,10 @@ impl Track {
                     r_kpc: mean,
                     r_err_kpc: (variance / n).sqrt(),
                     n,
+                    v_km_s,
+                    v_err_km_s: (variance_of_v / n).sqrt(),
+                    width_kpc: variance.sqrt(),
+                    density_per_deg: n / (particles.len() as f64 * width_deg),
                 }
             })
             .collect();

@@ -20,6 +20,9 @@ pub(super) const MAX_REACH_DEG: f64 = 90.0;
 /// Upper bound of slope times width over the radius.
 const MAX_RISE: f64 = 0.1;
 
+/// Upper bound of slope times width for velocities, km/s.
+const MAX_VELOCITY_RISE: f64 = 20.0;
+
 /// Standard deviation of the angle that is added, radians, so that slopes are smooth where all neighbours are in one place.
 const MIN_WIDTH: f64 = 0.1 * DEGREE;
 
@@ -41,12 +44,12 @@ pub struct Sky<S> {
 /// The numbers of a [`Sky`] in memory, in its order.
 pub type SkyRow = [f64; 4];
 
-/// From a particle to another: the sine of the angle, and the difference in radius in kpc, both times a factor that falls with distance:
-/// a and b of docs/physics.md, section 6.
+/// From a particle to another: the sine of the angle, and the change of the quantity that is averaged, the radius in kpc or the line-of-sight
+/// velocity in km/s, both times a factor that falls with distance: a and b of docs/physics.md, section 6.
 #[derive(Clone, Copy, Debug)]
 pub struct Displacement<S> {
     pub angle: S,
-    pub r: S,
+    pub change: S,
 }
 
 impl<S: Scalar> Sky<S> {
@@ -62,15 +65,20 @@ impl<S: Scalar> Sky<S> {
         }
     }
 
-    /// The displacement to another particle, periodic in the angle.
+    /// The displacement to another particle, periodic in the angle, with the change of the radius.
     #[inline(always)]
     pub fn displacement_to(self, other: Self) -> Displacement<S> {
+        self.displacement_with(other, other.r - self.r)
+    }
+
+    /// The displacement to another particle with this change of the quantity that is averaged.
+    #[inline(always)]
+    pub fn displacement_with(self, other: Self, change: S) -> Displacement<S> {
         let (sine, cosine) = self.turn(other);
-        let dr = other.r - self.r;
-        let factor = self.factor(cosine, dr);
+        let factor = self.factor(cosine, other.r - self.r);
         Displacement {
             angle: factor * sine,
-            r: factor * dr,
+            change: factor * change,
         }
     }
 
@@ -107,12 +115,12 @@ impl<I: Isa> Sky<Lanes<I, 1>> {
     }
 }
 
-/// The extent of the stream around a particle on the sky: the change of angle and radius along each standard normal of the release, for a
-/// change by one standard deviation of the smearing, and the displacement to the partner. P and Q of docs/physics.md, section 6.
+/// The extent of the stream around a particle: the change of the angle and of the quantity that is averaged along each standard normal of the
+/// release, for a change by one standard deviation of the smearing, and the displacement to the partner. P and Q of docs/physics.md, section 6.
 #[derive(Clone, Copy, Debug)]
 pub struct StreamExtent<S> {
     pub angle: [S; MAX_NORMALS],
-    pub r: [S; MAX_NORMALS],
+    pub change: [S; MAX_NORMALS],
     pub partner: Displacement<S>,
 }
 
@@ -121,7 +129,7 @@ impl<S: Scalar> StreamExtent<S> {
     pub fn from_partner(partner: Displacement<S>) -> Self {
         Self {
             angle: [S::zero(); MAX_NORMALS],
-            r: [S::zero(); MAX_NORMALS],
+            change: [S::zero(); MAX_NORMALS],
             partner,
         }
     }
@@ -130,18 +138,19 @@ impl<S: Scalar> StreamExtent<S> {
     #[inline(always)]
     pub fn add(&mut self, k: usize, weight: S, displacement: Displacement<S>) {
         self.angle[k] = weight.mul_add(displacement.angle, self.angle[k]);
-        self.r[k] = weight.mul_add(displacement.r, self.r[k]);
+        self.change[k] = weight.mul_add(displacement.change, self.change[k]);
     }
 
-    /// Variance of the angle and its covariance with the radius.
+    /// Variance of the angle and its covariance with the quantity.
     #[inline(always)]
     pub fn moments(&self) -> (S, S) {
-        let Displacement { angle, r } = self.partner;
+        let Displacement { angle, change } = self.partner;
         let scaled = angle * PARTNER_VARIANCE;
-        let (mut variance, mut covariance) = (scaled * angle + MIN_WIDTH * MIN_WIDTH, scaled * r);
+        let (mut variance, mut covariance) =
+            (scaled * angle + MIN_WIDTH * MIN_WIDTH, scaled * change);
         for k in 0..MAX_NORMALS {
             variance = self.angle[k].mul_add(self.angle[k], variance);
-            covariance = self.angle[k].mul_add(self.r[k], covariance);
+            covariance = self.angle[k].mul_add(self.change[k], covariance);
         }
         (variance, covariance)
     }
@@ -150,15 +159,16 @@ impl<S: Scalar> StreamExtent<S> {
 impl StreamExtent<f64> {
     /// Reverse mode of [`moments`](Self::moments): the derivatives with respect to the displacement to the partner.
     pub fn partner_vjp(&self, variance_bar: f64, covariance_bar: f64) -> Displacement<f64> {
-        let Displacement { angle, r } = self.partner;
+        let Displacement { angle, change } = self.partner;
         Displacement {
-            angle: PARTNER_VARIANCE * (2.0 * angle * variance_bar + r * covariance_bar),
-            r: PARTNER_VARIANCE * angle * covariance_bar,
+            angle: PARTNER_VARIANCE * (2.0 * angle * variance_bar + change * covariance_bar),
+            change: PARTNER_VARIANCE * angle * covariance_bar,
         }
     }
 }
 
-/// The smearing of a particle: the square of its width in radians^2, and the slope of the radius along the angle in kpc per radian.
+/// The smearing of a particle: the square of its width in radians^2, and the slope of the quantity that is averaged along the angle, per
+/// radian.
 #[derive(Clone, Copy, Debug)]
 pub struct Smear<S> {
     pub width2: S,
@@ -168,10 +178,21 @@ pub struct Smear<S> {
 impl<S: Scalar> Smear<S> {
     /// From the variance of the angle and its covariance with the radius, of a particle at radius `r`, with smooth upper bounds.
     #[inline(always)]
-    pub fn new((variance, covariance): (S, S), r: S) -> Self {
+    pub fn of_radius((variance, covariance): (S, S), r: S) -> Self {
+        Self::with_max_rise((variance, covariance), r * MAX_RISE)
+    }
+
+    /// From the variance of the angle and its covariance with the line-of-sight velocity, with smooth upper bounds.
+    #[inline(always)]
+    pub fn of_velocity((variance, covariance): (S, S)) -> Self {
+        Self::with_max_rise((variance, covariance), S::from_f64(MAX_VELOCITY_RISE))
+    }
+
+    #[inline(always)]
+    fn with_max_rise((variance, covariance): (S, S), max_rise: S) -> Self {
         let width2 = variance / (variance * (1.0 / (MAX_WIDTH * MAX_WIDTH)) + 1.0);
         let slope = covariance / variance;
-        let rise = slope / (r * MAX_RISE);
+        let rise = slope / max_rise;
         Self {
             width2,
             slope: slope / (rise * rise * width2 + 1.0).sqrt(),
@@ -203,22 +224,27 @@ pub fn moments_below<S: Scalar>(u: S) -> [S; 3] {
 /// The moments of the whole kernel.
 pub const WHOLE_MOMENTS: [f64; 3] = [1.0, 0.0, 1.0 / 7.0];
 
-/// Reverse mode of [`Sky::displacement_to`]: derivatives with respect to the angle from `here` to `other`, the radius of `here` and that
-/// of `other`.
+/// Reverse mode of [`Sky::displacement_with`] this change: derivatives with respect to the angle from `here` to `other`, the radius of `here`,
+/// that of `other`, and the change.
 pub fn displacement_vjp(
     here: Sky<f64>,
     other: Sky<f64>,
+    change: f64,
     displacement_bar: Displacement<f64>,
-) -> [f64; 3] {
+) -> [f64; 4] {
     let (sine, cosine) = here.turn(other);
     let dr = other.r - here.r;
     let factor = here.factor(cosine, dr);
     let cube = factor * factor * factor;
-    let factor_bar = displacement_bar.angle * sine + displacement_bar.r * dr;
+    let factor_bar = displacement_bar.angle * sine + displacement_bar.change * change;
     let slope = cube * dr * here.per_reach * here.per_reach;
     let angle = -cube * sine / (REACH_ANGLE * REACH_ANGLE) * factor_bar
         + displacement_bar.angle * factor * cosine;
-    let other_r = -slope * factor_bar + displacement_bar.r * factor;
-    let here_r = slope * (1.0 + dr / here.r) * factor_bar - displacement_bar.r * factor;
-    [angle, here_r, other_r]
+    let here_r = slope * (1.0 + dr / here.r) * factor_bar;
+    [
+        angle,
+        here_r,
+        -slope * factor_bar,
+        displacement_bar.change * factor,
+    ]
 }

@@ -220,7 +220,7 @@ fn smear<I: Isa>(
             }
         }
     }
-    Smear::new(extent.moments(), here.r)
+    Smear::of_radius(extent.moments(), here.r)
 }
 
 /// The displacements to the particles with the numbers `others`.

@@ -1,49 +1,93 @@
 //! Reverse mode of the sums over the particles of each bin.
 
-use super::grid::{BinGrid, NearestEdge, SkyPoint};
+use super::grid::{BinGrid, NearestEdge};
 use super::smear::{Displacement, Smear, displacement_vjp, moments_below};
-use super::sums::{Sums, stream_extent};
+use super::sums::{Quantity, Sums, line_of_sight_km_s};
 use crate::scalar::{LANES, Tangent};
-use crate::spray::Neighbourhood;
 use crate::stream::Particles;
 
+/// Derivatives with respect to the particles' angles, radii, and values of a quantity.
+struct ParticleCotangents<'a> {
+    angle: &'a mut [f64],
+    r: &'a mut [f64],
+    value: Values<'a>,
+}
+
+/// Where the derivatives with respect to a quantity are added.
+enum Values<'a> {
+    /// It is the radius.
+    Radius,
+    /// It is the line-of-sight velocity.
+    Velocity(&'a mut [f64]),
+}
+
+impl ParticleCotangents<'_> {
+    /// Adds derivatives with respect to the radius and the value of particle number `i`.
+    fn add(&mut self, i: usize, r_bar: f64, value_bar: f64) {
+        match &mut self.value {
+            Values::Radius => self.r[i] += r_bar + value_bar,
+            Values::Velocity(v) => {
+                self.r[i] += r_bar;
+                v[i] += value_bar;
+            }
+        }
+    }
+}
+
 impl BinGrid {
-    /// Reverse mode of [`sum`](Self::sum): from derivatives with respect to the sums, writes those with respect to the particles' sky
-    /// positions, per kpc, into `x_bar` and `y_bar`, and returns that with respect to the offset of the grid, per degree.
+    /// Reverse mode of [`sum`](Self::sum) and, if `sums_bar` has velocities, [`sum_velocities`](Self::sum_velocities): from derivatives with
+    /// respect to the sums, writes those with respect to the particles' sky positions, per kpc, into `x_bar` and `y_bar`, and those with
+    /// respect to their velocities along z, per kpc/Gyr, into `vz_bar`, which is left empty without velocities. Returns that with respect to
+    /// the offset of the grid, per degree.
     pub fn vjp(
         &self,
         particles: &Particles,
         sums_bar: &Sums<f64>,
-        x_bar: &mut Vec<f64>,
-        y_bar: &mut Vec<f64>,
+        [x_bar, y_bar, vz_bar]: [&mut Vec<f64>; 3],
     ) -> f64 {
         let len = particles.len();
-        let point = |i: usize| {
-            let (x, y, winding_number) =
-                (particles.x[i], particles.y[i], particles.winding_numbers[i]);
-            self.sky_point(x, y, winding_number, self.offset())
-        };
-        let points: Vec<SkyPoint<f64>> = (0..len).map(point).collect();
+        let points = self.sky_points(particles);
         // Until the last loop the buffers have the derivatives with respect to angles and radii.
-        let (angle_bar, r_bar) = (&mut *x_bar, &mut *y_bar);
-        for column in [&mut *angle_bar, &mut *r_bar] {
+        for column in [&mut *x_bar, &mut *y_bar] {
             column.clear();
             column.resize(len, 0.0);
         }
+        vz_bar.clear();
+        let radii: Vec<f64> = points.iter().map(|point| point.sky.r).collect();
+        let mut quantity = Quantity {
+            points: &points,
+            values: &radii,
+            neighbourhood: particles.neighbourhood.as_deref(),
+        };
+        let mut bars = ParticleCotangents {
+            angle: x_bar,
+            r: y_bar,
+            value: Values::Radius,
+        };
         // With respect to the positions of all particles together, which the offset moves back.
-        let mut positions_bar = 0.0;
-        for (i, point) in points.iter().enumerate() {
-            let [position, r] = match &particles.neighbourhood {
-                None => self.point_vjp(*point, sums_bar),
-                Some(neighbourhood) => {
-                    self.smeared_vjp(neighbourhood, i, &points, sums_bar, [angle_bar, r_bar])
-                }
-            };
-            positions_bar += position;
-            angle_bar[i] += position * self.per_radian();
-            r_bar[i] += r;
+        let mut positions_bar = self.quantity_vjp(
+            &quantity,
+            |bin| [sums_bar.weight[bin], sums_bar.r[bin], sums_bar.r2[bin]],
+            &mut bars,
+        );
+        if sums_bar.has_velocities() {
+            let velocities: Vec<f64> = (particles.v[2].iter())
+                .map(|v| line_of_sight_km_s(*v))
+                .collect();
+            quantity.values = &velocities;
+            vz_bar.resize(len, 0.0);
+            bars.value = Values::Velocity(vz_bar);
+            positions_bar += self.quantity_vjp(
+                &quantity,
+                |bin| [0.0, sums_bar.v[bin], sums_bar.v2[bin]],
+                &mut bars,
+            );
+            for bar in vz_bar {
+                *bar = line_of_sight_km_s(*bar);
+            }
         }
-        for (i, SkyPoint { sky, .. }) in points.iter().enumerate() {
+        for (i, point) in points.iter().enumerate() {
+            let sky = point.sky;
             let (across, along) = (x_bar[i] / sky.r, y_bar[i]);
             x_bar[i] = along * sky.x - across * sky.y;
             y_bar[i] = along * sky.y + across * sky.x;
@@ -51,12 +95,35 @@ impl BinGrid {
         -positions_bar / self.width_deg
     }
 
-    /// Derivatives with respect to the position and the radius of a particle without neighbours.
+    /// Adds the derivatives by the sums of a quantity, `sums_bar` of each bin, to those with respect to the particles. Returns the sum of those
+    /// with respect to the positions.
+    fn quantity_vjp(
+        &self,
+        quantity: &Quantity<'_, f64>,
+        sums_bar: impl Fn(usize) -> [f64; 3],
+        bars: &mut ParticleCotangents<'_>,
+    ) -> f64 {
+        let mut positions_bar = 0.0;
+        for i in 0..quantity.points.len() {
+            let [position_bar, r_bar, value_bar] = if quantity.neighbourhood.is_some() {
+                self.smeared_vjp(quantity, i, &sums_bar, bars)
+            } else {
+                self.point_vjp(quantity.points[i].position, quantity.values[i], &sums_bar)
+            };
+            positions_bar += position_bar;
+            bars.angle[i] += position_bar * self.per_radian();
+            bars.add(i, r_bar, value_bar);
+        }
+        positions_bar
+    }
+
+    /// Derivatives with respect to the position, the radius and the value of a particle without neighbours.
     fn point_vjp(
         &self,
-        SkyPoint { position, sky }: SkyPoint<f64>,
-        sums_bar: &Sums<f64>,
-    ) -> [f64; 2] {
+        position: f64,
+        value: f64,
+        sums_bar: &impl Fn(usize) -> [f64; 3],
+    ) -> [f64; 3] {
         let NearestEdge { edge, above } =
             self.nearest_edge(Tangent::<f64, 1>::along(position, 0, 1.0));
         let [slope] = above.eps;
@@ -65,52 +132,55 @@ impl BinGrid {
             [1.0 - above.re, above.re],
             [-slope, slope],
         );
-        let (mut position_bar, mut r_bar) = (0.0, 0.0);
+        let (mut position_bar, mut value_bar) = (0.0, 0.0);
         for k in 0..2 {
-            if let Some(i) = bins[k] {
-                r_bar += weights[k] * (sums_bar.r[i] + 2.0 * sky.r * sums_bar.r2[i]);
-                position_bar += slopes[k]
-                    * (sums_bar.weight[i] + sums_bar.r[i] * sky.r + sums_bar.r2[i] * sky.r * sky.r);
+            if let Some(bin) = bins[k] {
+                let [weight, sum, square] = sums_bar(bin);
+                value_bar += weights[k] * (sum + 2.0 * value * square);
+                position_bar += slopes[k] * (weight + sum * value + square * value * value);
             }
         }
-        [position_bar, r_bar]
+        [position_bar, 0.0, value_bar]
     }
 
-    /// Derivatives with respect to the position and the radius of a smeared particle. Those by the smearing, which depends on neighbours
-    /// and partner, are added to the derivatives with respect to all angles and radii.
+    /// Derivatives with respect to the position, the radius and the value of a smeared particle. Those by the smearing, which depends on neighbours
+    /// and partner, are added to the derivatives with respect to all particles.
     fn smeared_vjp(
         &self,
-        neighbourhood: &Neighbourhood,
+        quantity: &Quantity<'_, f64>,
         i: usize,
-        points: &[SkyPoint<f64>],
-        sums_bar: &Sums<f64>,
-        [angle_bar, all_r_bar]: [&mut Vec<f64>; 2],
-    ) -> [f64; 2] {
-        let SkyPoint { position, sky } = points[i];
-        let extent = stream_extent(neighbourhood, i, |j| points[j].sky);
+        sums_bar: &impl Fn(usize) -> [f64; 3],
+        bars: &mut ParticleCotangents<'_>,
+    ) -> [f64; 3] {
+        let (Some(neighbourhood), Some(extent)) = (quantity.neighbourhood, quantity.extent(i))
+        else {
+            return [0.0; 3];
+        };
+        let (points, values) = (quantity.points, quantity.values);
+        let (position, sky, value) = (points[i].position, points[i].sky, values[i]);
         let (variance, covariance) = extent.moments();
         // Tangents with respect to variance, covariance and radius.
         let numbers = [variance, covariance, sky.r];
         let [variance, covariance, r] =
             std::array::from_fn(|k| Tangent::<f64, 3>::along(numbers[k], k, 1.0));
-        let smear = Smear::new((variance, covariance), r);
+        let smear = match bars.value {
+            Values::Radius => Smear::of_radius((variance, covariance), r),
+            Values::Velocity(_) => Smear::of_velocity((variance, covariance)),
+        };
         let half_width = smear.half_width(self.soft());
         let rise = smear.slope * half_width;
         let scale = 1.0 / (half_width.re * self.per_radian());
         let (middle, reach) = self.edges_within(position, half_width.re);
-        let (mut r_bar, mut u_bar, mut scale_bar, mut rise_bar) = (0.0, 0.0, 0.0, 0.0);
-        let sums_bar_below = |edge: f64| {
-            self.bins_beside(edge)[0].map_or([0.0; 3], |b| {
-                [sums_bar.weight[b], sums_bar.r[b], sums_bar.r2[b]]
-            })
-        };
+        let (mut value_bar, mut u_bar, mut scale_bar, mut rise_bar) = (0.0, 0.0, 0.0, 0.0);
+        let sums_bar_below =
+            |edge: f64| self.bins_beside(edge)[0].map_or([0.0; 3], |bin| sums_bar(bin));
         // Derivatives with respect to the three moments of the kernel in a bin.
         let rise2 = rise.re * rise.re;
-        let moments_bar = |[weight, r, r2]: [f64; 3]| {
+        let moments_bar = |[weight, sum, square]: [f64; 3]| {
             [
-                weight + sky.r * r + sky.r * sky.r * r2,
-                rise.re * (r + 2.0 * sky.r * r2),
-                rise2 * r2,
+                weight + value * sum + value * value * square,
+                rise.re * (sum + 2.0 * value * square),
+                rise2 * square,
             ]
         };
         let mut lower = sums_bar_below(middle - f64::from(reach));
@@ -124,11 +194,11 @@ impl BinGrid {
             };
             let here = moments_below(u);
             let [weight, offset, offset2]: [f64; 3] = std::array::from_fn(|c| here[c] - before[c]);
-            let [_, sum_r_bar, sum_r2_bar] = lower;
-            r_bar += weight * (sum_r_bar + 2.0 * sky.r * sum_r2_bar)
-                + 2.0 * rise.re * offset * sum_r2_bar;
-            rise_bar += offset * (sum_r_bar + 2.0 * sky.r * sum_r2_bar)
-                + 2.0 * rise.re * offset2 * sum_r2_bar;
+            let [_, sum_bar, square_bar] = lower;
+            value_bar +=
+                weight * (sum_bar + 2.0 * value * square_bar) + 2.0 * rise.re * offset * square_bar;
+            rise_bar += offset * (sum_bar + 2.0 * value * square_bar)
+                + 2.0 * rise.re * offset2 * square_bar;
             if k > reach {
                 break;
             }
@@ -149,31 +219,36 @@ impl BinGrid {
         let [variance_bar, covariance_bar, own_r_bar]: [f64; 3] =
             std::array::from_fn(|k| width_bar * half_width.eps[k] + rise_bar * rise.eps[k]);
         let mut add = |j: usize, displacement_bar: Displacement<f64>| {
-            let [angle, here_r, other_r] = displacement_vjp(sky, points[j].sky, displacement_bar);
-            angle_bar[j] += angle;
-            angle_bar[i] -= angle;
-            all_r_bar[j] += other_r;
-            all_r_bar[i] += here_r;
+            let change = values[j] - values[i];
+            let [angle, here_r, other_r, change_bar] =
+                displacement_vjp(sky, points[j].sky, change, displacement_bar);
+            bars.angle[j] += angle;
+            bars.angle[i] -= angle;
+            bars.add(j, other_r, change_bar);
+            bars.add(i, here_r, -change_bar);
         };
         let extent_bar: Vec<Displacement<f64>> = (0..neighbourhood.normals)
             .map(|k| Displacement {
-                angle: 2.0 * extent.angle[k] * variance_bar + extent.r[k] * covariance_bar,
-                r: extent.angle[k] * covariance_bar,
+                angle: 2.0 * extent.angle[k] * variance_bar + extent.change[k] * covariance_bar,
+                change: extent.angle[k] * covariance_bar,
             })
             .collect();
         let (block, lane) = (i / LANES, i % LANES);
         for j in 0..neighbourhood.count {
             let row = block * neighbourhood.count + j;
-            let mut displacement_bar = Displacement { angle: 0.0, r: 0.0 };
+            let mut displacement_bar = Displacement {
+                angle: 0.0,
+                change: 0.0,
+            };
             for (k, extent_bar) in extent_bar.iter().enumerate() {
                 let weight = neighbourhood.weights[row * neighbourhood.normals + k][lane];
                 displacement_bar.angle += weight * extent_bar.angle;
-                displacement_bar.r += weight * extent_bar.r;
+                displacement_bar.change += weight * extent_bar.change;
             }
             add(neighbourhood.indices[row][lane] as usize, displacement_bar);
         }
         let partner_bar = extent.partner_vjp(variance_bar, covariance_bar);
         add(neighbourhood.partners[block][lane] as usize, partner_bar);
-        [-u_bar * scale, r_bar + own_r_bar]
+        [-u_bar * scale, own_r_bar, value_bar]
     }
 }

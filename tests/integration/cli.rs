@@ -11,6 +11,7 @@ mod export;
 mod fit;
 mod haloes;
 mod man;
+mod measured;
 mod merge;
 mod message;
 mod mock;

@@ -19,7 +19,11 @@ sampling.nested = { n_live = 60, kernel = "random-slice", steps = 2, max_batches
 sampling.pt_hmc = { chain_sets = 2, rounds = 2, first_scans = 4, smc_particles = 20, mcmc_steps = 2, slice_updates = 1, surrogate = false, extensions = 0 }
 "#;
 
+/// Tracks that commands name: with radii alone, with a velocity, and with densities.
 const TRACK: &str = "phi,r,r_err\n-25,49,1\n-15,57,1\n-5,63,1\n5,55,1\n15,54,1\n25,50,1\n";
+const VELOCITIES: &str = "phi,r,r_err,v,v_err\n-15,57,1,,\n-5,63,1,20,9\n5,55,1,,\n15,54,1,,\n";
+const DENSITIES: &str =
+    "phi,r,r_err,density,density_err\n-15,57,1,30,9\n-5,63,1,50,9\n5,55,1,40,9\n";
 
 /// Puts values into a table, and keeps what else is there.
 fn put(into: &mut Table, from: Table) {
@@ -74,7 +78,13 @@ fn every_command_line_on_a_page_runs() {
             copy(&root.join(part), &folder.path().join(part));
         }
         make_quick(&folder.path().join("examples/quickstart.toml"));
-        std::fs::write(folder.path().join("track.csv"), TRACK).expect("a track");
+        for (name, text) in [
+            ("track.csv", TRACK),
+            ("velocities.csv", VELOCITIES),
+            ("densities.csv", DENSITIES),
+        ] {
+            std::fs::write(folder.path().join(name), text).expect("a track");
+        }
         for line in lines {
             let output = Command::new("sh")
                 .args(["-c", &quick(&line)])

@@ -101,3 +101,28 @@ pub fn track(name: &str) -> Vec<GoldenBin> {
         })
         .collect()
 }
+
+/// Mean line-of-sight velocity and scatter of velocities and radii of a bin.
+pub struct GoldenMeasured {
+    pub phi_deg: f64,
+    pub n: f64,
+    pub v_km_s: f64,
+    pub sd_of_v_km_s: f64,
+    pub sd_of_r_kpc: f64,
+}
+
+/// The bins of `velocities.json`.
+pub fn measured(name: &str) -> Vec<GoldenMeasured> {
+    let rows = json("streams_gala/velocities.json")[name].clone();
+    let row = |row: &serde_json::Value| {
+        let [phi_deg, n, v_km_s, sd_of_v_km_s, _, sd_of_r_kpc] = numbers::<6>(row);
+        GoldenMeasured {
+            phi_deg,
+            n,
+            v_km_s,
+            sd_of_v_km_s,
+            sd_of_r_kpc,
+        }
+    };
+    rows.as_array().expect("bins").iter().map(row).collect()
+}

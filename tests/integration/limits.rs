@@ -450,6 +450,25 @@ fn the_ranges_of_a_track_are_those_of_the_page() {
                     assert!(words.contains("; give"), "{words}");
                 }
             }
+            "v" | "v_err" | "width" | "width_err" | "density" | "density_err" => {
+                let name = key.trim_end_matches("_err");
+                let of = |number: f64| {
+                    let pair = if key == name {
+                        format!("{number:?},1")
+                    } else {
+                        format!("1,{number:?}")
+                    };
+                    track(&format!(
+                        "phi,r,r_err,{name},{name}_err\n-15,60,1,,\n-5,60,1,,\n5,60,1,{pair}\n"
+                    ))
+                };
+                assert!(of(lo).is_ok() && of(hi).is_ok(), "{key}");
+                for wrong in [lo.next_down(), hi.next_up(), f64::NAN, f64::INFINITY] {
+                    let words = of(wrong).unwrap_err();
+                    assert!(words.contains("line 4") && words.contains(&format!("`{key}`")));
+                    assert!(words.contains("; give"), "{words}");
+                }
+            }
             "phi" => {
                 // 7,200 is the centre of the bin number 112 of 64 degrees.
                 let at = |end: f64| {
@@ -749,8 +768,8 @@ proptest! {
 
     #[test]
     fn at_the_ends_of_all_ranges_a_point_has_a_likelihood_or_a_cause(
-        ends in prop::array::uniform22(0.0_f64..=1.0),
-        corners in prop::array::uniform22(0..4),
+        ends in prop::array::uniform24(0.0_f64..=1.0),
+        corners in prop::array::uniform24(0..4),
     ) {
         let params: [f64; DIM] = std::array::from_fn(|i| {
             let (lo, hi) = (*PARAMETERS[i].range.start(), *PARAMETERS[i].range.end());

@@ -1,7 +1,7 @@
 //! Figures and the page: what they must contain, counted in their text. `OBLATE_FIGURES=folder` keeps the figures drawn here.
 
 use crate::runs;
-use oblate::data::ObservedTrack;
+use oblate::data::{Measured, ObservedTrack};
 use oblate::params::QPrior;
 use oblate::population::PopulationDensity;
 use oblate::posterior::{
@@ -9,10 +9,11 @@ use oblate::posterior::{
     SummaryContext, WithoutStream, columns, compare, mode_weights, modes_of_draws,
 };
 use oblate::report::{
-    CornerColumn, Figure, FitPicture, Group, ModePicture, ModelTrack, PageRun, QCurve, corner,
-    diagnostics, influence, modes, outline, page, population_density, q_posterior,
+    CornerColumn, Curve, Figure, FitPicture, Group, MeasuredPicture, ModePicture, PageRun, QCurve,
+    corner, diagnostics, influence, modes, outline, page, population_density, q_posterior,
     streams_of_population,
 };
+use oblate::track::BinQuantity;
 use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 
@@ -38,7 +39,7 @@ fn keep(name: &str, text: &str) {
 }
 
 /// A curve with noise of its error: 12 bins with one missing, whose truth is `r = 60 + phi/5 + phi^2/150`.
-fn track() -> (ObservedTrack, ModelTrack, Vec<ModelTrack>) {
+fn track() -> (ObservedTrack, Curve, Vec<Curve>) {
     let truth = |phi: f64| 60.0 + 0.2 * phi + phi * phi / 150.0;
     let phi: Vec<f64> = (-6..7)
         .filter(|k| *k != 2)
@@ -58,9 +59,9 @@ fn track() -> (ObservedTrack, ModelTrack, Vec<ModelTrack>) {
     )
     .unwrap();
     let grid: Vec<f64> = (-8..9).map(|k| (f64::from(k) + 0.5) * 10.0).collect();
-    let model = |shift: f64, tilt: f64| ModelTrack {
+    let model = |shift: f64, tilt: f64| Curve {
         phi_deg: grid.clone(),
-        r_kpc: grid.iter().map(|p| truth(*p) + shift + tilt * p).collect(),
+        values: grid.iter().map(|p| truth(*p) + shift + tilt * p).collect(),
     };
     let draws = (0..200)
         .map(|_| {
@@ -105,6 +106,32 @@ fn fit_overlay_shows_every_datum_and_its_residual() {
     assert_eq!(svg.matches("class=\"datum\"").count(), 12);
     assert_eq!(svg.matches("class=\"residual\"").count(), 12);
     assert!(svg.contains("[kpc]<") && svg.contains("[deg]<") && svg.contains("NGC 0000 south"));
+}
+
+#[test]
+fn a_figure_of_velocities_shows_those_that_are_measured() {
+    let (mut data, best, draws) = track();
+    let svg = |data: &ObservedTrack| {
+        MeasuredPicture {
+            track: data,
+            quantity: BinQuantity::Velocity,
+            draws: &draws,
+            best: &best,
+        }
+        .svg()
+    };
+    assert_eq!(svg(&data), None);
+    let velocity = |(i, r): (usize, &f64)| {
+        (i % 3 == 0).then_some(Measured {
+            value: *r,
+            error: 2.0,
+        })
+    };
+    let rows = data.r_kpc.iter().enumerate().map(velocity).collect();
+    data.measured.insert(BinQuantity::Velocity, rows);
+    let svg = sound("velocities", svg(&data).expect("a figure"));
+    assert_eq!(svg.matches("class=\"datum\"").count(), 4);
+    assert!(svg.contains("velocity") && svg.contains("[deg]<") && svg.contains("NGC 0000 south"));
 }
 
 /// The centres of the dots of a class.
@@ -236,7 +263,7 @@ fn fit_overlay_shows_the_sky_when_given_particles() {
 fn a_bin_that_the_best_fit_misses_is_crossed_not_drawn() {
     let (data, mut best, draws) = track();
     best.phi_deg.truncate(12);
-    best.r_kpc.truncate(12);
+    best.values.truncate(12);
     let missed = data.phi_deg.iter().filter(|p| **p > 35.0).count();
     assert!(missed > 0);
     let svg = FitPicture {

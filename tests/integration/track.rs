@@ -1,11 +1,11 @@
 //! Tracks against gala's, hard against soft bins, and the bins' derivatives.
 
-use crate::gala::{NAMES, system, track};
+use crate::gala::{NAMES, measured, system, track};
 use oblate::orbit::{FinalParticle, State};
 use oblate::scalar::{Dual, LANES, Level, Vec3, gradient_of, lift};
 use oblate::spray::{Neighbourhood, SamplingScheme, TableSettings};
 use oblate::stream::{Model, ModelSettings, Particles, StepSchedules};
-use oblate::track::{BinEdges, BinGrid, PartialSums, Sums, Track};
+use oblate::track::{BinEdges, BinGrid, BinQuantity, PartialSums, Sums, Track};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -79,6 +79,39 @@ fn tracks_reproduce_galas_within_their_noise() {
             (counts - 1.0).abs() < 4.0 * (2.0 / z.len() as f64).sqrt(),
             "{name}: counts {counts}"
         );
+    }
+}
+
+#[test]
+fn velocities_and_widths_reproduce_galas_within_their_noise() {
+    for name in NAMES {
+        let hard = Track::new(&converged(name), 10.0, BinEdges::Hard, 100.0).expect("a track");
+        let mut z = [Vec::new(), Vec::new()];
+        for golden in measured(name).iter().filter(|b| b.n >= 500.0) {
+            let Some(bin) = (hard.bins.iter()).find(|b| (b.phi_deg - golden.phi_deg).abs() < 1e-9)
+            else {
+                continue;
+            };
+            let of_mean = golden.sd_of_v_km_s / golden.n.sqrt();
+            z[0].push((bin.v_km_s - golden.v_km_s) / bin.v_err_km_s.hypot(of_mean));
+            // As of normal radii.
+            let of_width = golden.sd_of_r_kpc / (2.0 * golden.n).sqrt();
+            let error = bin.error(BinQuantity::Width).hypot(of_width);
+            z[1].push((bin.width_kpc - golden.sd_of_r_kpc) / error);
+        }
+        let rms = z
+            .each_ref()
+            .map(|z| (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt());
+        println!(
+            "{name}: {} bins, rms z of v {:.2}, of widths {:.2}",
+            z[0].len(),
+            rms[0],
+            rms[1]
+        );
+        assert!(z[0].len() >= 15, "{name}: only {} bins", z[0].len());
+        // As of radii; the widths of bins whose radii are not normal vary more than their errors say.
+        assert!((0.6..1.5).contains(&rms[0]), "{name}: {z:?}");
+        assert!(rms[1] < 3.0, "{name}: {z:?}");
     }
 }
 
@@ -294,7 +327,8 @@ fn every_level_bins_as_the_reference_does() {
             };
             let (mut by_reference, mut by_level) = (Sums::default(), Sums::default());
             let around = ours.neighbourhood.as_deref();
-            grid.sum_final_particles(&reference, around, grid.offset_deg, &mut by_reference);
+            let offset_deg = grid.offset_deg;
+            grid.sum_final_particles(&reference, around, offset_deg, false, &mut by_reference);
             for level in Level::available() {
                 grid.sum_at(*level, &ours, &mut by_level, &mut PartialSums::default());
                 for (a, b) in [
@@ -313,11 +347,20 @@ fn every_level_bins_as_the_reference_does() {
     }
 }
 
+/// Sums of `len` bins with velocities, all zero.
+fn sums_with_velocities(len: usize) -> Sums<f64> {
+    let mut sums = Sums::default();
+    sums.reset(len);
+    sums.reset_velocities();
+    sums
+}
+
 proptest! {
     /// Reverse mode of smeared particles against duals.
     #[test]
     fn vjp_of_sums_of_smeared_particles_matches_duals(
         places in prop::array::uniform4((1.0..80.0_f64, -3.0..3.0_f64)),
+        velocities in prop::array::uniform4(-200.0..200.0_f64),
         weights in prop::array::uniform2(prop::array::uniform4(-0.5..0.5_f64)),
         count in 0..3_usize,
         hard: bool,
@@ -328,37 +371,53 @@ proptest! {
             let (r, angle) = places[k / 2];
             if k % 2 == 0 { r * angle.cos() } else { r * angle.sin() }
         });
-        let mut variables = [3.7; 9];
+        let mut variables = [3.7; 13];
         variables[..8].copy_from_slice(&numbers);
-        let duals: [Dual<9>; 9] = lift(&variables);
+        variables[9..].copy_from_slice(&velocities);
+        let duals: [Dual<13>; 13] = lift(&variables);
         let grid = BinGrid { width_deg: 10.0, offset_deg: 3.7, first: -90, len: 180, edges };
         let around = neighbourhood(n, count, &weights);
-        let zero = Dual::<9>::from_re(0.0);
-        let reference: Vec<FinalParticle<Dual<9>>> = (0..n)
+        let zero = Dual::<13>::from_re(0.0);
+        let reference: Vec<FinalParticle<Dual<13>>> = (0..n)
             .map(|i| FinalParticle {
-                state: State { x: Vec3::new(duals[2 * i], duals[2 * i + 1], zero), v: Vec3::from_f64(Vec3::zero()) },
+                state: State {
+                    x: Vec3::new(duals[2 * i], duals[2 * i + 1], zero),
+                    v: Vec3::new(zero, zero, duals[9 + i]),
+                },
                 winding_number: zero,
                 ambiguous_windings: zero,
             })
             .collect();
         let mut sums = Sums::default();
-        grid.sum_final_particles(&reference, Some(&around), duals[8], &mut sums);
+        grid.sum_final_particles(&reference, Some(&around), duals[8], true, &mut sums);
         let mut total = zero;
-        let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };
+        let mut by = sums_with_velocities(180);
         for i in 0..180 {
             let (a, b, c) = (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
+            let (d, e) = (0.2 + 0.003 * i as f64, 1e-4 * (i as f64 - 40.0));
             total += sums.weight[i] * a + sums.r[i] * b + sums.r2[i] * c;
-            (by.weight[i], by.r[i], by.r2[i]) = (a, b, c);
+            total += sums.v[i] * d + sums.v2[i] * e;
+            (by.weight[i], by.r[i], by.r2[i], by.v[i], by.v2[i]) = (a, b, c, d, e);
         }
-        let particles = at_places(&places, around);
-        let (mut x_bar, mut y_bar) = (Vec::new(), Vec::new());
-        let offset_bar = grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
-        let expected: [f64; 9] = gradient_of(&total);
+        let mut particles = at_places(&places, around);
+        particles.v[2] = velocities.to_vec();
+        let [mut x_bar, mut y_bar, mut vz_bar] = [const { Vec::new() }; 3];
+        let offset_bar = grid.vjp(&particles, &by, [&mut x_bar, &mut y_bar, &mut vz_bar]);
+        let expected: [f64; 13] = gradient_of(&total);
         let scale = expected.iter().fold(1e-3_f64, |m, g| m.max(g.abs()));
         prop_assert!((expected[8] - offset_bar).abs() < 1e-11 * scale, "{expected:?} {offset_bar}");
         for i in 0..n {
             prop_assert!((expected[2 * i] - x_bar[i]).abs() < 1e-11 * scale, "{expected:?} {x_bar:?}");
             prop_assert!((expected[2 * i + 1] - y_bar[i]).abs() < 1e-11 * scale, "{expected:?} {y_bar:?}");
+            prop_assert!((expected[9 + i] - vz_bar[i]).abs() < 1e-11 * scale, "{expected:?} {vz_bar:?}");
+        }
+        // The sums in lanes and those of the reference.
+        let mut by_particles = Sums::default();
+        grid.sum(&particles, &mut by_particles, &mut PartialSums::default());
+        prop_assert!(!by_particles.has_velocities());
+        grid.sum_velocities(&particles, &mut by_particles);
+        for (dual, number) in sums.v.iter().zip(&by_particles.v) {
+            prop_assert!((dual.re - number).abs() < 1e-9);
         }
     }
 
@@ -379,32 +438,41 @@ proptest! {
         };
         prop_assume!(x.hypot(y) > 0.1);
         let grid = BinGrid { width_deg: 10.0, offset_deg: 0.0, first: -90, len: 180, edges };
-        let [dx, dy, offset]: [Dual<3>; 3] = lift(&[x, y, grid.offset_deg]);
+        let vz = 70.0 - x;
+        let [dx, dy, offset, dvz]: [Dual<4>; 4] = lift(&[x, y, grid.offset_deg, vz]);
         let turns = f64::from(turns);
         let particle = FinalParticle {
             state: State {
                 x: Vec3::new(dx, dy, Dual::from_re(0.0)),
-                v: Vec3::from_f64(Vec3::zero()),
+                v: Vec3::new(Dual::from_re(0.0), Dual::from_re(0.0), dvz),
             },
             winding_number: Dual::from_re(turns),
             ambiguous_windings: Dual::from_re(0.0),
         };
         let mut duals = Sums::default();
-        grid.sum_final_particles(&[particle], None, offset, &mut duals);
+        grid.sum_final_particles(&[particle], None, offset, true, &mut duals);
         // A scalar with another weight for every sum.
         let weigh = |i: usize| (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
-        let mut total = Dual::<3>::from_re(0.0);
-        let mut by = Sums { weight: vec![0.0; 180], r: vec![0.0; 180], r2: vec![0.0; 180] };
+        let mut total = Dual::<4>::from_re(0.0);
+        let mut by = sums_with_velocities(180);
         for i in 0..180 {
             let (a, b, c) = weigh(i);
             total += duals.weight[i] * a + duals.r[i] * b + duals.r2[i] * c;
-            (by.weight[i], by.r[i], by.r2[i]) = (a, b, c);
+            total += duals.v[i] * b + duals.v2[i] * a;
+            (by.weight[i], by.r[i], by.r2[i], by.v[i], by.v2[i]) = (a, b, c, b, a);
         }
-        let particles = Particles { x: vec![x], y: vec![y], winding_numbers: vec![turns], ..Particles::default() };
-        let (mut x_bar, mut y_bar) = (Vec::new(), Vec::new());
-        let offset_bar = grid.vjp(&particles, &by, &mut x_bar, &mut y_bar);
-        let [gx, gy, by_offset] = gradient_of(&total);
+        let particles = Particles {
+            x: vec![x],
+            y: vec![y],
+            v: [vec![0.0], vec![0.0], vec![vz]],
+            winding_numbers: vec![turns],
+            ..Particles::default()
+        };
+        let [mut x_bar, mut y_bar, mut vz_bar] = [const { Vec::new() }; 3];
+        let offset_bar = grid.vjp(&particles, &by, [&mut x_bar, &mut y_bar, &mut vz_bar]);
+        let [gx, gy, by_offset, gv] = gradient_of(&total);
         let scale = gx.abs().max(gy.abs()).max(1e-3);
+        prop_assert!((gv - vz_bar[0]).abs() < 1e-11 * gv.abs().max(1e-3), "{gv} {}", vz_bar[0]);
         prop_assert!((gx - x_bar[0]).abs() < 1e-11 * scale, "{gx} {}", x_bar[0]);
         prop_assert!((gy - y_bar[0]).abs() < 1e-11 * scale, "{gy} {}", y_bar[0]);
         let scale = scale.max(by_offset.abs());

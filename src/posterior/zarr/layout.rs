@@ -2,7 +2,7 @@
 
 use super::entries::SURROGATE;
 use super::store::{Store, text};
-use crate::data::ObservedTrack;
+use crate::data::{Measured, ObservedTrack};
 use crate::error::{ArrayFault, Result};
 use oblate_samplers::output::{Draws, History, Method};
 use oblate_samplers::rng::{Domain, stream, unit_open};
@@ -121,21 +121,35 @@ pub fn write_posterior(store: &Store, run: &Run, prior: Option<&Prior>) -> Resul
 /// Writes group `observed_data`.
 pub fn write_track(store: &Store, track: &ObservedTrack) -> Result<()> {
     store.group("/observed_data", &text(&[("name", &track.name)]))?;
-    let mut columns = vec![("phi", "deg", &track.phi_deg), ("r", "kpc", &track.r_kpc)];
+    let mut columns = vec![
+        ("phi", "deg", track.phi_deg.clone()),
+        ("r", "kpc", track.r_kpc.clone()),
+    ];
     if track.has_symmetric_errors() {
-        columns.push(("r_err", "kpc", &track.r_err_lo_kpc));
+        columns.push(("r_err", "kpc", track.r_err_lo_kpc.clone()));
     } else {
-        columns.push(("r_err_lo", "kpc", &track.r_err_lo_kpc));
-        columns.push(("r_err_hi", "kpc", &track.r_err_hi_kpc));
+        columns.push(("r_err_lo", "kpc", track.r_err_lo_kpc.clone()));
+        columns.push(("r_err_hi", "kpc", track.r_err_hi_kpc.clone()));
     }
     if let Some(n) = &track.n {
-        columns.push(("n", "", n));
+        columns.push(("n", "", n.clone()));
+    }
+    for (quantity, rows) in &track.measured {
+        let column = quantity.column();
+        // NaN where nothing is measured.
+        let values = |of: fn(&Measured) -> f64| -> Vec<f64> {
+            rows.iter()
+                .map(|m| m.as_ref().map_or(f64::NAN, of))
+                .collect()
+        };
+        columns.push((column.value, column.unit, values(|m| m.value)));
+        columns.push((column.error, column.unit, values(|m| m.error)));
     }
     for (name, unit, values) in columns {
         store.array(
             &format!("/observed_data/{name}"),
             &[("bin", track.len())],
-            values,
+            &values,
             text(&[("units", unit)]),
         )?;
     }

@@ -33,6 +33,7 @@ fn sums(model: &[[f64; 3]]) -> Sums<f64> {
         weight: model.iter().map(|[n, ..]| *n).collect(),
         r: model.iter().map(|[n, r, _]| n * r).collect(),
         r2: model.iter().map(|[n, r, s]| n * (r * r + s * s)).collect(),
+        ..Sums::default()
     }
 }
 

@@ -4,6 +4,7 @@
 mod adjoint;
 mod correlation;
 mod gradient;
+mod measurement;
 mod observation;
 mod precision;
 
@@ -241,6 +242,7 @@ fn sums_of(means_kpc: &[f64]) -> Sums<f64> {
         weight: vec![100.0; means_kpc.len()],
         r: means_kpc.iter().map(|r| 100.0 * r).collect(),
         r2: means_kpc.iter().map(|r| 100.0 * r * r).collect(),
+        ..Sums::default()
     }
 }
 

@@ -340,7 +340,7 @@ fn moves_are_offered_only_under_a_prior_that_they_fit() {
     let offered = |change: &dyn Fn(&mut PriorSettings)| {
         let mut settings = PriorSettings::default();
         change(&mut settings);
-        symmetries(&StreamPrior::new(&settings).unwrap()).len()
+        symmetries(&StreamPrior::new(&settings).unwrap(), false).len()
     };
     assert_eq!(offered(&|_| {}), 3);
     assert_eq!(offered(&|s| s.fixed.age_gyr = Some(2.0)), 2);
