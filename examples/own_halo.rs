@@ -7,7 +7,9 @@
 
 use oblate::Result;
 use oblate::params::{QRange, StreamParams};
-use oblate::potential::{Disc, DiscProfile, DiscShape, FlattenedNfw, Halo, HaloParameters, Sum};
+use oblate::potential::{
+    Disc, DiscProfile, DiscShape, FlattenedNfw, Halo, HaloParameters, Nfw, Sum,
+};
 use oblate::scalar::{Scalar, Vec3};
 use oblate::stream::{CompiledHost, Kernels, Model, ModelSettings, System};
 
@@ -32,12 +34,7 @@ impl Halo for NfwWithDisc {
 
     #[inline(always)]
     fn parameters<S: Scalar>(Sum(halo, _): &Self::In<S>) -> HaloParameters<S> {
-        HaloParameters {
-            mass: halo.mass,
-            r_s: halo.r_s,
-            flattening: halo.flattening,
-            axis: halo.axis,
-        }
+        Nfw::parameters(halo)
     }
 }
 

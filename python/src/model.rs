@@ -79,7 +79,7 @@ impl Model {
         let settings: FitSettings = changed(from_file(config)?, "", settings)?;
         let prior = settings.prior.with_required_free();
         let prior = StreamPrior::new(&prior).map_err(to_python)?;
-        (settings.model.baryons.check_prior(&prior)).map_err(to_python)?;
+        (settings.model.check_prior(&prior)).map_err(to_python)?;
         Ok(Self {
             model: stream::Model::new(&settings.model).map_err(to_python)?,
             prior,

@@ -114,7 +114,7 @@ pub struct ModelFlags {
     /// Named settings: `fast` (smeared Sobol particles, soft bin edges, a penalty) or `paper` (10,000 random particles, hard edges, rejection)
     #[arg(long, value_enum)]
     profile: Option<ProfileName>,
-    /// Kind of halo: `nfw` flattened in its potential, as in the paper, `nfw-density` flattened in its density, or `logarithmic`
+    /// Kind of halo: `nfw` flattened in its potential, as in the paper, `nfw-density` flattened in its density, `nfw-triaxial` with a second axis, or `logarithmic`
     #[arg(long, value_enum)]
     halo: Option<HaloName>,
     /// Number of particles, both tails together
@@ -141,6 +141,7 @@ enum ProfileName {
 enum HaloName {
     Nfw,
     NfwDensity,
+    NfwTriaxial,
     Logarithmic,
 }
 
@@ -196,6 +197,7 @@ impl ModelFlags {
             model.halo = match halo {
                 HaloName::Nfw => HaloKind::Nfw,
                 HaloName::NfwDensity => HaloKind::NfwDensity,
+                HaloName::NfwTriaxial => HaloKind::NfwTriaxial,
                 HaloName::Logarithmic => HaloKind::Logarithmic,
             };
         }

@@ -51,7 +51,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let given: StreamParams<Option<f64>> = read(&args.params)?;
     let settings = args.model.settings(args.config.as_deref())?;
     let prior = StreamPrior::new(&settings.prior.with_required_free())?;
-    settings.model.baryons.check_prior(&prior)?;
+    settings.model.check_prior(&prior)?;
     let in_file = |e| Error::InFile {
         path: args.params.clone(),
         line: None,

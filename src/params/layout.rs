@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::ops::RangeInclusive;
 
 /// Number of parameters, the optional ones included.
-pub const DIM: usize = 24;
+pub const DIM: usize = 26;
 
 /// Number of parameters that every stream has: the first ones of [`PARAMETERS`].
 pub const REQUIRED: usize = 13;
@@ -229,6 +229,10 @@ parameters! {
     v_host_km_s, "km / s", -10_000.0..=10_000.0, Some(0.0);
     /// log10 of the number of stars of the sample that the whole stream has: the scale of the densities of the data.
     log10_n_stars, "dex", 0.0..=12.0, Some(0.0);
+    /// Second axis ratio p of a triaxial halo, as q.
+    p_halo, "", 0.01..=100.0, Some(1.0);
+    /// Angle of the second axis around that of q, degrees (docs/physics.md, section 2).
+    psi_halo_deg, "deg", -360.0..=360.0, Some(0.0);
 }
 
 impl<S: Copy> StreamParams<S> {

@@ -50,7 +50,13 @@ fn default_marginals() -> StreamParams<Option<Marginal>> {
 }
 
 /// Parameters that change their sign if the sky is mirrored at its x axis and the orbit still turns counter-clockwise.
-const MIRRORED: [&str; 4] = ["dir_y", "phi0_deg", "inclination_disc_deg", "phi_disc_deg"];
+const MIRRORED: [&str; 5] = [
+    "dir_y",
+    "phi0_deg",
+    "inclination_disc_deg",
+    "phi_disc_deg",
+    "psi_halo_deg",
+];
 
 /// Parameters that must not be negative.
 const NOT_NEGATIVE: [&str; 6] = [
@@ -161,7 +167,7 @@ impl PriorSettings {
     }
 
     /// The same prior for the track of the other sense, whose phi has the opposite sign: the parameters that a mirrored sky changes,
-    /// `dir_y`, `phi0_deg` and the angles of a disc, have the opposite sign in their distributions and fixed values.
+    /// `dir_y`, `phi0_deg`, the angles of a disc and that of a second axis, have the opposite sign in their distributions and fixed values.
     ///
     /// # Errors
     /// [`Error::Setting`] if `vy0_km_s` may be negative, so that orbits of both senses are in the prior already, and for a half-normal

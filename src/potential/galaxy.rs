@@ -19,7 +19,7 @@ pub struct Galaxy;
 #[derive(Clone, Copy, Debug)]
 enum AnyHalo<S> {
     Nfw(FlattenedNfw<S>),
-    NfwDensity(EllipsoidalNfw<S>),
+    NfwEllipsoidal(EllipsoidalNfw<S>),
     Logarithmic(LogarithmicHalo<S>),
 }
 
@@ -36,7 +36,7 @@ macro_rules! with_halo {
     ($any:expr, $halo:ident => $value:expr) => {
         match $any {
             AnyHalo::Nfw($halo) => $value,
-            AnyHalo::NfwDensity($halo) => $value,
+            AnyHalo::NfwEllipsoidal($halo) => $value,
             AnyHalo::Logarithmic($halo) => $value,
         }
     };
@@ -84,7 +84,9 @@ impl Host for Galaxy {
         } = parts;
         let halo = match kind {
             HaloKind::Nfw => AnyHalo::Nfw(Nfw::new(halo)),
-            HaloKind::NfwDensity => AnyHalo::NfwDensity(NfwDensity::new(halo)),
+            HaloKind::NfwDensity | HaloKind::NfwTriaxial => {
+                AnyHalo::NfwEllipsoidal(NfwDensity::new(halo))
+            }
             HaloKind::Logarithmic => AnyHalo::Logarithmic(Logarithmic::new(halo)),
         };
         Called(GalaxyPotential {
@@ -98,7 +100,7 @@ impl Host for Galaxy {
     fn parts<S: Scalar>(Called(galaxy): &Self::In<S>) -> HostParts<S> {
         let (kind, halo) = match &galaxy.halo {
             AnyHalo::Nfw(halo) => (HaloKind::Nfw, Nfw::parameters(halo)),
-            AnyHalo::NfwDensity(halo) => (HaloKind::NfwDensity, NfwDensity::parameters(halo)),
+            AnyHalo::NfwEllipsoidal(halo) => (HaloKind::NfwTriaxial, NfwDensity::parameters(halo)),
             AnyHalo::Logarithmic(halo) => (HaloKind::Logarithmic, Logarithmic::parameters(halo)),
         };
         HostParts {
@@ -113,7 +115,9 @@ impl Host for Galaxy {
     fn broadcast<S: Scalar>(Called(galaxy): &Self::In<f64>) -> Self::In<S> {
         let halo = match &galaxy.halo {
             AnyHalo::Nfw(halo) => AnyHalo::Nfw(<Nfw as Halo>::broadcast(halo)),
-            AnyHalo::NfwDensity(halo) => AnyHalo::NfwDensity(<NfwDensity as Halo>::broadcast(halo)),
+            AnyHalo::NfwEllipsoidal(halo) => {
+                AnyHalo::NfwEllipsoidal(<NfwDensity as Halo>::broadcast(halo))
+            }
             AnyHalo::Logarithmic(halo) => {
                 AnyHalo::Logarithmic(<Logarithmic as Halo>::broadcast(halo))
             }
@@ -143,7 +147,9 @@ impl Host for Galaxy {
     fn log10_m200(kind: HaloKind, log10_mass: f64, r_s: f64) -> f64 {
         match kind {
             HaloKind::Nfw => <Nfw as Halo>::log10_m200(log10_mass, r_s),
-            HaloKind::NfwDensity => <NfwDensity as Halo>::log10_m200(log10_mass, r_s),
+            HaloKind::NfwDensity | HaloKind::NfwTriaxial => {
+                <NfwDensity as Halo>::log10_m200(log10_mass, r_s)
+            }
             HaloKind::Logarithmic => <Logarithmic as Halo>::log10_m200(log10_mass, r_s),
         }
     }
@@ -174,7 +180,7 @@ impl<S: Scalar> Subroutine for Reverse<'_, S> {
         } = self;
         let (a, x_bar) = match &galaxy.halo {
             AnyHalo::Nfw(halo) => <Nfw as Halo>::vjp(halo, x, lambda, of_halo),
-            AnyHalo::NfwDensity(halo) => <NfwDensity as Halo>::vjp(halo, x, lambda, of_halo),
+            AnyHalo::NfwEllipsoidal(halo) => <NfwDensity as Halo>::vjp(halo, x, lambda, of_halo),
             AnyHalo::Logarithmic(halo) => <Logarithmic as Halo>::vjp(halo, x, lambda, of_halo),
         };
         if galaxy.has_baryons {

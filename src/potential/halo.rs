@@ -15,12 +15,35 @@ pub struct HaloParameters<S> {
     pub r_s: S,
     /// 1/q^2 - 1, with the axis ratio q.
     pub flattening: S,
-    /// Unit vector of the symmetry axis.
+    /// Unit vector of the axis of q: the symmetry axis, unless the halo is triaxial.
+    pub axis: Vec3<S>,
+    /// The second axis of a triaxial halo.
+    pub second: SecondAxis<S>,
+}
+
+/// The second axis of a halo: its axis ratio p and its direction, perpendicular to the axis of q.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SecondAxis<S> {
+    /// 1/p^2 - 1; 0 of a halo that is symmetric around the axis of q.
+    pub flattening: S,
+    /// Its unit vector; the zero vector of a halo without one.
     pub axis: Vec3<S>,
 }
 
+impl<S: Scalar> SecondAxis<S> {
+    /// That of a symmetric halo; as derivatives, all zero.
+    #[inline(always)]
+    #[must_use]
+    pub fn none() -> Self {
+        Self {
+            flattening: S::zero(),
+            axis: Vec3::zero(),
+        }
+    }
+}
+
 impl<S: Scalar> HaloParameters<S> {
-    /// From the axis ratio q.
+    /// Those of a symmetric halo, from the axis ratio q.
     #[inline(always)]
     pub fn from_q(mass: S, r_s: S, q: S, axis: Vec3<S>) -> Self {
         Self {
@@ -28,6 +51,7 @@ impl<S: Scalar> HaloParameters<S> {
             r_s,
             flattening: S::one() / (q * q) - 1.0,
             axis,
+            second: SecondAxis::none(),
         }
     }
 
@@ -38,7 +62,11 @@ impl<S: Scalar> HaloParameters<S> {
             mass: f(self.mass),
             r_s: f(self.r_s),
             flattening: f(self.flattening),
-            axis: Vec3::new(f(self.axis.x), f(self.axis.y), f(self.axis.z)),
+            axis: self.axis.map(&f),
+            second: SecondAxis {
+                flattening: f(self.second.flattening),
+                axis: self.second.axis.map(&f),
+            },
         }
     }
 }
@@ -54,6 +82,8 @@ pub struct HaloCotangent<S> {
     pub flattening: S,
     /// With respect to the axis, its three components taken as independent.
     pub axis: Vec3<S>,
+    /// With respect to the second axis, in the same way.
+    pub second: SecondAxis<S>,
 }
 
 impl<S: Scalar> HaloCotangent<S> {
@@ -66,6 +96,22 @@ impl<S: Scalar> HaloCotangent<S> {
             ln_r_s: S::zero(),
             flattening: S::zero(),
             axis: Vec3::zero(),
+            second: SecondAxis::none(),
+        }
+    }
+
+    /// The same with each number converted by `f`, such as its sum over lanes.
+    #[inline(always)]
+    pub fn map<T: Scalar>(&self, f: impl Fn(S) -> T) -> HaloCotangent<T> {
+        HaloCotangent {
+            ln_mass: f(self.ln_mass),
+            ln_r_s: f(self.ln_r_s),
+            flattening: f(self.flattening),
+            axis: self.axis.map(&f),
+            second: SecondAxis {
+                flattening: f(self.second.flattening),
+                axis: self.second.axis.map(&f),
+            },
         }
     }
 }
@@ -149,6 +195,7 @@ pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
             r_s,
             flattening,
             axis,
+            second,
         } = Self::parameters(halo);
         let variable = |value: S, direction: usize, slope: S| {
             Tangent::<S, DIRECTIONS>::along(value, direction, slope)
@@ -163,6 +210,11 @@ pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
                 variable(axis.y, 5, one),
                 variable(axis.z, 6, one),
             ),
+            // A triaxial kind has a formula.
+            second: SecondAxis {
+                flattening: Tangent::constant(second.flattening),
+                axis: second.axis.map(Tangent::constant),
+            },
         });
         let a = lifted.acceleration(Vec3::new(
             variable(x.x, 0, lambda.x),

@@ -12,6 +12,8 @@ pub enum HaloKind {
     Nfw,
     /// NFW, flattened in its density, whose potential is rounder.
     NfwDensity,
+    /// NFW, triaxial in its density: with a second axis ratio and its direction.
+    NfwTriaxial,
     /// Logarithmic, flattened in its potential: a flat rotation curve.
     Logarithmic,
 }
@@ -31,6 +33,7 @@ impl fmt::Display for HaloKind {
         f.write_str(match self {
             Self::Nfw => "nfw",
             Self::NfwDensity => "nfw_density",
+            Self::NfwTriaxial => "nfw_triaxial",
             Self::Logarithmic => "logarithmic",
         })
     }

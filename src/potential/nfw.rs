@@ -1,6 +1,6 @@
 //! The NFW halo, flattened in its potential along one axis (docs/physics.md, section 2).
 
-use super::halo::{Halo, HaloCotangent, HaloParameters, log10_radius_200};
+use super::halo::{Halo, HaloCotangent, HaloParameters, SecondAxis, log10_radius_200};
 use super::{Potential, tiny_m2};
 use crate::scalar::{Scalar, Vec3, ln_1p, two_atanh_tail};
 use crate::units::{CRITICAL_DENSITY, G};
@@ -128,6 +128,7 @@ impl Halo for Nfw {
             r_s,
             flattening,
             axis,
+            ..
         } = parameters;
         FlattenedNfw::from_flattening(mass, r_s, flattening, axis)
     }
@@ -139,6 +140,7 @@ impl Halo for Nfw {
             r_s: halo.r_s,
             flattening: halo.flattening,
             axis: halo.axis,
+            second: SecondAxis::none(),
         }
     }
 

@@ -1,12 +1,13 @@
 //! Disc and bulge of the host: which there are, by the settings, and their parameters (docs/physics.md, section 2).
 
+use super::angle::sin_cos_deg;
 use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
 use crate::potential::{Baryons, Disc, DiscProfile, DiscShape, Hernquist};
 use crate::scalar::{Real, Vec3};
 use oblate_samplers::limits::in_range;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::{LN_10, PI};
+use std::f64::consts::LN_10;
 
 /// How a disc lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -168,14 +169,4 @@ fn normal<S: Real>(inclination_deg: S, phi_deg: S) -> Vec3<S> {
     let (sin_i, cos_i) = sin_cos_deg(inclination_deg);
     let (sin_phi, cos_phi) = sin_cos_deg(phi_deg);
     Vec3::new(-(sin_phi * sin_i), cos_phi * sin_i, cos_i)
-}
-
-/// Sine and cosine of an angle in degrees.
-fn sin_cos_deg<S: Real>(angle_deg: S) -> (S, S) {
-    let angle = angle_deg * (PI / 180.0);
-    let (sin, cos) = angle.re().sin_cos();
-    (
-        angle.with_derivative(sin, cos),
-        angle.with_derivative(cos, -sin),
-    )
 }

@@ -38,7 +38,7 @@ impl<H: Host> Default for Kernels<H> {
 /// crate that uses it:
 ///
 /// ```
-/// # use oblate::potential::{FlattenedNfw, Halo, HaloParameters};
+/// # use oblate::potential::{FlattenedNfw, Halo, HaloParameters, Nfw};
 /// # use oblate::scalar::Scalar;
 /// use oblate::stream::{CompiledHost, Kernels};
 /// # #[derive(Clone, Copy, Debug, Default)]
@@ -49,7 +49,7 @@ impl<H: Host> Default for Kernels<H> {
 /// #         FlattenedNfw::from_flattening(p.mass, p.r_s, p.flattening, p.axis)
 /// #     }
 /// #     fn parameters<S: Scalar>(h: &FlattenedNfw<S>) -> HaloParameters<S> {
-/// #         HaloParameters { mass: h.mass, r_s: h.r_s, flattening: h.flattening, axis: h.axis }
+/// #         Nfw::parameters(h)
 /// #     }
 /// # }
 ///

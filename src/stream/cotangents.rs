@@ -66,6 +66,8 @@ impl SharedCotangent {
         halo.ln_r_s += other.host.halo.ln_r_s;
         halo.flattening += other.host.halo.flattening;
         halo.axis += other.host.halo.axis;
+        halo.second.flattening += other.host.halo.second.flattening;
+        halo.second.axis += other.host.halo.second.axis;
         disc.ln_mass += other.host.baryons.disc.ln_mass;
         disc.ln_r_s += other.host.baryons.disc.ln_r_s;
         disc.normal += other.host.baryons.disc.normal;

@@ -12,8 +12,8 @@ use super::settings::StepRule;
 use super::step_schedules::Planner;
 use crate::orbit::{State, advance_vjp};
 use crate::potential::{
-    BaryonsCotangent, DiscCotangent, HaloCotangent, HernquistCotangent, Host, HostCotangent,
-    Plummer, PlummerCotangent,
+    BaryonsCotangent, DiscCotangent, HernquistCotangent, Host, HostCotangent, Plummer,
+    PlummerCotangent,
 };
 use crate::scalar::{Isa, Kernel, LANES, LaneArray, Lanes, Level, Scalar, Vec3, compile_kernel};
 use std::ops::Range;
@@ -172,12 +172,7 @@ impl<H: Host> Kernel for VjpKernel<'_, H> {
         }
         cotangents.shared.age_gyr = ln_time_bar.sum() / solution.age_gyr;
         cotangents.shared.host = HostCotangent {
-            halo: HaloCotangent {
-                ln_mass: host_bar.halo.ln_mass.sum(),
-                ln_r_s: host_bar.halo.ln_r_s.sum(),
-                flattening: host_bar.halo.flattening.sum(),
-                axis: sum_vector(host_bar.halo.axis),
-            },
+            halo: host_bar.halo.map(|lanes| lanes.sum()),
             baryons: BaryonsCotangent {
                 disc: DiscCotangent {
                     ln_mass: host_bar.baryons.disc.ln_mass.sum(),

@@ -7,6 +7,7 @@
 //! [`Model::vjp`] differentiates both stages: the particles in reverse mode, the progenitor solution in forward mode. The adjoint of a
 //! file is in the file of the same name with `_vjp` appended.
 
+mod angle;
 mod any_host;
 mod baryons;
 mod compiled;
@@ -22,6 +23,7 @@ mod particle_table;
 mod particles;
 mod progenitor_solution;
 mod progenitor_solution_vjp;
+mod second_axis;
 mod settings;
 mod step_schedules;
 mod step_schedules_vjp;

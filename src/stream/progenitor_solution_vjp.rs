@@ -93,6 +93,8 @@ impl<H: Host> SolutionVjpKernel<'_, H> {
         sum.add(&halo.r_s, host.halo.ln_r_s / halo.r_s.re);
         sum.add(&halo.flattening, host.halo.flattening);
         sum.add_vec(&halo.axis, host.halo.axis);
+        sum.add(&halo.second.flattening, host.halo.second.flattening);
+        sum.add_vec(&halo.second.axis, host.halo.second.axis);
         let Baryons { disc, bulge } = baryons;
         // A part without mass is absent.
         if disc.mass.re > 0.0 {

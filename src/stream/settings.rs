@@ -1,8 +1,10 @@
 //! Settings of the model of a stream: releases, steps, orbit.
 
 use super::baryons::BaryonSettings;
+use super::second_axis;
 use crate::error::Result;
 use crate::orbit::OrbitMethod;
+use crate::params::StreamPrior;
 use crate::potential::HaloKind;
 use crate::spray::TableSettings;
 use oblate_samplers::limits::in_range;
@@ -134,6 +136,15 @@ impl ModelSettings {
             baryons: other.baryons,
             ..self
         }
+    }
+
+    /// Checks that a prior has the parameters of the host, and no others of hosts.
+    ///
+    /// # Errors
+    /// [`Error::Setting`](crate::Error::Setting) with the first parameter that lacks a value or a distribution, or that has one in vain.
+    pub fn check_prior(&self, prior: &StreamPrior) -> Result<()> {
+        self.baryons.check_prior(prior)?;
+        second_axis::check_prior(self.halo, prior)
     }
 
     /// Checks that every number, those of the releases too, is in its range of docs/limits.md.

@@ -1,9 +1,12 @@
 //! The system: host, progenitor, its state today, and the age.
 
+use super::second_axis::second_axis;
 use super::settings::ModelSettings;
 use crate::orbit::State;
 use crate::params::{QRange, StreamParams};
-use crate::potential::{Baryons, HaloParameters, Hernquist, Host, HostParts, Nfw, Plummer};
+use crate::potential::{
+    Baryons, HaloParameters, Hernquist, Host, HostParts, Nfw, Plummer, SecondAxis,
+};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::units::KM_S_IN_KPC_PER_GYR;
 use std::f64::consts::LN_10;
@@ -36,14 +39,18 @@ impl<S: Real, H: Host> System<S, H> {
     pub fn with_host(params: &StreamParams<S>, q_range: QRange, model: &ModelSettings) -> Self {
         let mass = |log10: S| (log10 * LN_10).exp();
         let shape = q_range.shape(params.dir());
+        let halo = HaloParameters::from_q(
+            mass(params.log10_m_halo),
+            params.r_s_halo_kpc,
+            shape.q,
+            shape.axis,
+        );
         Self {
             host: H::from_parts(HostParts {
-                halo: HaloParameters::from_q(
-                    mass(params.log10_m_halo),
-                    params.r_s_halo_kpc,
-                    shape.q,
-                    shape.axis,
-                ),
+                halo: HaloParameters {
+                    second: second_axis(model.halo, params, shape.axis),
+                    ..halo
+                },
                 kind: model.halo,
                 baryons: model.baryons.at(params, shape.axis),
                 has_baryons: !model.baryons.is_none(),
@@ -65,12 +72,12 @@ impl<S: Real, H: Host> System<S, H> {
 pub const HALO_LEN: usize = 15;
 
 /// Length of the vector of a system.
-pub const SYSTEM_LEN: usize = HALO_LEN + 7;
+pub const SYSTEM_LEN: usize = HALO_LEN + 11;
 
 impl<S: Scalar, H: Host> System<S, H> {
     /// The system as a vector: mass (Msun), scale radius (kpc), flattening 1/q^2 - 1 and axis of the halo; mass (Msun) and scale radius
     /// (kpc) of the progenitor, its position (kpc) and velocity (kpc/Gyr) today; the age (Gyr); mass (Msun), scale length (kpc) and normal
-    /// of the disc; mass (Msun) and scale radius (kpc) of the bulge.
+    /// of the disc; mass (Msun) and scale radius (kpc) of the bulge; flattening 1/p^2 - 1 and direction of the second axis of the halo.
     #[inline(always)]
     pub fn to_vector(&self) -> [S; SYSTEM_LEN] {
         let Self {
@@ -85,6 +92,7 @@ impl<S: Scalar, H: Host> System<S, H> {
             r_s,
             flattening,
             axis: n,
+            second,
         } = halo;
         let Baryons { disc, bulge } = baryons;
         [
@@ -110,6 +118,10 @@ impl<S: Scalar, H: Host> System<S, H> {
             disc.normal.z,
             bulge.mass,
             bulge.r_s,
+            second.flattening,
+            second.axis.x,
+            second.axis.y,
+            second.axis.z,
         ]
     }
 
@@ -139,6 +151,10 @@ impl<S: Scalar, H: Host> System<S, H> {
             n_z,
             bulge_mass,
             bulge_r,
+            second_flattening,
+            second_x,
+            second_y,
+            second_z,
         ] = vector;
         let HostParts {
             kind,
@@ -163,6 +179,10 @@ impl<S: Scalar, H: Host> System<S, H> {
                     r_s,
                     flattening,
                     axis: Vec3::new(axis_x, axis_y, axis_z),
+                    second: SecondAxis {
+                        flattening: second_flattening,
+                        axis: Vec3::new(second_x, second_y, second_z),
+                    },
                 },
                 baryons,
             }),

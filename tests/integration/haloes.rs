@@ -5,7 +5,7 @@ use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLik
 use oblate::params::{DIM, QRange, StreamParams, without_optional};
 use oblate::potential::{
     Galaxy, Halo, HaloCotangent, HaloKind, HaloParameters, Logarithmic, Nfw, NfwDensity, Potential,
-    log10_m200,
+    SecondAxis, log10_m200,
 };
 use oblate::scalar::{Dual, Real, Scalar, Vec3, gradient_of, lift};
 use oblate::stream::{CompiledHost, Model, ModelSettings, Precision, System};
@@ -77,6 +77,188 @@ fn an_nfw_halo_flattened_in_its_density_meets_its_golden_values() {
     assert!(hessian < 5e-6, "{hessian:e}");
 }
 
+/// The triaxial halo of a golden case.
+fn triaxial(case: &Value) -> HaloParameters<f64> {
+    let p = number(&case["p"]);
+    HaloParameters {
+        second: SecondAxis {
+            flattening: 1.0 / (p * p) - 1.0,
+            axis: Vec3::from(numbers::<3>(&case["second_axis"])),
+        },
+        ..HaloParameters::from_q(
+            number(&case["mass_msun"]),
+            number(&case["r_s_kpc"]),
+            number(&case["q"]),
+            Vec3::from(numbers::<3>(&case["axis"])),
+        )
+    }
+}
+
+#[test]
+fn a_triaxial_nfw_halo_meets_its_golden_values() {
+    let file = json("triaxial.json");
+    let mut worst = [0.0_f64; 3];
+    for case in cases(&file) {
+        let halo = NfwDensity::new(triaxial(case));
+        let x = Vec3::from(numbers::<3>(&case["x_kpc"]));
+        let phi = number(&case["phi"]);
+        let golden: Vec<f64> = (0..3)
+            .flat_map(|i| numbers::<3>(&case["hess"][i]))
+            .collect();
+        let errors = [
+            (halo.value(x) / phi - 1.0).abs(),
+            relative_difference(
+                &halo.acceleration(x).to_array(),
+                &numbers::<3>(&case["acc"]),
+            ),
+            relative_difference(&hessian(&halo, x), &golden),
+        ];
+        for (worst, error) in worst.iter_mut().zip(errors) {
+            *worst = worst.max(error);
+        }
+    }
+    assert_eq!(cases(&file).len(), 24);
+    println!("{worst:?}");
+    // The errors of twelve nodes, docs/physics.md, section 2.
+    assert!(
+        worst[0] < 1.5e-6 && worst[1] < 1.5e-6 && worst[2] < 1e-5,
+        "{worst:?}"
+    );
+}
+
+/// As [`derivatives_are_exact`], with the second axis.
+#[test]
+fn derivatives_in_a_triaxial_halo_are_exact() {
+    let file = json("triaxial.json");
+    let lambda = Vec3::new(0.3, -1.1, 0.7);
+    for case in cases(&file) {
+        let id = &case["id"];
+        let parameters = triaxial(case);
+        let HaloParameters {
+            mass,
+            r_s,
+            flattening,
+            axis: n,
+            second,
+        } = parameters;
+        let b = second.axis;
+        let x = numbers::<3>(&case["x_kpc"]);
+        let values = [
+            0.0,
+            0.0,
+            flattening,
+            n.x,
+            n.y,
+            n.z,
+            second.flattening,
+            b.x,
+            b.y,
+            b.z,
+            x[0],
+            x[1],
+            x[2],
+        ];
+        let v: [Dual<13>; 13] = lift(&values);
+        let dual = NfwDensity::new(HaloParameters {
+            mass: v[0].exp() * mass,
+            r_s: v[1].exp() * r_s,
+            flattening: v[2],
+            axis: Vec3::new(v[3], v[4], v[5]),
+            second: SecondAxis {
+                flattening: v[6],
+                axis: Vec3::new(v[7], v[8], v[9]),
+            },
+        });
+        let at = Vec3::new(v[10], v[11], v[12]);
+        let halo = NfwDensity::new(parameters);
+        let acceleration = halo.acceleration(Vec3::from(x));
+        let slope = gradient_of(&dual.value(at));
+        let minus = (acceleration * -1.0).to_array();
+        assert!(relative_difference(&minus, &slope[10..]) < 1e-11, "{id}");
+
+        let mut cotangent = HaloCotangent::zero();
+        let (value, x_bar) = NfwDensity::vjp(&halo, Vec3::from(x), lambda, &mut cotangent);
+        let difference = relative_difference(&value.to_array(), &acceleration.to_array());
+        assert!(difference < 1e-12, "{id}");
+        let by_duals = gradient_of(&dual.acceleration(at).dot(Vec3::from_f64(lambda)));
+        let HaloCotangent {
+            ln_mass,
+            ln_r_s,
+            flattening,
+            axis: n,
+            second,
+        } = cotangent;
+        let b = second.axis;
+        let ours = [
+            ln_mass,
+            ln_r_s,
+            flattening,
+            n.x,
+            n.y,
+            n.z,
+            second.flattening,
+            b.x,
+            b.y,
+            b.z,
+        ];
+        let difference = relative_difference(&ours, &by_duals[..10]);
+        assert!(difference < 1e-11, "{id} {ours:?} {by_duals:?}");
+        let difference = relative_difference(&x_bar.to_array(), &by_duals[10..]);
+        assert!(difference < 1e-11, "{id}");
+    }
+}
+
+/// The second axis is perpendicular to the first, and the halo is the symmetric one where p is 1 or q is 1 and the axes change places.
+#[test]
+fn a_triaxial_halo_with_two_equal_axes_is_a_symmetric_one() {
+    let at = |kind: HaloKind, theta: &[f64; DIM], x: Vec3<f64>| {
+        let params = StreamParams::from_array(*theta);
+        let system = System::<f64, Galaxy>::with_host(&params, QRange::default(), &small(kind));
+        system.host.acceleration(x).to_array()
+    };
+    let x = Vec3::new(20.0, -31.0, 12.0);
+    for dir in [
+        [0.3, 0.0, 1.2],
+        [-0.7, 0.4, -0.9],
+        [0.0, 0.0, -1.2],
+        [1.1, 0.6, 0.0],
+    ] {
+        let mut params = StreamParams::from_array(THETA);
+        (params.dir_x, params.dir_y, params.dir_z) = (dir[0], dir[1], dir[2]);
+        params.psi_halo_deg = 35.0;
+        params.p_halo = 1.0;
+        let theta = params.to_array();
+        let same = relative_difference(
+            &at(HaloKind::NfwTriaxial, &theta, x),
+            &at(HaloKind::NfwDensity, &theta, x),
+        );
+        assert!(same < 1e-12, "{dir:?} {same:e}");
+        // Perpendicular unit vectors.
+        params.p_halo = 0.7;
+        let settings = small(HaloKind::NfwTriaxial);
+        let system = System::<f64, Galaxy>::with_host(&params, QRange::default(), &settings);
+        let HaloParameters { axis, second, .. } =
+            <Galaxy as oblate::potential::Host>::parts(&system.host).halo;
+        if dir[2] > -1.0 {
+            assert!(axis.dot(second.axis).abs() < 1e-12);
+            assert!((second.axis.norm2() - 1.0).abs() < 1e-12);
+        }
+        assert!(system.host.acceleration(x).norm2().is_finite());
+    }
+    // From the line of sight itself the direction is that of the sky.
+    let mut params = StreamParams::from_array(THETA);
+    (params.dir_x, params.dir_y, params.dir_z) = (0.0, 0.0, 1.2);
+    (params.p_halo, params.psi_halo_deg) = (0.7, 30.0);
+    let settings = small(HaloKind::NfwTriaxial);
+    let system = System::<f64, Galaxy>::with_host(&params, QRange::default(), &settings);
+    let second = <Galaxy as oblate::potential::Host>::parts(&system.host)
+        .halo
+        .second;
+    let expected = [0.75_f64.sqrt(), 0.5, 0.0];
+    assert!(relative_difference(&second.axis.to_array(), &expected) < 1e-12);
+    assert!((second.flattening - (1.0 / 0.49 - 1.0)).abs() < 1e-12);
+}
+
 /// Ours is zero at the centre, the golden one has the logarithm of lengths in kpc.
 #[test]
 fn the_logarithmic_halo_meets_its_golden_values() {
@@ -106,6 +288,7 @@ fn derivatives_are_exact<H: Halo>(kind: &str) {
             r_s,
             flattening,
             axis,
+            second,
         } = H::parameters(&halo);
         let values = [
             0.0, 0.0, flattening, axis.x, axis.y, axis.z, x[0], x[1], x[2],
@@ -116,6 +299,10 @@ fn derivatives_are_exact<H: Halo>(kind: &str) {
             r_s: v[1].exp() * r_s,
             flattening: v[2],
             axis: Vec3::new(v[3], v[4], v[5]),
+            second: SecondAxis {
+                flattening: Dual::from_re(second.flattening),
+                axis: Vec3::from_f64(second.axis),
+            },
         });
         let at = Vec3::new(v[6], v[7], v[8]);
         let slope = gradient_of(&dual.value(at));
@@ -252,4 +439,7 @@ fn likelihoods_by_the_setting_are_those_of_its_halo() {
     likelihood_is_that_of::<Nfw>(&small(HaloKind::Nfw), &THETA);
     likelihood_is_that_of::<Galaxy>(&small(HaloKind::NfwDensity), &THETA);
     likelihood_is_that_of::<Galaxy>(&small(HaloKind::Logarithmic), &THETA);
+    let mut params = StreamParams::from_array(THETA);
+    (params.p_halo, params.psi_halo_deg) = (0.8, 25.0);
+    likelihood_is_that_of::<Galaxy>(&small(HaloKind::NfwTriaxial), &params.to_array());
 }

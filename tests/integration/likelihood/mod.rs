@@ -599,7 +599,7 @@ proptest! {
         (step_phase, max_halvings) in prop_oneof![Just((1.2, 4)), Just((0.3, 0)), Just((3.0, 6))],
         orbit in prop_oneof![Just(OrbitMethod::Accurate), Just(OrbitMethod::Leapfrog)],
         precision in prop_oneof![Just(Precision::Double), Just(Precision::Single)],
-        halo in prop_oneof![Just(HaloKind::Nfw), Just(HaloKind::NfwDensity), Just(HaloKind::Logarithmic)],
+        halo in prop_oneof![Just(HaloKind::Nfw), Just(HaloKind::NfwDensity), Just(HaloKind::NfwTriaxial), Just(HaloKind::Logarithmic)],
     ) {
         let settings = ModelSettings {
             halo,
