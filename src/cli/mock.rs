@@ -44,7 +44,7 @@ pub struct Args {
     /// Add widths of the stream with this relative noise
     #[arg(long, value_parser = finite)]
     width_noise: Option<f64>,
-    /// Add densities of stars with this relative noise; the settings must have log10_n_stars
+    /// Add densities of stars with this relative noise; the settings must have `log10_n_stars`
     #[arg(long, value_parser = finite)]
     density_noise: Option<f64>,
     /// Errors of the noise alone, as in the paper: without the standard error of a mean over the stars of a bin

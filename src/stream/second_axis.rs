@@ -37,7 +37,7 @@ pub(super) fn check_prior(kind: HaloKind, prior: &StreamPrior) -> Result<()> {
     Ok(())
 }
 
-/// The smallest 1 + n_z that is divided by.
+/// The smallest `1 + n_z` that is divided by.
 const LEAST_SUM: f64 = 1e-9;
 
 /// The second axis of a halo of this kind with the axis `n`.

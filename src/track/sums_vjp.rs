@@ -172,8 +172,7 @@ impl BinGrid {
         let scale = 1.0 / (half_width.re * self.per_radian());
         let (middle, reach) = self.edges_within(position, half_width.re);
         let (mut value_bar, mut u_bar, mut scale_bar, mut rise_bar) = (0.0, 0.0, 0.0, 0.0);
-        let sums_bar_below =
-            |edge: f64| self.bins_beside(edge)[0].map_or([0.0; 3], |bin| sums_bar(bin));
+        let sums_bar_below = |edge: f64| self.bins_beside(edge)[0].map_or([0.0; 3], sums_bar);
         // Derivatives with respect to the three moments of the kernel in a bin.
         let rise2 = rise.re * rise.re;
         let moments_bar = |[weight, sum, square]: [f64; 3]| {
