@@ -89,6 +89,8 @@ pub trait AdaptiveSteps<S: Scalar> {
         }
         centres
     }
+    /// The fraction of its mass that the progenitor has at a time that is counted in longest steps before today.
+    fn mass_fraction(&self, left: f64) -> S;
     /// Records the size of the next step, as [`length()`] numbers it.
     fn record(&mut self, number: u8);
 }
@@ -109,7 +111,8 @@ pub fn advance_adaptively<S: Scalar>(
 ) -> FinalParticle<S> {
     let shortest = steps.max_halvings() * PER_HALVING;
     let phase2 = steps.max_phase() * steps.max_phase();
-    // The comparison of phases is squared: no root, and no division for each particle.
+    // By the whole mass of the progenitor, also where it has lost some. The comparison of phases is squared: no root, and no division for each
+    // particle.
     let gm_over_phase2 = progenitor.mass * (G / phase2);
     let gm2_over_phase4 = gm_over_phase2 * gm_over_phase2;
     let core2 = progenitor.r_s * progenitor.r_s;
@@ -121,7 +124,7 @@ pub fn advance_adaptively<S: Scalar>(
     let mut v = start.v;
     let mut kick_before = S::zero();
     let mut centre = steps.progenitor_at(left);
-    let mut a = force(host, progenitor, x, centre);
+    let mut a = force(host, progenitor, x, centre, steps.mass_fraction(left));
     while left > 0.0 {
         let d2 = (x - centre).norm2() + core2;
         let step_start = StepStart::new(
@@ -153,7 +156,8 @@ pub fn advance_adaptively<S: Scalar>(
             winding_number += crossing(before, x);
             ambiguous_windings += is_negative(before.x * x.x + before.y * x.y);
             centre = centres[stage];
-            a = force(host, progenitor, x, centre);
+            let fraction = steps.mass_fraction(left - TIMES[stage + 1] * length);
+            a = force(host, progenitor, x, centre, fraction);
             if stage + 1 < STAGES {
                 v = v.add_scaled(a, h * KICKS[stage + 1]);
             }

@@ -16,7 +16,7 @@ pub struct FinalParticle<S> {
     pub ambiguous_windings: S,
 }
 
-/// The acceleration at `x` in the host and a progenitor at `centre`. A function and not a closure, because a closure cannot be marked
+/// The acceleration at `x` in the host and a progenitor at `centre` with this fraction of its mass. A function and not a closure, because a closure cannot be marked
 /// `#[inline(always)]` and would be compiled without the instructions of the kernel.
 #[inline(always)]
 pub(super) fn force<S: Scalar>(
@@ -24,8 +24,9 @@ pub(super) fn force<S: Scalar>(
     progenitor: &Plummer<S>,
     x: Vec3<S>,
     centre: Vec3<S>,
+    fraction: S,
 ) -> Vec3<S> {
-    progenitor.add_acceleration(x - centre, host.acceleration(x))
+    progenitor.add_acceleration_of(fraction, x - centre, host.acceleration(x))
 }
 
 /// Integrates one particle, or one per lane, by a step schedule in the potential of `host` and `progenitor`, from the state `start` and the
@@ -42,7 +43,8 @@ pub fn advance<S: Scalar>(
 ) -> FinalParticle<S> {
     let steps = schedule.steps();
     let mut x = start.x;
-    let first = force(host, progenitor, x, schedule.progenitor_at(0));
+    let fraction = schedule.mass_fraction(0).value;
+    let first = force(host, progenitor, x, schedule.progenitor_at(0), fraction);
     let mut v = start.v.add_scaled(first, schedule.kick_gyr(0));
     let mut winding_number = winding_number;
     let mut ambiguous_windings = S::zero();
@@ -52,7 +54,8 @@ pub fn advance<S: Scalar>(
         winding_number += crossing(before, x);
         let cosine = before.x * x.x + before.y * x.y;
         ambiguous_windings += is_negative(cosine);
-        let a = force(host, progenitor, x, schedule.progenitor_at(j));
+        let fraction = schedule.mass_fraction(j).value;
+        let a = force(host, progenitor, x, schedule.progenitor_at(j), fraction);
         v = v.add_scaled(a, schedule.kick_gyr(j));
     }
     FinalParticle {

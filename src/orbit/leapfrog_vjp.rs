@@ -36,8 +36,12 @@ pub fn advance_vjp<S: Scalar, H: Host>(
         // Kick v += c a(x_j).
         let lambda = state_bar.v * schedule.kick_gyr(j);
         let (a_host, x_bar_host) = H::vjp(host, state.x, lambda, host_bar);
-        let (a_progenitor, x_bar_progenitor) =
-            progenitor.vjp(state.x - schedule.progenitor_at(j), lambda, progenitor_bar);
+        let (a_progenitor, x_bar_progenitor) = progenitor.vjp_of(
+            schedule.mass_fraction(j),
+            state.x - schedule.progenitor_at(j),
+            lambda,
+            progenitor_bar,
+        );
         let a = a_host + a_progenitor;
         state.v = state.v.add_scaled(a, -schedule.kick_gyr(j));
         *ln_time_bar += lambda.dot(a);

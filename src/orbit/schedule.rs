@@ -3,7 +3,9 @@
 
 use super::HermiteWeights;
 use super::dense_orbit::vector;
+use crate::potential::{Host, MassFraction};
 use crate::scalar::{Lanes, Scalar, Vec3, Vectors};
+use std::marker::PhantomData;
 
 /// A step schedule. A step is one drift and the kick after it.
 pub trait Schedule<S> {
@@ -15,6 +17,8 @@ pub trait Schedule<S> {
     fn drift_gyr(&self, j: usize) -> S;
     /// Length of kick `j` in Gyr, 0 to `steps`.
     fn kick_gyr(&self, j: usize) -> S;
+    /// The fraction of its mass that the progenitor has at force evaluation `j`, 0 to `steps`.
+    fn mass_fraction(&self, j: usize) -> MassFraction<S>;
 }
 
 /// The step schedule of all particles of one release time; its buffers are reused.
@@ -26,6 +30,8 @@ pub struct StepSchedule<S> {
     pub drift_gyr: Vec<S>,
     /// Lengths of the kicks, Gyr.
     pub kick_gyr: Vec<S>,
+    /// Fractions of the progenitor's mass at the force evaluations; empty if it keeps its mass.
+    pub mass_fractions: Vec<MassFraction<S>>,
     /// Hermite weights of the positions; empty if the steps are equal, because [`Model`](crate::stream::Model) has them then.
     pub hermite_weights: Vec<HermiteWeights>,
 }
@@ -36,6 +42,7 @@ impl<S> Default for StepSchedule<S> {
             progenitor_positions: Vec::new(),
             drift_gyr: Vec::new(),
             kick_gyr: Vec::new(),
+            mass_fractions: Vec::new(),
             hermite_weights: Vec::new(),
         }
     }
@@ -72,16 +79,27 @@ impl<S: Scalar> Schedule<S> for StepSchedule<S> {
     fn kick_gyr(&self, j: usize) -> S {
         self.kick_gyr[j]
     }
+    #[inline(always)]
+    fn mass_fraction(&self, j: usize) -> MassFraction<S> {
+        if self.mass_fractions.is_empty() {
+            MassFraction::whole()
+        } else {
+            self.mass_fractions[j]
+        }
+    }
 }
 
 /// Largest number of lane groups that are integrated together.
 pub const MAX_TOGETHER: usize = 4;
 
-/// The step schedules of the lane groups that are integrated together, with equally many steps; the last ones may be unused.
+/// The step schedules of the lane groups that are integrated together in the host `H`, with equally many steps; the last ones may be unused.
 #[derive(Clone, Copy, Debug)]
-pub struct InterleavedSchedules<'a>(pub [&'a StepSchedule<f64>; MAX_TOGETHER]);
+pub struct InterleavedSchedules<'a, H>(
+    pub [&'a StepSchedule<f64>; MAX_TOGETHER],
+    pub PhantomData<H>,
+);
 
-impl<V: Vectors, const K: usize> Schedule<Lanes<V, K>> for InterleavedSchedules<'_> {
+impl<V: Vectors, H: Host, const K: usize> Schedule<Lanes<V, K>> for InterleavedSchedules<'_, H> {
     #[inline(always)]
     fn steps(&self) -> usize {
         self.0[0].drift_gyr.len()
@@ -109,5 +127,20 @@ impl<V: Vectors, const K: usize> Schedule<Lanes<V, K>> for InterleavedSchedules<
             kicks[group] = self.0[group].kick_gyr[j];
         }
         Lanes::splat_groups(&kicks)
+    }
+    #[inline(always)]
+    fn mass_fraction(&self, j: usize) -> MassFraction<Lanes<V, K>> {
+        if !H::IS_GALAXY {
+            return MassFraction::whole();
+        }
+        let (mut values, mut slopes) = ([0.0; MAX_TOGETHER], [0.0; MAX_TOGETHER]);
+        for group in 0..Lanes::<V, K>::GROUPS {
+            let fraction = self.0[group].mass_fraction(j);
+            (values[group], slopes[group]) = (fraction.value, fraction.slope);
+        }
+        MassFraction {
+            value: Lanes::splat_groups(&values),
+            slope: Lanes::splat_groups(&slopes),
+        }
     }
 }

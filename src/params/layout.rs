@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::ops::RangeInclusive;
 
 /// Number of parameters, the optional ones included.
-pub const DIM: usize = 26;
+pub const DIM: usize = 27;
 
 /// Number of parameters that every stream has: the first ones of [`PARAMETERS`].
 pub const REQUIRED: usize = 13;
@@ -233,6 +233,8 @@ parameters! {
     p_halo, "", 0.01..=100.0, Some(1.0);
     /// Angle of the second axis around that of q, degrees (docs/physics.md, section 2).
     psi_halo_deg, "deg", -360.0..=360.0, Some(0.0);
+    /// Fraction of the progenitor's mass that is left today.
+    m_prog_left, "", 0.001..=1.0, Some(1.0);
 }
 
 impl<S: Copy> StreamParams<S> {

@@ -59,13 +59,15 @@ const MIRRORED: [&str; 5] = [
 ];
 
 /// Parameters that must not be negative.
-const NOT_NEGATIVE: [&str; 6] = [
+const NOT_NEGATIVE: [&str; 8] = [
     "r_s_halo_kpc",
     "r_s_prog_kpc",
     "age_gyr",
     "jitter",
     "r_disc_kpc",
     "r_bulge_kpc",
+    "p_halo",
+    "m_prog_left",
 ];
 
 /// The prior as the user writes it. Every key may be left out.

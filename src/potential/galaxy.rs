@@ -72,7 +72,7 @@ impl<S: Scalar> Potential<S> for GalaxyPotential<S> {
 impl Host for Galaxy {
     type In<S: Scalar> = Called<GalaxyPotential<S>>;
 
-    const BARYONS: bool = true;
+    const IS_GALAXY: bool = true;
 
     #[inline(always)]
     fn from_parts<S: Scalar>(parts: HostParts<S>) -> Self::In<S> {

@@ -46,8 +46,8 @@ pub trait Host: Copy + Debug + Default + Send + Sync + 'static {
     /// The potential in the number type `S`.
     type In<S: Scalar>: Potential<S> + Copy + Debug + Send + Sync;
 
-    /// Whether disc and bulge are part of it.
-    const BARYONS: bool;
+    /// Whether it is a galaxy: it may have a disc, a bulge and a second axis, and a progenitor that loses mass.
+    const IS_GALAXY: bool;
 
     /// The potential of these parts.
     fn from_parts<S: Scalar>(parts: HostParts<S>) -> Self::In<S>;
@@ -74,7 +74,7 @@ pub trait Host: Copy + Debug + Default + Send + Sync + 'static {
 impl<H: Halo> Host for H {
     type In<S: Scalar> = <H as Halo>::In<S>;
 
-    const BARYONS: bool = false;
+    const IS_GALAXY: bool = false;
 
     #[inline(always)]
     fn from_parts<S: Scalar>(parts: HostParts<S>) -> <H as Halo>::In<S> {

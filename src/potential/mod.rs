@@ -27,7 +27,7 @@ pub use host::{Host, HostCotangent, HostParts};
 pub use kind::HaloKind;
 pub use logarithmic::{Logarithmic, LogarithmicHalo};
 pub use nfw::{FlattenedNfw, Nfw, log10_m200};
-pub use plummer::{Plummer, PlummerCotangent};
+pub use plummer::{MassFraction, Plummer, PlummerCotangent};
 pub use sum::Sum;
 
 use crate::scalar::{Scalar, Vec3};

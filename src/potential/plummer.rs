@@ -20,6 +20,29 @@ pub struct PlummerCotangent<S> {
     pub ln_mass: S,
     /// With respect to the scale radius in kpc.
     pub r_s: S,
+    /// With respect to the fraction of the mass that is left today.
+    pub mass_left: S,
+}
+
+/// The fraction of its mass that a progenitor has at some time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MassFraction<S> {
+    /// The fraction.
+    pub value: S,
+    /// Its derivative with respect to the fraction that is left today.
+    pub slope: S,
+}
+
+impl<S: Scalar> MassFraction<S> {
+    /// That of a progenitor that keeps its mass.
+    #[inline(always)]
+    #[must_use]
+    pub fn whole() -> Self {
+        Self {
+            value: S::one(),
+            slope: S::zero(),
+        }
+    }
 }
 
 impl<S: Scalar> PlummerCotangent<S> {
@@ -30,6 +53,7 @@ impl<S: Scalar> PlummerCotangent<S> {
         Self {
             ln_mass: S::zero(),
             r_s: S::zero(),
+            mass_left: S::zero(),
         }
     }
 }
@@ -56,6 +80,26 @@ impl<S: Scalar> Plummer<S> {
     #[inline(always)]
     pub fn add_acceleration(&self, x: Vec3<S>, a: Vec3<S>) -> Vec3<S> {
         a.add_scaled(x, -self.slopes(x).1)
+    }
+
+    /// As [`add_acceleration`](Self::add_acceleration), of a sphere that has this fraction of its mass.
+    #[inline(always)]
+    pub fn add_acceleration_of(&self, fraction: S, x: Vec3<S>, a: Vec3<S>) -> Vec3<S> {
+        a.add_scaled(x, -(self.slopes(x).1 * fraction))
+    }
+
+    /// As [`vjp`](Self::vjp), of a sphere that has this fraction of its mass.
+    #[inline(always)]
+    pub fn vjp_of(
+        &self,
+        fraction: MassFraction<S>,
+        x: Vec3<S>,
+        lambda: Vec3<S>,
+        cotangent: &mut PlummerCotangent<S>,
+    ) -> (Vec3<S>, Vec3<S>) {
+        let (a, x_bar) = self.vjp(x, lambda * fraction.value, cotangent);
+        cotangent.mass_left += lambda.dot(a) * fraction.slope;
+        (a * fraction.value, x_bar)
     }
 
     /// Reverse mode of the acceleration, as [`Halo::vjp`](super::Halo::vjp).

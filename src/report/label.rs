@@ -3,7 +3,7 @@
 use super::text::literal;
 
 /// (name in files, symbol, unit after it); of other columns the name and the unit of the run are shown.
-const SIGNS: [(&str, &str, &str); 33] = [
+const SIGNS: [(&str, &str, &str); 34] = [
     ("log10_m_halo", "log_{10} *M*_{halo} / *M*_{\u{2299}}", ""),
     ("r_s_halo_kpc", "*R*_{s, halo}", "kpc"),
     ("dir_x", "dir_{x}", ""),
@@ -30,6 +30,7 @@ const SIGNS: [(&str, &str, &str); 33] = [
     ("log10_n_stars", "log_{10} *N*_{stars}", ""),
     ("p_halo", "*p*", ""),
     ("psi_halo_deg", "\u{3c8}", "deg"),
+    ("m_prog_left", "*m*_{today} / *m*_{prog}", ""),
     ("q", "*q*", ""),
     ("axis_x", "*n*_{x}", ""),
     ("axis_y", "*n*_{y}", ""),

@@ -75,6 +75,7 @@ impl SharedCotangent {
         bulge.ln_r_s += other.host.baryons.bulge.ln_r_s;
         self.progenitor.ln_mass += other.progenitor.ln_mass;
         self.progenitor.r_s += other.progenitor.r_s;
+        self.progenitor.mass_left += other.progenitor.mass_left;
         self.age_gyr += other.age_gyr;
     }
 }

@@ -1,10 +1,11 @@
 //! The progenitor solution: the progenitor's orbit, and the release frame at every release time.
 
+use super::mass_loss::{MassLoss, mass_fraction};
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Tally};
 use crate::orbit::{DenseOrbit, Resolution, State, crossing};
-use crate::potential::{Baryons, Host, HostParts, Nfw, Plummer, Potential};
+use crate::potential::{Baryons, Host, HostParts, MassFraction, Nfw, Plummer, Potential};
 use crate::scalar::{Real, Scalar, Vec3};
 use crate::spray::{Recipe, ReleaseTable, Tidal};
 
@@ -48,18 +49,18 @@ fn scaled<S: Scalar>(frame: &[Vec3<S>; 3], factor: S) -> [Vec3<S>; 3] {
     [frame[0] * factor, frame[1] * factor, frame[2] * factor]
 }
 
-/// The release frame at the time `tau`, and whether its tidal radius had to be bounded.
+/// The release frame at the time `tau` of a progenitor with this mass, and whether its tidal radius had to be bounded.
 #[inline(always)]
 pub(super) fn release_frame<S: Real>(
     host: &impl Potential<S>,
-    progenitor: &Plummer<S>,
+    mass: S,
     orbit: &DenseOrbit<S>,
     tau: f64,
     recipe: Recipe,
 ) -> (ReleaseFrame<S>, bool) {
     let (state, winding_number) = orbit.at(tau);
-    let tidal = Tidal::new(host, progenitor.mass, state);
-    let (length, speed) = recipe.scales(&tidal, progenitor.mass);
+    let tidal = Tidal::new(host, mass, state);
+    let (length, speed) = recipe.scales(&tidal, mass);
     let release_frame = ReleaseFrame {
         state,
         position: scaled(&tidal.frame, length),
@@ -113,8 +114,12 @@ fn resolved_orbit<S: Real>(
 pub struct ProgenitorSolution<S: Scalar, H: Host = Nfw> {
     /// The host.
     pub host: H::In<S>,
-    /// The progenitor's own gravity.
+    /// The progenitor's own gravity at the first release.
     pub progenitor: Plummer<S>,
+    /// The fraction of its mass that is left today.
+    pub mass_left: S,
+    /// How it loses mass.
+    pub mass_loss: Option<MassLoss>,
     /// Age in Gyr.
     pub age_gyr: S,
     /// The progenitor's orbit.
@@ -154,6 +159,12 @@ impl<S: Scalar, H: Host> ProgenitorSolution<S, H> {
 }
 
 impl<S: Real, H: Host> ProgenitorSolution<S, H> {
+    /// The fraction of its mass that the progenitor has at the time `tau`.
+    #[inline(always)]
+    pub(super) fn mass_fraction(&self, tau: f64) -> MassFraction<S> {
+        mass_fraction(self.mass_loss, self.mass_left, tau)
+    }
+
     /// Integrates the orbit and computes the release frames, in the buffers of another solution if there is one.
     ///
     /// # Errors
@@ -167,6 +178,7 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
         let System {
             host,
             progenitor,
+            mass_left,
             today,
             age_gyr,
         } = *system;
@@ -179,12 +191,15 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
             bulge.r_s,
             progenitor.mass,
             progenitor.r_s,
+            mass_left,
             age_gyr,
         ];
         let finite = today.x.norm2()
             + today.v.norm2()
             + halo.flattening
             + halo.axis.norm2()
+            + halo.second.flattening
+            + halo.second.axis.norm2()
             + disc.normal.norm2()
             + disc.mass
             + bulge.mass;
@@ -203,14 +218,16 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
         let mut tally = Tally::default();
         release_frames.clear();
         for tau in &table.taus {
-            let (release_frame, bounded) =
-                release_frame(&host, &progenitor, &orbit, *tau, table.recipe);
+            let mass = progenitor.mass * mass_fraction(settings.mass_loss, mass_left, *tau).value;
+            let (release_frame, bounded) = release_frame(&host, mass, &orbit, *tau, table.recipe);
             tally.bounded_tidal_radius += u64::from(bounded);
             release_frames.push(release_frame);
         }
         Ok(Self {
             host,
             progenitor,
+            mass_left,
+            mass_loss: settings.mass_loss,
             age_gyr,
             orbit,
             release_frames,

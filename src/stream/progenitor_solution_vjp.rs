@@ -2,6 +2,7 @@
 //! multiplied by those of the result with respect to the solution (docs/physics.md, section 8).
 
 use super::cotangents::{Cotangents, SharedCotangent};
+use super::mass_loss::mass_fraction;
 use super::model::Model;
 use super::progenitor_solution::release_frame;
 use super::system::{HALO_LEN, SYSTEM_LEN, System};
@@ -28,7 +29,7 @@ impl<H: Host> Kernel for SolutionVjpKernel<'_, H> {
 
     #[inline(always)]
     fn run<I: Isa>(self) -> Self::Output {
-        if H::BARYONS {
+        if H::IS_GALAXY {
             self.with_vectors::<I, ALL_VECTORS>()
         } else {
             self.with_vectors::<I, HALO_VECTORS>()
@@ -68,9 +69,10 @@ impl<H: Host> SolutionVjpKernel<'_, H> {
             }
         }
         for (tau, frame_bar) in model.table.taus.iter().zip(&solution_bar.release_frames) {
+            let fraction = mass_fraction(model.settings.mass_loss, system.mass_left, *tau).value;
             let (release_frame, _) = release_frame(
                 &system.host,
-                &system.progenitor,
+                system.progenitor.mass * fraction,
                 &orbit,
                 *tau,
                 model.table.recipe,
@@ -113,6 +115,7 @@ impl<H: Host> SolutionVjpKernel<'_, H> {
             progenitor.ln_mass / system.progenitor.mass.re,
         );
         sum.add(&system.progenitor.r_s, progenitor.r_s);
+        sum.add(&system.mass_left, progenitor.mass_left);
         sum.add(&system.age_gyr, age_gyr);
         let mut gradient = [0.0; SYSTEM_LEN];
         let lanes = sum.0.store();

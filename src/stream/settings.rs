@@ -1,6 +1,7 @@
 //! Settings of the model of a stream: releases, steps, orbit.
 
 use super::baryons::BaryonSettings;
+use super::mass_loss::{self, MassLoss};
 use super::second_axis;
 use crate::error::Result;
 use crate::orbit::OrbitMethod;
@@ -69,6 +70,9 @@ pub struct ModelSettings {
     /// Disc and bulge of the host.
     #[serde(skip_serializing_if = "BaryonSettings::is_none")]
     pub baryons: BaryonSettings,
+    /// How the progenitor loses mass; none: it keeps its mass.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass_loss: Option<MassLoss>,
     /// The releases.
     pub releases: TableSettings,
     /// Number of steps of a particle; of adaptive steps, if all are as long as possible.
@@ -96,6 +100,7 @@ impl Default for ModelSettings {
         Self {
             halo: HaloKind::default(),
             baryons: BaryonSettings::default(),
+            mass_loss: None,
             releases: TableSettings::default(),
             steps: 8,
             steps_per: StepsPer::default(),
@@ -110,7 +115,7 @@ impl Default for ModelSettings {
 }
 
 impl ModelSettings {
-    /// The host in words: the kind of halo, and with it a disc and a bulge.
+    /// The host in words: the kind of halo, and with it a disc and a bulge, and whether the progenitor loses mass.
     #[must_use]
     pub fn host_in_words(&self) -> String {
         let with = match (self.baryons.disc.is_some(), self.baryons.bulge.is_some()) {
@@ -119,21 +124,27 @@ impl ModelSettings {
             (false, true) => " with a bulge",
             (true, true) => " with a disc and a bulge",
         };
-        format!("{}{with}", self.halo)
+        let loses = match self.mass_loss {
+            None => "",
+            Some(MassLoss::Linear) => ", progenitor losing mass linearly",
+            Some(MassLoss::Exponential) => ", progenitor losing mass exponentially",
+        };
+        format!("{}{with}{loses}", self.halo)
     }
 
-    /// Whether halo, disc and bulge are of the same kinds as in other settings.
+    /// Whether halo, disc, bulge and the progenitor's loss of mass are of the same kinds as in other settings.
     #[must_use]
     pub fn has_host_of(&self, other: &Self) -> bool {
         self.with_host_of(other) == *self
     }
 
-    /// These settings with halo, disc and bulge of others.
+    /// These settings with halo, disc, bulge and the progenitor's loss of mass of others.
     #[must_use]
     pub fn with_host_of(self, other: &Self) -> Self {
         Self {
             halo: other.halo,
             baryons: other.baryons,
+            mass_loss: other.mass_loss,
             ..self
         }
     }
@@ -144,7 +155,8 @@ impl ModelSettings {
     /// [`Error::Setting`](crate::Error::Setting) with the first parameter that lacks a value or a distribution, or that has one in vain.
     pub fn check_prior(&self, prior: &StreamPrior) -> Result<()> {
         self.baryons.check_prior(prior)?;
-        second_axis::check_prior(self.halo, prior)
+        second_axis::check_prior(self.halo, prior)?;
+        mass_loss::check_prior(self.mass_loss, prior)
     }
 
     /// Checks that every number, those of the releases too, is in its range of docs/limits.md.

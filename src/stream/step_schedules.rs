@@ -10,7 +10,7 @@ use crate::orbit::{
     StepSchedule, TIMES, length,
 };
 use crate::potential::Host;
-use crate::scalar::{Isa, Lanes, Real, Vec3, Vectors};
+use crate::scalar::{Isa, Lanes, Real, Scalar, Vec3, Vectors};
 use std::marker::PhantomData;
 
 impl Model {
@@ -47,6 +47,7 @@ impl Model {
         let (tau, steps) = (self.table.taus[release_time], self.steps[release_time]);
         let step = solution.age_gyr * (-tau / steps as f64);
         schedule.progenitor_positions.clear();
+        schedule.mass_fractions.clear();
         schedule.drift_gyr.clear();
         if self.settings.step_rule == StepRule::Uniform {
             for weights in self.uniform_hermite_weights(release_time) {
@@ -56,14 +57,25 @@ impl Model {
             }
             schedule.drift_gyr.resize(steps, step);
             schedule.set_kicks();
+            if H::IS_GALAXY {
+                for j in 0..=steps {
+                    let tau = tau * ((steps - j) as f64 / steps as f64);
+                    schedule.mass_fractions.push(solution.mass_fraction(tau));
+                }
+            }
             return;
         }
         schedule.hermite_weights.clear();
         schedule.kick_gyr.clear();
         let times = solution.orbit.times();
-        let weights_at = |left: f64| HermiteWeights::at(tau * (left / steps as f64), times);
+        let tau_at = |left: f64| tau * (left / steps as f64);
+        let weights_at = |left: f64| HermiteWeights::at(tau_at(left), times);
         let (mut left, mut kick_before) = (steps as f64, S::zero());
         schedule.hermite_weights.push(weights_at(left));
+        if H::IS_GALAXY {
+            let fraction = solution.mass_fraction(tau_at(left));
+            schedule.mass_fractions.push(fraction);
+        }
         for &number in step_sizes {
             let length = length(number, left);
             let h = step * length;
@@ -73,9 +85,12 @@ impl Model {
                 if stage + 1 < STAGES {
                     schedule.kick_gyr.push(h * KICKS[stage + 1]);
                 }
-                schedule
-                    .hermite_weights
-                    .push(weights_at(left - TIMES[stage + 1] * length));
+                let left = left - TIMES[stage + 1] * length;
+                schedule.hermite_weights.push(weights_at(left));
+                if H::IS_GALAXY {
+                    let fraction = solution.mass_fraction(tau_at(left));
+                    schedule.mass_fractions.push(fraction);
+                }
             }
             kick_before = h * KICKS[STAGES];
             left -= length;
@@ -210,6 +225,19 @@ impl<I: Isa, V: Vectors, H: Host> AdaptiveSteps<Interleaved<V>> for BundleSteps<
     }
 
     #[inline(always)]
+    fn mass_fraction(&self, left: f64) -> Interleaved<V> {
+        if !H::IS_GALAXY {
+            return Interleaved::<V>::one();
+        }
+        let mut fractions = [0.0; MAX_TOGETHER];
+        for k in 0..Interleaved::<V>::GROUPS {
+            let tau = self.taus[k] * (left / self.steps as f64);
+            fractions[k] = self.solution.mass_fraction(tau).value;
+        }
+        Lanes::splat_groups(&fractions)
+    }
+
+    #[inline(always)]
     fn record(&mut self, number: u8) {
         self.step_sizes.push(number);
     }
@@ -246,7 +274,7 @@ impl<'a, H: Host> Planner<'a, H> {
         &mut self,
         bundle: &Bundle<'_>,
         step_sizes: &[u8],
-    ) -> InterleavedSchedules<'_> {
+    ) -> InterleavedSchedules<'_, H> {
         let adaptive = self.model.settings.step_rule == StepRule::Adaptive;
         let release_times = bundle.release_times();
         // The buffer of each lane group: that of the one before it if it has the same release time.
@@ -270,6 +298,9 @@ impl<'a, H: Host> Planner<'a, H> {
         }
         let [a, b, c, d] = buffers;
         let schedules = &*self.schedules;
-        InterleavedSchedules([&schedules[a], &schedules[b], &schedules[c], &schedules[d]])
+        InterleavedSchedules(
+            [&schedules[a], &schedules[b], &schedules[c], &schedules[d]],
+            PhantomData,
+        )
     }
 }

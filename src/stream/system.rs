@@ -18,8 +18,10 @@ use std::f64::consts::LN_10;
 pub struct System<S: Scalar, H: Host = Nfw> {
     /// The host.
     pub host: H::In<S>,
-    /// The progenitor's own gravity.
+    /// The progenitor's own gravity at the first release.
     pub progenitor: Plummer<S>,
+    /// The fraction of its mass that is left today.
+    pub mass_left: S,
     /// The progenitor today, kpc and kpc/Gyr.
     pub today: State<S>,
     /// Time since the first release, Gyr.
@@ -59,6 +61,7 @@ impl<S: Real, H: Host> System<S, H> {
                 mass: mass(params.log10_m_prog),
                 r_s: params.r_s_prog_kpc,
             },
+            mass_left: params.m_prog_left,
             today: State {
                 x: params.position_kpc(),
                 v: params.velocity_km_s() * S::from_f64(KM_S_IN_KPC_PER_GYR),
@@ -72,16 +75,18 @@ impl<S: Real, H: Host> System<S, H> {
 pub const HALO_LEN: usize = 15;
 
 /// Length of the vector of a system.
-pub const SYSTEM_LEN: usize = HALO_LEN + 11;
+pub const SYSTEM_LEN: usize = HALO_LEN + 12;
 
 impl<S: Scalar, H: Host> System<S, H> {
     /// The system as a vector: mass (Msun), scale radius (kpc), flattening 1/q^2 - 1 and axis of the halo; mass (Msun) and scale radius
     /// (kpc) of the progenitor, its position (kpc) and velocity (kpc/Gyr) today; the age (Gyr); mass (Msun), scale length (kpc) and normal
-    /// of the disc; mass (Msun) and scale radius (kpc) of the bulge; flattening 1/p^2 - 1 and direction of the second axis of the halo.
+    /// of the disc; mass (Msun) and scale radius (kpc) of the bulge; flattening 1/p^2 - 1 and direction of the second axis of the halo; the
+    /// fraction of the progenitor's mass that is left today.
     #[inline(always)]
     pub fn to_vector(&self) -> [S; SYSTEM_LEN] {
         let Self {
             progenitor,
+            mass_left,
             today: State { x, v },
             age_gyr,
             ..
@@ -122,6 +127,7 @@ impl<S: Scalar, H: Host> System<S, H> {
             second.axis.x,
             second.axis.y,
             second.axis.z,
+            mass_left,
         ]
     }
 
@@ -155,6 +161,7 @@ impl<S: Scalar, H: Host> System<S, H> {
             second_x,
             second_y,
             second_z,
+            mass_left,
         ] = vector;
         let HostParts {
             kind,
@@ -187,6 +194,7 @@ impl<S: Scalar, H: Host> System<S, H> {
                 baryons,
             }),
             progenitor: Plummer { mass: m, r_s: a },
+            mass_left,
             today: State {
                 x: Vec3::new(x, y, z),
                 v: Vec3::new(v_x, v_y, v_z),

@@ -22,6 +22,7 @@ mod inference;
 mod ks;
 mod likelihood;
 mod limits;
+mod mass_loss;
 mod orbit;
 mod own_halo;
 mod pages;

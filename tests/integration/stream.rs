@@ -179,6 +179,9 @@ impl AdaptiveSteps<f64> for Alone<'_> {
         let [x, y, z, _] = self.orbit.position(&weights);
         Vec3::new(x, y, z)
     }
+    fn mass_fraction(&self, _: f64) -> f64 {
+        1.0
+    }
     fn record(&mut self, _: u8) {}
 }
 

@@ -604,6 +604,7 @@ proptest! {
         let settings = ModelSettings {
             halo,
             baryons: BaryonSettings::default(),
+            mass_loss: None,
             releases: TableSettings { particles, release_times, ..TableSettings::default() },
             steps,
             steps_per,
