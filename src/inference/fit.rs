@@ -2,6 +2,7 @@
 
 use super::best_fit::diagnose;
 use super::model_error::{model_error, other_particles};
+use super::posterior_predictive::check_posterior_predictive;
 use super::prior_predictive::{Advanced, check_prior_predictive};
 use super::sample::{bridge, sample};
 use super::settings::FitSettings;
@@ -147,7 +148,10 @@ pub fn summarize(
     // An interrupted run ends at once.
     let model_checks = match run.status {
         Status::Interrupted => Vec::new(),
-        Status::Complete | Status::BudgetSpent => model_error(target, run, &mut found, advanced),
+        Status::Complete | Status::BudgetSpent => {
+            check_posterior_predictive(target, run, &mut found);
+            model_error(target, run, &mut found, advanced)
+        }
     };
     let context = SummaryContext {
         population: None,

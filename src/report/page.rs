@@ -275,9 +275,13 @@ fn figures(out: &mut String, figures: &[Figure]) {
 }
 
 /// Words for the numbers of the best fit; others have their own name.
-const NUMBERS: [(&str, &str); 12] = [
+const NUMBERS: [(&str, &str); 13] = [
     ("best_fit_chi2", "\u{3c7}\u{b2} of the best fit"),
     ("best_fit_bins", "bins of the track"),
+    (
+        "posterior_predictive_p",
+        "posterior predictive *p* of \u{3c7}\u{b2}",
+    ),
     (
         "best_fit_chi2_velocity",
         "\u{3c7}\u{b2} of the best fit by velocities",

@@ -2,14 +2,15 @@
 
 use oblate::data::ObservedTrack;
 use oblate::inference::{
-    Fit, FitSettings, Profile, Sampler, StreamTarget, diagnose, fit_with, prior_draws,
+    Fit, FitSettings, Profile, Sampler, StreamTarget, diagnose, fit_with, posterior_predictive_p,
+    prior_draws,
 };
 use oblate::likelihood::Coverage;
 use oblate::run::{Destination, IfExists, Monitor};
 use oblate::stream::{Model, Precision};
 use oblate::track::BinEdges;
 use oblate_samplers::control::Silent;
-use oblate_samplers::diagnostics::ln_sum_exp;
+use oblate_samplers::diagnostics::{chi2_tail, ln_sum_exp};
 use oblate_samplers::output::{Method, Status};
 use oblate_samplers::{Control, Event, Marginal, Observer, Outcome, Prior, Target, nested};
 use std::ops::ControlFlow;
@@ -170,7 +171,38 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
         text.contains("ln Z = ") && text.contains("log10_m_halo"),
         "{text}"
     );
+    a_model_that_does_not_fit_is_told(&track, &settings, &fit);
     errors_are_compared_with_the_stars_of_bins(track, &settings, &fit);
+}
+
+/// The p-value is that of the best draw's chi-square where all draws are alike, and small where the errors are.
+fn a_model_that_does_not_fit_is_told(track: &ObservedTrack, settings: &FitSettings, fit: &Fit) {
+    let p = |times: f64| {
+        let mut track = track.clone();
+        for column in [&mut track.r_err_lo_kpc, &mut track.r_err_hi_kpc] {
+            column.iter_mut().for_each(|error| *error *= times);
+        }
+        let target = StreamTarget::from_track(&track, settings).unwrap();
+        posterior_predictive_p(&target, &fit.run).unwrap()
+    };
+    let stated = fit.summary.diagnostics["posterior_predictive_p"];
+    assert_eq!(p(1.0).to_bits(), stated.to_bits());
+    // With large errors every residual is small.
+    assert!(p(30.0) > 0.99, "{}", p(30.0));
+    assert!(p(0.1) < 1e-6, "{}", p(0.1));
+    // One draw alone: the tail of its chi-square.
+    let target = StreamTarget::from_track(track, settings).unwrap();
+    let mut alone = fit.run.clone();
+    let best = alone.draws.best().unwrap();
+    for (row, ln_weight) in alone.draws.ln_weight.iter_mut().enumerate() {
+        *ln_weight = if row == best { 0.0 } else { f64::NEG_INFINITY };
+    }
+    let mut residuals = Vec::new();
+    target.ln_likelihood_and_residuals(alone.draws.theta_row(best), &mut residuals);
+    let chi2: f64 = residuals.iter().map(|z| z * z).sum();
+    let expected = chi2_tail(chi2, track.len() as f64);
+    let found = posterior_predictive_p(&target, &alone).unwrap();
+    assert!((found - expected).abs() < 1e-12, "{found} {expected}");
 }
 
 /// The stars of gala's bins are thousands. Means over one of 1,500 of them err by more than the errors of the track.

@@ -65,7 +65,12 @@ pub fn column_moments(rows: &[f64], columns: usize) -> Vec<(f64, f64)> {
 /// p-value of the chi-square `chi2` of `count` values about their common mean.
 #[must_use]
 pub fn chi2_p_value(chi2: f64, count: usize) -> f64 {
-    let degrees_of_freedom = (count as f64 - 1.0).max(1.0);
+    chi2_tail(chi2, (count as f64 - 1.0).max(1.0))
+}
+
+/// Probability that a chi-square of this number of degrees of freedom, above 0, is larger than `chi2`.
+#[must_use]
+pub fn chi2_tail(chi2: f64, degrees_of_freedom: f64) -> f64 {
     ChiSquared::new(degrees_of_freedom).map_or(0.0, |law| law.sf(chi2))
 }
 
