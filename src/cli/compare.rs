@@ -3,9 +3,7 @@
 use super::exit::Exit;
 use super::options::JsonFlag;
 use super::output::{Output, note};
-use crate::config::parse;
 use crate::error::{Error, Result};
-use crate::inference::FitSettings;
 use crate::posterior::{Comparison, compare, compare_models};
 use crate::run::{RunFolder, StoredRun, distinct_names};
 use crate::stream::ModelSettings;
@@ -91,13 +89,7 @@ fn tell_other_tracks(runs: &[PathBuf]) -> Result<()> {
 
 /// Whether each run is in the host of the first, and says which fits are not.
 fn tell_other_hosts(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<bool>> {
-    let model = |(path, stored): (&PathBuf, &StoredRun)| {
-        let folder = RunFolder::open(path)?;
-        // A population has no track.
-        let is_fit = folder.track().is_file();
-        let settings = is_fit.then(|| parse::<FitSettings>(&stored.config, &folder.config()));
-        Ok(settings.transpose()?.map(|fit| fit.model))
-    };
+    let model = |(path, stored): (&PathBuf, &StoredRun)| stored.model(&RunFolder::open(path)?);
     let models: Vec<Option<ModelSettings>> =
         (runs.iter().zip(stored).map(model)).collect::<Result<_>>()?;
     let mut of_first_host = vec![true; runs.len()];

@@ -229,6 +229,16 @@ fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
         "<h4>Do the runs agree?</h4><p>The first run minus each other run: differences of ln <i>Z</i> and of means in combined standard \
          errors, shift of the median of <i>q</i> in half-widths of the 68 % interval.</p>"
     );
+    if runs
+        .iter()
+        .any(|run| run.comparison.is_some_and(|c| !c.one_model))
+    {
+        put!(
+            out,
+            "<p>A run with <i>odds</i> is of another host than the first and need not agree with it: exp(\u{394} ln <i>Z</i>) are the odds for the \
+             first host, if both were equally probable before.</p>"
+        );
+    }
     let dash = || "\u{2013}".to_owned();
     let row = |run: &PageRun<'_>| {
         let (s, c) = (run.summary, run.comparison);
@@ -241,7 +251,7 @@ fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
             if s.converged { "yes" } else { "NO" },
             minus(&format!("{:.2}", s.ln_z.value)),
             s.ln_z.error,
-            c.map_or_else(dash, |c| minus(&format!("{:+.1}", c.ln_z_sigma))),
+            c.map_or_else(dash, delta_ln_z),
             s.q.as_ref()
                 .map_or_else(dash, |q| format!("{:.3}", q.median)),
             q.map_or_else(dash, |q| minus(&format!("{:+.2}", q.shift))),
@@ -262,6 +272,16 @@ fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
          <th>shift of <i>q</i></th><th>largest difference</th><th>effective draws</th><th>calls</th><th>gradients</th><th>CPU [s]</th>",
         &rows,
     );
+}
+
+/// The difference of ln Z: of one model in standard errors, of two as it is.
+fn delta_ln_z(c: &Comparison) -> String {
+    if c.one_model {
+        return minus(&format!("{:+.1}", c.ln_z_sigma));
+    }
+    let [a, b] = &c.ln_z;
+    let difference = minus(&format!("{:+.2}", a.value - b.value));
+    format!("odds: {difference} \u{b1} {:.2}", a.error.hypot(b.error))
 }
 
 fn figures(out: &mut String, figures: &[Figure]) {

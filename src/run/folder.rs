@@ -5,11 +5,13 @@ use super::contents::{
     RESULT_FOLDER, STREAMS_FILE, SUMMARY_FILE, TRACK_FILE,
 };
 use super::versions::{FOLDER_FORMAT, VERSIONS_FILE, Versions};
+use crate::config::parse;
 use crate::data::ObservedTrack;
 use crate::error::{Error, OutputFault, Result};
-use crate::inference::Fit;
+use crate::inference::{Fit, FitSettings};
 use crate::posterior::{Summary, assemble_run, zarr};
 use crate::report::FigureFormat;
+use crate::stream::ModelSettings;
 use oblate_samplers::{Run, read};
 use std::fs;
 use std::io;
@@ -36,6 +38,19 @@ pub struct StoredRun {
     pub run: Run,
     /// `config.toml` as text.
     pub config: String,
+}
+
+impl StoredRun {
+    /// The model of a fit in this folder; `None` of a population.
+    ///
+    /// # Errors
+    /// [`Error::Syntax`] if its settings cannot be read.
+    pub fn model(&self, folder: &RunFolder) -> Result<Option<ModelSettings>> {
+        // A population has no track.
+        let is_fit = folder.track().is_file();
+        let settings = is_fit.then(|| parse::<FitSettings>(&self.config, &folder.config()));
+        Ok(settings.transpose()?.map(|fit| fit.model))
+    }
 }
 
 /// Names of runs that are shown together: those of their folders, or the whole path where two folders have the same name.

@@ -8,14 +8,14 @@ use crate::error::Result;
 use crate::inference::{FitSettings, StreamTarget};
 use crate::params::StreamParams;
 use crate::posterior::{
-    Column, Comparison, column, columns, compare, mode_weights, modes_of_draws,
+    Column, Comparison, column, columns, compare, compare_models, mode_weights, modes_of_draws,
 };
 use crate::report::{
     CornerColumn, Curve, Figure, FigureFormat, FigureWriter, FitPicture, Group, MeasuredPicture,
     ModePicture, PageRun, QCurve, corner, diagnostics, influence, modes, page, population_density,
     q_posterior, streams_of_population,
 };
-use crate::stream::Particles;
+use crate::stream::{ModelSettings, Particles};
 use crate::track::{BinQuantity, TrackBin};
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
@@ -121,9 +121,20 @@ pub fn render_report(
             None => groups.push(vec![i]),
         }
     }
+    let models: Vec<Option<ModelSettings>> = (rendered.iter())
+        .map(|d| d.stored.model(&d.folder))
+        .collect::<Result<_>>()?;
     let compared = |first: usize, i: usize| {
+        if i == first {
+            return Ok(None);
+        }
         let [a, b] = [first, i].map(|k| &rendered[k].stored.run);
-        let same = i != first && a.names == b.names;
+        if let [Some(one), Some(other)] = [first, i].map(|k| models[k])
+            && !one.has_host_of(&other)
+        {
+            return Ok(Some(compare_models(&names[first], a, &names[i], b)));
+        }
+        let same = a.names == b.names;
         same.then(|| compare(&names[first], a, &names[i], b))
             .transpose()
     };

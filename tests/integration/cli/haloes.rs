@@ -64,6 +64,16 @@ fn fits_in_several_haloes_are_compared_by_their_evidence() {
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("two models; ln Z"), "{text}");
     assert!(!note.contains("continue those"), "{note}");
+    // The page says the same.
+    let page = path("page.html");
+    let output = oblate(&["report", &one, &two, "--out", &page], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let html = std::fs::read_to_string(&page).expect("a page");
+    assert!(html.contains("odds: ") && html.contains("another host than the first"));
+    let output = oblate(&["report", &one, "--out", &page, "--force"], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let html = std::fs::read_to_string(&page).expect("a page");
+    assert!(!html.contains("odds: "));
     let output = oblate(&["compare", &one, &one], "");
     assert!(output.stderr.is_empty(), "{output:?}");
 }
