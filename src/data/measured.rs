@@ -7,8 +7,6 @@ use std::ops::RangeInclusive;
 /// How a quantity is named and bounded.
 #[derive(Clone, Debug)]
 pub struct QuantityColumn {
-    /// What it is called in text.
-    pub name: &'static str,
     /// The column of its values.
     pub value: &'static str,
     /// The column of their standard errors.
@@ -27,7 +25,6 @@ impl BinQuantity {
     pub fn column(self) -> QuantityColumn {
         match self {
             Self::Velocity => QuantityColumn {
-                name: "velocity",
                 value: "v",
                 error: "v_err",
                 unit: "km / s",
@@ -35,7 +32,6 @@ impl BinQuantity {
                 errors: 1e-3..=10_000.0,
             },
             Self::Width => QuantityColumn {
-                name: "width",
                 value: "width",
                 error: "width_err",
                 unit: "kpc",
@@ -43,7 +39,6 @@ impl BinQuantity {
                 errors: 1e-3..=1e4,
             },
             Self::Density => QuantityColumn {
-                name: "density",
                 value: "density",
                 error: "density_err",
                 unit: "1 / deg",

@@ -4,6 +4,7 @@ use super::best_fit::Diagnostics;
 use super::target::StreamTarget;
 use oblate_samplers::diagnostics::chi2_tail;
 use oblate_samplers::{Run, Target};
+use rayon::prelude::*;
 
 /// Number of posterior draws of equal weight.
 const DRAWS: usize = 256;
@@ -17,16 +18,14 @@ const LIMIT: f64 = 0.005;
 /// `None` if no draw has a track.
 #[must_use]
 pub fn posterior_predictive_p(target: &StreamTarget, run: &Run) -> Option<f64> {
-    let mut residuals = Vec::new();
-    let mut tails = Vec::new();
-    for row in run.draws.resample(DRAWS, 0.5) {
-        residuals.clear();
+    let tail = |row: usize| {
+        let mut residuals = Vec::new();
         target.ln_likelihood_and_residuals(run.draws.theta_row(row), &mut residuals);
-        if !residuals.is_empty() {
-            let sum: f64 = residuals.iter().map(|z| z * z).sum();
-            tails.push(chi2_tail(sum, residuals.len() as f64));
-        }
-    }
+        let sum: f64 = residuals.iter().map(|z| z * z).sum();
+        (!residuals.is_empty()).then(|| chi2_tail(sum, residuals.len() as f64))
+    };
+    let rows = run.draws.resample(DRAWS, 0.5).into_par_iter();
+    let tails: Vec<f64> = rows.filter_map(tail).collect();
     (!tails.is_empty()).then(|| tails.iter().sum::<f64>() / tails.len() as f64)
 }
 

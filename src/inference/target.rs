@@ -3,7 +3,7 @@
 use super::derived::{DERIVED, derived};
 use super::settings::FitSettings;
 use crate::data::{Measured, ObservedTrack, QuantityColumn};
-use crate::error::{Error, Rejection, Result};
+use crate::error::{Rejection, Result};
 use crate::likelihood::{BinMeasurement, DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
 use crate::params::{DIM, FEATURES, StreamParams, StreamPrior, features, features_vjp, symmetry};
 use crate::stream::Model;
@@ -124,28 +124,21 @@ fn measurements(track: &ObservedTrack) -> Vec<BinMeasurement> {
 /// Checks that a prior has what the data of a track need, and no parameter that these do not have.
 fn check_measured(track: &ObservedTrack, prior: &StreamPrior) -> Result<()> {
     let has = |quantity| track.measured.contains_key(&quantity);
-    for (quantity, name) in [
-        (BinQuantity::Velocity, "v_host_km_s"),
-        (BinQuantity::Density, "log10_n_stars"),
-    ] {
+    let columns = |quantity: BinQuantity| {
         let QuantityColumn { value, error, .. } = quantity.column();
-        if prior.has(name) && !has(quantity) {
-            return Err(Error::Setting {
-                key: format!("prior.marginals.{name}"),
-                value: "given".to_owned(),
-                remedy: format!(
-                    "leave {name} out, or give a track with the columns `{value}` and `{error}`"
-                ),
-            });
-        }
-    }
-    if has(BinQuantity::Density) && !prior.has("log10_n_stars") {
-        return Err(Error::Setting {
-            key: "prior.marginals.log10_n_stars".to_owned(),
-            value: "none".to_owned(),
-            remedy: "densities need the number of stars of the whole stream: give its range, such as { kind = \"uniform\", lo = 2, hi = 5 }"
-                .to_owned(),
-        });
+        format!("a track with the columns `{value}` and `{error}`")
+    };
+    let example = Some("{ kind = \"uniform\", lo = 2, hi = 5 }");
+    let of_densities = columns(BinQuantity::Density);
+    prior.check_belongs(
+        "log10_n_stars",
+        has(BinQuantity::Density),
+        &of_densities,
+        example,
+    )?;
+    // Velocities need not have one.
+    if !has(BinQuantity::Velocity) {
+        prior.check_belongs("v_host_km_s", false, &columns(BinQuantity::Velocity), None)?;
     }
     if has(BinQuantity::Velocity) {
         prior.check_both_sides("velocities tell")?;

@@ -72,6 +72,9 @@ pub(super) struct MeasurementTerm<S> {
     pub covered: S,
 }
 
+/// Number of variables of a contribution to ln L.
+const VARIABLES: usize = 6;
+
 /// A measurement at the index of its bin in the grid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measurement {
@@ -80,14 +83,23 @@ pub(super) struct Measurement {
 }
 
 impl Measurement {
-    /// Weight, sum and sum of squares of what its quantity is computed from.
-    fn sums_in<S: Copy>(&self, sums: &Sums<S>) -> [S; 3] {
+    /// What its contribution depends on: weight, sum and sum of squares of what its quantity is computed from, the velocity of the host, the
+    /// distance factor and the number of stars.
+    fn variables<S: Copy>(&self, sums: &Sums<S>, observation: &Observation<S>) -> [S; VARIABLES] {
         let i = self.index;
-        match self.datum.quantity {
-            BinQuantity::Velocity => [sums.weight[i], sums.v[i], sums.v2[i]],
+        let (sum, sum_of_squares) = match self.datum.quantity {
+            BinQuantity::Velocity => (sums.v[i], sums.v2[i]),
             // The density depends on the weight alone.
-            BinQuantity::Width | BinQuantity::Density => [sums.weight[i], sums.r[i], sums.r2[i]],
-        }
+            BinQuantity::Width | BinQuantity::Density => (sums.r[i], sums.r2[i]),
+        };
+        [
+            sums.weight[i],
+            sum,
+            sum_of_squares,
+            observation.v_host_km_s,
+            observation.distance_factor,
+            observation.log10_n_stars,
+        ]
     }
 
     /// Its contribution to ln L.
@@ -100,18 +112,19 @@ impl Measurement {
         observation: &Observation<S>,
         rules: &MeasurementRules,
     ) -> std::result::Result<MeasurementTerm<S>, Rejection> {
-        let observation = [
-            observation.v_host_km_s,
-            observation.distance_factor,
-            observation.log10_n_stars,
-        ];
-        self.term_of(self.sums_in(sums), observation, rules)
+        self.term_of(self.variables(sums, observation), rules)
     }
 
     fn term_of<S: Real>(
         &self,
-        [weight, sum, sum_of_squares]: [S; 3],
-        [v_host, distance_factor, log10_n_stars]: [S; 3],
+        [
+            weight,
+            sum,
+            sum_of_squares,
+            v_host,
+            distance_factor,
+            log10_n_stars,
+        ]: [S; VARIABLES],
         rules: &MeasurementRules,
     ) -> std::result::Result<MeasurementTerm<S>, Rejection> {
         let covered = rules.coverage.of(weight, rules.threshold)?;
@@ -160,24 +173,8 @@ impl Measurement {
         sums_bar: &mut Sums<f64>,
         observation_bar: &mut Observation<f64>,
     ) -> std::result::Result<(), Rejection> {
-        let [weight, sum, sum_of_squares] = self.sums_in(sums);
-        let [
-            weight,
-            sum,
-            sum_of_squares,
-            v_host,
-            distance_factor,
-            log10_n_stars,
-        ]: [Dual<6>; 6] = lift(&[
-            weight,
-            sum,
-            sum_of_squares,
-            observation.v_host_km_s,
-            observation.distance_factor,
-            observation.log10_n_stars,
-        ]);
-        let observation = [v_host, distance_factor, log10_n_stars];
-        let term = self.term_of([weight, sum, sum_of_squares], observation, rules)?;
+        let variables: [Dual<VARIABLES>; VARIABLES] = lift(&self.variables(sums, observation));
+        let term = self.term_of(variables, rules)?;
         let [
             weight,
             sum,

@@ -16,8 +16,8 @@ pub struct FinalParticle<S> {
     pub ambiguous_windings: S,
 }
 
-/// The acceleration at `x` in the host and a progenitor at `centre` with this fraction of its mass. A function and not a closure, because a closure cannot be marked
-/// `#[inline(always)]` and would be compiled without the instructions of the kernel.
+/// The acceleration at `x` in the host and a progenitor at `centre` with this fraction of its mass. A function and not a closure, because a
+/// closure cannot be marked `#[inline(always)]` and would be compiled without the instructions of the kernel.
 #[inline(always)]
 pub(super) fn force<S: Scalar>(
     host: &impl Potential<S>,
@@ -26,7 +26,7 @@ pub(super) fn force<S: Scalar>(
     centre: Vec3<S>,
     fraction: S,
 ) -> Vec3<S> {
-    progenitor.add_acceleration_of(fraction, x - centre, host.acceleration(x))
+    progenitor.add_acceleration(fraction, x - centre, host.acceleration(x))
 }
 
 /// Integrates one particle, or one per lane, by a step schedule in the potential of `host` and `progenitor`, from the state `start` and the

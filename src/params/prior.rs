@@ -331,6 +331,37 @@ impl StreamPrior {
         &self.present
     }
 
+    /// Checks that a parameter is present if `part`, which it belongs to, is there, and absent otherwise. `example` is a distribution of it.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] if it lacks a value or a distribution, or has one in vain.
+    pub fn check_belongs(
+        &self,
+        name: &str,
+        is_there: bool,
+        part: &str,
+        example: Option<&str>,
+    ) -> Result<()> {
+        if self.has(name) == is_there {
+            return Ok(());
+        }
+        let such_as = example.map_or_else(String::new, |example| format!(", such as {example},"));
+        let (value, remedy) = if is_there {
+            let remedy = format!(
+                "give a distribution{such_as} or a value by prior.fixed.{name}: {part} has this parameter"
+            );
+            ("none", remedy)
+        } else {
+            let remedy = format!("leave {name} out, or give {part}, which it belongs to");
+            ("given", remedy)
+        };
+        Err(Error::Setting {
+            key: format!("prior.marginals.{name}"),
+            value: value.to_owned(),
+            remedy,
+        })
+    }
+
     /// Whether a parameter is present, free or fixed.
     #[must_use]
     pub fn has(&self, name: &str) -> bool {

@@ -40,6 +40,15 @@ impl<S: Scalar> SecondAxis<S> {
             axis: Vec3::zero(),
         }
     }
+
+    /// The same with each number converted by `f`.
+    #[inline(always)]
+    pub fn map<T: Scalar>(&self, f: impl Fn(S) -> T) -> SecondAxis<T> {
+        SecondAxis {
+            flattening: f(self.flattening),
+            axis: self.axis.map(&f),
+        }
+    }
 }
 
 impl<S: Scalar> HaloParameters<S> {
@@ -63,10 +72,7 @@ impl<S: Scalar> HaloParameters<S> {
             r_s: f(self.r_s),
             flattening: f(self.flattening),
             axis: self.axis.map(&f),
-            second: SecondAxis {
-                flattening: f(self.second.flattening),
-                axis: self.second.axis.map(&f),
-            },
+            second: self.second.map(&f),
         }
     }
 }
@@ -108,10 +114,7 @@ impl<S: Scalar> HaloCotangent<S> {
             ln_r_s: f(self.ln_r_s),
             flattening: f(self.flattening),
             axis: self.axis.map(&f),
-            second: SecondAxis {
-                flattening: f(self.second.flattening),
-                axis: self.second.axis.map(&f),
-            },
+            second: self.second.map(&f),
         }
     }
 }
@@ -211,10 +214,7 @@ pub trait Halo: Copy + Debug + Default + Send + Sync + 'static {
                 variable(axis.z, 6, one),
             ),
             // A triaxial kind has a formula.
-            second: SecondAxis {
-                flattening: Tangent::constant(second.flattening),
-                axis: second.axis.map(Tangent::constant),
-            },
+            second: second.map(Tangent::constant),
         });
         let a = lifted.acceleration(Vec3::new(
             variable(x.x, 0, lambda.x),

@@ -76,15 +76,9 @@ impl<S: Scalar> Plummer<S> {
         (inverse, self.mass * G * (inverse * inverse.sqrt()))
     }
 
-    /// `a` plus the acceleration at `x`; both in kpc/Gyr^2.
+    /// `a` plus the acceleration at `x` by a sphere that has this fraction of its mass; both in kpc/Gyr^2.
     #[inline(always)]
-    pub fn add_acceleration(&self, x: Vec3<S>, a: Vec3<S>) -> Vec3<S> {
-        a.add_scaled(x, -self.slopes(x).1)
-    }
-
-    /// As [`add_acceleration`](Self::add_acceleration), of a sphere that has this fraction of its mass.
-    #[inline(always)]
-    pub fn add_acceleration_of(&self, fraction: S, x: Vec3<S>, a: Vec3<S>) -> Vec3<S> {
+    pub fn add_acceleration(&self, fraction: S, x: Vec3<S>, a: Vec3<S>) -> Vec3<S> {
         a.add_scaled(x, -(self.slopes(x).1 * fraction))
     }
 
@@ -127,7 +121,7 @@ impl<S: Scalar> Potential<S> for Plummer<S> {
 
     #[inline(always)]
     fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
-        self.add_acceleration(x, Vec3::zero())
+        self.add_acceleration(S::one(), x, Vec3::zero())
     }
 
     #[inline(always)]

@@ -346,7 +346,7 @@ fn overlays(
     let caption = "Data, tracks of posterior draws, and the best fit; residuals in units of the data's errors; the best fit's particles \
                    on the sky";
     let mut figures = vec![("fit", caption, picture.svg())];
-    for quantity in BinQuantity::ALL {
+    for &quantity in track.measured.keys() {
         let picture = MeasuredPicture {
             track,
             quantity,

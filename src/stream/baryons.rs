@@ -1,7 +1,7 @@
 //! Disc and bulge of the host: which there are, by the settings, and their parameters (docs/physics.md, section 2).
 
 use super::angle::sin_cos_deg;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::params::{StreamParams, StreamPrior};
 use crate::potential::{Baryons, Disc, DiscProfile, DiscShape, Hernquist};
 use crate::scalar::{Real, Vec3};
@@ -68,7 +68,7 @@ impl BaryonSettings {
     /// Checks that every number is in its range of docs/limits.md.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] with the first one that is out of its range.
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange) with the first one that is out of its range.
     pub fn check(&self) -> Result<()> {
         if let Some(disc) = self.disc {
             in_range("model.baryons.disc.thickness", disc.thickness, 0.001..=2.0)?;
@@ -79,7 +79,7 @@ impl BaryonSettings {
     /// Checks that a prior has the parameters of disc and bulge, if there are such, and no others of these.
     ///
     /// # Errors
-    /// [`Error::Setting`] with the first parameter that lacks a value or a distribution, or that has one in vain.
+    /// [`Error::Setting`](crate::Error::Setting) with the first parameter that lacks a value or a distribution, or that has one in vain.
     pub fn check_prior(&self, prior: &StreamPrior) -> Result<()> {
         let has_angles = self.disc.is_some_and(|d| d.plane == DiscPlane::Angles);
         let groups = [
@@ -91,34 +91,16 @@ impl BaryonSettings {
             ),
             (OF_BULGE, self.bulge.is_some(), "`model.baryons.bulge`"),
         ];
-        for (names, needed, part) in groups {
+        for (names, is_there, part) in groups {
             for name in names {
-                if prior.has(name) == needed {
-                    continue;
-                }
-                let key = format!("prior.marginals.{name}");
-                return Err(if needed {
-                    Error::Setting {
-                        key,
-                        value: "none".to_owned(),
-                        remedy: format!(
-                            "give a distribution, or a value by prior.fixed.{name}: {part} has this parameter"
-                        ),
-                    }
-                } else {
-                    Error::Setting {
-                        key,
-                        value: "given".to_owned(),
-                        remedy: format!("leave {name} out, or give {part}, which it belongs to"),
-                    }
-                });
+                prior.check_belongs(name, is_there, part, None)?;
             }
         }
         self.check_sides(prior)
     }
 
     /// # Errors
-    /// [`Error::Setting`] by [`StreamPrior::check_both_sides`] if the disc has a near side.
+    /// [`Error::Setting`](crate::Error::Setting) by [`StreamPrior::check_both_sides`] if the disc has a near side.
     fn check_sides(&self, prior: &StreamPrior) -> Result<()> {
         let has_side = match self.disc.map(|disc| disc.plane) {
             None | Some(DiscPlane::Halo) => false,

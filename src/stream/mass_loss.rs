@@ -1,6 +1,6 @@
 //! The mass that a progenitor loses: by which law, and its parameter (docs/physics.md, section 2).
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::params::StreamPrior;
 use crate::potential::MassFraction;
 use crate::scalar::Real;
@@ -22,24 +22,14 @@ const MASS_LEFT: &str = "m_prog_left";
 /// Checks that a prior has the fraction that is left, if mass is lost, and otherwise not.
 ///
 /// # Errors
-/// [`Error::Setting`] if it lacks a value or a distribution, or has one in vain.
+/// [`Error::Setting`](crate::Error::Setting) if it lacks a value or a distribution, or has one in vain.
 pub(super) fn check_prior(law: Option<MassLoss>, prior: &StreamPrior) -> Result<()> {
-    let (value, remedy) = match (law.is_some(), prior.has(MASS_LEFT)) {
-        (true, true) | (false, false) => return Ok(()),
-        (true, false) => (
-            "none",
-            "give a distribution, such as { kind = \"uniform\", lo = 0.1, hi = 1 }, or a value by prior.fixed.m_prog_left: it is the fraction of the progenitor's mass that is left today",
-        ),
-        (false, true) => (
-            "given",
-            "leave m_prog_left out, or give `model.mass_loss = \"linear\"` or \"exponential\"",
-        ),
-    };
-    Err(Error::Setting {
-        key: format!("prior.marginals.{MASS_LEFT}"),
-        value: value.to_owned(),
-        remedy: remedy.to_owned(),
-    })
+    prior.check_belongs(
+        MASS_LEFT,
+        law.is_some(),
+        "`model.mass_loss`",
+        Some("{ kind = \"uniform\", lo = 0.1, hi = 1 }"),
+    )
 }
 
 /// The fraction of the mass at the time `tau`, from -1 at the first release to 0 today, if the fraction `left` is left today.

@@ -215,10 +215,11 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
             mut release_frames,
         } = memory.unwrap_or_default();
         resolved_orbit(&host, today, age_gyr, settings, &mut orbit)?;
+        let mass_loss = settings.mass_loss_in::<H>();
         let mut tally = Tally::default();
         release_frames.clear();
         for tau in &table.taus {
-            let mass = progenitor.mass * mass_fraction(settings.mass_loss, mass_left, *tau).value;
+            let mass = progenitor.mass * mass_fraction(mass_loss, mass_left, *tau).value;
             let (release_frame, bounded) = release_frame(&host, mass, &orbit, *tau, table.recipe);
             tally.bounded_tidal_radius += u64::from(bounded);
             release_frames.push(release_frame);
@@ -227,7 +228,7 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
             host,
             progenitor,
             mass_left,
-            mass_loss: settings.mass_loss,
+            mass_loss,
             age_gyr,
             orbit,
             release_frames,

@@ -62,6 +62,7 @@ impl<H: Host> SolutionVjpKernel<'_, H> {
             times,
             model.settings.orbit,
         );
+        let mass_loss = model.settings.mass_loss_in::<H>();
         let mut sum = Contraction::<I, VECTORS>(Lanes::zero());
         for (node, node_bar) in orbit.nodes.iter().zip(&solution_bar.nodes) {
             for row in 0..3 {
@@ -69,7 +70,7 @@ impl<H: Host> SolutionVjpKernel<'_, H> {
             }
         }
         for (tau, frame_bar) in model.table.taus.iter().zip(&solution_bar.release_frames) {
-            let fraction = mass_fraction(model.settings.mass_loss, system.mass_left, *tau).value;
+            let fraction = mass_fraction(mass_loss, system.mass_left, *tau).value;
             let (release_frame, _) = release_frame(
                 &system.host,
                 system.progenitor.mass * fraction,

@@ -1,7 +1,7 @@
 //! The second axis of a triaxial halo: its parameters (docs/physics.md, section 2).
 
 use super::angle::sin_cos_deg;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::params::{StreamParams, StreamPrior};
 use crate::potential::{HaloKind, SecondAxis};
 use crate::scalar::{Real, Vec3};
@@ -12,29 +12,12 @@ const OF_SECOND_AXIS: [&str; 2] = ["p_halo", "psi_halo_deg"];
 /// Checks that a prior has the parameters of a second axis, if the halo has one, and otherwise not.
 ///
 /// # Errors
-/// [`Error::Setting`] with the first parameter that lacks a value or a distribution, or that has one in vain.
+/// [`Error::Setting`](crate::Error::Setting) with the first parameter that lacks a value or a distribution, or that has one in vain.
 pub(super) fn check_prior(kind: HaloKind, prior: &StreamPrior) -> Result<()> {
-    let needed = kind == HaloKind::NfwTriaxial;
-    for name in OF_SECOND_AXIS {
-        if prior.has(name) == needed {
-            continue;
-        }
-        let (value, remedy) = if needed {
-            let remedy = format!(
-                "give a distribution, or a value by prior.fixed.{name}: a triaxial halo has this parameter"
-            );
-            ("none", remedy)
-        } else {
-            let remedy = format!("leave {name} out, or give `model.halo = \"nfw_triaxial\"`");
-            ("given", remedy)
-        };
-        return Err(Error::Setting {
-            key: format!("prior.marginals.{name}"),
-            value: value.to_owned(),
-            remedy,
-        });
-    }
-    Ok(())
+    let is_triaxial = kind == HaloKind::NfwTriaxial;
+    OF_SECOND_AXIS.into_iter().try_for_each(|name| {
+        prior.check_belongs(name, is_triaxial, "`model.halo = \"nfw_triaxial\"`", None)
+    })
 }
 
 /// The smallest `1 + n_z` that is divided by.

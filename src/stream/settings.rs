@@ -6,7 +6,7 @@ use super::second_axis;
 use crate::error::Result;
 use crate::orbit::OrbitMethod;
 use crate::params::StreamPrior;
-use crate::potential::HaloKind;
+use crate::potential::{HaloKind, Host};
 use crate::spray::TableSettings;
 use oblate_samplers::limits::in_range;
 use serde::{Deserialize, Serialize};
@@ -147,6 +147,11 @@ impl ModelSettings {
             mass_loss: other.mass_loss,
             ..self
         }
+    }
+
+    /// How the progenitor loses mass in hosts of this kind: not at all in one that is no galaxy, whose kernels have a constant mass.
+    pub(super) fn mass_loss_in<H: Host>(&self) -> Option<MassLoss> {
+        self.mass_loss.filter(|_| H::IS_GALAXY)
     }
 
     /// Checks that a prior has the parameters of the host, and no others of hosts.

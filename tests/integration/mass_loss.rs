@@ -2,7 +2,9 @@
 
 use crate::haloes::{THETA, likelihood_is_that_of, small};
 use oblate::params::{PriorSettings, QRange, StreamParams, StreamPrior};
-use oblate::potential::{Galaxy, HaloKind, MassFraction, Plummer, PlummerCotangent, Potential};
+use oblate::potential::{
+    Galaxy, HaloKind, MassFraction, Nfw, Plummer, PlummerCotangent, Potential,
+};
 use oblate::scalar::{Dual, Real, Vec3, gradient_of, lift};
 use oblate::stream::{
     MassLoss, Model, ModelSettings, ProgenitorSolution, StepRule, StepsPer, System,
@@ -60,6 +62,19 @@ fn offsets_of_releases_follow_the_mass() {
     }
 }
 
+/// The kernels of a halo alone have a constant mass, and so have its releases.
+#[test]
+fn a_host_that_is_no_galaxy_loses_no_mass() {
+    let settings = with(Some(MassLoss::Linear));
+    let system = System::<f64, Nfw>::with_host(&left(0.2), QRange::default(), &settings);
+    let model = Model::new(&settings).expect("a model");
+    let ours = model.progenitor_solution(&system).expect("a solution");
+    for (ours, whole) in (ours.release_frames.iter()).zip(&solution(None, 1.0).release_frames) {
+        let lengths = [ours, whole].map(|frame| frame.position[0].norm2().sqrt());
+        assert!((lengths[0] / lengths[1] - 1.0).abs() < 1e-9);
+    }
+}
+
 #[test]
 fn a_fraction_of_the_mass_has_this_fraction_of_the_force() {
     let progenitor = Plummer {
@@ -69,7 +84,7 @@ fn a_fraction_of_the_mass_has_this_fraction_of_the_force() {
     let (x, lambda) = ([0.7, -1.1, 2.0], Vec3::new(0.3, -1.1, 0.7));
     let (value, slope) = (0.4, 0.7);
     let by_hand = progenitor.acceleration(Vec3::from(x)) * value;
-    let of = progenitor.add_acceleration_of(value, Vec3::from(x), Vec3::zero());
+    let of = progenitor.add_acceleration(value, Vec3::from(x), Vec3::zero());
     assert!((of - by_hand).norm2() < 1e-24 * by_hand.norm2());
     let mut cotangent = PlummerCotangent::zero();
     let fraction = MassFraction { value, slope };
