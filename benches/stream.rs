@@ -23,7 +23,9 @@ fn system() -> System<f64> {
             mass: 1e8,
             r_s: 1.5,
         },
-        mass_left: 1.0,
+        mass_loss: 1.0,
+        release_peaking: 0.0,
+        coulomb_logarithm: 0.0,
         today: State {
             x: Vec3::new(59.0, 0.0, 33.0),
             v: Vec3::new(-40.0, 160.0, -30.0),

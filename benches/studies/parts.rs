@@ -10,7 +10,7 @@ mod draws;
 use oblate::data::ObservedTrack;
 use oblate::inference::{FitSettings, Profile, StreamTarget, prior_draws};
 use oblate::likelihood::Observation;
-use oblate::orbit::DenseOrbit;
+use oblate::orbit::{Conservative, DenseOrbit};
 use oblate::params::{DIM, StreamParams};
 use oblate::stream::{Particles, Precision, StepSchedules, System};
 use oblate::track::{PartialSums, Sums};
@@ -49,7 +49,13 @@ fn times(target: &StreamTarget, theta: &[f64; DIM]) -> Option<[f64; 6]> {
     let mut measured = [const { Vec::new() }; 6];
     for _ in 0..TURNS {
         measured[0].push(microseconds(|| {
-            let orbit = DenseOrbit::integrate_at(black_box(host), today, age, &node_times, method);
+            let orbit = DenseOrbit::integrate_at(
+                &Conservative(black_box(host)),
+                today,
+                age,
+                &node_times,
+                method,
+            );
             black_box(orbit);
         }));
         let mut solution = None;

@@ -388,7 +388,7 @@ impl Fit {
         track_columns(theta.py(), &track)
     }
 
-    /// The particles of the model at one point, by columns: `tail`, `t_release_fraction`, positions in kpc, velocities in km/s, `phi_deg`.
+    /// The particles of the model at one point, by columns: `tail`, `t_release_fraction`, positions in kpc, velocities in km/s, `phi_deg`, `weight`.
     fn stream<'py>(&self, theta: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         let (_, particles) = self.modelled(theta)?;
         let model = self.target.likelihood().model();

@@ -18,6 +18,7 @@ mod message;
 mod mock;
 mod next;
 mod options;
+mod orientation;
 mod output;
 mod population;
 pub mod progress;
@@ -71,6 +72,8 @@ enum Verb {
     Calibration(calibration::Args),
     /// Samples the population of q of finished fits into a run folder
     Population(population::Args),
+    /// Compares the symmetry axes of finished fits with the line of sight or with the disc: isotropic, aligned, or a mixture
+    Orientation(orientation::Args),
     /// Writes the draws of a run as a table, ECSV or FITS
     Export(export::Args),
     /// Writes one self-contained HTML page of runs, and each of its figures
@@ -137,6 +140,7 @@ fn answer(args: &[OsString], out: &mut Output<'_>) -> Result<Exit> {
         Verb::Compare(a) => compare::run(a, out),
         Verb::Calibration(a) => calibration::run(a, out),
         Verb::Population(a) => population::run(a, &line, out),
+        Verb::Orientation(a) => orientation::run(a, out),
         Verb::Export(a) => export::run(a, out),
         Verb::Report(a) => report::run(a, out),
         Verb::Run(a) => study::run(a, &line, out),

@@ -15,14 +15,17 @@ use oblate_samplers::limits::{MAX_SEED, in_range};
 use oblate_samplers::normal::quantile;
 use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::ops::RangeInclusive;
+use toml::Table;
 
 /// How mocks are made and which are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MockSettings {
     /// The stream. Its table of releases has a seed of its own, so that mocks and fits do not have the same release noise.
+    #[serde(deserialize_with = "over_the_mock_model")]
     pub model: ModelSettings,
     /// Bin width in degrees.
     pub bin_width_deg: f64,
@@ -88,19 +91,45 @@ impl QPopulation {
     }
 }
 
+/// The model of mocks.
+fn mock_model() -> ModelSettings {
+    let releases = TableSettings {
+        particles: 10_000,
+        sampling_scheme: SamplingScheme::Random,
+        seed: MOCK_TABLE_SEED,
+        ..TableSettings::default()
+    };
+    ModelSettings {
+        releases,
+        ..ModelSettings::default()
+    }
+}
+
+/// Reads the keys of a model that are given and takes the others from the model of mocks, not from that of fits.
+fn over_the_mock_model<'de, D: Deserializer<'de>>(
+    source: D,
+) -> std::result::Result<ModelSettings, D::Error> {
+    let given = Table::deserialize(source)?;
+    let mut all = Table::try_from(mock_model()).map_err(D::Error::custom)?;
+    for (key, value) in given {
+        match (all.get_mut("releases"), value) {
+            (Some(toml::Value::Table(releases)), toml::Value::Table(given))
+                if key == "releases" =>
+            {
+                releases.extend(given);
+            }
+            (_, value) => {
+                all.insert(key, value);
+            }
+        }
+    }
+    all.try_into().map_err(D::Error::custom)
+}
+
 impl Default for MockSettings {
     fn default() -> Self {
-        let releases = TableSettings {
-            particles: 10_000,
-            sampling_scheme: SamplingScheme::Random,
-            seed: MOCK_TABLE_SEED,
-            ..TableSettings::default()
-        };
         Self {
-            model: ModelSettings {
-                releases,
-                ..ModelSettings::default()
-            },
+            model: mock_model(),
             bin_width_deg: 10.0,
             noise: 0.02,
             star_scatter: true,

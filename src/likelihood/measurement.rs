@@ -73,7 +73,7 @@ pub(super) struct MeasurementTerm<S> {
 }
 
 /// Number of variables of a contribution to ln L.
-const VARIABLES: usize = 6;
+const VARIABLES: usize = 7;
 
 /// A measurement at the index of its bin in the grid.
 #[derive(Clone, Copy, Debug)]
@@ -83,7 +83,7 @@ pub(super) struct Measurement {
 }
 
 impl Measurement {
-    /// What its contribution depends on: weight, sum and sum of squares of what its quantity is computed from, the velocity of the host, the
+    /// What its contribution depends on: weight, mean of the squares of all weights, sum and sum of squares of what its quantity is computed from, the velocity of the host, the
     /// distance factor and the number of stars.
     fn variables<S: Copy>(&self, sums: &Sums<S>, observation: &Observation<S>) -> [S; VARIABLES] {
         let i = self.index;
@@ -94,6 +94,7 @@ impl Measurement {
         };
         [
             sums.weight[i],
+            sums.mean_square_weight,
             sum,
             sum_of_squares,
             observation.v_host_km_s,
@@ -119,6 +120,7 @@ impl Measurement {
         &self,
         [
             weight,
+            mean_square_weight,
             sum,
             sum_of_squares,
             v_host,
@@ -131,7 +133,8 @@ impl Measurement {
         let count = weight;
         let weight = weight.max(least_weight(rules.threshold));
         let (mean, variance) = moments(weight, sum, sum_of_squares);
-        let per_weight = S::from_f64(rules.variance_factor) / weight;
+        let variance_factor = mean_square_weight * rules.variance_factor;
+        let per_weight = variance_factor / weight;
         // The model's value, and the variance of it by the number of particles.
         let (model, noise) = match self.datum.quantity {
             BinQuantity::Velocity => (mean + v_host, variance * per_weight),
@@ -143,10 +146,7 @@ impl Measurement {
             BinQuantity::Density => {
                 let scale = (log10_n_stars * LN_10).exp() * rules.fraction_per_weight;
                 // Poisson's.
-                (
-                    scale * count,
-                    scale * scale * weight * rules.variance_factor,
-                )
+                (scale * count, scale * scale * weight * variance_factor)
             }
         };
         let error = self.datum.error;
@@ -177,6 +177,7 @@ impl Measurement {
         let term = self.term_of(variables, rules)?;
         let [
             weight,
+            mean_square_weight,
             sum,
             sum_of_squares,
             v_host,
@@ -190,6 +191,7 @@ impl Measurement {
         sum_bar[self.index] += sum;
         sum_of_squares_bar[self.index] += sum_of_squares;
         sums_bar.weight[self.index] += weight;
+        sums_bar.mean_square_weight += mean_square_weight;
         observation_bar.v_host_km_s += v_host;
         observation_bar.distance_factor += distance_factor;
         observation_bar.log10_n_stars += log10_n_stars;

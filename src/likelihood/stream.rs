@@ -255,9 +255,13 @@ impl StreamLikelihood {
                 x_bar,
                 y_bar,
                 vz_bar,
+                weight_bar,
+                mean_square_weight_bar,
                 ..
             } = work;
-            let offset_bar = grid.vjp(particles, sums_bar, [x_bar, y_bar, vz_bar]);
+            let columns = [x_bar, y_bar, vz_bar, weight_bar];
+            let offset_bar = grid.vjp(particles, sums_bar, columns);
+            *mean_square_weight_bar = sums_bar.mean_square_weight;
             of_track = Some((ln_likelihood, observation_bar, offset_bar));
             Ok(())
         };
@@ -336,7 +340,20 @@ impl StreamLikelihood {
         let grid = self.track.grid_from(real_parts.phi0_deg);
         let offset_deg = -observation.phi0_deg + self.track.grid().offset_deg;
         let velocities = self.track.has(BinQuantity::Velocity);
-        grid.sum_final_particles(&particles, neighbourhood, offset_deg, velocities, &mut sums);
+        let mut of_release_times = Vec::with_capacity(particles.len());
+        for weight in &solution.releases.weights {
+            let len = of_release_times.len() + self.model.table().per_release_time;
+            of_release_times.resize(len, *weight);
+        }
+        grid.sum_final_particles(
+            &particles,
+            &of_release_times,
+            neighbourhood,
+            offset_deg,
+            velocities,
+            &mut sums,
+        );
+        sums.mean_square_weight = solution.releases.mean_square_weight;
         self.track.ln_likelihood(&sums, &observation)
     }
 

@@ -389,7 +389,12 @@ impl TrackLikelihood {
         let mut error = ExpectedError::unknown();
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let sums = [sums.weight[i], sums.r[i], sums.r2[i]];
+                let sums = [
+                    sums.weight[i],
+                    sums.r[i],
+                    sums.r2[i],
+                    sums.mean_square_weight,
+                ];
                 let term = self.bin_term(d, sums, observation, error.next(self.correlations[i]))?;
                 error = term.error;
                 total += term.ln_likelihood;
@@ -424,7 +429,12 @@ impl TrackLikelihood {
         let mut error = ExpectedError::unknown();
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let sums = [sums.weight[i], sums.r[i], sums.r2[i]];
+                let sums = [
+                    sums.weight[i],
+                    sums.r[i],
+                    sums.r2[i],
+                    sums.mean_square_weight,
+                ];
                 let term = self.bin_term(d, sums, observation, error.next(self.correlations[i]))?;
                 error = term.error;
                 residuals.push(term.covered.sqrt() * term.residual / term.variance.sqrt());
@@ -451,6 +461,7 @@ impl TrackLikelihood {
         // ln L by the function above, because dual numbers round otherwise.
         let total = self.ln_likelihood(sums, observation)?;
         sums_bar.reset(self.grid.len);
+        sums_bar.mean_square_weight = 0.0;
         if sums.has_velocities() {
             sums_bar.reset_velocities();
         }
@@ -463,16 +474,26 @@ impl TrackLikelihood {
         let mut error = ExpectedError::<f64>::unknown();
         for (i, d) in self.data.iter().enumerate() {
             if let Some(d) = d {
-                let variables: [Dual<7>; 7] = lift(&[
+                let variables: [Dual<8>; 8] = lift(&[
                     sums.weight[i],
                     sums.r[i],
                     sums.r2[i],
+                    sums.mean_square_weight,
                     observation.jitter,
                     observation.distance_factor,
                     error.mean,
                     error.variance,
                 ]);
-                let [weight, r, r2, jitter, distance_factor, mean, variance] = variables;
+                let [
+                    weight,
+                    r,
+                    r2,
+                    mean_square_weight,
+                    jitter,
+                    distance_factor,
+                    mean,
+                    variance,
+                ] = variables;
                 let observation = Observation {
                     jitter,
                     distance_factor,
@@ -481,7 +502,8 @@ impl TrackLikelihood {
                     log10_n_stars: Dual::from_re(observation.log10_n_stars),
                 };
                 let before = ExpectedError { mean, variance }.next(self.correlations[i]);
-                let term = self.bin_term(d, [weight, r, r2], &observation, before)?;
+                let term =
+                    self.bin_term(d, [weight, r, r2, mean_square_weight], &observation, before)?;
                 mean_cover += term.covered.re / self.count as f64;
                 // The cover depends on the weight alone.
                 cover_bar[i] = gradient_of(&term.covered)[0];
@@ -504,7 +526,17 @@ impl TrackLikelihood {
             for k in 0..bar.len() {
                 bar[k] += error_bar[0] * by_mean[k] + error_bar[1] * by_variance[k];
             }
-            let [weight, r, r2, jitter, distance_factor, mean, variance] = bar;
+            let [
+                weight,
+                r,
+                r2,
+                mean_square_weight,
+                jitter,
+                distance_factor,
+                mean,
+                variance,
+            ] = bar;
+            sums_bar.mean_square_weight += mean_square_weight;
             (sums_bar.weight[i], sums_bar.r[i], sums_bar.r2[i]) = (weight, r, r2);
             observation_bar.jitter += jitter;
             observation_bar.distance_factor += distance_factor;
@@ -523,14 +555,15 @@ impl TrackLikelihood {
         Ok((total, observation_bar))
     }
 
-    /// The contribution of one bin, from its sums of weights, radii and squares of radii and what the bins before say about its error.
+    /// The contribution of one bin, from its sums of weights, radii and squares of radii, the mean of the squares of all weights, and what the
+    /// bins before say about its error.
     ///
     /// # Errors
     /// [`Rejection::Uncovered`] under [`Coverage::Reject`] if it is not covered.
     fn bin_term<S: Real>(
         &self,
         d: &DataBin,
-        [weight, r, r2]: [S; 3],
+        [weight, r, r2, mean_square_weight]: [S; 4],
         observation: &Observation<S>,
         error: ExpectedError<S>,
     ) -> std::result::Result<BinTerm<S>, Rejection> {
@@ -543,7 +576,7 @@ impl TrackLikelihood {
         if self.settings.model_noise {
             let mean_square = r2 / bounded_weight / (factor * factor);
             let variance_of_r = (mean_square - mean * mean).max(S::zero());
-            noise += variance_of_r * self.variance_factor / bounded_weight;
+            noise += variance_of_r * self.variance_factor * mean_square_weight / bounded_weight;
         }
         let residual = mean - d.r_kpc;
         let of_data = d.variances_kpc2(observation.jitter);

@@ -4,7 +4,8 @@
 //! alone: [`HermiteWeights`].
 
 use super::node_times::{NodeTimes, Place};
-use super::nystrom::nystrom_step;
+use super::nystrom::{OrbitStep, nystrom_step};
+use super::orbit_force::{Conservative, OrbitForce};
 use super::{State, crossing};
 use crate::potential::Potential;
 use crate::scalar::{Isa, LANES, LaneArray, Lanes, Real, Scalar, Vec3};
@@ -268,14 +269,14 @@ impl<S: Real> DenseOrbit<S> {
     ) -> Self {
         let mut orbit = Self::default();
         let resolution = Resolution::uniform(steps);
-        orbit.integrate_resolved(host, today, age_gyr, resolution, method);
+        orbit.integrate_resolved(&Conservative(host), today, age_gyr, resolution, method);
         orbit
     }
 
     /// As [`integrate`](Self::integrate), with nodes at these times.
     #[inline(always)]
     pub fn integrate_at(
-        host: &impl Potential<S>,
+        force: &impl OrbitForce<S>,
         today: State<S>,
         age_gyr: S,
         times: &NodeTimes,
@@ -283,10 +284,10 @@ impl<S: Real> DenseOrbit<S> {
     ) -> Self {
         let mut orbit = Self::default();
         let blocks = times.blocks();
-        let mut now = orbit.begin(host, today, age_gyr, blocks.len());
+        let mut now = orbit.begin(force, today, age_gyr, blocks.len());
         for block in (0..blocks.len()).rev() {
             let intervals = blocks[block].intervals;
-            if let Some(earlier) = orbit.block(host, now, intervals, method, f64::INFINITY) {
+            if let Some(earlier) = orbit.block(force, now, intervals, method, f64::INFINITY) {
                 now = earlier;
             }
         }
@@ -299,7 +300,7 @@ impl<S: Real> DenseOrbit<S> {
     #[inline(always)]
     pub fn integrate_resolved(
         &mut self,
-        host: &impl Potential<S>,
+        force: &impl OrbitForce<S>,
         today: State<S>,
         age_gyr: S,
         resolution: Resolution,
@@ -311,12 +312,12 @@ impl<S: Real> DenseOrbit<S> {
             max_phase,
             max_age_phase,
         } = resolution;
-        let mut now = self.begin(host, today, age_gyr, blocks);
+        let mut now = self.begin(force, today, age_gyr, blocks);
         for _ in 0..blocks {
             loop {
                 let limit_by_age = max_age_phase / (intervals * blocks) as f64;
                 let limit = f64::min(max_phase, limit_by_age);
-                if let Some(earlier) = self.block(host, now, intervals, method, limit) {
+                if let Some(earlier) = self.block(force, now, intervals, method, limit) {
                     now = earlier;
                     break;
                 }
@@ -335,7 +336,7 @@ impl<S: Real> DenseOrbit<S> {
     #[inline(always)]
     fn begin(
         &mut self,
-        host: &impl Potential<S>,
+        force: &impl OrbitForce<S>,
         today: State<S>,
         age_gyr: S,
         blocks: usize,
@@ -350,10 +351,12 @@ impl<S: Real> DenseOrbit<S> {
             vectors: [
                 today.x,
                 today.v * length,
-                host.acceleration(today.x) * length2,
+                force.orbit_acceleration(today.x, today.v, 0.0) * length2,
             ],
             winding_number: S::zero(),
             length2,
+            tau: 0.0,
+            tau_length: 1.0 / blocks as f64,
         }
     }
 
@@ -362,7 +365,7 @@ impl<S: Real> DenseOrbit<S> {
     #[inline(always)]
     fn block(
         &mut self,
-        host: &impl Potential<S>,
+        force: &impl OrbitForce<S>,
         now: Moment<S>,
         intervals: usize,
         method: OrbitMethod,
@@ -386,9 +389,15 @@ impl<S: Real> DenseOrbit<S> {
             self.winding_numbers.push(winding_number);
             if left > 0 {
                 let [after, ..] = vectors;
+                let tau_length = now.tau_length * per_interval;
+                let step = OrbitStep {
+                    length2: step2,
+                    tau: now.tau - (intervals - left) as f64 * tau_length,
+                    tau_length,
+                };
                 vectors = match method {
-                    OrbitMethod::Accurate => nystrom_step(host, vectors, step2),
-                    OrbitMethod::Leapfrog => leapfrog_step(host, vectors, step2),
+                    OrbitMethod::Accurate => nystrom_step(force, vectors, step),
+                    OrbitMethod::Leapfrog => leapfrog_step(force, vectors, step),
                 };
                 winding_number += crossing(after, vectors[0]);
             }
@@ -397,7 +406,8 @@ impl<S: Real> DenseOrbit<S> {
         Some(Moment {
             vectors: rescaled(vectors, intervals as f64),
             winding_number,
-            length2: now.length2,
+            tau: now.tau - now.tau_length,
+            ..now
         })
     }
 
@@ -483,6 +493,10 @@ struct Moment<S> {
     winding_number: S,
     /// The square of the length of a block, Gyr^2.
     length2: S,
+    /// The time, from -1 at the first release to 0 today.
+    tau: f64,
+    /// The length of a block in the same unit.
+    tau_length: f64,
 }
 
 /// Position, velocity and acceleration in a unit of time that is `factor` times the present one.
@@ -499,13 +513,13 @@ fn rescaled<S: Scalar>([x, dx, ddx]: [Vec3<S>; 3], factor: f64) -> [Vec3<S>; 3] 
 /// As [`nystrom_step`], by the second-order leapfrog: kick, drift, kick.
 #[inline(always)]
 fn leapfrog_step<S: Scalar>(
-    host: &impl Potential<S>,
+    force: &impl OrbitForce<S>,
     [x, dx, ddx]: [Vec3<S>; 3],
-    step2: S,
+    step: OrbitStep<S>,
 ) -> [Vec3<S>; 3] {
     let half = S::from_f64(0.5);
     let kicked = dx - ddx * half;
     let x = x - kicked;
-    let ddx = host.acceleration(x) * step2;
+    let ddx = step.acceleration(force, x, kicked, 1.0);
     [x, kicked - ddx * half, ddx]
 }

@@ -6,6 +6,7 @@ mod leapfrog;
 mod leapfrog_vjp;
 mod node_times;
 mod nystrom;
+mod orbit_force;
 mod schedule;
 mod winding;
 
@@ -14,6 +15,7 @@ pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, Resolution,
 pub use leapfrog::{FinalParticle, advance};
 pub use leapfrog_vjp::advance_vjp;
 pub use node_times::NodeTimes;
+pub use orbit_force::{Conservative, OrbitForce};
 pub use schedule::{InterleavedSchedules, MAX_TOGETHER, Schedule, StepSchedule};
 pub use winding::crossing;
 

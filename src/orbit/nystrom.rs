@@ -1,6 +1,6 @@
 //! One step of the progenitor's orbit back in time, by a Runge-Kutta-Nystrom method of sixth order (docs/physics.md, section 3).
 
-use crate::potential::Potential;
+use super::orbit_force::OrbitForce;
 use crate::scalar::{Scalar, Vec3};
 
 /// Stages of a step; the first is the last of the step before.
@@ -51,12 +51,94 @@ fn add<S: Scalar>(sum: Vec3<S>, vector: Vec3<S>, factor: f64) -> Vec3<S> {
     )
 }
 
-/// Position, velocity and acceleration one step earlier, in units of the length of the step; `step2` is its square.
+/// Weights of the accelerations of the stages before in the velocity at each stage after the first: the integrals of the polynomial
+/// through them. For accelerations that depend little on the velocity.
+const STAGE_VELOCITY: [[f64; STAGES - 1]; STAGES - 1] = {
+    let mut weights = [[0.0; STAGES - 1]; STAGES - 1];
+    let times = [0.0, TIMES[0], TIMES[1], TIMES[2], TIMES[3]];
+    let mut stage = 1;
+    while stage < STAGES {
+        let mut k = 0;
+        while k < stage {
+            weights[stage - 1][k] = basis_integral(&times, stage, k, TIMES[stage - 1]);
+            k += 1;
+        }
+        stage += 1;
+    }
+    weights
+};
+
+/// The integral from 0 to `end` of the polynomial that is 1 at `times[k]` and 0 at the others of the first `count`.
+const fn basis_integral(times: &[f64; STAGES - 1], count: usize, k: usize, end: f64) -> f64 {
+    let mut polynomial = [0.0; STAGES];
+    polynomial[0] = 1.0;
+    let mut j = 0;
+    while j < count {
+        if j != k {
+            let scale = 1.0 / (times[k] - times[j]);
+            let mut power = STAGES - 1;
+            while power > 0 {
+                polynomial[power] = (polynomial[power - 1] - times[j] * polynomial[power]) * scale;
+                power -= 1;
+            }
+            polynomial[0] *= -times[j] * scale;
+        }
+        j += 1;
+    }
+    let (mut sum, mut power, mut of_end) = (0.0, 0, end);
+    while power < STAGES {
+        sum += polynomial[power] * of_end / (power + 1) as f64;
+        of_end *= end;
+        power += 1;
+    }
+    sum
+}
+
+/// A step of the orbit.
+#[derive(Clone, Copy)]
+pub(super) struct OrbitStep<S> {
+    /// The square of its length, Gyr^2.
+    pub length2: S,
+    /// Its end, from -1 at the first release to 0 today.
+    pub tau: f64,
+    /// Its length in the same unit.
+    pub tau_length: f64,
+}
+
+impl<S: Scalar> OrbitStep<S> {
+    /// The acceleration in units of the step, at a time before its end in units of the step, where position and velocity are these.
+    #[inline(always)]
+    pub fn acceleration(
+        &self,
+        force: &impl OrbitForce<S>,
+        x: Vec3<S>,
+        dx: Vec3<S>,
+        before: f64,
+    ) -> Vec3<S> {
+        force.orbit_acceleration(
+            x,
+            self.velocity(force, dx),
+            self.tau - before * self.tau_length,
+        ) * self.length2
+    }
+
+    /// The velocity in kpc/Gyr, if the force depends on it.
+    #[inline(always)]
+    fn velocity<F: OrbitForce<S>>(&self, _: &F, dx: Vec3<S>) -> Vec3<S> {
+        if F::DEPENDS_ON_VELOCITY {
+            dx * (S::one() / self.length2.sqrt())
+        } else {
+            dx
+        }
+    }
+}
+
+/// Position, velocity and acceleration one step earlier, in units of the length of the step.
 #[inline(always)]
-pub(super) fn nystrom_step<S: Scalar>(
-    host: &impl Potential<S>,
+pub(super) fn nystrom_step<S: Scalar, F: OrbitForce<S>>(
+    force: &F,
     [x, dx, ddx]: [Vec3<S>; 3],
-    step2: S,
+    step: OrbitStep<S>,
 ) -> [Vec3<S>; 3] {
     let mut accelerations = [ddx; STAGES];
     let mut earlier_x = x;
@@ -65,7 +147,13 @@ pub(super) fn nystrom_step<S: Scalar>(
         for k in 0..stage {
             earlier_x = add(earlier_x, accelerations[k], POSITION[stage - 1][k]);
         }
-        accelerations[stage] = host.acceleration(earlier_x) * step2;
+        let mut stage_dx = dx;
+        if F::DEPENDS_ON_VELOCITY {
+            for k in 0..stage {
+                stage_dx = add(stage_dx, accelerations[k], -STAGE_VELOCITY[stage - 1][k]);
+            }
+        }
+        accelerations[stage] = step.acceleration(force, earlier_x, stage_dx, TIMES[stage - 1]);
     }
     let mut earlier_dx = dx;
     for k in 0..STAGES {

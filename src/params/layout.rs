@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::ops::RangeInclusive;
 
 /// Number of parameters, the optional ones included.
-pub const DIM: usize = 27;
+pub const DIM: usize = 30;
 
 /// Number of parameters that every stream has: the first ones of [`PARAMETERS`].
 pub const REQUIRED: usize = 13;
@@ -235,6 +235,12 @@ parameters! {
     psi_halo_deg, "deg", -360.0..=360.0, Some(0.0);
     /// Fraction of the progenitor's mass that is left today.
     m_prog_left, "", 0.001..=1.0, Some(1.0);
+    /// Fraction of the age after which nothing of the progenitor is left.
+    dissolved_at, "", 0.01..=1.0, Some(1.0);
+    /// Power of the frequency of orbits at the tidal radius that stars leave in proportion to.
+    release_peaking, "", 0.0..=10.0, Some(0.0);
+    /// Coulomb logarithm of the dynamical friction.
+    coulomb_logarithm, "", 0.0..=100.0, Some(0.0);
 }
 
 impl<S: Copy> StreamParams<S> {

@@ -59,7 +59,7 @@ const MIRRORED: [&str; 5] = [
 ];
 
 /// Parameters that must not be negative.
-const NOT_NEGATIVE: [&str; 8] = [
+const NOT_NEGATIVE: [&str; 11] = [
     "r_s_halo_kpc",
     "r_s_prog_kpc",
     "age_gyr",
@@ -68,6 +68,9 @@ const NOT_NEGATIVE: [&str; 8] = [
     "r_bulge_kpc",
     "p_halo",
     "m_prog_left",
+    "dissolved_at",
+    "release_peaking",
+    "coulomb_logarithm",
 ];
 
 /// The prior as the user writes it. Every key may be left out.

@@ -20,8 +20,8 @@ pub struct PlummerCotangent<S> {
     pub ln_mass: S,
     /// With respect to the scale radius in kpc.
     pub r_s: S,
-    /// With respect to the fraction of the mass that is left today.
-    pub mass_left: S,
+    /// With respect to the parameter of the law of mass loss.
+    pub mass_loss: S,
 }
 
 /// The fraction of its mass that a progenitor has at some time.
@@ -29,7 +29,7 @@ pub struct PlummerCotangent<S> {
 pub struct MassFraction<S> {
     /// The fraction.
     pub value: S,
-    /// Its derivative with respect to the fraction that is left today.
+    /// Its derivative with respect to the parameter of the law of mass loss.
     pub slope: S,
 }
 
@@ -53,7 +53,7 @@ impl<S: Scalar> PlummerCotangent<S> {
         Self {
             ln_mass: S::zero(),
             r_s: S::zero(),
-            mass_left: S::zero(),
+            mass_loss: S::zero(),
         }
     }
 }
@@ -92,7 +92,7 @@ impl<S: Scalar> Plummer<S> {
         cotangent: &mut PlummerCotangent<S>,
     ) -> (Vec3<S>, Vec3<S>) {
         let (a, x_bar) = self.vjp(x, lambda * fraction.value, cotangent);
-        cotangent.mass_left += lambda.dot(a) * fraction.slope;
+        cotangent.mass_loss += lambda.dot(a) * fraction.slope;
         (a * fraction.value, x_bar)
     }
 

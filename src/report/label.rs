@@ -3,7 +3,7 @@
 use super::text::literal;
 
 /// (name in files, symbol, unit after it); of other columns the name and the unit of the run are shown.
-const SIGNS: [(&str, &str, &str); 34] = [
+const SIGNS: [(&str, &str, &str); 37] = [
     ("log10_m_halo", "log_{10} *M*_{halo} / *M*_{\u{2299}}", ""),
     ("r_s_halo_kpc", "*R*_{s, halo}", "kpc"),
     ("dir_x", "dir_{x}", ""),
@@ -31,6 +31,9 @@ const SIGNS: [(&str, &str, &str); 34] = [
     ("p_halo", "*p*", ""),
     ("psi_halo_deg", "\u{3c8}", "deg"),
     ("m_prog_left", "*m*_{today} / *m*_{prog}", ""),
+    ("dissolved_at", "*s*_{dissolved}", ""),
+    ("release_peaking", "\u{3b1}_{release}", ""),
+    ("coulomb_logarithm", "ln \u{39b}", ""),
     ("q", "*q*", ""),
     ("axis_x", "*n*_{x}", ""),
     ("axis_y", "*n*_{y}", ""),

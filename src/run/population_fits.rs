@@ -31,6 +31,17 @@ pub fn q_posterior(stored: &StoredRun) -> Result<QPosterior> {
 /// # Errors
 /// As of [`StoredFit::read`]; [`Error::Posterior`] for two fits of one track, or with different priors or recipes.
 pub(super) fn read(paths: &[PathBuf]) -> Result<Vec<StoredRun>> {
+    Ok(read_fits(paths)?
+        .into_iter()
+        .map(|fit| fit.stored)
+        .collect())
+}
+
+/// As [`read`], with tracks and settings.
+///
+/// # Errors
+/// As of [`read`].
+pub(super) fn read_fits(paths: &[PathBuf]) -> Result<Vec<StoredFit>> {
     let fits = paths
         .iter()
         .map(|path| StoredFit::read(path))
@@ -43,7 +54,7 @@ pub(super) fn read(paths: &[PathBuf]) -> Result<Vec<StoredRun>> {
             })?;
         }
     }
-    Ok(fits.into_iter().map(|fit| fit.stored).collect())
+    Ok(fits)
 }
 
 /// Checks that two fits are of two streams, whose q have one meaning and one prior.

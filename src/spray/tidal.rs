@@ -14,6 +14,8 @@ pub struct Tidal<S> {
     pub omega: S,
     /// Unit vectors outwards, along the motion, and along the angular momentum; the last two are null on a radial orbit.
     pub frame: [Vec3<S>; 3],
+    /// The square of the frequency of a circular orbit around the progenitor at the tidal radius, `G m / r_j^3`, in 1/Gyr^2.
+    pub frequency2: S,
     /// Whether the tidal radius had to be bounded.
     pub bounded: bool,
 }
@@ -50,6 +52,7 @@ impl<S: Real> Tidal<S> {
         Self {
             r_j: (gm / smooth).cbrt(),
             omega,
+            frequency2: smooth,
             frame: [outward, pole.cross(outward), pole],
             bounded: excess.re() < 0.0,
         }

@@ -39,6 +39,15 @@ impl Cotangents {
     }
 }
 
+/// Derivatives with respect to the weights of the release times.
+#[derive(Clone, Debug, Default)]
+pub struct WeightCotangents {
+    /// With respect to the weight of each.
+    pub of_release_times: Vec<f64>,
+    /// With respect to the mean of their squares.
+    pub mean_square: f64,
+}
+
 /// Derivatives with respect to what the particles of all release times share: potentials and age.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SharedCotangent {
@@ -75,7 +84,7 @@ impl SharedCotangent {
         bulge.ln_r_s += other.host.baryons.bulge.ln_r_s;
         self.progenitor.ln_mass += other.progenitor.ln_mass;
         self.progenitor.r_s += other.progenitor.r_s;
-        self.progenitor.mass_left += other.progenitor.mass_left;
+        self.progenitor.mass_loss += other.progenitor.mass_loss;
         self.age_gyr += other.age_gyr;
     }
 }

@@ -65,6 +65,7 @@ impl Model {
         };
         let ambiguous_windings = (H::kernels().integrate)(forward, level);
         out.neighbourhood = self.table.neighbourhood.clone();
+        out.set_weights(&solution.releases, self.table.per_release_time);
         out.tally = tally(solution, ambiguous_windings)?;
         Ok(())
     }
@@ -115,6 +116,7 @@ impl Model {
             step_sizes.append(of_chunk);
         }
         out.neighbourhood = self.table.neighbourhood.clone();
+        out.set_weights(&solution.releases, self.table.per_release_time);
         out.tally = tally(solution, ambiguous_windings)?;
         Ok(())
     }

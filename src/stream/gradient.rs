@@ -6,6 +6,7 @@
 //! numbers.
 
 use super::compiled::CompiledHost;
+use super::cotangents::WeightCotangents;
 use super::integrate_vjp::{ObservedCotangents, ReleaseTimeChunk, VjpKernel};
 use super::lane_groups::{StepSchedules, release_times_per_chunk};
 use super::model::Model;
@@ -47,14 +48,18 @@ pub struct Workspace {
     pub y_bar: Vec<f64>,
     /// With respect to each particle's velocity along z, per kpc/Gyr; empty if the result does not depend on velocities.
     pub vz_bar: Vec<f64>,
+    /// With respect to each particle's weight; empty if all are 1.
+    pub weight_bar: Vec<f64>,
+    /// With respect to the mean of the squares of the weights.
+    pub mean_square_weight_bar: f64,
+    weights_bar: WeightCotangents,
     chunks: Vec<ReleaseTimeChunk>,
 }
 
 impl Model {
     /// The gradient, with respect to the [vector](System::to_vector) of a system and per unit of each of its numbers, of a result whose
-    /// derivatives with respect to the particles' sky positions and line-of-sight velocities are `work.x_bar`, `work.y_bar` and
-    /// `work.vz_bar`. `solution` must be the one of this
-    /// system, and `work.particles` the result of [`integrate`](Self::integrate) for it. The gradient has the same bits for any
+    /// derivatives with respect to the particles' sky positions, line-of-sight velocities and weights are `work.x_bar`, `work.y_bar`,
+    /// `work.vz_bar`, `work.weight_bar` and `work.mean_square_weight_bar`. `solution` must be the one of this system, and `work.particles` the result of [`integrate`](Self::integrate) for it. The gradient has the same bits for any
     /// [`Threads`].
     pub fn vjp<H: CompiledHost>(
         &self,
@@ -70,9 +75,17 @@ impl Model {
             x_bar,
             y_bar,
             vz_bar,
+            weight_bar,
+            mean_square_weight_bar,
+            weights_bar,
             chunks,
             ..
         } = work;
+        weights_bar.mean_square = *mean_square_weight_bar;
+        weights_bar.of_release_times.clear();
+        let of_release_time = |bars: &[f64]| bars.iter().sum::<f64>();
+        (weights_bar.of_release_times)
+            .extend((weight_bar.chunks(self.table.per_release_time)).map(of_release_time));
         let today = ObservedCotangents {
             particles,
             x_bar,
@@ -115,6 +128,7 @@ impl Model {
             system,
             times: solution.orbit.times(),
             solution_bar,
+            weights_bar,
         };
         (H::kernels().progenitor_solution_vjp)(kernel, Level::best())
     }

@@ -114,7 +114,7 @@ impl Model {
                     solution,
                     &mut schedule,
                 );
-                let release_frame = &solution.release_frames[lane_group.release_time];
+                let release_frame = &solution.releases.frames[lane_group.release_time];
                 for release in
                     &self.table.releases[lane_group.first..lane_group.first + lane_group.len]
                 {

@@ -188,7 +188,7 @@ impl<H: Host> Kernel for VjpKernel<'_, H> {
         cotangents.shared.progenitor = PlummerCotangent {
             ln_mass: progenitor_bar.ln_mass.sum(),
             r_s: progenitor_bar.r_s.sum(),
-            mass_left: progenitor_bar.mass_left.sum(),
+            mass_loss: progenitor_bar.mass_loss.sum(),
         };
     }
 }

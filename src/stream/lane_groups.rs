@@ -153,7 +153,7 @@ impl<'a> Bundle<'a> {
         solution: &ProgenitorSolution<f64, H>,
     ) -> ReleaseFrame<Lanes<V, K>> {
         let [a, b, c, d] = self.release_times();
-        let frames = &solution.release_frames;
+        let frames = &solution.releases.frames;
         let [a, b, c, d] = [&frames[a], &frames[b], &frames[c], &frames[d]];
         ReleaseFrame {
             state: State {

@@ -1,12 +1,12 @@
 //! The mass that a progenitor loses: by which law, and its parameter (docs/physics.md, section 2).
 
 use crate::error::Result;
-use crate::params::StreamPrior;
+use crate::params::{StreamParams, StreamPrior};
 use crate::potential::MassFraction;
 use crate::scalar::Real;
 use serde::{Deserialize, Serialize};
 
-/// How the mass of the progenitor falls from the first release to today.
+/// How the mass of the progenitor falls from the first release on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MassLoss {
@@ -14,40 +14,111 @@ pub enum MassLoss {
     Linear,
     /// Exponentially in time.
     Exponential,
+    /// Linearly in time until nothing is left, before today: the last stars leave then.
+    Complete,
 }
 
-/// The parameter of the law: the fraction of the mass that is left today.
-const MASS_LEFT: &str = "m_prog_left";
+impl MassLoss {
+    /// The name of its parameter.
+    #[must_use]
+    pub fn parameter(self) -> &'static str {
+        match self {
+            Self::Linear | Self::Exponential => "m_prog_left",
+            Self::Complete => "dissolved_at",
+        }
+    }
 
-/// Checks that a prior has the fraction that is left, if mass is lost, and otherwise not.
+    /// The law in words.
+    pub(super) fn in_words(self) -> &'static str {
+        match self {
+            Self::Linear => "progenitor losing mass linearly",
+            Self::Exponential => "progenitor losing mass exponentially",
+            Self::Complete => "progenitor losing all of its mass",
+        }
+    }
+}
+
+/// The value of the parameter of a law, 1 without one.
+pub(super) fn parameter_of<S: Real>(law: Option<MassLoss>, params: &StreamParams<S>) -> S {
+    match law {
+        None => S::one(),
+        Some(MassLoss::Linear | MassLoss::Exponential) => params.m_prog_left,
+        Some(MassLoss::Complete) => params.dissolved_at,
+    }
+}
+
+/// Checks that a prior has the parameter of the law, and not that of another.
 ///
 /// # Errors
 /// [`Error::Setting`](crate::Error::Setting) if it lacks a value or a distribution, or has one in vain.
 pub(super) fn check_prior(law: Option<MassLoss>, prior: &StreamPrior) -> Result<()> {
-    prior.check_belongs(
-        MASS_LEFT,
-        law.is_some(),
-        "`model.mass_loss`",
-        Some("{ kind = \"uniform\", lo = 0.1, hi = 1 }"),
-    )
+    for (other, example) in [
+        (MassLoss::Linear, "{ kind = \"uniform\", lo = 0.1, hi = 1 }"),
+        (
+            MassLoss::Complete,
+            "{ kind = \"uniform\", lo = 0.2, hi = 1 }",
+        ),
+    ] {
+        let name = other.parameter();
+        let belongs = law.is_some_and(|law| law.parameter() == name);
+        prior.check_belongs(name, belongs, "`model.mass_loss`", Some(example))?;
+    }
+    Ok(())
 }
 
-/// The fraction of the mass at the time `tau`, from -1 at the first release to 0 today, if the fraction `left` is left today.
+/// The fraction of the mass at the time `tau`, from -1 at the first release to 0 today, by a law with this parameter.
 #[inline(always)]
-pub(super) fn mass_fraction<S: Real>(law: Option<MassLoss>, left: S, tau: f64) -> MassFraction<S> {
+pub(super) fn mass_fraction<S: Real>(
+    law: Option<MassLoss>,
+    parameter: S,
+    tau: f64,
+) -> MassFraction<S> {
     let since = tau + 1.0;
     match law {
         None => MassFraction::whole(),
         Some(MassLoss::Linear) => MassFraction {
-            value: (left - 1.0) * since + 1.0,
+            value: (parameter - 1.0) * since + 1.0,
             slope: S::from_f64(since),
         },
         Some(MassLoss::Exponential) => {
-            let value = (left.ln() * since).exp();
+            let value = (parameter.ln() * since).exp();
             MassFraction {
                 value,
-                slope: value * since / left,
+                slope: value * since / parameter,
             }
         }
+        Some(MassLoss::Complete) => {
+            let lost = S::from_f64(since) / parameter;
+            if lost.re() < 1.0 {
+                MassFraction {
+                    value: -lost + 1.0,
+                    slope: lost / parameter,
+                }
+            } else {
+                MassFraction {
+                    value: S::zero(),
+                    slope: S::zero(),
+                }
+            }
+        }
+    }
+}
+
+/// Smallest fraction of the mass by which releases are scaled: the tidal radius has no derivative at a mass of zero. A release time at
+/// which so little is left has a weight of next to zero.
+const LEAST_FRACTION: f64 = 1e-6;
+
+/// As [`mass_fraction`], for the scale of releases.
+#[inline(always)]
+pub(super) fn mass_fraction_at_release<S: Real>(
+    law: Option<MassLoss>,
+    parameter: S,
+    tau: f64,
+) -> S {
+    let value = mass_fraction(law, parameter, tau).value;
+    if value.re() < LEAST_FRACTION {
+        S::from_f64(LEAST_FRACTION)
+    } else {
+        value
     }
 }

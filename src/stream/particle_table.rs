@@ -11,7 +11,7 @@ pub struct ParticleTable {
     /// The tail of each particle.
     pub tails: Vec<Tail>,
     /// The columns of numbers: name and values.
-    pub columns: [(&'static str, Vec<f64>); 8],
+    pub columns: [(&'static str, Vec<f64>); 9],
 }
 
 impl Model {
@@ -40,8 +40,11 @@ impl Model {
                 ("vz_km_s", vz),
                 (
                     "phi_deg",
-                    rows.map(|i| particles.angle(i).to_degrees()).collect(),
+                    rows.clone()
+                        .map(|i| particles.angle(i).to_degrees())
+                        .collect(),
                 ),
+                ("weight", rows.map(|i| particles.weight(i)).collect()),
             ],
         }
     }

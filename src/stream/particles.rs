@@ -1,6 +1,7 @@
 //! The particles of a stream today, as columns.
 
 use super::lane_groups::Bundle;
+use super::progenitor_solution::Releases;
 use super::step_sizes::StepSizes;
 use crate::error::Tally;
 use crate::orbit::{FinalParticle, MAX_TOGETHER, State};
@@ -22,6 +23,8 @@ pub struct Particles {
     pub v: [Vec<f64>; 3],
     /// Winding numbers.
     pub winding_numbers: Vec<f64>,
+    /// Their weights, which are 1 in the mean; none if all are 1.
+    pub weights: Vec<f64>,
     /// Their neighbours in release space, if they are smeared.
     pub neighbourhood: Option<Arc<Neighbourhood>>,
     /// The sizes of their steps.
@@ -41,6 +44,30 @@ impl Particles {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.x.is_empty()
+    }
+
+    /// Sets the weights to those of release times with `per_release_time` particles each.
+    pub(super) fn set_weights(&mut self, releases: &Releases<f64>, per_release_time: usize) {
+        self.weights.clear();
+        for weight in &releases.weights {
+            let len = self.weights.len() + per_release_time;
+            self.weights.resize(len, *weight);
+        }
+    }
+
+    /// The weight of particle number `i`.
+    #[must_use]
+    pub fn weight(&self, i: usize) -> f64 {
+        self.weights.get(i).copied().unwrap_or(1.0)
+    }
+
+    /// The mean of the squares of the weights.
+    #[must_use]
+    pub fn mean_square_weight(&self) -> f64 {
+        if self.weights.is_empty() {
+            return 1.0;
+        }
+        self.weights.iter().map(|w| w * w).sum::<f64>() / self.weights.len() as f64
     }
 
     /// Angle phi of particle number `i` in radians: on the sky from the progenitor, unwrapped (docs/physics.md, section 6).

@@ -1,13 +1,15 @@
 //! The progenitor solution: the progenitor's orbit, and the release frame at every release time.
 
-use super::mass_loss::{MassLoss, mass_fraction};
+use super::friction::{Friction, WithFriction};
+use super::mass_loss::{MassLoss, mass_fraction, mass_fraction_at_release};
+use super::release_rate::{ReleaseLaw, ReleaseRate, normalise};
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
 use crate::error::{Rejection, Tally};
-use crate::orbit::{DenseOrbit, Resolution, State, crossing};
+use crate::orbit::{Conservative, DenseOrbit, OrbitForce, Resolution, State, crossing};
 use crate::potential::{Baryons, Host, HostParts, MassFraction, Nfw, Plummer, Potential};
 use crate::scalar::{Real, Scalar, Vec3};
-use crate::spray::{Recipe, ReleaseTable, Tidal};
+use crate::spray::{ReleaseTable, Tidal};
 
 /// The progenitor at one release time, and the scaled unit vectors in which release offsets are given (docs/physics.md, section 4).
 #[derive(Clone, Copy, Debug)]
@@ -49,25 +51,124 @@ fn scaled<S: Scalar>(frame: &[Vec3<S>; 3], factor: S) -> [Vec3<S>; 3] {
     [frame[0] * factor, frame[1] * factor, frame[2] * factor]
 }
 
-/// The release frame at the time `tau` of a progenitor with this mass, and whether its tidal radius had to be bounded.
+/// How stars leave the progenitor of a system in hosts of this kind: at an even rate in one that is no galaxy.
+pub(super) fn release_law<S: Scalar, H: Host>(
+    system: &System<S, H>,
+    settings: &ModelSettings,
+) -> ReleaseLaw<S> {
+    ReleaseLaw {
+        rate: if H::IS_GALAXY {
+            settings.release_rate
+        } else {
+            ReleaseRate::Even
+        },
+        peaking: system.release_peaking,
+        mass_loss: settings.mass_loss_in::<H>(),
+        loss: system.mass_loss,
+    }
+}
+
+/// The friction of the progenitor of a system, in a galaxy and if the settings have it.
+pub(super) fn friction<S: Scalar, H: Host>(
+    system: &System<S, H>,
+    settings: &ModelSettings,
+) -> Option<Friction<S>> {
+    let HostParts { halo, kind, .. } = H::parts(&system.host);
+    (H::IS_GALAXY && settings.dynamical_friction).then_some(Friction {
+        kind,
+        halo,
+        mass: system.progenitor.mass,
+        coulomb_logarithm: system.coulomb_logarithm,
+        mass_loss: settings.mass_loss,
+        loss: system.mass_loss,
+    })
+}
+
+/// One release time of a progenitor.
+pub(super) struct ReleaseAt<S> {
+    pub frame: ReleaseFrame<S>,
+    /// Its weight without the factor that is common to all.
+    pub weight: S,
+    /// Whether the tidal radius had to be bounded.
+    pub bounded: bool,
+}
+
+/// Release time number `k` of a table, of a progenitor that has the mass `mass` at the first release.
 #[inline(always)]
-pub(super) fn release_frame<S: Real>(
+pub(super) fn release_at<S: Real>(
     host: &impl Potential<S>,
     mass: S,
     orbit: &DenseOrbit<S>,
-    tau: f64,
-    recipe: Recipe,
-) -> (ReleaseFrame<S>, bool) {
+    law: &ReleaseLaw<S>,
+    table: &ReleaseTable,
+    k: usize,
+) -> ReleaseAt<S> {
+    let tau = table.taus[k];
+    let mass = mass * mass_fraction_at_release(law.mass_loss, law.loss, tau);
     let (state, winding_number) = orbit.at(tau);
     let tidal = Tidal::new(host, mass, state);
-    let (length, speed) = recipe.scales(&tidal, mass);
-    let release_frame = ReleaseFrame {
-        state,
-        position: scaled(&tidal.frame, length),
-        velocity: scaled(&tidal.frame, speed),
-        winding_number,
-    };
-    (release_frame, tidal.bounded)
+    let (length, speed) = table.recipe.scales(&tidal, mass);
+    ReleaseAt {
+        frame: ReleaseFrame {
+            state,
+            position: scaled(&tidal.frame, length),
+            velocity: scaled(&tidal.frame, speed),
+            winding_number,
+        },
+        weight: law.weight(k, table.taus.len(), tidal.frequency2),
+        bounded: tidal.bounded,
+    }
+}
+
+/// The release frames of a progenitor, and the weights of its release times.
+#[derive(Clone, Debug)]
+pub struct Releases<S> {
+    /// One release frame per release time.
+    pub frames: Vec<ReleaseFrame<S>>,
+    /// The weights of the release times, which are 1 in the mean; none if all are 1.
+    pub weights: Vec<S>,
+    /// The mean of the squares of the weights.
+    pub mean_square_weight: S,
+    /// The number of release times at which the tidal radius had to be bounded.
+    pub bounded: u64,
+}
+
+impl<S: Scalar> Default for Releases<S> {
+    /// Without release times.
+    fn default() -> Self {
+        Self {
+            frames: Vec::new(),
+            weights: Vec::new(),
+            mean_square_weight: S::one(),
+            bounded: 0,
+        }
+    }
+}
+
+impl<S: Real> Releases<S> {
+    /// Computes those of a table in these buffers.
+    #[inline(always)]
+    pub(super) fn compute(
+        &mut self,
+        host: &impl Potential<S>,
+        progenitor_mass: S,
+        orbit: &DenseOrbit<S>,
+        law: &ReleaseLaw<S>,
+        table: &ReleaseTable,
+    ) {
+        self.frames.clear();
+        self.weights.clear();
+        self.bounded = 0;
+        for k in 0..table.taus.len() {
+            let release = release_at(host, progenitor_mass, orbit, law, table, k);
+            self.bounded += u64::from(release.bounded);
+            self.frames.push(release.frame);
+            if !law.is_even() {
+                self.weights.push(release.weight);
+            }
+        }
+        self.mean_square_weight = normalise(&mut self.weights);
+    }
 }
 
 /// Largest phase of an interval of the orbit over that of a particle's step: the error of the orbit must be smaller, because it is common to
@@ -83,7 +184,7 @@ const STEPS_PER_BLOCK: usize = 4;
 /// # Errors
 /// [`Rejection::BadOrbit`] if it is not finite; [`Rejection::UnresolvedOrbit`] if it needs more intervals than the settings allow.
 fn resolved_orbit<S: Real>(
-    host: &impl Potential<S>,
+    force: &impl OrbitForce<S>,
     today: State<S>,
     age_gyr: S,
     settings: &ModelSettings,
@@ -99,7 +200,7 @@ fn resolved_orbit<S: Real>(
             max_age_phase: settings.step_phase * (settings.steps << settings.max_halvings) as f64,
         },
     };
-    if !orbit.integrate_resolved(host, today, age_gyr, resolution, settings.orbit) {
+    if !orbit.integrate_resolved(force, today, age_gyr, resolution, settings.orbit) {
         return Err(Rejection::UnresolvedOrbit);
     }
     if orbit.is_finite() {
@@ -116,16 +217,16 @@ pub struct ProgenitorSolution<S: Scalar, H: Host = Nfw> {
     pub host: H::In<S>,
     /// The progenitor's own gravity at the first release.
     pub progenitor: Plummer<S>,
-    /// The fraction of its mass that is left today.
-    pub mass_left: S,
     /// How it loses mass.
     pub mass_loss: Option<MassLoss>,
+    /// The parameter of this law.
+    pub mass_loss_parameter: S,
     /// Age in Gyr.
     pub age_gyr: S,
     /// The progenitor's orbit.
     pub orbit: DenseOrbit<S>,
-    /// One release frame per release time.
-    pub release_frames: Vec<ReleaseFrame<S>>,
+    /// Release frames and weights.
+    pub releases: Releases<S>,
     /// The approximations made.
     pub tally: Tally,
 }
@@ -134,7 +235,7 @@ pub struct ProgenitorSolution<S: Scalar, H: Host = Nfw> {
 #[derive(Clone, Debug)]
 pub struct SolutionMemory<S> {
     orbit: DenseOrbit<S>,
-    release_frames: Vec<ReleaseFrame<S>>,
+    releases: Releases<S>,
 }
 
 impl<S: Scalar> Default for SolutionMemory<S> {
@@ -142,7 +243,7 @@ impl<S: Scalar> Default for SolutionMemory<S> {
     fn default() -> Self {
         Self {
             orbit: DenseOrbit::default(),
-            release_frames: Vec::new(),
+            releases: Releases::default(),
         }
     }
 }
@@ -153,7 +254,7 @@ impl<S: Scalar, H: Host> ProgenitorSolution<S, H> {
     pub fn into_memory(self) -> SolutionMemory<S> {
         SolutionMemory {
             orbit: self.orbit,
-            release_frames: self.release_frames,
+            releases: self.releases,
         }
     }
 }
@@ -162,7 +263,7 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
     /// The fraction of its mass that the progenitor has at the time `tau`.
     #[inline(always)]
     pub(super) fn mass_fraction(&self, tau: f64) -> MassFraction<S> {
-        mass_fraction(self.mass_loss, self.mass_left, tau)
+        mass_fraction(self.mass_loss, self.mass_loss_parameter, tau)
     }
 
     /// Integrates the orbit and computes the release frames, in the buffers of another solution if there is one.
@@ -178,7 +279,9 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
         let System {
             host,
             progenitor,
-            mass_left,
+            mass_loss,
+            release_peaking,
+            coulomb_logarithm,
             today,
             age_gyr,
         } = *system;
@@ -191,7 +294,7 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
             bulge.r_s,
             progenitor.mass,
             progenitor.r_s,
-            mass_left,
+            mass_loss,
             age_gyr,
         ];
         let finite = today.x.norm2()
@@ -202,7 +305,9 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
             + halo.second.axis.norm2()
             + disc.normal.norm2()
             + disc.mass
-            + bulge.mass;
+            + bulge.mass
+            + release_peaking
+            + coulomb_logarithm;
         if !finite.re().is_finite()
             || positive
                 .iter()
@@ -212,26 +317,31 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
         }
         let SolutionMemory {
             mut orbit,
-            mut release_frames,
+            mut releases,
         } = memory.unwrap_or_default();
-        resolved_orbit(&host, today, age_gyr, settings, &mut orbit)?;
-        let mass_loss = settings.mass_loss_in::<H>();
-        let mut tally = Tally::default();
-        release_frames.clear();
-        for tau in &table.taus {
-            let mass = progenitor.mass * mass_fraction(mass_loss, mass_left, *tau).value;
-            let (release_frame, bounded) = release_frame(&host, mass, &orbit, *tau, table.recipe);
-            tally.bounded_tidal_radius += u64::from(bounded);
-            release_frames.push(release_frame);
+        if let Some(friction) = friction(system, settings) {
+            let force = WithFriction {
+                host: &host,
+                friction,
+            };
+            resolved_orbit(&force, today, age_gyr, settings, &mut orbit)?;
+        } else {
+            resolved_orbit(&Conservative(&host), today, age_gyr, settings, &mut orbit)?;
         }
+        let law = release_law(system, settings);
+        releases.compute(&host, progenitor.mass, &orbit, &law, table);
+        let tally = Tally {
+            bounded_tidal_radius: releases.bounded,
+            ..Tally::default()
+        };
         Ok(Self {
             host,
             progenitor,
-            mass_left,
-            mass_loss,
+            mass_loss: law.mass_loss,
+            mass_loss_parameter: mass_loss,
             age_gyr,
             orbit,
-            release_frames,
+            releases,
             tally,
         })
     }

@@ -1,12 +1,13 @@
 //! Vector-Jacobian product of the progenitor solution, in forward mode: the solution is computed on dual numbers, whose derivatives are
 //! multiplied by those of the result with respect to the solution (docs/physics.md, section 8).
 
-use super::cotangents::{Cotangents, SharedCotangent};
-use super::mass_loss::mass_fraction;
+use super::cotangents::{Cotangents, SharedCotangent, WeightCotangents};
+use super::friction::WithFriction;
 use super::model::Model;
-use super::progenitor_solution::release_frame;
+use super::progenitor_solution::{ReleaseAt, friction, release_at, release_law};
+use super::release_rate::normalise;
 use super::system::{HALO_LEN, SYSTEM_LEN, System};
-use crate::orbit::{DenseOrbit, NodeTimes};
+use crate::orbit::{Conservative, DenseOrbit, NodeTimes};
 use crate::potential::{Baryons, Called, Host, HostParts};
 use crate::scalar::{Isa, Kernel, LANES, LaneDual, Lanes, Level, Scalar, Vec3, compile_kernel};
 
@@ -18,6 +19,8 @@ pub struct SolutionVjpKernel<'a, H: Host> {
     pub(super) times: &'a NodeTimes,
     /// Derivatives of the result with respect to the solution.
     pub(super) solution_bar: &'a Cotangents,
+    /// Derivatives of the result with respect to the weights of the release times.
+    pub(super) weights_bar: &'a WeightCotangents,
 }
 
 /// Number of lane arrays that hold the derivatives with respect to the vector of a system without baryons, and of any.
@@ -46,6 +49,7 @@ impl<H: Host> SolutionVjpKernel<'_, H> {
             system,
             times,
             solution_bar,
+            weights_bar,
         } = self;
         let mut vector = [LaneDual::<I, VECTORS>::zero(); SYSTEM_LEN];
         for (i, number) in system.to_vector().into_iter().enumerate() {
@@ -54,35 +58,52 @@ impl<H: Host> SolutionVjpKernel<'_, H> {
             }
         }
         let system = system.with_vector(vector);
-        let orbit = DenseOrbit::integrate_at(
-            // On dual numbers the force is long, and a step of the orbit evaluates it several times.
-            &Called(&system.host),
-            system.today,
-            system.age_gyr,
-            times,
-            model.settings.orbit,
-        );
-        let mass_loss = model.settings.mass_loss_in::<H>();
+        // On dual numbers the force is long, and a step of the orbit evaluates it several times.
+        let host = Called(&system.host);
+        let (today, age_gyr, method) = (system.today, system.age_gyr, model.settings.orbit);
+        let orbit = if let Some(friction) = friction(&system, &model.settings) {
+            let host = &host;
+            let force = WithFriction { host, friction };
+            DenseOrbit::integrate_at(&force, today, age_gyr, times, method)
+        } else {
+            DenseOrbit::integrate_at(&Conservative(&host), today, age_gyr, times, method)
+        };
+        let law = release_law(&system, &model.settings);
+        let mut weights = Vec::new();
         let mut sum = Contraction::<I, VECTORS>(Lanes::zero());
         for (node, node_bar) in orbit.nodes.iter().zip(&solution_bar.nodes) {
             for row in 0..3 {
                 sum.add_vec(&node.vector(row), node_bar.vector(row));
             }
         }
-        for (tau, frame_bar) in model.table.taus.iter().zip(&solution_bar.release_frames) {
-            let fraction = mass_fraction(mass_loss, system.mass_left, *tau).value;
-            let (release_frame, _) = release_frame(
+        for (k, frame_bar) in solution_bar.release_frames.iter().enumerate() {
+            let ReleaseAt {
+                frame: release_frame,
+                weight,
+                ..
+            } = release_at(
                 &system.host,
-                system.progenitor.mass * fraction,
+                system.progenitor.mass,
                 &orbit,
-                *tau,
-                model.table.recipe,
+                &law,
+                &model.table,
+                k,
             );
+            if !law.is_even() {
+                weights.push(weight);
+            }
             sum.add_vec(&release_frame.state.x, frame_bar.state.x);
             sum.add_vec(&release_frame.state.v, frame_bar.state.v);
             for c in 0..3 {
                 sum.add_vec(&release_frame.position[c], frame_bar.position[c]);
                 sum.add_vec(&release_frame.velocity[c], frame_bar.velocity[c]);
+            }
+        }
+        if !law.is_even() {
+            let mean_square = normalise(&mut weights);
+            sum.add(&mean_square, weights_bar.mean_square);
+            for (weight, weight_bar) in weights.iter().zip(&weights_bar.of_release_times) {
+                sum.add(weight, *weight_bar);
             }
         }
         // The particles depend on potentials and age directly too.
@@ -116,7 +137,7 @@ impl<H: Host> SolutionVjpKernel<'_, H> {
             progenitor.ln_mass / system.progenitor.mass.re,
         );
         sum.add(&system.progenitor.r_s, progenitor.r_s);
-        sum.add(&system.mass_left, progenitor.mass_left);
+        sum.add(&system.mass_loss, progenitor.mass_loss);
         sum.add(&system.age_gyr, age_gyr);
         let mut gradient = [0.0; SYSTEM_LEN];
         let lanes = sum.0.store();

@@ -1,7 +1,9 @@
 //! Settings of the model of a stream: releases, steps, orbit.
 
 use super::baryons::BaryonSettings;
+use super::friction;
 use super::mass_loss::{self, MassLoss};
+use super::release_rate::{self, ReleaseRate};
 use super::second_axis;
 use crate::error::Result;
 use crate::orbit::OrbitMethod;
@@ -73,6 +75,12 @@ pub struct ModelSettings {
     /// How the progenitor loses mass; none: it keeps its mass.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass_loss: Option<MassLoss>,
+    /// The rate at which stars leave the progenitor.
+    #[serde(skip_serializing_if = "ReleaseRate::is_even")]
+    pub release_rate: ReleaseRate,
+    /// Whether the halo slows the progenitor by dynamical friction.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub dynamical_friction: bool,
     /// The releases.
     pub releases: TableSettings,
     /// Number of steps of a particle; of adaptive steps, if all are as long as possible.
@@ -101,6 +109,8 @@ impl Default for ModelSettings {
             halo: HaloKind::default(),
             baryons: BaryonSettings::default(),
             mass_loss: None,
+            release_rate: ReleaseRate::default(),
+            dynamical_friction: false,
             releases: TableSettings::default(),
             steps: 8,
             steps_per: StepsPer::default(),
@@ -115,7 +125,7 @@ impl Default for ModelSettings {
 }
 
 impl ModelSettings {
-    /// The host in words: the kind of halo, and with it a disc and a bulge, and whether the progenitor loses mass.
+    /// The host in words: the kind of halo, and with it a disc and a bulge, and how the progenitor loses mass and stars.
     #[must_use]
     pub fn host_in_words(&self) -> String {
         let with = match (self.baryons.disc.is_some(), self.baryons.bulge.is_some()) {
@@ -124,27 +134,35 @@ impl ModelSettings {
             (false, true) => " with a bulge",
             (true, true) => " with a disc and a bulge",
         };
-        let loses = match self.mass_loss {
-            None => "",
-            Some(MassLoss::Linear) => ", progenitor losing mass linearly",
-            Some(MassLoss::Exponential) => ", progenitor losing mass exponentially",
-        };
-        format!("{}{with}{loses}", self.halo)
+        let mut words = format!("{}{with}", self.halo);
+        if let Some(law) = self.mass_loss {
+            words.push_str(", ");
+            words.push_str(law.in_words());
+        }
+        if !self.release_rate.is_even() {
+            words.push_str(", stars leaving at the tidal rate");
+        }
+        if self.dynamical_friction {
+            words.push_str(", dynamical friction");
+        }
+        words
     }
 
-    /// Whether halo, disc, bulge and the progenitor's loss of mass are of the same kinds as in other settings.
+    /// Whether halo, disc, bulge and what the progenitor loses and is slowed by are of the same kinds as in other settings.
     #[must_use]
     pub fn has_host_of(&self, other: &Self) -> bool {
         self.with_host_of(other) == *self
     }
 
-    /// These settings with halo, disc, bulge and the progenitor's loss of mass of others.
+    /// These settings with halo, disc, bulge and what the progenitor loses and is slowed by of others.
     #[must_use]
     pub fn with_host_of(self, other: &Self) -> Self {
         Self {
             halo: other.halo,
             baryons: other.baryons,
             mass_loss: other.mass_loss,
+            release_rate: other.release_rate,
+            dynamical_friction: other.dynamical_friction,
             ..self
         }
     }
@@ -161,7 +179,9 @@ impl ModelSettings {
     pub fn check_prior(&self, prior: &StreamPrior) -> Result<()> {
         self.baryons.check_prior(prior)?;
         second_axis::check_prior(self.halo, prior)?;
-        mass_loss::check_prior(self.mass_loss, prior)
+        mass_loss::check_prior(self.mass_loss, prior)?;
+        release_rate::check_prior(self.release_rate, prior)?;
+        friction::check_prior(self.dynamical_friction, prior)
     }
 
     /// Checks that every number, those of the releases too, is in its range of docs/limits.md.

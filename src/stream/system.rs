@@ -1,5 +1,6 @@
 //! The system: host, progenitor, its state today, and the age.
 
+use super::mass_loss;
 use super::second_axis::second_axis;
 use super::settings::ModelSettings;
 use crate::orbit::State;
@@ -20,8 +21,12 @@ pub struct System<S: Scalar, H: Host = Nfw> {
     pub host: H::In<S>,
     /// The progenitor's own gravity at the first release.
     pub progenitor: Plummer<S>,
-    /// The fraction of its mass that is left today.
-    pub mass_left: S,
+    /// The parameter of the law by which it loses mass; 1 without one.
+    pub mass_loss: S,
+    /// The power of the tidal rate of releases; 0 without it.
+    pub release_peaking: S,
+    /// The Coulomb logarithm of its friction; 0 without friction.
+    pub coulomb_logarithm: S,
     /// The progenitor today, kpc and kpc/Gyr.
     pub today: State<S>,
     /// Time since the first release, Gyr.
@@ -61,7 +66,9 @@ impl<S: Real, H: Host> System<S, H> {
                 mass: mass(params.log10_m_prog),
                 r_s: params.r_s_prog_kpc,
             },
-            mass_left: params.m_prog_left,
+            mass_loss: mass_loss::parameter_of(model.mass_loss, params),
+            release_peaking: params.release_peaking,
+            coulomb_logarithm: params.coulomb_logarithm,
             today: State {
                 x: params.position_kpc(),
                 v: params.velocity_km_s() * S::from_f64(KM_S_IN_KPC_PER_GYR),
@@ -75,18 +82,20 @@ impl<S: Real, H: Host> System<S, H> {
 pub const HALO_LEN: usize = 15;
 
 /// Length of the vector of a system.
-pub const SYSTEM_LEN: usize = HALO_LEN + 12;
+pub const SYSTEM_LEN: usize = HALO_LEN + 14;
 
 impl<S: Scalar, H: Host> System<S, H> {
     /// The system as a vector: mass (Msun), scale radius (kpc), flattening 1/q^2 - 1 and axis of the halo; mass (Msun) and scale radius
     /// (kpc) of the progenitor, its position (kpc) and velocity (kpc/Gyr) today; the age (Gyr); mass (Msun), scale length (kpc) and normal
     /// of the disc; mass (Msun) and scale radius (kpc) of the bulge; flattening 1/p^2 - 1 and direction of the second axis of the halo; the
-    /// fraction of the progenitor's mass that is left today.
+    /// parameter of the progenitor's loss of mass; the power of the rate of releases; the Coulomb logarithm.
     #[inline(always)]
     pub fn to_vector(&self) -> [S; SYSTEM_LEN] {
         let Self {
             progenitor,
-            mass_left,
+            mass_loss,
+            release_peaking,
+            coulomb_logarithm,
             today: State { x, v },
             age_gyr,
             ..
@@ -127,7 +136,9 @@ impl<S: Scalar, H: Host> System<S, H> {
             second.axis.x,
             second.axis.y,
             second.axis.z,
-            mass_left,
+            mass_loss,
+            release_peaking,
+            coulomb_logarithm,
         ]
     }
 
@@ -161,7 +172,9 @@ impl<S: Scalar, H: Host> System<S, H> {
             second_x,
             second_y,
             second_z,
-            mass_left,
+            mass_loss,
+            release_peaking,
+            coulomb_logarithm,
         ] = vector;
         let HostParts {
             kind,
@@ -194,7 +207,9 @@ impl<S: Scalar, H: Host> System<S, H> {
                 baryons,
             }),
             progenitor: Plummer { mass: m, r_s: a },
-            mass_left,
+            mass_loss,
+            release_peaking,
+            coulomb_logarithm,
             today: State {
                 x: Vec3::new(x, y, z),
                 v: Vec3::new(v_x, v_y, v_z),

@@ -173,6 +173,7 @@ impl Track {
         let mut sums = Sums::default();
         grid.sum(particles, &mut sums, &mut PartialSums::default());
         grid.sum_velocities(particles, &mut sums);
+        let unevenness = sums.mean_square_weight;
         let bins = (0..len)
             .filter(|&i| sums.weight[i] > 0.0 && sums.weight[i] >= min_n)
             .map(|i| {
@@ -188,10 +189,10 @@ impl Track {
                     bin,
                     phi_deg: grid.centre_deg(bin),
                     r_kpc: mean,
-                    r_err_kpc: (variance / n).sqrt(),
+                    r_err_kpc: (variance * unevenness / n).sqrt(),
                     n,
                     v_km_s,
-                    v_err_km_s: (variance_of_v / n).sqrt(),
+                    v_err_km_s: (variance_of_v * unevenness / n).sqrt(),
                     width_kpc: variance.sqrt(),
                     density_per_deg: n / (particles.len() as f64 * width_deg),
                 }

@@ -21,9 +21,12 @@ pub struct Sums<S> {
     pub v: Vec<S>,
     /// Sum of v^2, km^2/s^2; empty where velocities are not summed.
     pub v2: Vec<S>,
+    /// The mean of the squares of the particles' weights, which are 1 in the mean: the variance of a bin's mean is so many times larger than
+    /// with even weights.
+    pub mean_square_weight: S,
 }
 
-impl<S> Default for Sums<S> {
+impl<S: Scalar> Default for Sums<S> {
     fn default() -> Self {
         Self {
             weight: Vec::new(),
@@ -31,6 +34,7 @@ impl<S> Default for Sums<S> {
             r2: Vec::new(),
             v: Vec::new(),
             v2: Vec::new(),
+            mean_square_weight: S::one(),
         }
     }
 }
@@ -44,6 +48,7 @@ impl<S: Scalar> Sums<S> {
         }
         self.v.clear();
         self.v2.clear();
+        self.mean_square_weight = S::one();
     }
 
     /// Sets the sums of the velocities to zero.
@@ -76,14 +81,17 @@ pub(super) struct Quantity<'a, S> {
     pub values: &'a [S],
     /// Their neighbours, if they are smeared.
     pub neighbourhood: Option<&'a Neighbourhood>,
+    /// Their weights; none if all are 1.
+    pub weights: &'a [S],
 }
 
 impl BinGrid {
     /// Sums over the bins of particles on any number type, smeared if there is a neighbourhood, and of their velocities if `velocities`:
-    /// the reference for [`sum`](Self::sum). `offset_deg` is the offset of the grid with its derivatives.
+    /// the reference for [`sum`](Self::sum). `weights` is empty if all are 1. `offset_deg` is the offset of the grid with its derivatives.
     pub fn sum_final_particles<S: Real>(
         &self,
         particles: &[FinalParticle<S>],
+        weights: &[S],
         neighbourhood: Option<&Neighbourhood>,
         offset_deg: S,
         velocities: bool,
@@ -107,8 +115,9 @@ impl BinGrid {
             points: &points,
             values: &radii,
             neighbourhood,
+            weights,
         };
-        self.deposit(&quantity, Smear::of_radius, |bin, [weight, r, r2]| {
+        self.deposit(&quantity, Smear::of_radius, |_, bin, [weight, r, r2]| {
             sums.weight[bin] += weight;
             sums.r[bin] += r;
             sums.r2[bin] += r2;
@@ -135,6 +144,7 @@ impl BinGrid {
             points: &self.sky_points(particles),
             values: &velocities,
             neighbourhood: particles.neighbourhood.as_deref(),
+            weights: &particles.weights,
         };
         self.deposit_velocities(&quantity, sums);
     }
@@ -155,22 +165,24 @@ impl BinGrid {
     fn deposit_velocities<S: Real>(&self, quantity: &Quantity<'_, S>, sums: &mut Sums<S>) {
         sums.reset_velocities();
         let smear = |moments, _| Smear::of_velocity(moments);
-        self.deposit(quantity, smear, |bin, [_, v, v2]| {
+        self.deposit(quantity, smear, |_, bin, [_, v, v2]| {
             sums.v[bin] += v;
             sums.v2[bin] += v2;
         });
     }
 
-    /// Calls `add` with the index of a bin and the sums of each particle there: of its weight, of the quantity and of its square. `smear`
-    /// has the smearing of a particle from the moments of the stream around it and its radius.
-    fn deposit<S: Real>(
+    /// Calls `add` with the number of a particle, the index of a bin and the particle's sums there: of its weight, of the quantity and of its
+    /// square. `smear` has the smearing of a particle from the moments of the stream around it and its radius.
+    pub(super) fn deposit<S: Real>(
         &self,
         quantity: &Quantity<'_, S>,
         smear: impl Fn((S, S), S) -> Smear<S>,
-        mut add: impl FnMut(usize, [S; 3]),
+        mut add: impl FnMut(usize, usize, [S; 3]),
     ) {
         for (i, (point, &value)) in quantity.points.iter().zip(quantity.values).enumerate() {
             let position = point.position;
+            let of_particle = quantity.weight(i);
+            let mut add = |bin, sums: [S; 3]| add(i, bin, sums.map(|sum| sum * of_particle));
             let Some(extent) = quantity.extent(i) else {
                 let NearestEdge { edge, above } = self.nearest_edge(position);
                 let bins = self.bins_beside(edge.re());
@@ -213,6 +225,11 @@ pub(super) fn line_of_sight_km_s<S: Scalar>(vz: S) -> S {
 }
 
 impl<S: Scalar> Quantity<'_, S> {
+    /// The weight of particle number `i`.
+    pub(super) fn weight(&self, i: usize) -> S {
+        self.weights.get(i).copied().unwrap_or(S::one())
+    }
+
     /// The displacement from particle number `i` to number `j`.
     fn displacement(&self, i: usize, j: usize) -> Displacement<S> {
         let change = self.values[j] - self.values[i];

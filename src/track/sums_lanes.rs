@@ -85,6 +85,7 @@ impl BinGrid {
         partial: &mut PartialSums,
     ) {
         sums.reset(self.len);
+        sums.mean_square_weight = particles.mean_square_weight();
         for first in (0..particles.len()).step_by(PARTICLES_PER_CHUNK) {
             self.sum_chunk(level, particles, first, partial);
             partial.add_to(sums);
@@ -94,6 +95,7 @@ impl BinGrid {
     /// As [`sum`](Self::sum), on the threads of the present rayon pool. The result has the same bits.
     pub fn sum_in_parallel(&self, particles: &Particles, sums: &mut Sums<f64>) {
         sums.reset(self.len);
+        sums.mean_square_weight = particles.mean_square_weight();
         // A bounded number of chunks at once, so that memory does not grow with the number of particles.
         let fitting = MAX_BINS_AT_ONCE / self.len;
         let count = (4 * rayon::current_num_threads()).min(fitting.max(1));
@@ -185,11 +187,22 @@ impl Kernel for BinKernel<'_> {
                 rows[lane] = &sums.skies[at - from + lane];
             }
             let sky = Sky::from_rows(rows);
+            let weight = if particles.weights.is_empty() {
+                Lanes::one()
+            } else {
+                Lanes::load(&repeated(&particles.weights[at..]))
+            };
+            let block = BlockOfParticles {
+                position,
+                sky,
+                weight,
+                n,
+            };
             match neighbourhood {
-                None => add_points(grid, position, sky, n, sums),
+                None => add_points(grid, &block, sums),
                 Some(neighbourhood) => {
                     let smear = smear(neighbourhood, at / LANES, from, sky, sums);
-                    add_smeared(grid, position, sky, smear, n, sums);
+                    add_smeared(grid, &block, smear, sums);
                 }
             }
         }
@@ -238,23 +251,32 @@ fn displacements<I: Isa>(
     here.displacement_to(Sky::from_rows(rows))
 }
 
-/// Adds `n` particles, each to the two bins beside its nearest edge.
-#[inline(always)]
-fn add_points<I: Isa>(
-    grid: &BinGrid,
+/// Particles in lanes, `n` of them.
+struct BlockOfParticles<I: Isa> {
     position: Lanes<I, 1>,
     sky: Sky<Lanes<I, 1>>,
+    weight: Lanes<I, 1>,
     n: usize,
-    sums: &mut PartialSums,
-) {
+}
+
+/// Adds particles, each to the two bins beside its nearest edge.
+#[inline(always)]
+fn add_points<I: Isa>(grid: &BinGrid, block: &BlockOfParticles<I>, sums: &mut PartialSums) {
+    let BlockOfParticles {
+        position,
+        sky,
+        weight: of_particle,
+        n,
+    } = *block;
     let NearestEdge { edge, above } = grid.nearest_edge(position);
-    let (edge, above, r) = (
+    let (edge, above, r, of_particle) = (
         (edge - grid.first as f64).store().0[0],
         above.store().0[0],
         sky.r.store().0[0],
+        of_particle.store().0[0],
     );
     for i in 0..n {
-        let weights = [1.0 - above[i], above[i]];
+        let weights = [(1.0 - above[i]) * of_particle[i], above[i] * of_particle[i]];
         for k in 0..2 {
             let (weight, r) = (weights[k], r[i]);
             sums.add_one(
@@ -266,16 +288,20 @@ fn add_points<I: Isa>(
     }
 }
 
-/// Adds `n` smeared particles, which are computed together in every bin that one of them reaches.
+/// Adds smeared particles, which are computed together in every bin that one of them reaches.
 #[inline(always)]
 fn add_smeared<I: Isa>(
     grid: &BinGrid,
-    position: Lanes<I, 1>,
-    sky: Sky<Lanes<I, 1>>,
+    block: &BlockOfParticles<I>,
     smear: Smear<Lanes<I, 1>>,
-    n: usize,
     sums: &mut PartialSums,
 ) {
+    let BlockOfParticles {
+        position,
+        sky,
+        weight: of_particle,
+        n,
+    } = *block;
     let half_width = smear.half_width(grid.soft());
     let reach = half_width * grid.per_radian();
     let place = position - grid.first as f64;
@@ -319,7 +345,10 @@ fn add_smeared<I: Isa>(
         ];
         let r = weight * sky.r + rise * offset;
         let r2 = sky.r * (r * 2.0 - weight * sky.r) + rise2 * offset2;
-        sums.add(bin, [weight, r, r2]);
+        sums.add(
+            bin,
+            [weight * of_particle, r * of_particle, r2 * of_particle],
+        );
         before = here;
     }
 }

@@ -3,11 +3,13 @@
 use super::grid::{BinGrid, NearestEdge};
 use super::smear::{Displacement, Smear, displacement_vjp, moments_below};
 use super::sums::{Quantity, Sums, line_of_sight_km_s};
-use crate::scalar::{LANES, Tangent};
+use crate::scalar::{LANES, Scalar, Tangent};
 use crate::stream::Particles;
 
-/// Derivatives with respect to the particles' angles, radii, and values of a quantity.
+/// Derivatives with respect to the particles' angles, radii, weights, and values of a quantity.
 struct ParticleCotangents<'a> {
+    /// Of the weights; empty if all are 1.
+    weight: &'a mut [f64],
     angle: &'a mut [f64],
     r: &'a mut [f64],
     value: Values<'a>,
@@ -19,6 +21,16 @@ enum Values<'a> {
     Radius,
     /// It is the line-of-sight velocity.
     Velocity(&'a mut [f64]),
+}
+
+impl Values<'_> {
+    /// The smearing of a particle from the moments of the stream around it and its radius.
+    fn smear<S: Scalar>(&self, moments: (S, S), r: S) -> Smear<S> {
+        match self {
+            Self::Radius => Smear::of_radius(moments, r),
+            Self::Velocity(_) => Smear::of_velocity(moments),
+        }
+    }
 }
 
 impl ParticleCotangents<'_> {
@@ -36,14 +48,14 @@ impl ParticleCotangents<'_> {
 
 impl BinGrid {
     /// Reverse mode of [`sum`](Self::sum) and, if `sums_bar` has velocities, [`sum_velocities`](Self::sum_velocities): from derivatives with
-    /// respect to the sums, writes those with respect to the particles' sky positions, per kpc, into `x_bar` and `y_bar`, and those with
-    /// respect to their velocities along z, per kpc/Gyr, into `vz_bar`, which is left empty without velocities. Returns that with respect to
-    /// the offset of the grid, per degree.
+    /// respect to the sums, writes those with respect to the particles' sky positions, per kpc, into `x_bar` and `y_bar`, those with
+    /// respect to their velocities along z, per kpc/Gyr, into `vz_bar`, which is left empty without velocities, and those with respect to
+    /// their weights into `weight_bar`, which is left empty if all are 1. Returns that with respect to the offset of the grid, per degree.
     pub fn vjp(
         &self,
         particles: &Particles,
         sums_bar: &Sums<f64>,
-        [x_bar, y_bar, vz_bar]: [&mut Vec<f64>; 3],
+        [x_bar, y_bar, vz_bar, weight_bar]: [&mut Vec<f64>; 4],
     ) -> f64 {
         let len = particles.len();
         let points = self.sky_points(particles);
@@ -53,13 +65,17 @@ impl BinGrid {
             column.resize(len, 0.0);
         }
         vz_bar.clear();
+        weight_bar.clear();
+        weight_bar.resize(particles.weights.len(), 0.0);
         let radii: Vec<f64> = points.iter().map(|point| point.sky.r).collect();
         let mut quantity = Quantity {
             points: &points,
             values: &radii,
             neighbourhood: particles.neighbourhood.as_deref(),
+            weights: &particles.weights,
         };
         let mut bars = ParticleCotangents {
+            weight: weight_bar,
             angle: x_bar,
             r: y_bar,
             value: Values::Radius,
@@ -103,8 +119,23 @@ impl BinGrid {
         sums_bar: impl Fn(usize) -> [f64; 3],
         bars: &mut ParticleCotangents<'_>,
     ) -> f64 {
+        if !quantity.weights.is_empty() {
+            // The sums are in proportion to the weights.
+            let unweighted = Quantity {
+                weights: &[],
+                ..*quantity
+            };
+            let smear = |moments, r| bars.value.smear(moments, r);
+            self.deposit(&unweighted, smear, |i, bin, sums| {
+                for (sum, bar) in sums.into_iter().zip(sums_bar(bin)) {
+                    bars.weight[i] += sum * bar;
+                }
+            });
+        }
         let mut positions_bar = 0.0;
         for i in 0..quantity.points.len() {
+            let weight = quantity.weight(i);
+            let sums_bar = |bin| sums_bar(bin).map(|bar| bar * weight);
             let [position_bar, r_bar, value_bar] = if quantity.neighbourhood.is_some() {
                 self.smeared_vjp(quantity, i, &sums_bar, bars)
             } else {
@@ -163,10 +194,7 @@ impl BinGrid {
         let numbers = [variance, covariance, sky.r];
         let [variance, covariance, r] =
             std::array::from_fn(|k| Tangent::<f64, 3>::along(numbers[k], k, 1.0));
-        let smear = match bars.value {
-            Values::Radius => Smear::of_radius((variance, covariance), r),
-            Values::Velocity(_) => Smear::of_velocity((variance, covariance)),
-        };
+        let smear = bars.value.smear((variance, covariance), r);
         let half_width = smear.half_width(self.soft());
         let rise = smear.slope * half_width;
         let scale = 1.0 / (half_width.re * self.per_radian());

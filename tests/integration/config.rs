@@ -2,6 +2,9 @@
 
 use oblate::FitSettings;
 use oblate::config::{StudyConfig, read};
+use oblate::data::MockSettings;
+use oblate::potential::HaloKind;
+use oblate::stream::ModelSettings;
 use std::path::Path;
 
 /// The message about a settings file with this text.
@@ -58,5 +61,28 @@ fn every_study_of_the_examples_can_begin() {
             file.display(),
             study.check()
         );
+    }
+}
+
+/// A model of mocks with some keys keeps the others of mocks: their random particles and their own table of releases.
+#[test]
+fn keys_of_the_model_of_mocks_are_taken_over_that_of_mocks() {
+    let parse = |text: &str| toml::from_str::<MockSettings>(text);
+    let given = parse("model = { halo = \"nfw_density\", releases = { particles = 4_000 } }");
+    let mut expected = MockSettings::default();
+    expected.model.halo = HaloKind::NfwDensity;
+    expected.model.releases.particles = 4_000;
+    assert_eq!(given.expect("settings"), expected);
+    assert_ne!(
+        expected.model.releases.seed,
+        ModelSettings::default().releases.seed
+    );
+    for (wrong, word) in [
+        ("model = { haloo = \"nfw\" }", "haloo"),
+        ("model = { releases = { particle = 5 } }", "particle"),
+        ("model = { releases = 3 }", "releases"),
+    ] {
+        let error = parse(wrong).expect_err(wrong).to_string();
+        assert!(error.contains(word), "{error}");
     }
 }

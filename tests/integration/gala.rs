@@ -28,7 +28,9 @@ pub fn system(name: &str) -> System<f64> {
             mass: get("m"),
             r_s: get("a"),
         },
-        mass_left: 1.0,
+        mass_loss: 1.0,
+        release_peaking: 0.0,
+        coulomb_logarithm: 0.0,
         today: State {
             x: Vec3::from(numbers::<3>(&file["progenitor_final_x_kpc"])),
             v: Vec3::from(numbers::<3>(&file["progenitor_final_v_kpc_per_Gyr"])),

@@ -768,8 +768,8 @@ proptest! {
 
     #[test]
     fn at_the_ends_of_all_ranges_a_point_has_a_likelihood_or_a_cause(
-        ends in prop::array::uniform27(0.0_f64..=1.0),
-        corners in prop::array::uniform27(0..4),
+        ends in prop::array::uniform30(0.0_f64..=1.0),
+        corners in prop::array::uniform30(0..4),
     ) {
         let params: [f64; DIM] = std::array::from_fn(|i| {
             let (lo, hi) = (*PARAMETERS[i].range.start(), *PARAMETERS[i].range.end());

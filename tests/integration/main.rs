@@ -15,6 +15,7 @@ mod families;
 #[cfg(target_os = "linux")]
 mod faults;
 mod folders;
+mod friction;
 mod gala;
 mod golden;
 mod haloes;
@@ -24,6 +25,7 @@ mod likelihood;
 mod limits;
 mod mass_loss;
 mod orbit;
+mod orientation;
 mod own_halo;
 mod pages;
 mod params;
@@ -36,6 +38,7 @@ mod potential;
 mod files;
 #[path = "../../samplers/tests/integration/modules.rs"]
 mod modules;
+mod release_rate;
 mod report;
 mod run;
 mod runs;

@@ -1,16 +1,19 @@
 //! Progenitors that lose mass: releases and forces by the law, and exact derivatives.
 
+use crate::golden::{cases, json, number, numbers};
 use crate::haloes::{THETA, likelihood_is_that_of, small};
 use oblate::params::{PriorSettings, QRange, StreamParams, StreamPrior};
 use oblate::potential::{
-    Galaxy, HaloKind, MassFraction, Nfw, Plummer, PlummerCotangent, Potential,
+    Baryons, Galaxy, Halo, HaloKind, Host, HostParts, MassFraction, Nfw, Plummer, PlummerCotangent,
+    Potential,
 };
 use oblate::scalar::{Dual, Real, Vec3, gradient_of, lift};
+use oblate::spray::TableSettings;
 use oblate::stream::{
     MassLoss, Model, ModelSettings, ProgenitorSolution, StepRule, StepsPer, System,
 };
 
-const LAWS: [MassLoss; 2] = [MassLoss::Linear, MassLoss::Exponential];
+const LAWS: [MassLoss; 3] = [MassLoss::Linear, MassLoss::Exponential, MassLoss::Complete];
 
 fn with(law: Option<MassLoss>) -> ModelSettings {
     ModelSettings {
@@ -19,9 +22,11 @@ fn with(law: Option<MassLoss>) -> ModelSettings {
     }
 }
 
+/// Parameters with this fraction of the mass left, and this fraction of the age until nothing is.
 fn left(fraction: f64) -> StreamParams<f64> {
     let mut params = StreamParams::from_array(THETA);
     params.m_prog_left = fraction;
+    params.dissolved_at = fraction;
     params
 }
 
@@ -45,11 +50,12 @@ fn offsets_of_releases_follow_the_mass() {
     for law in LAWS {
         let lost = solution(Some(law), 0.2);
         for ((tau, lost), whole) in
-            (taus.iter().zip(&lost.release_frames)).zip(&whole.release_frames)
+            (taus.iter().zip(&lost.releases.frames)).zip(&whole.releases.frames)
         {
             let fraction = match law {
                 MassLoss::Linear => 1.0 - 0.8 * (1.0 + tau),
                 MassLoss::Exponential => 0.2_f64.powf(1.0 + tau),
+                MassLoss::Complete => (1.0 - (1.0 + tau) / 0.2).max(1e-6),
             };
             let lengths = [lost, whole].map(|frame| frame.position[0].norm2().sqrt());
             let ratio = lengths[0] / lengths[1];
@@ -69,7 +75,7 @@ fn a_host_that_is_no_galaxy_loses_no_mass() {
     let system = System::<f64, Nfw>::with_host(&left(0.2), QRange::default(), &settings);
     let model = Model::new(&settings).expect("a model");
     let ours = model.progenitor_solution(&system).expect("a solution");
-    for (ours, whole) in (ours.release_frames.iter()).zip(&solution(None, 1.0).release_frames) {
+    for (ours, whole) in (ours.releases.frames.iter()).zip(&solution(None, 1.0).releases.frames) {
         let lengths = [ours, whole].map(|frame| frame.position[0].norm2().sqrt());
         assert!((lengths[0] / lengths[1] - 1.0).abs() < 1e-9);
     }
@@ -104,7 +110,7 @@ fn a_fraction_of_the_mass_has_this_fraction_of_the_force() {
         x_bar.z,
         cotangent.ln_mass,
         cotangent.r_s,
-        cotangent.mass_left,
+        cotangent.mass_loss,
     ];
     for (ours, dual) in ours.iter().zip(slopes) {
         assert!((ours - dual).abs() < 1e-12 * dual.abs(), "{ours} {dual}");
@@ -121,7 +127,7 @@ fn a_progenitor_with_all_its_mass_left_loses_none() {
         let particles = model.expect("a model").stream(&left(fraction));
         particles.expect("a stream").x
     };
-    for law in LAWS {
+    for law in [MassLoss::Linear, MassLoss::Exponential] {
         assert_eq!(stream(Some(law), 1.0), stream(None, 1.0));
         assert_ne!(stream(Some(law), 0.5), stream(None, 1.0));
     }
@@ -138,7 +144,7 @@ fn gradients_with_mass_loss_are_exact() {
             ..adaptive
         };
         for settings in [adaptive, uniform] {
-            likelihood_is_that_of::<Galaxy>(&settings, &left(0.3).to_array());
+            likelihood_is_that_of::<Galaxy>(&settings, &left(0.37).to_array());
         }
     }
 }
@@ -153,6 +159,11 @@ fn what_is_left_belongs_to_a_law() {
     for (law, fraction, words) in [
         (Some(MassLoss::Linear), None, "prior.fixed.m_prog_left"),
         (None, Some(0.5), "model.mass_loss"),
+        (
+            Some(MassLoss::Complete),
+            Some(0.5),
+            "prior.marginals.m_prog_left",
+        ),
     ] {
         let refused = with(law).check_prior(&prior(fraction));
         let error = refused.expect_err("refused").to_string();
@@ -164,4 +175,66 @@ fn what_is_left_belongs_to_a_law() {
     assert!(!with(None).has_host_of(&with(Some(MassLoss::Linear))));
     let text = with(Some(MassLoss::Exponential)).host_in_words();
     assert!(text.contains("losing mass exponentially"), "{text}");
+}
+
+/// gala's releases from a progenitor of a mass that falls, at nine times by two laws: the mean distance outwards is two tidal radii.
+#[test]
+fn releases_are_those_of_gala() {
+    let file = json("mass_loss.json");
+    let system = crate::gala::system("s2_spherical");
+    for case in cases(&file) {
+        let law = match case["law"].as_str() {
+            Some("linear") => MassLoss::Linear,
+            _ => MassLoss::Exponential,
+        };
+        // A release at the time of the case alone: the age is that since this time, and the progenitor has the mass of it.
+        let since = number(&case["since_over_age"]);
+        let left = number(&file["left"]);
+        let mass = match law {
+            MassLoss::Linear => 1.0 - (1.0 - left) * since,
+            _ => left.powf(since),
+        };
+        let settings = with(Some(law));
+        let host = HostParts {
+            halo: Nfw::parameters(&system.host),
+            kind: HaloKind::Nfw,
+            baryons: Baryons::none(),
+            has_baryons: false,
+        };
+        let galaxy = System::<f64, Galaxy> {
+            host: Galaxy::from_parts(host),
+            progenitor: system.progenitor,
+            mass_loss: left,
+            release_peaking: 0.0,
+            coulomb_logarithm: 0.0,
+            today: system.today,
+            age_gyr: system.age_gyr,
+        };
+        let releases = TableSettings {
+            particles: 16_000,
+            release_times: 1_000,
+            ..settings.releases
+        };
+        let model = Model::new(&ModelSettings {
+            releases,
+            ..settings
+        })
+        .expect("a model");
+        let solution = model.progenitor_solution(&galaxy).expect("a solution");
+        let length = |k: usize| solution.releases.frames[k].position[0].norm2().sqrt();
+        // Between the two release times around it.
+        let place = since * 1_000.0 - 0.5;
+        let k = (place.max(0.0) as usize).min(998);
+        let ours = length(k) + (length(k + 1) - length(k)) * (place - k as f64);
+        assert!((number(&case["mass_msun"]) / (system.progenitor.mass * mass) - 1.0).abs() < 1e-9);
+        for (tail, sign) in [("leading", -1.0), ("trailing", 1.0)] {
+            let [mean, error] = numbers::<2>(&case[tail]);
+            let apart = sign * mean - 2.0 * ours;
+            // Four standard errors, and gala cuts what is on the other side of the progenitor.
+            assert!(
+                apart.abs() < 4.5 * error,
+                "{law:?} {since} {tail}: {mean} {ours} {error}"
+            );
+        }
+    }
 }

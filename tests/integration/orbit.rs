@@ -1,7 +1,7 @@
 //! Orbits against quad-precision Taylor series, and the integrators' own laws.
 
 use crate::golden::{cases, json, number, numbers};
-use oblate::orbit::{DenseOrbit, HermiteWeights, OrbitMethod, Resolution, State};
+use oblate::orbit::{Conservative, DenseOrbit, HermiteWeights, OrbitMethod, Resolution, State};
 use oblate::potential::FlattenedNfw;
 use oblate::scalar::{Portable, Vec3};
 use serde_json::Value;
@@ -159,7 +159,7 @@ fn resolved(
     };
     let mut orbit = DenseOrbit::default();
     let method = OrbitMethod::Accurate;
-    let within = orbit.integrate_resolved(&halo, today, 4.0, resolution, method);
+    let within = orbit.integrate_resolved(&Conservative(&halo), today, 4.0, resolution, method);
     (within, orbit)
 }
 
@@ -195,7 +195,8 @@ fn an_orbit_in_blocks_is_repeated_by_its_times_and_interpolated_in_lanes() {
         let (halo, today) = golden(case);
         let (_, orbit) = resolved(case, 16, 0.7, f64::INFINITY);
         let method = OrbitMethod::Accurate;
-        let again = DenseOrbit::integrate_at(&halo, today, 4.0, orbit.times(), method);
+        let again =
+            DenseOrbit::integrate_at(&Conservative(&halo), today, 4.0, orbit.times(), method);
         assert_eq!(orbit.nodes, again.nodes);
         let taus = [-1.0, -0.7, -0.5, -0.3, -1e-9, 0.0];
         let in_lanes = orbit.positions::<Portable, 6>(taus);

@@ -328,7 +328,14 @@ fn every_level_bins_as_the_reference_does() {
             let (mut by_reference, mut by_level) = (Sums::default(), Sums::default());
             let around = ours.neighbourhood.as_deref();
             let offset_deg = grid.offset_deg;
-            grid.sum_final_particles(&reference, around, offset_deg, false, &mut by_reference);
+            grid.sum_final_particles(
+                &reference,
+                &[],
+                around,
+                offset_deg,
+                false,
+                &mut by_reference,
+            );
             for level in Level::available() {
                 grid.sum_at(*level, &ours, &mut by_level, &mut PartialSums::default());
                 for (a, b) in [
@@ -362,6 +369,7 @@ proptest! {
         places in prop::array::uniform4((1.0..80.0_f64, -3.0..3.0_f64)),
         velocities in prop::array::uniform4(-200.0..200.0_f64),
         weights in prop::array::uniform2(prop::array::uniform4(-0.5..0.5_f64)),
+        of_particles in prop::array::uniform4(0.0..3.0_f64),
         count in 0..3_usize,
         hard: bool,
     ) {
@@ -371,14 +379,15 @@ proptest! {
             let (r, angle) = places[k / 2];
             if k % 2 == 0 { r * angle.cos() } else { r * angle.sin() }
         });
-        let mut variables = [3.7; 13];
+        let mut variables = [3.7; 17];
         variables[..8].copy_from_slice(&numbers);
-        variables[9..].copy_from_slice(&velocities);
-        let duals: [Dual<13>; 13] = lift(&variables);
+        variables[9..13].copy_from_slice(&velocities);
+        variables[13..].copy_from_slice(&of_particles);
+        let duals: [Dual<17>; 17] = lift(&variables);
         let grid = BinGrid { width_deg: 10.0, offset_deg: 3.7, first: -90, len: 180, edges };
         let around = neighbourhood(n, count, &weights);
-        let zero = Dual::<13>::from_re(0.0);
-        let reference: Vec<FinalParticle<Dual<13>>> = (0..n)
+        let zero = Dual::<17>::from_re(0.0);
+        let reference: Vec<FinalParticle<Dual<17>>> = (0..n)
             .map(|i| FinalParticle {
                 state: State {
                     x: Vec3::new(duals[2 * i], duals[2 * i + 1], zero),
@@ -389,7 +398,7 @@ proptest! {
             })
             .collect();
         let mut sums = Sums::default();
-        grid.sum_final_particles(&reference, Some(&around), duals[8], true, &mut sums);
+        grid.sum_final_particles(&reference, &duals[13..], Some(&around), duals[8], true, &mut sums);
         let mut total = zero;
         let mut by = sums_with_velocities(180);
         for i in 0..180 {
@@ -401,24 +410,37 @@ proptest! {
         }
         let mut particles = at_places(&places, around);
         particles.v[2] = velocities.to_vec();
-        let [mut x_bar, mut y_bar, mut vz_bar] = [const { Vec::new() }; 3];
-        let offset_bar = grid.vjp(&particles, &by, [&mut x_bar, &mut y_bar, &mut vz_bar]);
-        let expected: [f64; 13] = gradient_of(&total);
+        particles.weights = of_particles.to_vec();
+        let [mut x_bar, mut y_bar, mut vz_bar, mut weight_bar] = [const { Vec::new() }; 4];
+        let columns = [&mut x_bar, &mut y_bar, &mut vz_bar, &mut weight_bar];
+        let offset_bar = grid.vjp(&particles, &by, columns);
+        let expected: [f64; 17] = gradient_of(&total);
         let scale = expected.iter().fold(1e-3_f64, |m, g| m.max(g.abs()));
         prop_assert!((expected[8] - offset_bar).abs() < 1e-11 * scale, "{expected:?} {offset_bar}");
         for i in 0..n {
             prop_assert!((expected[2 * i] - x_bar[i]).abs() < 1e-11 * scale, "{expected:?} {x_bar:?}");
             prop_assert!((expected[2 * i + 1] - y_bar[i]).abs() < 1e-11 * scale, "{expected:?} {y_bar:?}");
             prop_assert!((expected[9 + i] - vz_bar[i]).abs() < 1e-11 * scale, "{expected:?} {vz_bar:?}");
+            prop_assert!((expected[13 + i] - weight_bar[i]).abs() < 1e-11 * scale, "{expected:?} {weight_bar:?}");
         }
         // The sums in lanes and those of the reference.
         let mut by_particles = Sums::default();
         grid.sum(&particles, &mut by_particles, &mut PartialSums::default());
         prop_assert!(!by_particles.has_velocities());
         grid.sum_velocities(&particles, &mut by_particles);
-        for (dual, number) in sums.v.iter().zip(&by_particles.v) {
-            prop_assert!((dual.re - number).abs() < 1e-9);
+        for (duals, numbers) in [
+            (&sums.weight, &by_particles.weight),
+            (&sums.r, &by_particles.r),
+            (&sums.r2, &by_particles.r2),
+            (&sums.v, &by_particles.v),
+            (&sums.v2, &by_particles.v2),
+        ] {
+            for (dual, number) in duals.iter().zip(numbers) {
+                prop_assert!((dual.re - number).abs() < 1e-9 * (1.0 + number.abs()));
+            }
         }
+        let squares = of_particles.iter().map(|w| w * w).sum::<f64>() / 4.0;
+        prop_assert!((by_particles.mean_square_weight - squares).abs() < 1e-12);
     }
 
     /// Reverse mode of the bins against duals, particles anywhere, at edges too.
@@ -450,7 +472,7 @@ proptest! {
             ambiguous_windings: Dual::from_re(0.0),
         };
         let mut duals = Sums::default();
-        grid.sum_final_particles(&[particle], None, offset, true, &mut duals);
+        grid.sum_final_particles(&[particle], &[], None, offset, true, &mut duals);
         // A scalar with another weight for every sum.
         let weigh = |i: usize| (0.3 + i as f64 * 0.01, 1.7 - i as f64 * 0.02, 0.001 * i as f64);
         let mut total = Dual::<4>::from_re(0.0);
@@ -468,8 +490,9 @@ proptest! {
             winding_numbers: vec![turns],
             ..Particles::default()
         };
-        let [mut x_bar, mut y_bar, mut vz_bar] = [const { Vec::new() }; 3];
-        let offset_bar = grid.vjp(&particles, &by, [&mut x_bar, &mut y_bar, &mut vz_bar]);
+        let [mut x_bar, mut y_bar, mut vz_bar, mut weight_bar] = [const { Vec::new() }; 4];
+        let columns = [&mut x_bar, &mut y_bar, &mut vz_bar, &mut weight_bar];
+        let offset_bar = grid.vjp(&particles, &by, columns);
         let [gx, gy, by_offset, gv] = gradient_of(&total);
         let scale = gx.abs().max(gy.abs()).max(1e-3);
         prop_assert!((gv - vz_bar[0]).abs() < 1e-11 * gv.abs().max(1e-3), "{gv} {}", vz_bar[0]);

@@ -53,8 +53,11 @@ fn options_are_where_they_do_something() {
         let name = verb.get_name();
         let has = |flag: &str| verb.get_arguments().any(|a| a.get_long() == Some(flag));
         let prints_only = matches!(name, "completions" | "man");
-        let computes =
-            !prints_only && !matches!(name, "calibration" | "compare" | "export" | "report");
+        let computes = !prints_only
+            && !matches!(
+                name,
+                "calibration" | "compare" | "export" | "orientation" | "report"
+            );
         let samples = matches!(name, "bridge" | "fit" | "population" | "run");
         assert_eq!(has("threads"), computes, "{name} --threads");
         assert_eq!(has("quiet"), computes, "{name} --quiet");

@@ -107,6 +107,27 @@ fn mocks_and_fits_have_a_disc_and_models_are_compared() {
     let note = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(note.contains("nfw with a disc and a bulge"), "{note}");
 
+    // The angle between the halo's axis and the disc of the one, and what the other lacks.
+    let output = oblate(&["orientation", &with, "--to", "disc", "--json"], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let said = json(&output.stdout);
+    let angle = said["streams"][0]["angle_deg"]["median"].as_f64();
+    assert!(
+        angle.is_some_and(|angle| (0.0..90.0).contains(&angle)),
+        "{said}"
+    );
+    assert_eq!(said["alignments"][1]["alignment"], "aligned");
+    let output = oblate(&["orientation", &without], "");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        text.contains("isotropic") && text.contains("fraction aligned"),
+        "{text}"
+    );
+    let output = oblate(&["orientation", &without, "--to", "disc"], "");
+    refused(&output, &["without", "model.baryons.disc"]);
+    let output = oblate(&["orientation", &with, &without], "");
+    refused(&output, &["the track is that of"]);
+
     // Its near side is known, so that the progenitor may be behind.
     let sides = BARYONS.replace("z0_kpc", "# z0_kpc");
     let sides = write(folder.path(), "sides.toml", &sides);

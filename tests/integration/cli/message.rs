@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::path::Path;
 
 /// A valid command line of every subcommand.
-const LINES: [&str; 16] = [
+const LINES: [&str; 17] = [
     "mock --out x",
     "stream p.toml --particles-out x",
     "evaluate t.ecsv",
@@ -18,6 +18,7 @@ const LINES: [&str; 16] = [
     "merge a b --out x",
     "compare a b",
     "population a --out x",
+    "orientation a",
     "report a --out x",
     "run s.toml --out x",
     "export r --out d.fits",

@@ -14,6 +14,7 @@ fn sums() -> Sums<f64> {
         r2: vec![100.0 * (2_500.0 + 9.0)],
         v: vec![8_000.0],
         v2: vec![100.0 * (6_400.0 + 400.0)],
+        mean_square_weight: 1.0,
     }
 }
 
@@ -114,6 +115,7 @@ fn a_bin_without_particles_counts_as_missed_by_its_measurements_too() {
         r2: vec![0.0],
         v: vec![0.0],
         v2: vec![0.0],
+        mean_square_weight: 1.0,
     };
     let penalty = LikelihoodSettings::default();
     let found = added(

@@ -21,8 +21,8 @@ use oblate::potential::{HaloKind, Nfw};
 use oblate::scalar::{Dual, gradient_of, lift};
 use oblate::spray::{Recipe, SamplingScheme, TableSettings};
 use oblate::stream::{
-    BaryonSettings, Model, ModelSettings, Particles, Precision, StepRule, StepSchedules, StepsPer,
-    System,
+    BaryonSettings, Model, ModelSettings, Particles, Precision, ReleaseRate, StepRule,
+    StepSchedules, StepsPer, System,
 };
 use oblate::track::{BinEdges, Sums, Track};
 use oblate_samplers::Prior;
@@ -605,6 +605,8 @@ proptest! {
             halo,
             baryons: BaryonSettings::default(),
             mass_loss: None,
+            release_rate: ReleaseRate::default(),
+            dynamical_friction: false,
             releases: TableSettings { particles, release_times, ..TableSettings::default() },
             steps,
             steps_per,

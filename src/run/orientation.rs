@@ -1,0 +1,70 @@
+//! The angles between the symmetry axes of finished fits and a direction.
+
+use super::population_fits::read_fits;
+use super::stored_fit::StoredFit;
+use crate::error::{Error, Result};
+use crate::inference::FitSettings;
+use crate::params::StreamPrior;
+use crate::population::AxisPosterior;
+use crate::posterior::column;
+use crate::stream::{DiscPlane, DiscSettings};
+use std::path::PathBuf;
+
+/// The direction that symmetry axes are compared with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AxisDirection {
+    /// The line of sight.
+    #[default]
+    LineOfSight,
+    /// The normal of the disc.
+    Disc,
+}
+
+/// Reads finished fits, and the cosine of the angle between axis and direction of each draw.
+///
+/// # Errors
+/// As of [`population`](super::population()) for fits that cannot be read or do not belong together; [`Error::NoColumn`] for a run without
+/// an axis; [`Error::InFile`] for a fit without a disc whose plane is free, if the direction is that of the disc.
+pub fn axis_posteriors(paths: &[PathBuf], direction: AxisDirection) -> Result<Vec<AxisPosterior>> {
+    let fits = read_fits(paths)?;
+    (fits.iter().zip(paths))
+        .map(|(fit, path)| {
+            let cosines = match direction {
+                AxisDirection::LineOfSight => column(&fit.stored.run, "axis_z")?.values,
+                AxisDirection::Disc => to_disc(fit).map_err(|source| Error::InFile {
+                    path: path.clone(),
+                    line: None,
+                    source: Box::new(source),
+                })?,
+            };
+            Ok(AxisPosterior {
+                name: fit.stored.name.clone(),
+                cosines: cosines.iter().map(|mu| mu.abs().min(1.0)).collect(),
+                weights: fit.stored.run.draws.weights(),
+                effective_size: fit.stored.summary.ess.max(1.0),
+            })
+        })
+        .collect()
+}
+
+/// The cosines of the angles between the symmetry axis and the normal of the disc.
+fn to_disc(fit: &StoredFit) -> Result<Vec<f64>> {
+    let FitSettings { prior, model, .. } = &fit.settings;
+    let is_free = |disc: &DiscSettings| disc.plane == DiscPlane::Angles;
+    if !model.baryons.disc.as_ref().is_some_and(is_free) {
+        return Err(Error::Setting {
+            key: "model.baryons.disc".to_owned(),
+            value: "no disc with angles of its own".to_owned(),
+            remedy: "give fits with a disc whose `plane` is \"angles\", or compare with the line of sight".to_owned(),
+        });
+    }
+    let prior = StreamPrior::new(prior)?;
+    let draws = &fit.stored.run.draws;
+    Ok((0..draws.len())
+        .map(|i| {
+            let params = prior.fill(draws.theta_row(i));
+            let axis = prior.shape(&params).axis;
+            model.baryons.at(&params, axis).disc.normal.dot(axis)
+        })
+        .collect())
+}
