@@ -148,13 +148,13 @@ impl ModelSettings {
         words
     }
 
-    /// Whether halo, disc, bulge and what the progenitor loses and is slowed by are of the same kinds as in other settings.
+    /// Whether halo, disc and bulge, mass loss, release rate and friction are those of other settings.
     #[must_use]
     pub fn has_host_of(&self, other: &Self) -> bool {
         self.with_host_of(other) == *self
     }
 
-    /// These settings with halo, disc, bulge and what the progenitor loses and is slowed by of others.
+    /// These settings with halo, disc and bulge, mass loss, release rate and friction of others.
     #[must_use]
     pub fn with_host_of(self, other: &Self) -> Self {
         Self {

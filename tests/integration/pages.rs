@@ -7,9 +7,10 @@ use oblate::params::{PARAMETERS, Parameter, REQUIRED};
 use std::path::{Path, PathBuf};
 
 /// The pages.
-pub const PAGES: [&str; 20] = [
+pub const PAGES: [&str; 21] = [
     "README.md",
     "CHANGELOG.md",
+    "docs/disc.md",
     "docs/faq.md",
     "docs/files.md",
     "docs/glossary.md",
