@@ -81,6 +81,23 @@ pub fn header_angle_deg(
 
 /// phi of the rows in degrees, counted from the progenitor, in the sense of the file.
 pub fn phi_deg(path: &Path, table: &Table, header: &Header) -> Result<Vec<f64>> {
+    let (angles, is_phi) = angles_deg(path, table, header)?;
+    if is_phi {
+        return Ok(angles);
+    }
+    let progenitor = progenitor_pa_deg(path, table, header)?;
+    from_progenitor(&angles, progenitor).ok_or_else(|| table.fail(path, TrackFault::PaOverATurn))
+}
+
+/// The position angle of the progenitor by the header, degrees.
+fn progenitor_pa_deg(path: &Path, table: &Table, header: &Header) -> Result<f64> {
+    header_angle_deg(header, "progenitor_pa")
+        .unwrap_or(Err(TrackFault::NoProgenitorPa))
+        .map_err(|fault| table.fail(path, fault))
+}
+
+/// The angles of the rows in degrees, and whether they are phi and not position angles.
+fn angles_deg(path: &Path, table: &Table, header: &Header) -> Result<(Vec<f64>, bool)> {
     let fail = |fault| table.fail(path, fault);
     let column = match (table.has("phi"), table.has("PA")) {
         (true, true) => return Err(fail(TrackFault::PhiAndPa)),
@@ -95,14 +112,30 @@ pub fn phi_deg(path: &Path, table: &Table, header: &Header) -> Result<Vec<f64>> 
             known: UNITS,
         })
     })?;
-    let angles: Vec<f64> = table.need(path, column)?.iter().map(|x| x * per).collect();
-    if column == "phi" {
+    let angles = table.need(path, column)?.iter().map(|x| x * per).collect();
+    Ok((angles, column == "phi"))
+}
+
+/// phi of single stars in degrees, as [`phi_deg`]. Position angles do not tell the turn: it is that of the nearest bin.
+pub fn star_phi_deg(
+    path: &Path,
+    stars: &Table,
+    header: &Header,
+    bins_deg: &[f64],
+) -> Result<Vec<f64>> {
+    let (angles, is_phi) = angles_deg(path, stars, header)?;
+    if is_phi {
         return Ok(angles);
     }
-    let progenitor = header_angle_deg(header, "progenitor_pa")
-        .unwrap_or(Err(TrackFault::NoProgenitorPa))
-        .map_err(fail)?;
-    from_progenitor(&angles, progenitor).ok_or_else(|| fail(TrackFault::PaOverATurn))
+    let progenitor = progenitor_pa_deg(path, stars, header)?;
+    let distance = |phi: f64, bin: f64| (phi - bin + 180.0).rem_euclid(360.0) - 180.0;
+    let nearest = |pa: &f64| {
+        let phi = pa - progenitor;
+        let from_bins = bins_deg.iter().map(|bin| (distance(phi, *bin), *bin));
+        let least = from_bins.min_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        least.map_or(phi, |(distance, bin)| bin + distance)
+    };
+    Ok(angles.iter().map(nearest).collect())
 }
 
 /// Position angles counted from that of the progenitor, without jumps by a turn; `None` for a track of a turn or more, whose

@@ -2,6 +2,7 @@
 
 use super::measured::Measured;
 use super::observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, SLACK, STARS};
+use super::star::StarVelocity;
 use crate::error::{Error, Result, TrackFault};
 use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinQuantity};
 use std::collections::BTreeMap;
@@ -54,6 +55,10 @@ pub fn fault(track: &ObservedTrack) -> Option<Fault> {
         .find_map(|row| row_fault(track, errors, row))
         .or_else(|| width_fault(track))
         .or_else(|| measured_fault(track))
+        .or_else(|| {
+            let faults = track.stars.iter().find_map(|star| star.fault(track));
+            faults.and_then(Fault::whole)
+        })
 }
 
 fn row_fault(
@@ -193,6 +198,7 @@ impl ObservedTrack {
             assumed_error: None,
             n: None,
             measured: BTreeMap::new(),
+            stars: Vec::new(),
             meta: BTreeMap::new(),
         };
         track.checked()
@@ -208,6 +214,15 @@ impl ObservedTrack {
         values: Vec<Option<Measured>>,
     ) -> Result<Self> {
         self.measured.insert(quantity, values);
+        self.checked()
+    }
+
+    /// The same track with velocities of single stars.
+    ///
+    /// # Errors
+    /// [`Error::Track`] if one is in no bin of the track, not finite or out of its range.
+    pub fn with_stars(mut self, stars: Vec<StarVelocity>) -> Result<Self> {
+        self.stars = stars;
         self.checked()
     }
 

@@ -243,7 +243,13 @@ pub fn text(track: &ObservedTrack) -> String {
     if let Some(n) = &track.n {
         columns.push(("n", "", cells(n), "stars in the bin"));
     }
-    for (quantity, rows) in &track.measured {
+    let mut measured = track.measured.clone();
+    if !track.stars.is_empty() {
+        // Stars have these columns too.
+        let none = || vec![None; track.len()];
+        measured.entry(BinQuantity::Velocity).or_insert_with(none);
+    }
+    for (quantity, rows) in &measured {
         let column = quantity.column();
         let [description, of_error] = match quantity {
             BinQuantity::Velocity => [
@@ -256,12 +262,8 @@ pub fn text(track: &ObservedTrack) -> String {
             ],
             BinQuantity::Density => ["stars per degree", "standard error of density"],
         };
-        // A quoted empty text is what astropy writes for a masked value.
         let cells = |of: fn(&Measured) -> f64| {
-            let cell = |m: &Option<Measured>| {
-                m.as_ref()
-                    .map_or_else(|| "\"\"".to_owned(), |m| number(of(m)))
-            };
+            let cell = |m: &Option<Measured>| m.as_ref().map_or_else(masked, |m| number(of(m)));
             rows.iter().map(cell).collect::<Vec<_>>()
         };
         let (values, errors) = (cells(|m| m.value), cells(|m| m.error));
@@ -304,7 +306,23 @@ pub fn text(track: &ObservedTrack) -> String {
         let values: Vec<&str> = columns.iter().map(|c| c.2[row].as_str()).collect();
         let _ = writeln!(out, "{}", values.join(","));
     }
+    for star in &track.stars {
+        let values: Vec<String> = (names.iter())
+            .map(|name| match *name {
+                "phi" => number(star.phi_deg),
+                "v" => number(star.v_km_s.value),
+                "v_err" => number(star.v_km_s.error),
+                _ => masked(),
+            })
+            .collect();
+        let _ = writeln!(out, "{}", values.join(","));
+    }
     out
+}
+
+/// What astropy writes for a masked value: a quoted empty text.
+fn masked() -> String {
+    "\"\"".to_owned()
 }
 
 /// A number, exact to the bit and short: no zeros before or after hundreds of others.

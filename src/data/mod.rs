@@ -20,6 +20,7 @@ mod mock;
 mod observed;
 mod read;
 mod selection;
+mod star;
 mod table;
 
 pub use angles::Handedness;
@@ -30,3 +31,4 @@ pub use mock::{Mock, MockSettings, Mocks, NUMBERS_OF_MOCKS, QPopulation, mocks, 
 pub use observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, STARS};
 pub use read::ReadOptions;
 pub use selection::{SELECTION_DRAWS, SELECTION_POINTS, Selection, selection};
+pub use star::StarVelocity;

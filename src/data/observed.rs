@@ -2,6 +2,7 @@
 
 use super::assumed_error::AssumedError;
 use super::measured::Measured;
+use super::star::StarVelocity;
 use crate::params::NAMES;
 use crate::track::BinQuantity;
 use serde::{Deserialize, Serialize};
@@ -49,6 +50,9 @@ pub struct ObservedTrack {
     /// What is measured beside the radii, bin by bin; a value may be missing in any bin, but not in all.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub measured: BTreeMap<BinQuantity, Vec<Option<Measured>>>,
+    /// Velocities of single stars.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stars: Vec<StarVelocity>,
     /// Everything else that the header says (origin, distance, truth), as it was read.
     pub meta: BTreeMap<String, serde_json::Value>,
 }
@@ -94,6 +98,18 @@ impl ObservedTrack {
             .iter()
             .map(|phi| bin_of(phi - offset_deg, self.bin_width_deg))
             .collect()
+    }
+
+    /// The whole number k of the bin, with data or without, that an angle in degrees is in.
+    #[must_use]
+    pub fn bin_at(&self, phi_deg: f64) -> i64 {
+        bin_of(phi_deg - self.offset_deg(), self.bin_width_deg)
+    }
+
+    /// Whether it has line-of-sight velocities: means in bins, or those of single stars.
+    #[must_use]
+    pub fn has_velocities(&self) -> bool {
+        !self.stars.is_empty() || self.measured.contains_key(&BinQuantity::Velocity)
     }
 
     /// Whether each radius has the same error to both sides.
@@ -145,6 +161,7 @@ impl ObservedTrack {
         self.name == other.name
             && columns(self) == columns(other)
             && self.measured == other.measured
+            && self.stars == other.stars
     }
 
     /// Whether the sign of phi was changed when it was read.
@@ -166,7 +183,7 @@ impl ObservedTrack {
     }
 }
 
-/// The number of the bin with this centre.
+/// The number of the bin that an angle is in: nearest to its centre.
 #[allow(
     clippy::cast_possible_truncation,
     reason = "checked tracks hold centres of a few turns at most; the cast saturates elsewhere"

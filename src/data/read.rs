@@ -1,11 +1,12 @@
 //! Files to tracks: finds the columns, applies the units, and turns each fault into an error with its line.
 
-use super::angles::{Handedness, header_angle_deg, phi_deg};
+use super::angles::{Handedness, header_angle_deg, phi_deg, star_phi_deg};
 use super::assumed_error::AssumedError;
 use super::ecsv::{self, Header, quantity};
 use super::header_keys::meant_by;
 use super::measured::Measured;
 use super::observed::{MIRRORED, ObservedTrack};
+use super::star::StarVelocity;
 use super::table::Table;
 use super::{check, csv_header};
 use crate::error::{Error, Result, TrackFault};
@@ -61,6 +62,7 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
         return Err(in_header(key, fault.clone()));
     }
 
+    let star_rows = table.take_rows_without("r");
     let handedness = match options.handedness {
         Some(handedness) => handedness,
         None => entry(&header, "handedness", "`as-given` or `mirrored`")
@@ -68,6 +70,11 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
             .unwrap_or_default(),
     };
     let mut phi_deg = phi_deg(path, &table, &header)?;
+    let star_angles = if star_rows.rows.is_empty() {
+        Vec::new()
+    } else {
+        star_phi_deg(path, &star_rows, &header, &phi_deg)?
+    };
     if handedness == Handedness::Mirrored {
         // Reversed, so that phi increases.
         table.rows.reverse();
@@ -108,6 +115,11 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
             .file_stem()
             .map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
     };
+    let mut measured = measured(path, &table, &header)?;
+    if !star_rows.rows.is_empty() {
+        // The columns may be those of the stars alone.
+        measured.retain(|_, rows| rows.iter().any(Option::is_some));
+    }
     // The first ones have been used and would be used twice; the last is astropy's note on how it packed its quantities.
     for key in [
         "name",
@@ -119,20 +131,24 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
     ] {
         header.meta.remove(key);
     }
-    let track = ObservedTrack {
+    let mut track = ObservedTrack {
         name,
         bin_width_deg,
         r_err_lo_kpc,
         r_err_hi_kpc,
         assumed_error: assumed,
         n: table.find(path, "n")?,
-        measured: measured(path, &table, &header)?,
+        measured,
+        stars: Vec::new(),
         phi_deg,
         r_kpc,
         meta: header.meta,
     };
     match check::fault(&track) {
-        None => Ok(track),
+        None => {
+            track.stars = stars(path, &star_rows, &star_angles, handedness, &track)?;
+            Ok(track)
+        }
         Some(found) => Err(Error::TrackFile {
             path: path.to_path_buf(),
             line: found
@@ -143,6 +159,54 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
             fault: found.fault,
         }),
     }
+}
+
+/// The single stars of a track, of which the rows have these angles in the sense of the file.
+fn stars(
+    path: &Path,
+    rows: &Table,
+    phi_deg: &[f64],
+    handedness: Handedness,
+    track: &ObservedTrack,
+) -> Result<Vec<StarVelocity>> {
+    let sign = match handedness {
+        Handedness::AsGiven => 1.0,
+        Handedness::Mirrored => -1.0,
+    };
+    let numbers = |column: &str| rows.find_sparse(path, column);
+    let (values, errors) = (numbers("v")?, numbers("v_err")?);
+    let mut stars = Vec::with_capacity(phi_deg.len());
+    for (row, phi) in phi_deg.iter().enumerate() {
+        let fail = |fault| {
+            Err(Error::TrackFile {
+                path: path.to_path_buf(),
+                line: Some(rows.rows[row].0),
+                fault,
+            })
+        };
+        let bad = |what: &str| {
+            fail(TrackFault::BadStar {
+                what: what.to_owned(),
+            })
+        };
+        let at = |column: &Option<Vec<Option<f64>>>| column.as_ref().and_then(|c| c[row]);
+        let (Some(value), Some(error)) = (at(&values), at(&errors)) else {
+            return bad("it lacks a velocity or its error");
+        };
+        let known = ["phi", "PA", "v", "v_err"];
+        if let Some(column) = rows.filled(row).iter().find(|name| !known.contains(name)) {
+            return bad(&format!("`{column}` is given"));
+        }
+        let star = StarVelocity {
+            phi_deg: sign * phi,
+            v_km_s: Measured { value, error },
+        };
+        if let Some(fault) = star.fault(track) {
+            return fail(fault);
+        }
+        stars.push(star);
+    }
+    Ok(stars)
 }
 
 /// An entry of the header that would be ignored: in ECSV a key that is nearly one that is read, in CSV a unit of a column that is not

@@ -129,6 +129,28 @@ impl Table {
         })
     }
 
+    /// Takes out the rows in which a column is empty, as a table of the same columns.
+    pub fn take_rows_without(&mut self, name: &str) -> Self {
+        let at = self.names.iter().position(|n| n == name);
+        let is_empty = |row: &(usize, Vec<String>)| at.is_some_and(|at| row.1[at].is_empty());
+        let (without, with) = self.rows.drain(..).partition(is_empty);
+        self.rows = with;
+        Self {
+            names: self.names.clone(),
+            names_line: self.names_line,
+            rows: without,
+        }
+    }
+
+    /// The columns that have something in a row.
+    pub fn filled(&self, row: usize) -> Vec<&str> {
+        let cells = self.names.iter().zip(&self.rows[row].1);
+        cells
+            .filter(|(_, cell)| !cell.is_empty())
+            .map(|(name, _)| name.as_str())
+            .collect()
+    }
+
     /// A fault at the line of the names.
     pub fn fail(&self, path: &Path, fault: TrackFault) -> Error {
         Error::TrackFile {

@@ -144,6 +144,22 @@ pub enum TrackFault {
         /// The column.
         column: &'static str,
     },
+    /// A row without a radius, which is that of a single star, has not what a star has.
+    #[error(
+        "a row without `r` is a single star: {what}; give it phi (or PA), `v` and `v_err` alone, or the row a radius"
+    )]
+    BadStar {
+        /// What it lacks or has in vain.
+        what: String,
+    },
+    /// A star is in no bin of the track.
+    #[error(
+        "the star at phi = {phi_deg} deg is in no bin that has a radius; leave it out, or give the bin its radius"
+    )]
+    StarOutside {
+        /// Its angle.
+        phi_deg: f64,
+    },
     /// An entry of the header is nearly one that is read.
     #[error(
         "`{key}` in the header is not read; write it as `{nearest}: value`, or use another word"

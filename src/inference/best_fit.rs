@@ -19,6 +19,7 @@ pub struct Diagnostics {
 /// - `bounded_tidal_radius`, `ambiguous_windings`: the approximations in the best fit's stream ([`Tally`](crate::Tally));
 /// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, with its jitter, and the number of data bins;
 /// - `best_fit_chi2_velocity` and `best_fit_velocities`, `_width` and `_widths`, `_density` and `_densities`: the same of what is measured beside the radii;
+/// - `best_fit_chi2_star_velocity` and `best_fit_star_velocities`: of single stars, whose errors have the scatter of the model's velocities in the bin;
 /// - `star_scatter`: if the track has numbers of stars, the variance of a mean over them by the best fit's scatter of radii, over that of the datum, mean
 ///   over bins. Errors that include the scatter of the stars have at most 1;
 /// - `density_on_minor_axis_msun_kpc3`: the halo's density on its symmetry axis, at the progenitor's distance from the centre.
@@ -72,6 +73,17 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
         }
         found.insert(chi2_name, chi2);
         found.insert(count_name, rows.iter().flatten().count() as f64);
+    }
+    if !track.stars.is_empty() {
+        let chi2 = track.stars.iter().filter_map(|star| {
+            let bin = track.bin_at(star.phi_deg);
+            let model = modelled.bins.iter().find(|b| b.bin == bin)?;
+            let scatter = model.v_err_km_s * model.n.sqrt();
+            let residual = (model.v_km_s - star.v_km_s.value) / star.v_km_s.error.hypot(scatter);
+            Some(residual * residual)
+        });
+        found.insert("best_fit_chi2_star_velocity", chi2.sum());
+        found.insert("best_fit_star_velocities", track.stars.len() as f64);
     }
     if !of_stars.is_empty() {
         found.insert_star_scatter(of_stars.iter().sum::<f64>() / of_stars.len() as f64);

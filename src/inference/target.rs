@@ -2,7 +2,7 @@
 
 use super::derived::{DERIVED, derived};
 use super::settings::FitSettings;
-use crate::data::{Measured, ObservedTrack, QuantityColumn};
+use crate::data::{Measured, ObservedTrack, QuantityColumn, StarVelocity};
 use crate::error::{Rejection, Result};
 use crate::likelihood::{BinMeasurement, DataBin, Evaluation, StreamLikelihood, TrackLikelihood};
 use crate::params::{DIM, FEATURES, StreamParams, StreamPrior, features, features_vjp, symmetry};
@@ -104,7 +104,7 @@ impl StreamTarget {
     }
 }
 
-/// Velocities, widths and densities of a track.
+/// Velocities, widths and densities of a track, and velocities of its stars.
 fn measurements(track: &ObservedTrack) -> Vec<BinMeasurement> {
     let bins = track.bins();
     let of_quantity = |(quantity, rows): (&BinQuantity, &Vec<Option<Measured>>)| {
@@ -114,11 +114,21 @@ fn measurements(track: &ObservedTrack) -> Vec<BinMeasurement> {
                 quantity: *quantity,
                 value,
                 error,
+                of_one_star: false,
             })
         };
         bins.iter().zip(rows).filter_map(of_row).collect::<Vec<_>>()
     };
-    track.measured.iter().flat_map(of_quantity).collect()
+    let of_star = |star: &StarVelocity| BinMeasurement {
+        bin: track.bin_at(star.phi_deg),
+        quantity: BinQuantity::Velocity,
+        value: star.v_km_s.value,
+        error: star.v_km_s.error,
+        of_one_star: true,
+    };
+    (track.measured.iter().flat_map(of_quantity))
+        .chain(track.stars.iter().map(of_star))
+        .collect()
 }
 
 /// Checks that a prior has what the data of a track need, and no parameter that these do not have.
@@ -136,14 +146,12 @@ fn check_measured(track: &ObservedTrack, prior: &StreamPrior) -> Result<()> {
         &of_densities,
         example,
     )?;
-    // Velocities need not have one.
-    if !has(BinQuantity::Velocity) {
-        prior.check_belongs("v_host_km_s", false, &columns(BinQuantity::Velocity), None)?;
+    if track.has_velocities() {
+        // They need not have the velocity of the host.
+        prior.check_both_sides("velocities tell")
+    } else {
+        prior.check_belongs("v_host_km_s", false, &columns(BinQuantity::Velocity), None)
     }
-    if has(BinQuantity::Velocity) {
-        prior.check_both_sides("velocities tell")?;
-    }
-    Ok(())
 }
 
 /// The result of an evaluation, for a sampler.

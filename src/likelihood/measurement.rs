@@ -22,6 +22,8 @@ pub struct BinMeasurement {
     pub value: f64,
     /// Its standard error.
     pub error: f64,
+    /// Whether it is the velocity of one star and not the mean: the scatter of the velocities in the bin adds to its error.
+    pub of_one_star: bool,
 }
 
 /// Added in quadrature to the model's width, kpc: a bin with a single particle has no width, where the root has no derivative.
@@ -137,6 +139,9 @@ impl Measurement {
         let per_weight = variance_factor / weight;
         // The model's value, and the variance of it by the number of particles.
         let (model, noise) = match self.datum.quantity {
+            BinQuantity::Velocity if self.datum.of_one_star => {
+                (mean + v_host, variance * (per_weight + 1.0))
+            }
             BinQuantity::Velocity => (mean + v_host, variance * per_weight),
             BinQuantity::Width => {
                 let width = (variance + LEAST_WIDTH_KPC * LEAST_WIDTH_KPC).sqrt() / distance_factor;

@@ -24,16 +24,26 @@ impl MeasuredPicture<'_> {
     #[must_use]
     pub fn svg(&self) -> Option<String> {
         let track = self.track;
-        let rows = track.measured.get(&self.quantity)?;
-        let data: Vec<(f64, Measured)> = (track.phi_deg.iter().zip(rows))
-            .filter_map(|(phi, measured)| Some((*phi, (*measured)?)))
+        let rows = track.measured.get(&self.quantity);
+        let in_bins = (track.phi_deg.iter().zip(rows.into_iter().flatten()))
+            .filter_map(|(phi, measured)| Some((*phi, (*measured)?)));
+        let is_velocity = self.quantity == BinQuantity::Velocity;
+        let of_stars = (track.stars.iter())
+            .filter(|_| is_velocity)
+            .map(|star| (star.phi_deg, star.v_km_s));
+        // Means in bins have full dots, single stars small ones.
+        let data: Vec<(f64, Measured, f64)> = (in_bins.map(|(phi, m)| (phi, m, 1.9)))
+            .chain(of_stars.map(|(phi, m)| (phi, m, 1.0)))
             .collect();
+        if data.is_empty() {
+            return None;
+        }
         let mut canvas = Canvas::new(320.0, 224.0);
         let width_deg = track.bin_width_deg;
         let band = Band::new(self.draws, width_deg);
         let ends = data
             .iter()
-            .flat_map(|(_, m)| [m.value - 1.5 * m.error, m.value + 1.5 * m.error]);
+            .flat_map(|(_, m, _)| [m.value - 1.5 * m.error, m.value + 1.5 * m.error]);
         let half = 0.5 * width_deg;
         let phi = track.phi_deg.iter().flat_map(|p| [p - half, p + half]);
         let axes = Axes {
@@ -44,10 +54,10 @@ impl MeasuredPicture<'_> {
         canvas.clipped(axes.rect, |canvas| {
             band.draw(canvas, &axes);
             self.best.draw(canvas, &axes, width_deg);
-            for (phi, m) in &data {
+            for (phi, m, radius) in &data {
                 let bar = [m.value - m.error, m.value + m.error].map(|end| axes.at(*phi, end));
                 canvas.line(&bar, INK, 0.7, "");
-                canvas.dot(axes.at(*phi, m.value), 1.9, INK, 1.0, "datum");
+                canvas.dot(axes.at(*phi, m.value), *radius, INK, 1.0, "datum");
             }
         });
         axes.frame(&mut canvas);

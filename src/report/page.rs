@@ -295,7 +295,7 @@ fn figures(out: &mut String, figures: &[Figure]) {
 }
 
 /// Words for the numbers of the best fit; others have their own name.
-const NUMBERS: [(&str, &str); 13] = [
+const NUMBERS: [(&str, &str); 15] = [
     ("best_fit_chi2", "\u{3c7}\u{b2} of the best fit"),
     ("best_fit_bins", "bins of the track"),
     (
@@ -307,6 +307,11 @@ const NUMBERS: [(&str, &str); 13] = [
         "\u{3c7}\u{b2} of the best fit by velocities",
     ),
     ("best_fit_velocities", "bins with a velocity"),
+    (
+        "best_fit_chi2_star_velocity",
+        "\u{3c7}\u{b2} of the best fit by velocities of stars",
+    ),
+    ("best_fit_star_velocities", "stars with a velocity"),
     (
         "best_fit_chi2_width",
         "\u{3c7}\u{b2} of the best fit by widths",

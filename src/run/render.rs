@@ -346,7 +346,11 @@ fn overlays(
     let caption = "Data, tracks of posterior draws, and the best fit; residuals in units of the data's errors; the best fit's particles \
                    on the sky";
     let mut figures = vec![("fit", caption, picture.svg())];
-    for &quantity in track.measured.keys() {
+    let has = |quantity: &BinQuantity| {
+        track.measured.contains_key(quantity)
+            || (*quantity == BinQuantity::Velocity && track.has_velocities())
+    };
+    for quantity in BinQuantity::ALL.into_iter().filter(has) {
         let picture = MeasuredPicture {
             track,
             quantity,

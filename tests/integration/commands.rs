@@ -19,9 +19,10 @@ sampling.nested = { n_live = 60, kernel = "random-slice", steps = 2, max_batches
 sampling.pt_hmc = { chain_sets = 2, rounds = 2, first_scans = 4, smc_particles = 20, mcmc_steps = 2, slice_updates = 1, surrogate = false, extensions = 0 }
 "#;
 
-/// Tracks that commands name: with radii alone, with a velocity, and with densities.
+/// Tracks that commands name: with radii alone, with velocities of a bin and of a star, and with densities.
 const TRACK: &str = "phi,r,r_err\n-25,49,1\n-15,57,1\n-5,63,1\n5,55,1\n15,54,1\n25,50,1\n";
-const VELOCITIES: &str = "phi,r,r_err,v,v_err\n-15,57,1,,\n-5,63,1,20,9\n5,55,1,,\n15,54,1,,\n";
+const VELOCITIES: &str =
+    "phi,r,r_err,v,v_err\n-15,57,1,,\n-5,63,1,20,9\n5,55,1,,\n15,54,1,,\n7,,,35,8\n";
 const DENSITIES: &str =
     "phi,r,r_err,density,density_err\n-15,57,1,30,9\n-5,63,1,50,9\n5,55,1,40,9\n";
 

@@ -5,7 +5,7 @@ mod mock;
 mod selection;
 
 use oblate::Error;
-use oblate::data::{Handedness, ObservedTrack, ReadOptions};
+use oblate::data::{Handedness, Measured, ObservedTrack, ReadOptions, StarVelocity};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -168,6 +168,62 @@ fn position_angles_count_from_the_progenitor() {
         .collect();
     let turn = format!("# progenitor_pa: 0\nPA,r,r_err\n{turn}40,60,1\n");
     assert_refused("csv", &turn, &["a whole turn", "give `phi`"]);
+}
+
+#[test]
+fn rows_without_a_radius_are_single_stars() {
+    let text = "phi,r,r_err,v,v_err,n\n-15,60,1,,,5\n-5,61,1,20,4,6\n5,62,1,,,7\n-3.5,,,31,6,\n9.5,,,-12.25,7,\n";
+    let track = csv(text);
+    assert_eq!((track.len(), track.stars.len()), (3, 2));
+    let star = StarVelocity {
+        phi_deg: -3.5,
+        v_km_s: Measured {
+            value: 31.0,
+            error: 6.0,
+        },
+    };
+    assert_eq!(track.stars[0], star);
+    assert_eq!(track.bin_at(-3.5), -1);
+    assert!(track.has_velocities());
+    // Velocities of stars alone.
+    let alone = csv(&text.replace("20,4", ","));
+    assert!(alone.measured.is_empty() && alone.has_velocities());
+    for track in [&track, &alone] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("stars.ecsv");
+        track.write(&path).unwrap();
+        assert_eq!(&ObservedTrack::read(&path).unwrap(), track);
+    }
+    let options = ReadOptions {
+        handedness: Some(Handedness::Mirrored),
+        ..ReadOptions::default()
+    };
+    let mirrored = read_csv(text, &options).unwrap();
+    assert_eq!(mirrored.stars[0].phi_deg.to_bits(), 3.5_f64.to_bits());
+    assert!(!mirrored.has_data_of(&track));
+    // Position angles over north: a star at 2 degrees is 12 degrees from a progenitor at 350.
+    let north = csv(
+        "# progenitor_pa: 350\nPA,r,r_err,v,v_err\n345,60,1,,\n355,61,1,,\n5,62,1,,\n2,,,31,6\n352,,,30,6\n",
+    );
+    let angles: Vec<f64> = north.stars.iter().map(|star| star.phi_deg).collect();
+    assert_eq!(angles, [12.0, 2.0]);
+    for (row, parts) in [
+        ("-3,,,31,,", ["single star", "error"]),
+        ("-3,,,,,", ["single star", "error"]),
+        ("-3,,,31,6,8", ["single star", "`n`"]),
+        ("-3,,1,31,6,", ["single star", "`r_err`"]),
+        ("33,,,31,6,", ["no bin", "33"]),
+        ("-3,,,31,-6,", ["line 7", "v_err"]),
+        ("-3,,,abc,6,", ["line 7", "abc"]),
+    ] {
+        assert_refused("csv", &format!("{text}{row}\n"), &parts);
+    }
+    assert!(track.clone().with_stars(vec![star; 3]).is_ok());
+    let far = StarVelocity {
+        phi_deg: 40.0,
+        ..star
+    };
+    assert!(track.with_stars(vec![far]).is_err());
 }
 
 #[test]

@@ -6,7 +6,7 @@ use oblate::orbit::State;
 use oblate::params::{PriorSettings, StreamParams, StreamPrior};
 use oblate::potential::{Baryons, Galaxy, HaloKind, HaloParameters, Host, HostParts, Plummer};
 use oblate::scalar::Vec3;
-use oblate::stream::{MassLoss, Model, ModelSettings, System};
+use oblate::stream::{MassLoss, Model, ModelSettings, ReleaseRate, System};
 use serde_json::Value;
 
 fn with(halo: HaloKind) -> ModelSettings {
@@ -182,4 +182,42 @@ fn the_coulomb_logarithm_belongs_to_friction() {
         .expect("accepted");
     let text = with(HaloKind::Nfw).host_in_words();
     assert!(text.contains("friction"), "{text}");
+}
+
+/// Masses times a factor, velocities times its root and the age over its root leave the track as it is, also with friction and weights: this
+/// is a move of the samplers.
+#[test]
+fn the_scaling_of_masses_velocities_and_age_keeps_the_stream() {
+    let settings = ModelSettings {
+        mass_loss: Some(MassLoss::Complete),
+        release_rate: ReleaseRate::Tidal,
+        ..with(HaloKind::Nfw)
+    };
+    let model = Model::new(&settings).expect("a model");
+    let mut params = StreamParams::from_array(THETA);
+    params.coulomb_logarithm = 2.0;
+    params.release_peaking = 1.2;
+    params.dissolved_at = 0.7;
+    params.log10_m_prog = 9.0;
+    let before = model.stream(&params).expect("a stream");
+    let factor = 1.7_f64;
+    params.log10_m_halo += factor.log10();
+    params.log10_m_prog += factor.log10();
+    for velocity in [
+        &mut params.vx0_km_s,
+        &mut params.vy0_km_s,
+        &mut params.vz0_km_s,
+    ] {
+        *velocity *= factor.sqrt();
+    }
+    params.age_gyr /= factor.sqrt();
+    let after = model.stream(&params).expect("a stream");
+    let mut bent = 0.0_f64;
+    for i in 0..before.len() {
+        assert!((before.weight(i) - after.weight(i)).abs() < 1e-9);
+        let apart = (before.x[i] - after.x[i]).hypot(before.y[i] - after.y[i]);
+        bent = bent.max(apart / before.x[i].hypot(before.y[i]));
+    }
+    // Steps are chosen alike; rounding grows along orbits.
+    assert!(bent < 1e-6, "{bent}");
 }

@@ -24,6 +24,7 @@ fn velocity(value: f64, error: f64) -> BinMeasurement {
         quantity: BinQuantity::Velocity,
         value,
         error,
+        of_one_star: false,
     }
 }
 
@@ -107,6 +108,27 @@ fn a_measurement_adds_the_logarithm_of_a_normal_distribution() {
     assert!((both - expected).abs() < 1e-5, "{both} {expected}");
 }
 
+/// A star differs from the mean by the scatter of the velocities in its bin, 20 km/s, besides its own error.
+#[test]
+fn one_star_has_the_scatter_of_its_bin() {
+    let quiet = LikelihoodSettings {
+        model_noise: false,
+        ..LikelihoodSettings::default()
+    };
+    let star = BinMeasurement {
+        of_one_star: true,
+        ..velocity(70.0, 5.0)
+    };
+    let observation = Observation {
+        v_host_km_s: 3.0,
+        ..Observation::default()
+    };
+    let found = added(star, &quiet, &sums(), &observation);
+    let variance: f64 = 400.0 + 25.0;
+    let expected = -0.5 * (13.0_f64.powi(2) / variance + variance.ln()) - LN_SQRT_2PI;
+    assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+}
+
 #[test]
 fn a_bin_without_particles_counts_as_missed_by_its_measurements_too() {
     let empty = Sums {
@@ -178,6 +200,7 @@ fn measured(likelihood: &StreamLikelihood, theta: &Theta) -> StreamLikelihood {
             quantity,
             value: bin.value(quantity) + error * (3.0 * (i as f64).cos()).max(-0.4),
             error,
+            of_one_star: quantity == BinQuantity::Velocity && i % 2 == 0,
         });
     }
     let model = likelihood.model().clone();
