@@ -56,7 +56,7 @@ pub fn fault(track: &ObservedTrack) -> Option<Fault> {
         .or_else(|| width_fault(track))
         .or_else(|| measured_fault(track))
         .or_else(|| {
-            let faults = track.stars.iter().find_map(|star| star.fault(track));
+            let faults = track.stars.iter().find_map(|star| star_fault(track, star));
             faults.and_then(Fault::whole)
         })
 }
@@ -111,6 +111,44 @@ fn row_fault(
                 previous_deg: track.phi_deg[row - 1],
             },
         );
+    }
+    None
+}
+
+/// What is wrong with a star of a track: it is in no bin of it, or a number is out of its range.
+pub fn star_fault(track: &ObservedTrack, star: &StarVelocity) -> Option<TrackFault> {
+    let column = BinQuantity::Velocity.column();
+    let Measured { value, error } = star.v_km_s;
+    for (name, number) in [
+        ("phi", star.phi_deg),
+        (column.value, value),
+        (column.error, error),
+    ] {
+        if !number.is_finite() {
+            return Some(TrackFault::NotFinite {
+                column: name,
+                value: number,
+            });
+        }
+    }
+    if !track.bins().contains(&track.bin_at(star.phi_deg)) {
+        return Some(TrackFault::StarOutside {
+            phi_deg: star.phi_deg,
+        });
+    }
+    for (name, number, range) in [
+        (column.value, value, &column.values),
+        (column.error, error, &column.errors),
+    ] {
+        if !range.contains(&number) {
+            return Some(TrackFault::OutOfRange {
+                column: name,
+                value: number,
+                lo: *range.start(),
+                hi: *range.end(),
+                unit: column.unit,
+            });
+        }
     }
     None
 }

@@ -201,7 +201,7 @@ fn stars(
             phi_deg: sign * phi,
             v_km_s: Measured { value, error },
         };
-        if let Some(fault) = star.fault(track) {
+        if let Some(fault) = check::star_fault(track, &star) {
             return fail(fault);
         }
         stars.push(star);
