@@ -1,6 +1,6 @@
 //! The checks that columns must pass to be a track, shared by files and tracks made in memory.
 
-use super::measured::Measured;
+use super::measured::{Measured, QuantityColumn};
 use super::observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, SLACK, STARS};
 use super::star::StarVelocity;
 use crate::error::{Error, Result, TrackFault};
@@ -117,33 +117,33 @@ fn row_fault(
 
 /// What is wrong with a star of a track: it is in no bin of it, or a number is out of its range.
 pub fn star_fault(track: &ObservedTrack, star: &StarVelocity) -> Option<TrackFault> {
-    let column = BinQuantity::Velocity.column();
-    let Measured { value, error } = star.v_km_s;
-    for (name, number) in [
-        ("phi", star.phi_deg),
-        (column.value, value),
-        (column.error, error),
-    ] {
-        if !number.is_finite() {
-            return Some(TrackFault::NotFinite {
-                column: name,
-                value: number,
-            });
-        }
+    let (column, value) = ("phi", star.phi_deg);
+    if !value.is_finite() {
+        return Some(TrackFault::NotFinite { column, value });
     }
-    if !track.bins().contains(&track.bin_at(star.phi_deg)) {
-        return Some(TrackFault::StarOutside {
+    value_fault(&BinQuantity::Velocity.column(), star.v_km_s).or_else(|| {
+        let is_in_bin = track.bins().contains(&track.bin_at(star.phi_deg));
+        (!is_in_bin).then_some(TrackFault::StarOutside {
             phi_deg: star.phi_deg,
-        });
-    }
-    for (name, number, range) in [
+        })
+    })
+}
+
+/// What is wrong with a value or its error.
+fn value_fault(column: &QuantityColumn, measured: Measured) -> Option<TrackFault> {
+    let Measured { value, error } = measured;
+    for (name, value, range) in [
         (column.value, value, &column.values),
         (column.error, error, &column.errors),
     ] {
-        if !range.contains(&number) {
+        if !value.is_finite() {
+            let column = name;
+            return Some(TrackFault::NotFinite { column, value });
+        }
+        if !range.contains(&value) {
             return Some(TrackFault::OutOfRange {
                 column: name,
-                value: number,
+                value,
                 lo: *range.start(),
                 hi: *range.end(),
                 unit: column.unit,
@@ -160,29 +160,11 @@ fn measured_fault(track: &ObservedTrack) -> Option<Fault> {
             let column = column.value;
             return Fault::whole(TrackFault::NeverMeasured { column });
         }
-        for (row, measured) in rows.iter().enumerate() {
-            let Some(Measured { value, error }) = *measured else {
-                continue;
-            };
-            for (name, value, range) in [
-                (column.value, value, &column.values),
-                (column.error, error, &column.errors),
-            ] {
-                if !value.is_finite() {
-                    let column = name;
-                    return Fault::at(row, TrackFault::NotFinite { column, value });
-                }
-                if !range.contains(&value) {
-                    let fault = TrackFault::OutOfRange {
-                        column: name,
-                        value,
-                        lo: *range.start(),
-                        hi: *range.end(),
-                        unit: column.unit,
-                    };
-                    return Fault::at(row, fault);
-                }
-            }
+        let of_row = |(row, measured): (usize, &Option<Measured>)| {
+            Fault::at(row, value_fault(&column, (*measured)?)?)
+        };
+        if let Some(fault) = rows.iter().enumerate().find_map(of_row) {
+            return Some(fault);
         }
     }
     None

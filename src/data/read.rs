@@ -117,8 +117,10 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
     };
     let mut measured = measured(path, &table, &header)?;
     if !star_rows.rows.is_empty() {
-        // The columns may be those of the stars alone.
-        measured.retain(|_, rows| rows.iter().any(Option::is_some));
+        // The columns of velocities may be those of the stars alone.
+        measured.retain(|quantity, rows| {
+            *quantity != BinQuantity::Velocity || rows.iter().any(Option::is_some)
+        });
     }
     // The first ones have been used and would be used twice; the last is astropy's note on how it packed its quantities.
     for key in [

@@ -340,14 +340,13 @@ impl StreamLikelihood {
         let grid = self.track.grid_from(real_parts.phi0_deg);
         let offset_deg = -observation.phi0_deg + self.track.grid().offset_deg;
         let velocities = self.track.has(BinQuantity::Velocity);
-        let mut of_release_times = Vec::with_capacity(particles.len());
-        for weight in &solution.releases.weights {
-            let len = of_release_times.len() + self.model.table().per_release_time;
-            of_release_times.resize(len, *weight);
-        }
+        let per_release_time = self.model.table().per_release_time;
+        let weights: Vec<S> = (solution.releases)
+            .weights_of_particles(per_release_time)
+            .collect();
         grid.sum_final_particles(
             &particles,
-            &of_release_times,
+            &weights,
             neighbourhood,
             offset_deg,
             velocities,

@@ -108,28 +108,19 @@ pub(super) struct OrbitStep<S> {
 impl<S: Scalar> OrbitStep<S> {
     /// The acceleration in units of the step, at a time before its end in units of the step, where position and velocity are these.
     #[inline(always)]
-    pub fn acceleration(
+    pub fn acceleration<F: OrbitForce<S>>(
         &self,
-        force: &impl OrbitForce<S>,
+        force: &F,
         x: Vec3<S>,
         dx: Vec3<S>,
         before: f64,
     ) -> Vec3<S> {
-        force.orbit_acceleration(
-            x,
-            self.velocity(force, dx),
-            self.tau - before * self.tau_length,
-        ) * self.length2
-    }
-
-    /// The velocity in kpc/Gyr, if the force depends on it.
-    #[inline(always)]
-    fn velocity<F: OrbitForce<S>>(&self, _: &F, dx: Vec3<S>) -> Vec3<S> {
-        if F::DEPENDS_ON_VELOCITY {
+        let v = if F::DEPENDS_ON_VELOCITY {
             dx * (S::one() / self.length2.sqrt())
         } else {
             dx
-        }
+        };
+        force.orbit_acceleration(x, v, self.tau - before * self.tau_length) * self.length2
     }
 }
 

@@ -49,10 +49,7 @@ impl Particles {
     /// Sets the weights to those of release times with `per_release_time` particles each.
     pub(super) fn set_weights(&mut self, releases: &Releases<f64>, per_release_time: usize) {
         self.weights.clear();
-        for weight in &releases.weights {
-            let len = self.weights.len() + per_release_time;
-            self.weights.resize(len, *weight);
-        }
+        (self.weights).extend(releases.weights_of_particles(per_release_time));
     }
 
     /// The weight of particle number `i`.

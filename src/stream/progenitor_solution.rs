@@ -145,6 +145,14 @@ impl<S: Scalar> Default for Releases<S> {
     }
 }
 
+impl<S: Scalar> Releases<S> {
+    /// The weights of the particles, in the order of the table, which has `per_release_time` of each release time; none if all are 1.
+    pub fn weights_of_particles(&self, per_release_time: usize) -> impl Iterator<Item = S> {
+        let of_release_time = move |weight: &S| std::iter::repeat_n(*weight, per_release_time);
+        self.weights.iter().flat_map(of_release_time)
+    }
+}
+
 impl<S: Real> Releases<S> {
     /// Computes those of a table in these buffers.
     #[inline(always)]

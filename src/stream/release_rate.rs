@@ -77,8 +77,8 @@ impl<S: Real> ReleaseLaw<S> {
     }
 }
 
-/// Divides weights by their mean; none are all 1. Returns the mean of their squares: how many times larger the variance of a mean over all particles is than
-/// with even weights.
+/// Divides weights by their mean. Returns the mean of their squares: how many times larger the variance of a mean over all particles is
+/// than with even weights; 1 without weights, which are then all 1.
 #[inline(always)]
 pub(super) fn normalise<S: Real>(weights: &mut [S]) -> S {
     if weights.is_empty() {

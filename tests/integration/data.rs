@@ -218,6 +218,9 @@ fn rows_without_a_radius_are_single_stars() {
     ] {
         assert_refused("csv", &format!("{text}{row}\n"), &parts);
     }
+    // A column of another quantity must still have a value somewhere.
+    let empty = "phi,r,r_err,v,v_err,width,width_err\n-15,60,1,,,,\n-5,61,1,,,,\n5,62,1,,,,\n-3.5,,,31,6,,\n";
+    assert_refused("csv", empty, &["`width` is empty"]);
     assert!(track.clone().with_stars(vec![star; 3]).is_ok());
     let far = StarVelocity {
         phi_deg: 40.0,
