@@ -276,7 +276,7 @@ enum Cut {
 /// `count` mocks: draw number i of `seed` is the same whatever else is drawn, and on any number of threads.
 ///
 /// # Errors
-/// Those of [`MockSettings::check`] and [`ModelSettings::check_prior`];
+/// Those of [`MockSettings::check`] and [`ModelSettings::check_distributions`];
 /// [`Error::OutOfRange`] for a `count` that is none of [`NUMBERS_OF_MOCKS`]; [`Error::TooMuchMemory`] by the
 /// estimate of [`ModelSettings::memory`] for the threads of the present rayon pool; [`Error::TooFewMocks`] if too few draws meet the
 /// criteria.
@@ -307,7 +307,7 @@ pub fn mocks_with(
         .model
         .memory(rayon::current_num_threads())
         .check()?;
-    settings.model.check_prior(prior)?;
+    settings.model.check_distributions(prior)?;
     settings.check_prior(prior)?;
     let model = Model::new(&settings.model)?;
     let mut found = Mocks {

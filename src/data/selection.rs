@@ -94,7 +94,7 @@ impl Selection {
 /// number of values of q that are done.
 ///
 /// # Errors
-/// Those of [`MockSettings::check`] and [`ModelSettings::check_prior`](crate::stream::ModelSettings::check_prior);
+/// Those of [`MockSettings::check`] and [`ModelSettings::check_distributions`](crate::stream::ModelSettings::check_prior);
 /// [`Error::OutOfRange`] for numbers of points, draws or seeds that are not allowed;
 /// [`Error::Setting`] for settings with a population of q; [`Error::TooMuchMemory`] as of [`mocks`](super::mocks()); [`Error::TooFewMocks`] if
 /// no draw of some q meets the criteria.
@@ -121,7 +121,7 @@ pub fn selection(
         .model
         .memory(rayon::current_num_threads())
         .check()?;
-    settings.model.check_prior(prior)?;
+    settings.model.check_distributions(prior)?;
     let model = Model::new(&settings.model)?;
     let (lo, hi) = (prior.settings().q_min, prior.settings().q_max);
     let mut found = Selection {

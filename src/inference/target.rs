@@ -29,7 +29,7 @@ impl StreamTarget {
     /// likelihood; [`Error::TooMuchMemory`](crate::Error::TooMuchMemory) if the model needs too much memory.
     pub fn from_track(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         let prior = StreamPrior::new(&settings.prior)?;
-        settings.model.check_prior(&prior)?;
+        settings.model.check_distributions(&prior)?;
         check_measured(track, &prior)?;
         let model = Model::new(&settings.model)?;
         let data: Vec<DataBin> = track

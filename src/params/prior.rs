@@ -300,19 +300,29 @@ impl StreamPrior {
     /// # Errors
     /// [`Error::Setting`] if its distance has the default prior, which is that of a galaxy and a track without sides.
     pub fn check_both_sides(&self, reason: &str) -> Result<()> {
-        let PriorSettings {
-            fixed, marginals, ..
-        } = &self.settings;
-        if fixed.z0_kpc.is_some() || marginals.z0_kpc != PriorSettings::default().marginals.z0_kpc {
+        let remedy = format!(
+            "{reason} the near side of the galaxy from the far one, so that the progenitor may be on either: give a normal \
+             distribution, such as {{ kind = \"normal\", mean = 0, sd = 150 }}"
+        );
+        self.check_not_default("z0_kpc", "the half-normal default", &remedy)
+    }
+
+    /// Checks that a parameter of every stream is fixed or has another distribution than the default, which `value` names in the message.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] with this remedy if it has the default.
+    pub fn check_not_default(&self, name: &str, value: &str, remedy: &str) -> Result<()> {
+        let has_default = |index: usize| {
+            let own = self.settings.marginals.to_array()[index];
+            self.free.contains(&index) && own == default_marginals().to_array()[index]
+        };
+        if !index_of(name).is_some_and(has_default) {
             return Ok(());
         }
         Err(Error::Setting {
-            key: "prior.marginals.z0_kpc".to_owned(),
-            value: "the half-normal default".to_owned(),
-            remedy: format!(
-                "{reason} the near side of the galaxy from the far one, so that the progenitor may be on either: give a normal \
-                 distribution, such as {{ kind = \"normal\", mean = 0, sd = 150 }}"
-            ),
+            key: format!("prior.marginals.{name}"),
+            value: value.to_owned(),
+            remedy: remedy.to_owned(),
         })
     }
 

@@ -5,7 +5,8 @@
 //! |---|---|---|
 //! | `posterior` | each parameter and derived quantity by name | chain, draw |
 //! | `sample_stats` | `ln_likelihood`, `lp` (ln of likelihood times prior density) | chain, draw |
-//! | `observed_data` | `phi`, `r`, `r_err` (or `r_err_lo` and `r_err_hi`; and `n`) of the track | bin |
+//! | `observed_data` | `phi`, `r`, `r_err` (or `r_err_lo` and `r_err_hi`) of the track, and its other columns | bin |
+//! | | `star_phi`, `star_v`, `star_v_err` of velocities of single stars | star |
 //! | `prior` | each parameter and derived quantity by name | chain, draw |
 //! | `weighted` | `theta`, `derived`, `ln_weight`, `ln_likelihood`, `chain`, `cluster`: the sampler's own draws, to the bit | row, ... |
 //! | `history` | the path of the run from the prior to the posterior | step, insertion, temperature or chain set |

@@ -184,6 +184,24 @@ impl ModelSettings {
         friction::check_prior(self.dynamical_friction, prior)
     }
 
+    /// Checks a prior that parameters are drawn from: as [`check_prior`](Self::check_prior), and its distributions suit the halo.
+    ///
+    /// # Errors
+    /// Those of `check_prior`; [`Error::Setting`](crate::Error::Setting) if the mass of a logarithmic halo has the default distribution, which is
+    /// that of NFW haloes.
+    pub fn check_distributions(&self, prior: &StreamPrior) -> Result<()> {
+        self.check_prior(prior)?;
+        if self.halo == HaloKind::Logarithmic {
+            prior.check_not_default(
+                "log10_m_halo",
+                "the default, which is that of NFW haloes",
+                "a logarithmic halo has the circular velocity v0, v0^2 = G M / R_s, and most masses of this default would make it faster than \
+                 500 km/s: give a distribution, such as { kind = \"uniform\", lo = 10, hi = 12.5 }",
+            )?;
+        }
+        Ok(())
+    }
+
     /// Checks that every number, those of the releases too, is in its range of docs/limits.md.
     ///
     /// # Errors

@@ -1,17 +1,25 @@
 //! The files and folders that the writer makes, so that nothing else is checked or removed.
 
 use super::store::METADATA;
+use crate::data::QuantityColumn;
+use crate::track::BinQuantity;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+
+/// The group of the track, which has the columns of what is measured and [`OF_STARS`] as well.
+const OBSERVED_DATA: &str = "observed_data";
+
+/// Arrays of single stars: angles, velocities and their errors.
+pub(super) const OF_STARS: [&str; 3] = ["star_phi", "star_v", "star_v_err"];
 
 /// Groups, and their arrays beside those that the run names.
 const GROUPS: [(&str, &[&str]); 7] = [
     ("posterior", &["chain", "draw"]),
     ("sample_stats", &["chain", "draw", "ln_likelihood", "lp"]),
     (
-        "observed_data",
+        OBSERVED_DATA,
         &["phi", "r", "r_err", "r_err_lo", "r_err_hi", "n"],
     ),
     ("prior", &["chain", "draw"]),
@@ -64,6 +72,15 @@ pub(super) const SURROGATE: [&str; 3] = ["features", "outputs", "parameters"];
 /// Groups that have an array for each parameter and each derived quantity.
 const NAMED_BY_THE_RUN: [&str; 2] = ["posterior", "prior"];
 
+/// Whether the track has an array of this name for what is measured in its bins or of single stars.
+fn is_measured(name: &str) -> bool {
+    let of_bins = BinQuantity::ALL.iter().any(|quantity| {
+        let QuantityColumn { value, error, .. } = quantity.column();
+        [value, error].contains(&name)
+    });
+    of_bins || OF_STARS.contains(&name)
+}
+
 /// Most dimensions of an array: its only chunk is a file `0` in this many folders at most, the first called `c`.
 const DIMENSIONS: usize = 2;
 
@@ -108,7 +125,8 @@ impl Place {
                 // Where the names of the run cannot be read, any may be one of them.
                 let named = NAMED_BY_THE_RUN.contains(group)
                     && of_the_run.is_none_or(|names| names.contains(name));
-                (arrays.contains(&name) || named).then_some(Self::Array)
+                let measured = *group == OBSERVED_DATA && is_measured(name);
+                (arrays.contains(&name) || named || measured).then_some(Self::Array)
             }
             Self::Array => (name == "c").then_some(Self::Chunk(DIMENSIONS - 1)),
             Self::Chunk(more) => (name == "0").then(|| more.checked_sub(1).map(Self::Chunk))?,

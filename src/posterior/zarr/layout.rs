@@ -1,9 +1,10 @@
 //! The arrays of a posterior file: which array holds what.
 
-use super::entries::SURROGATE;
+use super::entries::{OF_STARS, SURROGATE};
 use super::store::{Store, text};
-use crate::data::{Measured, ObservedTrack};
+use crate::data::{Measured, ObservedTrack, StarVelocity};
 use crate::error::{ArrayFault, Result};
+use crate::track::BinQuantity;
 use oblate_samplers::output::{Draws, History, Method};
 use oblate_samplers::rng::{Domain, stream, unit_open};
 use oblate_samplers::surrogate::Surrogate;
@@ -121,6 +122,43 @@ pub fn write_posterior(store: &Store, run: &Run, prior: Option<&Prior>) -> Resul
 /// Writes group `observed_data`.
 pub fn write_track(store: &Store, track: &ObservedTrack) -> Result<()> {
     store.group("/observed_data", &text(&[("name", &track.name)]))?;
+    write_columns(store, "bin", bin_columns(track))?;
+    write_columns(store, "star", star_columns(&track.stars))
+}
+
+/// Name, unit and values of a variable of the data.
+type Column = (&'static str, &'static str, Vec<f64>);
+
+/// Writes variables of the group `observed_data` along one dimension.
+fn write_columns(store: &Store, dim: &str, columns: Vec<Column>) -> Result<()> {
+    for (name, unit, values) in columns {
+        store.array(
+            &format!("/observed_data/{name}"),
+            &[(dim, values.len())],
+            &values,
+            text(&[("units", unit)]),
+        )?;
+    }
+    Ok(())
+}
+
+/// The velocities of single stars; none of a track without such.
+fn star_columns(stars: &[StarVelocity]) -> Vec<Column> {
+    if stars.is_empty() {
+        return Vec::new();
+    }
+    let of = |value: fn(&StarVelocity) -> f64| stars.iter().map(value).collect();
+    let unit = BinQuantity::Velocity.column().unit;
+    let [phi, v, v_err] = OF_STARS;
+    vec![
+        (phi, "deg", of(|star| star.phi_deg)),
+        (v, unit, of(|star| star.v_km_s.value)),
+        (v_err, unit, of(|star| star.v_km_s.error)),
+    ]
+}
+
+/// What is measured in each bin.
+fn bin_columns(track: &ObservedTrack) -> Vec<Column> {
     let mut columns = vec![
         ("phi", "deg", track.phi_deg.clone()),
         ("r", "kpc", track.r_kpc.clone()),
@@ -145,15 +183,7 @@ pub fn write_track(store: &Store, track: &ObservedTrack) -> Result<()> {
         columns.push((column.value, column.unit, values(|m| m.value)));
         columns.push((column.error, column.unit, values(|m| m.error)));
     }
-    for (name, unit, values) in columns {
-        store.array(
-            &format!("/observed_data/{name}"),
-            &[("bin", track.len())],
-            &values,
-            text(&[("units", unit)]),
-        )?;
-    }
-    Ok(())
+    columns
 }
 
 /// Writes group `weighted`: the sampler's own draws with weights and labels.

@@ -77,3 +77,24 @@ fn fits_in_several_haloes_are_compared_by_their_evidence() {
     let output = oblate(&["compare", &one, &one], "");
     assert!(output.stderr.is_empty(), "{output:?}");
 }
+
+#[test]
+fn a_logarithmic_halo_is_fitted_with_a_prior_of_its_own() {
+    let (folder, config, track) = small_fit();
+    let evaluate = |more: &[&str]| {
+        let arguments = ["evaluate", &track, "--config", &config, "--halo"];
+        oblate(&[&arguments[..], more].concat(), "")
+    };
+    let output = evaluate(&["logarithmic"]);
+    refused(
+        &output,
+        &["prior.marginals.log10_m_halo", "circular velocity"],
+    );
+    // Other haloes have the default.
+    assert!(evaluate(&["nfw-density"]).status.success());
+
+    let out = folder.path().join("mocks").display().to_string();
+    let arguments = ["mock", "--count", "1", "--out", &out, "--halo"];
+    let output = oblate(&[&arguments[..], &["logarithmic"]].concat(), "");
+    refused(&output, &["prior.marginals.log10_m_halo"]);
+}

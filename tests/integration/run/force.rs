@@ -6,9 +6,11 @@ use crate::cli::{oblate, refused};
 use crate::folders::{copy, tree};
 use crate::runs;
 use oblate::Error;
+use oblate::data::{Measured, ObservedTrack, StarVelocity};
 use oblate::error::OutputFault;
 use oblate::posterior::zarr;
 use oblate::run::LockedFolder;
+use oblate::track::BinQuantity;
 use std::fs;
 use std::path::Path;
 
@@ -103,11 +105,30 @@ fn a_run_folder_with_anything_foreign_at_any_depth_is_kept_whole() {
     }
 }
 
+/// A track with everything that a bin may have, and a star.
+fn with_all_quantities() -> ObservedTrack {
+    let mut track = super::track();
+    let measured = Measured {
+        value: 7.0,
+        error: 0.5,
+    };
+    for quantity in BinQuantity::ALL {
+        let rows = vec![Some(measured), None, None];
+        track.measured.insert(quantity, rows);
+    }
+    track.stars.push(StarVelocity {
+        phi_deg: 7.0,
+        v_km_s: measured,
+    });
+    track
+}
+
 #[test]
 fn all_that_runs_and_reports_write_is_removed_and_nothing_beside_the_folder() {
     let temporary = tempfile::tempdir().unwrap();
     let path = temporary.path().join("fit");
     fs::write(temporary.path().join("thesis.tex"), "chapter one").unwrap();
+    let track = with_all_quantities();
     for run in [
         runs::nested(100, 1),
         runs::tempered(80, 2),
@@ -117,11 +138,15 @@ fn all_that_runs_and_reports_write_is_removed_and_nothing_beside_the_folder() {
         finished(&path.join("coarse"));
         fs::remove_dir_all(path.join("posterior.zarr")).unwrap();
         let extras = zarr::Extras {
-            track: Some(&super::track()),
+            track: Some(&track),
             prior: Some(&run.draws),
             ..zarr::Extras::default()
         };
         zarr::write(&path.join("posterior.zarr"), &run, extras).unwrap();
+        for array in ["v_err", "width", "density", "star_v"] {
+            let at = path.join("posterior.zarr/observed_data").join(array);
+            assert!(at.is_dir(), "{array}");
+        }
         fs::create_dir(path.join(".oblate-tmp-Q1w2E3")).unwrap();
         zarr::write(
             &path.join(".oblate-tmp-Q1w2E3/posterior.zarr"),
