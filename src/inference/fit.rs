@@ -158,6 +158,7 @@ pub fn summarize(
         marginal_information: information_of_fit(target, run),
         command: command.to_owned(),
         assumptions: track.assumptions(),
+        halo: Some(target.likelihood().model().settings().halo),
         q_prior: Some(target.stream_prior().q_prior()),
         warnings: found.warnings,
         model_checks,

@@ -28,6 +28,10 @@ impl fmt::Display for Summary {
             writeln!(f, "{influence}")?;
         }
         writeln!(f, "ln Z = {:.3} +- {:.3}", self.ln_z.value, self.ln_z.error)?;
+        if let Some(halo) = self.halo {
+            let surfaces = halo.flattened();
+            writeln!(f, "q is the axis ratio of the {surfaces} (halo {halo}).")?;
+        }
         let header = ["quantity", "median", "68 % interval", "95 % interval"];
         writeln!(
             f,

@@ -9,6 +9,7 @@ use super::population_summary::PopulationSummary;
 use super::zarr::Checksum;
 use crate::error::{Error, Result};
 use crate::params::QPrior;
+use crate::potential::HaloKind;
 use oblate_samplers::output::{Check, Cost, Method, Status};
 use oblate_samplers::{Run, read};
 use serde::{Deserialize, Serialize};
@@ -39,6 +40,8 @@ pub struct SummaryContext {
     pub command: String,
     /// What was assumed about the data, one sentence each.
     pub assumptions: Vec<String>,
+    /// The kind of halo of a fit.
+    pub halo: Option<HaloKind>,
     /// The prior on q, where q is measured.
     pub q_prior: Option<QPrior>,
     /// More warnings, each with its remedy (the model's own: density below zero).
@@ -105,6 +108,9 @@ pub struct Summary {
     /// Every derived quantity by name, in the run's order.
     #[serde(with = "json::ordered")]
     pub derived: Vec<(String, Interval)>,
+    /// The kind of halo of a fit, and with it what q is the axis ratio of.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub halo: Option<HaloKind>,
     /// The prior that the fit put on q.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub q_prior: Option<QPrior>,
@@ -196,6 +202,7 @@ impl Summary {
                 .map(|(_, interval)| interval.clone()),
             parameters,
             derived,
+            halo: context.halo,
             q_prior: context.q_prior,
             modes: mode_weights(run),
             population: context.population.clone(),

@@ -19,6 +19,15 @@ pub enum HaloKind {
 }
 
 impl HaloKind {
+    /// What q is the axis ratio of: surfaces of equal `potential` or of equal `density`.
+    #[must_use]
+    pub const fn flattened(self) -> &'static str {
+        match self {
+            Self::Nfw | Self::Logarithmic => "potential",
+            Self::NfwDensity | Self::NfwTriaxial => "density",
+        }
+    }
+
     /// Whether it is that of settings that name none.
     #[must_use]
     #[allow(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]

@@ -1,4 +1,4 @@
-//! The orientation modes on the sky: in each the stream of its best draw, and the outlines of the halo's equipotentials.
+//! The orientation modes on the sky: in each the stream of its best draw, and outlines of the halo.
 
 use super::axes::Axes;
 use super::canvas::{Anchor, COLOURS, Canvas, GREY, INK};
@@ -6,16 +6,16 @@ use super::curve::Curve;
 use super::fit::data_on_sky;
 use crate::data::ObservedTrack;
 use crate::posterior::ModeWeight;
+use crate::potential::HaloParameters;
+use crate::scalar::Vec3;
 
 /// One mode, by its draw of the highest ln L.
 #[derive(Clone, Debug)]
 pub struct ModePicture {
     /// The mode and its weight.
     pub weight: ModeWeight,
-    /// Axis ratio of the halo.
-    pub q: f64,
-    /// Symmetry axis of the halo, a unit vector.
-    pub axis: [f64; 3],
+    /// The halo.
+    pub halo: HaloParameters<f64>,
     /// Particles on the sky, (x, y) in kpc.
     pub particles: Vec<(f64, f64)>,
     /// Its track.
@@ -35,28 +35,33 @@ const TOP: f64 = 30.0;
 /// Panels in a row.
 const COLUMNS: usize = 3;
 
-/// Semi-axes across the symmetry axis of the equipotentials that are drawn, as fractions of the half-width of the panel.
-const EQUIPOTENTIALS: [f64; 3] = [0.25, 0.5, 0.75];
+/// Semi-axes, across the axes of q and p, of the outlines that are drawn, as fractions of the half-width of the panel.
+const OUTLINES: [f64; 3] = [0.25, 0.5, 0.75];
 
 /// Points of an outline.
 const POINTS: u32 = 90;
 
-/// The outline on the sky of the spheroid R^2 + z^2 / q^2 = a^2, an ellipse: `a` across the projected axis, and along it
-/// `a sqrt(q^2 sin^2 i + cos^2 i)` with the inclination i of the axis to the line of sight.
+/// The square of an axis ratio, from its `1/q^2 - 1`.
+fn squared_ratio(flattening: f64) -> f64 {
+    1.0 / (1.0 + flattening)
+}
+
+/// The outline on the sky of the ellipsoid m = `a`, whose semi-axes are `a q` and `a p` along the two axes of the halo and `a` across them. It is the
+/// ellipse `u M^-1 u = a^2`, where M is the part on the sky of the matrix with the squared axis ratios.
 #[must_use]
-pub fn outline(q: f64, axis: [f64; 3], a: f64) -> Vec<(f64, f64)> {
-    let sin_i = axis[0].hypot(axis[1]);
-    let (along_x, along_y) = if sin_i > 0.0 {
-        (axis[0] / sin_i, axis[1] / sin_i)
-    } else {
-        (1.0, 0.0)
-    };
-    let along = a * (q * sin_i).hypot(axis[2]);
+pub fn outline(halo: &HaloParameters<f64>, a: f64) -> Vec<(f64, f64)> {
+    let (n, b) = (halo.axis, halo.second.axis);
+    let along_n = squared_ratio(halo.flattening) - 1.0;
+    let along_b = squared_ratio(halo.second.flattening) - 1.0;
+    let m = |of: fn(Vec3<f64>) -> f64| along_n * of(n) + along_b * of(b);
+    // The lower triangle of the Cholesky factor of M.
+    let xx = (1.0 + m(|v| v.x * v.x)).sqrt();
+    let xy = m(|v| v.x * v.y) / xx;
+    let yy = (1.0 + m(|v| v.y * v.y) - xy * xy).sqrt();
     (0..=POINTS)
         .map(|k| {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(POINTS)).sin_cos();
-            let (u, v) = (along * cos, a * sin);
-            (u * along_x - v * along_y, u * along_y + v * along_x)
+            (a * xx * cos, a * (xy * cos + yy * sin))
         })
         .collect()
 }
@@ -108,11 +113,11 @@ fn panel(canvas: &mut Canvas, axes: &Axes, track: &ObservedTrack, mode: &ModePic
         points.iter().map(|(x, y)| axes.at(*x, *y)).collect()
     };
     canvas.clipped(axes.rect, |canvas| {
-        for fraction in EQUIPOTENTIALS {
-            let ellipse = outline(mode.q, mode.axis, fraction * far);
+        for fraction in OUTLINES {
+            let ellipse = outline(&mode.halo, fraction * far);
             canvas.line(&on_sheet(&ellipse), GREY, 0.8, "3 2");
         }
-        let [x, y, _] = mode.axis.map(|component| 0.25 * far * component);
+        let Vec3 { x, y, .. } = mode.halo.axis * (0.25 * far);
         canvas.line(&on_sheet(&[(-x, -y), (x, y)]), COLOURS[1], 1.2, "");
         for at in on_sheet(&mode.particles) {
             canvas.dot(at, 0.6, COLOURS[5], 0.6, "particle");
@@ -138,7 +143,9 @@ fn panel(canvas: &mut Canvas, axes: &Axes, track: &ObservedTrack, mode: &ModePic
         ),
         format!(
             "weight {:.3} \u{b1} {:.3}, *q* = {:.2}",
-            probability.weight, probability.error, mode.q
+            probability.weight,
+            probability.error,
+            squared_ratio(mode.halo.flattening).sqrt()
         ),
     ];
     for (k, line) in lines.iter().enumerate() {

@@ -136,6 +136,7 @@ pub fn population(
             marginal_information: Vec::new(),
             model_checks,
             command: command.to_owned(),
+            halo: None,
             q_prior: None,
             warnings,
             diagnostics: BTreeMap::from([("streams".to_owned(), streams.len() as f64)]),

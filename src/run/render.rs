@@ -10,12 +10,13 @@ use crate::params::StreamParams;
 use crate::posterior::{
     Column, Comparison, column, columns, compare, compare_models, mode_weights, modes_of_draws,
 };
+use crate::potential::{Galaxy, HaloParameters, Host};
 use crate::report::{
     CornerColumn, Curve, Figure, FigureFormat, FigureWriter, FitPicture, Group, MeasuredPicture,
     ModePicture, PageRun, QCurve, corner, diagnostics, influence, modes, page, population_density,
     q_posterior, streams_of_population,
 };
-use crate::stream::{ModelSettings, Particles};
+use crate::stream::{ModelSettings, Particles, System};
 use crate::track::{BinQuantity, TrackBin};
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
@@ -213,7 +214,9 @@ fn figures_of(path: &Path) -> Result<RunFigures> {
     if let Some(curve) = q_curve(&drawn.stored, &drawn.stored.name) {
         let q_prior = drawn.stored.summary.q_prior;
         let svg = q_posterior(&[curve], q_prior, truth.get("q").copied());
-        drawn.push("q", "Posterior of the flattening q", svg);
+        let halo = drawn.stored.summary.halo.unwrap_or_default();
+        let caption = format!("Posterior of the flattening q of the {}", halo.flattened());
+        drawn.push("q", &caption, svg);
     }
     let draws = &drawn.stored.run.draws;
     let shown: Vec<CornerColumn> = corner_columns(&drawn.stored)
@@ -245,9 +248,12 @@ fn draw_streams(drawn: &mut RunFigures, track: &ObservedTrack) -> Result<()> {
         drawn.push(name, caption, svg);
     }
     if let Some(svg) = orientations(&target, track, &drawn.stored) {
-        let caption = "Orientation modes of a weight of at least 1 %: track and particles of the draw of the highest ln L in each, the data (black), \
-                       the projected symmetry axis of the halo (vermillion) and outlines of its equipotentials (dashed)";
-        drawn.push("modes", caption, svg);
+        let surfaces = settings.model.halo.flattened();
+        let caption = format!(
+            "Orientation modes of a weight of at least 1 %: track and particles of the draw of the highest ln L in each, the data (black), \
+             the projected axis of q (vermillion) and outlines of surfaces of equal {surfaces} of the halo (dashed)"
+        );
+        drawn.push("modes", &caption, svg);
     }
     Ok(())
 }
@@ -384,11 +390,6 @@ fn orientations(
 ) -> Option<String> {
     let run = &stored.run;
     let of_draws = modes_of_draws(run)?;
-    let axis = ["axis_x", "axis_y", "axis_z"].map(|name| column(run, name).ok());
-    let [Some(x), Some(y), Some(z)] = axis else {
-        return None;
-    };
-    let q = column(run, "q").ok()?.values;
     let weights = mode_weights(run)?.into_iter().enumerate();
     let mut pictures: Vec<ModePicture> = weights
         .filter(|(_, mode)| mode.probability.weight >= SMALLEST_MODE)
@@ -400,8 +401,7 @@ fn orientations(
             let (bins, particles) = bins_of(target, &params)?;
             Some(ModePicture {
                 weight,
-                q: q[row],
-                axis: [x.values[row], y.values[row], z.values[row]],
+                halo: halo_of(target, &params),
                 particles: dots(&particles, &params, MODE_DOTS),
                 curve: curve_of(&bins, |bin| bin.r_kpc),
                 phi_zero_deg: -params.phi0_deg,
@@ -413,6 +413,14 @@ fn orientations(
         b.total_cmp(&a)
     });
     modes(track, &pictures)
+}
+
+/// The halo of a parameter set.
+fn halo_of(target: &StreamTarget, params: &StreamParams<f64>) -> HaloParameters<f64> {
+    let q_range = target.stream_prior().q_range();
+    let settings = target.likelihood().model().settings();
+    let system = System::<f64, Galaxy>::with_host(params, q_range, settings);
+    Galaxy::parts(&system.host).halo
 }
 
 /// Figures of several runs of the same data at once: their posteriors of q side by side.

@@ -8,11 +8,13 @@ use oblate::posterior::{
     Column, Interval, MeanWithoutStream, PopulationSummary, StreamInPopulation, Summary,
     SummaryContext, WithoutStream, columns, compare, mode_weights, modes_of_draws,
 };
+use oblate::potential::{HaloParameters, SecondAxis};
 use oblate::report::{
     CornerColumn, Curve, Figure, FitPicture, Group, MeasuredPicture, ModePicture, PageRun, QCurve,
     corner, diagnostics, influence, modes, outline, page, population_density, q_posterior,
     streams_of_population,
 };
+use oblate::scalar::Vec3;
 use oblate::track::BinQuantity;
 use oblate_samplers::output::{Check, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream};
@@ -160,12 +162,14 @@ fn the_legend_of_a_fit_overlay_is_above_its_panels() {
 }
 
 #[test]
-fn the_outline_of_an_equipotential_is_that_of_the_projected_spheroid() {
-    let extent = |axis: [f64; 3], q: f64| {
-        let points = outline(q, axis, 10.0);
+fn the_outline_of_a_halo_is_that_of_the_projected_ellipsoid() {
+    let extent_of = |halo: HaloParameters<f64>| {
+        let points = outline(&halo, 10.0);
         let largest = |f: fn(&(f64, f64)) -> f64| points.iter().map(f).fold(0.0, f64::max);
         [largest(|p| p.0.abs()), largest(|p| p.1.abs())]
     };
+    let of = |axis: [f64; 3], q: f64| HaloParameters::from_q(1e12, 15.0, q, Vec3::from(axis));
+    let extent = |axis: [f64; 3], q: f64| extent_of(of(axis, q));
     let near = |a: [f64; 2], b: [f64; 2]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.01);
     // Edge-on: the axis ratio itself, along the axis. Face-on: a circle. Between: by the inclination.
     assert!(near(extent([1.0, 0.0, 0.0], 0.5), [5.0, 10.0]));
@@ -176,6 +180,15 @@ fn the_outline_of_an_equipotential_is_that_of_the_projected_spheroid() {
         near(inclined, [10.0 * 0.73_f64.sqrt(), 10.0]),
         "{inclined:?}"
     );
+    // Three axes, p along x and q along the line of sight.
+    let halo = HaloParameters {
+        second: SecondAxis {
+            flattening: 1.0 / (0.8 * 0.8) - 1.0,
+            axis: Vec3::new(1.0, 0.0, 0.0),
+        },
+        ..of([0.0, 0.0, 1.0], 0.5)
+    };
+    assert!(near(extent_of(halo), [8.0, 10.0]));
 }
 
 #[test]
@@ -194,8 +207,7 @@ fn every_orientation_mode_is_a_panel_with_its_data() {
         .iter()
         .map(|weight| ModePicture {
             weight: *weight,
-            q: 0.7,
-            axis: [0.6, 0.0, 0.8],
+            halo: HaloParameters::from_q(1e12, 15.0, 0.7, Vec3::new(0.6, 0.0, 0.8)),
             particles: vec![(50.0, 3.0); 20],
             curve: best.clone(),
             phi_zero_deg: 10.0,
