@@ -1,6 +1,6 @@
 //! Dynamical friction on the progenitor (Chandrasekhar 1943; docs/physics.md, section 3).
 
-use super::mass_loss::{MassLoss, mass_fraction};
+use super::mass_loss::MassOverTime;
 use crate::error::Result;
 use crate::orbit::OrbitForce;
 use crate::params::StreamPrior;
@@ -30,10 +30,8 @@ pub(super) struct Friction<S> {
     pub halo: HaloParameters<S>,
     /// The mass of the progenitor at the first release, Msun.
     pub mass: S,
+    pub mass_loss: MassOverTime<S>,
     pub coulomb_logarithm: S,
-    pub mass_loss: Option<MassLoss>,
-    /// The parameter of the law of mass loss.
-    pub loss: S,
 }
 
 /// `V_max^2` of an NFW halo over `G M / R_s`, at 2.1626 scale radii, where M is its mass scale.
@@ -67,7 +65,7 @@ impl<S: Real> Friction<S> {
     fn rate(&self, x: Vec3<S>, v: Vec3<S>, tau: f64) -> S {
         let (density, dispersion2) = self.density_and_dispersion2(x.norm2().sqrt());
         let twice = dispersion2 * 2.0;
-        let mass = self.mass * mass_fraction(self.mass_loss, self.loss, tau).value;
+        let mass = self.mass * self.mass_loss.fraction(tau).value;
         mass * density * self.coulomb_logarithm * slower_share(v.norm2() / twice)
             / (twice * twice.sqrt())
             * (4.0 * PI * G * G)

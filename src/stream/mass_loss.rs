@@ -66,59 +66,79 @@ pub(super) fn check_prior(law: Option<MassLoss>, prior: &StreamPrior) -> Result<
     Ok(())
 }
 
-/// The fraction of the mass at the time `tau`, from -1 at the first release to 0 today, by a law with this parameter.
-#[inline(always)]
-pub(super) fn mass_fraction<S: Real>(
-    law: Option<MassLoss>,
-    parameter: S,
-    tau: f64,
-) -> MassFraction<S> {
-    let since = tau + 1.0;
-    match law {
-        None => MassFraction::whole(),
-        Some(MassLoss::Linear) => MassFraction {
-            value: (parameter - 1.0) * since + 1.0,
-            slope: S::from_f64(since),
-        },
-        Some(MassLoss::Exponential) => {
-            let value = (parameter.ln() * since).exp();
-            MassFraction {
-                value,
-                slope: value * since / parameter,
-            }
-        }
-        Some(MassLoss::Complete) => {
-            let lost = S::from_f64(since) / parameter;
-            if lost.re() < 1.0 {
-                MassFraction {
-                    value: -lost + 1.0,
-                    slope: lost / parameter,
-                }
-            } else {
-                MassFraction {
-                    value: S::zero(),
-                    slope: S::zero(),
-                }
-            }
-        }
-    }
+/// A law with its parameter: the mass of a progenitor over time.
+#[derive(Clone, Copy, Debug)]
+pub struct MassOverTime<S> {
+    /// The law; none: the mass is constant.
+    pub law: Option<MassLoss>,
+    /// Its parameter.
+    pub parameter: S,
 }
 
 /// Smallest fraction of the mass by which releases are scaled: the tidal radius has no derivative at a mass of zero. A release time at
 /// which so little is left has a weight of next to zero.
 const LEAST_FRACTION: f64 = 1e-6;
 
-/// As [`mass_fraction`], for the scale of releases.
-#[inline(always)]
-pub(super) fn mass_fraction_at_release<S: Real>(
-    law: Option<MassLoss>,
-    parameter: S,
-    tau: f64,
-) -> S {
-    let value = mass_fraction(law, parameter, tau).value;
-    if value.re() < LEAST_FRACTION {
-        S::from_f64(LEAST_FRACTION)
-    } else {
-        value
+impl<S: Real> MassOverTime<S> {
+    /// The fraction of the mass at the time `tau`, from -1 at the first release to 0 today.
+    #[inline(always)]
+    pub(super) fn fraction(&self, tau: f64) -> MassFraction<S> {
+        let parameter = self.parameter;
+        let since = tau + 1.0;
+        match self.law {
+            None => MassFraction::whole(),
+            Some(MassLoss::Linear) => MassFraction {
+                value: (parameter - 1.0) * since + 1.0,
+                slope: S::from_f64(since),
+            },
+            Some(MassLoss::Exponential) => {
+                let value = (parameter.ln() * since).exp();
+                MassFraction {
+                    value,
+                    slope: value * since / parameter,
+                }
+            }
+            Some(MassLoss::Complete) => {
+                let lost = S::from_f64(since) / parameter;
+                if lost.re() < 1.0 {
+                    MassFraction {
+                        value: -lost + 1.0,
+                        slope: lost / parameter,
+                    }
+                } else {
+                    MassFraction {
+                        value: S::zero(),
+                        slope: S::zero(),
+                    }
+                }
+            }
+        }
+    }
+
+    /// As [`fraction`](Self::fraction), for the scale of releases.
+    #[inline(always)]
+    pub(super) fn fraction_at_release(&self, tau: f64) -> S {
+        let value = self.fraction(tau).value;
+        if value.re() < LEAST_FRACTION {
+            S::from_f64(LEAST_FRACTION)
+        } else {
+            value
+        }
+    }
+
+    /// The part of interval number `k` of `count` equal ones, from the first release to today, in which the progenitor is not yet dissolved.
+    #[inline(always)]
+    pub(super) fn part_before_its_end(&self, k: usize, count: usize) -> S {
+        if self.law != Some(MassLoss::Complete) {
+            return S::one();
+        }
+        let before = self.parameter * count as f64 - k as f64;
+        if before.re() >= 1.0 {
+            S::one()
+        } else if before.re() > 0.0 {
+            before
+        } else {
+            S::zero()
+        }
     }
 }

@@ -41,7 +41,7 @@ pub use gradient::{Adjoint, MAX_STRETCH, Workspace};
 pub use integrate::IntegrateKernel;
 pub use integrate_vjp::VjpKernel;
 pub use lane_groups::{LaneGroup, StepSchedules};
-pub use mass_loss::MassLoss;
+pub use mass_loss::{MassLoss, MassOverTime};
 pub use model::Model;
 pub use particle_table::ParticleTable;
 pub use particles::Particles;

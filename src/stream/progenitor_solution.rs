@@ -1,7 +1,7 @@
 //! The progenitor solution: the progenitor's orbit, and the release frame at every release time.
 
 use super::friction::{Friction, WithFriction};
-use super::mass_loss::{MassLoss, mass_fraction, mass_fraction_at_release};
+use super::mass_loss::MassOverTime;
 use super::release_rate::{ReleaseLaw, ReleaseRate, normalise};
 use super::settings::{ModelSettings, StepRule};
 use super::system::System;
@@ -63,8 +63,7 @@ pub(super) fn release_law<S: Scalar, H: Host>(
             ReleaseRate::Even
         },
         peaking: system.release_peaking,
-        mass_loss: settings.mass_loss_in::<H>(),
-        loss: system.mass_loss,
+        mass_loss: settings.mass_over_time::<_, H>(system.mass_loss),
     }
 }
 
@@ -78,9 +77,8 @@ pub(super) fn friction<S: Scalar, H: Host>(
         kind,
         halo,
         mass: system.progenitor.mass,
+        mass_loss: settings.mass_over_time::<_, H>(system.mass_loss),
         coulomb_logarithm: system.coulomb_logarithm,
-        mass_loss: settings.mass_loss,
-        loss: system.mass_loss,
     })
 }
 
@@ -104,7 +102,7 @@ pub(super) fn release_at<S: Real>(
     k: usize,
 ) -> ReleaseAt<S> {
     let tau = table.taus[k];
-    let mass = mass * mass_fraction_at_release(law.mass_loss, law.loss, tau);
+    let mass = mass * law.mass_loss.fraction_at_release(tau);
     let (state, winding_number) = orbit.at(tau);
     let tidal = Tidal::new(host, mass, state);
     let (length, speed) = table.recipe.scales(&tidal, mass);
@@ -226,9 +224,7 @@ pub struct ProgenitorSolution<S: Scalar, H: Host = Nfw> {
     /// The progenitor's own gravity at the first release.
     pub progenitor: Plummer<S>,
     /// How it loses mass.
-    pub mass_loss: Option<MassLoss>,
-    /// The parameter of this law.
-    pub mass_loss_parameter: S,
+    pub mass_loss: MassOverTime<S>,
     /// Age in Gyr.
     pub age_gyr: S,
     /// The progenitor's orbit.
@@ -271,7 +267,7 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
     /// The fraction of its mass that the progenitor has at the time `tau`.
     #[inline(always)]
     pub(super) fn mass_fraction(&self, tau: f64) -> MassFraction<S> {
-        mass_fraction(self.mass_loss, self.mass_loss_parameter, tau)
+        self.mass_loss.fraction(tau)
     }
 
     /// Integrates the orbit and computes the release frames, in the buffers of another solution if there is one.
@@ -346,7 +342,6 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
             host,
             progenitor,
             mass_loss: law.mass_loss,
-            mass_loss_parameter: mass_loss,
             age_gyr,
             orbit,
             releases,

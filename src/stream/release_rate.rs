@@ -1,6 +1,6 @@
 //! The rate at which stars leave the progenitor, as weights of the release times (docs/physics.md, section 4).
 
-use super::mass_loss::MassLoss;
+use super::mass_loss::{MassLoss, MassOverTime};
 use crate::error::Result;
 use crate::params::StreamPrior;
 use crate::scalar::Real;
@@ -43,33 +43,20 @@ pub(super) struct ReleaseLaw<S> {
     pub rate: ReleaseRate,
     /// The power of the tidal rate.
     pub peaking: S,
-    pub mass_loss: Option<MassLoss>,
-    /// The parameter of the law of mass loss.
-    pub loss: S,
+    pub mass_loss: MassOverTime<S>,
 }
 
 impl<S: Real> ReleaseLaw<S> {
     /// Whether all release times have the same weight.
     pub fn is_even(&self) -> bool {
-        self.rate.is_even() && self.mass_loss != Some(MassLoss::Complete)
+        self.rate.is_even() && self.mass_loss.law != Some(MassLoss::Complete)
     }
 
     /// Number `k` of `count` release times of equal intervals, without its common factor: `frequency2` is the square of the frequency of
     /// orbits at the tidal radius.
     #[inline(always)]
     pub fn weight(&self, k: usize, count: usize, frequency2: S) -> S {
-        let mut weight = S::one();
-        if self.mass_loss == Some(MassLoss::Complete) {
-            // The part of the interval before nothing is left.
-            let before = self.loss * count as f64 - k as f64;
-            weight = if before.re() >= 1.0 {
-                S::one()
-            } else if before.re() > 0.0 {
-                before
-            } else {
-                S::zero()
-            };
-        }
+        let mut weight = self.mass_loss.part_before_its_end(k, count);
         if self.rate == ReleaseRate::Tidal {
             weight *= (frequency2.ln() * self.peaking * 0.5).exp();
         }

@@ -2,7 +2,7 @@
 
 use super::baryons::BaryonSettings;
 use super::friction;
-use super::mass_loss::{self, MassLoss};
+use super::mass_loss::{self, MassLoss, MassOverTime};
 use super::release_rate::{self, ReleaseRate};
 use super::second_axis;
 use crate::error::Result;
@@ -167,9 +167,13 @@ impl ModelSettings {
         }
     }
 
-    /// How the progenitor loses mass in hosts of this kind: not at all in one that is no galaxy, whose kernels have a constant mass.
-    pub(super) fn mass_loss_in<H: Host>(&self) -> Option<MassLoss> {
-        self.mass_loss.filter(|_| H::IS_GALAXY)
+    /// The mass of the progenitor over time in hosts of this kind, by the parameter of the law: constant in one that is no galaxy, whose kernels
+    /// have it so.
+    pub(super) fn mass_over_time<S, H: Host>(&self, parameter: S) -> MassOverTime<S> {
+        MassOverTime {
+            law: self.mass_loss.filter(|_| H::IS_GALAXY),
+            parameter,
+        }
     }
 
     /// Checks that a prior has the parameters of the host, and no others of hosts.

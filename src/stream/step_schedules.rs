@@ -57,7 +57,7 @@ impl Model {
             }
             schedule.drift_gyr.resize(steps, step);
             schedule.set_kicks();
-            if solution.mass_loss.is_some() {
+            if solution.mass_loss.law.is_some() {
                 for j in 0..=steps {
                     let tau = tau * ((steps - j) as f64 / steps as f64);
                     schedule.mass_fractions.push(solution.mass_fraction(tau));
@@ -72,7 +72,7 @@ impl Model {
         let weights_at = |left: f64| HermiteWeights::at(tau_at(left), times);
         let (mut left, mut kick_before) = (steps as f64, S::zero());
         schedule.hermite_weights.push(weights_at(left));
-        let loses_mass = solution.mass_loss.is_some();
+        let loses_mass = solution.mass_loss.law.is_some();
         if loses_mass {
             let fraction = solution.mass_fraction(tau_at(left));
             schedule.mass_fractions.push(fraction);
