@@ -46,6 +46,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         note(&format!("measuring for {} s", args.seconds));
     }
     let speed = Speed::measure(Duration::from_secs(args.seconds))?;
+    let coarse = speed.coarse.unwrap_or(speed.model);
     let [shortest, mean, longest] = speed.seconds_of_fit();
     if args.output.json {
         out.json(&json!({
@@ -57,7 +58,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
             "instruction_set": level,
             "threads": threads,
             "cores": cores,
-            "values_per_second": {"model": speed.model, "coarse": speed.coarse},
+            "values_per_second": {"model": speed.model, "coarse": coarse},
             "seconds_of_fit": [shortest, mean, longest],
         }))?;
         return Ok(Exit::Done);
@@ -81,7 +82,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         ),
         (
             "coarse model",
-            format!("{:.0} values of ln L per second", speed.coarse),
+            format!("{coarse:.0} values of ln L per second"),
         ),
         (
             "a default fit",

@@ -1,10 +1,10 @@
-//! How many values of ln L this machine computes in a second, and how long a default fit takes with them.
+//! How many values of ln L this machine computes in a second, and how long a fit takes with them.
 
 use super::settings::FitSettings;
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::error::Result;
-use crate::params::{DIM, without_optional};
+use crate::params::{DIM, REQUIRED, without_optional};
 use oblate_samplers::rng::{Domain, stream};
 use std::time::{Duration, Instant};
 
@@ -26,17 +26,19 @@ const BEST: usize = 8;
 /// Time for which [`Speed::of_fit`] measures each model.
 const SHORT: Duration = Duration::from_millis(100);
 
-/// Values of ln L per second, on all threads of the present rayon pool.
+/// Values of ln L per second, on all threads of the present rayon pool, and the number of parameters of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speed {
-    /// Of the default model.
+    /// Of the model.
     pub model: f64,
-    /// Of the coarse model that a default fit samples first.
-    pub coarse: f64,
+    /// Of the coarse model, if the fit samples one first.
+    pub coarse: Option<f64>,
+    /// Number of free parameters of the fit.
+    pub free: usize,
 }
 
 impl Speed {
-    /// Measures for some time, half of it for each model.
+    /// Measures for some time, half of it for each model of a default fit.
     ///
     /// # Errors
     /// None but those of a model of default settings, which cannot be wrong.
@@ -56,8 +58,11 @@ impl Speed {
             .collect();
         let (model, coarse) = targets(&track, &settings)?;
         let model = values_per_second(&model, &points, time / 2);
-        let coarse = coarse.map_or(model, |c| values_per_second(&c, &points, time / 2));
-        Ok(Self { model, coarse })
+        Ok(Self {
+            model,
+            coarse: coarse.map(|c| values_per_second(&c, &points, time / 2)),
+            free: REQUIRED,
+        })
     }
 
     /// Measures for a part of a second, with the models of this fit, near its track: at the best of some hundred draws of its prior.
@@ -79,15 +84,21 @@ impl Speed {
             .collect();
         kept.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         let points: Vec<[f64; DIM]> = kept.into_iter().map(|(_, draw)| draw).take(BEST).collect();
-        let model = values_per_second(&model, &points, SHORT);
-        let coarse = coarse.map_or(model, |c| values_per_second(&c, &points, SHORT));
-        Ok(Self { model, coarse })
+        Ok(Self {
+            model: values_per_second(&model, &points, SHORT),
+            coarse: coarse.map(|c| values_per_second(&c, &points, SHORT)),
+            free: model.stream_prior().free().len(),
+        })
     }
 
-    /// Shortest, mean and longest time of a default fit with all 13 parameters free, seconds.
+    /// Shortest, mean and longest time of a fit by the default sampler, seconds: those of default fits, in proportion to the number of free parameters.
     #[must_use]
     pub fn seconds_of_fit(&self) -> [f64; 3] {
-        [0, 1, 2].map(|k| COARSE_VALUES[k] / self.coarse + VALUES[k] / self.model)
+        let share = self.free as f64 / REQUIRED as f64;
+        [0, 1, 2].map(|k| {
+            let bridge = self.coarse.map_or(0.0, |_| VALUES[k] / self.model);
+            share * (COARSE_VALUES[k] / self.coarse.unwrap_or(self.model) + bridge)
+        })
     }
 }
 

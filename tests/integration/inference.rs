@@ -2,8 +2,8 @@
 
 use oblate::data::ObservedTrack;
 use oblate::inference::{
-    Fit, FitSettings, Profile, Sampler, StreamTarget, diagnose, fit_with, posterior_predictive_p,
-    prior_draws,
+    Fit, FitSettings, Profile, Sampler, Speed, StreamTarget, diagnose, fit_with,
+    posterior_predictive_p, prior_draws,
 };
 use oblate::likelihood::Coverage;
 use oblate::run::{Destination, IfExists, Monitor};
@@ -425,4 +425,21 @@ fn only_a_run_that_gains_by_it_goes_on_under_settings_that_allow_more() {
         longer.sampling.nested.target_ess,
     ) = (None, None);
     assert!(!longer.may_go_on(&before, Method::Nested));
+}
+
+#[test]
+fn a_fit_takes_time_in_proportion_to_its_free_parameters_and_a_bridge_only_after_a_coarse_model() {
+    let speed = |coarse, free| Speed {
+        model: 1_000.0,
+        coarse,
+        free,
+    };
+    let seconds = |coarse, free| speed(coarse, free).seconds_of_fit();
+    for k in 0..3 {
+        let [all, some] = [13, 5].map(|free| seconds(Some(4_000.0), free)[k]);
+        assert!((some / all - 5.0 / 13.0).abs() < 1e-12, "{some} {all}");
+        // One model as fast as both takes less by the bridge.
+        let [bridged, alone] = [Some(1_000.0), None].map(|coarse| seconds(coarse, 5)[k]);
+        assert!(alone < bridged, "{alone} {bridged}");
+    }
 }
