@@ -434,7 +434,7 @@ impl std::fmt::Display for Rejection {
 pub struct Tally {
     /// Releases whose tidal radius had to be bounded (see [`spray`](crate::spray)).
     pub bounded_tidal_radius: u64,
-    /// Particle steps that change the angle around the projected centre by more than 90 degrees, so that the winding number is
+    /// Eighths of particle steps that change the angle around the projected centre by more than 90 degrees, so that the winding number is
     /// ambiguous.
     pub ambiguous_windings: u64,
 }

@@ -2,8 +2,7 @@
 //!
 //! `cargo bench --bench accuracy` prints a table for mocks that meet the paper's criteria, drawn with converged steps. A galaxy is
 //! - unresolved if the default model rejects it, because its progenitor needs shorter steps than the model has;
-//! - edge-on if steps of its particles turn them by more than 90 degrees on the sky, so that winding numbers are ambiguous: particles pass
-//!   near the projected centre;
+//! - edge-on if particles pass so near the projected centre that eighths of their steps turn them by more than 90 degrees on the sky;
 //! - plain otherwise.
 //!
 //! The error is the rms over bins of the relative difference of the mean radius, in per cent, from that of 131,072 particles with steps of

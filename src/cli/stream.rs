@@ -132,7 +132,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         }
         if particles.tally.ambiguous_windings > 0 {
             out.line(&format!(
-                    "{} particle steps cover more than 90 degrees, so that windings are ambiguous: give more --steps",
+                    "{} eighths of particle steps turn by more than 90 degrees, so that windings are ambiguous: give more --steps",
                     particles.tally.ambiguous_windings
                 ),
             )?;

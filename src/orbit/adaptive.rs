@@ -4,41 +4,13 @@
 //! integration is a fixed sequence of kicks and drifts, a [`StepSchedule`](super::StepSchedule), and its derivative is that of this
 //! sequence.
 
+use super::blanes_moan::{DRIFTS, KICKS, STAGES, TIMES};
 use super::leapfrog::force;
-use super::winding::{crossing, is_negative};
+use super::winding::{Crossings, crossing, turns_far};
 use super::{FinalParticle, State};
 use crate::potential::{Plummer, Potential};
 use crate::scalar::{Scalar, Vec3};
 use crate::units::G;
-
-/// Force evaluations of a step; the force of its first kick is the last one of the step before.
-pub const STAGES: usize = 6;
-
-// The coefficients of Blanes & Moan 2002.
-const A: [f64; 2] = [0.245_298_957_184_271, 0.604_872_665_711_080];
-const A_3: f64 = 0.5 - (A[0] + A[1]);
-const B: [f64; 3] = [
-    0.082_984_406_417_405_2,
-    0.396_309_801_498_368,
-    -0.039_056_304_922_348_6,
-];
-
-/// Lengths of the drifts over the length of the step.
-pub const DRIFTS: [f64; STAGES] = [A[0], A[1], A_3, A_3, A[1], A[0]];
-
-/// Lengths of the kicks over the length of the step: before the first drift, and after each.
-pub const KICKS: [f64; STAGES + 1] = [
-    B[0],
-    B[1],
-    B[2],
-    1.0 - 2.0 * (B[0] + B[1] + B[2]),
-    B[2],
-    B[1],
-    B[0],
-];
-
-/// Times of the kicks over the length of the step: the sums of the drifts before them.
-pub const TIMES: [f64; STAGES + 1] = [0.0, A[0], A[0] + A[1], 0.5, 0.5 + A_3, 1.0 - A[0], 1.0];
 
 /// Number of sizes from one size to its half.
 const PER_HALVING: u8 = 4;
@@ -119,22 +91,16 @@ pub fn advance_adaptively<S: Scalar>(
     let step = steps.step_gyr();
     let (mut left, mut number) = (steps.steps() as f64, 0_u8);
     let (mut winding_number, mut ambiguous_windings) = (winding_number, S::zero());
-    let mut x = start.x;
-    // Velocities without the last kick of the step before, which is joined with the first of the next.
-    let mut v = start.v;
+    let State { mut x, mut v } = start;
+    // `v` lacks the last kick of the step before, which is joined with the first of the next.
+    let mut v_synchronised = v;
     let mut kick_before = S::zero();
     let mut centre = steps.progenitor_at(left);
     let mut a = force(host, progenitor, x, centre, steps.mass_fraction(left));
     while left > 0.0 {
         let d2 = (x - centre).norm2() + core2;
-        let step_start = StepStart::new(
-            x,
-            v.add_scaled(a, kick_before),
-            a,
-            phase2,
-            d2 * d2 * d2,
-            gm2_over_phase4,
-        );
+        let step_start =
+            StepStart::new(x, v_synchronised, a, phase2, d2 * d2 * d2, gm2_over_phase4);
         // No closure, because it would be compiled without the instructions of the kernel.
         if number < shortest && step_start.is_too_long(step * length(number, left)) {
             number += 1;
@@ -151,10 +117,7 @@ pub fn advance_adaptively<S: Scalar>(
         let centres = steps.progenitor_during(left, length);
         v = v.add_scaled(a, kick_before + h * KICKS[0]);
         for stage in 0..STAGES {
-            let before = x;
             x = x.add_scaled(v, h * DRIFTS[stage]);
-            winding_number += crossing(before, x);
-            ambiguous_windings += is_negative(before.x * x.x + before.y * x.y);
             centre = centres[stage];
             let fraction = steps.mass_fraction(left - TIMES[stage + 1] * length);
             a = force(host, progenitor, x, centre, fraction);
@@ -163,13 +126,30 @@ pub fn advance_adaptively<S: Scalar>(
             }
         }
         kick_before = h * KICKS[STAGES];
+        v_synchronised = v.add_scaled(a, kick_before);
+        // Positions between the drifts are not on the path.
+        if turns_far(step_start.x, x) {
+            let from = State {
+                x: step_start.x,
+                v: step_start.v,
+            };
+            let to = State {
+                x,
+                v: v_synchronised,
+            };
+            let crossings = Crossings::between(from, to, h);
+            winding_number += crossings.number;
+            ambiguous_windings += crossings.ambiguous;
+        } else {
+            winding_number += crossing(step_start.x, x);
+        }
         left -= length;
         steps.record(number);
     }
     FinalParticle {
         state: State {
             x,
-            v: v.add_scaled(a, kick_before),
+            v: v_synchronised,
         },
         winding_number,
         ambiguous_windings,

@@ -3,10 +3,11 @@
 //! Between nodes the position is the quintic Hermite interpolant of position, velocity and acceleration. Its weights depend on times
 //! alone: [`HermiteWeights`].
 
+use super::State;
 use super::node_times::{NodeTimes, Place};
 use super::nystrom::{OrbitStep, nystrom_step};
 use super::orbit_force::{Conservative, OrbitForce};
-use super::{State, crossing};
+use super::winding::{Crossings, crossing, turns_far};
 use crate::potential::Potential;
 use crate::scalar::{Isa, LANES, LaneArray, Lanes, Real, Scalar, Vec3};
 use serde::{Deserialize, Serialize};
@@ -388,7 +389,7 @@ impl<S: Real> DenseOrbit<S> {
             self.nodes.push(node);
             self.winding_numbers.push(winding_number);
             if left > 0 {
-                let [after, ..] = vectors;
+                let [after, dx_after, _] = vectors;
                 let tau_length = now.tau_length * per_interval;
                 let step = OrbitStep {
                     length2: step2,
@@ -399,7 +400,8 @@ impl<S: Real> DenseOrbit<S> {
                     OrbitMethod::Accurate => nystrom_step(force, vectors, step),
                     OrbitMethod::Leapfrog => leapfrog_step(force, vectors, step),
                 };
-                winding_number += crossing(after, vectors[0]);
+                let [before, dx_before, _] = vectors;
+                winding_number -= crossings(before, dx_before, after, dx_after);
             }
         }
         self.intervals.push(intervals);
@@ -425,10 +427,12 @@ impl<S: Real> DenseOrbit<S> {
         let Place { node, t, per_age } = self.times.locate(tau);
         let x = vector(&self.combine(node, constants(quintic(t))));
         let dx = vector(&self.combine(node, constants(quintic_slope(t))));
+        let (fraction, start) = (S::from_f64(t), &self.nodes[node]);
         let v = dx * (S::from_f64(per_age) / self.age_gyr);
         (
             State { x, v },
-            self.winding_numbers[node] + crossing(self.nodes[node].x(), x),
+            self.winding_numbers[node]
+                + crossings(start.x(), start.vector(1) * fraction, x, dx * fraction),
         )
     }
 
@@ -483,6 +487,17 @@ impl<S: Real> DenseOrbit<S> {
             .iter()
             .all(|n| (0..3).all(|row| finite(n.vector(row))))
     }
+}
+
+/// Counter-clockwise crossings of the negative x axis less clockwise ones between two positions, with the velocities there times the
+/// time between them.
+#[inline(always)]
+fn crossings<S: Scalar>(from: Vec3<S>, dx_from: Vec3<S>, to: Vec3<S>, dx_to: Vec3<S>) -> S {
+    if !turns_far(from, to) {
+        return crossing(from, to);
+    }
+    let state = |x, v| State { x, v };
+    Crossings::between(state(from, dx_from), state(to, dx_to), S::one()).number
 }
 
 /// The orbit at the start of a block.

@@ -29,10 +29,10 @@ pub fn advance_vjp<S: Scalar, H: Host>(
     ln_time_bar: &mut S,
     limit2: S,
 ) -> State<S> {
-    let steps = schedule.steps();
+    let drifts = schedule.drifts();
     let mut state = end;
     let mut state_bar = end_bar;
-    for j in (0..=steps).rev() {
+    for j in (0..=drifts).rev() {
         // Kick v += c a(x_j).
         let lambda = state_bar.v * schedule.kick_gyr(j);
         let (a_host, x_bar_host) = H::vjp(host, state.x, lambda, host_bar);

@@ -1,6 +1,7 @@
 //! The orbit of the progenitor and the integration of particles, with its adjoint (docs/physics.md, sections 3, 5 and 8).
 
 mod adaptive;
+mod blanes_moan;
 mod dense_orbit;
 mod leapfrog;
 mod leapfrog_vjp;
@@ -10,13 +11,14 @@ mod orbit_force;
 mod schedule;
 mod winding;
 
-pub use adaptive::{AdaptiveSteps, DRIFTS, KICKS, STAGES, TIMES, advance_adaptively, length};
+pub use adaptive::{AdaptiveSteps, advance_adaptively, length};
+pub use blanes_moan::{DRIFTS, KICKS, STAGES, TIMES};
 pub use dense_orbit::{DenseOrbit, HermiteWeights, Node, OrbitMethod, Resolution, position_vjp};
 pub use leapfrog::{FinalParticle, advance};
 pub use leapfrog_vjp::advance_vjp;
 pub use node_times::NodeTimes;
 pub use orbit_force::{Conservative, OrbitForce};
-pub use schedule::{InterleavedSchedules, MAX_TOGETHER, Schedule, StepSchedule};
+pub use schedule::{InterleavedSchedules, MAX_TOGETHER, Schedule, StepMethod, StepSchedule};
 pub use winding::crossing;
 
 use crate::scalar::Vec3;

@@ -1,24 +1,58 @@
-//! The step schedule of the leapfrog: the progenitor's position at each force evaluation, and the lengths of drifts and kicks
+//! The step schedule of an integration: the progenitor's position at each force evaluation, and the lengths of drifts and kicks
 //! (docs/physics.md, section 5).
 
 use super::HermiteWeights;
+use super::blanes_moan::{KICKS, STAGES};
 use super::dense_orbit::vector;
 use crate::potential::{Host, MassFraction};
 use crate::scalar::{Lanes, Scalar, Vec3, Vectors};
 use std::marker::PhantomData;
 
-/// A step schedule. A step is one drift and the kick after it.
+/// A step schedule: drifts with a kick before the first and after each.
 pub trait Schedule<S> {
-    /// Number of steps.
-    fn steps(&self) -> usize;
-    /// The progenitor's position in kpc at force evaluation `j`, 0 to `steps`.
+    /// Number of drifts.
+    fn drifts(&self) -> usize;
+    /// Number of drifts of a step: positions are on the path after every so many, and between them they need not be.
+    fn drifts_of_step(&self) -> usize;
+    /// Length of the first and of the last kick of a step over that of the step.
+    fn kick_of_step(&self) -> f64;
+    /// The progenitor's position in kpc at force evaluation `j`, 0 to `drifts`.
     fn progenitor_at(&self, j: usize) -> Vec3<S>;
-    /// Length of drift `j` in Gyr, 0 to `steps - 1`.
+    /// Length of drift `j` in Gyr, 0 to `drifts - 1`.
     fn drift_gyr(&self, j: usize) -> S;
-    /// Length of kick `j` in Gyr, 0 to `steps`.
+    /// Length of kick `j` in Gyr, 0 to `drifts`.
     fn kick_gyr(&self, j: usize) -> S;
-    /// The fraction of its mass that the progenitor has at force evaluation `j`, 0 to `steps`.
+    /// The fraction of its mass that the progenitor has at force evaluation `j`, 0 to `drifts`.
     fn mass_fraction(&self, j: usize) -> MassFraction<S>;
+}
+
+/// How a step is made of kicks and drifts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepMethod {
+    /// Half a kick, a drift, half a kick.
+    Leapfrog,
+    /// The six drifts of [`advance_adaptively`](super::advance_adaptively).
+    FourthOrder,
+}
+
+impl StepMethod {
+    /// Number of drifts of a step.
+    #[inline(always)]
+    fn drifts(self) -> usize {
+        match self {
+            Self::Leapfrog => 1,
+            Self::FourthOrder => STAGES,
+        }
+    }
+
+    /// Length of the first and of the last kick over that of the step.
+    #[inline(always)]
+    fn kick(self) -> f64 {
+        match self {
+            Self::Leapfrog => 0.5,
+            Self::FourthOrder => KICKS[0],
+        }
+    }
 }
 
 /// The step schedule of all particles of one release time; its buffers are reused.
@@ -26,6 +60,8 @@ pub trait Schedule<S> {
 pub struct StepSchedule<S> {
     /// The progenitor's positions at the force evaluations, kpc, in rows as those of a [`Node`](super::Node).
     pub progenitor_positions: Vec<[S; 4]>,
+    /// Method of the steps.
+    pub method: StepMethod,
     /// Lengths of the drifts, Gyr.
     pub drift_gyr: Vec<S>,
     /// Lengths of the kicks, Gyr.
@@ -40,6 +76,7 @@ impl<S> Default for StepSchedule<S> {
     fn default() -> Self {
         Self {
             progenitor_positions: Vec::new(),
+            method: StepMethod::Leapfrog,
             drift_gyr: Vec::new(),
             kick_gyr: Vec::new(),
             mass_fractions: Vec::new(),
@@ -64,8 +101,16 @@ impl<S: Scalar> StepSchedule<S> {
 
 impl<S: Scalar> Schedule<S> for StepSchedule<S> {
     #[inline(always)]
-    fn steps(&self) -> usize {
+    fn drifts(&self) -> usize {
         self.drift_gyr.len()
+    }
+    #[inline(always)]
+    fn drifts_of_step(&self) -> usize {
+        self.method.drifts()
+    }
+    #[inline(always)]
+    fn kick_of_step(&self) -> f64 {
+        self.method.kick()
     }
     #[inline(always)]
     fn progenitor_at(&self, j: usize) -> Vec3<S> {
@@ -101,8 +146,16 @@ pub struct InterleavedSchedules<'a, H>(
 
 impl<V: Vectors, H: Host, const K: usize> Schedule<Lanes<V, K>> for InterleavedSchedules<'_, H> {
     #[inline(always)]
-    fn steps(&self) -> usize {
+    fn drifts(&self) -> usize {
         self.0[0].drift_gyr.len()
+    }
+    #[inline(always)]
+    fn drifts_of_step(&self) -> usize {
+        self.0[0].method.drifts()
+    }
+    #[inline(always)]
+    fn kick_of_step(&self) -> f64 {
+        self.0[0].method.kick()
     }
     #[inline(always)]
     fn progenitor_at(&self, j: usize) -> Vec3<Lanes<V, K>> {

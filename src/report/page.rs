@@ -336,7 +336,7 @@ const NUMBERS: [(&str, &str); 15] = [
     ),
     (
         "ambiguous_windings",
-        "particle steps whose winding is ambiguous",
+        "eighths of particle steps whose winding is ambiguous",
     ),
 ];
 

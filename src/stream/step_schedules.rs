@@ -7,7 +7,7 @@ use super::settings::StepRule;
 use super::step_sizes::StepSizes;
 use crate::orbit::{
     AdaptiveSteps, DRIFTS, HermiteWeights, InterleavedSchedules, KICKS, MAX_TOGETHER, STAGES,
-    StepSchedule, TIMES, length,
+    StepMethod, StepSchedule, TIMES, length,
 };
 use crate::potential::Host;
 use crate::scalar::{Isa, Lanes, Real, Scalar, Vec3, Vectors};
@@ -50,6 +50,7 @@ impl Model {
         schedule.mass_fractions.clear();
         schedule.drift_gyr.clear();
         if self.settings.step_rule == StepRule::Uniform {
+            schedule.method = StepMethod::Leapfrog;
             for weights in self.uniform_hermite_weights(release_time) {
                 schedule
                     .progenitor_positions
@@ -65,6 +66,7 @@ impl Model {
             }
             return;
         }
+        schedule.method = StepMethod::FourthOrder;
         schedule.hermite_weights.clear();
         schedule.kick_gyr.clear();
         let times = solution.orbit.times();

@@ -4,6 +4,7 @@ use crate::golden::{cases, json, number, numbers};
 use oblate::orbit::{Conservative, DenseOrbit, HermiteWeights, OrbitMethod, Resolution, State};
 use oblate::potential::FlattenedNfw;
 use oblate::scalar::{Portable, Vec3};
+use oblate::units::KM_S_IN_KPC_PER_GYR;
 use serde_json::Value;
 
 fn halo(case: &Value) -> FlattenedNfw<f64> {
@@ -131,6 +132,34 @@ fn the_winding_count_follows_the_angle() {
         last = angle;
     }
     assert!(last < -2.0 * std::f64::consts::TAU, "{last}");
+}
+
+#[test]
+fn winding_numbers_do_not_depend_on_the_intervals_near_the_projected_centre() {
+    // The halo's torque turns the orbit on the sky the other way round where it passes the projected centre within 1 kpc.
+    let host = FlattenedNfw::new(
+        10.0_f64.powf(11.9248),
+        15.0,
+        0.7,
+        Vec3::new(-0.6816, -0.5782, 0.4484),
+    );
+    let today = State {
+        x: Vec3::new(60.0, 0.0, 30.0),
+        v: Vec3::new(30.0, 140.0, 45.0) * KM_S_IN_KPC_PER_GYR,
+    };
+    let orbit =
+        |intervals| DenseOrbit::integrate(&host, today, 3.0, intervals, OrbitMethod::Accurate);
+    let exact = orbit(5_000);
+    for intervals in [25, 30, 40, 50, 100] {
+        let ours = orbit(intervals);
+        let others = (0..=1_000)
+            .map(|i| -f64::from(i) / 1_000.0)
+            .filter(|&tau| (ours.at(tau).1 - exact.at(tau).1).abs() > 0.5)
+            .count();
+        // The axis is crossed at times that differ by less than one of the thousand.
+        println!("{intervals}: {others}");
+        assert!(others <= 2, "{intervals} intervals: {others}");
+    }
 }
 
 /// Today's state and the halo of a golden orbit that runs back in time.
