@@ -46,7 +46,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         note(&format!("measuring for {} s", args.seconds));
     }
     let speed = Speed::measure(Duration::from_secs(args.seconds))?;
-    let coarse = speed.coarse.unwrap_or(speed.model);
+    let coarse = speed.first();
     let [shortest, mean, longest] = speed.seconds_of_fit();
     if args.output.json {
         out.json(&json!({

@@ -91,13 +91,19 @@ impl Speed {
         })
     }
 
+    /// Values per second of the model that a fit samples first: the coarse one, if it has one.
+    #[must_use]
+    pub fn first(&self) -> f64 {
+        self.coarse.unwrap_or(self.model)
+    }
+
     /// Shortest, mean and longest time of a fit by the default sampler, seconds: those of default fits, in proportion to the number of free parameters.
     #[must_use]
     pub fn seconds_of_fit(&self) -> [f64; 3] {
         let share = self.free as f64 / REQUIRED as f64;
         [0, 1, 2].map(|k| {
             let bridge = self.coarse.map_or(0.0, |_| VALUES[k] / self.model);
-            share * (COARSE_VALUES[k] / self.coarse.unwrap_or(self.model) + bridge)
+            share * (COARSE_VALUES[k] / self.first() + bridge)
         })
     }
 }

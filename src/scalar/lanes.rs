@@ -8,6 +8,21 @@ use super::isa::{Isa, LANES, LaneArray, MAX_GROUPS, Subroutine, Vectors};
 use super::{Scalar, Vec3};
 use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
+/// Runs the block for each `$i` below `$k`, which is at most four. Loops give the same instructions, but a kernel has thousands of them, and
+/// the compiler takes most of its time to undo them.
+macro_rules! each_vector {
+    ($i:ident < $k:ident, $block:block) => {
+        const { assert!($k <= 4) };
+        each_vector!(@ $i < $k, $block; 0 1 2 3);
+    };
+    (@ $i:ident < $k:ident, $block:block; $($number:literal)*) => {
+        $(if $number < $k {
+            let $i: usize = $number;
+            $block
+        })*
+    };
+}
+
 /// `K` vectors in the registers of an instruction set: of eight doubles if `V` is an [`Isa`], of sixteen singles if it is
 /// [`Isa::Singles`].
 #[derive(Clone, Copy, Debug)]
@@ -21,9 +36,9 @@ impl<V: Vectors, const K: usize> BitAnd for LaneMask<V, K> {
     type Output = Self;
     #[inline(always)]
     fn bitand(mut self, other: Self) -> Self {
-        for i in 0..K {
+        each_vector!(i < K, {
             self.0[i] = V::both(self.0[i], other.0[i]);
-        }
+        });
         self
     }
 }
@@ -34,9 +49,9 @@ macro_rules! elementwise {
             type Output = Self;
             #[inline(always)]
             fn $method(mut self, other: Self) -> Self {
-                for i in 0..K {
+                each_vector!(i < K, {
                     self.0[i] = V::$method(self.0[i], other.0[i]);
-                }
+                });
                 self
             }
         }
@@ -67,9 +82,9 @@ impl<V: Vectors, const K: usize> Neg for Lanes<V, K> {
     type Output = Self;
     #[inline(always)]
     fn neg(mut self) -> Self {
-        for vector in &mut self.0 {
-            *vector = V::neg(*vector);
-        }
+        each_vector!(i < K, {
+            self.0[i] = V::neg(self.0[i]);
+        });
         self
     }
 }
@@ -92,76 +107,76 @@ impl<V: Vectors, const K: usize> Scalar for Lanes<V, K> {
 
     #[inline(always)]
     fn sqrt(mut self) -> Self {
-        for vector in &mut self.0 {
-            *vector = V::sqrt(*vector);
-        }
+        each_vector!(i < K, {
+            self.0[i] = V::sqrt(self.0[i]);
+        });
         self
     }
 
     #[inline(always)]
     fn inverse_sqrt(mut self) -> Self {
-        for vector in &mut self.0 {
-            *vector = V::inverse_sqrt(*vector);
-        }
+        each_vector!(i < K, {
+            self.0[i] = V::inverse_sqrt(self.0[i]);
+        });
         self
     }
 
     #[inline(always)]
     fn mul_add(mut self, a: Self, b: Self) -> Self {
-        for i in 0..K {
+        each_vector!(i < K, {
             self.0[i] = V::mul_add(self.0[i], a.0[i], b.0[i]);
-        }
+        });
         self
     }
 
     #[inline(always)]
     fn lt(self, other: Self) -> LaneMask<V, K> {
         let mut mask = [V::lt(self.0[0], other.0[0]); K];
-        for i in 1..K {
+        each_vector!(i < K, {
             mask[i] = V::lt(self.0[i], other.0[i]);
-        }
+        });
         LaneMask(mask)
     }
 
     #[inline(always)]
     fn any(mask: LaneMask<V, K>) -> bool {
         let mut any = false;
-        for i in 0..K {
+        each_vector!(i < K, {
             any |= V::any(mask.0[i]);
-        }
+        });
         any
     }
 
     #[inline(always)]
     fn select(mask: LaneMask<V, K>, mut a: Self, b: Self) -> Self {
-        for i in 0..K {
+        each_vector!(i < K, {
             a.0[i] = V::select(mask.0[i], a.0[i], b.0[i]);
-        }
+        });
         a
     }
 
     #[inline(always)]
     fn max(mut self, other: Self) -> Self {
-        for i in 0..K {
+        each_vector!(i < K, {
             self.0[i] = V::max(self.0[i], other.0[i]);
-        }
+        });
         self
     }
 
     #[inline(always)]
     fn min(mut self, other: Self) -> Self {
-        for i in 0..K {
+        each_vector!(i < K, {
             self.0[i] = V::min(self.0[i], other.0[i]);
-        }
+        });
         self
     }
 
     #[inline(always)]
     fn split_exponent(self) -> (Self, Self) {
         let (mut power, mut ln) = (self, self);
-        for i in 0..K {
+        each_vector!(i < K, {
             (power.0[i], ln.0[i]) = V::split_exponent(self.0[i]);
-        }
+        });
         (power, ln)
     }
 
@@ -180,18 +195,18 @@ impl<V: Vectors, const K: usize> Lanes<V, K> {
     #[must_use]
     pub fn load_groups(groups: &[[f64; LANES]]) -> Self {
         let mut lanes = Self::from_f64(0.0);
-        for i in 0..K {
+        each_vector!(i < K, {
             lanes.0[i] = V::load(&groups[i * V::GROUPS..(i + 1) * V::GROUPS]);
-        }
+        });
         lanes
     }
 
     /// Stores the groups to the first of these.
     #[inline(always)]
     pub fn store_groups(self, groups: &mut [[f64; LANES]]) {
-        for i in 0..K {
+        each_vector!(i < K, {
             V::store(self.0[i], &mut groups[i * V::GROUPS..(i + 1) * V::GROUPS]);
-        }
+        });
     }
 
     /// One number for each group, in all of its lanes.
@@ -199,9 +214,9 @@ impl<V: Vectors, const K: usize> Lanes<V, K> {
     #[must_use]
     pub fn splat_groups(numbers: &[f64]) -> Self {
         let mut lanes = Self::from_f64(0.0);
-        for i in 0..K {
+        each_vector!(i < K, {
             lanes.0[i] = V::splat_groups(&numbers[i * V::GROUPS..(i + 1) * V::GROUPS]);
-        }
+        });
         lanes
     }
 
@@ -210,7 +225,7 @@ impl<V: Vectors, const K: usize> Lanes<V, K> {
     #[must_use]
     pub fn splat_vectors(vectors: &[Vec3<f64>]) -> Vec3<Self> {
         let mut lanes = Vec3::<Self>::zero();
-        for i in 0..K {
+        each_vector!(i < K, {
             let mut components = [[0.0; MAX_GROUPS]; 3];
             for group in 0..V::GROUPS {
                 let vector = vectors[i * V::GROUPS + group];
@@ -221,7 +236,7 @@ impl<V: Vectors, const K: usize> Lanes<V, K> {
             lanes.x.0[i] = V::splat_groups(&components[0]);
             lanes.y.0[i] = V::splat_groups(&components[1]);
             lanes.z.0[i] = V::splat_groups(&components[2]);
-        }
+        });
         lanes
     }
 }
@@ -248,9 +263,9 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
     #[must_use]
     pub fn sums(self) -> [f64; K] {
         let mut sums = [0.0; K];
-        for i in 0..K {
+        each_vector!(i < K, {
             sums[i] = I::sum(self.0[i]);
-        }
+        });
         sums
     }
 
@@ -259,9 +274,11 @@ impl<I: Isa, const K: usize> Lanes<I, K> {
     #[must_use]
     pub fn sum(self) -> f64 {
         let mut total = self.0[0];
-        for i in 1..K {
-            total = I::add(total, self.0[i]);
-        }
+        each_vector!(i < K, {
+            if i > 0 {
+                total = I::add(total, self.0[i]);
+            }
+        });
         I::sum(total)
     }
 }

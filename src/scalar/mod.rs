@@ -2,8 +2,8 @@
 //! on dual numbers.
 //!
 //! Generic code must not branch on the value of a scalar: a comparison gives a mask, [`Scalar::select`] chooses by it, and
-//! the number of iterations of a loop does not depend on a scalar. The exception is the length of adaptive steps, which is common to all
-//! lanes ([`Scalar::any`]). Comparisons of dual numbers use the real parts only, so that every number type executes the same operations.
+//! the number of iterations of a loop does not depend on a scalar. The exceptions are the length of adaptive steps, which is common to all
+//! lanes, and the steps that pass near the projected centre ([`Scalar::any`]). Comparisons of dual numbers use the real parts only, so that every number type executes the same operations.
 
 mod dispatch;
 mod dual;

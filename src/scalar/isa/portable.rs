@@ -1,6 +1,6 @@
 //! Vectors as arrays, compiled for the baseline of the target: they run on every CPU.
 //!
-//! Functions of closures are not always inlined, so there are none: arrays are computed by a macro.
+//! Functions of closures are not always inlined, and loops take long to compile, so there are none: arrays are computed by a macro.
 
 use super::{
     Isa, LANES, NO_FRACTION, SINGLE_NO_FRACTION, Subroutine, Vectors, split_exponent,
@@ -17,17 +17,22 @@ pub struct PortableSingles;
 
 /// An array of `$groups` times eight numbers, computed one by one.
 macro_rules! lane_by_lane {
-    ($groups:literal, $i:ident => $value:expr) => {{
-        let mut lanes = [Default::default(); $groups * LANES];
-        for $i in 0..$groups * LANES {
-            lanes[$i] = $value;
-        }
-        lanes
-    }};
+    (1, $i:ident => $value:expr) => {
+        lane_by_lane!(@ $i => $value; 0 1 2 3 4 5 6 7)
+    };
+    (2, $i:ident => $value:expr) => {
+        lane_by_lane!(@ $i => $value; 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15)
+    };
+    (@ $i:ident => $value:expr; $($number:literal)*) => {
+        [$({
+            let $i: usize = $number;
+            $value
+        }),*]
+    };
 }
 
 macro_rules! arrays {
-    ($vectors:ident of $groups:literal groups: $number:ident, $bits:ident, $no_fraction:ident, $split_exponent:ident) => {
+    ($vectors:ident of $groups:tt groups: $number:ident, $bits:ident, $no_fraction:ident, $split_exponent:ident) => {
         #[allow(
             clippy::cast_possible_truncation,
             clippy::unnecessary_cast,
