@@ -7,7 +7,7 @@ use super::options::{
 use super::output::{Output, shown};
 use super::progress::Progress;
 use crate::config::to_toml;
-use crate::data::{MockSettings, QPopulation, mocks_with};
+use crate::data::{MockSettings, MockStars, QPopulation, mocks_with};
 use crate::error::{Error, Result};
 use crate::params::StreamPrior;
 use oblate_samplers::{Event, Observer};
@@ -47,6 +47,9 @@ pub struct Args {
     /// Add densities of stars with this relative noise; the settings must have `log10_n_stars`
     #[arg(long, value_parser = finite)]
     density_noise: Option<f64>,
+    /// Add line-of-sight velocities of so many single stars with this noise in km/s
+    #[arg(long, value_name = "COUNT,KM_S", value_parser = stars)]
+    stars: Option<MockStars>,
     /// Errors of the noise alone, as in the paper: without the standard error of a mean over the stars of a bin
     #[arg(long)]
     no_star_scatter: bool,
@@ -71,6 +74,19 @@ fn population(text: &str) -> std::result::Result<QPopulation, String> {
     }
 }
 
+fn stars(text: &str) -> std::result::Result<MockStars, String> {
+    match text
+        .split_once(',')
+        .map(|(count, noise)| (count.trim().parse(), finite(noise.trim())))
+    {
+        Some((Ok(count), Ok(velocity_noise_km_s))) => Ok(MockStars {
+            count,
+            velocity_noise_km_s,
+        }),
+        _ => Err("give a whole number and a finite one, such as 50,5".to_owned()),
+    }
+}
+
 /// Makes the mocks.
 pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     args.work.start_threads()?;
@@ -80,6 +96,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         velocity_noise_km_s: args.velocity_noise,
         width_noise: args.width_noise,
         density_noise: args.density_noise,
+        stars: args.stars,
         ..MockSettings::default()
     };
     let fit = fit_settings(args.config.as_deref())?;

@@ -4,6 +4,7 @@
 use super::ObservedTrack;
 use super::extent::length_kpc;
 use super::measured::Measured;
+use super::mock_stars::MockStars;
 use super::observed::{NUMBERS_OF_BINS, RADII_KPC};
 use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
@@ -51,6 +52,9 @@ pub struct MockSettings {
     /// Relative Gaussian noise of a density in every bin; none: no densities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub density_noise: Option<f64>,
+    /// Single stars with line-of-sight velocities; none: no such stars.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stars: Option<MockStars>,
     /// Draw q from this population instead of the prior.
     pub population: Option<QPopulation>,
 }
@@ -140,6 +144,7 @@ impl Default for MockSettings {
             velocity_noise_km_s: None,
             width_noise: None,
             density_noise: None,
+            stars: None,
             population: None,
         }
     }
@@ -185,6 +190,9 @@ impl MockSettings {
         }
         if let Some(noise) = self.density_noise {
             in_range("density_noise", noise, 0.001..=1.0)?;
+        }
+        if let Some(stars) = self.stars {
+            stars.check()?;
         }
         if let Some(population) = self.population {
             let QPopulation {
@@ -428,6 +436,9 @@ fn draw(
         if rows.iter().any(Option::is_some) {
             observed.measured.insert(quantity, rows);
         }
+    }
+    if let Some(stars) = settings.stars {
+        observed.stars = stars.draw(&particles, &params, &observed, &mut rng);
     }
     observed.meta.insert("truth".to_owned(), truth(&params, q));
     Ok(Mock {

@@ -2,7 +2,7 @@
 
 use oblate::Error;
 use oblate::config::{PopulationConfig, SlurmSettings, StudyConfig, to_toml};
-use oblate::data::{MockSettings, ObservedTrack, QPopulation, Selection, mocks};
+use oblate::data::{MockSettings, MockStars, ObservedTrack, QPopulation, Selection, mocks};
 use oblate::inference::FitSettings;
 use oblate::likelihood::{
     DataBin, ErrorCorrelation, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
@@ -278,6 +278,10 @@ fn the_ranges_of_mocks_are_those_of_the_page() {
         population: Some(QPopulation {
             other_mu: Some(1.2),
             ..QPopulation::gaussian(0.8, 0.1)
+        }),
+        stars: Some(MockStars {
+            count: 50,
+            velocity_noise_km_s: 5.0,
         }),
         ..MockSettings::default()
     };

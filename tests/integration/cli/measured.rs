@@ -27,6 +27,7 @@ fn mocks_and_fits_have_velocities_widths_and_densities() {
     assert!(output.status.success(), "{output:?}");
     let noise = ["--velocity-noise", "5", "--width-noise", "0.1"];
     let noise = [&noise[..], &["--density-noise", "0.1", "--out", &out]].concat();
+    let noise = [&noise[..], &["--stars", "30,5"]].concat();
     refused(&mock(&config, &noise), &["density_noise", "log10_n_stars"]);
     // A sample of a thousand stars.
     let text = SMALL.replace("prior.fixed = {", "prior.fixed = { log10_n_stars = 3.0, ");
@@ -43,6 +44,8 @@ fn mocks_and_fits_have_velocities_widths_and_densities() {
     };
     let (bare, _) = read(&plain);
     let (measured, track) = read(&out);
+    // Stars follow the bins.
+    assert_eq!(measured.len(), bare.len() + 30);
     for (row, bare) in measured.iter().zip(&bare) {
         // The radii are those of the mock without other data.
         assert_eq!((row.len(), &row[..4]), (10, &bare[..]));
@@ -81,6 +84,7 @@ fn mocks_and_fits_have_velocities_widths_and_densities() {
         assert!(chi2 > 0.0, "{diagnostics}");
         assert_eq!(diagnostics[count], diagnostics["best_fit_bins"]);
     }
+    assert_eq!(diagnostics["best_fit_star_velocities"], 30.0);
     let page = path("page.html");
     let output = oblate(&["report", &run, "--out", &page], "");
     assert_eq!(output.status.code(), Some(0), "{output:?}");

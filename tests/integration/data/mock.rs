@@ -1,9 +1,9 @@
 //! Mocks with parameters of the observation.
 
-use oblate::data::{Mock, MockSettings, QPopulation, mocks};
+use oblate::data::{Mock, MockSettings, MockStars, QPopulation, StarVelocity, mocks};
 use oblate::params::{PriorSettings, REQUIRED, StreamPrior};
 use oblate::stream::{Model, ModelSettings, Particles, StepSchedules, System};
-use oblate::track::{BinEdges, Track, TrackBin};
+use oblate::track::{BinEdges, BinQuantity, Track, TrackBin};
 
 /// The first mock with these fixed parameters.
 fn mock(fixed: &[(&str, f64)], noise: f64) -> Mock {
@@ -114,4 +114,68 @@ fn errors_of_mocks_are_those_of_their_radii() {
     // Those of the paper leave out that a bin has few stars.
     let (of_paper, _) = mean_square_residual(false);
     assert!(of_paper > 1.0 + limit, "{of_paper}");
+}
+
+#[test]
+fn single_stars_of_a_mock_are_particles_of_its_bins_with_noise() {
+    let prior = StreamPrior::new(&PriorSettings::default()).unwrap();
+    let mock = |stars: Option<(usize, f64)>| {
+        let stars = stars.map(|(count, velocity_noise_km_s)| MockStars {
+            count,
+            velocity_noise_km_s,
+        });
+        let settings = MockSettings {
+            stars,
+            velocity_noise_km_s: Some(0.01),
+            ..MockSettings::default()
+        };
+        let mut found = mocks(&prior, &settings, 1, 3).unwrap();
+        found.mocks.remove(0).track
+    };
+    let (none, precise, noisy) = (mock(None), mock(Some((200, 0.01))), mock(Some((200, 50.0))));
+    // Everything else is as without stars.
+    assert_eq!((none.stars.len(), &none.measured), (0, &precise.measured));
+    assert_eq!(none.r_kpc, precise.r_kpc);
+    assert_eq!(precise.stars.len(), 200);
+    assert!(
+        precise
+            .stars
+            .windows(2)
+            .all(|w| w[0].phi_deg <= w[1].phi_deg)
+    );
+    // Stars are particles: the mean of those in a bin is that of all its particles, within its own scatter.
+    let velocities = &precise.measured[&BinQuantity::Velocity];
+    let mut chi2 = Vec::new();
+    for (row, bin) in precise.bins().into_iter().enumerate() {
+        let own = |star: &&StarVelocity| precise.bin_at(star.phi_deg) == bin;
+        let v = precise
+            .stars
+            .iter()
+            .filter(own)
+            .map(|star| star.v_km_s.value);
+        let v: Vec<f64> = v.collect();
+        if v.len() < 10 {
+            continue;
+        }
+        let (n, mean) = (v.len() as f64, v.iter().sum::<f64>() / v.len() as f64);
+        let variance = v.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let expected = velocities[row].expect("a velocity").value;
+        chi2.push((mean - expected).powi(2) / (variance / n));
+    }
+    // Each is the square of a number of Student's, with at least nine degrees of freedom: 99.9 % of them are below 23.
+    assert!(
+        chi2.len() >= 4 && chi2.iter().all(|z2| *z2 < 23.0),
+        "{chi2:?}"
+    );
+    // The same stars with more noise: 200 normal numbers have a mean square of 1 +- 0.1.
+    let mut sum = 0.0;
+    for (a, b) in precise.stars.iter().zip(&noisy.stars) {
+        assert_eq!(a.phi_deg.to_bits(), b.phi_deg.to_bits());
+        sum += ((a.v_km_s.value - b.v_km_s.value) / 50.0).powi(2);
+    }
+    assert!((sum / 200.0 - 1.0).abs() < 0.3, "{sum}");
+    // As many as there are particles in the bins, if more are asked for.
+    let all = mock(Some((100_000, 5.0)));
+    let within: f64 = all.n.expect("numbers of stars").iter().sum();
+    assert!((all.stars.len() as f64 - within).abs() < 0.5);
 }
