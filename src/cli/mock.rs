@@ -65,26 +65,29 @@ pub struct Args {
 }
 
 fn population(text: &str) -> std::result::Result<QPopulation, String> {
-    match text
-        .split_once(',')
-        .map(|(mu, sigma)| (finite(mu.trim()), finite(sigma.trim())))
-    {
-        Some((Ok(mu), Ok(sigma))) => Ok(QPopulation::gaussian(mu, sigma)),
-        _ => Err("give two finite numbers, such as 0.8,0.1".to_owned()),
-    }
+    let (mu, sigma) = pair(text, finite, "two finite numbers, such as 0.8,0.1")?;
+    Ok(QPopulation::gaussian(mu, sigma))
 }
 
 fn stars(text: &str) -> std::result::Result<MockStars, String> {
-    match text
-        .split_once(',')
-        .map(|(count, noise)| (count.trim().parse(), finite(noise.trim())))
-    {
-        Some((Ok(count), Ok(velocity_noise_km_s))) => Ok(MockStars {
-            count,
-            velocity_noise_km_s,
-        }),
-        _ => Err("give a whole number and a finite one, such as 50,5".to_owned()),
-    }
+    let whole = |count: &str| count.parse().map_err(|_| String::new());
+    let (count, velocity_noise_km_s) =
+        pair(text, whole, "a whole number and a finite one, such as 50,5")?;
+    Ok(MockStars {
+        count,
+        velocity_noise_km_s,
+    })
+}
+
+/// Two values with a comma between them, of which the second is a finite number.
+fn pair<T>(
+    text: &str,
+    first: impl Fn(&str) -> std::result::Result<T, String>,
+    expected: &str,
+) -> std::result::Result<(T, f64), String> {
+    (text.split_once(','))
+        .and_then(|(a, b)| Some((first(a.trim()).ok()?, finite(b.trim()).ok()?)))
+        .ok_or_else(|| format!("give {expected}"))
 }
 
 /// Makes the mocks.

@@ -1,7 +1,9 @@
 //! The checks that columns must pass to be a track, shared by files and tracks made in memory.
 
 use super::measured::{Measured, QuantityColumn};
-use super::observed::{NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, SLACK, STARS};
+use super::observed::{
+    NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, SLACK, STARS, bin_of,
+};
 use super::star::StarVelocity;
 use crate::error::{Error, Result, TrackFault};
 use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinQuantity};
@@ -56,7 +58,7 @@ pub fn fault(track: &ObservedTrack) -> Option<Fault> {
         .or_else(|| width_fault(track))
         .or_else(|| measured_fault(track))
         .or_else(|| {
-            let faults = track.stars.iter().find_map(|star| star_fault(track, star));
+            let faults = track.stars.iter().find_map(star_faults(track));
             faults.and_then(Fault::whole)
         })
 }
@@ -115,18 +117,19 @@ fn row_fault(
     None
 }
 
-/// What is wrong with a star of a track: it is in no bin of it, or a number is out of its range.
-pub fn star_fault(track: &ObservedTrack, star: &StarVelocity) -> Option<TrackFault> {
-    let (column, value) = ("phi", star.phi_deg);
-    if !value.is_finite() {
-        return Some(TrackFault::NotFinite { column, value });
-    }
-    value_fault(&BinQuantity::Velocity.column(), star.v_km_s).or_else(|| {
-        let is_in_bin = track.bins().contains(&track.bin_at(star.phi_deg));
-        (!is_in_bin).then_some(TrackFault::StarOutside {
-            phi_deg: star.phi_deg,
+/// Tells what is wrong with a star of this track: it is in no bin of it, or a number is out of its range.
+pub fn star_faults(track: &ObservedTrack) -> impl Fn(&StarVelocity) -> Option<TrackFault> {
+    let (bins, offset_deg, width_deg) = (track.bins(), track.offset_deg(), track.bin_width_deg);
+    move |star| {
+        let (column, value) = ("phi", star.phi_deg);
+        if !value.is_finite() {
+            return Some(TrackFault::NotFinite { column, value });
+        }
+        value_fault(&BinQuantity::Velocity.column(), star.v_km_s).or_else(|| {
+            let is_in_bin = bins.contains(&bin_of(value - offset_deg, width_deg));
+            (!is_in_bin).then_some(TrackFault::StarOutside { phi_deg: value })
         })
-    })
+    }
 }
 
 /// What is wrong with a value or its error.

@@ -4,17 +4,17 @@
 use super::ObservedTrack;
 use super::extent::length_kpc;
 use super::measured::Measured;
-use super::mock_stars::MockStars;
+use super::mock_stars::{MockStars, VELOCITY_NOISES_KM_S};
 use super::observed::{NUMBERS_OF_BINS, RADII_KPC};
 use crate::error::{Error, Result};
 use crate::params::{StreamParams, StreamPrior};
 use crate::scalar::Vec3;
 use crate::spray::{SamplingScheme, TableSettings};
-use crate::stream::{Model, ModelSettings, StreamInput, Threads, Workspace};
+use crate::stream::{Model, ModelSettings, Particles, StreamInput, Threads, Workspace};
 use crate::track::{ANGLES_DEG, BIN_WIDTHS_DEG, BinEdges, BinQuantity, Track, TrackBin};
 use oblate_samplers::limits::{MAX_SEED, in_range};
 use oblate_samplers::normal::quantile;
-use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
+use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
 use rayon::prelude::*;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -183,7 +183,7 @@ impl MockSettings {
             });
         }
         if let Some(noise) = self.velocity_noise_km_s {
-            in_range("velocity_noise_km_s", noise, 0.01..=1_000.0)?;
+            in_range("velocity_noise_km_s", noise, VELOCITY_NOISES_KM_S)?;
         }
         if let Some(noise) = self.width_noise {
             in_range("width_noise", noise, 0.001..=1.0)?;
@@ -332,7 +332,10 @@ pub fn mocks_with(
         }
         let batch: Vec<(u64, std::result::Result<Mock, Cut>)> = (first..first + BATCH)
             .into_par_iter()
-            .map(|i| (i, draw(prior, settings, &model, seed, i)))
+            .map(|i| {
+                let drawn = draw(prior, settings, &model, seed, i);
+                (i, drawn.map(|drawn| measured(drawn, settings)))
+            })
             .collect();
         for (i, outcome) in batch {
             if let Ok(mock) = outcome
@@ -348,14 +351,24 @@ pub fn mocks_with(
     Ok(found)
 }
 
-/// Draw number `index`.
+/// A draw of the prior that meets the criteria: its stream with measured radii.
+struct Drawn {
+    mock: Mock,
+    particles: Particles,
+    /// The track of the particles.
+    track: Track,
+    /// What the noise of further data is drawn from.
+    rng: RandomStream,
+}
+
+/// Draw number `index`, with radii alone.
 fn draw(
     prior: &StreamPrior,
     settings: &MockSettings,
     model: &Model,
     seed: u64,
     index: u64,
-) -> std::result::Result<Mock, Cut> {
+) -> std::result::Result<Drawn, Cut> {
     let mut rng = stream(seed, Domain::Prior, 1, index);
     let mut params = prior.draw(&mut rng);
     let mut q = prior.shape(&params).q;
@@ -409,6 +422,30 @@ fn draw(
     let mut observed = ObservedTrack::new(&name, &phi, settings.bin_width_deg, &r, &r_err)
         .map_err(|_| Cut::Radius)?;
     observed.n = Some(track.bins.iter().map(|b| b.n).collect());
+    observed.meta.insert("truth".to_owned(), truth(&params, q));
+    let mock = Mock {
+        track: observed,
+        params,
+        q,
+        length_kpc,
+    };
+    Ok(Drawn {
+        mock,
+        particles,
+        track,
+        rng,
+    })
+}
+
+/// The mock of a draw, with all data that the settings name.
+fn measured(drawn: Drawn, settings: &MockSettings) -> Mock {
+    let Drawn {
+        mut mock,
+        particles,
+        track,
+        mut rng,
+    } = drawn;
+    let observed = &mut mock.track;
     // After the radii, so that these have the same noise with and without other data.
     for quantity in BinQuantity::ALL {
         let noise_of = |bin: &TrackBin| match quantity {
@@ -438,15 +475,9 @@ fn draw(
         }
     }
     if let Some(stars) = settings.stars {
-        observed.stars = stars.draw(&particles, &params, &observed, &mut rng);
+        observed.stars = stars.draw(&particles, &mock.params, observed, &mut rng);
     }
-    observed.meta.insert("truth".to_owned(), truth(&params, q));
-    Ok(Mock {
-        track: observed,
-        params,
-        q,
-        length_kpc,
-    })
+    mock
 }
 
 /// Whether draw number `index` meets the criteria if its halo has this q.

@@ -1,7 +1,7 @@
 //! Single stars of mocks, whose line-of-sight velocities are measured.
 
 use super::ObservedTrack;
-use super::check::star_fault;
+use super::check::star_faults;
 use super::measured::Measured;
 use super::star::StarVelocity;
 use crate::error::Result;
@@ -12,6 +12,10 @@ use oblate_samplers::limits::in_range;
 use oblate_samplers::rng::{standard_normal, unit_open};
 use rand::Rng;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
+
+/// Noises that velocities of mocks may have, km/s.
+pub(super) const VELOCITY_NOISES_KM_S: RangeInclusive<f64> = 0.01..=1_000.0;
 
 /// Stars of a mock with line-of-sight velocities of their own.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,7 +37,7 @@ impl MockStars {
         in_range(
             "stars.velocity_noise_km_s",
             self.velocity_noise_km_s,
-            0.01..=1_000.0,
+            VELOCITY_NOISES_KM_S,
         )?;
         Ok(())
     }
@@ -54,6 +58,7 @@ impl MockStars {
             })
             .collect();
         order.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let fault = star_faults(track);
         let mut stars: Vec<StarVelocity> = order
             .into_iter()
             .map(|(_, i)| {
@@ -66,7 +71,7 @@ impl MockStars {
                     },
                 }
             })
-            .filter(|star| star_fault(track, star).is_none())
+            .filter(|star| fault(star).is_none())
             .take(self.count)
             .collect();
         stars.sort_by(|a, b| a.phi_deg.total_cmp(&b.phi_deg));

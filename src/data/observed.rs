@@ -188,6 +188,6 @@ impl ObservedTrack {
     clippy::cast_possible_truncation,
     reason = "checked tracks hold centres of a few turns at most; the cast saturates elsewhere"
 )]
-fn bin_of(phi_deg: f64, width_deg: f64) -> i64 {
+pub(super) fn bin_of(phi_deg: f64, width_deg: f64) -> i64 {
     (phi_deg / width_deg - 0.5).round() as i64
 }

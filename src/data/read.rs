@@ -177,6 +177,7 @@ fn stars(
     };
     let numbers = |column: &str| rows.find_sparse(path, column);
     let (values, errors) = (numbers("v")?, numbers("v_err")?);
+    let fault = check::star_faults(track);
     let mut stars = Vec::with_capacity(phi_deg.len());
     for (row, phi) in phi_deg.iter().enumerate() {
         let fail = |fault| {
@@ -203,7 +204,7 @@ fn stars(
             phi_deg: sign * phi,
             v_km_s: Measured { value, error },
         };
-        if let Some(fault) = check::star_fault(track, &star) {
+        if let Some(fault) = fault(&star) {
             return fail(fault);
         }
         stars.push(star);

@@ -6,7 +6,7 @@
 
 use super::blanes_moan::{DRIFTS, KICKS, STAGES, TIMES};
 use super::leapfrog::force;
-use super::winding::{Crossings, crossing, turns_far};
+use super::winding::Crossings;
 use super::{FinalParticle, State};
 use crate::potential::{Plummer, Potential};
 use crate::scalar::{Scalar, Vec3};
@@ -128,21 +128,17 @@ pub fn advance_adaptively<S: Scalar>(
         kick_before = h * KICKS[STAGES];
         v_synchronised = v.add_scaled(a, kick_before);
         // Positions between the drifts are not on the path.
-        if turns_far(step_start.x, x) {
-            let from = State {
-                x: step_start.x,
-                v: step_start.v,
-            };
-            let to = State {
-                x,
-                v: v_synchronised,
-            };
-            let crossings = Crossings::between(from, to, h);
-            winding_number += crossings.number;
-            ambiguous_windings += crossings.ambiguous;
-        } else {
-            winding_number += crossing(step_start.x, x);
-        }
+        let from = State {
+            x: step_start.x,
+            v: step_start.v,
+        };
+        let to = State {
+            x,
+            v: v_synchronised,
+        };
+        let crossings = Crossings::between(from, to, h);
+        winding_number += crossings.number;
+        ambiguous_windings += crossings.ambiguous;
         left -= length;
         steps.record(number);
     }

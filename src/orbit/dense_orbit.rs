@@ -7,7 +7,7 @@ use super::State;
 use super::node_times::{NodeTimes, Place};
 use super::nystrom::{OrbitStep, nystrom_step};
 use super::orbit_force::{Conservative, OrbitForce};
-use super::winding::{Crossings, crossing, turns_far};
+use super::winding::Crossings;
 use crate::potential::Potential;
 use crate::scalar::{Isa, LANES, LaneArray, Lanes, Real, Scalar, Vec3};
 use serde::{Deserialize, Serialize};
@@ -401,7 +401,15 @@ impl<S: Real> DenseOrbit<S> {
                     OrbitMethod::Leapfrog => leapfrog_step(force, vectors, step),
                 };
                 let [before, dx_before, _] = vectors;
-                winding_number -= crossings(before, dx_before, after, dx_after);
+                let before = State {
+                    x: before,
+                    v: dx_before,
+                };
+                let after = State {
+                    x: after,
+                    v: dx_after,
+                };
+                winding_number -= Crossings::between(before, after, S::one()).number;
             }
         }
         self.intervals.push(intervals);
@@ -427,12 +435,15 @@ impl<S: Real> DenseOrbit<S> {
         let Place { node, t, per_age } = self.times.locate(tau);
         let x = vector(&self.combine(node, constants(quintic(t))));
         let dx = vector(&self.combine(node, constants(quintic_slope(t))));
-        let (fraction, start) = (S::from_f64(t), &self.nodes[node]);
+        let node_state = State {
+            x: self.nodes[node].x(),
+            v: self.nodes[node].vector(1),
+        };
+        let since_node = Crossings::between(node_state, State { x, v: dx }, S::from_f64(t));
         let v = dx * (S::from_f64(per_age) / self.age_gyr);
         (
             State { x, v },
-            self.winding_numbers[node]
-                + crossings(start.x(), start.vector(1) * fraction, x, dx * fraction),
+            self.winding_numbers[node] + since_node.number,
         )
     }
 
@@ -487,17 +498,6 @@ impl<S: Real> DenseOrbit<S> {
             .iter()
             .all(|n| (0..3).all(|row| finite(n.vector(row))))
     }
-}
-
-/// Counter-clockwise crossings of the negative x axis less clockwise ones between two positions, with the velocities there times the
-/// time between them.
-#[inline(always)]
-fn crossings<S: Scalar>(from: Vec3<S>, dx_from: Vec3<S>, to: Vec3<S>, dx_to: Vec3<S>) -> S {
-    if !turns_far(from, to) {
-        return crossing(from, to);
-    }
-    let state = |x, v| State { x, v };
-    Crossings::between(state(from, dx_from), state(to, dx_to), S::one()).number
 }
 
 /// The orbit at the start of a block.

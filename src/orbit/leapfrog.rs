@@ -1,6 +1,6 @@
 //! Kicks and drifts by a schedule in the potential of the host and the moving progenitor, on any number type (docs/physics.md, section 5).
 
-use super::winding::{Crossings, crossing, turns_far};
+use super::winding::Crossings;
 use super::{Schedule, State};
 use crate::potential::{Plummer, Potential};
 use crate::scalar::{Scalar, Vec3};
@@ -62,22 +62,18 @@ pub fn advance<S: Scalar>(
             v_to = v;
             v = v.add_scaled(a, schedule.kick_gyr(j + 1));
         }
-        if turns_far(from, x) {
-            let kick = h * schedule.kick_of_step();
-            let from = State {
-                x: from,
-                v: v_from.add_scaled(a_from, -kick),
-            };
-            let to = State {
-                x,
-                v: v_to.add_scaled(a, kick),
-            };
-            let crossings = Crossings::between(from, to, h);
-            winding_number += crossings.number;
-            ambiguous_windings += crossings.ambiguous;
-        } else {
-            winding_number += crossing(from, x);
-        }
+        let kick = h * schedule.kick_of_step();
+        let from = State {
+            x: from,
+            v: v_from.add_scaled(a_from, -kick),
+        };
+        let to = State {
+            x,
+            v: v_to.add_scaled(a, kick),
+        };
+        let crossings = Crossings::between(from, to, h);
+        winding_number += crossings.number;
+        ambiguous_windings += crossings.ambiguous;
     }
     FinalParticle {
         state: State { x, v },

@@ -27,9 +27,9 @@ pub fn crossing<S: Scalar>(from: Vec3<S>, to: Vec3<S>) -> S {
 }
 
 /// Whether any particle turns by more than 90 degrees around the projected centre from one position to the next. If none does, the straight
-/// line is on the same side of the centre as the path, and [`crossing()`] is enough.
+/// line is on the same side of the centre as the path.
 #[inline(always)]
-pub(super) fn turns_far<S: Scalar>(from: Vec3<S>, to: Vec3<S>) -> bool {
+fn turns_far<S: Scalar>(from: Vec3<S>, to: Vec3<S>) -> bool {
     S::any(projected_dot(from, to).lt(S::zero()))
 }
 
@@ -43,9 +43,21 @@ pub(super) struct Crossings<S> {
 }
 
 impl<S: Scalar> Crossings<S> {
-    /// Those between two states that are `h` apart in time: of eight chords of the cubic Hermite interpolant.
+    /// Those between two states that are `h` apart in time: of the straight line where no particle turns far, else of eight chords of the
+    /// cubic Hermite interpolant.
     #[inline(always)]
     pub fn between(from: State<S>, to: State<S>, h: S) -> Self {
+        if turns_far(from.x, to.x) {
+            return Self::of_chords(from, to, h);
+        }
+        Self {
+            number: crossing(from.x, to.x),
+            ambiguous: S::zero(),
+        }
+    }
+
+    #[inline(always)]
+    fn of_chords(from: State<S>, to: State<S>, h: S) -> Self {
         let (v_from, v_to) = (from.v * h, to.v * h);
         let mut crossings = Self {
             number: S::zero(),

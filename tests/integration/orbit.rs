@@ -157,7 +157,6 @@ fn winding_numbers_do_not_depend_on_the_intervals_near_the_projected_centre() {
             .filter(|&tau| (ours.at(tau).1 - exact.at(tau).1).abs() > 0.5)
             .count();
         // The axis is crossed at times that differ by less than one of the thousand.
-        println!("{intervals}: {others}");
         assert!(others <= 2, "{intervals} intervals: {others}");
     }
 }
