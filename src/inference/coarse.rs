@@ -10,11 +10,11 @@ use crate::stream::Precision;
 use crate::track::BinEdges;
 
 /// Phase of a coarse model's steps, radians: they change ln L by less than its few particles do, at three fifths of the price
-/// (docs/validation.md, section 4).
+/// (docs/decisions.md, section 1).
 const STEP_PHASE: f64 = 1.6;
 
 /// Effective draws that the coarse fit aims at, as a fraction of those of the fit: the MCMC steps of the bridge make more of them, at less cost
-/// (docs/validation.md, section 5).
+/// (docs/decisions.md, section 4).
 const COARSE_ESS: f64 = 0.5;
 
 /// A target of at most so many is not halved: with fewer draws the checks of the coarse fit could not judge.

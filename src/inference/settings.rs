@@ -71,7 +71,7 @@ impl SamplerSettings {
     /// mixture fitted to them, which makes the path shorter than that from the prior, and extends its last round until
     /// the convergence checks pass. Rounds and extensions are short at first, so that an easy track ends early. States are moved
     /// along a surrogate of ln L, which needs no gradients of ln L itself: one costs as much as seven values
-    /// (docs/validation.md, section 5).
+    /// (docs/decisions.md, section 3).
     #[must_use]
     pub fn for_streams() -> Self {
         let mut sampling = Self {

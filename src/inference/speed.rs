@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 const DRAWS: &str = include_str!("../../benches/draws.csv");
 
 /// So many values of the coarse model take as long as the shortest coarse stage of a default fit with all 13 parameters free, moves along the surrogate
-/// included (docs/validation.md, section 4), as their mean, and as twice the longest of thirteen tracks.
+/// included (docs/validation.md, section 3), as their mean, and as twice the longest of thirteen tracks.
 const COARSE_VALUES: [f64; 3] = [3e5, 1.2e6, 4.5e6];
 
-/// The same for values of the model itself, in the bridge (docs/validation.md, section 4), without further MCMC steps, in the mean, and with all of
+/// The same for values of the model itself, in the bridge (docs/validation.md, section 3), without further MCMC steps, in the mean, and with all of
 /// them.
 const VALUES: [f64; 3] = [7e3, 1e5, 5e5];
 

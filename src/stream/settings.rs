@@ -58,7 +58,7 @@ impl StepsPer {
 pub enum Precision {
     /// Doubles: 16 particles together, 32 with equal steps.
     Double,
-    /// Singles, 32 particles together: half the time, and rounding far below the error of the model (docs/validation.md, section 4).
+    /// Singles, 32 particles together: half the time, and rounding far below the error of the model (docs/decisions.md, section 1).
     Single,
 }
 

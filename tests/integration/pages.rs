@@ -7,9 +7,10 @@ use oblate::params::{PARAMETERS, Parameter, REQUIRED};
 use std::path::{Path, PathBuf};
 
 /// The pages.
-pub const PAGES: [&str; 21] = [
+pub const PAGES: [&str; 23] = [
     "README.md",
     "CHANGELOG.md",
+    "docs/decisions.md",
     "docs/disc.md",
     "docs/faq.md",
     "docs/files.md",
@@ -19,6 +20,7 @@ pub const PAGES: [&str; 21] = [
     "docs/reliability.md",
     "docs/physics.md",
     "docs/python.md",
+    "docs/sampler_tests.md",
     "docs/samplers.md",
     "docs/tour.md",
     "docs/tracks.md",

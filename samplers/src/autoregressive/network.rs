@@ -9,7 +9,7 @@ use multiversion::multiversion;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Hidden units of each of the two layers. Twice as many fit posteriors of streams no better (docs/validation.md, section 5).
+/// Hidden units of each of the two layers. Twice as many fit posteriors of streams no better (docs/decisions.md, section 3).
 const UNITS: usize = 32;
 
 /// Sums of a scalar product that are accumulated side by side.

@@ -11,7 +11,7 @@ use crate::surrogate::Surrogate;
 use crate::target::Target;
 use rayon::prelude::*;
 
-/// Mean number of leapfrog steps from one copy to the next (docs/validation.md, section 4).
+/// Mean number of leapfrog steps from one copy to the next (docs/decisions.md, section 2).
 const LEAPFROGS: usize = 64;
 
 /// Mean acceptance that a step must have, on trial from about so many draws, and the factor by which it is shortened until then.

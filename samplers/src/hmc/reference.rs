@@ -19,11 +19,11 @@ use serde::{Deserialize, Serialize};
 const PRIOR_WEIGHT: f64 = 0.05;
 
 /// Weight of the mixture beside the autoregressive density: the latter follows the posterior closely, the former has
-/// the tails that it lacks (docs/validation.md, section 5, parallel tempering).
+/// the tails that it lacks (docs/decisions.md, section 3).
 const MIXTURE_WEIGHT: f64 = 0.3;
 
 /// Factor by which the components of the best-fitting mixture are widened: where the reference has too little density,
-/// replicas stay for long (docs/validation.md, section 5, parallel tempering).
+/// replicas stay for long (docs/decisions.md, section 3).
 const WIDENING: f64 = 1.3;
 
 /// Maximum number of components of a mixture.

@@ -9,7 +9,7 @@ use crate::surrogate::Surrogate;
 use crate::valid::{Valid, countable, ensure};
 use serde::{Deserialize, Serialize};
 
-/// Fraction of the draws that a screen keeps (docs/validation.md, section 5).
+/// Fraction of the draws that a screen keeps (docs/decisions.md, section 3).
 const KEPT: f64 = 1.0 / 128.0;
 
 /// Least probability to keep a draw, as a fraction of [`KEPT`]: the screened density is nowhere below this fraction of the density.

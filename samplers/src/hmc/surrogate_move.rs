@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::rng::{RandomStream, unit_open};
 
 /// Mean numbers of leapfrog steps of such moves. Long ones go far where the surrogate is right, short ones are accepted where it is wrong
-/// (docs/validation.md, section 5).
+/// (docs/decisions.md, section 3).
 pub const LEAPFROGS: [usize; 3] = [8, 32, 128];
 
 impl Plan {

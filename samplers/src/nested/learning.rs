@@ -33,7 +33,7 @@ const MOST: f64 = 0.75;
 /// The surrogates of even and of odd lineages, each learned from the values of chains of its half, and followed by those of the other.
 ///
 /// A surrogate that knew the live points themselves would be wrong at them less often than elsewhere, and new points would be born too rarely
-/// where it is too low: ln Z would be too high (docs/validation.md, section 5).
+/// where it is too low: ln Z would be too high (docs/decisions.md, section 5).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Learner {
     halves: [Half; 2],

@@ -17,7 +17,7 @@ const BYTES_PER_COORDINATE: f64 = 5.0 * 8.0;
 const BYTES_PER_POINT: f64 = 50.0 * 8.0;
 
 /// Largest number of values that a surrogate learns from. Some of every age stay: with the last ones alone the surrogate forgets how deep ln L
-/// is elsewhere, and trajectories are lost there (docs/validation.md, section 5).
+/// is elsewhere, and trajectories are lost there (docs/decisions.md, section 5).
 pub(super) const EXAMPLES_KEPT: usize = 120_000;
 
 /// How a new point above the likelihood bound is found.
@@ -57,7 +57,7 @@ impl Kernel {
 
     /// Steps per new point if the settings have none: `(3 + d) / 2` slice updates, from 15 parameters on `d^2 / 22`;
     /// `(3 + d) / 3` Galilean Monte Carlo trajectories; 25 walk steps, from 12 parameters on `2 + 2 d`.
-    /// docs/validation.md, section 5, has the bias with fewer steps.
+    /// docs/sampler_tests.md, section 1, has the bias with fewer steps.
     #[must_use]
     pub fn default_steps(self, dim: usize) -> usize {
         match self.resolve(dim) {

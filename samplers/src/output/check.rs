@@ -62,7 +62,7 @@ const WEIGHT_SUM_TOLERANCE: f64 = 1e-6;
 
 /// Largest difference between ln L of a draw and a new value at its point, for all but a fifth of the draws that are compared: a target may
 /// work in single precision, compute gradients in another precision than values, and be symmetric only to rounding. Where ln L is chaotic
-/// rounding changes it by more, at a few draws of a posterior (docs/validation.md, section 4).
+/// rounding changes it by more, at a few draws of a posterior (docs/decisions.md, section 1).
 const ROUNDING: f64 = 0.05;
 
 /// Number of draws of equal weight whose ln L is compared, besides the best.

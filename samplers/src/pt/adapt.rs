@@ -226,7 +226,7 @@ impl State {
 
     /// One reference for all chain sets until the burn-in ends, fitted to the new draws of all of them and to kept ones of earlier rounds; none if
     /// they are too few. A chain set that has come to a mode which only it has found leaves it by this reference. By one that is fitted to
-    /// the draws of others alone it would not, and the result would have it for thousands of scans (docs/validation.md, section 4).
+    /// the draws of others alone it would not, and the result would have it for thousands of scans (docs/decisions.md, section 2).
     fn resembling_all(
         &mut self,
         rows: &[f64],

@@ -158,7 +158,7 @@ impl Estimate {
 /// Chain set `k` belongs to cluster `k % clusters`; only clusters are independent. Cluster `c` follows the annealing path
 /// `c % paths`; the estimates of different paths are averaged, with the number of their chain sets as weight. The difference
 /// of the forward and the backward estimate is a check and no error, because it is smaller than the true error
-/// (docs/validation.md, section 5). With a single scan errors are infinite.
+/// (docs/decisions.md, section 3). With a single scan errors are infinite.
 #[must_use]
 pub fn estimate(extensions: &[(&[f64], &Traces)], clusters: usize, paths: usize) -> Estimate {
     let count = extensions

@@ -22,10 +22,10 @@ const START_TRIES: usize = 100_000;
 const LEAST_BETA: f64 = 0.15;
 
 /// Scans from one slice update of a chain with moves along a surrogate to the next. A slice update costs twice as many values as these
-/// moves and goes a small part of their way, but also where the surrogate is wrong (docs/validation.md, section 5).
+/// moves and goes a small part of their way, but also where the surrogate is wrong (docs/decisions.md, section 3).
 const SLICE_SCANS: u64 = 4;
 
-/// Fits of the surrogate within a long extension, and least number of scans from one to the next (docs/validation.md, section 4).
+/// Fits of the surrogate within a long extension, and least number of scans from one to the next (docs/decisions.md, section 2).
 const SURROGATE_FITS: usize = 8;
 const SURROGATE_SCANS: usize = 128;
 

@@ -27,7 +27,7 @@ const NUMBERS_PER_DRAW: f64 = 16.0;
 /// States of the pools of one temperature.
 const POOL: f64 = 2_048.0;
 
-/// Maximum number of examples that a surrogate is fitted to: more do not make it better (docs/validation.md, section 5).
+/// Maximum number of examples that a surrogate is fitted to: more do not make it better (docs/decisions.md, section 3).
 pub(super) const EXAMPLES_KEPT: usize = 150_000;
 
 /// Draws that a mixture is fitted to, copies of them while it is, and its components.

@@ -30,7 +30,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Fraction of the particles of an SMC sampler of small evidence that are kept. Its evidence errs by several units of ln Z, and it may be the only one
-/// in a mode: with single particles of it the first reference leaves the mode out, and the run never finds it (docs/validation.md, section 5).
+/// in a mode: with single particles of it the first reference leaves the mode out, and the run never finds it (docs/decisions.md, section 3).
 const LEAST_SHARE: f64 = 0.25;
 
 /// Inverse temperature below which particles make no moves along a surrogate: hardly any would be accepted.

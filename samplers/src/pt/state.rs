@@ -21,7 +21,7 @@ const EARLY_LEAPFROGS: usize = 32;
 /// Energy error of an early round that is accepted, as a fraction of the depth that a trajectory descended.
 const EARLY_SLACK: f64 = 0.05;
 
-/// Largest change of ln Z, in nats, from one part of an extension to the next with which the burn-in ends (docs/validation.md, section 4).
+/// Largest change of ln Z, in nats, from one part of an extension to the next with which the burn-in ends (docs/decisions.md, section 2).
 const SETTLED_LN_Z: f64 = 0.3;
 
 /// One temperature.

@@ -1,7 +1,7 @@
 //! The optimiser of a network: Muon (Jordan et al. 2024) for its matrices of weights, Adam (Kingma & Ba 2015) for its biases.
 //!
 //! The step of a matrix is its averaged gradient with all singular values set to about one. It needs a fifth of the passes of
-//! Adam to the same error (docs/validation.md, section 5).
+//! Adam to the same error (docs/decisions.md, section 3).
 
 use super::network::Network;
 use nalgebra::{DMatrix, DMatrixView};

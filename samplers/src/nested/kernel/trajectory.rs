@@ -23,7 +23,7 @@ use nalgebra::DMatrix;
 const LEAPFROGS: [usize; 3] = [8, 32, 128];
 
 /// Widths of the walls of sets of trajectories in turn, over the narrowest. A point where the surrogate is too low by many widths hardly ever leaves its place
-/// through a narrow wall: with narrow walls alone such points become too few, and ln Z too high (docs/validation.md, section 5).
+/// through a narrow wall: with narrow walls alone such points become too few, and ln Z too high (docs/decisions.md, section 5).
 pub(super) const WIDTHS: [f64; 3] = [1.0, 4.0, 16.0];
 
 /// Maximum length of the whitened force, in units of the root of the number of dimensions.
