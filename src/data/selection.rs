@@ -1,6 +1,7 @@
 //! The selection of streams: which fraction of them is kept at each q.
 
-use super::mock::{MockSettings, is_kept};
+use super::mock::is_kept;
+use super::mock_settings::MockSettings;
 use crate::error::{Error, Result};
 use crate::params::{AXIS_RATIOS, StreamPrior};
 use crate::stream::Model;

@@ -1,7 +1,7 @@
 //! Errors of bridges from a coarse likelihood to a fine one of known evidence.
 //!
 //! `cargo bench -p oblate-samplers --bench bridge_errors` makes thirty nested runs on each of three coarse likelihoods and continues
-//! them. Two minutes of a core; the recorded table is in docs/sampler_tests.md.
+//! them. Two minutes of a core; the recorded table is in docs/targets.md.
 
 #[path = "../../tests/integration/pulls.rs"]
 mod pulls;

@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p oblate-samplers --bench cost_of_a_draw` prints two tables: by kernel and number of steps, to be compared at equal
 //! rank correlation of new points with their seeds; and of dynamic runs to 20,000 draws. Some minutes of a core; the recorded tables are
-//! in docs/sampler_tests.md.
+//! in docs/targets.md.
 
 #[path = "../../tests/integration/pulls.rs"]
 mod pulls;

@@ -1,7 +1,7 @@
 //! Errors of posterior means, and so of mode weights: differences from the exact means in the quoted errors.
 //!
 //! `cargo bench -p oblate-samplers --bench errors_of_means` samples four targets with thirty seeds each, static and dynamic, by slice
-//! updates along differences and along random directions. Some ten minutes of a core; the recorded table is in docs/sampler_tests.md.
+//! updates along differences and along random directions. Some ten minutes of a core; the recorded table is in docs/targets.md.
 
 #[path = "../../tests/integration/pulls.rs"]
 mod pulls;

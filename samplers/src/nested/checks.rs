@@ -11,7 +11,7 @@ use crate::rng::{Domain, stream};
 const SPREAD: u64 = 3;
 
 /// Maximum ratio of the bootstrap error of ln Z, from the scatter of recent lineages, to the simulated one of
-/// independent draws. The larger of the two is quoted; docs/sampler_tests.md, section 1, has how well it holds below this
+/// independent draws. The larger of the two is quoted; docs/targets.md, section 1, has how well it holds below this
 /// limit. Larger ratios have not been tested.
 const MAX_BOOTSTRAP_TO_SIMULATED: f64 = 2.5;
 

@@ -9,7 +9,7 @@
 //! A point drawn by a chain resembles its seed until the chain has made enough steps. It therefore belongs to the
 //! lineage of its seed; chains of one half of the lineages take directions and metrics from the other half; and the
 //! errors of means come from the scatter of lineages, that of ln Z from recent lineages, whose ancestors are chosen
-//! anew whenever few are left. With too few steps the errors grow and ln Z is biased (docs/sampler_tests.md, section 1);
+//! anew whenever few are left. With too few steps the errors grow and ln Z is biased (docs/targets.md, section 1);
 //! the checks `seed-rank-correlation` and `relative-jump-distance` detect it. A run with a target
 //! ([`Settings::target_ess`]) adds batches of live points where they reduce the errors most, and runs with several
 //! seeds can be merged ([`merge`]).

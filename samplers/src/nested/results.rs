@@ -9,7 +9,7 @@ use crate::output::{Draws, Ess, Evidence, History, Origin};
 use crate::target::Target;
 use std::collections::BTreeMap;
 
-/// Minimum effective number of lineages of the posterior; docs/sampler_tests.md, section 1, has how well errors of means
+/// Minimum effective number of lineages of the posterior; docs/targets.md, section 1, has how well errors of means
 /// hold with few lineages (`cargo bench -p oblate-samplers --bench errors_of_means`).
 pub(super) const MIN_LINEAGES: f64 = 12.0;
 

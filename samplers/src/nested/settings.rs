@@ -57,7 +57,7 @@ impl Kernel {
 
     /// Steps per new point if the settings have none: `(3 + d) / 2` slice updates, from 15 parameters on `d^2 / 22`;
     /// `(3 + d) / 3` Galilean Monte Carlo trajectories; 25 walk steps, from 12 parameters on `2 + 2 d`.
-    /// docs/sampler_tests.md, section 1, has the bias with fewer steps.
+    /// docs/targets.md, section 1, has the bias with fewer steps.
     #[must_use]
     pub fn default_steps(self, dim: usize) -> usize {
         match self.resolve(dim) {

@@ -39,12 +39,12 @@ const SLICES_PER_SET: usize = 16;
 /// Largest number of proposals and sets of trajectories of a point for as many slice updates.
 const MAX_SETS: usize = 18;
 
-/// Maximum rank correlation of a new point's likelihood with its seed's; docs/sampler_tests.md, section 1, has bias and
+/// Maximum rank correlation of a new point's likelihood with its seed's; docs/targets.md, section 1, has bias and
 /// scatter of ln Z for several values of it (`cargo bench -p oblate-samplers --bench seed_correlation`).
 pub(super) const MAX_SEED_CORRELATION: f64 = 0.2;
 
 /// Target fraction of straight moves in Galilean Monte Carlo: near it new points depended least on their seeds for the
-/// same calls (docs/sampler_tests.md, section 1). The fraction of reflected moves cannot serve, because moves
+/// same calls (docs/targets.md, section 1). The fraction of reflected moves cannot serve, because moves
 /// at points without a gradient reverse at any length.
 const STRAIGHT_FRACTION: f64 = 0.7;
 

@@ -439,7 +439,7 @@ mod tests {
         }
     }
 
-    /// The recorded rates are those of 1,000 runs (docs/sampler_tests.md, section 3).
+    /// The recorded rates are those of 1,000 runs (docs/targets.md, section 3).
     #[test]
     fn confirmed_runs_rarely_miss_what_chains_visit_rarely() {
         let runs = 200;
