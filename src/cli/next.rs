@@ -137,7 +137,8 @@ pub fn after_stored_fit(summary: &Summary, folder: &RunFolder) -> Result<Vec<Ste
     Ok(after_fit(summary, &settings, folder, &own))
 }
 
-/// What to do after a bridge of the run in `coarse`: continue it, or first what makes the coarse run converge.
+/// What to do after a bridge of the run in `coarse`: continue it, or first what makes the coarse run converge; and bridge its result to a
+/// finer model if its own is not accurate enough.
 pub fn after_bridge(
     summary: &Summary,
     coarse: &Path,
@@ -163,7 +164,11 @@ pub fn after_bridge(
         return Ok(steps);
     }
     let settings: FitSettings = read(&RunFolder::open(folder)?.config())?;
-    let changes = changes(&failed, &settings.sampling);
+    let of_model = model_changes(summary, &settings.model);
+    if summary.converged {
+        return Ok(finer(&of_model, folder).into_iter().collect());
+    }
+    let changes = [changes(&failed, &settings.sampling), of_model].concat();
     let more = longer_bridge(summary, &settings.sampling, command).into_iter();
     Ok(more.chain(again(&changes, folder, command)).collect())
 }

@@ -191,3 +191,46 @@ fn a_bridge_with_few_draws_gets_batches_or_more_coarse_draws() {
     assert_eq!(longer.status.code(), Some(1), "{longer:?}");
     assert!(calls(&longer) > calls(&first));
 }
+
+#[test]
+fn a_bridge_to_a_model_that_is_not_accurate_enough_is_continued_to_a_finer_one() {
+    let (_kept, folder) = folder();
+    let few = FEW_BRIDGED
+        .replace("coarse_particles = 64", "coarse_particles = 0")
+        .replace("particles = 128", "particles = 64")
+        .replace("step_phase = 2.0, max_halvings = 3", "step_phase = 1.2")
+        .replace(
+            "steps = 6, target_ess = 100, max_batches = 4",
+            "steps = 16, max_batches = 8",
+        );
+    let few: String = few
+        .lines()
+        .filter(|line| !line.starts_with("sampling.bridge"))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    write(&folder, "my settings.toml", &few);
+    let fit = shell(&folder, FIT);
+    assert_eq!(json(&fit.stdout)["converged"], true, "{fit:?}");
+    let bridge = "oblate bridge 'my run' --particles 128 -q --json --out finer";
+    let bridge = shell(&folder, bridge);
+    let summary = json(&bridge.stdout);
+    assert_eq!(summary["converged"], true, "{bridge:?}");
+    let checks = summary["model_checks"].as_array().expect("checks");
+    assert!(
+        checks.iter().any(|check| check["pass"] == false),
+        "{summary}"
+    );
+    let steps = proposed(&bridge);
+    let [(purpose, finer)] = &steps[..] else {
+        panic!("{steps:?}");
+    };
+    assert_eq!(purpose, "continue it to a finer model:");
+    assert!(finer.starts_with("oblate bridge finer "), "{finer}");
+    assert!(
+        finer.contains("--set model.releases.particles=512"),
+        "{finer}"
+    );
+    let finer = shell(&folder, &format!("{finer} --json -q"));
+    assert_ne!(finer.status.code(), Some(2), "{finer:?}");
+    assert!(calls(&finer) > 0);
+}
