@@ -86,7 +86,7 @@ impl SamplerSettings {
         sampling.bridge.smc_particles = 1_000;
         sampling.bridge.mcmc_steps = 2;
         sampling.bridge.further_mcmc_steps = 16;
-        sampling.bridge.max_batches = 3;
+        sampling.bridge.max_batches = 6;
         sampling.pt_hmc.surrogate = true;
         // A path from a screened reference is short.
         sampling.pt_hmc.min_temperatures = 4;

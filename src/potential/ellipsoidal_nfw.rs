@@ -1,7 +1,7 @@
 //! The NFW halo, flattened in its density along one axis or along two (docs/physics.md, section 2).
 
 use super::halo::{Halo, HaloCotangent, HaloParameters};
-use super::{Potential, nfw, tiny_m2};
+use super::{Potential, TINY_M2, nfw};
 use crate::scalar::{Scalar, Tangent, Vec3};
 use crate::units::G;
 
@@ -126,7 +126,7 @@ impl<S: Scalar> EllipsoidalNfw<S> {
     fn mu(node: &Node<S>, r2: S, along: [S; AXES]) -> S {
         let mu2 = node.across[0].mul_add(along[0] * along[0], r2);
         let mu2 = node.across[1].mul_add(along[1] * along[1], mu2);
-        mu2.max(S::from_f64(tiny_m2::<S>())).sqrt()
+        mu2.max(S::from_f64(TINY_M2)).sqrt()
     }
 
     /// A vector with the components along the axes multiplied by 1/w: half of the gradient of mu^2 if it is the position.

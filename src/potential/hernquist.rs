@@ -1,6 +1,6 @@
 //! The bulge of Hernquist (1990, Astrophysical Journal 356, 359).
 
-use super::{Potential, tiny_m2};
+use super::{Potential, TINY_M2};
 use crate::scalar::{Scalar, Vec3};
 use crate::units::G;
 
@@ -45,7 +45,7 @@ impl<S: Scalar> Hernquist<S> {
     /// The distance from the centre, at least a tiny one.
     #[inline(always)]
     fn radius(x: Vec3<S>) -> S {
-        x.norm2().max(S::from_f64(tiny_m2::<S>())).sqrt()
+        x.norm2().max(S::from_f64(TINY_M2)).sqrt()
     }
 
     /// `k = Phi'(r) / r`, and `k'(r) / r`.

@@ -34,15 +34,8 @@ use crate::scalar::{Scalar, Vec3};
 use crate::units::G;
 use std::f64::consts::PI;
 
-/// Smallest m^2, kpc^2, so that the centre is finite. The cube of its root is a normal number of the precision.
-#[inline(always)]
-const fn tiny_m2<S: Scalar>() -> f64 {
-    if S::EPSILON > f64::EPSILON {
-        1e-20
-    } else {
-        1e-40
-    }
-}
+/// Smallest m^2, kpc^2, so that the centre is finite. The cube of its root is a normal number of either precision.
+const TINY_M2: f64 = 1e-20;
 
 /// A potential, centred on the origin. The other functions follow from value, acceleration and the product of the Hessian with a vector.
 pub trait Potential<S: Scalar> {

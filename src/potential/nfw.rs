@@ -1,7 +1,7 @@
 //! The NFW halo, flattened in its potential along one axis (docs/physics.md, section 2).
 
 use super::halo::{Halo, HaloCotangent, HaloParameters, SecondAxis, log10_radius_200};
-use super::{Potential, tiny_m2};
+use super::{Potential, TINY_M2};
 use crate::scalar::{Scalar, Vec3, ln_1p, two_atanh_tail};
 use crate::units::{CRITICAL_DENSITY, G};
 use std::f64::consts::PI;
@@ -23,17 +23,29 @@ pub struct FlattenedNfw<S> {
     inverse_r_s: S,
 }
 
+/// A position in the halo.
+#[derive(Clone, Copy)]
+struct Geometry<S> {
+    /// `n.x`
+    along: S,
+    y: Vec3<S>,
+    /// `m / Rs`
+    s: S,
+    /// `1 / s`
+    inverse_s: S,
+}
+
 /// The kind of halo of Chemaly et al. (2026), with the potential [`FlattenedNfw`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nfw;
 
-/// `g(s)` (docs/physics.md, section 2), which is near `s^2 / 2` at small s.
+/// `g(s)` (docs/physics.md, section 2), which is near `s^2 / 2` at small s, and `1/(1+s)`.
 ///
 /// With `1 + s = 2^k (1+u)/(1-u)` the logarithm is `k ln 2 + 2 u + u^3 tail(u^2)`, and
 /// `2 u - s/(1+s) = (s^2 + (1 - 2^k)(2 + 3 s)) / ((1+s) (1+s+2^k))` exactly. Where k is 0, below s = sqrt(2) - 1, all terms are positive
 /// and none cancel, so that the formula holds at any s.
 #[inline(always)]
-fn enclosed<S: Scalar>(s: S) -> S {
+fn enclosed<S: Scalar>(s: S) -> (S, S) {
     let one_plus = s + 1.0;
     let (power, ln_power) = one_plus.split_exponent();
     let below = s + (S::one() + power);
@@ -43,10 +55,11 @@ fn enclosed<S: Scalar>(s: S) -> S {
     let u = (s + short) * (inverse_product * one_plus);
     let z = u * u;
     let rest = s.mul_add(s, short * s.mul_add(S::from_f64(3.0), S::from_f64(2.0)));
-    rest.mul_add(
+    let g = rest.mul_add(
         inverse_product,
         (u * z).mul_add(two_atanh_tail(z), ln_power),
-    )
+    );
+    (g, inverse_product * below)
 }
 
 impl<S: Scalar> FlattenedNfw<S> {
@@ -70,25 +83,30 @@ impl<S: Scalar> FlattenedNfw<S> {
         }
     }
 
-    /// `n.x`, the vector `y` and `s = m / Rs`.
+    /// Where `x` is in the halo.
     #[inline(always)]
-    fn geometry(&self, x: Vec3<S>) -> (S, Vec3<S>, S) {
+    fn geometry(&self, x: Vec3<S>) -> Geometry<S> {
         let along = self.axis.dot(x);
         let pull = self.flattening * along;
         // Not x.y, which waits for y.
         let m2 = pull.mul_add(along, x.norm2());
-        let m2 = m2.max(S::from_f64(tiny_m2::<S>()));
-        let y = x.add_scaled(self.axis, pull);
-        (along, y, m2.sqrt() * self.inverse_r_s)
+        let m2 = m2.max(S::from_f64(TINY_M2));
+        let inverse_m = m2.inverse_sqrt();
+        Geometry {
+            along,
+            y: x.add_scaled(self.axis, pull),
+            s: m2 * inverse_m * self.inverse_r_s,
+            inverse_s: inverse_m * self.r_s,
+        }
     }
 
     /// `k = Phi'(m)/m` and `k'(m)/m`.
     #[inline(always)]
-    fn slopes(&self, s: S) -> (S, S) {
-        let f = enclosed(s) / (s * s * s);
+    fn slopes(&self, s: S, inverse_s: S) -> (S, S) {
+        let (g, inverse_one_plus) = enclosed(s);
+        let f = g * (inverse_s * inverse_s * inverse_s);
         // f' = 1/(s (1+s))^2 - 3 f/s.
-        let inverse = S::one() / (s * (s + 1.0));
-        let inverse_s = inverse * (s + 1.0);
+        let inverse = inverse_s * inverse_one_plus;
         let df = inverse * inverse - f * inverse_s * 3.0;
         let k = self.strength * f;
         let dk = self.strength * df * inverse_s * (self.inverse_r_s * self.inverse_r_s);
@@ -99,21 +117,24 @@ impl<S: Scalar> FlattenedNfw<S> {
 impl<S: Scalar> Potential<S> for FlattenedNfw<S> {
     #[inline(always)]
     fn value(&self, x: Vec3<S>) -> S {
-        let (_, _, s) = self.geometry(x);
-        -(self.strength * self.r_s * self.r_s * (ln_1p(s) / s))
+        let Geometry { s, inverse_s, .. } = self.geometry(x);
+        -(self.strength * self.r_s * self.r_s * (ln_1p(s) * inverse_s))
     }
 
     #[inline(always)]
     fn acceleration(&self, x: Vec3<S>) -> Vec3<S> {
-        let (_, y, s) = self.geometry(x);
-        // In this order the division does not wait for g.
-        y * (-self.strength / (s * s * s) * enclosed(s))
+        let Geometry {
+            y, s, inverse_s, ..
+        } = self.geometry(x);
+        y * (-self.strength * (inverse_s * inverse_s * inverse_s) * enclosed(s).0)
     }
 
     #[inline(always)]
     fn hessian_product(&self, x: Vec3<S>, v: Vec3<S>) -> Vec3<S> {
-        let (_, y, s) = self.geometry(x);
-        let (k, dk) = self.slopes(s);
+        let Geometry {
+            y, s, inverse_s, ..
+        } = self.geometry(x);
+        let (k, dk) = self.slopes(s, inverse_s);
         v.add_scaled(self.axis, self.flattening * self.axis.dot(v)) * k + y * (dk * y.dot(v))
     }
 }
@@ -168,8 +189,13 @@ impl Halo for Nfw {
         lambda: Vec3<S>,
         cotangent: &mut HaloCotangent<S>,
     ) -> (Vec3<S>, Vec3<S>) {
-        let (along, y, s) = halo.geometry(x);
-        let (k, dk) = halo.slopes(s);
+        let Geometry {
+            along,
+            y,
+            s,
+            inverse_s,
+        } = halo.geometry(x);
+        let (k, dk) = halo.slopes(s, inverse_s);
         let y_lambda = y.dot(lambda);
         let n_lambda = halo.axis.dot(lambda);
         let m2 = s * s * (halo.r_s * halo.r_s);
@@ -197,6 +223,6 @@ pub fn log10_m200(log10_mass: f64, r_s: f64) -> f64 {
     let mass = 10.0_f64.powf(log10_mass);
     let volume_mass = 200.0 * CRITICAL_DENSITY * 4.0 * PI / 3.0 * r_s * r_s * r_s;
     let wanted = volume_mass / mass;
-    let log10_c = log10_radius_200(|c| enclosed(c) / (c * c * c) > wanted);
+    let log10_c = log10_radius_200(|c| enclosed(c).0 / (c * c * c) > wanted);
     volume_mass.log10() + 3.0 * log10_c
 }

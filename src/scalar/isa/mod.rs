@@ -60,6 +60,8 @@ pub trait Vectors: Copy + Debug + Send + Sync + 'static {
     const EPSILON: f64;
     /// Added to a number of at most a third of it in magnitude, it rounds the number to an integer.
     const NO_FRACTION: f64;
+    /// Number of Newton steps that [`inverse_sqrt`](Self::inverse_sqrt) needs.
+    const NEWTON_STEPS: usize;
 
     /// Runs a subroutine of a kernel of this instruction set.
     fn call<C: Subroutine>(subroutine: C) -> C::Output;
@@ -83,10 +85,18 @@ pub trait Vectors: Copy + Debug + Send + Sync + 'static {
     fn neg(a: Self::Vector) -> Self::Vector;
     /// Square root.
     fn sqrt(a: Self::Vector) -> Self::Vector;
-    /// 1/sqrt(a) for positive normal numbers, to a few units in the last place.
+    /// An approximation of 1/sqrt(a), which [`NEWTON_STEPS`](Self::NEWTON_STEPS) steps make one to a few units in the last place.
+    fn near_inverse_sqrt(a: Self::Vector) -> Self::Vector;
+    /// 1/sqrt(a) to a few units in the last place, for numbers from 1e-37 to 1e38.
     #[inline(always)]
     fn inverse_sqrt(a: Self::Vector) -> Self::Vector {
-        Self::div(Self::splat(1.0), Self::sqrt(a))
+        let (half, minus_half_a) = (Self::splat(0.5), Self::mul(a, Self::splat(-0.5)));
+        let mut inverse = Self::near_inverse_sqrt(a);
+        for _ in 0..Self::NEWTON_STEPS {
+            let error = Self::mul_add(Self::mul(minus_half_a, inverse), inverse, half);
+            inverse = Self::mul_add(inverse, error, inverse);
+        }
+        inverse
     }
     /// The larger of two; `a` if one is NaN.
     fn max(a: Self::Vector, b: Self::Vector) -> Self::Vector;

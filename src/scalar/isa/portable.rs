@@ -46,7 +46,12 @@ macro_rules! arrays {
             const MIN_POSITIVE: f64 = $number::MIN_POSITIVE as f64;
             const EPSILON: f64 = $number::EPSILON as f64;
             const NO_FRACTION: f64 = $no_fraction;
+            const NEWTON_STEPS: usize = 0;
 
+            #[inline(always)]
+            fn near_inverse_sqrt(a: Self::Vector) -> Self::Vector {
+                lane_by_lane!($groups, i => 1.0 / a[i].sqrt())
+            }
             #[inline(always)]
             fn splat(a: f64) -> Self::Vector {
                 [a as $number; $groups * LANES]

@@ -239,20 +239,12 @@ impl Vectors for Avx512 {
     const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
     const EPSILON: f64 = f64::EPSILON;
     const NO_FRACTION: f64 = NO_FRACTION;
+    const NEWTON_STEPS: usize = 2;
 
-    /// An approximation to 14 bits and two Newton steps: no division and no root.
+    /// To 14 bits.
     #[inline(always)]
-    fn inverse_sqrt(a: __m512d) -> __m512d {
-        cpu! {
-            let half = _mm512_set1_pd(0.5);
-            let half_a = _mm512_mul_pd(a, half);
-            let mut inverse = _mm512_rsqrt14_pd(a);
-            for _ in 0..2 {
-                let error = _mm512_fnmadd_pd(_mm512_mul_pd(half_a, inverse), inverse, half);
-                inverse = _mm512_fmadd_pd(inverse, error, inverse);
-            }
-            inverse
-        }
+    fn near_inverse_sqrt(a: __m512d) -> __m512d {
+        cpu! { _mm512_rsqrt14_pd(a) }
     }
     #[inline(always)]
     fn splat(a: f64) -> __m512d {
@@ -296,7 +288,13 @@ impl Vectors for Avx512Singles {
     const MIN_POSITIVE: f64 = f32::MIN_POSITIVE as f64;
     const EPSILON: f64 = f32::EPSILON as f64;
     const NO_FRACTION: f64 = SINGLE_NO_FRACTION;
+    const NEWTON_STEPS: usize = 1;
 
+    /// To 14 bits.
+    #[inline(always)]
+    fn near_inverse_sqrt(a: __m512) -> __m512 {
+        cpu! { _mm512_rsqrt14_ps(a) }
+    }
     #[inline(always)]
     fn splat(a: f64) -> __m512 {
         cpu! { _mm512_set1_ps(single(a)) }
@@ -417,7 +415,18 @@ impl Vectors for Avx2 {
     const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;
     const EPSILON: f64 = f64::EPSILON;
     const NO_FRACTION: f64 = NO_FRACTION;
+    const NEWTON_STEPS: usize = 3;
 
+    /// To 11 bits, in single precision: there is no such instruction for doubles.
+    #[inline(always)]
+    fn near_inverse_sqrt(a: [__m256d; 2]) -> [__m256d; 2] {
+        cpu! {
+            [
+                _mm256_cvtps_pd(_mm_rsqrt_ps(_mm256_cvtpd_ps(a[0]))),
+                _mm256_cvtps_pd(_mm_rsqrt_ps(_mm256_cvtpd_ps(a[1]))),
+            ]
+        }
+    }
     #[inline(always)]
     fn splat(a: f64) -> [__m256d; 2] {
         cpu! { [_mm256_set1_pd(a); 2] }
@@ -497,7 +506,13 @@ impl Vectors for Avx2Singles {
     const MIN_POSITIVE: f64 = f32::MIN_POSITIVE as f64;
     const EPSILON: f64 = f32::EPSILON as f64;
     const NO_FRACTION: f64 = SINGLE_NO_FRACTION;
+    const NEWTON_STEPS: usize = 1;
 
+    /// To 11 bits.
+    #[inline(always)]
+    fn near_inverse_sqrt(a: [__m256; 2]) -> [__m256; 2] {
+        cpu! { [_mm256_rsqrt_ps(a[0]), _mm256_rsqrt_ps(a[1])] }
+    }
     #[inline(always)]
     fn splat(a: f64) -> [__m256; 2] {
         cpu! { [_mm256_set1_ps(single(a)); 2] }

@@ -170,7 +170,7 @@ coarse_particles = 64
 model = { releases = { particles = 128 }, step_phase = 2.0, max_halvings = 3 }
 prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, dir_z = 1.0, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
 sampling.sampler = "nested"
-sampling.nested = { n_live = 200, kernel = "random-slice", steps = 6, target_ess = 100, max_batches = 4 }
+sampling.nested = { n_live = 300, kernel = "random-slice", steps = 12, target_ess = 100, max_batches = 4 }
 sampling.bridge = { smc_particles = 20, mcmc_steps = 1, further_mcmc_steps = 1, max_batches = 1 }
 "#;
 
@@ -200,7 +200,7 @@ fn a_bridge_to_a_model_that_is_not_accurate_enough_is_continued_to_a_finer_one()
         .replace("particles = 128", "particles = 64")
         .replace("step_phase = 2.0, max_halvings = 3", "step_phase = 1.2")
         .replace(
-            "steps = 6, target_ess = 100, max_batches = 4",
+            "steps = 12, target_ess = 100, max_batches = 4",
             "steps = 16, max_batches = 8",
         );
     let few: String = few
