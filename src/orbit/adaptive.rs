@@ -98,9 +98,12 @@ pub fn advance_adaptively<S: Scalar>(
     let mut centre = steps.progenitor_at(left);
     let mut a = force(host, progenitor, x, centre, steps.mass_fraction(left));
     while left > 0.0 {
+        let from = State {
+            x,
+            v: v_synchronised,
+        };
         let d2 = (x - centre).norm2() + core2;
-        let step_start =
-            StepStart::new(x, v_synchronised, a, phase2, d2 * d2 * d2, gm2_over_phase4);
+        let step_start = StepStart::new(from, a, phase2, d2 * d2 * d2, gm2_over_phase4);
         // No closure, because it would be compiled without the instructions of the kernel.
         if number < shortest && step_start.is_too_long(step * length(number, left)) {
             number += 1;
@@ -128,10 +131,6 @@ pub fn advance_adaptively<S: Scalar>(
         kick_before = h * KICKS[STAGES];
         v_synchronised = v.add_scaled(a, kick_before);
         // Positions between the drifts are not on the path.
-        let from = State {
-            x: step_start.x,
-            v: step_start.v,
-        };
         let to = State {
             x,
             v: v_synchronised,
@@ -154,8 +153,7 @@ pub fn advance_adaptively<S: Scalar>(
 
 /// Particles at the start of a step.
 struct StepStart<S> {
-    x: Vec3<S>,
-    v: Vec3<S>,
+    state: State<S>,
     a: Vec3<S>,
     phase2: f64,
     /// The phase is too large where |x|^2 times the square of the largest phase is below v^2 - x.a times h^2.
@@ -167,10 +165,10 @@ struct StepStart<S> {
 
 impl<S: Scalar> StepStart<S> {
     #[inline(always)]
-    fn new(x: Vec3<S>, v: Vec3<S>, a: Vec3<S>, phase2: f64, d6: S, gm2_over_phase4: S) -> Self {
+    fn new(state: State<S>, a: Vec3<S>, phase2: f64, d6: S, gm2_over_phase4: S) -> Self {
+        let State { x, v } = state;
         Self {
-            x,
-            v,
+            state,
             a,
             phase2,
             d6,
@@ -188,8 +186,9 @@ impl<S: Scalar> StepStart<S> {
         if S::any(largest.lt(actual * h2)) || S::any(self.d6.lt(self.gm2_over_phase4 * (h2 * h2))) {
             return true;
         }
-        let v = self.v.add_scaled(self.a, h);
-        let x = self.x.add_scaled(self.v.add_scaled(self.a, h * 0.5), h);
+        let State { x, v } = self.state;
+        let x = x.add_scaled(v.add_scaled(self.a, h * 0.5), h);
+        let v = v.add_scaled(self.a, h);
         S::any((x.norm2() * self.phase2).lt((v.norm2() - x.dot(self.a)) * h2))
     }
 }

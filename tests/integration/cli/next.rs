@@ -164,20 +164,34 @@ fn a_bridge_from_a_fit_with_failed_checks_begins_with_what_continues_that_fit() 
     assert_ne!(again.status.code(), Some(2), "{again:?}");
 }
 
-/// A fit of two parameters, whose coarse run has draws enough and whose bridge has few.
-const FEW_BRIDGED: &str = r#"
-coarse_particles = 64
-model = { releases = { particles = 128 }, step_phase = 2.0, max_halvings = 3 }
-prior.fixed = { r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, dir_z = 1.0, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }
+/// Settings of a fit of two parameters: the numbers of particles of its two models, their steps, and how it is sampled.
+fn two_parameters(
+    coarse_particles: usize,
+    particles: usize,
+    steps: &str,
+    sampling: &str,
+) -> String {
+    format!(
+        r#"
+coarse_particles = {coarse_particles}
+model = {{ releases = {{ particles = {particles} }}, {steps} }}
+prior.fixed = {{ r_s_halo_kpc = 15.0, dir_x = 0.1, dir_y = 0.2, dir_z = 1.0, r_s_prog_kpc = 1.0, x0_kpc = 60.0, z0_kpc = 30.0, vx0_km_s = 30.0, vy0_km_s = 140.0, vz0_km_s = 45.0, age_gyr = 3.0 }}
 sampling.sampler = "nested"
-sampling.nested = { n_live = 300, kernel = "random-slice", steps = 12, target_ess = 100, max_batches = 4 }
-sampling.bridge = { smc_particles = 20, mcmc_steps = 1, further_mcmc_steps = 1, max_batches = 1 }
-"#;
+{sampling}
+"#
+    )
+}
 
 #[test]
 fn a_bridge_with_few_draws_gets_batches_or_more_coarse_draws() {
     let (_kept, folder) = folder();
-    write(&folder, "my settings.toml", FEW_BRIDGED);
+    // The coarse run has draws enough, and its bridge has few.
+    let sampling = r#"
+sampling.nested = { n_live = 300, kernel = "random-slice", steps = 12, target_ess = 100, max_batches = 4 }
+sampling.bridge = { smc_particles = 20, mcmc_steps = 1, further_mcmc_steps = 1, max_batches = 1 }
+"#;
+    let settings = two_parameters(64, 128, "step_phase = 2.0, max_halvings = 3", sampling);
+    write(&folder, "my settings.toml", &settings);
     let first = shell(&folder, FIT);
     assert_eq!(first.status.code(), Some(1), "{first:?}");
     let steps = proposed(&first);
@@ -195,20 +209,9 @@ fn a_bridge_with_few_draws_gets_batches_or_more_coarse_draws() {
 #[test]
 fn a_bridge_to_a_model_that_is_not_accurate_enough_is_continued_to_a_finer_one() {
     let (_kept, folder) = folder();
-    let few = FEW_BRIDGED
-        .replace("coarse_particles = 64", "coarse_particles = 0")
-        .replace("particles = 128", "particles = 64")
-        .replace("step_phase = 2.0, max_halvings = 3", "step_phase = 1.2")
-        .replace(
-            "steps = 12, target_ess = 100, max_batches = 4",
-            "steps = 16, max_batches = 8",
-        );
-    let few: String = few
-        .lines()
-        .filter(|line| !line.starts_with("sampling.bridge"))
-        .map(|line| format!("{line}\n"))
-        .collect();
-    write(&folder, "my settings.toml", &few);
+    let sampling = r#"sampling.nested = { n_live = 200, kernel = "random-slice", steps = 16, max_batches = 8 }"#;
+    let settings = two_parameters(0, 64, "step_phase = 1.2", sampling);
+    write(&folder, "my settings.toml", &settings);
     let fit = shell(&folder, FIT);
     assert_eq!(json(&fit.stdout)["converged"], true, "{fit:?}");
     let bridge = "oblate bridge 'my run' --particles 128 -q --json --out finer";
