@@ -72,6 +72,7 @@ impl<S: Scalar> Plummer<S> {
     /// `1 / (r^2 + a^2)` and `G m / (r^2 + a^2)^(3/2)`.
     #[inline(always)]
     fn slopes(&self, x: Vec3<S>) -> (S, S) {
+        // Not by `inverse_sqrt` as in the halo, because that is slower on some processors (docs/validation.md, section 6).
         let inverse = S::one() / (x.norm2() + self.r_s * self.r_s);
         (inverse, self.mass * G * (inverse * inverse.sqrt()))
     }

@@ -69,7 +69,7 @@ pub trait Scalar:
     /// Square root.
     fn sqrt(self) -> Self;
 
-    /// 1/sqrt, for positive normal numbers.
+    /// 1/sqrt, for numbers from 1e-37 to 1e38: some instruction sets begin with an approximation in single precision.
     #[inline(always)]
     #[must_use]
     fn inverse_sqrt(self) -> Self {
