@@ -349,6 +349,7 @@ impl State {
                     &mut point,
                     &mut rng,
                     &mut local,
+                    &hmc::LEAPFROGS,
                     &mut visit,
                 )?;
                 score = along.score(&point)?;

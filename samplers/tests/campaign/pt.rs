@@ -83,15 +83,16 @@ fn paths_from_mixtures() {
 #[test]
 #[ignore = "an hour: before a release"]
 fn paths_along_a_surrogate() {
-    let cases: [Case; 4] = [
+    let cases: [Case; 5] = [
         smooth::stiff13().into(),
         smooth::far8().into(),
         smooth::shells(5).into(),
         Case::from(smooth::twins13(0.9)).called("twins13, 9 to 1"),
+        smooth::emerging13().into(),
     ];
     let settings = Settings {
-        smc_particles: 200,
-        mcmc_steps: 3,
+        smc_particles: 800,
+        mcmc_steps: 2,
         slice_updates: 1,
         hmc_transitions: 0,
         surrogate: true,
@@ -103,6 +104,6 @@ fn paths_along_a_surrogate() {
         extensions: 13,
         ..Settings::default()
     };
-    let how = "along a surrogate, 800 SMC particles, 4 rounds, going on";
+    let how = "along a surrogate, 3,200 SMC particles, 4 rounds, going on";
     judge(&cases, how, &settings);
 }

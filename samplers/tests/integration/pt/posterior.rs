@@ -76,6 +76,14 @@ fn twins_have_their_exact_weights_and_evidence_along_a_surrogate() {
     assert_weight_and_evidence(&run, 0.9, target.ln_z);
 }
 
+/// As SMC samplers come from the prior, each has lost the narrow mode with a probability of a third to a half.
+#[test]
+fn a_mode_that_emerges_late_has_its_exact_weight() {
+    let target = smooth::emerging13();
+    let run = run(&target, &along_a_surrogate(), 1);
+    assert_weight_and_evidence(&run, 0.5, target.ln_z);
+}
+
 #[test]
 fn likelihoods_that_cannot_matter_are_not_asked_for_and_change_nothing() {
     let settings = Settings {

@@ -26,8 +26,13 @@ enum Law {
         mean: DVector<f64>,
         precision: DMatrix<f64>,
     },
-    /// `ln sum_k w_k exp(-|theta -+ a e1|^2 / (2 s^2))`.
-    Twins { plus: f64, offset: f64, sd: f64 },
+    /// `ln sum_k w_k exp(-|theta -+ a e1|^2 / (2 s_k^2))`, where `plus` is the posterior probability of the first.
+    Twins {
+        plus: f64,
+        ln_weights: [f64; 2],
+        offset: f64,
+        variances: [f64; 2],
+    },
     /// `y` successes of `n` with probability `theta_1 theta_2`, whole normalisation.
     Binomial { y: f64, n: f64, ln_choose: f64 },
     /// Sum of two normal shells of radius 2 and width 0.1 about `+- 3.5 e1`.
@@ -93,20 +98,25 @@ impl Smooth {
                 }
                 Outcome::from_ln_likelihood(peak - 0.5 * quadratic)
             }
-            Law::Twins { plus, offset, sd } => {
-                let v = sd * sd;
+            Law::Twins {
+                ln_weights: [ln_a, ln_b],
+                offset,
+                variances: [v, v_b],
+                ..
+            } => {
                 let rest: f64 = theta[1..].iter().map(|t| t * t).sum();
-                let ln =
-                    |centre: f64, w: f64| w.ln() - 0.5 * ((theta[0] - centre).powi(2) + rest) / v;
-                let (a, b) = (ln(*offset, *plus), ln(-offset, 1.0 - plus));
+                let ln = |centre: f64, ln_w: f64, v: f64| {
+                    ln_w - 0.5 * ((theta[0] - centre).powi(2) + rest) / v
+                };
+                let (a, b) = (ln(*offset, *ln_a, *v), ln(-offset, *ln_b, *v_b));
                 let top = a.max(b);
                 let l = top + ((a - top).exp() + (b - top).exp()).ln();
                 let probability = (a - l).exp();
-                gradient[0] = -(probability * (theta[0] - offset)
-                    + (1.0 - probability) * (theta[0] + offset))
-                    / v;
+                let other = (1.0 - probability) * (v / v_b);
+                gradient[0] =
+                    -(probability * (theta[0] - offset) + other * (theta[0] + offset)) / v;
                 for (g, t) in gradient[1..].iter_mut().zip(&theta[1..]) {
-                    *g = -t / v;
+                    *g = -t * (probability + other) / v;
                 }
                 Outcome::from_ln_likelihood(l)
             }
@@ -289,13 +299,35 @@ pub fn gauss3() -> Smooth {
     Smooth::new("gauss3", -3.0 * 20_f64.ln(), prior, law)
 }
 
+/// `ln` of the integral of `N(0, I)` times `exp(-|theta - a e1|^2 / (2 v))` in 13 dimensions.
+fn ln_evidence_of_twin(offset: f64, v: f64) -> f64 {
+    0.5 * 13.0 * (v / (1.0 + v)).ln() - 0.5 * offset * offset / (1.0 + v)
+}
+
 /// `N(0, I)` in 13 dimensions, two narrow modes at `+- 1.5 e1` with weights `plus` and `1 - plus`.
 pub fn twins13(plus: f64) -> Smooth {
-    let (offset, sd, dim) = (1.5_f64, 0.1_f64, 13);
-    let v = sd * sd;
-    let ln_z = 0.5 * dim as f64 * (v / (1.0 + v)).ln() - 0.5 * offset * offset / (1.0 + v);
-    let law = Law::Twins { plus, offset, sd };
-    Smooth::new("twins13", ln_z, normals(dim, 0.0), law)
+    let (offset, v) = (1.5_f64, 0.1_f64 * 0.1);
+    let law = Law::Twins {
+        plus,
+        ln_weights: [plus.ln(), (1.0 - plus).ln()],
+        offset,
+        variances: [v, v],
+    };
+    let ln_z = ln_evidence_of_twin(offset, v);
+    Smooth::new("twins13", ln_z, normals(13, 0.0), law)
+}
+
+/// The same with a wide mode on the right and a narrow one on the left, each of half of the posterior. At the inverse temperature 0.3 the narrow one has
+/// 1.5 %: a sampler that comes from the prior meets it late.
+pub fn emerging13() -> Smooth {
+    let (offset, variances) = (1.5, [0.05, 0.02]);
+    let law = Law::Twins {
+        plus: 0.5,
+        ln_weights: variances.map(|v| 0.5_f64.ln() - ln_evidence_of_twin(offset, v)),
+        offset,
+        variances,
+    };
+    Smooth::new("emerging13", 0.0, normals(13, 0.0), law)
 }
 
 /// `U(0, 1)^2`, 50 successes of 100 with probability `p1 p2`: `E p1` = 0.716257, `E p1 p2` = 0.492978.
