@@ -40,8 +40,8 @@ const LEAST_BETA: f64 = 0.05;
 const FIRST_EXAMPLES: usize = 5_000;
 const MORE_EXAMPLES: f64 = 1.5;
 
-/// Mean numbers of leapfrog steps of the moves along the surrogate. Chains make longer ones too; here they would cost most of the time, for which
-/// twice as many particles lose fewer modes (docs/decisions.md, section 3).
+/// Mean numbers of leapfrog steps of the moves along the surrogate. Chains make longer ones too; with those half as many particles take about as long
+/// (docs/decisions.md, section 3).
 const LEAPFROGS: [usize; 2] = [8, 32];
 
 /// First step of HMC transitions in the metric of an SMC sampler: ridges are narrower than the distribution of all

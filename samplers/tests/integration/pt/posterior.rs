@@ -76,7 +76,7 @@ fn twins_have_their_exact_weights_and_evidence_along_a_surrogate() {
     assert_weight_and_evidence(&run, 0.9, target.ln_z);
 }
 
-/// As SMC samplers come from the prior, each has lost the narrow mode with a probability of a third to a half.
+/// Single SMC samplers may lose the narrow mode, and do so with few MCMC steps (docs/decisions.md, section 3).
 #[test]
 fn a_mode_that_emerges_late_has_its_exact_weight() {
     let target = smooth::emerging13();
