@@ -345,11 +345,10 @@ impl State {
                     &mut evaluator,
                     &mut along,
                     beta,
-                    &plan,
+                    &hmc::LEAPFROGS.map(|leapfrogs| plan.of_leapfrogs(leapfrogs)),
                     &mut point,
                     &mut rng,
                     &mut local,
-                    &hmc::LEAPFROGS,
                     &mut visit,
                 )?;
                 score = along.score(&point)?;

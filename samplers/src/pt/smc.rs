@@ -378,6 +378,7 @@ impl SmcSamplers {
             max_energy_range: MAX_ENERGY_RANGE,
             slack: 0.0,
         };
+        let plans = LEAPFROGS.map(|leapfrogs| plan.of_leapfrogs(leapfrogs));
         let tasks: Vec<(usize, usize)> = self
             .smc_samplers
             .iter()
@@ -409,11 +410,10 @@ impl SmcSamplers {
                         &mut evaluator,
                         &mut LocalSampler::of(along, self.beta, &self.metrics[half]),
                         self.beta,
-                        &plan,
+                        &plans,
                         &mut point,
                         &mut rng,
                         &mut local,
-                        &LEAPFROGS,
                         |_| (),
                     )?;
                 }

@@ -30,7 +30,6 @@ enum Law {
     Twins {
         plus: f64,
         ln_weights: [f64; 2],
-        offset: f64,
         variances: [f64; 2],
     },
     /// `y` successes of `n` with probability `theta_1 theta_2`, whole normalisation.
@@ -100,7 +99,6 @@ impl Smooth {
             }
             Law::Twins {
                 ln_weights: [ln_a, ln_b],
-                offset,
                 variances: [v, v_b],
                 ..
             } => {
@@ -108,13 +106,13 @@ impl Smooth {
                 let ln = |centre: f64, ln_w: f64, v: f64| {
                     ln_w - 0.5 * ((theta[0] - centre).powi(2) + rest) / v
                 };
-                let (a, b) = (ln(*offset, *ln_a, *v), ln(-offset, *ln_b, *v_b));
+                let (a, b) = (ln(OFFSET, *ln_a, *v), ln(-OFFSET, *ln_b, *v_b));
                 let top = a.max(b);
                 let l = top + ((a - top).exp() + (b - top).exp()).ln();
                 let probability = (a - l).exp();
                 let other = (1.0 - probability) * (v / v_b);
                 gradient[0] =
-                    -(probability * (theta[0] - offset) + other * (theta[0] + offset)) / v;
+                    -(probability * (theta[0] - OFFSET) + other * (theta[0] + OFFSET)) / v;
                 for (g, t) in gradient[1..].iter_mut().zip(&theta[1..]) {
                     *g = -t * (probability + other) / v;
                 }
@@ -299,35 +297,38 @@ pub fn gauss3() -> Smooth {
     Smooth::new("gauss3", -3.0 * 20_f64.ln(), prior, law)
 }
 
-/// `ln` of the integral of `N(0, I)` times `exp(-|theta - a e1|^2 / (2 v))` in 13 dimensions.
-fn ln_evidence_of_twin(offset: f64, v: f64) -> f64 {
-    0.5 * 13.0 * (v / (1.0 + v)).ln() - 0.5 * offset * offset / (1.0 + v)
+/// Distance of the twins from the centre of the prior.
+const OFFSET: f64 = 1.5;
+
+/// `ln` of the integral of `N(0, I)` times `exp(-|theta - a e1|^2 / (2 v))` in 13 dimensions, where a is [`OFFSET`].
+fn ln_evidence_of_twin(v: f64) -> f64 {
+    0.5 * 13.0 * (v / (1.0 + v)).ln() - 0.5 * OFFSET * OFFSET / (1.0 + v)
 }
 
-/// `N(0, I)` in 13 dimensions, two narrow modes at `+- 1.5 e1` with weights `plus` and `1 - plus`.
-pub fn twins13(plus: f64) -> Smooth {
-    let (offset, v) = (1.5_f64, 0.1_f64 * 0.1);
+/// `N(0, I)` in 13 dimensions, modes of these variances at `+- 1.5 e1`, of `plus` and `1 - plus` of the posterior.
+fn twins(name: &'static str, plus: f64, variances: [f64; 2], ln_z: f64) -> Smooth {
+    let ln_weight = |p: f64, v: f64| p.ln() + (ln_z - ln_evidence_of_twin(v));
     let law = Law::Twins {
         plus,
-        ln_weights: [plus.ln(), (1.0 - plus).ln()],
-        offset,
-        variances: [v, v],
-    };
-    let ln_z = ln_evidence_of_twin(offset, v);
-    Smooth::new("twins13", ln_z, normals(13, 0.0), law)
-}
-
-/// The same with a wide mode on the right and a narrow one on the left, each of half of the posterior. At the inverse temperature 0.3 the narrow one has
-/// 1.5 %: a sampler that comes from the prior meets it late.
-pub fn emerging13() -> Smooth {
-    let (offset, variances) = (1.5, [0.05, 0.02]);
-    let law = Law::Twins {
-        plus: 0.5,
-        ln_weights: variances.map(|v| 0.5_f64.ln() - ln_evidence_of_twin(offset, v)),
-        offset,
+        ln_weights: [
+            ln_weight(plus, variances[0]),
+            ln_weight(1.0 - plus, variances[1]),
+        ],
         variances,
     };
-    Smooth::new("emerging13", 0.0, normals(13, 0.0), law)
+    Smooth::new(name, ln_z, normals(13, 0.0), law)
+}
+
+/// Two narrow modes with weights `plus` and `1 - plus`.
+pub fn twins13(plus: f64) -> Smooth {
+    let v = 0.1 * 0.1;
+    twins("twins13", plus, [v, v], ln_evidence_of_twin(v))
+}
+
+/// A wide mode on the right and a narrow one on the left, each of half of the posterior. At the inverse temperature 0.3 the narrow one has
+/// 1.5 %: a sampler that comes from the prior meets it late.
+pub fn emerging13() -> Smooth {
+    twins("emerging13", 0.5, [0.05, 0.02], 0.0)
 }
 
 /// `U(0, 1)^2`, 50 successes of 100 with probability `p1 p2`: `E p1` = 0.716257, `E p1 p2` = 0.492978.
