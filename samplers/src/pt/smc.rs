@@ -23,7 +23,7 @@ use crate::hmc::{
 use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::{SmcWeights, after_step};
-use crate::surrogate::{Examples, Surrogate};
+use crate::surrogate::{DEPTH, Examples, Surrogate};
 use crate::target::{Symmetry, Target};
 use crate::valid::{Valid, countable, ensure, moderate, rows};
 use rayon::prelude::*;
@@ -33,12 +33,8 @@ use serde::{Deserialize, Serialize};
 /// in a mode: with single particles of it the first reference leaves the mode out, and the run never finds it (docs/decisions.md, section 3).
 const LEAST_SHARE: f64 = 0.25;
 
-/// Inverse temperature below which particles make no moves along a surrogate: hardly any would be accepted.
-const LEAST_BETA: f64 = 0.05;
-
-/// Examples of the first fit of the surrogate, and how many times as many those of the next.
-const FIRST_EXAMPLES: usize = 5_000;
-const MORE_EXAMPLES: f64 = 1.5;
+/// Fewest examples of a fit of the surrogate.
+const LEAST_EXAMPLES: usize = 5_000;
 
 /// Mean numbers of leapfrog steps of the moves along the surrogate. Chains make longer ones too; with those half as many particles take about as long
 /// (docs/decisions.md, section 3).
@@ -217,8 +213,6 @@ pub(super) struct SmcSamplers {
     clock: u64,
     /// Step of moves along the surrogate.
     step: StepSize,
-    /// Examples of the last fit of the surrogate.
-    learned: usize,
 }
 
 impl SmcSamplers {
@@ -238,7 +232,6 @@ impl SmcSamplers {
             pools: Default::default(),
             clock: 0,
             step: StepSize::new(FIRST_STEP),
-            learned: 0,
         }
     }
 
@@ -263,10 +256,7 @@ impl SmcSamplers {
             self.mcmc_steps <= settings.mcmc_steps(dim),
             "more MCMC steps than the settings allow",
         )?;
-        ensure(
-            countable([self.clock, self.learned as u64]),
-            "a count is too large",
-        )?;
+        ensure(countable([self.clock]), "a count is too large")?;
         self.step.check()?;
         (self.metrics.iter()).try_for_each(|metric| metric.check(dim))?;
         self.pools.iter().try_for_each(|pool| pool.check(dim))
@@ -277,15 +267,27 @@ impl SmcSamplers {
         self.clock
     }
 
-    /// Whether the surrogate is to be fitted to so many examples: before the first step at a temperature, if they are many more than those of the last fit.
-    pub(super) fn surrogate_due(&self, mcmc_steps: usize, examples: usize) -> bool {
-        let enough = (MORE_EXAMPLES * self.learned as f64).max(FIRST_EXAMPLES as f64);
-        self.mcmc_steps == mcmc_steps && self.beta > 0.5 * LEAST_BETA && examples as f64 >= enough
+    /// Whether the MCMC steps at this temperature are done.
+    fn rests(&self) -> bool {
+        let last = self.smc_samplers.first().and_then(|p| p.levels.last());
+        last.is_some_and(|level| level.beta.to_bits() == self.beta.to_bits())
     }
 
-    /// Notes that the surrogate was fitted to so many examples.
-    pub(super) fn note_surrogate(&mut self, examples: usize) {
-        self.learned = examples;
+    /// Whether the surrogate is to be fitted to so many examples: before each step in temperature, as soon as half of the particles are where a surrogate can
+    /// be right. Few particles are in a mode that is narrow at low temperatures; where they have not taught a surrogate it is too low by tens, and no move along it is
+    /// accepted (docs/decisions.md, section 3).
+    pub(super) fn surrogate_due(&self, examples: usize) -> bool {
+        if !self.rests() || examples < LEAST_EXAMPLES {
+            return false;
+        }
+        let points = self.smc_samplers.iter().flat_map(|p| &p.points);
+        let ln_likelihood: Vec<f64> = points.map(|point| point.ln_likelihood).collect();
+        let top = ln_likelihood
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
+        let near = ln_likelihood.iter().filter(|l| **l > top - DEPTH).count();
+        2 * near > ln_likelihood.len()
     }
 
     /// Whether all have reached the posterior.
@@ -366,11 +368,10 @@ impl SmcSamplers {
         learns: bool,
         moves_along: MovesAlong<'_>,
     ) -> Result<(Calls, Examples)> {
-        if self.beta <= 0.0 || self.mcmc_steps == mcmc_steps {
+        if self.rests() {
             self.lower_temperature(target, seed)?;
         }
-        let later = self.mcmc_steps > 0 && self.beta >= LEAST_BETA;
-        let surrogate = moves_along.surrogate.filter(|_| later);
+        let surrogate = moves_along.surrogate.filter(|_| self.mcmc_steps > 0);
         let plan = Plan {
             step: self.step.step(),
             length: self.step.step(),
@@ -437,7 +438,7 @@ impl SmcSamplers {
             self.step.learn(acceptance, target, self.mcmc_steps, scans);
         }
         self.mcmc_steps += 1;
-        if self.mcmc_steps == mcmc_steps {
+        if self.mcmc_steps >= mcmc_steps {
             for smc_sampler in &mut self.smc_samplers {
                 let level = Level::of(self.beta, &smc_sampler.points);
                 smc_sampler.levels.push(level);
