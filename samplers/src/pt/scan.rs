@@ -271,7 +271,7 @@ impl State {
         if !smc_samplers.done() {
             let mcmc_steps = self.settings.mcmc_steps(target.dim());
             let learns = self.settings.surrogate;
-            if learns && smc_samplers.surrogate_due(self.examples.len()) {
+            if learns && smc_samplers.rests() {
                 // Where ln L is finite at too few points, particles make slice updates.
                 self.fit_surrogate(EXAMPLES_KEPT, smc_samplers.clock());
             }

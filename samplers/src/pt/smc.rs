@@ -23,7 +23,7 @@ use crate::hmc::{
 use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
 use crate::smc_weights::{SmcWeights, after_step};
-use crate::surrogate::{DEPTH, Examples, Surrogate};
+use crate::surrogate::{Examples, Surrogate};
 use crate::target::{Symmetry, Target};
 use crate::valid::{Valid, countable, ensure, moderate, rows};
 use rayon::prelude::*;
@@ -32,9 +32,6 @@ use serde::{Deserialize, Serialize};
 /// Fraction of the particles of an SMC sampler of small evidence that are kept. Its evidence errs by several units of ln Z, and it may be the only one
 /// in a mode: with single particles of it the first reference leaves the mode out, and the run never finds it (docs/decisions.md, section 3).
 const LEAST_SHARE: f64 = 0.25;
-
-/// Fewest examples of a fit of the surrogate.
-const LEAST_EXAMPLES: usize = 5_000;
 
 /// Mean numbers of leapfrog steps of the moves along the surrogate. Chains make longer ones too; with those half as many particles take about as long
 /// (docs/decisions.md, section 3).
@@ -267,27 +264,11 @@ impl SmcSamplers {
         self.clock
     }
 
-    /// Whether the MCMC steps at this temperature are done.
-    fn rests(&self) -> bool {
+    /// Whether the MCMC steps at this temperature are done. Then the surrogate is fitted again: few particles are in a mode that is narrow at low temperatures,
+    /// and where they have not taught a surrogate it is too low by tens, and no move along it is accepted (docs/decisions.md, section 3).
+    pub(super) fn rests(&self) -> bool {
         let last = self.smc_samplers.first().and_then(|p| p.levels.last());
         last.is_some_and(|level| level.beta.to_bits() == self.beta.to_bits())
-    }
-
-    /// Whether the surrogate is to be fitted to so many examples: before each step in temperature, as soon as half of the particles are where a surrogate can
-    /// be right. Few particles are in a mode that is narrow at low temperatures; where they have not taught a surrogate it is too low by tens, and no move along it is
-    /// accepted (docs/decisions.md, section 3).
-    pub(super) fn surrogate_due(&self, examples: usize) -> bool {
-        if !self.rests() || examples < LEAST_EXAMPLES {
-            return false;
-        }
-        let points = self.smc_samplers.iter().flat_map(|p| &p.points);
-        let ln_likelihood: Vec<f64> = points.map(|point| point.ln_likelihood).collect();
-        let top = ln_likelihood
-            .iter()
-            .copied()
-            .fold(f64::NEG_INFINITY, f64::max);
-        let near = ln_likelihood.iter().filter(|l| **l > top - DEPTH).count();
-        2 * near > ln_likelihood.len()
     }
 
     /// Whether all have reached the posterior.
