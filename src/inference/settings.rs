@@ -90,8 +90,8 @@ impl SamplerSettings {
         sampling.pt_hmc.surrogate = true;
         // A path from a screened reference is short.
         sampling.pt_hmc.min_temperatures = 4;
-        sampling.pt_hmc.smc_particles = 800;
-        sampling.pt_hmc.mcmc_steps = 2;
+        sampling.pt_hmc.smc_particles = 400;
+        sampling.pt_hmc.mcmc_steps = 5;
         sampling.pt_hmc.slice_updates = 1;
         sampling.pt_hmc.hmc_transitions = 0;
         // HMC transitions along ln L itself, without a surrogate: MALA, since longer trajectories are rejected.
