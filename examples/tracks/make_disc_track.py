@@ -1,8 +1,8 @@
-"""Makes disc_edge_on.csv, the track of the worked example in docs/tracks.md: python3 examples/tracks/make_disc_track.py
+"""Makes disc_edge_on.csv, the track of the worked example in docs/disc.md: python3 examples/tracks/make_disc_track.py
 
 A stream of 60,000 particles by gala around a galaxy with a disc that is seen edge-on, in an NFW halo that is flattened in its potential
-along an axis 20 degrees from the normal of the disc. The track has the bins with at least 1 % of the particles and Gaussian noise of 2 % of
-the radius; five of its bins have mean line-of-sight velocities with Gaussian noise of 5 km/s. Needs gala and astropy; a minute or two.
+along an axis 20 degrees from the normal of the disc. The track has the bins with at least 1 % of the particles and Gaussian noise of 5 % of
+the radius; five of its bins have mean line-of-sight velocities with Gaussian noise of 10 km/s. Needs gala and astropy; a minute or two.
 """
 import math
 import pathlib
@@ -22,6 +22,7 @@ PROGENITOR = {"log10_m_prog": 8.0, "r_s_prog_kpc": 1.0}
 X_KPC, V_KM_S, AGE_GYR = (42.0, 0.0, 16.0), (-35.0, 140.0, 50.0), 1.5
 STEPS, PER_STEP = 600, 50
 PHI_OF_VELOCITIES = [-45, -25, -5, 25, 45]
+R_ERROR, V_ERROR_KM_S = 0.05, 10
 
 
 def rotation_to(axis):
@@ -60,11 +61,11 @@ for b in range(-18, 18):
     if inside.sum() < 0.01 * len(x):
         continue
     centre = 10 * b + 5
-    measured = r[inside].mean() * (1 + 0.02 * noise.gauss(0, 1))
+    measured = r[inside].mean() * (1 + R_ERROR * noise.gauss(0, 1))
     velocity = ","
     if centre in PHI_OF_VELOCITIES:
-        velocity = f"{-v[inside, 2].mean() + 5 * noise.gauss(0, 1):.1f},5"
-    rows.append(f"{centre},{measured:.2f},{0.02 * measured:.2f},{velocity}")
+        velocity = f"{-v[inside, 2].mean() + V_ERROR_KM_S * noise.gauss(0, 1):.1f},{V_ERROR_KM_S}"
+    rows.append(f"{centre},{measured:.2f},{R_ERROR * measured:.2f},{velocity}")
     print(rows[-1], int(inside.sum()), round(r[inside].std(), 2))
 head = ["# name: disc_edge_on", "# bin_width: 10", "phi,r,r_err,v,v_err"]
 (HERE / "disc_edge_on.csv").write_text("\n".join(head + rows) + "\n")

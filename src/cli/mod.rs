@@ -54,7 +54,7 @@ struct Cli {
 enum Verb {
     /// Draws mock streams from the prior or a population of q, and keeps those that meet the criteria of Chemaly et al. 2026
     Mock(mock::Args),
-    /// Estimates which fraction of streams meets the same criteria at each q, for the population of streams that do
+    /// Estimates which fraction of streams meets the criteria of mocks at each q, to correct a population for it
     Selection(selection::Args),
     /// Computes one stream from parameters: its track, and diagnostics of the model
     Stream(stream::Args),

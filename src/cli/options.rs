@@ -120,7 +120,7 @@ pub struct ModelFlags {
     /// Number of particles, both tails together
     #[arg(long)]
     particles: Option<usize>,
-    /// Number of steps; of adaptive ones, if all are as long as possible
+    /// Number of steps; the fewest, where steps are adaptive
     #[arg(long)]
     steps: Option<usize>,
     /// Sampling scheme of the releases

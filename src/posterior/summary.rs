@@ -298,7 +298,7 @@ impl Summary {
             Some(population) => population.verdict(),
             None => not_measured(
                 &self.marginal_information,
-                "only a longer track or smaller errors would measure more",
+                "a longer track, smaller errors or velocities may measure more",
             ),
         }
     }
