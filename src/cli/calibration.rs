@@ -55,8 +55,14 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         (&args.figure, calibration(&fits)),
         (&args.errors, q_errors(&fits, &trends)),
     ] {
-        if let (Some(path), Some(svg)) = (path, svg) {
-            write_file(path, svg.as_bytes(), args.force)?;
+        match (path, svg) {
+            (Some(path), Some(svg)) => write_file(path, svg.as_bytes(), args.force)?,
+            (Some(path), None) => note(&format!(
+                "{} is not written: {} fits are too few for it.",
+                path.display(),
+                fits.len()
+            )),
+            (None, _) => (),
         }
     }
     if args.output.json {

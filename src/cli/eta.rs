@@ -14,13 +14,9 @@ impl Trend {
         if !value.is_finite() {
             return;
         }
-        // Ten values a second tell all that is shown.
-        if self
-            .noted
-            .back()
-            .is_some_and(|(last, _)| seconds - last < 0.1)
-            && self.noted.len() > 1
-        {
+        // Ten values a second tell all that is shown: the newest is replaced until the one before it is that old.
+        let before = self.noted.len().checked_sub(2).map(|i| self.noted[i].0);
+        if before.is_some_and(|before| seconds - before < 0.1) {
             self.noted.pop_back();
         }
         self.noted.push_back((seconds, value));

@@ -11,6 +11,7 @@ use crate::spray::TableSettings;
 use crate::stream::{ModelSettings, StepRule};
 use oblate_samplers::nested::Kernel;
 use oblate_samplers::output::{MIN_ESS, Method, Status};
+use oblate_samplers::pt;
 use std::path::{Path, PathBuf};
 
 /// A command that can be typed next.
@@ -76,10 +77,11 @@ pub fn after_fit(
         let sampled = coarse.as_ref().unwrap_or(summary);
         if sampling.sampler == Sampler::PtHmc && names(sampled).iter().any(|name| needs_scans(name))
         {
-            let more = sampling.pt_hmc.extensions + 2;
-            let longer = command.resumed();
-            let longer = longer.with_value("--extensions", &more.to_string());
-            steps.push(Step::new("extend its last round", &longer));
+            let more = more_extensions(sampling).into_iter();
+            steps.extend(more.map(|more| {
+                let longer = command.resumed().with_value("--extensions", &more);
+                Step::new("extend its last round", &longer)
+            }));
         }
         let batches = more_batches(sampled, sampling, command);
         let mut failed = [names(sampled), names(summary)].concat();
@@ -191,8 +193,8 @@ pub fn after_population(
         failed.retain(|name| *name != "effective-lineages");
     }
     if summary.method == Method::PtHmc && failed.iter().any(|name| needs_scans(name)) {
-        let more = sampling.pt_hmc.extensions + 2;
-        longer.push(("sampling.pt_hmc.extensions", more.to_string()));
+        let more = more_extensions(sampling).into_iter();
+        longer.extend(more.map(|more| ("sampling.pt_hmc.extensions", more)));
     }
     let changes = [longer, changes(&failed, sampling)].concat();
     again(&changes, folder, command).into_iter().collect()
@@ -242,6 +244,12 @@ pub fn tell_coarse(summary: &Summary, folder: &RunFolder) {
 fn names(summary: &Summary) -> Vec<&str> {
     let failed = summary.checks.iter().filter(|check| !check.pass);
     failed.map(|check| check.name.as_str()).collect()
+}
+
+/// Two more extensions of the last round, as far as there may be more.
+fn more_extensions(sampling: &SamplerSettings) -> Option<String> {
+    let (now, most) = (sampling.pt_hmc.extensions, pt::Settings::MAX_EXTENSIONS);
+    (now < most).then(|| (now + 2).min(most).to_string())
 }
 
 /// Goes on with a nested run that has too few draws or ancestors.
@@ -296,7 +304,8 @@ fn more_coarse_draws(sampling: &SamplerSettings) -> Change {
 /// Whether failed checks of a nested run may pass with more batches.
 fn has_few_draws(failed: &[&str]) -> bool {
     let mut failed = failed.iter();
-    failed.any(|name| name.starts_with("ess-") || *name == "effective-lineages")
+    let of_draws = |name: &str| name.starts_with("ess-") || name.starts_with("target-");
+    failed.any(|name| of_draws(name) || *name == "effective-lineages")
 }
 
 /// Whether a check of a tempered run may pass with more scans.

@@ -14,6 +14,14 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
+impl Column {
+    /// Whether the values differ at all: a derived quantity of fixed parameters alone has the same value in all draws.
+    #[must_use]
+    pub fn varies(&self) -> bool {
+        self.values.windows(2).any(|pair| pair[0] != pair[1])
+    }
+}
+
 /// All columns of a run, parameters first, then derived quantities.
 #[must_use]
 pub fn columns(run: &Run) -> Vec<Column> {

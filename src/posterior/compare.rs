@@ -173,6 +173,10 @@ pub fn compare_models(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Compariso
         .iter()
         .filter_map(|ca| {
             let cb = columns_b.iter().find(|cb| cb.name == ca.name)?;
+            // What follows from the same fixed parameters in both has no error to compare it by.
+            if !ca.varies() && !cb.varies() && ca.values.first() == cb.values.first() {
+                return None;
+            }
             let ess = [(a, ca), (b, cb)].map(|(r, c)| r.draws.ess_of_mean(&c.values).max(1.0));
             Some(marginal(ca, cb, &weights, ess))
         })

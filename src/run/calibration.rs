@@ -6,7 +6,7 @@ use crate::data::TrackExtent;
 use crate::error::{Error, PosteriorFault, Result, TrackFault};
 use crate::inference::{DERIVED, derived};
 use crate::params::{NAMES, REQUIRED, StreamParams, StreamPrior};
-use crate::posterior::{RankedFit, columns, rank};
+use crate::posterior::{Column, RankedFit, columns, rank};
 use crate::stream::host_of;
 use oblate_samplers::read;
 use serde::Deserialize;
@@ -97,7 +97,9 @@ fn ranked(fit: &StoredFit, file: &Path) -> Result<RankedFit> {
         let off = q.values.iter().map(|q| (q - truth).abs());
         off.zip(&weights).map(|(off, w)| off * w).sum::<f64>() / weights.iter().sum::<f64>()
     });
-    let ranks = columns.into_iter().filter_map(|column| {
+    // A derived quantity of fixed parameters alone has no rank.
+    let varying = columns.into_iter().filter(Column::varies);
+    let ranks = varying.filter_map(|column| {
         let (_, truth) = truth_of(&column.name)?;
         let rank = rank(&column.values, &weights, *truth);
         Some((column.name, rank))

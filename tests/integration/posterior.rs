@@ -205,6 +205,23 @@ fn a_comparison_holds_distances_against_chance_and_sums_the_prolate_side() {
         let draws = rate * c.cost[run].cpu_seconds;
         assert!(draws > 10_000.0 && draws < 40_000.0, "{draws}");
     }
+    // What fixed parameters alone give is the same in all draws, and no row; other fixed values are.
+    let with_constant = |run: &Run, value: f64| {
+        let mut run = run.clone();
+        run.draws
+            .theta
+            .chunks_exact_mut(run.draws.dim)
+            .for_each(|row| row[0] = value);
+        run
+    };
+    let c = compare("a", &with_constant(&a, 0.5), "b", &with_constant(&b, 0.5)).unwrap();
+    assert!(
+        c.marginals
+            .iter()
+            .all(|row| row.name != a.names[0] && row.sigma.is_finite())
+    );
+    let c = compare("a", &with_constant(&a, 0.5), "b", &with_constant(&b, 0.6)).unwrap();
+    assert!(!c.agree() && c.marginals[0].name == a.names[0]);
     // The same draws, moved.
     let mut moved = a.clone();
     for row in moved.draws.theta.chunks_exact_mut(a.draws.dim) {

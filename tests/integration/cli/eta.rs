@@ -32,3 +32,16 @@ fn times_have_units() {
     let texts = [0.2, 40.0, 720.0, 12_600.0].map(duration);
     assert_eq!(texts, ["1 s", "40 s", "12 min", "3.5 h"]);
 }
+
+#[test]
+fn values_a_hundredth_of_a_second_apart_are_forgotten_too() {
+    let mut trend = Trend::default();
+    // 100 per second until 10 s, then 1 per second.
+    for k in 0..5_000_u32 {
+        let seconds = f64::from(k) / 100.0;
+        let fast = 1_050.0 - 100.0 * seconds;
+        trend.note(seconds, fast.max(60.0 - seconds));
+    }
+    let rate = trend.rate().unwrap();
+    assert!((rate + 1.0).abs() < 1e-6, "{rate}");
+}
