@@ -93,7 +93,7 @@ impl<'a> Slurm<'a> {
             let mut so_far = FitsSoFar {
                 of: fits.len(),
                 running: queue.running,
-                waiting: queue.all.len() - queue.running,
+                waiting: queue.all.len().saturating_sub(queue.running),
                 ..FitsSoFar::default()
             };
             let mut to_submit = Vec::new();
