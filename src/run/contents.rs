@@ -47,8 +47,11 @@ pub(super) const OLD_POSTERIOR_FOLDER: &str = "old.zarr";
 pub(super) const RESULT_FILES: [&str; 3] = [VERSIONS_FILE, CONFIG_FILE, SUMMARY_FILE];
 
 /// Figures that a report draws of a run, each a file `NAME.svg` or of another format.
-const FIGURES: [&str; 9] = [
+const FIGURES: [&str; 12] = [
     "fit",
+    "velocities",
+    "widths",
+    "densities",
     "modes",
     "q",
     "density",

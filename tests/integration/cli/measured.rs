@@ -93,6 +93,17 @@ fn mocks_and_fits_have_velocities_widths_and_densities() {
     for figure in ["velocities.svg", "widths.svg", "densities.svg"] {
         assert!(Path::new(&run).join(figure).exists(), "{figure}");
     }
+    // The figures are those of a run, and are removed with it. A foreign file is refused before anything is removed.
+    let notes = Path::new(&run).join("notes.txt");
+    std::fs::write(&notes, "mine").expect("a file");
+    let arguments = ["fit", &track, "--config", &config, "--out", &run, "--force"];
+    let sets = [BOTH_SIDES, STARS, HOST].map(|set| ["--set", set]).concat();
+    let output = oblate(&[&arguments[..], &sets].concat(), "");
+    refused(&output, &["`notes.txt`"]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    for figure in ["velocities.svg", "widths.svg", "densities.svg"] {
+        assert!(!message.contains(figure), "{message}");
+    }
 }
 
 #[test]

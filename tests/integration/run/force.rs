@@ -154,7 +154,16 @@ fn all_that_runs_and_reports_write_is_removed_and_nothing_beside_the_folder() {
             extras,
         )
         .unwrap();
-        for name in ["fit", "q", "corner", "diagnostics", "coarse-diagnostics"] {
+        for name in [
+            "fit",
+            "velocities",
+            "widths",
+            "densities",
+            "q",
+            "corner",
+            "diagnostics",
+            "coarse-diagnostics",
+        ] {
             fs::write(path.join(format!("{name}.svg")), "<svg/>").unwrap();
         }
         for name in ["checkpoint", "checkpoint.previous", ".oblate-tmp-abc"] {
