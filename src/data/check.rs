@@ -46,7 +46,7 @@ pub fn fault(track: &ObservedTrack) -> Option<Fault> {
         return Fault::whole(TrackFault::TooFewBins { bins: rows, min });
     }
     if rows > max {
-        return Fault::whole(TrackFault::TooManyBins { bins: rows, max });
+        return Fault::at(max, TrackFault::TooManyBins { bins: rows, max });
     }
     let errors = if track.has_symmetric_errors() {
         ["r_err", "r_err"]

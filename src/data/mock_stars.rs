@@ -3,7 +3,7 @@
 use super::ObservedTrack;
 use super::check::star_faults;
 use super::measured::Measured;
-use super::star::StarVelocity;
+use super::star::{MAX_STARS, StarVelocity};
 use crate::error::Result;
 use crate::params::StreamParams;
 use crate::stream::Particles;
@@ -33,7 +33,7 @@ impl MockStars {
     /// # Errors
     /// [`Error::OutOfRange`](crate::Error::OutOfRange) with the first one that is out of its range.
     pub fn check(&self) -> Result<()> {
-        in_range("stars.count", self.count, 1..=100_000)?;
+        in_range("stars.count", self.count, 1..=MAX_STARS)?;
         in_range(
             "stars.velocity_noise_km_s",
             self.velocity_noise_km_s,

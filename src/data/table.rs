@@ -1,8 +1,12 @@
 //! The body of a track file: columns by name, each row with its line.
 
 use super::observed::NUMBERS_OF_BINS;
+use super::star::MAX_STARS;
 use crate::error::{Error, Result, TrackFault};
 use std::path::Path;
+
+/// Largest number of rows of a table: those of bins, which have a limit of their own, and of single stars.
+const MAX_ROWS: usize = *NUMBERS_OF_BINS.end() + MAX_STARS;
 
 /// The columns that a track may have. Others are refused, because what they say would be ignored.
 pub const COLUMNS: [&str; 13] = [
@@ -67,14 +71,11 @@ impl Table {
             if names_line == 0 {
                 names_line = line;
                 names = fields;
-            } else if rows.len() == *NUMBERS_OF_BINS.end() {
+            } else if rows.len() == MAX_ROWS {
                 return Err(Error::TrackFile {
                     path: path.to_path_buf(),
                     line: Some(line),
-                    fault: TrackFault::TooManyBins {
-                        bins: rows.len() + 1,
-                        max: rows.len(),
-                    },
+                    fault: TrackFault::TooManyRows { max: MAX_ROWS },
                 });
             } else if fields.len() == names.len() {
                 rows.push((line, fields));

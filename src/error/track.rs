@@ -221,6 +221,12 @@ pub enum TrackFault {
         /// The maximum.
         max: usize,
     },
+    /// There are too many rows.
+    #[error("the table has more than {max} rows; give wider bins, or fewer single stars")]
+    TooManyRows {
+        /// The maximum.
+        max: usize,
+    },
     /// A value is out of its range.
     #[error(
         "column `{column}` is {value:?} {unit}; give a value from {lo:?} to {hi:?} {unit}, or drop the row"

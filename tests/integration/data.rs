@@ -540,7 +540,7 @@ fn a_file_longer_than_any_track_is_refused_unread() {
     file.set_len(1 << 40).unwrap();
     let words = ObservedTrack::read(&path).unwrap_err().to_string();
     assert!(
-        words.contains("t.csv") && words.contains("longer than 4 MiB"),
+        words.contains("t.csv") && words.contains("longer than 16 MiB"),
         "{words}"
     );
     // A device has no length.
@@ -549,7 +549,7 @@ fn a_file_longer_than_any_track_is_refused_unread() {
         let words = ObservedTrack::read(Path::new("/dev/zero"))
             .unwrap_err()
             .to_string();
-        assert!(words.contains("longer than 4 MiB"), "{words}");
+        assert!(words.contains("longer than 16 MiB"), "{words}");
     }
 }
 

@@ -7,6 +7,8 @@ use oblate::track::BinQuantity;
 const ARC: &str = "phi,r,r_err,v,v_err,width,width_err\n\
     -15,60,1,-120.5,4,2.5,0.3\n-5,61,1,,,2.6,0.4\n5,62,1,-98,5,,\n";
 
+const ARC_OF_STARS: &str = "phi,r,r_err,v,v_err\n-15,60,1,,\n-5,61,1,,\n5,62,1,,\n";
+
 fn measured(value: f64, error: f64) -> Option<Measured> {
     Some(Measured { value, error })
 }
@@ -26,6 +28,27 @@ fn velocities_and_widths_are_read_with_gaps() {
     let plain = csv("phi,r,r_err\n-15,60,1\n-5,61,1\n5,62,1\n");
     assert!(plain.measured.is_empty());
     assert!(!plain.has_data_of(&track) && track.has_data_of(&track.clone()));
+}
+
+#[test]
+fn single_stars_do_not_count_as_bins() {
+    let stars = |count: usize| {
+        let star = |i: usize| format!("{},,,{},5\n", -19.0 + 1e-4 * i as f64, i % 100);
+        ARC_OF_STARS.to_owned() + &(0..count).map(star).collect::<String>()
+    };
+    assert_eq!(csv(&stars(10_500)).stars.len(), 10_500);
+    assert_refused(
+        "csv",
+        &stars(110_000),
+        &["line 110002", "110000 rows", "single stars"],
+    );
+    let bin = |i: usize| format!("{},60,1\n", 0.1 * i as f64);
+    let bins: String = (0..10_001).map(bin).collect();
+    assert_refused(
+        "csv",
+        &format!("phi,r,r_err\n{bins}"),
+        &["line 10002", "10001 bins", "at most 10000"],
+    );
 }
 
 #[test]
