@@ -68,7 +68,7 @@ impl FitPlan {
         settings.sampling.check(target.dim())?;
         let coarse = match settings.coarse(track.bin_width_deg) {
             Some(coarse) => {
-                settings.sampling.bridge.check(target.dim())?;
+                settings.sampling.check_bridge(target.dim())?;
                 Some(Coarse {
                     target: StreamTarget::from_track(track, &coarse).map_err(of_coarse)?,
                     settings: coarse,

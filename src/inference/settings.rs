@@ -138,6 +138,14 @@ impl SamplerSettings {
         }
     }
 
+    /// Checks whether the bridge can work with its settings on a target of `dim` parameters.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`], [`Error::Sampler`] or [`Error::TooMuchMemory`] by the bridge's own check.
+    pub fn check_bridge(&self, dim: usize) -> Result<()> {
+        in_table("sampling.bridge", self.bridge.check(dim))
+    }
+
     /// An estimate of the memory of the chosen sampler on a target of `dim` parameters.
     #[must_use]
     pub fn memory(&self, dim: usize) -> Memory {

@@ -39,7 +39,7 @@ pub fn bridge(
     settings.check()?;
     let fine = StreamTarget::from_track(&track, &settings)?;
     let coarse = StreamTarget::from_track(&track, &coarse)?;
-    settings.sampling.bridge.check(fine.dim())?;
+    settings.sampling.check_bridge(fine.dim())?;
     let threads = rayon::current_num_threads();
     let memory = fine.memory(threads).and(&coarse.memory(threads), "");
     memory.check()?;

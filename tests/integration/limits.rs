@@ -3,7 +3,7 @@
 use oblate::Error;
 use oblate::config::{PopulationConfig, SlurmSettings, StudyConfig, to_toml};
 use oblate::data::{MockSettings, MockStars, ObservedTrack, QPopulation, Selection, mocks};
-use oblate::inference::FitSettings;
+use oblate::inference::{FitSettings, SamplerSettings};
 use oblate::likelihood::{
     DataBin, ErrorCorrelation, LikelihoodSettings, StreamLikelihood, TrackLikelihood,
 };
@@ -582,6 +582,17 @@ fn settings_that_need_too_much_memory_together_are_refused_before_it_is_taken() 
         (s.steps, s.orbit_steps) = (100_000, 100_000);
     });
     assert!(all.contains("GB are allowed"), "{all}");
+}
+
+#[test]
+fn too_much_memory_of_a_bridge_is_refused_with_the_table_of_its_setting() {
+    let mut sampling = SamplerSettings::for_streams();
+    assert!(sampling.check_bridge(13).is_ok());
+    (sampling.bridge.smc_particles, sampling.bridge.max_batches) = (1_000_000, 1_000);
+    match sampling.check_bridge(13) {
+        Err(Error::TooMuchMemory(much)) => assert_eq!(much.key, "sampling.bridge.smc_particles"),
+        other => panic!("{other:?}"),
+    }
 }
 
 /// The most memory that `work` holds at once.
