@@ -14,7 +14,7 @@ pub use track::TrackFault;
 use oblate_samplers::limits::{OutOfRange, TooMuchMemory};
 use oblate_samplers::output::RunFault;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -352,6 +352,16 @@ pub enum Error {
 }
 
 impl Error {
+    /// Makes an error of the operating system at a path into [`Error::Io`] with a remedy.
+    pub(crate) fn io(path: &Path, remedy: &'static str) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::Io {
+            path,
+            source,
+            remedy,
+        }
+    }
+
     /// The same, in a table of a settings file.
     #[must_use]
     pub fn within(self, table: &'static str) -> Self {
@@ -363,7 +373,7 @@ impl Error {
 }
 
 /// A file with a line, for messages.
-fn place(path: &std::path::Path, line: Option<usize>) -> String {
+fn place(path: &Path, line: Option<usize>) -> String {
     line.map_or_else(
         || path.display().to_string(),
         |line| format!("{}, line {line}", path.display()),

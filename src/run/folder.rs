@@ -14,7 +14,6 @@ use crate::report::FigureFormat;
 use crate::stream::ModelSettings;
 use oblate_samplers::{Run, read};
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -76,15 +75,6 @@ impl From<Box<StoredRun>> for Fit {
     }
 }
 
-fn io(path: &Path, remedy: &'static str) -> impl FnOnce(io::Error) -> Error {
-    let path = path.to_path_buf();
-    move |source| Error::Io {
-        path,
-        source,
-        remedy,
-    }
-}
-
 impl RunFolder {
     /// The folder at a path, whether or not there is one.
     ///
@@ -106,7 +96,7 @@ impl RunFolder {
     /// [`Error::Io`] if it has no `config.toml`.
     pub fn open(path: &Path) -> Result<Self> {
         let folder = Self::at(path)?;
-        fs::metadata(folder.config()).map_err(io(
+        fs::metadata(folder.config()).map_err(Error::io(
             &folder.config(),
             "give a run folder, as fits and populations make them",
         ))?;
@@ -202,7 +192,7 @@ impl RunFolder {
     pub fn read_versions(&self) -> Result<Versions> {
         let path = self.versions();
         let text = read::text(&path, MAX_BYTES)
-            .map_err(io(&path, "restore the run folder from a copy"))?;
+            .map_err(Error::io(&path, "restore the run folder from a copy"))?;
         let not_understood = |line: Option<usize>, message: String| Error::Syntax {
             path: path.clone(),
             line,
@@ -269,11 +259,11 @@ impl RunFolder {
         let summary = Summary::read(&self.summary())?;
         let path = self.posterior();
         let remedy = "restore the run folder from a whole copy, or run again";
-        let entries = zarr::entries(&path).map_err(io(&path, remedy))?;
+        let entries = zarr::entries(&path).map_err(Error::io(&path, remedy))?;
         let agrees = match &summary.posterior {
             Some(checksum) => checksum
                 .agrees(&path, &entries)
-                .map_err(io(&path, remedy))?,
+                .map_err(Error::io(&path, remedy))?,
             None => false,
         };
         if !agrees {
@@ -286,7 +276,7 @@ impl RunFolder {
         })?;
         let config = self.config();
         let config = read::text(&config, MAX_BYTES)
-            .map_err(io(&config, "restore the run folder from a copy"))?;
+            .map_err(Error::io(&config, "restore the run folder from a copy"))?;
         Ok(StoredRun {
             name: self.name(),
             summary,

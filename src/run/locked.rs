@@ -57,15 +57,6 @@ pub struct Beginning<'a> {
     pub track: Option<&'a ObservedTrack>,
 }
 
-fn io(path: &Path, remedy: &'static str) -> impl FnOnce(io::Error) -> Error {
-    let path = path.to_path_buf();
-    move |source| Error::Io {
-        path,
-        source,
-        remedy,
-    }
-}
-
 const WRITABLE: &str = "check that the run folder exists, is writable and has space left";
 
 impl LockedFolder {
@@ -191,12 +182,12 @@ impl LockedFolder {
         beginning: &Beginning<'_>,
     ) -> Result<Summary> {
         let path = self.folder.path();
-        let fresh = temporary_folder(path).map_err(io(path, WRITABLE))?;
+        let fresh = temporary_folder(path).map_err(Error::io(path, WRITABLE))?;
         let draws = fresh.path().join(POSTERIOR_FOLDER);
         zarr::write(&draws, run, extras)?;
         let checksum = zarr::entries(&draws)
             .and_then(|entries| zarr::Checksum::of(&draws, &entries))
-            .map_err(io(&draws, WRITABLE))?;
+            .map_err(Error::io(&draws, WRITABLE))?;
         let summary = Summary {
             posterior: Some(checksum),
             ..summary
@@ -206,10 +197,10 @@ impl LockedFolder {
         write_atomically(&config, beginning.config_toml.as_bytes())?;
         json(&fresh.path().join(SUMMARY_FILE), &summary)?;
         let result = path.join(RESULT_FOLDER);
-        fs::rename(fresh.path(), &result).map_err(io(&result, WRITABLE))?;
+        fs::rename(fresh.path(), &result).map_err(Error::io(&result, WRITABLE))?;
         // It has another name now, under which it must not be removed.
         let _ = fresh.keep();
-        sync_folder(path).map_err(io(path, WRITABLE))?;
+        sync_folder(path).map_err(Error::io(path, WRITABLE))?;
         self.place_result()?;
         self.remove_checkpoint_of(run)?;
         Ok(summary)
@@ -230,7 +221,7 @@ impl LockedFolder {
         let path = self.folder.path();
         let result = path.join(RESULT_FOLDER);
         let rename = |from: &Path, to: &Path| match fs::rename(from, to) {
-            Err(e) if e.kind() != ErrorKind::NotFound => Err(io(to, WRITABLE)(e)),
+            Err(e) if e.kind() != ErrorKind::NotFound => Err(Error::io(to, WRITABLE)(e)),
             _ => Ok(()),
         };
         let (new, place) = (result.join(POSTERIOR_FOLDER), path.join(POSTERIOR_FOLDER));
@@ -242,7 +233,7 @@ impl LockedFolder {
         for file in RESULT_FILES {
             rename(&result.join(file), &path.join(file))?;
         }
-        sync_folder(path).map_err(io(path, WRITABLE))?;
+        sync_folder(path).map_err(Error::io(path, WRITABLE))?;
         Contents::of(path)?
             .part(|name| name == RESULT_FOLDER)
             .remove(path)
@@ -257,9 +248,10 @@ impl LockedFolder {
         for path in [checkpoint::previous(&checkpoint), checkpoint] {
             match fs::remove_file(&path) {
                 Err(e) if e.kind() != ErrorKind::NotFound => {
-                    return Err(io(&path, "remove it by hand; the run itself is complete")(
-                        e,
-                    ));
+                    return Err(Error::io(
+                        &path,
+                        "remove it by hand; the run itself is complete",
+                    )(e));
                 }
                 _ => {}
             }
@@ -294,7 +286,7 @@ fn look(path: &Path) -> Result<Contents> {
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(Contents::default()),
         Err(source) => {
             let remedy = "choose a folder whose parent is there and readable";
-            return Err(io(path, remedy)(source));
+            return Err(Error::io(path, remedy)(source));
         }
         // A run may be written and read through a link to a folder.
         Ok(found) if found.is_symlink() && !path.is_dir() => {
@@ -336,7 +328,7 @@ fn refuse(path: &Path, fault: Option<OutputFault>) -> Result<()> {
 /// Why a folder must not be cleared, whatever is in it.
 fn protection(path: &Path) -> Result<Option<OutputFault>> {
     let failed = |source| {
-        io(
+        Error::io(
             path,
             "check that the folder and those above it are readable",
         )(source)
@@ -370,7 +362,7 @@ fn make(path: &Path) -> Result<()> {
         .collect();
     fs::create_dir_all(path)
         .and_then(|()| missing.iter().try_for_each(|p| sync_folder(folder_of(p))))
-        .map_err(io(path, "choose a folder whose parent is writable"))
+        .map_err(Error::io(path, "choose a folder whose parent is writable"))
 }
 
 /// A new folder under a temporary name, with the rights of any new folder: by default, temporary ones are private.
@@ -387,7 +379,7 @@ fn temporary_folder(within: &Path) -> io::Result<tempfile::TempDir> {
 
 fn json(path: &Path, value: &impl Serialize) -> Result<()> {
     let mut text = serde_json::to_vec_pretty(value)
-        .map_err(|e| io(path, "report this as a bug")(io::Error::other(e)))?;
+        .map_err(|e| Error::io(path, "report this as a bug")(io::Error::other(e)))?;
     text.push(b'\n');
     write_atomically(path, &text)?;
     Ok(())
