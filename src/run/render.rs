@@ -260,7 +260,8 @@ fn draw_streams(drawn: &mut RunFigures, track: &ObservedTrack) -> Result<()> {
 
 /// Figures of a population: its density of q, and its streams.
 fn draw_population(drawn: &mut RunFigures) -> Result<()> {
-    let config: PopulationConfig = crate::config::read(&drawn.folder.config())?;
+    let config: PopulationConfig =
+        crate::config::parse(&drawn.stored.config, &drawn.folder.config())?;
     let density = (config.family).density(&drawn.stored.run.draws, DENSITY_POINTS)?;
     let caption =
         "Density of q in the population: posterior mean and median, pointwise 68 and 95 % (shaded)";
