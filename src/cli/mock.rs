@@ -134,7 +134,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let mut rows = Vec::new();
     for mock in &found.mocks {
         let file = args.out.join(format!("{}.ecsv", mock.track.name));
-        mock.track.write(&file)?;
+        write_file(&file, mock.track.to_ecsv().as_bytes(), args.force)?;
         let parameters = args.out.join(format!("{}.toml", mock.track.name));
         write_file(&parameters, to_toml(&mock.params)?.as_bytes(), args.force)?;
         rows.push(json!({

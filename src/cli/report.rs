@@ -1,7 +1,7 @@
 //! `oblate report`.
 
 use super::exit::Exit;
-use super::options::{JsonFlag, parsed, refuse_existing};
+use super::options::{JsonFlag, parsed, refuse_existing, write_file};
 use super::output::{Output, shown};
 use super::run_folders::{finished, run_folders};
 use crate::error::Result;
@@ -39,7 +39,8 @@ pub struct Args {
 pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     refuse_existing(&args.out, args.force)?;
     let runs = finished(&run_folders(&args.runs));
-    render_report(&args.title, &runs, &args.format, &[], &args.out)?;
+    let page = render_report(&args.title, &runs, &args.format, &[])?;
+    write_file(&args.out, page.as_bytes(), args.force)?;
     if args.output.json {
         out.json(&serde_json::json!({"report": shown(&args.out)}))?;
     } else {

@@ -131,7 +131,8 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
     if reported {
         let figures = scaling_figures(&scaling, &config.out)?;
         let formats = [FigureFormat::Svg];
-        render_report(&config.title, &folders, &formats, &figures, &page)?;
+        let text = render_report(&config.title, &folders, &formats, &figures)?;
+        write_atomically(&page, text.as_bytes())?;
     }
     if args.fit.is_some() {
         // Slurm's log of the fit is searched for it.

@@ -368,6 +368,12 @@ fn yaml(value: &Value) -> String {
 }
 
 impl ObservedTrack {
+    /// The text of the file that [`write`](Self::write) writes.
+    #[must_use]
+    pub fn to_ecsv(&self) -> String {
+        text(self)
+    }
+
     /// Writes ECSV that astropy and [`ObservedTrack::read`] read back, floats exact to the bit. The file is written
     /// completely or not at all, and replaces an old one.
     ///

@@ -84,21 +84,20 @@ impl RunFigures {
     }
 }
 
-/// Writes every figure of finished runs into their folders, in these formats, and one self-contained HTML page of all of them, with `others` at its
-/// end, figures of many runs under headings.
+/// Writes every figure of finished runs into their folders, in these formats, and returns one self-contained HTML page of all of them, with
+/// `others` at its end, figures of many runs under headings.
 ///
 /// # Errors
 /// As of [`FigureWriter::new`]; [`Io`](crate::Error::Io), [`Syntax`](crate::Error::Syntax), [`Checksum`](crate::Error::Checksum),
 /// [`Array`](crate::Error::Array), [`TrackFile`](crate::Error::TrackFile) or [`InFile`](crate::Error::InFile) if a folder cannot be read;
 /// [`Setting`](crate::Error::Setting) if its settings cannot be used; [`Io`](crate::Error::Io) or [`Sampler`](crate::Error::Sampler) if a
-/// file cannot be written.
+/// figure cannot be written.
 pub fn render_report(
     title: &str,
     folders: &[PathBuf],
     formats: &[FigureFormat],
     others: &[(&str, Figure)],
-    out: &Path,
-) -> Result<()> {
+) -> Result<String> {
     let writer = FigureWriter::new(formats)?;
     let rendered: Vec<RunFigures> = folders
         .iter()
@@ -172,8 +171,7 @@ pub fn render_report(
             figures: std::slice::from_ref(figure),
         }))
         .collect();
-    write_atomically(out, page(title, &shown).as_bytes())?;
-    Ok(())
+    Ok(page(title, &shown))
 }
 
 /// Writes a figure into a run folder.

@@ -244,14 +244,14 @@ fn used(seed: &Seed, stored: &StoredRun) {
 }
 
 /// The whole report of a folder whose files are damaged, from its tracks on; slow.
-pub fn report_case(rng: &mut RandomStream, seeds: &[Seed], out: &Path) -> Verdict {
+pub fn report_case(rng: &mut RandomStream, seeds: &[Seed]) -> Verdict {
     let seed = &seeds[below(rng, seeds.len())];
     let (file, bytes) = &seed.files[below(rng, seed.files.len())];
     let damaged = numbers(rng, bytes, bytes).unwrap_or_default();
     std::fs::write(file, damaged).unwrap();
     let folders = [seed.folder.path().to_path_buf()];
     let done = std::panic::catch_unwind(|| {
-        render_report("fuzz", &folders, &[FigureFormat::Svg], &[], out).is_ok()
+        render_report("fuzz", &folders, &[FigureFormat::Svg], &[]).is_ok()
     });
     std::fs::write(file, bytes).unwrap();
     match done {

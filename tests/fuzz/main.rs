@@ -134,7 +134,6 @@ readers! {
     };
     report, 14, "report of Zarr chunks", 20, 0.01, |cases, reader, folder| {
         let seeds = folder::seeds(folder.path(), Part::Chunks);
-        let out = folder.path().join("report.html");
-        reader.run(cases, |rng| folder::report_case(rng, &seeds, &out))
+        reader.run(cases, |rng| folder::report_case(rng, &seeds))
     };
 }

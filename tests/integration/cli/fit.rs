@@ -105,6 +105,16 @@ fn a_fit_fills_its_folder_is_never_overwritten_and_agrees_with_itself() {
         text.matches("<svg").count()
     );
     assert!(!text.contains("NaN"));
+    // A figure of this report takes the path of the page after the page's path was checked.
+    let figure = Path::new(&one).join("q.svg");
+    std::fs::remove_file(&figure).expect("a figure");
+    let output = oblate(
+        &["report", &one, "--out", &figure.display().to_string()],
+        "",
+    );
+    refused(&output, &["q.svg", "exists"]);
+    let text = std::fs::read_to_string(&figure).expect("a figure");
+    assert!(text.starts_with("<svg"), "{}", &text[..40]);
     // Figures as PDF, with fonts in it; without any on this machine that is refused.
     let output = oblate(
         &[
