@@ -21,6 +21,12 @@ pub enum PosteriorFault {
          their default marginals"
     )]
     UnknownPrior,
+    /// The prior of the symmetry axis is not isotropic.
+    #[error(
+        "the prior of the symmetry axis in this fit is not isotropic, with which axes are compared; fit again with dir_x, dir_y and dir_z \
+         free under their default marginals"
+    )]
+    AxisPrior,
     /// The fit's prior does not cover the population's support.
     #[error(
         "the fit's prior of q, uniform on [{lo}, {hi}], does not cover the population's support [{from}, {to}]; fit again with a wider \

@@ -2,9 +2,8 @@
 
 use super::population_fits::read_fits;
 use super::stored_fit::StoredFit;
-use crate::error::{Error, Result};
-use crate::inference::FitSettings;
-use crate::params::StreamPrior;
+use crate::error::{Error, PosteriorFault, Result};
+use crate::params::{QPrior, StreamPrior};
 use crate::population::AxisPosterior;
 use crate::posterior::column;
 use crate::stream::{DiscPlane, DiscSettings};
@@ -23,19 +22,29 @@ pub enum AxisDirection {
 /// Reads finished fits, and the cosine of the angle between axis and direction of each draw.
 ///
 /// # Errors
-/// As of [`population`](super::population()) for fits that cannot be read or do not belong together; [`Error::NoColumn`] for a run without
-/// an axis; [`Error::InFile`] for a fit without a disc whose plane is free, if the direction is that of the disc.
+/// As of [`population`](super::population()) for fits that cannot be read or do not belong together; [`Error::Posterior`] for a fit in
+/// which the prior of the axis is not isotropic; [`Error::NoColumn`] for a run without an axis; [`Error::InFile`] for a fit without a disc
+/// whose plane is free, if the direction is that of the disc, or of which the prior cannot be used.
 pub fn axis_posteriors(paths: &[PathBuf], direction: AxisDirection) -> Result<Vec<AxisPosterior>> {
     let fits = read_fits(paths)?;
     (fits.iter().zip(paths))
         .map(|(fit, path)| {
+            let in_file = |source| Error::InFile {
+                path: path.clone(),
+                line: None,
+                source: Box::new(source),
+            };
+            let prior = StreamPrior::new(&fit.settings.prior).map_err(in_file)?;
+            // The prior of q has a closed form if and only if the shape vector is free under the isotropic prior.
+            if prior.q_prior() == QPrior::Unknown {
+                return Err(Error::Posterior {
+                    name: fit.stored.name.clone(),
+                    fault: PosteriorFault::AxisPrior,
+                });
+            }
             let cosines = match direction {
                 AxisDirection::LineOfSight => column(&fit.stored.run, "axis_z")?.values,
-                AxisDirection::Disc => to_disc(fit).map_err(|source| Error::InFile {
-                    path: path.clone(),
-                    line: None,
-                    source: Box::new(source),
-                })?,
+                AxisDirection::Disc => to_disc(fit, &prior).map_err(in_file)?,
             };
             Ok(AxisPosterior {
                 name: fit.stored.name.clone(),
@@ -48,8 +57,8 @@ pub fn axis_posteriors(paths: &[PathBuf], direction: AxisDirection) -> Result<Ve
 }
 
 /// The cosines of the angles between the symmetry axis and the normal of the disc.
-fn to_disc(fit: &StoredFit) -> Result<Vec<f64>> {
-    let FitSettings { prior, model, .. } = &fit.settings;
+fn to_disc(fit: &StoredFit, prior: &StreamPrior) -> Result<Vec<f64>> {
+    let model = &fit.settings.model;
     let is_free = |disc: &DiscSettings| disc.plane == DiscPlane::Angles;
     if !model.baryons.disc.as_ref().is_some_and(is_free) {
         return Err(Error::Setting {
@@ -58,7 +67,6 @@ fn to_disc(fit: &StoredFit) -> Result<Vec<f64>> {
             remedy: "give fits with a disc whose `plane` is \"angles\", or compare with the line of sight".to_owned(),
         });
     }
-    let prior = StreamPrior::new(prior)?;
     let draws = &fit.stored.run.draws;
     Ok((0..draws.len())
         .map(|i| {

@@ -55,9 +55,11 @@ fn a_stream_has_the_disc_of_the_settings() {
 
 #[test]
 fn mocks_and_fits_have_a_disc_and_models_are_compared() {
-    let (folder, small, _) = small_fit();
+    let (folder, _, _) = small_fit();
     let path = |name: &str| folder.path().join(name).display().to_string();
-    let config = SMALL
+    // With a free shape vector, whose prior is isotropic.
+    let small = SMALL.replace("dir_x = 0.1, dir_y = 0.2, ", "");
+    let config = small
         .replace(
             "max_halvings = 3",
             "max_halvings = 3, baryons = { bulge = \"hernquist\", disc = { profile = \"miyamoto_nagai\", thickness = 0.1 } }",
@@ -68,6 +70,7 @@ fn mocks_and_fits_have_a_disc_and_models_are_compared() {
              prior.fixed = { r_disc_kpc = 3.5, inclination_disc_deg = 70.0, phi_disc_deg = 20.0, log10_m_bulge = 10.0, r_bulge_kpc = 0.6,",
         );
     let config = write(folder.path(), "disc.toml", &config);
+    let small = write(folder.path(), "free.toml", &small);
     let out = path("mocks");
     let mock = ["mock", "--config", &config, "--count", "1", "--seed", "4"];
     let output = oblate(
@@ -91,7 +94,7 @@ fn mocks_and_fits_have_a_disc_and_models_are_compared() {
         (out, json(&output.stdout))
     };
     let (with, of_with) = fit("with", &config);
-    let (without, _) = fit("without", &small);
+    let (without, of_without) = fit("without", &small);
     assert!(
         of_with["parameters"]["log10_m_disc"].is_object(),
         "{of_with}"
@@ -123,10 +126,29 @@ fn mocks_and_fits_have_a_disc_and_models_are_compared() {
         text.contains("isotropic") && text.contains("fraction aligned"),
         "{text}"
     );
+    let note = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(
+        note.contains("the fit without has not converged"),
+        of_without["converged"] == false,
+        "{note}"
+    );
     let output = oblate(&["orientation", &without, "--to", "disc"], "");
     refused(&output, &["without", "model.baryons.disc"]);
     let output = oblate(&["orientation", &with, &without], "");
     refused(&output, &["the track is that of"]);
+    // Odds are those against isotropic axes, which only that prior of the shape vector has.
+    let settings = Path::new(&without).join("config.toml");
+    let text = std::fs::read_to_string(&settings).expect("settings");
+    let mut table: toml::Table = text.parse().expect("TOML");
+    let axis = toml::Table::from_iter([
+        ("kind".to_owned(), "normal".into()),
+        ("mean".to_owned(), 0.0.into()),
+        ("sd".to_owned(), 2.0.into()),
+    ]);
+    table["prior"]["marginals"]["dir_z"] = axis.into();
+    std::fs::write(&settings, table.to_string()).expect("a file");
+    let output = oblate(&["orientation", &without], "");
+    refused(&output, &["without", "not isotropic", "dir_z"]);
 
     // Its near side is known, so that the progenitor may be behind.
     let sides = BARYONS.replace("z0_kpc", "# z0_kpc");
