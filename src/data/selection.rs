@@ -95,7 +95,7 @@ impl Selection {
 /// number of values of q that are done.
 ///
 /// # Errors
-/// Those of [`MockSettings::check`] and [`ModelSettings::check_distributions`](crate::stream::ModelSettings::check_prior);
+/// Those of [`MockSettings::check`] and [`ModelSettings::check_distributions`](crate::stream::ModelSettings::check_distributions);
 /// [`Error::OutOfRange`] for numbers of points, draws or seeds that are not allowed;
 /// [`Error::Setting`] for settings with a population of q; [`Error::TooMuchMemory`] as of [`mocks`](super::mocks()); [`Error::TooFewMocks`] if
 /// no draw of some q meets the criteria.

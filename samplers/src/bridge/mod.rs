@@ -45,7 +45,8 @@ const COARSE: &str = "the coarse run";
 /// likelihoods, except that the parent's are not counted again.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::OtherParameters`], [`Error::NoDraws`] and
+/// [`Error::OutOfRange`], [`Error::Setting`] and [`Error::TooMuchMemory`] as of [`Settings::check`];
+/// [`Error::OtherParameters`], [`Error::NoDraws`] and
 /// [`Error::OtherLikelihood`] if `parent` is not a run on `coarse`, or `target` has other parameters;
 /// [`Error::NoCommonSupport`] if `target` rejects all of its draws; [`Error::Interrupted`] after a checkpoint;
 /// [`Error::Fatal`] and [`Error::Infinite`] from the targets, after a checkpoint of the last complete MCMC step;

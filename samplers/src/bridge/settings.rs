@@ -59,7 +59,8 @@ impl Settings {
     /// Checks the settings for a target of `dim` parameters.
     ///
     /// # Errors
-    /// As of [`check_ranges`](Self::check_ranges); [`Error::Setting`] for fewer than ten SMC particles per parameter.
+    /// As of [`check_ranges`](Self::check_ranges); [`Error::Setting`] for fewer than ten SMC particles per parameter;
+    /// [`Error::TooMuchMemory`] by the estimate of [`memory`](Self::memory).
     pub fn check(&self, dim: usize) -> Result<()> {
         self.check_ranges()?;
         if self.smc_particles < 10 * dim {

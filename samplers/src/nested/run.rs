@@ -18,7 +18,8 @@ use crate::target::Target;
 /// far, unconverged; it can be resumed from its checkpoint, which stays after completion too.
 ///
 /// # Errors
-/// [`Error::Setting`] for settings out of range; [`Error::GalileanWithoutGradient`]; [`Error::NoStart`] if 100,000
+/// [`Error::OutOfRange`], [`Error::Setting`] and [`Error::TooMuchMemory`] as of [`Settings::check`];
+/// [`Error::GalileanWithoutGradient`]; [`Error::NoStart`] if 100,000
 /// draws of the prior have no likelihood; [`Error::Fatal`] and [`Error::Infinite`] from the target and
 /// [`Error::EmptySlice`] and [`Error::LooseBound`] from a kernel, after a checkpoint of the last complete iteration;
 /// [`Error::Checkpoint`] and [`Error::Io`] from the file.

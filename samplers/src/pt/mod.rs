@@ -9,9 +9,9 @@
 //! itself is the burn-in, with extensions until ln Z no longer changes. At beta = 0 the prior or the mixture is drawn independently in every scan. So each round trip of a
 //! replica is an independent restart, and the evidence of each chain set is an independent estimate.
 //!
-//! With `surrogate` a surrogate of ln L is fitted before the first round, after each, and eight times in an extension. Beside slice updates
-//! each chain then makes moves along it, whose ends are accepted by ln L itself at the chain's temperature. The result is exact
-//! whatever the surrogate, and a good one carries states far for one value of ln L.
+//! With `surrogate` a surrogate of ln L is fitted before each step in temperature of the SMC samplers, before the first round, after each, and
+//! eight times in an extension. Beside slice updates each chain then makes moves along it, whose ends are accepted by ln L itself at the
+//! chain's temperature. The result is exact whatever the surrogate, and a good one carries states far for one value of ln L.
 //!
 //! ```
 //! use oblate_samplers::control::{Control, Silent};
@@ -80,7 +80,8 @@ use state::State;
 /// continued from its checkpoint if `settings` allow more `extensions`, with the same bits as if they had allowed them from the start.
 ///
 /// # Errors
-/// [`Error::TemperingWithoutGradient`]; [`Error::Setting`] for settings out of range; [`Error::NoStart`] if 100,000
+/// [`Error::TemperingWithoutGradient`]; [`Error::OutOfRange`], [`Error::Setting`] and [`Error::TooMuchMemory`] as of [`Settings::check`];
+/// [`Error::NoStart`] if 100,000
 /// prior draws have no likelihood; [`Error::Interrupted`] if it was stopped before it has a result, after a checkpoint;
 /// [`Error::EndlessPath`] if its SMC samplers do not reach the posterior; [`Error::Fatal`] and [`Error::Infinite`] from
 /// the target, after a checkpoint of the last complete scan; [`Error::Io`] and [`Error::Checkpoint`] from checkpoints.

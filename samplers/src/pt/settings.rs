@@ -87,8 +87,8 @@ pub struct Settings {
     /// Slice updates per scan and temperature, before the HMC transitions: for likelihoods too rough for long
     /// trajectories. Each costs several values and no gradient.
     pub slice_updates: usize,
-    /// Whether a surrogate of ln L is fitted, to the values of the SMC samplers and of the chains, before the first round, after each, and
-    /// eight times in an extension. In every scan each chain but the hottest then makes moves along it that ln L accepts
+    /// Whether a surrogate of ln L is fitted, to the values of the SMC samplers and of the chains, before each step in temperature of the SMC
+    /// samplers, before the first round, after each, and eight times in an extension. In every scan each chain but the hottest then makes moves along it that ln L accepts
     /// ([module](super)), in place of `hmc_transitions`. For likelihoods that cost much, are rough, or have no gradient.
     pub surrogate: bool,
     /// Number of rounds at the end whose reference is a mixture fitted to earlier draws, most of them of the round
