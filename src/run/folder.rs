@@ -4,7 +4,7 @@ use super::contents::{
     CHECKPOINT_FILE, COARSE_FOLDER, CONFIG_FILE, DENSITY_FILE, LOG_FILE, POSTERIOR_FOLDER,
     RESULT_FOLDER, STREAMS_FILE, SUMMARY_FILE, TRACK_FILE,
 };
-use super::versions::{FOLDER_FORMAT, VERSIONS_FILE, Versions};
+use super::versions::{FOLDER_FORMAT, MAX_VERSIONS_BYTES, VERSIONS_FILE, Versions};
 use crate::config::parse;
 use crate::data::ObservedTrack;
 use crate::error::{Error, OutputFault, Result};
@@ -17,7 +17,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// Largest size of the settings and the versions.
+/// Largest size of the settings.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// A folder of one run.
@@ -191,7 +191,7 @@ impl RunFolder {
     /// [`Error::Io`] or [`Error::Syntax`] if `versions.json` cannot be read or understood.
     pub fn read_versions(&self) -> Result<Versions> {
         let path = self.versions();
-        let text = read::text(&path, MAX_BYTES)
+        let text = read::text(&path, MAX_VERSIONS_BYTES)
             .map_err(Error::io(&path, "restore the run folder from a copy"))?;
         let not_understood = |line: Option<usize>, message: String| Error::Syntax {
             path: path.clone(),

@@ -13,7 +13,7 @@ pub(super) const VERSIONS_FILE: &str = "versions.json";
 pub(super) const FOLDER_FORMAT: u32 = 1;
 
 /// Maximum number of bytes of `versions.json`; a longer file is not one.
-const MAX_BYTES: u64 = 1 << 16;
+pub(super) const MAX_VERSIONS_BYTES: u64 = 1 << 16;
 
 /// The kind of a folder. This is its marker: only a folder whose `versions.json` has it is treated as a run folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -76,7 +76,7 @@ pub(super) fn marked(folder: &Path) -> io::Result<bool> {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(false),
         Err(e) => return Err(e),
     };
-    if !found.is_file() || found.len() > MAX_BYTES {
+    if !found.is_file() || found.len() > MAX_VERSIONS_BYTES {
         return Ok(false);
     }
     Ok(serde_json::from_slice::<Marker>(&fs::read(&path)?).is_ok())

@@ -215,7 +215,7 @@ fn files_longer_than_any_of_their_kind_are_refused_unread() {
     for (path, limit) in [
         (folder.summary(), "4 MiB"),
         (folder.config(), "1 MiB"),
-        (folder.versions(), "1 MiB"),
+        (folder.versions(), "64 KiB"),
     ] {
         let before = std::fs::read(&path).unwrap();
         let file = std::fs::File::options().write(true).open(&path).unwrap();
