@@ -2,7 +2,7 @@
 
 use super::measured::{Measured, QuantityColumn};
 use super::observed::{
-    NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, SLACK, STARS, bin_of,
+    MAX_DRIFT, NUMBERS_OF_BINS, ObservedTrack, RADII_KPC, RADIUS_ERRORS_KPC, SLACK, STARS, bin_of,
 };
 use super::star::StarVelocity;
 use crate::error::{Error, Result, TrackFault};
@@ -182,10 +182,13 @@ fn width_fault(track: &ObservedTrack) -> Option<Fault> {
             hi: *BIN_WIDTHS_DEG.end(),
         });
     }
+    let mut drift = 0.0_f64;
     for (row, pair) in track.phi_deg.windows(2).enumerate() {
         let step_deg = pair[1] - pair[0];
         let steps = step_deg / width_deg;
-        if steps.round() < 1.0 || (steps - steps.round()).abs() > SLACK {
+        let difference = steps - steps.round();
+        drift += difference;
+        if steps.round() < 1.0 || difference.abs() > SLACK || drift.abs() > MAX_DRIFT {
             return Fault::at(
                 row + 1,
                 TrackFault::UnequalBins {

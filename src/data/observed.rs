@@ -21,9 +21,12 @@ pub const RADIUS_ERRORS_KPC: RangeInclusive<f64> = 1e-9..=1e5;
 /// Numbers of stars that a bin may have.
 pub const STARS: RangeInclusive<f64> = 0.0..=1e12;
 
-/// Maximum distance of a bin centre from its exact position, as a fraction of the bin width, because files round their
-/// angles.
+/// Maximum difference of the distance between two neighbouring bin centres from whole bin widths, as a fraction of the bin width, because
+/// files round their angles. A bin edge as near to the progenitor is at the progenitor.
 pub(super) const SLACK: f64 = 1e-3;
+
+/// Maximum sum of these differences from the first bin to any other, as a fraction of the bin width.
+pub(super) const MAX_DRIFT: f64 = 0.1;
 
 /// Key of the header of a track whose phi was mirrored when it was read.
 pub(super) const MIRRORED: &str = "phi_mirrored";

@@ -412,6 +412,23 @@ fn unequal_bins_are_refused() {
 }
 
 #[test]
+fn bins_of_another_width_than_the_one_given_are_refused_where_they_have_drifted() {
+    // Each step is within the rounding of files.
+    let track = |bins: u32| {
+        let row = |i| format!("{:.4},60,1\n", 0.5 + 1.0009 * f64::from(i));
+        let rows: String = (0..bins).map(row).collect();
+        format!("# bin_width: 1\nphi,r,r_err\n{rows}")
+    };
+    assert_eq!(csv(&track(110)).len(), 110);
+    // The 112th step adds up to a tenth of a bin; two lines are above the first row.
+    assert_refused(
+        "csv",
+        &track(150),
+        &["line 115", "`phi` steps by", "1 deg wide"],
+    );
+}
+
+#[test]
 fn two_bins_are_refused() {
     assert_refused(
         "csv",
