@@ -100,7 +100,8 @@ impl StudyConfig {
     ///
     /// # Errors
     /// [`Error::InTable`] with what [`FitSettings::check`], [`MockSettings::check`] or [`PopulationConfig::check`] refuse;
-    /// [`Error::OutOfRange`] for the number or the seed of mocks, and for numbers of the cluster.
+    /// [`Error::OutOfRange`] for the number or the seed of mocks, and for numbers of the cluster; [`Error::Setting`] for a family or a size of
+    /// subsets that is listed twice.
     pub fn check(&self) -> Result<()> {
         if let Some(tracks) = &self.tracks {
             tracks.fit.check().map_err(|e| e.within("tracks.fit"))?;
@@ -115,6 +116,9 @@ impl StudyConfig {
         if let Some(population) = &self.population {
             let checked = population.settings.check();
             checked.map_err(|e| e.within("population.settings"))?;
+            let families = &population.families;
+            each_once("families", families, |family| family.name().to_owned())
+                .map_err(|e| e.within("population"))?;
             if let Some(subsets) = &population.subsets {
                 subsets
                     .check()
@@ -212,14 +216,15 @@ pub struct SubsetSettings {
 }
 
 impl SubsetSettings {
-    /// Checks every number by itself: the ranges of docs/limits.md.
+    /// Checks every number by itself: the ranges of docs/limits.md; and that no size is listed twice.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] with the first one that is out of its range.
+    /// [`Error::OutOfRange`] with the first one that is out of its range; [`Error::Setting`] for a size that is listed twice.
     pub fn check(&self) -> Result<()> {
         for size in &self.sizes {
             in_range("sizes", *size, NUMBERS_OF_MOCKS)?;
         }
+        each_once("sizes", &self.sizes, usize::to_string)?;
         in_range("repeats", self.repeats, 1..=1_000)?;
         Ok(())
     }
@@ -304,6 +309,26 @@ pub fn parse<T: DeserializeOwned>(text: &str, path: &Path) -> Result<T> {
         message: e.message().trim().replace('\n', " "),
         remedy: "give the known keys, with values of their types",
     })
+}
+
+/// Checks that a list of settings has no value twice.
+///
+/// # Errors
+/// [`Error::Setting`] with the first value that repeats one before it.
+pub(crate) fn each_once<T: PartialEq>(
+    key: &str,
+    values: &[T],
+    text: impl Fn(&T) -> String,
+) -> Result<()> {
+    let mut all = values.iter().enumerate();
+    match all.find(|(i, value)| values[..*i].contains(value)) {
+        None => Ok(()),
+        Some((_, value)) => Err(Error::Setting {
+            key: key.to_owned(),
+            value: text(value),
+            remedy: "name each value of the list once".to_owned(),
+        }),
+    }
 }
 
 /// Writes all settings as TOML.

@@ -3,8 +3,8 @@
 use super::monitor::Monitored;
 use super::population::{PopulationFits, check, population};
 use super::session::Destination;
-use crate::config::PopulationConfig;
-use crate::error::{Error, Result};
+use crate::config::{PopulationConfig, each_once};
+use crate::error::Result;
 use crate::population::FamilyName;
 use crate::posterior::Summary;
 use oblate_samplers::output::Status;
@@ -38,14 +38,8 @@ pub fn populations(
         config.family.name = family;
         config
     };
-    for (i, family) in families.iter().enumerate() {
-        if families[..i].contains(family) {
-            return Err(Error::Setting {
-                key: "family".to_owned(),
-                value: family.name().to_owned(),
-                remedy: "name each family once".to_owned(),
-            });
-        }
+    each_once("family", families, |family| family.name().to_owned())?;
+    for family in families {
         check(&of(*family))?;
     }
     destination.is_apart_from(fits.folders)?;

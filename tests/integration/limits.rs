@@ -340,6 +340,7 @@ fn subsets_of_a_study_are_as_the_page_says() {
     for (sizes, repeats, words) in [
         ("[0]", 1, "[population.subsets] sizes = 0"),
         ("[5, 100001]", 1, "sizes = 100001"),
+        ("[10, 5, 10]", 1, "sizes = 10: name each value"),
         ("[5]", 0, "repeats = 0"),
         ("[5]", 1_001, "repeats = 1001"),
     ] {

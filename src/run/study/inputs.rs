@@ -1,7 +1,7 @@
 //! The inputs of a study, read and checked before its first fit, so that faults are found at once.
 
 use super::watch::Watcher;
-use crate::config::{StreamsOf, StudyConfig};
+use crate::config::{StreamsOf, StudyConfig, each_once};
 use crate::data::{Mocks, ObservedTrack, ReadOptions, mocks_with};
 use crate::error::{Error, Result, TrackFault};
 use crate::inference::{FitPlan, FitSettings, Sampler};
@@ -31,7 +31,7 @@ impl StudyInputs {
         let mut inputs = Self::default();
         let mut support = None;
         if let Some(study) = &config.population {
-            some(&study.samplers).map_err(|e| e.within("population"))?;
+            check_samplers(&study.samplers).map_err(|e| e.within("population"))?;
             let (table, there) = match streams_of(config) {
                 StreamsOf::Tracks => ("tracks", config.tracks.is_some()),
                 StreamsOf::Mocks => ("mocks", config.mocks.is_some()),
@@ -68,7 +68,7 @@ impl StudyInputs {
             }
         };
         if let Some(study) = &config.tracks {
-            some(&study.samplers).map_err(|e| e.within("tracks"))?;
+            check_samplers(&study.samplers).map_err(|e| e.within("tracks"))?;
             check_q(StreamsOf::Tracks, "tracks", &study.fit).map_err(|e| e.within("tracks.fit"))?;
             for path in track_files(&study.files, files_from)? {
                 let mut track = ObservedTrack::read(&path);
@@ -91,7 +91,7 @@ impl StudyInputs {
             }
         }
         if let Some(study) = &config.mocks {
-            some(&study.samplers).map_err(|e| e.within("mocks"))?;
+            check_samplers(&study.samplers).map_err(|e| e.within("mocks"))?;
             let prior = check_q(StreamsOf::Mocks, "mocks", &study.fit)
                 .map_err(|e| e.within("mocks.fit"))?;
             watcher.monitored("mocks", &mut |monitor| {
@@ -165,8 +165,8 @@ fn is_track_file(path: &Path) -> bool {
         && path.is_file()
 }
 
-/// Refuses a list without a sampler.
-fn some(samplers: &[Sampler]) -> Result<()> {
+/// Refuses a list without a sampler, or with one of them twice.
+fn check_samplers(samplers: &[Sampler]) -> Result<()> {
     if samplers.is_empty() {
         return Err(Error::Setting {
             key: "samplers".to_owned(),
@@ -174,7 +174,7 @@ fn some(samplers: &[Sampler]) -> Result<()> {
             remedy: "name `nested`, `pt-hmc` or both".to_owned(),
         });
     }
-    Ok(())
+    each_once("samplers", samplers, |sampler| sampler.name().to_owned())
 }
 
 /// Checks the settings of the fits of a track by some samplers.

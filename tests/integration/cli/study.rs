@@ -103,6 +103,26 @@ fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
                 + "[population]\nof = \"mocks\"\nsamplers = [\"nested\"]\n",
             &["[population]", "of = \"mocks\"", "add a table `[mocks]`"],
         ),
+        // Each value of a list has a folder of its own.
+        (
+            study.replace(
+                "samplers = [\"pt-hmc\"]",
+                "samplers = [\"pt-hmc\", \"pt-hmc\"]",
+            ),
+            &["[mocks]", "samplers = pt-hmc", "once"],
+        ),
+        (
+            study.replacen("[\"nested\"]", "[\"nested\", \"nested\"]", 1),
+            &["[tracks]", "samplers = nested", "once"],
+        ),
+        (
+            with("population", "families = [\"beta\", \"uniform\", \"beta\"]"),
+            &["[population]", "families = beta", "once"],
+        ),
+        (
+            with("population", "subsets = { sizes = [10, 10], repeats = 1 }"),
+            &["[population.subsets]", "sizes = 10", "once"],
+        ),
         (
             study.replace("count = ", "count = 0 # "),
             &["[mocks]", "count = 0"],
