@@ -25,7 +25,12 @@ pub struct FamilyRun {
 /// interrupted; those before it are finished. All have the same data, so that differences of their ln Z are ln Bayes factors.
 ///
 /// # Errors
-/// As of [`population`]; [`Error::Setting`] for a family that is named twice; [`Error::OutputPath`] if the destination itself is a run folder.
+/// As of [`population`]; [`Error::Exists`] before the first run if one of the folders is there already and that is refused;
+/// [`Error::Setting`] for a family that is named twice; [`Error::OutputPath`] if the destination itself is a run folder.
+///
+/// [`Error::Exists`]: crate::Error::Exists
+/// [`Error::Setting`]: crate::Error::Setting
+/// [`Error::OutputPath`]: crate::Error::OutputPath
 pub fn populations(
     fits: &PopulationFits<'_>,
     config: &PopulationConfig,
@@ -44,10 +49,12 @@ pub fn populations(
     }
     destination.is_apart_from(fits.folders)?;
     destination.is_no_run()?;
+    let folder = |family: &FamilyName| destination.folder.join(family.name());
+    let folders: Vec<PathBuf> = families.iter().map(folder).collect();
+    destination.may_hold(&folders)?;
     let mut runs = Vec::new();
-    for family in families {
+    for (family, folder) in families.iter().zip(folders) {
         let config = of(*family);
-        let folder = destination.folder.join(family.name());
         let own = Destination {
             folder: &folder,
             ..destination

@@ -1,12 +1,10 @@
 //! Fits of one track in both senses of phi: each a run folder of its own, in one folder, with the probability of each sense.
 
 use super::fit::fit;
-use super::folder::RunFolder;
-use super::locked::IfExists;
 use super::monitor::Monitored;
 use super::session::Destination;
 use crate::data::{Handedness, ObservedTrack};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::inference::FitSettings;
 use crate::posterior::{Summary, ValueError};
 use oblate_samplers::output::Status;
@@ -34,6 +32,7 @@ pub struct SenseRun {
 /// As of [`fit`] and [`PriorSettings::mirrored`]; [`Error::OutputPath`] if the destination itself is a run folder.
 ///
 /// [`PriorSettings::mirrored`]: crate::params::PriorSettings::mirrored
+/// [`Error::OutputPath`]: crate::Error::OutputPath
 pub fn senses(
     tracks: [&ObservedTrack; 2],
     settings: &FitSettings,
@@ -46,12 +45,7 @@ pub fn senses(
     };
     destination.is_no_run()?;
     let folders = Handedness::BOTH.map(|sense| destination.folder.join(sense.name()));
-    if destination.if_exists == IfExists::Refuse {
-        // Before the first fit, not after it.
-        if let Some(path) = folders.iter().find(|path| RunFolder::open(path).is_ok()) {
-            return Err(Error::Exists { path: path.clone() });
-        }
-    }
+    destination.may_hold(&folders)?;
     let mut fits = Vec::new();
     for (i, settings) in [settings, &mirrored].into_iter().enumerate() {
         let (track, sense) = (tracks[i], Handedness::BOTH[i]);

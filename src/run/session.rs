@@ -48,6 +48,19 @@ impl Destination<'_> {
         Ok(())
     }
 
+    /// Checks that none of the run folders that it will hold is there already, if that is an error: before the first run, not after it.
+    ///
+    /// # Errors
+    /// [`Error::Exists`] with the first one that is there.
+    pub(super) fn may_hold(&self, folders: &[PathBuf]) -> Result<()> {
+        let refused = self.if_exists == IfExists::Refuse;
+        let mut there = folders.iter().filter(|path| RunFolder::open(path).is_ok());
+        match there.next().filter(|_| refused) {
+            Some(path) => Err(Error::Exists { path: path.clone() }),
+            None => Ok(()),
+        }
+    }
+
     /// Checks that the folder, which will hold run folders, is none itself.
     ///
     /// # Errors

@@ -7,6 +7,7 @@ mod force;
 mod log;
 mod names;
 mod result;
+mod several;
 mod study;
 
 use crate::folders::tree;
