@@ -1,8 +1,11 @@
 //! Monitoring a run: the caller's observer, interrupt and time limits, and the log in the run folder.
 
 use super::log::Log;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::inference::Fit;
+use oblate_samplers::Error as SamplerError;
 use oblate_samplers::limits::Memory;
+use oblate_samplers::output::Status;
 use oblate_samplers::{Event, Observer};
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -27,6 +30,27 @@ pub struct Monitor<'a> {
 /// Makes the monitor of one run, whose label is given, and does the work under it.
 pub type Monitored<'a> =
     dyn FnMut(&str, &mut dyn FnMut(&mut Monitor<'_>) -> Result<()>) -> Result<()> + 'a;
+
+/// Does a run under its monitor. `None` if it was interrupted, whether or not it had draws by then, or if its time was up before it had any.
+///
+/// # Errors
+/// Those of `run` and of the monitor.
+pub(super) fn unless_interrupted(
+    monitored: &mut Monitored<'_>,
+    label: &str,
+    run: &mut dyn FnMut(&mut Monitor<'_>) -> Result<Fit>,
+) -> Result<Option<Fit>> {
+    let mut done = None;
+    let ended = monitored(label, &mut |monitor| {
+        done = Some(run(monitor)?);
+        Ok(())
+    });
+    match ended {
+        Err(Error::Sampler(SamplerError::Interrupted)) => Ok(None),
+        Err(error) => Err(error),
+        Ok(()) => Ok(done.filter(|fit| fit.run.status != Status::Interrupted)),
+    }
+}
 
 impl Monitor<'_> {
     /// Sends the observer a warning if the run will take much memory.

@@ -1,13 +1,12 @@
 //! One population by several families: each a run folder of its own, in one folder.
 
-use super::monitor::Monitored;
+use super::monitor::{Monitored, unless_interrupted};
 use super::population::{PopulationFits, check, population};
 use super::session::Destination;
 use crate::config::{PopulationConfig, each_once};
 use crate::error::Result;
 use crate::population::FamilyName;
 use crate::posterior::Summary;
-use oblate_samplers::output::Status;
 use std::path::PathBuf;
 
 /// A finished population of one family.
@@ -60,12 +59,10 @@ pub fn populations(
             ..destination
         };
         let label = format!("{} {}", family.name(), config.sampling.sampler.name());
-        let mut fit = None;
-        monitored(&label, &mut |monitor| {
-            fit = Some(population(fits, &config, own, monitor)?);
-            Ok(())
+        let done = unless_interrupted(monitored, &label, &mut |monitor| {
+            population(fits, &config, own, monitor)
         })?;
-        match fit.filter(|fit| fit.run.status != Status::Interrupted) {
+        match done {
             Some(fit) => runs.push(FamilyRun {
                 family: *family,
                 folder,

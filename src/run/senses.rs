@@ -1,7 +1,7 @@
 //! Fits of one track in both senses of phi: each a run folder of its own, in one folder, with the probability of each sense.
 
 use super::fit::fit;
-use super::monitor::Monitored;
+use super::monitor::{Monitored, unless_interrupted};
 use super::session::Destination;
 use crate::data::{Handedness, ObservedTrack};
 use crate::error::Result;
@@ -60,12 +60,10 @@ pub fn senses(
             track.name,
             sense.name()
         );
-        let mut done = None;
-        monitored(&label, &mut |monitor| {
-            done = Some(fit(track, settings, own, monitor)?);
-            Ok(())
+        let done = unless_interrupted(monitored, &label, &mut |monitor| {
+            fit(track, settings, own, monitor)
         })?;
-        match done.filter(|fit| fit.run.status != Status::Interrupted) {
+        match done {
             Some(fit) => fits.push((sense, fit.summary)),
             None => return Ok(None),
         }

@@ -1,15 +1,13 @@
 //! The fits of a study on this computer: several at once, each on threads of its own.
 
 use super::plan::PlannedFit;
-use super::watch::{FitsSoFar, Pace, Watcher};
+use super::watch::{FitsSoFar, Pace, Watcher, watched};
 use crate::error::{Error, Result};
 use crate::posterior::Summary;
 use crate::run::fit::fit;
 use crate::run::locked::IfExists;
-use crate::run::monitor::Monitor;
 use crate::run::session::Destination;
 use oblate_samplers::Error as SamplerError;
-use oblate_samplers::output::Status;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -154,22 +152,14 @@ pub(super) fn one_fit(
         command,
     };
     let label = format!("fit {} of {of}, {}", planned.number, planned.name());
-    let mut done = None;
-    let work = &mut |monitor: &mut Monitor<'_>| {
-        done = Some(fit(
-            &planned.track,
-            &planned.settings,
-            destination,
-            monitor,
-        )?);
-        Ok(())
-    };
-    match watcher.monitored(&label, work) {
-        Err(Error::Sampler(SamplerError::Interrupted)) => {}
+    let done = watched(watcher, &label, &mut |monitor| {
+        fit(&planned.track, &planned.settings, destination, monitor)
+    });
+    let done = match done {
         Err(error) if is_of_the_fit(&error) => return Ok(Outcome::Failed(error.to_string())),
         other => other?,
-    }
-    let result = done.filter(|fit| fit.run.status != Status::Interrupted && planned.is_finished());
+    };
+    let result = done.filter(|_| planned.is_finished());
     Ok(match result {
         Some(fit) => Outcome::Done(Box::new(fit.summary)),
         None if watcher.interrupted() => Outcome::Interrupted,

@@ -1,15 +1,14 @@
 //! The populations of a study: by each family and each sampler.
 
 use super::result::StudyRun;
-use super::watch::Watcher;
+use super::watch::{Watcher, watched};
 use crate::config::{PopulationConfig, StudyConfig, read};
 use crate::error::{Error, Result};
-use crate::inference::{Fit, Sampler};
+use crate::inference::Sampler;
 use crate::run::folder::RunFolder;
 use crate::run::locked::IfExists;
 use crate::run::population::{PopulationFits, population};
 use crate::run::session::Destination;
-use oblate_samplers::output::Status;
 use oblate_samplers::rng::{Domain, below, stream};
 use std::path::PathBuf;
 
@@ -119,17 +118,14 @@ impl PlannedPopulation {
         };
         let label = format!("{} {}", self.name, self.sampler.name());
         let sampled = |if_exists| {
-            let mut done = None;
             let destination = Destination {
                 folder: &self.folder,
                 if_exists,
                 command,
             };
-            watcher.monitored(&label, &mut |monitor| {
-                done = Some(population(&fits, &self.settings, destination, monitor)?);
-                Ok(())
-            })?;
-            Ok(done)
+            watched(watcher, &label, &mut |monitor| {
+                population(&fits, &self.settings, destination, monitor)
+            })
         };
         let done = match sampled(IfExists::Resume) {
             // Its streams have been fitted further since.
@@ -138,7 +134,6 @@ impl PlannedPopulation {
             }
             other => other?,
         };
-        let done = done.filter(|fit: &Fit| fit.run.status != Status::Interrupted);
         Ok(done.map(|fit| StudyRun {
             folder: self.folder,
             name: self.name,

@@ -1,7 +1,8 @@
 //! What a study tells its caller while it works.
 
 use crate::error::Result;
-use crate::run::monitor::Monitor;
+use crate::inference::Fit;
+use crate::run::monitor::{Monitor, unless_interrupted};
 use std::time::Instant;
 
 /// A caller's view of a study. Its fits may run on several threads at once.
@@ -21,6 +22,22 @@ pub trait Watcher: Sync {
 
     /// Whether the user has interrupted the study.
     fn interrupted(&self) -> bool;
+}
+
+/// Does a run under its monitor; `None` if it was interrupted, as of [`unless_interrupted`].
+///
+/// # Errors
+/// Those of `run`.
+pub(super) fn watched(
+    watcher: &dyn Watcher,
+    label: &str,
+    run: &mut dyn FnMut(&mut Monitor<'_>) -> Result<Fit>,
+) -> Result<Option<Fit>> {
+    unless_interrupted(
+        &mut |label, work| watcher.monitored(label, work),
+        label,
+        run,
+    )
 }
 
 /// How far the fits of a study are.

@@ -1,10 +1,36 @@
 //! Several runs in one folder: what is refused before the first of them.
 
-use oblate::Error;
 use oblate::config::PopulationConfig;
 use oblate::population::FamilyName;
-use oblate::run::{Destination, IfExists, PopulationFits, populations};
+use oblate::run::{Destination, IfExists, Monitor, PopulationFits, populations, senses};
+use oblate::{Error, FitSettings};
 use std::fs;
+
+#[test]
+fn an_interrupt_before_the_first_draws_is_no_error() {
+    let temporary = tempfile::tempdir().unwrap();
+    let destination = Destination {
+        folder: temporary.path(),
+        if_exists: IfExists::Refuse,
+        command: "",
+    };
+    let mut interrupted = |_: &str, _: &mut dyn FnMut(&mut Monitor<'_>) -> oblate::Result<()>| {
+        Err(Error::Sampler(oblate::samplers::Error::Interrupted))
+    };
+    let track = super::track();
+    let settings = FitSettings::default();
+    let fitted = senses([&track, &track], &settings, destination, &mut interrupted).unwrap();
+    assert!(fitted.is_none());
+    let fits = PopulationFits {
+        folders: &[],
+        missing: &[],
+        allow_unconverged: true,
+    };
+    let config = PopulationConfig::default();
+    let families = [FamilyName::Beta];
+    let sampled = populations(&fits, &config, &families, destination, &mut interrupted).unwrap();
+    assert!(sampled.is_none());
+}
 
 #[test]
 fn the_folder_of_a_later_family_is_refused_before_the_first_is_sampled() {
