@@ -37,10 +37,12 @@ pub(super) fn all_fits(
     watcher: &dyn Watcher,
 ) -> Result<Vec<Outcome>> {
     let threads = rayon::current_num_threads();
-    let unfinished = fits.iter().filter(|fit| !fit.is_finished()).count();
-    let at_once = threads.min(unfinished);
+    let finished: Vec<bool> = fits.iter().map(PlannedFit::is_finished).collect();
+    let done = finished.iter().filter(|finished| **finished).count();
+    let at_once = threads.min(fits.len() - done);
     let queue = Queue {
         fits,
+        finished,
         command,
         watcher,
         at_once,
@@ -48,7 +50,7 @@ pub(super) fn all_fits(
         stop: AtomicBool::new(false),
         so_far: Mutex::new((
             FitsSoFar {
-                done: fits.len() - unfinished,
+                done,
                 of: fits.len(),
                 ..FitsSoFar::default()
             },
@@ -94,6 +96,8 @@ pub(super) fn all_fits(
 /// The fits, which workers take one after the other.
 struct Queue<'a> {
     fits: &'a [PlannedFit],
+    /// Which of them were counted as done at the start.
+    finished: Vec<bool>,
     command: &'a str,
     watcher: &'a dyn Watcher,
     at_once: usize,
@@ -113,12 +117,14 @@ impl Queue<'_> {
             let Some(fit) = self.fits.get(place).filter(|_| !stopped) else {
                 return Ok(ended);
             };
-            let was_finished = fit.is_finished();
             let outcome = one_fit(fit, self.fits.len(), self.command, self.watcher)
                 .inspect_err(|_| self.stop.store(true, Ordering::Relaxed))?;
             match outcome {
-                Outcome::Done(_) if !was_finished => self.tell(|fits| fits.done += 1),
-                Outcome::Failed(_) => self.tell(|fits| fits.failed += 1),
+                Outcome::Done(_) if !self.finished[place] => self.tell(|fits| fits.done += 1),
+                Outcome::Failed(_) => self.tell(|fits| {
+                    fits.done -= usize::from(self.finished[place]);
+                    fits.failed += 1;
+                }),
                 Outcome::Done(_) | Outcome::Interrupted => {}
             }
             ended.push((place, outcome));

@@ -76,7 +76,8 @@ impl Pace {
     /// How long the others take, from the number of fits that have ended since the first call.
     pub fn estimate(&mut self, fits: &mut FitsSoFar) {
         let ended = fits.done + fits.failed;
-        let new = ended - *self.before.get_or_insert(ended);
+        // Fewer where a user has removed a result meanwhile.
+        let new = ended.saturating_sub(*self.before.get_or_insert(ended));
         if new > 0 {
             let each = self.began.elapsed().as_secs_f64() / new as f64;
             fits.seconds_left = Some(each * (fits.of - ended) as f64);

@@ -9,6 +9,7 @@ mod names;
 mod result;
 mod several;
 mod study;
+mod watched;
 
 use crate::folders::tree;
 use crate::runs;

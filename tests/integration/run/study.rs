@@ -121,7 +121,7 @@ fn a_page_that_is_no_report_is_not_replaced() {
 }
 
 /// A folder of tracks and their population. Each fit takes a fraction of a second.
-const TRACKS: &str = r#"
+pub const TRACKS: &str = r#"
 title = "tracks"
 out = "out"
 allow_unconverged = true

@@ -1,0 +1,107 @@
+//! Studies as the program that watches them sees them.
+
+use super::study::TRACKS;
+use oblate::config::StudyConfig;
+use oblate::run::{Executor, FitsSoFar, Monitor, Study, StudyResult, Watcher};
+use oblate::samplers::Error as SamplerError;
+use oblate::samplers::control::Silent;
+use oblate::{Error, Result};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// Keeps what it is told.
+struct Seen {
+    max_wall: Duration,
+    /// A part of the label of runs that end at once, and their error.
+    ends: Option<(&'static str, fn() -> Error)>,
+    told: Mutex<Vec<FitsSoFar>>,
+}
+
+impl Default for Seen {
+    fn default() -> Self {
+        Self {
+            max_wall: Duration::from_secs(3_600),
+            ends: None,
+            told: Mutex::default(),
+        }
+    }
+}
+
+impl Watcher for Seen {
+    fn monitored(
+        &self,
+        label: &str,
+        work: &mut dyn FnMut(&mut Monitor<'_>) -> Result<()>,
+    ) -> Result<()> {
+        if let Some((_, error)) = self.ends.filter(|(part, _)| label.contains(part)) {
+            return Err(error());
+        }
+        work(&mut Monitor {
+            observer: &mut Silent,
+            interrupt: Arc::default(),
+            checkpoint_every: Duration::from_secs(600),
+            max_wall: self.max_wall,
+        })
+    }
+
+    fn advanced(&self, fits: &FitsSoFar) {
+        self.told.lock().unwrap().push(fits.clone());
+    }
+
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
+
+/// A study of one track, with its population.
+fn study(folder: &Path) -> StudyConfig {
+    let mut config: StudyConfig = toml::from_str(TRACKS).unwrap();
+    config.out = folder.join("out");
+    let tracks = config.tracks.as_mut().unwrap();
+    tracks.files = vec![crate::cli::example("tracks/s2_spherical.ecsv")];
+    config
+}
+
+/// Does the study, and returns what it has found and what the watcher was told.
+fn done(config: &StudyConfig, seen: Seen) -> (StudyResult, Vec<FitsSoFar>) {
+    let study = Study::new(config, Path::new("."), &seen).unwrap();
+    let result = study.run(Executor::Local, "", &seen).unwrap();
+    (result, seen.told.into_inner().unwrap())
+}
+
+#[test]
+fn a_finished_fit_that_fails_is_no_longer_counted_as_done() {
+    let temporary = tempfile::tempdir().unwrap();
+    let config = StudyConfig {
+        population: None,
+        ..study(temporary.path())
+    };
+    let (_, told) = done(&config, Seen::default());
+    assert_eq!(
+        told.last().map(|fits| (fits.done, fits.failed)),
+        Some((1, 0))
+    );
+    let ends = Seen {
+        ends: Some(("fit 1", || {
+            Error::Sampler(SamplerError::EndlessPath { steps: 1 })
+        })),
+        ..Seen::default()
+    };
+    let (result, told) = done(&config, ends);
+    assert_eq!(result.failed.len(), 1);
+    let last = told.last().unwrap();
+    assert_eq!((last.done, last.failed, last.running), (0, 1, 0));
+}
+
+#[test]
+fn a_population_that_is_interrupted_before_its_first_draws_interrupts_the_study() {
+    let temporary = tempfile::tempdir().unwrap();
+    let ends = Seen {
+        ends: Some(("population", || Error::Sampler(SamplerError::Interrupted))),
+        ..Seen::default()
+    };
+    let (result, _) = done(&study(temporary.path()), ends);
+    assert!(result.interrupted);
+    assert_eq!((result.tracks.len(), result.populations.len()), (1, 0));
+}
