@@ -239,7 +239,7 @@ pub struct SlurmSettings {
     /// Largest number of fits that work at once; none: as many as Slurm allows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_once: Option<usize>,
-    /// How often a fit is submitted if it ends without a result and without an error of its own.
+    /// How often a fit is submitted if it ends without a result, or with one that goes on, and without an error of its own.
     pub attempts: usize,
     /// Seconds between two looks at the queue.
     pub poll_seconds: u64,

@@ -1,15 +1,18 @@
 //! A fit of a track into a run folder: what `oblate fit` and a study do.
 
+use super::folder::RunFolder;
 use super::locked::{IfExists, RunState};
 use super::monitor::{MODEL_ERROR, Monitor};
-use super::session::{Destination, RunSession};
+use super::session::{Destination, RunSession, versions_of_fit};
 use crate::data::ObservedTrack;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::inference::{
     Coarse, Fit, FitPlan, FitSettings, bridge_from, check_prior_predictive, sample,
 };
+use crate::posterior::Summary;
 use oblate_samplers::checkpoint;
 use oblate_samplers::output::Status;
+use std::path::Path;
 use std::time::Instant;
 
 /// Fits a track into a run folder. Under [`IfExists::Resume`], a folder that has finished with the same inputs is read
@@ -19,9 +22,8 @@ use std::time::Instant;
 /// is interrupted or its time is up, it is the result, and this folder has no summary yet.
 ///
 /// # Errors
-/// Those of [`FitPlan::new`]; [`Error::Exists`](crate::Error::Exists), [`Error::OtherInputs`](crate::Error::OtherInputs) or
-/// [`Error::FolderInUse`](crate::Error::FolderInUse) if the folder exists and cannot be used; [`Error::Io`](crate::Error::Io) if a file cannot be read or written;
-/// [`Error::Sampler`](crate::Error::Sampler) if the sampler fails.
+/// Those of [`FitPlan::new`]; [`Error::Exists`], [`Error::OtherInputs`] or [`Error::FolderInUse`] if the folder exists and cannot be used;
+/// [`Error::Io`] if a file cannot be read or written; [`Error::Sampler`] if the sampler fails.
 pub fn fit(
     track: &ObservedTrack,
     settings: &FitSettings,
@@ -29,6 +31,30 @@ pub fn fit(
     monitor: &mut Monitor<'_>,
 ) -> Result<Fit> {
     fit_in_stages(track, settings, destination, monitor, None)
+}
+
+/// Reads back what a fit of a track has written so far, also one that would be sampled further.
+///
+/// # Errors
+/// [`Error::OtherInputs`] if it was made from other inputs; as of [`RunFolder::read`].
+pub(super) fn read_fit(
+    track: &ObservedTrack,
+    settings: &FitSettings,
+    folder: &Path,
+) -> Result<Summary> {
+    let opened = RunFolder::open(folder)?;
+    let versions = versions_of_fit(settings, &[&bytes(track)])?;
+    if opened.read_versions()?.input_hash != versions.input_hash {
+        return Err(Error::OtherInputs {
+            path: folder.to_path_buf(),
+        });
+    }
+    Ok(opened.read()?.summary)
+}
+
+/// A track as an input of its fit.
+fn bytes(track: &ObservedTrack) -> Vec<u8> {
+    serde_json::to_vec(track).unwrap_or_default()
 }
 
 /// Stages of a fit of one model: check of the prior, sampling, error of the model.
@@ -59,7 +85,7 @@ fn fit_in_stages(
     if let Some(message) = warning {
         monitor.warn(message);
     }
-    let track_bytes = serde_json::to_vec(track).unwrap_or_default();
+    let track_bytes = bytes(track);
     let session = match RunSession::begin_fit(destination, track, settings, &[&track_bytes])? {
         RunState::Finished(stored) => return Ok(stored.into()),
         RunState::Unfinished(session) => session,

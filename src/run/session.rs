@@ -10,7 +10,7 @@ use crate::error::{Error, OutputFault, Result};
 use crate::inference::{Fit, FitSettings, StreamTarget, prior_draws, summarize};
 use crate::posterior::{Summary, zarr};
 use oblate_samplers::control::CheckpointPlan;
-use oblate_samplers::output::Status;
+use oblate_samplers::output::{Method, Status};
 use oblate_samplers::{Control, Event, Run, Target};
 use std::path::{Path, PathBuf};
 
@@ -82,6 +82,27 @@ impl Destination<'_> {
     }
 }
 
+/// Whether a fit that ended by its stopping rule under the settings `before` is sampled further under these.
+pub(super) fn goes_on(
+    settings: &FitSettings,
+    before: &FitSettings,
+    converged: bool,
+    method: Method,
+) -> bool {
+    !converged && settings.may_go_on(before, method)
+}
+
+/// The versions of a fit. `inputs` are those beside the settings.
+///
+/// # Errors
+/// [`Error::Setting`](crate::Error::Setting) for settings that TOML cannot hold.
+pub(super) fn versions_of_fit(settings: &FitSettings, inputs: &[&[u8]]) -> Result<Versions> {
+    let key = to_toml(&settings.without_extensions())?;
+    let mut all = vec![key.as_bytes()];
+    all.extend(inputs);
+    Ok(Versions::new(&all))
+}
+
 /// A run whose folder is prepared and locked by this process.
 pub(super) struct RunSession<'a> {
     folder: LockedFolder,
@@ -118,17 +139,15 @@ impl<'a> RunSession<'a> {
         settings: &FitSettings,
         inputs: &[&[u8]],
     ) -> Result<RunState<Self>> {
-        let key = to_toml(&settings.without_extensions())?;
-        let mut all = vec![key.as_bytes()];
-        all.extend(inputs);
         let beginning = Beginning {
             config_toml: to_toml(settings)?,
-            versions: Versions::new(&all),
+            versions: versions_of_fit(settings, inputs)?,
             track: Some(track),
         };
         Self::begin_unless(destination, beginning, &|stored| {
             let before = parse(&stored.config, destination.folder)?;
-            Ok(!stored.run.converged() && settings.may_go_on(&before, stored.run.method))
+            let (converged, method) = (stored.run.converged(), stored.run.method);
+            Ok(goes_on(settings, &before, converged, method))
         })
     }
 

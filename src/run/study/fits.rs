@@ -8,6 +8,7 @@ use crate::run::fit::fit;
 use crate::run::locked::IfExists;
 use crate::run::session::Destination;
 use oblate_samplers::Error as SamplerError;
+use oblate_samplers::output::Status;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -37,12 +38,12 @@ pub(super) fn all_fits(
     watcher: &dyn Watcher,
 ) -> Result<Vec<Outcome>> {
     let threads = rayon::current_num_threads();
-    let finished: Vec<bool> = fits.iter().map(PlannedFit::is_finished).collect();
-    let done = finished.iter().filter(|finished| **finished).count();
+    let settled: Vec<bool> = fits.iter().map(PlannedFit::is_settled).collect();
+    let done = settled.iter().filter(|settled| **settled).count();
     let at_once = threads.min(fits.len() - done);
     let queue = Queue {
         fits,
-        finished,
+        settled,
         command,
         watcher,
         at_once,
@@ -97,7 +98,7 @@ pub(super) fn all_fits(
 struct Queue<'a> {
     fits: &'a [PlannedFit],
     /// Which of them were counted as done at the start.
-    finished: Vec<bool>,
+    settled: Vec<bool>,
     command: &'a str,
     watcher: &'a dyn Watcher,
     at_once: usize,
@@ -120,9 +121,9 @@ impl Queue<'_> {
             let outcome = one_fit(fit, self.fits.len(), self.command, self.watcher)
                 .inspect_err(|_| self.stop.store(true, Ordering::Relaxed))?;
             match outcome {
-                Outcome::Done(_) if !self.finished[place] => self.tell(|fits| fits.done += 1),
+                Outcome::Done(_) if !self.settled[place] => self.tell(|fits| fits.done += 1),
                 Outcome::Failed(_) => self.tell(|fits| {
-                    fits.done -= usize::from(self.finished[place]);
+                    fits.done -= usize::from(self.settled[place]);
                     fits.failed += 1;
                 }),
                 Outcome::Done(_) | Outcome::Interrupted => {}
@@ -165,12 +166,15 @@ pub(super) fn one_fit(
         Err(error) if is_of_the_fit(&error) => return Ok(Outcome::Failed(error.to_string())),
         other => other?,
     };
-    let result = done.filter(|_| planned.is_finished());
-    Ok(match result {
-        Some(fit) => Outcome::Done(Box::new(fit.summary)),
-        None if watcher.interrupted() => Outcome::Interrupted,
-        None => Outcome::Failed(OUT_OF_TIME.to_owned()),
-    })
+    match done {
+        Some(fit) if fit.run.status == Status::Complete => Ok(Outcome::Done(Box::new(fit.summary))),
+        // That of the folder: where the time of a coarse fit was up, what is done is that fit.
+        Some(_) if planned.is_finished() => planned.read_back(),
+        _ if watcher.interrupted() => Ok(Outcome::Interrupted),
+        // The time was up before a result that would replace this one.
+        None if planned.is_finished() => planned.read_back(),
+        _ => Ok(Outcome::Failed(OUT_OF_TIME.to_owned())),
+    }
 }
 
 /// Whether an error is that of a track or of its posterior, so that other fits can succeed.

@@ -75,16 +75,17 @@ impl<'a> Study<'a> {
         })
     }
 
-    /// What the fits that have no result will cost, from a pilot of some seconds; `None` if all have one.
+    /// What the fits that will be sampled cost, from a pilot of some seconds: those that have no result or go on from one. `None` if there are
+    /// none.
     ///
     /// # Errors
     /// As of [`Speed::of_fit`](crate::inference::Speed::of_fit).
     pub fn cost(&self) -> Result<Option<Cost>> {
-        let unfinished: Vec<_> = self.fits.iter().filter(|fit| !fit.is_finished()).collect();
+        let unfinished: Vec<_> = self.fits.iter().filter(|fit| !fit.is_settled()).collect();
         pilot::pilot(&unfinished)
     }
 
-    /// Does the fits that have no result, and the populations. `command` is the command line for the summaries.
+    /// Does the fits that have no result or go on from one, and the populations. `command` is the command line for the summaries.
     ///
     /// # Errors
     /// [`Error::Exists`], [`Error::OutputPath`], [`Error::OtherInputs`],

@@ -7,7 +7,7 @@ use crate::inference::Speed;
 /// Largest number of fits whose models are timed.
 const MOST: usize = 8;
 
-/// The predicted cost of the fits of a study that have no result.
+/// The predicted cost of the fits of a study that have no result or go on from one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
     /// Number of fits.

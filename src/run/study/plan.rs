@@ -1,12 +1,17 @@
 //! The fits of a study in their order, each with its folder.
 
+use super::fits::Outcome;
 use super::inputs::StudyInputs;
-use crate::config::{StreamsOf, StudyConfig};
+use crate::config::{StreamsOf, StudyConfig, read};
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::inference::{FitSettings, Sampler};
+use crate::posterior::Summary;
+use crate::run::fit::read_fit;
 use crate::run::folder::RunFolder;
 use crate::run::names::file_name;
+use crate::run::session::goes_on;
+use oblate_samplers::output::Status;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -31,9 +36,32 @@ impl PlannedFit {
         self.settings.sampling.sampler
     }
 
-    /// Whether its folder holds a result of its stopping rule, of whatever settings.
+    /// Whether its folder holds a result, of whatever settings.
     pub fn is_finished(&self) -> bool {
         RunFolder::open(&self.folder).is_ok_and(|folder| folder.finished())
+    }
+
+    /// Whether its folder holds a result that would not be sampled further: it ended by its stopping rule, and has converged or may not go on
+    /// under these settings.
+    pub fn is_settled(&self) -> bool {
+        let settled = || -> Result<bool> {
+            let folder = RunFolder::open(&self.folder)?;
+            let summary = Summary::read(&folder.summary())?;
+            let before = read(&folder.config())?;
+            let (converged, method) = (summary.converged, summary.method);
+            Ok(summary.status == Status::Complete
+                && !goes_on(&self.settings, &before, converged, method))
+        };
+        settled().unwrap_or(false)
+    }
+
+    /// Reads back the result in its folder, also one that would be sampled further.
+    ///
+    /// # Errors
+    /// As of [`read_fit`].
+    pub fn read_back(&self) -> Result<Outcome> {
+        let summary = read_fit(&self.track, &self.settings, &self.folder)?;
+        Ok(Outcome::Done(Box::new(summary)))
     }
 }
 

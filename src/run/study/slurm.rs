@@ -71,8 +71,8 @@ impl<'a> Slurm<'a> {
         })
     }
 
-    /// Submits the fits that have no result and are not in the queue, until each has a result or has failed; then reads all back, and
-    /// returns how each ended, in their order. An interrupt ends the watching, not the jobs.
+    /// Submits the fits that have no result or go on from one and are not in the queue, until each is settled or its attempts are used up; then
+    /// reads all back, and returns how each ended, in their order. An interrupt ends the watching, not the jobs.
     ///
     /// # Errors
     /// [`Error::Command`] if Slurm refuses a job or does not answer; [`Error::Sampler`] if a script cannot be written; as of [`one_fit`].
@@ -83,6 +83,7 @@ impl<'a> Slurm<'a> {
         watcher: &dyn Watcher,
     ) -> Result<Vec<Outcome>> {
         let mut attempts = BTreeMap::new();
+        let mut settled = vec![false; fits.len()];
         let mut pace = Pace::new();
         // Where there is no Slurm, that is an error at once.
         self.queue()?;
@@ -97,8 +98,9 @@ impl<'a> Slurm<'a> {
                 ..FitsSoFar::default()
             };
             let mut to_submit = Vec::new();
-            for fit in fits {
-                if fit.is_finished() {
+            for (fit, settled) in fits.iter().zip(&mut settled) {
+                *settled = *settled || fit.is_settled();
+                if *settled {
                     so_far.done += 1;
                 } else if !queue.all.contains(&fit.number) {
                     let attempt: &mut usize = attempts.entry(fit.number).or_default();
@@ -106,6 +108,8 @@ impl<'a> Slurm<'a> {
                     if *attempt == 0 || again {
                         *attempt += 1;
                         to_submit.push(fit.number);
+                    } else if self.has_result(fit) {
+                        so_far.done += 1;
                     } else {
                         so_far.failed += 1;
                     }
@@ -123,8 +127,11 @@ impl<'a> Slurm<'a> {
             }
         }
         let gathered = fits.iter().map(|fit| {
-            if fit.is_finished() {
+            if fit.is_settled() {
                 one_fit(fit, fits.len(), command, watcher)
+            } else if self.has_result(fit) {
+                // It would be sampled further, here.
+                fit.read_back()
             } else {
                 Ok(Outcome::Failed(self.reason(fit)))
             }
@@ -218,6 +225,11 @@ impl<'a> Slurm<'a> {
     fn log(&self, number: usize) -> PathBuf {
         let (first, index) = place(number);
         self.folder.join(format!("fits_{first}_{index}.log"))
+    }
+
+    /// Whether a fit whose attempts are used up has a result that stands: the last of them ended without an error.
+    fn has_result(&self, fit: &PlannedFit) -> bool {
+        fit.is_finished() && self.error(fit).is_none()
     }
 
     /// The error with which the last attempt at a fit ended, if it printed one.

@@ -43,7 +43,7 @@ pub(super) fn watched(
 /// How far the fits of a study are.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitsSoFar {
-    /// Number of fits that have a result.
+    /// Number of fits that have a result and are not sampled further.
     pub done: usize,
     /// Number of those that failed.
     pub failed: usize,

@@ -355,6 +355,58 @@ fn a_folder_stands_for_its_tracks_and_a_population_may_be_theirs() {
 }
 
 #[test]
+#[cfg(unix)]
+fn fits_that_may_go_on_are_given_to_slurm_and_not_sampled_by_its_watcher() {
+    use std::os::unix::fs::PermissionsExt;
+    let temporary = tempfile::tempdir().unwrap();
+    let track = crate::cli::example("tracks/s2_spherical.ecsv");
+    let text = TRACKS.split("[population]").next().unwrap();
+    let text = text.replace("[\"tracks\"]", &format!("[{track:?}]"));
+    let text = format!("{text}[slurm]\nattempts = 1\npoll_seconds = 1\n");
+    let write = |text: &str| fs::write(temporary.path().join("study.toml"), text).unwrap();
+    write(&text);
+    let mut command = in_folder(temporary.path(), &["run", "study.toml", "-q"]);
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let fits = temporary.path().join("out/fits");
+    let before = files(&fits);
+
+    // Commands of a cluster that takes jobs and does none.
+    let programs = temporary.path().join("bin");
+    fs::create_dir(&programs).unwrap();
+    for (name, script) in [
+        ("squeue", "#!/bin/sh\n"),
+        ("sbatch", "#!/bin/sh\necho \"$@\" >> \"$SUBMITTED\"\n"),
+    ] {
+        let path = programs.join(name);
+        fs::write(&path, script).unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+    }
+    let path = format!(
+        "{}:{}",
+        programs.display(),
+        std::env::var("PATH").unwrap_or_default()
+    );
+    let submitted = temporary.path().join("submitted");
+    let by_slurm = || {
+        let mut command = in_folder(temporary.path(), &["run", "study.toml", "-q"]);
+        command.args(["--executor", "slurm"]);
+        command.env("PATH", &path).env("SUBMITTED", &submitted);
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{output:?}");
+        fs::read_to_string(&submitted).unwrap_or_default()
+    };
+    assert_eq!(by_slurm(), "");
+    write(&text.replace("max_batches = 1", "max_batches = 2"));
+    let said = by_slurm();
+    assert!(
+        said.lines().count() == 1 && said.contains("--array=1 "),
+        "{said}"
+    );
+    assert_eq!(files(&fits), before);
+}
+
+#[test]
 #[ignore = "half a minute: the study of twelve mocks that is killed twenty times"]
 fn a_study_of_twelve_mocks_killed_twenty_times_ends_in_the_same_bytes() {
     killed(12, 20);

@@ -5,6 +5,7 @@ use oblate::config::StudyConfig;
 use oblate::run::{Executor, FitsSoFar, Monitor, Study, StudyResult, Watcher};
 use oblate::samplers::Error as SamplerError;
 use oblate::samplers::control::Silent;
+use oblate::samplers::output::Status;
 use oblate::{Error, Result};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -104,4 +105,40 @@ fn a_population_that_is_interrupted_before_its_first_draws_interrupts_the_study(
     let (result, _) = done(&study(temporary.path()), ends);
     assert!(result.interrupted);
     assert_eq!((result.tracks.len(), result.populations.len()), (1, 0));
+}
+
+#[test]
+fn a_fit_that_may_go_on_is_not_done() {
+    let temporary = tempfile::tempdir().unwrap();
+    let mut config = StudyConfig {
+        population: None,
+        ..study(temporary.path())
+    };
+    let fits_to_do = |config: &StudyConfig| {
+        let study = Study::new(config, Path::new("."), &Seen::default()).unwrap();
+        study.cost().unwrap().map(|cost| cost.fits)
+    };
+    let at_first = |told: &[FitsSoFar]| told.first().map(|fits| (fits.done, fits.running));
+    let in_no_time = || Seen {
+        max_wall: Duration::ZERO,
+        ..Seen::default()
+    };
+    let (result, _) = done(&config, in_no_time());
+    assert_eq!(result.tracks[0].summary.status, Status::BudgetSpent);
+    assert_eq!(fits_to_do(&config), Some(1));
+    let (result, told) = done(&config, Seen::default());
+    assert_eq!(at_first(&told), Some((0, 1)));
+    let summary = &result.tracks[0].summary;
+    assert!(summary.status == Status::Complete && !summary.converged);
+    assert_eq!(fits_to_do(&config), None);
+    // More batches are allowed than before.
+    let tracks = config.tracks.as_mut().unwrap();
+    tracks.fit.sampling.nested.max_batches = 2;
+    assert_eq!(fits_to_do(&config), Some(1));
+    let before = summary.ess;
+    let (result, told) = done(&config, Seen::default());
+    assert_eq!(at_first(&told), Some((0, 1)));
+    assert!(result.tracks[0].summary.ess > before);
+    assert_eq!(fits_to_do(&config), None);
+    assert_eq!(at_first(&done(&config, Seen::default()).1), Some((1, 0)));
 }
