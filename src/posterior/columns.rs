@@ -18,7 +18,9 @@ impl Column {
     /// Whether the values differ at all: a derived quantity of fixed parameters alone has the same value in all draws.
     #[must_use]
     pub fn varies(&self) -> bool {
-        self.values.windows(2).any(|pair| pair[0] != pair[1])
+        self.values
+            .windows(2)
+            .any(|pair| pair[0].to_bits() != pair[1].to_bits())
     }
 }
 
