@@ -23,6 +23,13 @@ pub(super) enum Outcome {
     Interrupted,
 }
 
+impl Outcome {
+    /// With this result.
+    pub fn done(summary: Summary) -> Self {
+        Self::Done(Box::new(summary))
+    }
+}
+
 /// Why a fit has no result at the end of its time.
 const OUT_OF_TIME: &str =
     "its time was up before its first result; repeat the study to continue it";
@@ -167,12 +174,12 @@ pub(super) fn one_fit(
         other => other?,
     };
     match done {
-        Some(fit) if fit.run.status == Status::Complete => Ok(Outcome::Done(Box::new(fit.summary))),
+        Some(fit) if fit.run.status == Status::Complete => Ok(Outcome::done(fit.summary)),
         // That of the folder: where the time of a coarse fit was up, what is done is that fit.
-        Some(_) if planned.is_finished() => planned.read_back(),
+        Some(_) if planned.is_finished() => Ok(Outcome::done(planned.read_back()?)),
         _ if watcher.interrupted() => Ok(Outcome::Interrupted),
         // The time was up before a result that would replace this one.
-        None if planned.is_finished() => planned.read_back(),
+        None if planned.is_finished() => Ok(Outcome::done(planned.read_back()?)),
         _ => Ok(Outcome::Failed(OUT_OF_TIME.to_owned())),
     }
 }

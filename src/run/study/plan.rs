@@ -1,6 +1,5 @@
 //! The fits of a study in their order, each with its folder.
 
-use super::fits::Outcome;
 use super::inputs::StudyInputs;
 use crate::config::{StreamsOf, StudyConfig, read};
 use crate::data::ObservedTrack;
@@ -59,9 +58,8 @@ impl PlannedFit {
     ///
     /// # Errors
     /// As of [`read_fit`].
-    pub fn read_back(&self) -> Result<Outcome> {
-        let summary = read_fit(&self.track, &self.settings, &self.folder)?;
-        Ok(Outcome::Done(Box::new(summary)))
+    pub fn read_back(&self) -> Result<Summary> {
+        read_fit(&self.track, &self.settings, &self.folder)
     }
 }
 

@@ -131,7 +131,7 @@ impl<'a> Slurm<'a> {
                 one_fit(fit, fits.len(), command, watcher)
             } else if self.has_result(fit) {
                 // It would be sampled further, here.
-                fit.read_back()
+                fit.read_back().map(Outcome::done)
             } else {
                 Ok(Outcome::Failed(self.reason(fit)))
             }

@@ -135,10 +135,10 @@ fn a_fit_that_may_go_on_is_not_done() {
     let tracks = config.tracks.as_mut().unwrap();
     tracks.fit.sampling.nested.max_batches = 2;
     assert_eq!(fits_to_do(&config), Some(1));
-    let before = summary.ess;
+    let before = summary.cost.calls;
     let (result, told) = done(&config, Seen::default());
     assert_eq!(at_first(&told), Some((0, 1)));
-    assert!(result.tracks[0].summary.ess > before);
+    assert!(result.tracks[0].summary.cost.calls > before);
     assert_eq!(fits_to_do(&config), None);
     assert_eq!(at_first(&done(&config, Seen::default()).1), Some((1, 0)));
 }
