@@ -75,13 +75,12 @@ pub fn after_fit(
         let mut steps = Vec::new();
         // The checks of the coarse fit are those of the sampler; the bridge has its own.
         let sampled = coarse.as_ref().unwrap_or(summary);
-        if sampling.sampler == Sampler::PtHmc && names(sampled).iter().any(|name| needs_scans(name))
+        if sampling.sampler == Sampler::PtHmc
+            && names(sampled).iter().any(|name| needs_scans(name))
+            && let Some(more) = more_extensions(sampling)
         {
-            let more = more_extensions(sampling).into_iter();
-            steps.extend(more.map(|more| {
-                let longer = command.resumed().with_value("--extensions", &more);
-                Step::new("extend its last round", &longer)
-            }));
+            let longer = command.resumed().with_value("--extensions", &more);
+            steps.push(Step::new("extend its last round", &longer));
         }
         let batches = more_batches(sampled, sampling, command);
         let mut failed = [names(sampled), names(summary)].concat();
@@ -192,9 +191,11 @@ pub fn after_population(
         longer.push(("sampling.nested.max_batches", more.to_string()));
         failed.retain(|name| *name != "effective-lineages");
     }
-    if summary.method == Method::PtHmc && failed.iter().any(|name| needs_scans(name)) {
-        let more = more_extensions(sampling).into_iter();
-        longer.extend(more.map(|more| ("sampling.pt_hmc.extensions", more)));
+    if summary.method == Method::PtHmc
+        && failed.iter().any(|name| needs_scans(name))
+        && let Some(more) = more_extensions(sampling)
+    {
+        longer.push(("sampling.pt_hmc.extensions", more));
     }
     let changes = [longer, changes(&failed, sampling)].concat();
     again(&changes, folder, command).into_iter().collect()

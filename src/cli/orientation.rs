@@ -6,8 +6,8 @@ use super::output::{Output, note};
 use super::run_folders::{finished, run_folders};
 use crate::error::Result;
 use crate::population::{Alignment, AlignmentEvidence, AxisPosterior, alignments};
-use crate::posterior::{Interval, Summary};
-use crate::run::{AxisDirection, RunFolder, axis_posteriors};
+use crate::posterior::Interval;
+use crate::run::{AxisDirection, axis_posteriors};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -44,15 +44,12 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         Direction::LineOfSight => AxisDirection::LineOfSight,
         Direction::Disc => AxisDirection::Disc,
     };
-    let runs = finished(&run_folders(&args.runs));
-    let streams = axis_posteriors(&runs, direction)?;
-    for (run, stream) in runs.iter().zip(&streams) {
-        if !Summary::read(&RunFolder::open(run)?.summary())?.converged {
-            note(&format!(
-                "the fit {} has not converged: fit it longer",
-                stream.name
-            ));
-        }
+    let streams = axis_posteriors(&finished(&run_folders(&args.runs)), direction)?;
+    for stream in streams.iter().filter(|stream| !stream.converged) {
+        note(&format!(
+            "the fit {} has not converged: fit it longer",
+            stream.name
+        ));
     }
     let found = alignments(&streams)?;
     if args.output.json {

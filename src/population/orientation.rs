@@ -18,6 +18,8 @@ pub struct AxisPosterior {
     pub weights: Vec<f64>,
     /// The number of independent draws that they are worth.
     pub effective_size: f64,
+    /// Whether the fit has converged.
+    pub converged: bool,
 }
 
 /// How the axes of a population lie.

@@ -51,6 +51,7 @@ pub fn axis_posteriors(paths: &[PathBuf], direction: AxisDirection) -> Result<Ve
                 cosines: cosines.iter().map(|mu| mu.abs().min(1.0)).collect(),
                 weights: fit.stored.run.draws.weights(),
                 effective_size: fit.stored.summary.ess.max(1.0),
+                converged: fit.stored.summary.converged,
             })
         })
         .collect()

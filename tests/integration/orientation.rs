@@ -12,6 +12,7 @@ fn drawn(cosines: Vec<f64>) -> AxisPosterior {
         name: "a stream".to_owned(),
         weights: vec![1.0; cosines.len()],
         effective_size: cosines.len() as f64,
+        converged: true,
         cosines,
     }
 }
