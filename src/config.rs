@@ -277,11 +277,10 @@ impl SlurmSettings {
 /// [`Error::Io`] if it cannot be read; [`Error::Syntax`] with file, line and the parser's message for an unknown key, a
 /// wrong type or broken syntax.
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = text(path, MAX_BYTES).map_err(|source| Error::Io {
-        path: path.to_path_buf(),
-        source,
-        remedy: "give the path of a readable settings file (UTF-8 text)",
-    })?;
+    let text = text(path, MAX_BYTES).map_err(Error::io(
+        path,
+        "give the path of a readable settings file (UTF-8 text)",
+    ))?;
     parse(&text, path)
 }
 

@@ -29,11 +29,10 @@ pub fn run(args: &Args, mut first: Command, out: &mut Output<'_>) -> Result<Exit
         out.bytes(&page(first)?)?;
         return Ok(Exit::Done);
     };
-    std::fs::create_dir_all(folder).map_err(|source| Error::Io {
-        path: folder.clone(),
-        source,
-        remedy: "choose a folder whose parent is writable",
-    })?;
+    std::fs::create_dir_all(folder).map_err(Error::io(
+        folder,
+        "choose a folder whose parent is writable",
+    ))?;
     let others: Vec<Command> = first.get_subcommands().cloned().collect();
     for verb in std::iter::once(first).chain(others) {
         // The page of the help is that of clap.

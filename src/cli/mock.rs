@@ -126,11 +126,10 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
             refuse_existing(&args.out.join(file), args.force)?;
         }
     }
-    std::fs::create_dir_all(&args.out).map_err(|source| Error::Io {
-        path: args.out.clone(),
-        source,
-        remedy: "choose a folder whose parent is writable",
-    })?;
+    std::fs::create_dir_all(&args.out).map_err(Error::io(
+        &args.out,
+        "choose a folder whose parent is writable",
+    ))?;
     let mut rows = Vec::new();
     for mock in &found.mocks {
         let file = args.out.join(format!("{}.ecsv", mock.track.name));

@@ -32,11 +32,10 @@ pub struct ReadOptions {
 }
 
 fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
-    let text = read::text(path, MAX_BYTES).map_err(|source| Error::Io {
-        path: path.to_path_buf(),
-        source,
-        remedy: "give the path of a readable ECSV or CSV track (UTF-8 text)",
-    })?;
+    let text = read::text(path, MAX_BYTES).map_err(Error::io(
+        path,
+        "give the path of a readable ECSV or CSV track (UTF-8 text)",
+    ))?;
     let lines: Vec<&str> = text.lines().collect();
     let comments = lines.iter().take_while(|l| l.starts_with('#')).count();
     let is_ecsv = lines.first().is_some_and(|l| l.starts_with("# %ECSV"));

@@ -232,11 +232,7 @@ impl Summary {
         struct Version {
             format: u32,
         }
-        let text = read::text(path, MAX_BYTES).map_err(|source| Error::Io {
-            path: path.to_path_buf(),
-            source,
-            remedy: "finish the run first",
-        })?;
+        let text = read::text(path, MAX_BYTES).map_err(Error::io(path, "finish the run first"))?;
         let fail = |line, message| Error::Syntax {
             path: path.to_path_buf(),
             line,

@@ -52,11 +52,8 @@ fn table(path: &Path) -> Result<Vec<RankedFit>> {
     struct Table {
         fits: Vec<RankedFit>,
     }
-    let text = read::text(path, MAX_BYTES).map_err(|source| Error::Io {
-        path: path.to_path_buf(),
-        source,
-        remedy: "give a run folder, or a table of ranks",
-    })?;
+    let text = read::text(path, MAX_BYTES)
+        .map_err(Error::io(path, "give a run folder, or a table of ranks"))?;
     let broken = |line: Option<usize>, message: String| Error::Syntax {
         path: path.to_path_buf(),
         line,

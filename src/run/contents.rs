@@ -92,11 +92,10 @@ impl Contents {
         let mut contents = Self::default();
         match contents.read(folder) {
             Err(e) if e.kind() == ErrorKind::NotFound => Ok(Self::default()),
-            other => other.map(|()| contents).map_err(|source| Error::Io {
-                path: folder.to_path_buf(),
-                source,
-                remedy: "check that the folder and all in it are readable",
-            }),
+            other => other.map(|()| contents).map_err(Error::io(
+                folder,
+                "check that the folder and all in it are readable",
+            )),
         }
     }
 
@@ -336,9 +335,8 @@ pub(super) fn is_mount_point(folder: &Path) -> io::Result<bool> {
 }
 
 fn kept(path: &Path, source: io::Error) -> Error {
-    Error::Io {
-        path: path.to_path_buf(),
-        source,
-        remedy: "check that nothing else is in it, and that it can be removed",
-    }
+    Error::io(
+        path,
+        "check that nothing else is in it, and that it can be removed",
+    )(source)
 }

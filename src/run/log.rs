@@ -94,9 +94,8 @@ fn is_torn(mut file: &File) -> bool {
 }
 
 fn io(path: &Path, source: std::io::Error) -> Error {
-    Error::Io {
-        path: path.to_path_buf(),
-        source,
-        remedy: "check that the run folder is writable and has space left",
-    }
+    Error::io(
+        path,
+        "check that the run folder is writable and has space left",
+    )(source)
 }

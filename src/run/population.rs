@@ -177,11 +177,9 @@ fn write_tables(
         return Ok(());
     };
     let path = folder.streams();
-    let streams = population.csv().map_err(|source| Error::Io {
-        path: path.clone(),
-        source,
-        remedy: "this should not happen: report it",
-    })?;
+    let streams = population
+        .csv()
+        .map_err(Error::io(&path, "this should not happen: report it"))?;
     write_table(&path, &streams)
 }
 

@@ -67,11 +67,7 @@ impl Destination<'_> {
     /// [`Error::OutputPath`] if it is one; [`Error::Io`] if it cannot be read.
     pub(super) fn is_no_run(&self) -> Result<()> {
         let path = self.folder;
-        let is_run = marked(path).map_err(|source| Error::Io {
-            path: path.to_path_buf(),
-            source,
-            remedy: "check that the folder is readable",
-        })?;
+        let is_run = marked(path).map_err(Error::io(path, "check that the folder is readable"))?;
         if is_run {
             return Err(Error::OutputPath {
                 path: path.to_path_buf(),

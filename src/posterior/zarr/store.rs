@@ -200,11 +200,10 @@ impl Store {
     /// # Errors
     /// [`Error::Io`] if there is none.
     pub fn open(path: &Path) -> Result<Self> {
-        fs::metadata(path.join(METADATA)).map_err(|source| Error::Io {
-            path: path.join(METADATA),
-            source,
-            remedy: "give a run folder whose fit has finished",
-        })?;
+        fs::metadata(path.join(METADATA)).map_err(Error::io(
+            &path.join(METADATA),
+            "give a run folder whose fit has finished",
+        ))?;
         Ok(Self::create(path))
     }
 
@@ -230,11 +229,10 @@ impl Store {
             }
             fs::File::create(file)?.write_all(bytes)
         };
-        write().map_err(|source| Error::Io {
-            path: file.to_path_buf(),
-            source,
-            remedy: "check that the run folder exists, is writable and has space left",
-        })
+        write().map_err(Error::io(
+            file,
+            "check that the run folder exists, is writable and has space left",
+        ))
     }
 
     fn write_metadata(&self, at: &str, metadata: &impl Serialize) -> Result<()> {
@@ -247,11 +245,10 @@ impl Store {
 
     fn read_metadata<T: DeserializeOwned>(&self, at: &str) -> Result<T> {
         let file = self.node(at).join(METADATA);
-        let text = read::bytes(&file, MAX_METADATA_BYTES).map_err(|source| Error::Io {
-            path: file,
-            source,
-            remedy: "restore the run folder from a whole copy, or fit again",
-        })?;
+        let text = read::bytes(&file, MAX_METADATA_BYTES).map_err(Error::io(
+            &file,
+            "restore the run folder from a whole copy, or fit again",
+        ))?;
         serde_json::from_slice(&text).map_err(|e| self.metadata_fault(at, &e))
     }
 
@@ -377,11 +374,10 @@ impl Store {
             let needed = needed.map_or_else(|| "more than any file".to_owned(), |n| n.to_string());
             return Err(self.fault(at, ArrayFault::ChunkSize { found, needed }));
         }
-        let bytes = read::bytes(&file, MAX_ARRAY_BYTES).map_err(|source| Error::Io {
-            path: file,
-            source,
-            remedy: "restore the run folder from a whole copy, or fit again",
-        })?;
+        let bytes = read::bytes(&file, MAX_ARRAY_BYTES).map_err(Error::io(
+            &file,
+            "restore the run folder from a whole copy, or fit again",
+        ))?;
         Ok(bytes.chunks_exact(T::SIZE).map(T::get).collect())
     }
 }

@@ -132,11 +132,10 @@ fn track_files(given: &[PathBuf], files_from: &Path) -> Result<Vec<PathBuf>> {
             files.push(path);
             continue;
         }
-        let mut inside = read_folder(&path).map_err(|source| Error::Io {
-            path: path.clone(),
-            source,
-            remedy: "check that the folder of tracks is readable",
-        })?;
+        let mut inside = read_folder(&path).map_err(Error::io(
+            &path,
+            "check that the folder of tracks is readable",
+        ))?;
         inside.retain(|file| is_track_file(file));
         inside.sort();
         if inside.is_empty() {

@@ -63,11 +63,10 @@ impl<'a> Study<'a> {
         check_report(&report_path(&config.out))?;
         let inputs = StudyInputs::new(config, files_from, watcher)?;
         let fits = planned_fits(config, &inputs)?;
-        std::fs::create_dir_all(&config.out).map_err(|source| Error::Io {
-            path: config.out.clone(),
-            source,
-            remedy: "choose an `out` whose parent is writable",
-        })?;
+        std::fs::create_dir_all(&config.out).map_err(Error::io(
+            &config.out,
+            "choose an `out` whose parent is writable",
+        ))?;
         Ok(Self {
             config,
             fits,

@@ -58,7 +58,7 @@ impl<'a> Slurm<'a> {
         let remedy =
             "choose an `out` that is writable, on a disk that the cluster's computers share";
         let made = std::fs::create_dir_all(&folder).and_then(|()| std::fs::canonicalize(&folder));
-        let folder = made.map_err(io(&folder, remedy))?;
+        let folder = made.map_err(Error::io(&folder, remedy))?;
         let name = format!(
             "oblate-{:016x}",
             hash(folder.as_os_str().as_encoded_bytes())
@@ -263,15 +263,6 @@ fn place(number: usize) -> (usize, usize) {
 
 fn interrupted(fits: &[PlannedFit]) -> Vec<Outcome> {
     fits.iter().map(|_| Outcome::Interrupted).collect()
-}
-
-fn io(path: &Path, remedy: &'static str) -> impl FnOnce(std::io::Error) -> Error {
-    let path = path.to_path_buf();
-    move |source| Error::Io {
-        path,
-        source,
-        remedy,
-    }
 }
 
 /// What a command prints.
