@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Equal-weight draws of the hyperparameters that the bands are made of: the error of a 2.5 % quantile is then 0.35 %
 /// in probability, below a line's width.
-const DRAWS: usize = 2_000;
+const BAND_DRAWS: usize = 2_000;
 
 /// The population density of q on a grid: its posterior mean, which is the predictive density of a new halo's q, and
 /// the median with pointwise bands over the hyperparameters. All arrays have the length of the grid.
@@ -58,8 +58,8 @@ impl PopulationDensity {
             .map(|i| lo + (hi - lo) * i as f64 / (points - 1) as f64)
             .collect();
         // Row by row over the draws, as each has one normalisation.
-        let mut at: Vec<Vec<f64>> = vec![Vec::with_capacity(DRAWS); points];
-        for row in draws.resample(DRAWS, 0.5) {
+        let mut at: Vec<Vec<f64>> = vec![Vec::with_capacity(BAND_DRAWS); points];
+        for row in draws.resample(BAND_DRAWS, 0.5) {
             let mut alpha = [0.0; N];
             alpha.copy_from_slice(draws.theta_row(row));
             let ln_pdf = family.ln_pdf(alpha);
@@ -67,7 +67,7 @@ impl PopulationDensity {
                 values.push(ln_pdf(*q).exp());
             }
         }
-        let equal = [1.0; DRAWS];
+        let equal = [1.0; BAND_DRAWS];
         let band = |p: f64| {
             at.iter()
                 .map(|values| weighted_quantile(values, &equal, p))

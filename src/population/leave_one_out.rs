@@ -8,14 +8,14 @@ use oblate_samplers::output::Draws;
 use rayon::prelude::*;
 
 /// Equal-weight draws of the hyperparameters that are weighted; their means have an error of 2 % of the width of the posterior.
-const DRAWS: usize = 2_000;
+const WEIGHTED_DRAWS: usize = 2_000;
 
 /// Every stream left out in turn, in the streams' order: the draws of the hyperparameters with weights `1 / L_n`.
 pub(super) fn leave_one_out<F: Family<N>, const N: usize>(
     target: &PopulationTarget<F, N>,
     draws: &Draws,
 ) -> Vec<WithoutStream> {
-    let members: Vec<[f64; N]> = equal_weight_members(draws, DRAWS);
+    let members: Vec<[f64; N]> = equal_weight_members(draws, WEIGHTED_DRAWS);
     let names = target.family().hyperparameters().map(|(name, _)| name);
     let columns: [Vec<f64>; N] = std::array::from_fn(|k| members.iter().map(|m| m[k]).collect());
     let equal = vec![1.0 / members.len() as f64; members.len()];

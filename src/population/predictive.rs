@@ -10,7 +10,7 @@ use oblate_samplers::rng::{Domain, RandomStream, stream, unit_open};
 use rayon::prelude::*;
 
 /// Draws of the hyperparameters, each with one q of every stream and one replicated population: a p-value of 0.01 has an error of 0.003.
-const DRAWS: usize = 2_000;
+const REPLICATIONS: usize = 2_000;
 
 /// Substream within [`Domain::Post`]; the index is the number of the draw.
 const TASK: u64 = 0x7072_6564;
@@ -42,7 +42,7 @@ pub(super) fn predictive<F: Family<N>, const N: usize>(
     draws: &Draws,
     seed: u64,
 ) -> Vec<PredictiveQuantity> {
-    let members: Vec<[f64; N]> = equal_weight_members(draws, DRAWS);
+    let members: Vec<[f64; N]> = equal_weight_members(draws, REPLICATIONS);
     let cells = Cells::new(target.family().support());
     let pairs: Vec<[[f64; 4]; 2]> = members
         .into_par_iter()

@@ -8,17 +8,17 @@ use oblate_samplers::output::{Check, Draws};
 use rayon::prelude::*;
 
 /// Equal-weight draws of the hyperparameters over which errors are averaged: the standard error of a 5 % quantile is 1.5 % in probability.
-const DRAWS: usize = 200;
+pub(super) const ERROR_DRAWS: usize = 200;
 
 /// Largest variance of ln L of a population (Talbot & Golomb 2023).
-const MAX_VARIANCE: f64 = 1.0;
+pub(super) const MAX_VARIANCE: f64 = 1.0;
 
 /// Every stream along the posterior of the hyperparameters, given by their draws, in the streams' order.
 pub(super) fn streams_given_population<F: Family<N>, const N: usize>(
     target: &PopulationTarget<F, N>,
     draws: &Draws,
 ) -> Vec<StreamInPopulation> {
-    let members: Vec<[f64; N]> = equal_weight_members(draws, DRAWS);
+    let members: Vec<[f64; N]> = equal_weight_members(draws, ERROR_DRAWS);
     target
         .weighted_streams()
         .par_iter()

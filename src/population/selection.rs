@@ -1,15 +1,10 @@
 //! The error of the correction for selection.
 
 use super::family::Family;
+use super::reweighting::{ERROR_DRAWS, MAX_VARIANCE};
 use super::target::{PopulationTarget, equal_weight_members};
 use oblate_samplers::diagnostics::weighted_moments;
 use oblate_samplers::output::{Check, Draws};
-
-/// Equal-weight draws of the hyperparameters over which the error is averaged.
-const DRAWS: usize = 200;
-
-/// Largest variance of ln L of a population, as that of the sums over draws.
-const MAX_VARIANCE: f64 = 1.0;
 
 /// Variance of the population's ln L by the errors of the selection, over the posterior. An error that is the same for all members does not
 /// count. None without a selection.
@@ -18,7 +13,7 @@ pub(super) fn selection_variance<F: Family<N>, const N: usize>(
     draws: &Draws,
 ) -> Option<f64> {
     let cells = target.kept_cells()?;
-    let members: Vec<[f64; N]> = equal_weight_members(draws, DRAWS);
+    let members: Vec<[f64; N]> = equal_weight_members(draws, ERROR_DRAWS);
     let slopes: Vec<Vec<f64>> = members
         .iter()
         .map(|member| cells.slopes(&target.family().ln_pdf(*member)))
