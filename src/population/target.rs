@@ -7,6 +7,7 @@ use super::q_posterior::QPosterior;
 use crate::data::Selection;
 use crate::error::{Error, PosteriorFault, Result};
 use crate::scalar::{Dual, Real, gradient_of, lift};
+use oblate_samplers::diagnostics::effective_number;
 use oblate_samplers::limits::{Memory, in_range};
 use oblate_samplers::output::Draws;
 use oblate_samplers::{Cause, Outcome, Prior, Target};
@@ -213,17 +214,7 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
                         .map(|(q, w)| w + ln_pdf(*q))
                 };
                 let top = terms().fold(f64::NEG_INFINITY, f64::max);
-                let (mut sum, mut squares) = (0.0, 0.0);
-                for term in terms() {
-                    let x = (term - top).exp();
-                    sum += x;
-                    squares += x * x;
-                }
-                if squares > 0.0 {
-                    sum * sum / squares
-                } else {
-                    0.0
-                }
+                effective_number(terms().map(|term| (term - top).exp()))
             })
             .collect()
     }
