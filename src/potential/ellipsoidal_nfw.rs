@@ -1,6 +1,6 @@
 //! The NFW halo, flattened in its density along one axis or along two (docs/physics.md, section 2).
 
-use super::halo::{Halo, HaloCotangent, HaloParameters};
+use super::halo::{Halo, HaloCotangent, HaloParameters, squared_axis_ratio};
 use super::{Potential, TINY_M2, nfw};
 use crate::scalar::{Scalar, Tangent, Vec3};
 use crate::units::G;
@@ -52,7 +52,10 @@ pub struct NfwDensity;
 #[inline(always)]
 fn node_numbers<S: Scalar>(flattenings: [S; AXES], (u, weight): (f64, f64)) -> [S; 2 + AXES] {
     let one = S::one();
-    let [q2, p2] = [one / (flattenings[0] + 1.0), one / (flattenings[1] + 1.0)];
+    let [q2, p2] = [
+        squared_axis_ratio(flattenings[0]),
+        squared_axis_ratio(flattenings[1]),
+    ];
     // Nodes are moved towards t = 1, where 1/w of the shorter axis is steep, by t = u / spread^(1/2).
     let least2 = q2.min(p2).min(one);
     let u2 = u * u;

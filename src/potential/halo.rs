@@ -119,6 +119,12 @@ impl<S: Scalar> HaloCotangent<S> {
     }
 }
 
+/// The square of an axis ratio q, from 1/q^2 - 1.
+#[inline(always)]
+pub(crate) fn squared_axis_ratio<S: Scalar>(flattening: S) -> S {
+    S::one() / (flattening + 1.0)
+}
+
 /// log10 of the radius, in scale radii, inside which the mean density is 200 times the critical one, between -8 and 8. It decreases outwards, and
 /// `denser` says whether it is larger inside a radius.
 pub(super) fn log10_radius_200(denser: impl Fn(f64) -> bool) -> f64 {

@@ -21,6 +21,7 @@ pub use called::Called;
 pub use disc::{Disc, DiscCotangent, DiscProfile, DiscShape};
 pub use ellipsoidal_nfw::{EllipsoidalNfw, NfwDensity};
 pub use galaxy::{Galaxy, GalaxyPotential};
+pub(crate) use halo::squared_axis_ratio;
 pub use halo::{Halo, HaloCotangent, HaloParameters, SecondAxis};
 pub use hernquist::{Hernquist, HernquistCotangent};
 pub use host::{Host, HostCotangent, HostParts};

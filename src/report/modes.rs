@@ -6,7 +6,7 @@ use super::curve::Curve;
 use super::fit::data_on_sky;
 use crate::data::ObservedTrack;
 use crate::posterior::ModeWeight;
-use crate::potential::HaloParameters;
+use crate::potential::{HaloParameters, squared_axis_ratio};
 use crate::scalar::Vec3;
 
 /// One mode, by its draw of the highest ln L.
@@ -41,18 +41,13 @@ const OUTLINES: [f64; 3] = [0.25, 0.5, 0.75];
 /// Points of an outline.
 const POINTS: u32 = 90;
 
-/// The square of an axis ratio, from its `1/q^2 - 1`.
-fn squared_ratio(flattening: f64) -> f64 {
-    1.0 / (1.0 + flattening)
-}
-
 /// The outline on the sky of the ellipsoid m = `a`, whose semi-axes are `a q` and `a p` along the two axes of the halo and `a` across them. It is the
 /// ellipse `u M^-1 u = a^2`, where M is the part on the sky of the matrix with the squared axis ratios.
 #[must_use]
 pub fn outline(halo: &HaloParameters<f64>, a: f64) -> Vec<(f64, f64)> {
     let (n, b) = (halo.axis, halo.second.axis);
-    let along_n = squared_ratio(halo.flattening) - 1.0;
-    let along_b = squared_ratio(halo.second.flattening) - 1.0;
+    let along_n = squared_axis_ratio(halo.flattening) - 1.0;
+    let along_b = squared_axis_ratio(halo.second.flattening) - 1.0;
     let m = |of: fn(Vec3<f64>) -> f64| along_n * of(n) + along_b * of(b);
     // The lower triangle of the Cholesky factor of M.
     let xx = (1.0 + m(|v| v.x * v.x)).sqrt();
@@ -145,7 +140,7 @@ fn panel(canvas: &mut Canvas, axes: &Axes, track: &ObservedTrack, mode: &ModePic
             "weight {:.3} \u{b1} {:.3}, *q* = {:.2}",
             probability.weight,
             probability.error,
-            squared_ratio(mode.halo.flattening).sqrt()
+            squared_axis_ratio(mode.halo.flattening).sqrt()
         ),
     ];
     for (k, line) in lines.iter().enumerate() {
