@@ -1,0 +1,43 @@
+//! The ranges of docs/limits.md are those of the code: values at their ends pass, values beyond fail, and no number is left out.
+
+mod flags;
+mod memory;
+mod mocks;
+mod parameters;
+mod settings;
+mod study;
+mod track;
+
+use std::path::Path;
+
+/// A row of a table of the page.
+struct Row {
+    key: String,
+    lo: f64,
+    hi: f64,
+}
+
+/// The rows of a section of docs/limits.md.
+fn rows(section: &str) -> Vec<Row> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/limits.md");
+    let page = std::fs::read_to_string(path).expect("the page");
+    let heading = format!("## {section}\n");
+    let text = page.split(&heading).nth(1).expect("the section");
+    let text = text.split("\n## ").next().expect("its text");
+    let rows: Vec<Row> = text
+        .lines()
+        .filter_map(|line| {
+            let mut cells = line.strip_prefix('|')?.split('|').map(str::trim);
+            let key = cells.next()?.trim_matches('`').to_owned();
+            let (lo, hi) = cells.next()?.split_once(" to ")?;
+            let number = |text: &str| text.replace(',', "").parse::<f64>().expect("a number");
+            Some(Row {
+                key,
+                lo: number(lo),
+                hi: number(hi),
+            })
+        })
+        .collect();
+    assert!(rows.len() > 2, "{section}: only {} rows", rows.len());
+    rows
+}
