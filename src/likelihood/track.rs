@@ -386,20 +386,10 @@ impl TrackLikelihood {
     ) -> std::result::Result<S, Rejection> {
         let mut total = S::zero();
         let mut mean_cover = S::zero();
-        let mut error = ExpectedError::unknown();
-        for (i, d) in self.data.iter().enumerate() {
-            if let Some(d) = d {
-                let sums = [
-                    sums.weight[i],
-                    sums.r[i],
-                    sums.r2[i],
-                    sums.mean_square_weight,
-                ];
-                let term = self.bin_term(d, sums, observation, error.next(self.correlations[i]))?;
-                error = term.error;
-                total += term.ln_likelihood;
-                mean_cover += term.covered / self.count as f64;
-            }
+        for term in self.bin_terms(sums, observation) {
+            let term = term?;
+            total += term.ln_likelihood;
+            mean_cover += term.covered / self.count as f64;
         }
         for measurement in &self.measurements {
             total += measurement
@@ -426,19 +416,9 @@ impl TrackLikelihood {
         observation: &Observation<f64>,
         residuals: &mut Vec<f64>,
     ) -> std::result::Result<(), Rejection> {
-        let mut error = ExpectedError::unknown();
-        for (i, d) in self.data.iter().enumerate() {
-            if let Some(d) = d {
-                let sums = [
-                    sums.weight[i],
-                    sums.r[i],
-                    sums.r2[i],
-                    sums.mean_square_weight,
-                ];
-                let term = self.bin_term(d, sums, observation, error.next(self.correlations[i]))?;
-                error = term.error;
-                residuals.push(term.covered.sqrt() * term.residual / term.variance.sqrt());
-            }
+        for term in self.bin_terms(sums, observation) {
+            let term = term?;
+            residuals.push(term.covered.sqrt() * term.residual / term.variance.sqrt());
         }
         for measurement in &self.measurements {
             let term = measurement.term(sums, observation, &self.rules())?;
@@ -553,6 +533,30 @@ impl TrackLikelihood {
             *weight_bar -= mean_cover_bar * cover_bar / self.count as f64;
         }
         Ok((total, observation_bar))
+    }
+
+    /// The contributions of the bins with data, in order: each needs the error that the bins before let expect.
+    fn bin_terms<S: Real>(
+        &self,
+        sums: &Sums<S>,
+        observation: &Observation<S>,
+    ) -> impl Iterator<Item = std::result::Result<BinTerm<S>, Rejection>> {
+        let mut error = ExpectedError::unknown();
+        self.data.iter().enumerate().filter_map(move |(i, d)| {
+            let d = d.as_ref()?;
+            let of_bin = [
+                sums.weight[i],
+                sums.r[i],
+                sums.r2[i],
+                sums.mean_square_weight,
+            ];
+            let before = error.next(self.correlations[i]);
+            let term = self.bin_term(d, of_bin, observation, before);
+            if let Ok(term) = &term {
+                error = term.error;
+            }
+            Some(term)
+        })
     }
 
     /// The contribution of one bin, from its sums of weights, radii and squares of radii, the mean of the squares of all weights, and what the
