@@ -297,6 +297,12 @@ pub struct Ess {
 /// four chains).
 pub const MIN_ESS: f64 = 400.0;
 
+/// Name of the check of the bulk ESS.
+pub const ESS_BULK: &str = "ess-bulk";
+
+/// Name of the check of the tail ESS.
+pub const ESS_TAIL: &str = "ess-tail";
+
 impl Ess {
     /// The smallest of these sizes.
     pub(crate) fn smallest(bulk: &[f64], tail: &[f64]) -> f64 {
@@ -308,9 +314,13 @@ impl Ess {
 
     /// The checks of the draws of any sampler: at least `min` of them; `remedy` says what makes more.
     pub(crate) fn checks(&self, min: f64, remedy: &str) -> [Check; 2] {
-        [("bulk", &self.bulk), ("tail", &self.tail)].map(|(of, sizes)| {
+        [
+            (ESS_BULK, "bulk", &self.bulk),
+            (ESS_TAIL, "tail", &self.tail),
+        ]
+        .map(|(name, of, sizes)| {
             Check::at_least(
-                &format!("ess-{of}"),
+                name,
                 Self::smallest(sizes, &[]),
                 min,
                 format!("smallest {of} ESS over parameters; if too small, {remedy}"),

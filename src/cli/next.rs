@@ -4,14 +4,15 @@ use super::command_line::CommandLine;
 use super::output::note;
 use crate::config::read;
 use crate::error::Result;
-use crate::inference::{FitSettings, Sampler, SamplerSettings};
+use crate::inference::{FitSettings, PARTICLES_CHECKS, STEPS_CHECKS, Sampler, SamplerSettings};
 use crate::posterior::Summary;
 use crate::run::RunFolder;
 use crate::spray::TableSettings;
 use crate::stream::{ModelSettings, StepRule};
-use oblate_samplers::nested::Kernel;
-use oblate_samplers::output::{MIN_ESS, Method, Status};
-use oblate_samplers::pt;
+use oblate_samplers::bridge::{BRIDGE_ERROR, COARSE_RUN_CHECKS};
+use oblate_samplers::nested::{Kernel, check_names as nested_checks};
+use oblate_samplers::output::{ESS_BULK, ESS_TAIL, MIN_ESS, Method, Status};
+use oblate_samplers::pt::{self, check_names as tempered_checks};
 use std::path::{Path, PathBuf};
 
 /// A command that can be typed next.
@@ -85,7 +86,7 @@ pub fn after_fit(
         let batches = more_batches(sampled, sampling, command);
         let mut failed = [names(sampled), names(summary)].concat();
         if batches.is_some() {
-            failed.retain(|name| *name != "effective-lineages");
+            failed.retain(|name| *name != nested_checks::EFFECTIVE_LINEAGES);
         }
         steps.extend(batches);
         let batches = longer_bridge(summary, sampling, command);
@@ -150,7 +151,7 @@ pub fn after_bridge(
         return Ok(vec![Step::resume(command)]);
     }
     let failed = names(summary);
-    if failed.contains(&"coarse-run-checks") {
+    if failed.contains(&COARSE_RUN_CHECKS) {
         let coarse = RunFolder::open(coarse)?;
         let own = Summary::read(&coarse.summary())?;
         // Others than fits have no command that continues them.
@@ -189,7 +190,7 @@ pub fn after_population(
     if summary.method == Method::Nested && sampling.nested.dynamic() && has_few_draws(&failed) {
         let more = 2 * sampling.nested.max_batches;
         longer.push(("sampling.nested.max_batches", more.to_string()));
-        failed.retain(|name| *name != "effective-lineages");
+        failed.retain(|name| *name != nested_checks::EFFECTIVE_LINEAGES);
     }
     if summary.method == Method::PtHmc
         && failed.iter().any(|name| needs_scans(name))
@@ -277,10 +278,10 @@ fn longer_bridge(
     command: &CommandLine,
 ) -> Option<Step> {
     let failed = names(summary);
-    let few = ["ess-bulk", "ess-tail"];
+    let few = [ESS_BULK, ESS_TAIL];
     let grows = summary.method == Method::Bridge
         && few.iter().any(|name| failed.contains(name))
-        && !failed.contains(&"coarse-run-checks");
+        && !failed.contains(&COARSE_RUN_CHECKS);
     let more = 2 * sampling.bridge.max_batches;
     let change = format!("sampling.bridge.max_batches={more}");
     let longer = command.resumed().with("--set", Some(&change));
@@ -304,27 +305,32 @@ fn more_coarse_draws(sampling: &SamplerSettings) -> Change {
 
 /// Whether failed checks of a nested run may pass with more batches.
 fn has_few_draws(failed: &[&str]) -> bool {
-    let mut failed = failed.iter();
-    let of_draws = |name: &str| name.starts_with("ess-") || name.starts_with("target-");
-    failed.any(|name| of_draws(name) || *name == "effective-lineages")
+    let of_draws = [
+        ESS_BULK,
+        ESS_TAIL,
+        nested_checks::TARGET_ESS,
+        nested_checks::TARGET_LN_Z_ERROR,
+        nested_checks::EFFECTIVE_LINEAGES,
+    ];
+    failed.iter().any(|name| of_draws.contains(name))
 }
 
 /// Whether a check of a tempered run may pass with more scans.
 fn needs_scans(check: &str) -> bool {
     [
-        "round-trips-worst-chain-set",
-        "round-trips",
-        "restarts-per-replica",
-        "ln-z-error",
-        "ln-z-agreement-of-chain-sets",
-        "newest-ln-z",
-        "newest-ess",
-        "newest-mode-agreement",
-        "looks-passed",
-        "r-hat",
-        "ess-bulk",
-        "ess-tail",
-        "mode-agreement-of-chain-sets",
+        tempered_checks::ROUND_TRIPS_WORST_CHAIN_SET,
+        tempered_checks::ROUND_TRIPS,
+        tempered_checks::RESTARTS_PER_REPLICA,
+        tempered_checks::LN_Z_ERROR,
+        tempered_checks::LN_Z_AGREEMENT_OF_CHAIN_SETS,
+        tempered_checks::NEWEST_LN_Z,
+        tempered_checks::NEWEST_ESS,
+        tempered_checks::NEWEST_MODE_AGREEMENT,
+        tempered_checks::LOOKS_PASSED,
+        tempered_checks::R_HAT,
+        ESS_BULK,
+        ESS_TAIL,
+        tempered_checks::MODE_AGREEMENT_OF_CHAIN_SETS,
     ]
     .contains(&check)
 }
@@ -334,36 +340,40 @@ fn change(check: &str, sampling: &SamplerSettings) -> Option<Change> {
     let (nested, tempered) = (&sampling.nested, &sampling.pt_hmc);
     let of = |key: &'static str, value: usize| Some((key, value.to_string()));
     match check {
-        "effective-lineages"
-        | "lineage-halves"
-        | "ln-z-agreement-of-seeds"
-        | "mean-agreement-of-seeds" => of("sampling.nested.n_live", 2 * nested.n_live),
-        "insertion-rank"
-        | "insertion-rank-windows"
-        | "bootstrap-to-simulated"
-        | "relative-jump-distance"
-        | "seed-rank-correlation"
-        | "no-move" => match nested.steps {
+        nested_checks::EFFECTIVE_LINEAGES
+        | nested_checks::LINEAGE_HALVES
+        | nested_checks::LN_Z_AGREEMENT_OF_SEEDS
+        | nested_checks::MEAN_AGREEMENT_OF_SEEDS => of("sampling.nested.n_live", 2 * nested.n_live),
+        nested_checks::INSERTION_RANK
+        | nested_checks::INSERTION_RANK_WINDOWS
+        | nested_checks::BOOTSTRAP_TO_SIMULATED
+        | nested_checks::RELATIVE_JUMP_DISTANCE
+        | nested_checks::SEED_RANK_CORRELATION
+        | nested_checks::NO_MOVE => match nested.steps {
             Some(steps) => of("sampling.nested.steps", 2 * steps),
             None if nested.kernel == Kernel::Differential => None,
             None => Some(("sampling.nested.kernel", "differential".to_owned())),
         },
-        "bound-efficiency" => Some(("sampling.nested.kernel", "differential".to_owned())),
-        "round-trip-rate" => of(
+        nested_checks::BOUND_EFFICIENCY => {
+            Some(("sampling.nested.kernel", "differential".to_owned()))
+        }
+        tempered_checks::ROUND_TRIP_RATE => of(
             "sampling.pt_hmc.slice_updates",
             (2 * tempered.slice_updates).max(1),
         ),
-        "swap-rejection"
-        | "communication-barrier-change"
-        | "forward-backward-difference"
-        | "lowest-acceptance"
-        | "highest-acceptance" => of("sampling.pt_hmc.rounds", tempered.rounds + 1),
-        "truncated-trajectories" => of("sampling.pt_hmc.max_leapfrogs", 2 * tempered.max_leapfrogs),
-        "rejected-transitions" => Some((
+        tempered_checks::SWAP_REJECTION
+        | tempered_checks::COMMUNICATION_BARRIER_CHANGE
+        | tempered_checks::FORWARD_BACKWARD_DIFFERENCE
+        | tempered_checks::LOWEST_ACCEPTANCE
+        | tempered_checks::HIGHEST_ACCEPTANCE => of("sampling.pt_hmc.rounds", tempered.rounds + 1),
+        tempered_checks::TRUNCATED_TRAJECTORIES => {
+            of("sampling.pt_hmc.max_leapfrogs", 2 * tempered.max_leapfrogs)
+        }
+        tempered_checks::REJECTED_TRANSITIONS => Some((
             "likelihood.coverage",
             "{ penalty = { z_miss = 10.0, lambda = 1000.0 } }".to_owned(),
         )),
-        "bridge-error" => of(
+        BRIDGE_ERROR => of(
             "sampling.bridge.smc_particles",
             2 * sampling.bridge.smc_particles,
         ),
@@ -384,13 +394,13 @@ fn model_changes(summary: &Summary, model: &ModelSettings) -> Vec<Change> {
         checks.any(|check| !check.pass && check.name.starts_with(start))
     };
     let mut changes = Vec::new();
-    if fails("steps-") {
+    if fails(STEPS_CHECKS) {
         changes.push(match model.step_rule {
             StepRule::Adaptive => ("model.step_phase", format!("{:.3}", 0.7 * model.step_phase)),
             StepRule::Uniform => ("model.steps", (2 * model.steps).to_string()),
         });
     }
-    if fails("particles-") {
+    if fails(PARTICLES_CHECKS) {
         let TableSettings {
             particles,
             release_times,

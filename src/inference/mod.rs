@@ -20,6 +20,7 @@ pub use best_fit::{Diagnostics, diagnose};
 pub use derived::{DERIVED, derived};
 pub use evaluate::{Evaluated, Wanted};
 pub use fit::{Coarse, Fit, FitPlan, bridge_from, fit, fit_with, summarize};
+pub(crate) use model_error::{PARTICLES_CHECKS, STEPS_CHECKS};
 pub use posterior_predictive::posterior_predictive_p;
 pub use prior_draws::prior_draws;
 pub use prior_predictive::check_prior_predictive;

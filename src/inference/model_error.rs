@@ -32,6 +32,12 @@ const PARTICLES_LIMIT: f64 = 3.0;
 /// Largest move of an end of q's 68 % interval, in its half-width.
 const Q_LIMIT: f64 = 0.5;
 
+/// How the names of the checks of the steps begin.
+pub(crate) const STEPS_CHECKS: &str = "steps";
+
+/// How the names of the checks of the particles begin.
+pub(crate) const PARTICLES_CHECKS: &str = "particles";
+
 /// Evaluates draws of the posterior again: with steps of half the length, and with other, more particles.
 ///
 /// The difference Δ of ln L gives the posterior of the finer model by weights exp(Δ). To first order the mean of q moves by Cov(q, Δ)
@@ -56,7 +62,7 @@ pub(super) fn model_error(
         advanced(done, 2 * count);
     });
     let mut checks = difference.checks(
-        "steps",
+        STEPS_CHECKS,
         STEPS_LIMIT,
         "steps of half the length",
         "decrease `model.step_phase`, or with equal steps increase `model.steps`",
@@ -72,7 +78,7 @@ pub(super) fn model_error(
                 advanced(count + done, 2 * count);
             });
             checks.extend(difference.checks(
-                "particles",
+                PARTICLES_CHECKS,
                 PARTICLES_LIMIT,
                 &format!("{factor} times as many, other particles"),
                 "increase `model.releases.particles`",

@@ -12,8 +12,10 @@ use crate::data::ObservedTrack;
 use crate::error::{Error, OutputFault, Result};
 use crate::posterior::{Summary, zarr};
 use oblate_samplers::Run;
+use oblate_samplers::bridge::COARSE_RUN_CHECKS;
 use oblate_samplers::checkpoint;
 use oblate_samplers::files::{TEMPORARY, folder_of, sync_folder, write_atomically};
+use oblate_samplers::nested::check_names::{TARGET_ESS, TARGET_LN_Z_ERROR};
 use oblate_samplers::output::{Method, Status};
 use serde::Serialize;
 use std::fs;
@@ -264,9 +266,12 @@ impl LockedFolder {
 /// nested one with a target, or a bridge. A bridge whose coarse run has not converged either begins anew after that run has gone on.
 fn may_continue(run: &Run) -> bool {
     let grows = match run.method {
-        Method::Nested => (run.checks.iter()).any(|c| c.name.starts_with("target-")),
+        Method::Nested => {
+            let targets = [TARGET_ESS, TARGET_LN_Z_ERROR];
+            (run.checks.iter()).any(|c| targets.contains(&c.name.as_str()))
+        }
         Method::PtHmc => true,
-        Method::Bridge => (run.checks.iter()).all(|c| c.pass || c.name != "coarse-run-checks"),
+        Method::Bridge => (run.checks.iter()).all(|c| c.pass || c.name != COARSE_RUN_CHECKS),
     };
     run.status != Status::Complete || grows && !run.converged()
 }

@@ -190,12 +190,29 @@ fn every_check_is_explained() {
         "../../src/population/reweighting.rs",
         "../../src/population/selection.rs",
     ];
+    let constants = [
+        "nested/check_names.rs",
+        "pt/check_names.rs",
+        "bridge/outcome.rs",
+        "output.rs",
+    ];
+    let source = |file: &str| text(&format!("samplers/src/{file}"));
+    let constants = constants.map(source).concat();
     let mut count = 0;
     for file in files {
-        let source = text(&format!("samplers/src/{file}"));
+        let source = source(file);
         let names = |call| {
-            let calls = source.split(call).skip(1);
-            calls.filter_map(|arguments| arguments.split('"').nth(1))
+            source.split(call).skip(1).map(|arguments| {
+                let name = arguments.trim_start().split(',').next().unwrap();
+                let literal = if name.starts_with('"') {
+                    name
+                } else {
+                    let constant = name.rsplit("::").next().unwrap();
+                    let definition = format!(" {constant}: &str = ");
+                    constants.split(&definition).nth(1).expect(name)
+                };
+                literal.split('"').nth(1).unwrap().to_owned()
+            })
         };
         for name in names("Check::at_most(").chain(names("Check::at_least(")) {
             assert!(page.contains(&format!("| `{name}` |")), "{file}: {name}");

@@ -25,6 +25,7 @@ mod particle;
 mod settings;
 mod state;
 
+pub use outcome::{BRIDGE_ERROR, COARSE_RUN_CHECKS};
 pub use settings::Settings;
 
 use crate::checkpointer::Checkpointer;

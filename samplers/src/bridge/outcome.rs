@@ -8,6 +8,12 @@ use crate::error::Result;
 use crate::output::{Check, Draws, Ess, Evidence, History, MIN_ESS, Method, Origin, Run, Status};
 use crate::rng::STREAM_VERSION;
 
+/// Name of the check that the coarse run has passed its own.
+pub const COARSE_RUN_CHECKS: &str = "coarse-run-checks";
+
+/// Name of the check of the error that a bridge adds to ln Z.
+pub const BRIDGE_ERROR: &str = "bridge-error";
+
 /// The result of a finished bridge.
 pub(super) fn assemble(bridge: &Bridge<'_>) -> Result<Run> {
     let (state, parent) = (&bridge.state, bridge.parent);
@@ -207,13 +213,13 @@ fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
     let failed = parent.checks.iter().filter(|g| !g.pass).count();
     let mut checks = vec![
         Check::at_most(
-            "coarse-run-checks",
+            COARSE_RUN_CHECKS,
             failed as f64,
             0.0,
             "convergence checks that the coarse run failed; a bridge cannot find what the coarse run has missed: make that run converge first",
         ),
         Check::at_most(
-            "bridge-error",
+            BRIDGE_ERROR,
             (evidence.error_parts["weights"].powi(2)
                 + evidence.error_parts["lineage-weights"].powi(2))
             .sqrt(),

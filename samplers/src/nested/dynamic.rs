@@ -5,6 +5,7 @@
 //! like those of one run. Where draws are few because they resemble each other, more of them in that range would too:
 //! a batch begins with the prior.
 
+use super::check_names;
 use super::evidence::{DeadPoints, Weighted};
 use super::live::Points;
 use super::results::{MIN_LINEAGES, draws, ess, simulated};
@@ -153,9 +154,9 @@ impl RunSummary {
             .map_or(0.0, |_| MIN_LINEAGES / self.lineages);
         let error = (settings.target_ln_z_error).map_or(0.0, |target| self.ln_z_error / target);
         let checks = [
-            ("target-ess", ess),
-            ("effective-lineages", lineages),
-            ("target-ln-z-error", error.powi(2)),
+            (check_names::TARGET_ESS, ess),
+            (check_names::EFFECTIVE_LINEAGES, lineages),
+            (check_names::TARGET_LN_Z_ERROR, error.powi(2)),
         ];
         let open: Vec<(&str, f64)> = checks.into_iter().filter(|check| check.1 > 1.0).collect();
         let names = open.iter().map(|(name, _)| (*name).to_owned()).collect();

@@ -4,6 +4,7 @@
 //! them (Skilling 2006; Higson et al. 2019). Their evidences and means are compared first: a mode that one run has
 //! missed shows as a difference.
 
+use super::check_names;
 use super::checks::{MORE_DRAWS, by_lineages};
 use super::evidence::DeadPoints;
 use super::live::{self, Genealogy, REJECTED, narrow};
@@ -11,7 +12,9 @@ use super::results::{Errors, Results, draws, ess, simulated};
 use super::settings::Settings;
 use crate::diagnostics::{chi2_p_value, weighted_moments};
 use crate::error::{Error, Result};
-use crate::output::{Check, Cost, Draws, History, MIN_ESS, Method, Run, Status};
+use crate::output::{
+    Check, Cost, Draws, ESS_BULK, ESS_TAIL, History, MIN_ESS, Method, Run, Status,
+};
 use crate::target::Target;
 use std::collections::BTreeSet;
 
@@ -154,13 +157,13 @@ impl MergedPoints {
 /// For each check that all runs have, and whose value does not depend on the number of runs: a failed one, or else the first.
 fn worst(runs: &[&Run]) -> Vec<Check> {
     const NOT_OF_ONE: [&str; 7] = [
-        "effective-lineages",
-        "bootstrap-to-simulated",
-        "lineage-halves",
-        "ess-bulk",
-        "ess-tail",
-        "target-ess",
-        "target-ln-z-error",
+        check_names::EFFECTIVE_LINEAGES,
+        check_names::BOOTSTRAP_TO_SIMULATED,
+        check_names::LINEAGE_HALVES,
+        ESS_BULK,
+        ESS_TAIL,
+        check_names::TARGET_ESS,
+        check_names::TARGET_LN_Z_ERROR,
     ];
     let of = |name: &str| -> Option<Check> {
         let own = |run: &&Run| run.checks.iter().find(|g| g.name == name).cloned();
@@ -187,13 +190,13 @@ fn agreement(runs: &[&Run]) -> [Check; 2] {
         .fold(1.0, f64::min);
     [
         Check::at_least(
-            "ln-z-agreement-of-seeds",
+            check_names::LN_Z_AGREEMENT_OF_SEEDS,
             probability(ln_z),
             MIN_PROBABILITY,
             "p-value of the differences of ln Z between the runs; if too small, some run misses a mode or its error is too small: double `n_live` or `steps`",
         ),
         Check::at_least(
-            "mean-agreement-of-seeds",
+            check_names::MEAN_AGREEMENT_OF_SEEDS,
             least,
             MIN_PROBABILITY / dim as f64,
             "smallest p-value, over parameters, of the differences between the means of the runs; if too small, some run misses a mode: double `n_live`",

@@ -38,6 +38,7 @@
 //! ```
 
 mod bound;
+pub mod check_names;
 mod checks;
 mod dynamic;
 mod evidence;

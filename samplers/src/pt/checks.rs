@@ -1,5 +1,6 @@
 //! Convergence checks of a tempered run, each with a remedy.
 
+use super::check_names;
 use super::evidence::Estimate;
 use super::posterior_draws::Agreement;
 use super::record::Record;
@@ -52,25 +53,25 @@ fn index_processes(run: &CheckInputs<'_>) -> Vec<Check> {
     let expected = round_trip_rate(&part.mean_rejection());
     vec![
         Check::at_least(
-            "round-trips-worst-chain-set",
+            check_names::ROUND_TRIPS_WORST_CHAIN_SET,
             fewest as f64,
             10.0,
             "round trips from reference to posterior and back, of the chain set that has fewest; if too few, allow more `extensions`, or add rounds: each doubles them",
         ),
         Check::at_least(
-            "round-trips",
+            check_names::ROUND_TRIPS,
             trips,
             100.0,
             "round trips of all chain sets; if too few, allow more `extensions`, or add rounds",
         ),
         Check::at_least(
-            "restarts-per-replica",
+            check_names::RESTARTS_PER_REPLICA,
             restarts as f64 / replicas,
             1.0,
             "arrivals at the posterior from a new draw of the reference, per replica; if too few, allow more `extensions`, or add rounds",
         ),
         Check::at_least(
-            "round-trip-rate",
+            check_names::ROUND_TRIP_RATE,
             rate / expected,
             0.3,
             "round-trip rate over that with independent local samples; if too small, local moves are too slow: raise `slice_updates`, `hmc_transitions` or `max_leapfrogs`",
@@ -91,13 +92,13 @@ fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
     let change = if run.history.is_empty() { 1.0 } else { change };
     vec![
         Check::at_most(
-            "swap-rejection",
+            check_names::SWAP_REJECTION,
             worst,
             0.75,
             "largest swap rejection between neighbouring temperatures; if too large, raise `temperatures` or `max_temperatures`, or add rounds so that temperatures can adapt",
         ),
         Check::at_most(
-            "communication-barrier-change",
+            check_names::COMMUNICATION_BARRIER_CHANGE,
             change,
             0.1,
             "relative change of the communication barrier since the round before; if too large, temperatures are not adapted yet: add rounds",
@@ -121,19 +122,19 @@ fn evidence(estimate: &Estimate) -> Vec<Check> {
     let p = chi2_p_value(chi2, estimate.chain_sets.len());
     vec![
         Check::at_most(
-            "ln-z-error",
+            check_names::LN_Z_ERROR,
             error,
             0.5,
             "standard error of ln Z in nats; if too large, allow more `extensions`, or add rounds",
         ),
         Check::at_most(
-            "forward-backward-difference",
+            check_names::FORWARD_BACKWARD_DIFFERENCE,
             if gap.is_finite() { gap } else { f64::INFINITY },
             (3.0 * error).max(0.2),
             "difference of the two one-sided (stepping-stone) estimates of ln Z; if too large, add rounds or temperatures",
         ),
         Check::at_least(
-            "ln-z-agreement-of-chain-sets",
+            check_names::LN_Z_AGREEMENT_OF_CHAIN_SETS,
             if error.is_finite() { p } else { 0.0 },
             0.01,
             "p-value of the differences of ln Z between the chain sets, given the error of each from its own scans; if too small, some chain set misses a part of the posterior: allow more `extensions`, or add rounds",
@@ -161,25 +162,25 @@ pub(super) fn confirmation(
 ) -> Vec<Check> {
     vec![
         Check::at_most(
-            "newest-ln-z",
+            check_names::NEWEST_LN_Z,
             earlier_and_newest.map_or(f64::INFINITY, deviation),
             3.0,
             "difference of ln Z between the newest extension and the earlier ones, in standard errors; if too large, states come to a part of the posterior only slowly: allow more `extensions`",
         ),
         Check::at_least(
-            "newest-ess",
+            check_names::NEWEST_ESS,
             newest.ess.quoted,
             NEWEST_ESS * target_ess,
             "smallest bulk or tail ESS over parameters of the newest extension alone; if too small, allow more `extensions`",
         ),
         Check::at_least(
-            "newest-mode-agreement",
+            check_names::NEWEST_MODE_AGREEMENT,
             newest.modes,
             MIN_P,
             "p-value that in the newest extension all chain sets give two modes (or halves) of the posterior the same weights; if too small, allow more `extensions`",
         ),
         Check::at_least(
-            "looks-passed",
+            check_names::LOOKS_PASSED,
             looks_passed as f64,
             2.0,
             "looks in succession, one after each extension, at which all checks of the draws so far passed: a single pass may be chance; allow more `extensions`",
@@ -201,7 +202,7 @@ pub(super) fn draws(agreement: &Agreement, target_ess: f64) -> Vec<Check> {
     );
     vec![
         Check::at_most(
-            "r-hat",
+            check_names::R_HAT,
             agreement.worst_r_hat,
             1.0 + R_HAT_EXCESS / target_ess.min(MIN_ESS),
             "largest rank-normalised split R-hat of coordinates, their squares and ln L; if too large, the chain sets do not agree yet: allow more `extensions`, or add rounds",
@@ -209,7 +210,7 @@ pub(super) fn draws(agreement: &Agreement, target_ess: f64) -> Vec<Check> {
         bulk,
         tail,
         Check::at_least(
-            "mode-agreement-of-chain-sets",
+            check_names::MODE_AGREEMENT_OF_CHAIN_SETS,
             agreement.modes,
             MIN_P,
             "p-value that all chain sets give two modes (or halves) of the posterior the same weights; if too small, allow more `extensions`, or add rounds",
@@ -235,7 +236,7 @@ fn moves(run: &CheckInputs<'_>) -> Vec<Check> {
             .fold(0.0, f64::max)
     };
     let rejected = Check::at_most(
-        "rejected-transitions",
+        check_names::REJECTED_TRANSITIONS,
         worst_fraction(|local| local.rejected),
         0.2,
         "fraction of HMC transitions that met a rejected point, at the worst temperature; if too large, replace rejection by a smooth penalty",
@@ -245,19 +246,19 @@ fn moves(run: &CheckInputs<'_>) -> Vec<Check> {
     }
     vec![
         Check::at_least(
-            "lowest-acceptance",
+            check_names::LOWEST_ACCEPTANCE,
             lowest,
             0.5,
             "mean acceptance of HMC transitions at the worst temperature; if too small, step sizes are not adapted yet: add rounds",
         ),
         Check::at_most(
-            "highest-acceptance",
+            check_names::HIGHEST_ACCEPTANCE,
             highest,
             0.95,
             "mean acceptance of HMC transitions at the best temperature; if too large, steps are shorter than needed: add rounds",
         ),
         Check::at_most(
-            "truncated-trajectories",
+            check_names::TRUNCATED_TRAJECTORIES,
             worst_fraction(|local| local.capped),
             0.01,
             "fraction of transitions stopped by `max_leapfrogs`, at the worst temperature; if too large, raise it",

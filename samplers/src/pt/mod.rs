@@ -46,6 +46,7 @@
 
 mod adapt;
 mod check;
+pub mod check_names;
 mod checks;
 mod evidence;
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! From the state of a run to its result.
 
+use super::check_names;
 use super::checks::{CheckInputs, checks, confirmation};
 use super::evidence::Estimate;
 use super::posterior_draws::PosteriorDraws;
@@ -7,7 +8,9 @@ use super::schedule::communication_barrier;
 use super::state::State;
 use crate::Event;
 use crate::error::Result;
-use crate::output::{Check, Draws, Ess, Evidence, History, Method, Origin, Run, Status};
+use crate::output::{
+    Check, Draws, ESS_BULK, ESS_TAIL, Ess, Evidence, History, Method, Origin, Run, Status,
+};
 use crate::rng::STREAM_VERSION;
 use crate::target::Target;
 
@@ -124,13 +127,13 @@ impl Look {
 /// How many times as many scans a check needs to pass; 1 for one whose number does not grow with the scans of all extensions.
 fn needed(check: &Check) -> f64 {
     match check.name.as_str() {
-        "round-trips-worst-chain-set"
-        | "round-trips"
-        | "restarts-per-replica"
-        | "ess-bulk"
-        | "ess-tail" => check.limit / check.value,
+        check_names::ROUND_TRIPS_WORST_CHAIN_SET
+        | check_names::ROUND_TRIPS
+        | check_names::RESTARTS_PER_REPLICA
+        | ESS_BULK
+        | ESS_TAIL => check.limit / check.value,
         // A standard error falls with the root of the number of draws.
-        "ln-z-error" => (check.value / check.limit).powi(2),
+        check_names::LN_Z_ERROR => (check.value / check.limit).powi(2),
         _ => 1.0,
     }
 }
