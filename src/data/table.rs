@@ -161,6 +161,15 @@ impl Table {
         }
     }
 
+    /// A fault of a row, counted from 0.
+    pub fn fail_at(&self, path: &Path, row: usize, fault: TrackFault) -> Error {
+        Error::TrackFile {
+            path: path.to_path_buf(),
+            line: Some(self.rows[row].0),
+            fault,
+        }
+    }
+
     /// Whether the column is there.
     pub fn has(&self, name: &str) -> bool {
         self.names.iter().any(|n| n == name)
