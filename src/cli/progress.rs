@@ -152,6 +152,13 @@ struct Open {
     needed: f64,
 }
 
+impl Open {
+    /// Their names, to follow other words.
+    fn text(&self) -> String {
+        format!(", open checks: {}", self.names.join(", "))
+    }
+}
+
 /// The present stage.
 struct Stage {
     name: String,
@@ -344,13 +351,30 @@ impl Observer for Progress {
 
 /// What an event of a sampler says; none if it says nothing about how far the work is.
 fn report(event: &Event, open: Option<&Open>) -> Option<Report> {
-    let report = match event {
-        Event::Advanced { done, of } => Report {
+    match event {
+        Event::Advanced { done, of } => Some(Report {
             part: "count".to_owned(),
             text: format!("{done} of {of}"),
             done: None,
             left: vec![((of - done) as f64, "ends in")],
-        },
+        }),
+        Event::Smc { beta, ln_z, calls } => Some(Report {
+            part: "SMC".to_owned(),
+            text: format!("SMC, beta {beta:.2e} of 1, ln Z {ln_z:.2}, {calls} calls"),
+            done: Some(("calls", *calls as f64)),
+            // The steps of SMC are about equal in ln beta.
+            left: vec![(-beta.ln(), "SMC ends in")],
+        }),
+        _ => nested_iteration(event, open)
+            .or_else(|| tempered_scan(event, open))
+            .or_else(|| further_step(event))
+            .or_else(|| bridge_step(event)),
+    }
+}
+
+/// What an iteration of a nested run says, in its first batch or in a later one; none for other events.
+fn nested_iteration(event: &Event, open: Option<&Open>) -> Option<Report> {
+    match event {
         Event::Nested {
             ln_x,
             ln_z,
@@ -360,14 +384,14 @@ fn report(event: &Event, open: Option<&Open>) -> Option<Report> {
             calls,
             batches,
             ..
-        } if *batches < 1.0 => Report {
+        } if *batches < 1.0 => Some(Report {
             part: "nested".to_owned(),
             text: format!(
                 "ln X {ln_x:.1}, ln Z {ln_z:.2} +- {ln_z_error:.2}, delta ln Z {delta_ln_z:.3} of {dlnz}, {calls} calls"
             ),
             done: Some(("calls", *calls as f64)),
             left: vec![nested_left(*delta_ln_z, *dlnz)],
-        },
+        }),
         Event::Nested {
             ln_z,
             calls,
@@ -380,99 +404,111 @@ fn report(event: &Event, open: Option<&Open>) -> Option<Report> {
             );
             let mut left = (batches.floor() + 1.0 - batches, "the batch ends in");
             if let Some(open) = open {
-                text += &format!(", open checks: {}", open.names.join(", "));
+                text += &open.text();
                 left = (open.needed - batches, "ends in about");
             }
-            Report {
+            Some(Report {
                 part: "batches".to_owned(),
                 text,
                 done: Some(("calls", *calls as f64)),
                 left: vec![left],
-            }
+            })
         }
-        Event::Smc { beta, ln_z, calls } => Report {
-            part: "SMC".to_owned(),
-            text: format!("SMC, beta {beta:.2e} of 1, ln Z {ln_z:.2}, {calls} calls"),
-            done: Some(("calls", *calls as f64)),
-            // The steps of SMC are about equal in ln beta.
-            left: vec![(-beta.ln(), "SMC ends in")],
-        },
-        Event::Tempered {
-            round,
-            scan,
-            scans,
-            communication_barrier,
-            round_trips,
-            ln_z,
-            ..
-        } => {
-            let mut text = format!("round {round}, scan {} of {scans}", scan + 1);
-            // Neither is known in the first round.
-            if communication_barrier.is_finite() {
-                text +=
-                    &format!(", ln Z {ln_z:.2}, communication barrier {communication_barrier:.1}");
-            }
-            text += &format!(", {round_trips} round trips");
-            let mut left = ((scans - scan - 1) as f64, "the round ends in");
-            if let Some(open) = open {
-                text += &format!(", open checks: {}", open.names.join(", "));
-                // Without an end where the number of an open check is still zero.
-                left = (
-                    left.0.max(open.needed - *scan as f64 - 1.0),
-                    "ends in at least",
-                );
-            }
-            Report {
-                part: format!("round {round}"),
-                text,
-                done: Some(("scans", *scan as f64)),
-                left: vec![left],
-            }
-        }
-        Event::Bridge {
-            further,
-            of,
-            batches,
-            of_batches,
-            ess: Some(ess),
-            target_ess,
-            ln_z,
-            calls,
-            ..
-        } => {
-            let mut left = vec![(target_ess - ess, "ends in about")];
-            // Before the last batch nobody knows what those to come will take.
-            if batches == of_batches {
-                left.push(((of - further) as f64, "ends in at most"));
-            }
-            Report {
-                part: "further MCMC steps".to_owned(),
-                text: format!(
-                    "batch {batches} of at most {of_batches}, further MCMC step {further} of at most {of}, ESS {ess:.0} of {target_ess}, ln Z {ln_z:.2}, {calls} calls"
-                ),
-                done: Some(("calls", *calls as f64)),
-                left,
-            }
-        }
-        Event::Bridge {
-            fraction,
-            batches,
-            of_batches,
-            ln_z,
-            calls,
-            ..
-        } => Report {
-            part: "bridge".to_owned(),
-            text: format!(
-                "batch {batches} of at most {of_batches}, {:.0} % of the way, ln Z {ln_z:.2}, {calls} calls",
-                100.0 * fraction
-            ),
-            done: Some(("calls", *calls as f64)),
-            left: vec![(1.0 - fraction, "reaches the finer model in")],
-        },
-        _ => return None,
+        _ => None,
+    }
+}
+
+/// What a scan of a tempered run says; none for other events.
+fn tempered_scan(event: &Event, open: Option<&Open>) -> Option<Report> {
+    let Event::Tempered {
+        round,
+        scan,
+        scans,
+        communication_barrier,
+        round_trips,
+        ln_z,
+        ..
+    } = event
+    else {
+        return None;
     };
-    Some(report)
+    let mut text = format!("round {round}, scan {} of {scans}", scan + 1);
+    // Neither is known in the first round.
+    if communication_barrier.is_finite() {
+        text += &format!(", ln Z {ln_z:.2}, communication barrier {communication_barrier:.1}");
+    }
+    text += &format!(", {round_trips} round trips");
+    let mut left = ((scans - scan - 1) as f64, "the round ends in");
+    if let Some(open) = open {
+        text += &open.text();
+        // Without an end where the number of an open check is still zero.
+        left = (
+            left.0.max(open.needed - *scan as f64 - 1.0),
+            "ends in at least",
+        );
+    }
+    Some(Report {
+        part: format!("round {round}"),
+        text,
+        done: Some(("scans", *scan as f64)),
+        left: vec![left],
+    })
+}
+
+/// What a further MCMC step of an SMC bridge at the fine likelihood says; none for other events.
+fn further_step(event: &Event) -> Option<Report> {
+    let Event::Bridge {
+        further,
+        of,
+        batches,
+        of_batches,
+        ess: Some(ess),
+        target_ess,
+        ln_z,
+        calls,
+        ..
+    } = event
+    else {
+        return None;
+    };
+    let mut left = vec![(target_ess - ess, "ends in about")];
+    // Before the last batch nobody knows what those to come will take.
+    if batches == of_batches {
+        left.push(((of - further) as f64, "ends in at most"));
+    }
+    Some(Report {
+        part: "further MCMC steps".to_owned(),
+        text: format!(
+            "batch {batches} of at most {of_batches}, further MCMC step {further} of at most {of}, ESS {ess:.0} of {target_ess}, ln Z {ln_z:.2}, {calls} calls"
+        ),
+        done: Some(("calls", *calls as f64)),
+        left,
+    })
+}
+
+/// What a step of an SMC bridge towards the fine likelihood says; none for other events.
+fn bridge_step(event: &Event) -> Option<Report> {
+    let Event::Bridge {
+        fraction,
+        batches,
+        of_batches,
+        ess: None,
+        ln_z,
+        calls,
+        ..
+    } = event
+    else {
+        return None;
+    };
+    Some(Report {
+        part: "bridge".to_owned(),
+        text: format!(
+            "batch {batches} of at most {of_batches}, {:.0} % of the way, ln Z {ln_z:.2}, {calls} calls",
+            100.0 * fraction
+        ),
+        done: Some(("calls", *calls as f64)),
+        left: vec![(1.0 - fraction, "reaches the finer model in")],
+    })
 }
 
 /// What is left of a nested run: at the end the remaining evidence falls by the same factor in equal times; before, while it is more than
