@@ -1,6 +1,6 @@
 //! The population of finished fits, from their run folders into another one.
 
-use super::folder::RunFolder;
+use super::folder::{RunFolder, StoredRun};
 use super::locked::RunState;
 use super::monitor::Monitor;
 use super::population_fits::{self, q_posterior};
@@ -8,7 +8,7 @@ use super::session::{Destination, RunSession};
 use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
 use crate::inference::{Fit, SamplerSettings, sample};
-use crate::population::{QPosterior, checks, predictive_check, selection_check};
+use crate::population::{Population, QPosterior, checks, predictive_check, selection_check};
 use crate::posterior::{PopulationSummary, Summary, SummaryContext, marginal_information};
 use oblate_samplers::Run;
 use oblate_samplers::files::write_atomically;
@@ -81,6 +81,47 @@ pub fn population(
     check(config)?;
     destination.is_apart_from(fits.folders)?;
     let stored = population_fits::read(fits.folders)?;
+    let warnings = warnings(fits, &stored)?;
+    let streams: Vec<QPosterior> = stored.iter().map(q_posterior).collect::<Result<_>>()?;
+    let target = config
+        .family
+        .target(&streams, config.reweighting, config.selection.as_ref())?;
+    let session = match begin(destination, config, &stored, fits.missing)? {
+        RunState::Finished(stored) => {
+            let folder = RunFolder::at(destination.folder)?;
+            write_missing_tables(config, &folder, &stored)?;
+            return Ok(stored.into());
+        }
+        RunState::Unfinished(session) => session,
+    };
+    let sampling = sampling(config, target.prior().dim());
+    monitor.tell_memory(&config.reweighting.memory(streams.len()));
+    let fit = session.complete(
+        target.as_ref(),
+        None,
+        monitor,
+        |control| sample(target.as_ref(), &sampling, config.seed, control),
+        |run, _, command, hash| {
+            let context = SummaryContext {
+                warnings,
+                command: command.to_owned(),
+                input_hash: hash.to_owned(),
+                ..context(target.as_ref(), run, config.seed)
+            };
+            Summary::new(run, &context)
+        },
+    )?;
+    if fit.run.status != Status::Interrupted {
+        write_tables(config, session.folder(), &fit.run, &fit.summary)?;
+    }
+    Ok(fit)
+}
+
+/// The warnings of streams that are missing and of fits that have not converged.
+///
+/// # Errors
+/// [`Error::NotConverged`] if a fit has not converged and that is not allowed.
+fn warnings(fits: &PopulationFits<'_>, stored: &[StoredRun]) -> Result<Vec<String>> {
     let missing = fits.missing.iter();
     let mut warnings: Vec<String> = missing
         .map(|stream| {
@@ -100,65 +141,62 @@ pub fn population(
             fit.name
         ));
     }
-    let streams: Vec<QPosterior> = stored.iter().map(q_posterior).collect::<Result<_>>()?;
-    let target = config
-        .family
-        .target(&streams, config.reweighting, config.selection.as_ref())?;
+    Ok(warnings)
+}
+
+/// Begins the run, whose result follows from the settings, the results of the fits, and the streams that are missing.
+///
+/// # Errors
+/// As of [`RunSession::begin`]; [`Error::Setting`] for settings that TOML cannot hold.
+fn begin<'a>(
+    destination: Destination<'a>,
+    config: &PopulationConfig,
+    stored: &[StoredRun],
+    missing: &[String],
+) -> Result<RunState<RunSession<'a>>> {
     let config_toml = to_toml(config)?;
     let hashes: Vec<String> = stored.iter().map(|s| s.summary.result_hash()).collect();
     let hashes = hashes.join(" ");
     let mut inputs = vec![config_toml.as_bytes(), hashes.as_bytes()];
-    inputs.extend(fits.missing.iter().map(String::as_bytes));
-    let session = match RunSession::begin(destination, config_toml.clone(), &inputs)? {
-        RunState::Finished(stored) => {
-            // A table is missing after a kill between result and tables, and in folders of earlier versions.
-            let folder = RunFolder::at(destination.folder)?;
-            if !(folder.density().exists() && folder.streams().exists()) {
-                write_tables(config, &folder, &stored.run, &stored.summary)?;
-            }
-            return Ok(stored.into());
-        }
-        RunState::Unfinished(session) => session,
-    };
-    let sampling = sampling(config, target.prior().dim());
-    monitor.tell_memory(&config.reweighting.memory(streams.len()));
-    let context = |run: &Run, command: &str, input_hash: &str| {
-        let mut streams = target.streams_given_population(&run.draws);
-        for (stream, without) in streams.iter_mut().zip(target.leave_one_out(&run.draws)) {
-            stream.without = Some(without);
-        }
-        let predictive = target.predictive(&run.draws, config.seed);
-        let mut model_checks = checks(&streams);
-        model_checks.push(predictive_check(&predictive));
-        model_checks.extend(target.selection_variance(&run.draws).map(selection_check));
-        SummaryContext {
-            assumptions: Vec::new(),
-            marginal_information: Vec::new(),
-            model_checks,
-            command: command.to_owned(),
-            halo: None,
-            q_prior: None,
-            warnings,
-            diagnostics: BTreeMap::from([("streams".to_owned(), streams.len() as f64)]),
-            input_hash: input_hash.to_owned(),
-            population: Some(PopulationSummary {
-                streams,
-                information: marginal_information(run, target.prior()),
-                predictive,
-            }),
-        }
-    };
-    let fit = session.complete(
-        target.as_ref(),
-        None,
-        monitor,
-        |control| sample(target.as_ref(), &sampling, config.seed, control),
-        |run, _, command, hash| Summary::new(run, &context(run, command, hash)),
-    )?;
-    if fit.run.status != Status::Interrupted {
-        write_tables(config, session.folder(), &fit.run, &fit.summary)?;
+    inputs.extend(missing.iter().map(String::as_bytes));
+    RunSession::begin(destination, config_toml.clone(), &inputs)
+}
+
+/// What the draws of a population say about its streams and about its own error, for the summary.
+fn context(target: &dyn Population, run: &Run, seed: u64) -> SummaryContext {
+    let mut streams = target.streams_given_population(&run.draws);
+    for (stream, without) in streams.iter_mut().zip(target.leave_one_out(&run.draws)) {
+        stream.without = Some(without);
     }
-    Ok(fit)
+    let predictive = target.predictive(&run.draws, seed);
+    let mut model_checks = checks(&streams);
+    model_checks.push(predictive_check(&predictive));
+    model_checks.extend(target.selection_variance(&run.draws).map(selection_check));
+    SummaryContext {
+        model_checks,
+        diagnostics: BTreeMap::from([("streams".to_owned(), streams.len() as f64)]),
+        population: Some(PopulationSummary {
+            streams,
+            information: marginal_information(run, target.prior()),
+            predictive,
+        }),
+        ..SummaryContext::default()
+    }
+}
+
+/// Writes the tables of a finished run, if one is missing: after a kill between result and tables, and in folders of earlier versions.
+///
+/// # Errors
+/// As of [`write_tables`].
+fn write_missing_tables(
+    config: &PopulationConfig,
+    folder: &RunFolder,
+    stored: &StoredRun,
+) -> Result<()> {
+    if folder.density().exists() && folder.streams().exists() {
+        return Ok(());
+    }
+    write_tables(config, folder, &stored.run, &stored.summary)
 }
 
 /// Writes the density of q with its bands, and the streams, as tables.
