@@ -1,8 +1,8 @@
 //! The inputs of a study, read and checked before its first fit, so that faults are found at once.
 
 use super::watch::Watcher;
-use crate::config::{StreamsOf, StudyConfig, each_once};
-use crate::data::{Mocks, ObservedTrack, ReadOptions, mocks_with};
+use crate::config::{StreamsOf, StudyConfig, StudyMocks, StudyPopulation, StudyTracks, each_once};
+use crate::data::{AssumedError, Mocks, ObservedTrack, ReadOptions, mocks_with};
 use crate::error::{Error, Result, TrackFault};
 use crate::inference::{FitPlan, FitSettings, Sampler};
 use crate::params::StreamPrior;
@@ -29,89 +29,125 @@ impl StudyInputs {
     /// too few mocks.
     pub fn new(config: &StudyConfig, files_from: &Path, watcher: &dyn Watcher) -> Result<Self> {
         let mut inputs = Self::default();
-        let mut support = None;
-        if let Some(study) = &config.population {
-            check_samplers(&study.samplers).map_err(|e| e.within("population"))?;
-            let (table, there) = match streams_of(config) {
-                StreamsOf::Tracks => ("tracks", config.tracks.is_some()),
-                StreamsOf::Mocks => ("mocks", config.mocks.is_some()),
-            };
-            if !there {
-                return Err(Error::Setting {
-                    key: "of".to_owned(),
-                    value: format!("{table:?}"),
-                    remedy: format!("add a table `[{table}]`: the population is of its streams"),
-                }
-                .within("population"));
-            }
-            for sampler in &study.samplers {
-                let mut settings = study.settings.clone();
-                settings.sampling.sampler = *sampler;
-                for family in study.families() {
-                    settings.family.name = family;
-                    population::check(&settings).map_err(|e| e.within("population.settings"))?;
-                }
-            }
-            support = Some(study.settings.family.support());
-        }
-        // The posterior of q of each stream needs a prior of q, before the first fit.
-        let check_q = |group, name: &str, settings: &FitSettings| {
-            let prior = StreamPrior::new(&settings.prior)?;
-            match support.filter(|_| streams_of(config) == group) {
-                None => Ok(prior),
-                Some(support) => QPosterior::check_prior(prior.q_prior(), support)
-                    .map(|_| prior)
-                    .map_err(|fault| Error::Posterior {
-                        name: name.to_owned(),
-                        fault,
-                    }),
-            }
-        };
+        let population = config.population.as_ref();
+        let support = population.map(|study| check_population(study, config));
+        let support = support.transpose()?;
+        let support_of = |group| support.filter(|_| streams_of(config) == group);
         if let Some(study) = &config.tracks {
-            check_samplers(&study.samplers).map_err(|e| e.within("tracks"))?;
-            check_q(StreamsOf::Tracks, "tracks", &study.fit).map_err(|e| e.within("tracks.fit"))?;
-            for path in track_files(&study.files, files_from)? {
-                let mut track = ObservedTrack::read(&path);
-                // Only a track without errors takes the assumed one.
-                if let Err(Error::TrackFile {
-                    fault: TrackFault::NoErrors,
-                    ..
-                }) = track
-                {
-                    let options = ReadOptions {
-                        assumed_error: study.assume_error,
-                        ..ReadOptions::default()
-                    };
-                    track = ObservedTrack::read_with(&path, &options);
-                }
-                inputs.tracks.push(track?);
-            }
-            for track in &inputs.tracks {
-                check(track, &study.fit, &study.samplers).map_err(|e| e.within("tracks.fit"))?;
-            }
+            inputs.read_tracks(study, files_from, support_of(StreamsOf::Tracks))?;
         }
         if let Some(study) = &config.mocks {
-            check_samplers(&study.samplers).map_err(|e| e.within("mocks"))?;
-            let prior = check_q(StreamsOf::Mocks, "mocks", &study.fit)
-                .map_err(|e| e.within("mocks.fit"))?;
-            watcher.monitored("mocks", &mut |monitor| {
-                let advanced = &mut |found: &Mocks| {
-                    let (done, of) = (found.mocks.len() as u64, study.count as u64);
-                    monitor.advanced(done, of);
-                };
-                let found = mocks_with(&prior, &study.mock, study.count, study.seed, advanced)
-                    .map_err(|e| e.within("mocks.mock"))?;
-                inputs.acceptance = Some(found.acceptance());
-                inputs.mocks = found.mocks.into_iter().map(|mock| mock.track).collect();
-                Ok(())
-            })?;
-            // All have one bin width, the only property of a track that settings may not suit.
-            if let Some(track) = inputs.mocks.first() {
-                check(track, &study.fit, &study.samplers).map_err(|e| e.within("mocks.fit"))?;
-            }
+            inputs.make_mocks(study, watcher, support_of(StreamsOf::Mocks))?;
         }
         Ok(inputs)
     }
+
+    /// Reads the tracks and checks the settings of their fits. `support` is that of the population, if it is theirs.
+    fn read_tracks(
+        &mut self,
+        study: &StudyTracks,
+        files_from: &Path,
+        support: Option<(f64, f64)>,
+    ) -> Result<()> {
+        check_samplers(&study.samplers).map_err(|e| e.within("tracks"))?;
+        checked_prior("tracks", &study.fit, support).map_err(|e| e.within("tracks.fit"))?;
+        for path in track_files(&study.files, files_from)? {
+            self.tracks.push(read_track(&path, study.assume_error)?);
+        }
+        for track in &self.tracks {
+            check(track, &study.fit, &study.samplers).map_err(|e| e.within("tracks.fit"))?;
+        }
+        Ok(())
+    }
+
+    /// Makes the mocks and checks the settings of their fits. `support` is that of the population, if it is theirs.
+    fn make_mocks(
+        &mut self,
+        study: &StudyMocks,
+        watcher: &dyn Watcher,
+        support: Option<(f64, f64)>,
+    ) -> Result<()> {
+        check_samplers(&study.samplers).map_err(|e| e.within("mocks"))?;
+        let prior =
+            checked_prior("mocks", &study.fit, support).map_err(|e| e.within("mocks.fit"))?;
+        watcher.monitored("mocks", &mut |monitor| {
+            let advanced = &mut |found: &Mocks| {
+                let (done, of) = (found.mocks.len() as u64, study.count as u64);
+                monitor.advanced(done, of);
+            };
+            let found = mocks_with(&prior, &study.mock, study.count, study.seed, advanced)
+                .map_err(|e| e.within("mocks.mock"))?;
+            self.acceptance = Some(found.acceptance());
+            self.mocks = found.mocks.into_iter().map(|mock| mock.track).collect();
+            Ok(())
+        })?;
+        // All have one bin width, the only property of a track that settings may not suit.
+        if let Some(track) = self.mocks.first() {
+            check(track, &study.fit, &study.samplers).map_err(|e| e.within("mocks.fit"))?;
+        }
+        Ok(())
+    }
+}
+
+/// Checks the settings of the population: with each of its samplers and families, and that the study has its streams. Returns the support of
+/// its families.
+fn check_population(study: &StudyPopulation, config: &StudyConfig) -> Result<(f64, f64)> {
+    check_samplers(&study.samplers).map_err(|e| e.within("population"))?;
+    let (table, there) = match streams_of(config) {
+        StreamsOf::Tracks => ("tracks", config.tracks.is_some()),
+        StreamsOf::Mocks => ("mocks", config.mocks.is_some()),
+    };
+    if !there {
+        return Err(Error::Setting {
+            key: "of".to_owned(),
+            value: format!("{table:?}"),
+            remedy: format!("add a table `[{table}]`: the population is of its streams"),
+        }
+        .within("population"));
+    }
+    for sampler in &study.samplers {
+        let mut settings = study.settings.clone();
+        settings.sampling.sampler = *sampler;
+        for family in study.families() {
+            settings.family.name = family;
+            population::check(&settings).map_err(|e| e.within("population.settings"))?;
+        }
+    }
+    Ok(study.settings.family.support())
+}
+
+/// Reads a track. Only one without errors takes the assumed one.
+fn read_track(path: &Path, assumed_error: Option<AssumedError>) -> Result<ObservedTrack> {
+    match ObservedTrack::read(path) {
+        Err(Error::TrackFile {
+            fault: TrackFault::NoErrors,
+            ..
+        }) => {
+            let options = ReadOptions {
+                assumed_error,
+                ..ReadOptions::default()
+            };
+            ObservedTrack::read_with(path, &options)
+        }
+        read => read,
+    }
+}
+
+/// The prior of some fits. If they are fits of a population, the posterior of q of each needs a prior of q that is known on its support.
+fn checked_prior(
+    name: &str,
+    settings: &FitSettings,
+    support: Option<(f64, f64)>,
+) -> Result<StreamPrior> {
+    let prior = StreamPrior::new(&settings.prior)?;
+    if let Some(support) = support {
+        let checked = QPosterior::check_prior(prior.q_prior(), support);
+        checked.map_err(|fault| Error::Posterior {
+            name: name.to_owned(),
+            fault,
+        })?;
+    }
+    Ok(prior)
 }
 
 /// Whose population a study infers.
