@@ -59,6 +59,27 @@ impl RunFigures {
         });
     }
 
+    /// Writes its figures into its folder, in all formats of the writer.
+    fn write(&self, writer: &FigureWriter) -> Result<()> {
+        for (name, figure) in self.names.iter().zip(&self.figures) {
+            for (format, bytes) in writer.files(&figure.svg)? {
+                write_figure(&self.folder.figure(name, format), &bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The run as the page shows it, under a name and with its comparison.
+    fn on_page<'a>(&'a self, name: &'a str, comparison: Option<&'a Comparison>) -> PageRun<'a> {
+        PageRun {
+            name,
+            summary: &self.stored.summary,
+            comparison,
+            config: &self.stored.config,
+            figures: &self.figures,
+        }
+    }
+
     /// Whether this run and another have the same data: fits the same track in the same sense, populations streams of the same names.
     fn has_data_of(&self, other: &Self) -> bool {
         match (&self.track, &other.track) {
@@ -103,24 +124,57 @@ pub fn render_report(
         .iter()
         .map(|f| figures_of(f))
         .collect::<Result<_>>()?;
-    for d in &rendered {
-        for (name, figure) in d.names.iter().zip(&d.figures) {
-            for (format, bytes) in writer.files(&figure.svg)? {
-                write_figure(&d.folder.figure(name, format), &bytes)?;
-            }
-        }
+    for drawn in &rendered {
+        drawn.write(&writer)?;
     }
     let stored: Vec<&StoredRun> = rendered.iter().map(|d| &d.stored).collect();
     let names = distinct_names(folders, &stored);
-    // Groups in the order of their first runs.
+    let groups = groups_of_same_data(&rendered);
+    let comparisons = comparisons(&rendered, &names, &groups)?;
+    let together: Vec<Vec<Figure>> = groups
+        .iter()
+        .map(|group| together(&rendered, &names, group))
+        .collect();
+    let of_runs = groups.iter().zip(&comparisons).zip(&together);
+    let shown: Vec<Group<'_>> = of_runs
+        .map(|((group, comparisons), figures)| Group {
+            name: rendered[group[0]].data_name(),
+            runs: group
+                .iter()
+                .zip(comparisons)
+                .map(|(i, comparison)| rendered[*i].on_page(&names[*i], comparison.as_ref()))
+                .collect(),
+            figures,
+        })
+        .chain(others.iter().map(|(name, figure)| Group {
+            name: (*name).to_owned(),
+            runs: Vec::new(),
+            figures: std::slice::from_ref(figure),
+        }))
+        .collect();
+    Ok(page(title, &shown))
+}
+
+/// Indices of the runs in groups of the same data, in the order of their first runs.
+fn groups_of_same_data(rendered: &[RunFigures]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    for (i, d) in rendered.iter().enumerate() {
+    for (i, drawn) in rendered.iter().enumerate() {
         let mut known = groups.iter_mut();
-        match known.find(|group| rendered[group[0]].has_data_of(d)) {
+        match known.find(|group| rendered[group[0]].has_data_of(drawn)) {
             Some(group) => group.push(i),
             None => groups.push(vec![i]),
         }
     }
+    groups
+}
+
+/// Comparisons of the first run of each group with every run of it: `None` for the first run itself, and for a run of the same host with other
+/// parameters.
+fn comparisons(
+    rendered: &[RunFigures],
+    names: &[String],
+    groups: &[Vec<usize>],
+) -> Result<Vec<Vec<Option<Comparison>>>> {
     let models: Vec<Option<ModelSettings>> = (rendered.iter())
         .map(|d| d.stored.model(&d.folder))
         .collect::<Result<_>>()?;
@@ -138,40 +192,10 @@ pub fn render_report(
         same.then(|| compare(&names[first], a, &names[i], b))
             .transpose()
     };
-    let comparisons: Vec<Vec<Option<Comparison>>> = groups
+    groups
         .iter()
         .map(|group| group.iter().map(|i| compared(group[0], *i)).collect())
-        .collect::<Result<_>>()?;
-    let together: Vec<Vec<Figure>> = groups
-        .iter()
-        .map(|group| together(&rendered, &names, group))
-        .collect();
-    let shown: Vec<Group<'_>> = groups
-        .iter()
-        .zip(&comparisons)
-        .zip(&together)
-        .map(|((group, comparisons), figures)| Group {
-            name: rendered[group[0]].data_name(),
-            runs: group
-                .iter()
-                .zip(comparisons)
-                .map(|(i, comparison)| PageRun {
-                    name: &names[*i],
-                    summary: &rendered[*i].stored.summary,
-                    comparison: comparison.as_ref(),
-                    config: &rendered[*i].stored.config,
-                    figures: &rendered[*i].figures,
-                })
-                .collect(),
-            figures,
-        })
-        .chain(others.iter().map(|(name, figure)| Group {
-            name: (*name).to_owned(),
-            runs: Vec::new(),
-            figures: std::slice::from_ref(figure),
-        }))
-        .collect();
-    Ok(page(title, &shown))
+        .collect()
 }
 
 /// Writes a figure into a run folder.
