@@ -2,21 +2,43 @@
 
 use crate::rng::{Domain, standard_normal, stream};
 use crate::surrogate::{Examples, Surrogate};
-use crate::target::{Marginal, Outcome, Prior, Target};
+use crate::target::{Involution, Marginal, Outcome, Prior, Symmetry, Target};
 
-/// `ln L = -(z0 - 1)^2 / 2 - 2 (z1 - z0^2 / 4)^2` over standard normals.
-pub struct Bent(Prior);
+/// `ln L = -(z0 - 1)^2 / 2 - 2 (z1 - z0^2 / 4)^2` over standard normals, with an involution that changes it.
+pub struct Bent {
+    prior: Prior,
+    symmetries: [Symmetry; 1],
+}
+
+/// Changes the sign of the first coordinate.
+struct Mirror;
+
+impl Involution for Mirror {
+    fn name(&self) -> &'static str {
+        "mirror"
+    }
+    fn apply(&self, z: &mut [f64]) -> Option<f64> {
+        z[0] = -z[0];
+        Some(0.0)
+    }
+}
 
 impl Bent {
     pub fn new() -> Self {
         let unit = Marginal::Normal { mean: 0.0, sd: 1.0 };
-        Self(Prior::new(["x", "y"].map(|name| (name, "", unit))).unwrap())
+        Self {
+            prior: Prior::new(["x", "y"].map(|name| (name, "", unit))).unwrap(),
+            symmetries: [Symmetry::Involution(Box::new(Mirror))],
+        }
     }
 }
 
 impl Target for Bent {
     fn prior(&self) -> &Prior {
-        &self.0
+        &self.prior
+    }
+    fn symmetries(&self) -> &[Symmetry] {
+        &self.symmetries
     }
     fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
         Outcome::Value(ln_likelihood(theta))

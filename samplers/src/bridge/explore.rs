@@ -6,8 +6,8 @@ use super::particle::Particle;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
 use crate::hmc::{
-    Evaluator, LEAPFROGS, LocalSampler, MAX_ENERGY_RANGE, Metric, Plan, Point, Reference,
-    slice_updates, surrogate_move, try_involutions,
+    Evaluator, LocalSampler, MOVE_LENGTHS, Metric, Point, Reference, slice_updates, surrogate_move,
+    try_involutions,
 };
 use crate::output::Calls;
 use crate::rng::RandomStream;
@@ -97,18 +97,11 @@ impl Moves<'_> {
         let mut fine = Evaluator::new(self.target).keeping_examples(true);
         let along = Evaluator::new(self.target).with_surrogate(surrogate);
         let mut along = LocalSampler::of(along, 1.0, self.metric);
-        let plan = Plan {
-            step: self.step,
-            length: 0.0,
-            max_leapfrogs: 0,
-            max_energy_range: MAX_ENERGY_RANGE,
-            slack: 0.0,
-        };
         let mut at = Point::new(z.len());
         at.z.clone_from(z);
         // Further MCMC steps are made at the fine likelihood, and need no other.
         let further = self.density.is_some();
-        for leapfrogs in LEAPFROGS {
+        for length in MOVE_LENGTHS {
             at.ln_likelihood = both.at(self.fraction);
             let mut new = *both;
             let values = |z: &[f64]| {
@@ -121,13 +114,13 @@ impl Moves<'_> {
                 new.fine = fine.value(z)?;
                 Ok((new.at(self.fraction), 0.0))
             };
-            let plan = plan.of_leapfrogs(leapfrogs);
-            let (transition, _) = surrogate_move(values, &mut along, 1.0, &plan, &mut at, rng)?;
+            let (transition, _) =
+                surrogate_move(values, &mut along, 1.0, self.step, length, &mut at, rng)?;
             if at.z != *z {
                 z.clone_from(&at.z);
                 *both = new;
             }
-            moved.acceptance += transition.acceptance / LEAPFROGS.len() as f64;
+            moved.acceptance += transition.acceptance / MOVE_LENGTHS.len() as f64;
         }
         moved.calls.add(&coarse.calls);
         let (calls, examples) = fine.into_calls_and_examples();

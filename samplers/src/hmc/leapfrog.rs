@@ -1,6 +1,6 @@
 //! One Hamiltonian trajectory and its Metropolis test.
 
-use super::{Evaluator, Metric, Point};
+use super::{Evaluator, Metric, Point, try_one_involution};
 use crate::error::Result;
 use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::target::Target;
@@ -247,6 +247,14 @@ impl<'t, 'm> LocalSampler<'t, 'm> {
             capped,
             end,
         })
+    }
+
+    /// [`try_one_involution`] at this sampler's temperature.
+    ///
+    /// # Errors
+    /// [`Error::Fatal`](crate::Error::Fatal) or [`Error::Infinite`](crate::Error::Infinite) from the target.
+    pub fn try_one_involution(&mut self, at: &mut Point, rng: &mut RandomStream) -> Result<()> {
+        try_one_involution(&mut self.evaluator, self.beta, at, rng)
     }
 
     /// Log density that the transitions leave invariant, up to a constant, at a point that this sampler's evaluator has filled.

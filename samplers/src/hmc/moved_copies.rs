@@ -23,7 +23,7 @@ const SHORTER: f64 = 0.7;
 const MAX_SHORTENED: usize = 12;
 
 /// Rows of coordinates, each followed by its copies, so that copies of neighbouring rows are neighbours: at most `most` rows in all, or the
-/// given ones alone if there are more than half as many. `plan` is that of a transition in this metric, whose step is shortened if too
+/// given ones alone if there are more than half as many. `step` is that of a transition in this metric; it is shortened if too
 /// few would be accepted; `rng` gives the stream of each row, twice as many as there are rows.
 ///
 /// # Errors
@@ -34,7 +34,7 @@ pub fn with_moved_copies(
     target: &dyn Target,
     surrogate: &Surrogate,
     metric: &Metric,
-    plan: Plan,
+    step: f64,
     rng: impl Fn(usize) -> RandomStream + Sync,
 ) -> Result<Vec<f64>> {
     let dim = target.dim();
@@ -49,22 +49,22 @@ pub fn with_moved_copies(
         point.z.copy_from_slice(z);
         (LocalSampler::of(evaluator, 1.0, metric), point)
     };
-    let mut plan = plan;
+    let mut step = step;
     let every = count.div_ceil(TRIALS);
     for _ in 0..MAX_SHORTENED {
         let trials: Vec<f64> = (rows.par_chunks_exact(dim * every).enumerate())
             .map(|(i, z)| {
                 let (mut along, mut point) = sampler_at(&z[..dim]);
-                let plan = plan.of_leapfrogs(LEAPFROGS);
+                let plan = Plan::of_leapfrogs(step, LEAPFROGS);
                 Ok(along.transition(&mut point, &plan, &mut rng(i))?.acceptance)
             })
             .collect::<Result<_>>()?;
         if trials.iter().sum::<f64>() >= ACCEPTANCE * trials.len() as f64 {
             break;
         }
-        plan.step *= SHORTER;
+        step *= SHORTER;
     }
-    let plan = plan.of_leapfrogs(LEAPFROGS);
+    let plan = Plan::of_leapfrogs(step, LEAPFROGS);
     let moved: Vec<Vec<f64>> = (rows.par_chunks_exact(dim).enumerate())
         .map(|(i, z)| {
             let (mut along, mut point) = sampler_at(z);
@@ -94,13 +94,6 @@ mod tests {
     fn moved(most: usize, step: f64) -> Vec<f64> {
         // All rows are at one place, some three standard deviations from the surrogate's mean.
         let rows = [2.5; 2 * ROWS];
-        let plan = Plan {
-            step,
-            length: 1.0,
-            max_leapfrogs: 1,
-            max_energy_range: 1000.0,
-            slack: 0.0,
-        };
         let (metric, rng) = (Metric::identity(2), |i: usize| {
             stream(3, Domain::Test, 0, i as u64)
         });
@@ -110,7 +103,7 @@ mod tests {
             &Bent::new(),
             &wrong_surrogate(),
             &metric,
-            plan,
+            step,
             rng,
         )
         .unwrap()

@@ -4,7 +4,7 @@
 //! transitions are rejected at any step size. A slice update finds its width by itself, and needs values only.
 
 use super::point::ln_density;
-use super::{Evaluator, Metric, Point, propose_involution, refresh};
+use super::{Evaluator, Metric, Point, refresh};
 use crate::difference_pool::{DifferencePool, Pair};
 use crate::error::Result;
 use crate::rng::{RandomStream, standard_normal, unit_open};
@@ -94,45 +94,6 @@ pub fn slice(
             left = t;
         } else {
             right = t;
-        }
-    }
-    Ok(())
-}
-
-/// [`try_involutions`], then [`slice_updates`].
-///
-/// # Errors
-/// As [`slice()`].
-#[allow(clippy::too_many_arguments, reason = "those of the two")]
-pub fn involutions_and_slice_updates(
-    evaluator: &mut Evaluator<'_>,
-    beta: f64,
-    metric: &Metric,
-    pool: &DifferencePool,
-    slices: usize,
-    at: &mut Point,
-    rng: &mut RandomStream,
-    visit: impl FnMut(&Point),
-) -> Result<()> {
-    try_involutions(evaluator, beta, at, rng)?;
-    slice_updates(evaluator, beta, metric, pool, slices, at, rng, visit)
-}
-
-/// Tries each of the target's involutions with probability 1/2.
-///
-/// # Errors
-/// As [`propose_involution()`].
-pub fn try_involutions(
-    evaluator: &mut Evaluator<'_>,
-    beta: f64,
-    at: &mut Point,
-    rng: &mut RandomStream,
-) -> Result<()> {
-    for symmetry in evaluator.target().symmetries() {
-        if let Symmetry::Involution(map) = symmetry
-            && unit_open(rng) < 0.5
-        {
-            propose_involution(evaluator, map.as_ref(), beta, at, rng)?;
         }
     }
     Ok(())

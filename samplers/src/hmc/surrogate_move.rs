@@ -5,30 +5,68 @@
 //! `min(1, pi(y) s(x) / (pi(x) s(y)))`, and leaves `pi` invariant: one value of ln L for a whole trajectory, and exact whatever the
 //! surrogate. `s` is the posterior of the surrogate at all temperatures: a reference that resembles the posterior makes the densities
 //! between them resemble it too, and costs more than the surrogate.
+//!
+//! Moves between the modes that the target's involutions connect are made in the same way: an involution that leaves `s` invariant before the
+//! transition and one after it, which need no value of ln L of their own.
 
 use super::point::ln_density;
-use super::{LocalSampler, Plan, Point, Transition};
+use super::{LocalSampler, MAX_ENERGY_RANGE, Plan, Point, Transition};
 use crate::error::Result;
 use crate::rng::{RandomStream, unit_open};
 
-/// Mean numbers of leapfrog steps of such moves. Long ones go far where the surrogate is right, short ones are accepted where it is wrong
-/// (docs/decisions.md, section 3).
-pub const LEAPFROGS: [usize; 3] = [8, 32, 128];
+/// How long a move goes.
+#[derive(Clone, Copy, Debug)]
+pub struct MoveLength {
+    /// Mean number of leapfrog steps.
+    leapfrogs: usize,
+    /// Whether there is an involution before and after it. The errors of the surrogate at the two ends have nothing to do with each other then, as after a long
+    /// trajectory anyhow; a short move would be accepted less.
+    involutions: bool,
+}
 
-impl Plan {
-    /// A trajectory of so many leapfrog steps on average.
+impl MoveLength {
+    /// So many leapfrog steps on average.
     #[must_use]
-    pub fn of_leapfrogs(self, leapfrogs: usize) -> Self {
+    pub const fn of(leapfrogs: usize) -> Self {
         Self {
-            length: leapfrogs as f64 * self.step,
-            max_leapfrogs: 2 * leapfrogs,
-            ..self
+            leapfrogs,
+            involutions: false,
+        }
+    }
+
+    /// The same with involutions.
+    #[must_use]
+    pub const fn with_involutions(leapfrogs: usize) -> Self {
+        Self {
+            leapfrogs,
+            involutions: true,
         }
     }
 }
 
-/// One move of `at`, at the inverse temperature `beta` of an annealing path: an HMC transition of `along`, which follows a surrogate, and
-/// the probability with which ln L accepted its end, 0 if that is the beginning. `values` computes ln L at a place, and the logarithm of the
+/// The moves of a state. Long ones go far where the surrogate is right, short ones are accepted where it is wrong (docs/decisions.md, section 3).
+pub const MOVE_LENGTHS: [MoveLength; 3] = [
+    MoveLength::of(8),
+    MoveLength::of(32),
+    MoveLength::with_involutions(128),
+];
+
+impl Plan {
+    /// A transition of so many leapfrog steps on average, of a chain in equilibrium.
+    #[must_use]
+    pub fn of_leapfrogs(step: f64, leapfrogs: usize) -> Self {
+        Self {
+            step,
+            length: leapfrogs as f64 * step,
+            max_leapfrogs: 2 * leapfrogs,
+            max_energy_range: MAX_ENERGY_RANGE,
+            slack: 0.0,
+        }
+    }
+}
+
+/// One move of `at`, at the inverse temperature `beta` of an annealing path: an HMC transition of `along`, which follows a surrogate, of steps of so many metric units, and the
+/// probability with which ln L accepted its end, 0 if that is the beginning. `values` computes ln L at a place, and the logarithm of the
 /// reference of the path over the prior there.
 ///
 /// # Errors
@@ -37,14 +75,22 @@ pub fn surrogate_move(
     values: impl FnOnce(&[f64]) -> Result<(f64, f64)>,
     along: &mut LocalSampler<'_, '_>,
     beta: f64,
-    plan: &Plan,
+    step: f64,
+    length: MoveLength,
     at: &mut Point,
     rng: &mut RandomStream,
 ) -> Result<(Transition, f64)> {
     let mut end = at.clone();
     along.evaluator.fill(&mut end)?;
     let before = along.ln_density(&end);
-    let transition = along.transition(&mut end, plan, rng)?;
+    if length.involutions {
+        along.try_one_involution(&mut end, rng)?;
+    }
+    let plan = Plan::of_leapfrogs(step, length.leapfrogs);
+    let transition = along.transition(&mut end, &plan, rng)?;
+    if length.involutions {
+        along.try_one_involution(&mut end, rng)?;
+    }
     let uniform = unit_open(rng);
     if end.z == at.z {
         return Ok((transition, 0.0));
@@ -72,21 +118,21 @@ mod tests {
     #[test]
     fn moves_along_a_wrong_surrogate_sample_the_density_at_each_temperature() {
         for beta in [1.0, 0.5] {
-            assert_sampled(beta);
+            assert_sampled(beta, MoveLength::of(8));
+        }
+    }
+
+    #[test]
+    fn so_do_moves_with_an_involution_that_is_no_symmetry() {
+        for beta in [1.0, 0.5] {
+            assert_sampled(beta, MoveLength::with_involutions(8));
         }
     }
 
     /// Samples `N(z; 0, I) L^beta` by moves along the posterior of the wrong surrogate.
-    fn assert_sampled(beta: f64) {
+    fn assert_sampled(beta: f64, length: MoveLength) {
         let target = Bent::new();
         let (surrogate, metric) = (wrong_surrogate(), Metric::identity(2));
-        let plan = Plan {
-            step: 0.5,
-            length: 4.0,
-            max_leapfrogs: 16,
-            max_energy_range: 1000.0,
-            slack: 0.0,
-        };
         let mut batches = Batches::new(100);
         let mut rng = stream(2, Domain::Test, 0, 0);
         let mut evaluator = Evaluator::new(&target);
@@ -98,7 +144,7 @@ mod tests {
         for _ in 0..40_000 {
             let values = |z: &[f64]| Ok((evaluator.value(z)?, 0.0));
             let (_, acceptance) =
-                surrogate_move(values, &mut along, beta, &plan, &mut at, &mut rng).unwrap();
+                surrogate_move(values, &mut along, beta, 0.5, length, &mut at, &mut rng).unwrap();
             sum_of_acceptance += acceptance;
             batches.push(&at.z);
         }

@@ -3,8 +3,8 @@
 use super::point::ln_density;
 use super::{Evaluator, Point};
 use crate::error::Result;
-use crate::rng::{RandomStream, unit_open};
-use crate::target::{Involution, Orbit};
+use crate::rng::{RandomStream, below, unit_open};
+use crate::target::{Involution, Orbit, Symmetry};
 
 /// Proposes the image of `at` under a self-inverse map and accepts it with probability
 /// `min(1, |det J| pi_beta(Jz) / pi_beta(z))`: exact whether or not the posterior is
@@ -42,6 +42,51 @@ pub fn propose_involution(
         at.has_gradient = false;
     }
     Ok(accepted)
+}
+
+/// The target's involutions.
+fn involutions<'t>(evaluator: &Evaluator<'t>) -> Vec<&'t dyn Involution> {
+    let of = |symmetry: &'t Symmetry| match symmetry {
+        Symmetry::Involution(map) => Some(map.as_ref()),
+        Symmetry::Orbit(_) => None,
+    };
+    let symmetries = evaluator.target().symmetries().iter();
+    symmetries.filter_map(of).collect()
+}
+
+/// Tries each of the target's involutions with probability 1/2.
+///
+/// # Errors
+/// As [`propose_involution`].
+pub fn try_involutions(
+    evaluator: &mut Evaluator<'_>,
+    beta: f64,
+    at: &mut Point,
+    rng: &mut RandomStream,
+) -> Result<()> {
+    for map in involutions(evaluator) {
+        if unit_open(rng) < 0.5 {
+            propose_involution(evaluator, map, beta, at, rng)?;
+        }
+    }
+    Ok(())
+}
+
+/// Tries one of the target's involutions or none, all with the same probability: a move that is its own reverse, as one of several in turn is not.
+///
+/// # Errors
+/// As [`propose_involution`].
+pub fn try_one_involution(
+    evaluator: &mut Evaluator<'_>,
+    beta: f64,
+    at: &mut Point,
+    rng: &mut RandomStream,
+) -> Result<()> {
+    let involutions = involutions(evaluator);
+    if let Some(map) = involutions.get(below(rng, involutions.len() + 1)) {
+        propose_involution(evaluator, *map, beta, at, rng)?;
+    }
+    Ok(())
 }
 
 /// Redraws the position of `at` along an orbit from the prior. The likelihood is unchanged and not called; the gradient

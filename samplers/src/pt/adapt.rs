@@ -279,7 +279,7 @@ impl State {
                     target,
                     surrogate,
                     &cold.metric,
-                    self.plan(cold),
+                    cold.step.step(),
                     rng_of_row,
                 )?;
                 Reference::resembling(&rows, dim, rng)

@@ -79,6 +79,10 @@ fn index_processes(run: &CheckInputs<'_>) -> Vec<Check> {
     ]
 }
 
+/// Barrier in units of which a smaller one may change. Two temperatures belong to a barrier of 1, so that a tenth of this changes their number by one. Barriers of
+/// about 1 differ by 0.1 from one fit of the reference to the next (docs/decisions.md, section 3).
+const LEAST_BARRIER: f64 = 5.0;
+
 fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
     let rejection = run.record.last_long_enough().mean_rejection();
     let worst = rejection.iter().copied().fold(0.0, f64::max);
@@ -87,8 +91,7 @@ fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
         .history
         .last()
         .map_or(0.0, |round| round.communication_barrier);
-    // A change by a tenth does not matter to swaps; a path from a screened reference may have a barrier of no more.
-    let change = (communication_barrier - before).abs() / before.max(1.0);
+    let change = (communication_barrier - before).abs() / before.max(LEAST_BARRIER);
     let change = if run.history.is_empty() { 1.0 } else { change };
     vec![
         Check::at_most(

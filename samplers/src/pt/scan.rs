@@ -21,8 +21,8 @@ const START_TRIES: usize = 100_000;
 /// Inverse temperature below which there are no moves along a surrogate: hardly any would be accepted.
 const LEAST_BETA: f64 = 0.15;
 
-/// Scans from one slice update of a chain with moves along a surrogate to the next. A slice update costs twice as many values as these
-/// moves and goes a small part of their way, but also where the surrogate is wrong (docs/decisions.md, section 3).
+/// Scans from involutions and a slice update of a chain with moves along a surrogate to the next. They cost more values than these
+/// moves and go a small part of their way, but also where the surrogate is wrong (docs/decisions.md, section 3).
 const SLICE_SCANS: u64 = 4;
 
 /// Fits of the surrogate within a long extension, and least number of scans from one to the next (docs/decisions.md, section 2).
@@ -322,11 +322,13 @@ impl State {
             let pool = &temperature.pools[self.half(chain)];
             let surrogate = self.surrogate.as_ref().filter(|_| beta >= LEAST_BETA);
             let slices = if surrogate.is_none() || self.clock.is_multiple_of(SLICE_SCANS) {
+                // Moves along a surrogate have involutions of their own, but where it is wrong.
+                hmc::try_involutions(&mut evaluator, beta, &mut point, &mut rng)?;
                 self.settings.slice_updates
             } else {
                 0
             };
-            hmc::involutions_and_slice_updates(
+            hmc::slice_updates(
                 &mut evaluator,
                 beta,
                 metric,
@@ -336,7 +338,6 @@ impl State {
                 &mut rng,
                 &mut visit,
             )?;
-            let plan = self.plan(temperature);
             if let Some(surrogate) = surrogate {
                 let along = Evaluator::new(target).with_surrogate(surrogate);
                 let mut along = LocalSampler::of(along, 1.0, metric);
@@ -344,7 +345,8 @@ impl State {
                     &mut evaluator,
                     &mut along,
                     beta,
-                    &hmc::LEAPFROGS.map(|leapfrogs| plan.of_leapfrogs(leapfrogs)),
+                    temperature.step.step(),
+                    &hmc::MOVE_LENGTHS,
                     &mut point,
                     &mut rng,
                     &mut local,
@@ -352,6 +354,7 @@ impl State {
                 )?;
                 score = along.score(&point)?;
             } else {
+                let plan = self.plan(temperature);
                 let mut along = LocalSampler::of(evaluator, beta, metric);
                 for _ in 0..self.settings.hmc_transitions {
                     let moved = along.transition(&mut point, &plan, &mut rng)?;

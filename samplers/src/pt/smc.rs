@@ -17,8 +17,8 @@ use super::swap;
 use crate::difference_pool::DifferencePool;
 use crate::error::Result;
 use crate::hmc::{
-    Evaluator, LocalSampler, MAX_ENERGY_RANGE, Metric, Plan, Point, Reference, StepSize,
-    evenly_spaced, involutions_and_slice_updates,
+    Evaluator, LocalSampler, Metric, MoveLength, Point, Reference, StepSize, evenly_spaced,
+    slice_updates, try_involutions,
 };
 use crate::output::Calls;
 use crate::rng::{Domain, stream, unit_open};
@@ -33,9 +33,8 @@ use serde::{Deserialize, Serialize};
 /// in a mode: with single particles of it the first reference leaves the mode out, and the run never finds it (docs/decisions.md, section 3).
 const LEAST_SHARE: f64 = 0.25;
 
-/// Mean numbers of leapfrog steps of the moves along the surrogate. Chains make longer ones too; with those half as many particles take about as long
-/// (docs/decisions.md, section 3).
-const LEAPFROGS: [usize; 2] = [8, 32];
+/// The moves along the surrogate. Chains make longer ones too; with those half as many particles take about as long (docs/decisions.md, section 3).
+const MOVE_LENGTHS: [MoveLength; 2] = [MoveLength::of(8), MoveLength::with_involutions(32)];
 
 /// First step of HMC transitions in the metric of an SMC sampler: ridges are narrower than the distribution of all
 /// particles.
@@ -353,14 +352,7 @@ impl SmcSamplers {
             self.lower_temperature(target, seed)?;
         }
         let surrogate = moves_along.surrogate.filter(|_| self.mcmc_steps > 0);
-        let plan = Plan {
-            step: self.step.step(),
-            length: self.step.step(),
-            max_leapfrogs: 1,
-            max_energy_range: MAX_ENERGY_RANGE,
-            slack: 0.0,
-        };
-        let plans = LEAPFROGS.map(|leapfrogs| plan.of_leapfrogs(leapfrogs));
+        let step = self.step.step();
         let tasks: Vec<(usize, usize)> = self
             .smc_samplers
             .iter()
@@ -376,7 +368,10 @@ impl SmcSamplers {
                 let mut point = self.smc_samplers[number].points[i].clone();
                 let half = number % 2;
                 let mut local = Local::default();
-                involutions_and_slice_updates(
+                if surrogate.is_none() {
+                    try_involutions(&mut evaluator, self.beta, &mut point, &mut rng)?;
+                }
+                slice_updates(
                     &mut evaluator,
                     self.beta,
                     &self.metrics[half],
@@ -392,7 +387,8 @@ impl SmcSamplers {
                         &mut evaluator,
                         &mut LocalSampler::of(along, self.beta, &self.metrics[half]),
                         self.beta,
-                        &plans,
+                        step,
+                        &MOVE_LENGTHS,
                         &mut point,
                         &mut rng,
                         &mut local,
