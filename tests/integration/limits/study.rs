@@ -14,20 +14,26 @@ fn study(count: u64, seed: u64) -> Result<(), String> {
 
 #[test]
 fn the_number_of_mocks_of_a_study_is_that_of_the_page() {
-    for Row { key, lo, hi } in rows("4. Mocks") {
-        let (lo, hi) = (lo as u64, hi as u64);
-        let of = |value: u64| match key.as_str() {
-            "count" => study(value, 1),
-            _ => study(1, value),
-        };
-        if key == "count" || key == "seed" {
-            assert_eq!((of(lo), of(hi.min(i64::MAX as u64))), (Ok(()), Ok(())));
-        }
-        if key == "count" {
-            assert!(of(hi + 1).unwrap_err().contains("count = 100001"));
-            assert!(of(lo - 1).unwrap_err().contains("allowed 1 to 100000"));
-        }
+    let rows = rows("4. Mocks");
+    let range = |wanted: &str| {
+        let row = rows.iter().find(|Row { key, .. }| key == wanted);
+        let Row { lo, hi, .. } = row.expect("a row of the page");
+        (*lo as u64, *hi as u64)
+    };
+    let (lo, hi) = range("seed");
+    for seed in [lo, hi.min(i64::MAX as u64)] {
+        assert_eq!(study(1, seed), Ok(()));
     }
+    let (lo, hi) = range("count");
+    for count in [lo, hi] {
+        assert_eq!(study(count, 1), Ok(()));
+    }
+    assert!(study(hi + 1, 1).unwrap_err().contains("count = 100001"));
+    assert!(
+        study(lo - 1, 1)
+            .unwrap_err()
+            .contains("allowed 1 to 100000")
+    );
 }
 
 #[test]

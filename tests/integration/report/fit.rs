@@ -42,7 +42,9 @@ fn the_legend_of_a_fit_overlay_is_above_its_panels() {
     assert_eq!(legend.len(), 3);
     let lowest = legend.iter().map(|(_, y)| *y).fold(0.0, f64::max);
     for class in ["datum", "residual", "sky-datum", "progenitor"] {
-        let highest = places(&svg, class)
+        let circles = places(&svg, class);
+        assert!(!circles.is_empty(), "{class}");
+        let highest = circles
             .iter()
             .map(|(_, y)| *y)
             .fold(f64::INFINITY, f64::min);
