@@ -17,10 +17,34 @@ struct Row {
     hi: f64,
 }
 
+/// The text of docs/limits.md.
+fn page() -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/limits.md");
+    std::fs::read_to_string(path).expect("the page")
+}
+
+/// The ranges "LO to HI" in the line of the page that begins with these words.
+fn ranges(words: &str) -> Vec<(f64, f64)> {
+    let page = page();
+    let mut lines = page.lines();
+    let line = lines
+        .find(|line| line.starts_with(words))
+        .expect("the line");
+    let words: Vec<&str> = line
+        .split_whitespace()
+        .filter(|word| *word != "%")
+        .collect();
+    let number = |word: &str| word.replace(',', "").parse::<f64>();
+    let between = |three: &[&str]| match three {
+        [lo, "to", hi] => Some((number(lo).ok()?, number(hi).ok()?)),
+        _ => None,
+    };
+    words.windows(3).filter_map(between).collect()
+}
+
 /// The rows of a section of docs/limits.md.
 fn rows(section: &str) -> Vec<Row> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/limits.md");
-    let page = std::fs::read_to_string(path).expect("the page");
+    let page = page();
     let heading = format!("## {section}\n");
     let text = page.split(&heading).nth(1).expect("the section");
     let text = text.split("\n## ").next().expect("its text");

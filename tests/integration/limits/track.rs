@@ -1,9 +1,9 @@
 //! The ranges of a track: its columns, and the bins of data and of models.
 
-use super::{Row, rows};
+use super::{Row, ranges, rows};
 use crate::haloes::THETA;
 use oblate::Error;
-use oblate::data::ObservedTrack;
+use oblate::data::{AssumedError, ObservedTrack};
 use oblate::likelihood::{DataBin, LikelihoodSettings, TrackLikelihood};
 use oblate::params::StreamParams;
 use oblate::spray::TableSettings;
@@ -136,5 +136,20 @@ fn particles_far_around_the_centre_make_no_bins_there() {
     for width in [0.0, 1e-5, f64::NAN, 1e300] {
         assert!(Track::new(&particles, width, BinEdges::Hard, 1.0).is_err());
         assert!(particles.track(width).is_err());
+    }
+}
+
+#[test]
+fn an_assumed_error_is_as_small_and_as_large_as_the_page_says() {
+    let found = ranges("An assumed error is");
+    let [(lo, hi)] = found[..] else {
+        panic!("{found:?}");
+    };
+    let assumed = |percent: f64| format!("{percent}%").parse::<AssumedError>();
+    for end in [lo, hi] {
+        assert!(assumed(end).is_ok(), "{end}");
+    }
+    for beyond in [lo.next_down(), hi.next_up()] {
+        assert!(assumed(beyond).is_err(), "{beyond}");
     }
 }
