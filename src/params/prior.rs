@@ -15,6 +15,9 @@ const POSITION_SD_KPC: f64 = 150.0;
 /// Standard deviation of the progenitor's velocity per component, km/s.
 const VELOCITY_SD_KM_S: f64 = 250.0;
 
+/// The components of the shape vector.
+const SHAPE_VECTOR: [&str; 3] = ["dir_x", "dir_y", "dir_z"];
+
 const fn uniform(lo: f64, hi: f64) -> Marginal {
     Marginal::Uniform { lo, hi }
 }
@@ -422,7 +425,7 @@ impl StreamPrior {
     /// marginals are standard normals (or their positive halves).
     #[must_use]
     pub fn q_prior(&self) -> QPrior {
-        let standard = ["dir_x", "dir_y", "dir_z"].iter().all(|name| {
+        let standard = SHAPE_VECTOR.iter().all(|name| {
             self.free_index(name).is_some_and(|i| {
                 let m = self.prior.marginals()[i];
                 m == normal(1.0) || m == half_normal(1.0)
@@ -436,6 +439,16 @@ impl StreamPrior {
         } else {
             QPrior::Unknown
         }
+    }
+
+    /// Whether the prior of the symmetry axis, without its sign, is isotropic: q is uniform, and at most one component of the shape vector is known
+    /// to be positive. With two, the angle with the line of sight alone is that of isotropic axes.
+    #[must_use]
+    pub fn axis_is_isotropic(&self) -> bool {
+        let positive = (SHAPE_VECTOR.iter())
+            .filter_map(|name| self.free_index(name))
+            .filter(|&i| self.prior.marginals()[i] == half_normal(1.0));
+        self.q_prior() != QPrior::Unknown && positive.count() <= 1
     }
 
     /// One draw of the prior, all parameters.

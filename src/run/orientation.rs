@@ -35,8 +35,11 @@ pub fn axis_posteriors(paths: &[PathBuf], direction: AxisDirection) -> Result<Ve
                 source: Box::new(source),
             };
             let prior = StreamPrior::new(&fit.settings.prior).map_err(in_file)?;
-            // The prior of q has a closed form if and only if the shape vector is free under the isotropic prior.
-            if prior.q_prior() == QPrior::Unknown {
+            let angle_is_isotropic = match direction {
+                AxisDirection::LineOfSight => prior.q_prior() != QPrior::Unknown,
+                AxisDirection::Disc => prior.axis_is_isotropic(),
+            };
+            if !angle_is_isotropic {
                 return Err(Error::Posterior {
                     name: fit.stored.name.clone(),
                     fault: PosteriorFault::AxisPrior,

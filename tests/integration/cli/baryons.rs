@@ -136,19 +136,24 @@ fn mocks_and_fits_have_a_disc_and_models_are_compared() {
     refused(&output, &["without", "model.baryons.disc"]);
     let output = oblate(&["orientation", &with, &without], "");
     refused(&output, &["the track is that of"]);
-    // Odds are those against isotropic axes, which only that prior of the shape vector has.
-    let settings = Path::new(&without).join("config.toml");
-    let text = std::fs::read_to_string(&settings).expect("settings");
-    let mut table: toml::Table = text.parse().expect("TOML");
-    let axis = toml::Table::from_iter([
-        ("kind".to_owned(), "normal".into()),
-        ("mean".to_owned(), 0.0.into()),
-        ("sd".to_owned(), 2.0.into()),
-    ]);
-    table["prior"]["marginals"]["dir_z"] = axis.into();
-    std::fs::write(&settings, table.to_string()).expect("a file");
+    // Odds are those against isotropic axes, which only that prior of the shape vector has. Two positive components leave the angle with the line of sight as it is, and
+    // not that with the disc.
+    let with_marginal = |run: &str, name: &str, marginal: &str| {
+        let settings = Path::new(run).join("config.toml");
+        let text = std::fs::read_to_string(&settings).expect("settings");
+        let mut table: toml::Table = text.parse().expect("TOML");
+        let marginal: toml::Table = marginal.parse().expect("TOML");
+        table["prior"]["marginals"][name] = marginal.into();
+        std::fs::write(&settings, table.to_string()).expect("a file");
+    };
+    with_marginal(&without, "dir_z", "kind = 'normal'\nmean = 0.0\nsd = 2.0");
     let output = oblate(&["orientation", &without], "");
     refused(&output, &["without", "not isotropic", "dir_z"]);
+    with_marginal(&with, "dir_x", "kind = 'half_normal'\nsd = 1.0");
+    let output = oblate(&["orientation", &with], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let output = oblate(&["orientation", &with, "--to", "disc"], "");
+    refused(&output, &["with", "not isotropic", "dir_x"]);
 
     // Its near side is known, so that the progenitor may be behind.
     let sides = BARYONS.replace("z0_kpc", "# z0_kpc");
