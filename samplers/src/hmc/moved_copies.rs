@@ -34,7 +34,7 @@ pub fn with_moved_copies(
     target: &dyn Target,
     surrogate: &Surrogate,
     metric: &Metric,
-    step: f64,
+    mut step: f64,
     rng: impl Fn(usize) -> RandomStream + Sync,
 ) -> Result<Vec<f64>> {
     let dim = target.dim();
@@ -49,7 +49,6 @@ pub fn with_moved_copies(
         point.z.copy_from_slice(z);
         (LocalSampler::of(evaluator, 1.0, metric), point)
     };
-    let mut step = step;
     let every = count.div_ceil(TRIALS);
     for _ in 0..MAX_SHORTENED {
         let trials: Vec<f64> = (rows.par_chunks_exact(dim * every).enumerate())

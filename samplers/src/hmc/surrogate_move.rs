@@ -65,8 +65,8 @@ impl Plan {
     }
 }
 
-/// One move of `at`, at the inverse temperature `beta` of an annealing path: an HMC transition of `along`, which follows a surrogate, of steps of so many metric units, and the
-/// probability with which ln L accepted its end, 0 if that is the beginning. `values` computes ln L at a place, and the logarithm of the
+/// One move of `at`, at the inverse temperature `beta` of an annealing path: an HMC transition of `along`, which follows a surrogate, of steps of so many metric units, with the
+/// involutions of its length, and the probability with which ln L accepted its end, 0 if that is the beginning. `values` computes ln L at a place, and the logarithm of the
 /// reference of the path over the prior there.
 ///
 /// # Errors

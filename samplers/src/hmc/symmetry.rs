@@ -44,16 +44,6 @@ pub fn propose_involution(
     Ok(accepted)
 }
 
-/// The target's involutions.
-fn involutions<'t>(evaluator: &Evaluator<'t>) -> Vec<&'t dyn Involution> {
-    let of = |symmetry: &'t Symmetry| match symmetry {
-        Symmetry::Involution(map) => Some(map.as_ref()),
-        Symmetry::Orbit(_) => None,
-    };
-    let symmetries = evaluator.target().symmetries().iter();
-    symmetries.filter_map(of).collect()
-}
-
 /// Tries each of the target's involutions with probability 1/2.
 ///
 /// # Errors
@@ -64,9 +54,9 @@ pub fn try_involutions(
     at: &mut Point,
     rng: &mut RandomStream,
 ) -> Result<()> {
-    for map in involutions(evaluator) {
+    for involution in Symmetry::involutions(evaluator.target().symmetries()) {
         if unit_open(rng) < 0.5 {
-            propose_involution(evaluator, map, beta, at, rng)?;
+            propose_involution(evaluator, involution, beta, at, rng)?;
         }
     }
     Ok(())
@@ -82,9 +72,10 @@ pub fn try_one_involution(
     at: &mut Point,
     rng: &mut RandomStream,
 ) -> Result<()> {
-    let involutions = involutions(evaluator);
-    if let Some(map) = involutions.get(below(rng, involutions.len() + 1)) {
-        propose_involution(evaluator, *map, beta, at, rng)?;
+    let symmetries = evaluator.target().symmetries();
+    let choices = Symmetry::involutions(symmetries).count() + 1;
+    if let Some(involution) = Symmetry::involutions(symmetries).nth(below(rng, choices)) {
+        propose_involution(evaluator, involution, beta, at, rng)?;
     }
     Ok(())
 }

@@ -42,6 +42,14 @@ pub enum Symmetry {
 }
 
 impl Symmetry {
+    /// The involutions among `symmetries`.
+    pub fn involutions(symmetries: &[Self]) -> impl Iterator<Item = &dyn Involution> {
+        symmetries.iter().filter_map(|symmetry| match symmetry {
+            Self::Involution(involution) => Some(involution.as_ref()),
+            Self::Orbit(_) => None,
+        })
+    }
+
     /// The first orbit among `symmetries`: the one that differences of points are aligned along.
     #[must_use]
     pub fn first_orbit(symmetries: &[Self]) -> Option<&dyn Orbit> {

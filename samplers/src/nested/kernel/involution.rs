@@ -7,11 +7,9 @@ use crate::target::{Involution, Symmetry};
 
 /// Tries every declared involution with probability one half.
 pub(super) fn try_all(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> {
-    for symmetry in chain.context.target.symmetries() {
-        if let Symmetry::Involution(involution) = symmetry
-            && unit_open(rng) < 0.5
-        {
-            try_one(chain, involution.as_ref(), rng)?;
+    for involution in Symmetry::involutions(chain.context.target.symmetries()) {
+        if unit_open(rng) < 0.5 {
+            try_one(chain, involution, rng)?;
         }
     }
     Ok(())
