@@ -87,7 +87,7 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
     if let Some(found) = check::fault(&track) {
         return Err(match found.row {
             Some(row) => file.bins.fail_at(path, row, found.fault),
-            None => file.bins.fail(path, found.fault),
+            None => file.fail(found.fault),
         });
     }
     track.stars = file.stars(&star_phi_deg, handedness, &track)?;
@@ -198,8 +198,11 @@ impl<'a> TrackFile<'a> {
         r_kpc: &[f64],
         assumed: Option<AssumedError>,
     ) -> Result<(Vec<f64>, Vec<f64>, Option<AssumedError>)> {
-        let kpc = |column| self.find_kpc(column);
-        let given = (kpc("r_err")?, kpc("r_err_lo")?, kpc("r_err_hi")?);
+        let given = (
+            self.find_kpc("r_err")?,
+            self.find_kpc("r_err_lo")?,
+            self.find_kpc("r_err_hi")?,
+        );
         let assumed = match assumed {
             Some(assumed) => Some(assumed),
             None => self.entry("assume_error", "per cent of r, such as `2%`")?,

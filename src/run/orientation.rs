@@ -36,6 +36,7 @@ pub fn axis_posteriors(paths: &[PathBuf], direction: AxisDirection) -> Result<Ve
             };
             let prior = StreamPrior::new(&fit.settings.prior).map_err(in_file)?;
             let angle_is_isotropic = match direction {
+                // The prior of q has a closed form only if the shape vector is free under its default marginals, each perhaps the positive half.
                 AxisDirection::LineOfSight => prior.q_prior() != QPrior::Unknown,
                 AxisDirection::Disc => prior.axis_is_isotropic(),
             };

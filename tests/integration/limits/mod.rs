@@ -8,6 +8,7 @@ mod settings;
 mod study;
 mod track;
 
+use std::num::ParseFloatError;
 use std::path::Path;
 
 /// A row of a table of the page.
@@ -23,6 +24,11 @@ fn page() -> String {
     std::fs::read_to_string(path).expect("the page")
 }
 
+/// A number as the page writes it.
+fn number(text: &str) -> Result<f64, ParseFloatError> {
+    text.replace(',', "").parse()
+}
+
 /// The ranges "LO to HI" in the line of the page that begins with these words.
 fn ranges(words: &str) -> Vec<(f64, f64)> {
     let page = page();
@@ -34,7 +40,6 @@ fn ranges(words: &str) -> Vec<(f64, f64)> {
         .split_whitespace()
         .filter(|word| *word != "%")
         .collect();
-    let number = |word: &str| word.replace(',', "").parse::<f64>();
     let between = |three: &[&str]| match three {
         [lo, "to", hi] => Some((number(lo).ok()?, number(hi).ok()?)),
         _ => None,
@@ -54,11 +59,10 @@ fn rows(section: &str) -> Vec<Row> {
             let mut cells = line.strip_prefix('|')?.split('|').map(str::trim);
             let key = cells.next()?.trim_matches('`').to_owned();
             let (lo, hi) = cells.next()?.split_once(" to ")?;
-            let number = |text: &str| text.replace(',', "").parse::<f64>().expect("a number");
             Some(Row {
                 key,
-                lo: number(lo),
-                hi: number(hi),
+                lo: number(lo).expect("a number"),
+                hi: number(hi).expect("a number"),
             })
         })
         .collect();
