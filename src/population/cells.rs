@@ -13,10 +13,15 @@ pub(super) struct Cells {
     edges: Vec<f64>,
 }
 
+/// The width of the widest cells of a support: a member that is narrower may lie between the middles of two.
+pub(super) fn widest((lo, hi): (f64, f64)) -> f64 {
+    (hi - lo) / f64::from(EQUAL)
+}
+
 impl Cells {
     /// The cells of a support `(q_min, q_max)`.
     pub fn new((lo, hi): (f64, f64)) -> Self {
-        let width = (hi - lo) / f64::from(EQUAL);
+        let width = widest((lo, hi));
         let mut edges = vec![lo];
         edges.extend((1..=HALVINGS).rev().map(|k| lo + width * 0.5_f64.powi(k)));
         edges.extend((1..EQUAL).map(|i| lo + width * f64::from(i)));

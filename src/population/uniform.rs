@@ -1,5 +1,6 @@
 //! The uniform distribution between two free edges.
 
+use super::cells::widest;
 use super::family::Family;
 use super::hyperprior::{self, ANY, POSITIVE};
 use super::truncated_gaussian::{DEVIATIONS, MEANS};
@@ -91,9 +92,11 @@ impl Family<2> for Uniform {
         ]
     }
 
-    /// The difference of two ramps, one at each edge, over its integral in the support.
+    /// The difference of two ramps, one at each edge, over its integral in the support. Integrals over a population are sums over cells of the support, and a member
+    /// narrower than the widest of them counts as one of that width.
     fn ln_pdf<S: Real>(&self, [centre, width]: [S; 2]) -> impl Fn(f64) -> S {
         let (lo, hi) = self.support;
+        let width = width.max(S::from_f64(widest(self.support)));
         let length = width * RAMP;
         let edge = |sign: f64| {
             let middle = centre + width * (0.5 * sign);

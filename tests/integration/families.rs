@@ -126,7 +126,40 @@ fn the_edges_of_a_uniform_population_have_a_gradient() {
     assert!((cut + 0.4_f64.ln()).abs() < 1e-12, "{cut}");
     let edges = family.derived([0.6, 0.6]);
     assert!((edges[0] - 0.5).abs() < 1e-15 && (edges[1] - 0.9).abs() < 1e-15);
-    assert!(family.ln_pdf([0.9_f64, 0.0])(0.9).is_nan());
+}
+
+/// Integrals over a population are sums over 400 cells: one of their middles is in every member.
+#[test]
+fn a_uniform_population_narrower_than_a_cell_counts_as_one_cell() {
+    let family = uniform();
+    let middles = || (0..400).map(|i| 0.5 + (f64::from(i) + 0.5) / 400.0);
+    for width in [0.0, 1e-4, 1.0 / 400.0_f64] {
+        for centre in [0.513, 0.75, 1.000_01, 1.498] {
+            let ln_pdf = family.ln_pdf([centre, width]);
+            let mass: f64 = middles().map(|q| ln_pdf(q).exp() / 400.0).sum();
+            assert!((mass - 1.0).abs() < 0.06, "{width} {centre}: {mass}");
+        }
+    }
+}
+
+/// Draws of equal weight have few different weights in a family of constant density: their tail is no reason to distrust them.
+#[test]
+fn draws_of_equal_weight_pass_in_families_of_constant_density() {
+    for family in [FamilyName::Uniform, FamilyName::Histogram] {
+        let q = (0..2_000)
+            .map(|i| 0.7 + 0.5 * f64::from(i) / 2_000.0)
+            .collect();
+        let stream = QPosterior::equal_weights("alone", q, QPrior::Uniform { lo: 0.5, hi: 1.5 });
+        let target = population(family, &[stream]);
+        let run = run(target.as_ref(), Sampler::Nested, 100, 1, 1);
+        let streams = target.streams_given_population(&run.draws);
+        assert!(
+            streams[0].pareto_k < 0.7,
+            "{}: {}",
+            family.name(),
+            streams[0].pareto_k
+        );
+    }
 }
 
 #[test]

@@ -29,7 +29,10 @@ pub fn weighted_quantile(values: &[f64], weights: &[f64], p: f64) -> f64 {
         let middle = (below + 0.5 * weights[i]) / total;
         if middle >= p {
             return match last {
-                Some((m, v)) if middle > m => v + (values[i] - v) * (p - m) / (middle - m),
+                // Infinite values have no number between them.
+                Some((m, v)) if middle > m && v.is_finite() && v < values[i] => {
+                    v + (values[i] - v) * (p - m) / (middle - m)
+                }
                 _ => values[i],
             };
         }

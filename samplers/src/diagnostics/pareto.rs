@@ -6,7 +6,8 @@ const MIN_TAIL: usize = 5;
 /// Shape `k` of the generalised Pareto distribution fitted to the largest of some weights, which are given by their logarithms (Vehtari et al.
 /// 2024): above 0.7 a sum over so many weights cannot be trusted. The tail has `min(n / 5, 3 sqrt n)` of the `n` weights, and the fit is that of Zhang
 /// & Stephens (2009) with the weak prior of Vehtari et al.: `k` is drawn towards 0.5 by ten weights. Minus infinity if all weights of the tail are
-/// equal; infinity if there are too few for a tail, or if one is not a number.
+/// equal; infinity if there are too few for a tail, or if one is not a number. Weights equal to the threshold, of which weights with few different values have many, do not
+/// belong to the tail.
 #[must_use]
 pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     let mut sorted: Vec<f64> = ln_weights.to_vec();
@@ -27,7 +28,11 @@ pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     let excess: Vec<f64> = sorted[start..]
         .iter()
         .map(|w| (w - top).exp() - threshold)
+        .filter(|excess| *excess > 0.0)
         .collect();
+    if excess.is_empty() {
+        return f64::NEG_INFINITY;
+    }
     shape(&excess)
 }
 
@@ -35,16 +40,13 @@ pub fn pareto_k(ln_weights: &[f64]) -> f64 {
 fn shape(excess: &[f64]) -> f64 {
     let n = excess.len() as f64;
     let largest = excess[excess.len() - 1];
-    if largest <= 0.0 {
-        return f64::NEG_INFINITY;
-    }
     // Candidates of b = -k / sigma around the inverse of the largest excess, weighted by their profile likelihood.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a quarter of the number of excesses"
     )]
-    let quartile = excess[((n / 4.0 + 0.5) as usize).max(1) - 1].max(f64::MIN_POSITIVE);
+    let quartile = excess[((n / 4.0 + 0.5) as usize).max(1) - 1];
     let candidates = 30.0 + n.sqrt().floor();
     let k_of = |b: f64| excess.iter().map(|x| (-b * x).ln_1p()).sum::<f64>() / n;
     let b: Vec<f64> = (1..)
@@ -104,6 +106,13 @@ mod tests {
     fn tails_that_have_no_shape_are_named() {
         assert!(pareto_k(&[0.0; 5]).is_infinite() && pareto_k(&[0.0; 5]) > 0.0);
         assert!(pareto_k(&[0.0; 1_000]) < 0.0);
+        // Weights of two values: those of the lower one fill the tail but for 20, and have no excess.
+        let two = |high: usize| [vec![0.0; 1_000 - high], vec![1.0; high]].concat();
+        for high in [1, 20, 95] {
+            let k = pareto_k(&two(high));
+            assert!(k.is_finite() && k < 0.7, "{high}: {k}");
+        }
+        assert!(pareto_k(&two(900)) < 0.0);
         let mut one_nan = vec![0.0; 1_000];
         one_nan[3] = f64::NAN;
         assert!(pareto_k(&one_nan) > 1.0);
