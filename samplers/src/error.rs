@@ -162,6 +162,14 @@ pub enum Error {
         /// The seed.
         seed: u64,
     },
+    /// Two runs to merge have common draws, though their seeds differ.
+    #[error(
+        "two of the runs to merge have draws in common: one, with the seed {seed}, is a part of another, which is a merger itself; give each run once"
+    )]
+    SharedDraws {
+        /// The seed of the later one.
+        seed: u64,
+    },
     /// Runs to merge have more lineages than labels.
     #[error("the runs to merge have too many lineages to be told apart; merge fewer runs")]
     TooManyLineages,

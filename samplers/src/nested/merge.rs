@@ -16,7 +16,7 @@ use crate::output::{
     Check, Cost, Draws, ESS_BULK, ESS_TAIL, History, MIN_ESS, Method, Run, Status,
 };
 use crate::target::Target;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 
 /// Minimum p-value of the differences between the runs.
 const MIN_PROBABILITY: f64 = 0.01;
@@ -25,7 +25,7 @@ const MIN_PROBABILITY: f64 = 0.01;
 /// worst of the runs' own and those of their agreement; its seed is that of the first run.
 ///
 /// # Errors
-/// [`Error::TooFewRuns`], [`Error::SameSeed`] and [`Error::NotNested`]; [`Error::OtherParameters`], [`Error::NoDraws`] and
+/// [`Error::TooFewRuns`], [`Error::SameSeed`], [`Error::SharedDraws`] and [`Error::NotNested`]; [`Error::OtherParameters`], [`Error::NoDraws`] and
 /// [`Error::OtherLikelihood`] for a run on another target; [`Error::Fatal`] and [`Error::Infinite`] from the target.
 pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
     let parts = runs
@@ -40,6 +40,9 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
         return Err(Error::SameSeed { seed: run.seed });
     }
     let dim = target.dim();
+    if let Some(seed) = seed_of_shared_draws(runs, dim) {
+        return Err(Error::SharedDraws { seed });
+    }
     let mut all = MergedPoints::default();
     for part in &parts {
         all.add(part, dim);
@@ -77,6 +80,22 @@ pub fn merge(target: &dyn Target, runs: &[&Run]) -> Result<Run> {
         warnings: runs.iter().flat_map(|run| run.warnings.clone()).collect(),
         surrogate: None,
     })
+}
+
+/// The seed of the first run that has a draw of one before it. A merger keeps the seed of its first run alone.
+fn seed_of_shared_draws(runs: &[&Run], dim: usize) -> Option<u64> {
+    let mut seen: HashSet<Vec<u64>> = HashSet::new();
+    for run in runs {
+        let rows = run.draws.theta.chunks_exact(dim);
+        let own: HashSet<Vec<u64>> = rows
+            .map(|row| row.iter().map(|x| x.to_bits()).collect())
+            .collect();
+        if !seen.is_disjoint(&own) {
+            return Some(run.seed);
+        }
+        seen.extend(own);
+    }
+    None
 }
 
 /// The parts of a run.

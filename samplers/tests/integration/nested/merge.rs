@@ -86,6 +86,10 @@ fn what_does_not_belong_together_is_refused() {
     assert!(matches!(alone, Error::TooFewRuns { given: 1 }), "{alone}");
     let twice = refused(&[&parts[0], &parts[0]]);
     assert!(matches!(twice, Error::SameSeed { seed: 1 }), "{twice}");
+    // A merger keeps the first seed alone.
+    let both = merge(&target, &[&parts[0], &parts[1]]).unwrap();
+    let again = refused(&[&both, &parts[1]]);
+    assert!(matches!(again, Error::SharedDraws { seed: 2 }), "{again}");
     let other = sample(&hard::quarter(), &settings(50, Kernel::Uniform), 3);
     let other = refused(&[&parts[0], &other]);
     assert!(matches!(other, Error::OtherLikelihood { .. }), "{other}");
