@@ -165,8 +165,9 @@ impl ModelFlags {
         if let Some(profile) = self.profile() {
             settings.model = profile.model().with_host_of(&settings.model);
             settings.likelihood = LikelihoodSettings {
-                // It belongs to the data, not to the profile.
+                // These belong to the data, not to the profile.
                 error_floor_percent: settings.likelihood.error_floor_percent,
+                error_correlation: settings.likelihood.error_correlation,
                 ..profile.likelihood()
             };
         }

@@ -25,6 +25,33 @@ fn every_setting_is_printed_and_read_back() {
     }
 }
 
+/// A profile is of the model and of its comparison with the data; what is known of the data's errors is not its own.
+#[test]
+fn a_profile_keeps_what_is_known_of_the_errors_of_the_data() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = "[likelihood]\nerror_floor_percent = 2.5\nerror_correlation = { angle_deg = 12.0, fraction = 0.4 }\n";
+    let path = write(folder.path(), "errors.toml", text);
+    for profile in ["fast", "paper"] {
+        let flags = [
+            "fit",
+            "--print-config",
+            "--config",
+            &path,
+            "--profile",
+            profile,
+        ];
+        let output = oblate(&flags, "");
+        let printed = String::from_utf8(output.stdout).expect("text");
+        for line in [
+            "error_floor_percent = 2.5",
+            "angle_deg = 12.0",
+            "fraction = 0.4",
+        ] {
+            assert!(printed.contains(line), "{profile}: {line}\n{printed}");
+        }
+    }
+}
+
 #[test]
 fn bad_settings_and_parameters_name_file_line_and_remedy() {
     let folder = tempfile::tempdir().expect("a folder");
