@@ -229,7 +229,12 @@ pub fn fit_with(
         return finish(&plan.target, run);
     };
     check_prior_predictive(&coarse.target, settings.seed, &mut |_, _| ())?;
-    let parent = sample(&coarse.target, &settings.sampling, settings.seed, control)?;
+    let parent = sample(
+        &coarse.target,
+        &coarse.settings.sampling,
+        settings.seed,
+        control,
+    )?;
     if parent.status != Status::Complete {
         return finish(&coarse.target, parent);
     }

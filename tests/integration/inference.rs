@@ -143,7 +143,9 @@ fn a_fit_in_memory_has_the_bits_of_the_fit_in_a_folder() {
     .unwrap();
     settings.sampling.sampler = Sampler::Nested;
     settings.sampling.nested.n_live = 40;
-    settings.sampling.nested.max_batches = 1;
+    // So many that the target of the coarse fit, which is half of this one, decides how long it goes on.
+    settings.sampling.nested.max_batches = 8;
+    settings.sampling.nested.target_ess = Some(120.0);
     settings.sampling.nested.kernel = nested::Kernel::RandomSlice;
     settings.sampling.nested.steps = Some(6);
     settings.sampling.bridge.smc_particles = 60;
