@@ -57,6 +57,8 @@ impl MockStars {
                 (-unit_open(rng).ln() / weight, i)
             })
             .collect();
+        // Particles without weight have not left the progenitor.
+        order.retain(|(number, _)| number.is_finite());
         order.sort_by(|(a, _), (b, _)| a.total_cmp(b));
         let fault = star_faults(track);
         let mut stars: Vec<StarVelocity> = order

@@ -186,11 +186,11 @@ impl ObservedTrack {
     }
 }
 
-/// The number of the bin that an angle is in: nearest to its centre.
+/// The number of the bin that an angle is in; its lower edge belongs to it.
 #[allow(
     clippy::cast_possible_truncation,
     reason = "checked tracks hold centres of a few turns at most; the cast saturates elsewhere"
 )]
 pub(super) fn bin_of(phi_deg: f64, width_deg: f64) -> i64 {
-    (phi_deg / width_deg - 0.5).round() as i64
+    (phi_deg / width_deg).floor() as i64
 }

@@ -50,7 +50,7 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
             if let Some(stars) = track.n.as_ref().map(|n| n[row])
                 && stars > 1.0
             {
-                let variance_of_r = model.n * model.r_err_kpc * model.r_err_kpc;
+                let variance_of_r = model.effective_n * model.r_err_kpc * model.r_err_kpc;
                 of_stars.push(variance_of_r / stars / (sigma * sigma));
             }
         }
@@ -78,7 +78,7 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
         let chi2 = track.stars.iter().filter_map(|star| {
             let bin = track.bin_at(star.phi_deg);
             let model = modelled.bins.iter().find(|b| b.bin == bin)?;
-            let scatter = model.v_err_km_s * model.n.sqrt();
+            let scatter = model.v_err_km_s * model.effective_n.sqrt();
             let residual = (model.v_km_s - star.v_km_s.value) / star.v_km_s.error.hypot(scatter);
             Some(residual * residual)
         });

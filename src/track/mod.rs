@@ -33,6 +33,8 @@ pub struct TrackBin {
     pub r_err_kpc: f64,
     /// Sum of the weights: the number of particles, where one in several bins adds a fraction to each.
     pub n: f64,
+    /// Number of particles of equal weight whose means are as accurate: fewer than `n` if weights are uneven.
+    pub effective_n: f64,
     /// Mean line-of-sight velocity relative to the host, away from the observer, km/s.
     pub v_km_s: f64,
     /// Standard error of the mean for independent particles, km/s.
@@ -60,8 +62,8 @@ impl TrackBin {
     pub fn error(&self, quantity: BinQuantity) -> f64 {
         match quantity {
             BinQuantity::Velocity => self.v_err_km_s,
-            BinQuantity::Width => self.width_kpc / (2.0 * self.n).sqrt(),
-            BinQuantity::Density => self.density_per_deg / self.n.sqrt(),
+            BinQuantity::Width => self.width_kpc / (2.0 * self.effective_n).sqrt(),
+            BinQuantity::Density => self.density_per_deg / self.effective_n.sqrt(),
         }
     }
 }
@@ -178,6 +180,7 @@ impl Track {
             .filter(|&i| sums.weight[i] > 0.0 && sums.weight[i] >= min_n)
             .map(|i| {
                 let n = sums.weight[i];
+                let effective_n = n / unevenness;
                 let (mean, variance) = moments(n, sums.r[i], sums.r2[i]);
                 let (v_km_s, variance_of_v) = moments(n, sums.v[i], sums.v2[i]);
                 #[allow(
@@ -189,10 +192,11 @@ impl Track {
                     bin,
                     phi_deg: grid.centre_deg(bin),
                     r_kpc: mean,
-                    r_err_kpc: (variance * unevenness / n).sqrt(),
+                    r_err_kpc: (variance / effective_n).sqrt(),
                     n,
+                    effective_n,
                     v_km_s,
-                    v_err_km_s: (variance_of_v * unevenness / n).sqrt(),
+                    v_err_km_s: (variance_of_v / effective_n).sqrt(),
                     width_kpc: variance.sqrt(),
                     density_per_deg: n / (particles.len() as f64 * width_deg),
                 }

@@ -31,6 +31,18 @@ fn velocities_and_widths_are_read_with_gaps() {
 }
 
 #[test]
+fn the_lower_edge_of_a_bin_belongs_to_it() {
+    let star = |phi: f64| format!("{phi},,,10,5\n");
+    for (first, edge) in [(5.0, 0.0), (-25.0, -30.0)] {
+        let bins: String = (0..3)
+            .map(|k| format!("{},60,1,,\n", first + 10.0 * f64::from(k)))
+            .collect();
+        let track = csv(&format!("phi,r,r_err,v,v_err\n{bins}{}", star(edge)));
+        assert_eq!(track.bin_at(edge), track.bins()[0], "{edge}");
+    }
+}
+
+#[test]
 fn single_stars_do_not_count_as_bins() {
     let stars = |count: usize| {
         let star = |i: usize| format!("{},,,{},5\n", -19.0 + 1e-4 * i as f64, i % 100);

@@ -2,7 +2,7 @@
 
 use oblate::data::{Mock, MockSettings, MockStars, QPopulation, StarVelocity, mocks};
 use oblate::params::{PriorSettings, REQUIRED, StreamPrior};
-use oblate::stream::{Model, ModelSettings, Particles, StepSchedules, System};
+use oblate::stream::{MassLoss, Model, ModelSettings, Particles, StepSchedules, System};
 use oblate::track::{BinEdges, BinQuantity, Track, TrackBin};
 
 /// The first mock with these fixed parameters.
@@ -114,6 +114,50 @@ fn errors_of_mocks_are_those_of_their_radii() {
     // Those of the paper leave out that a bin has few stars.
     let (of_paper, _) = mean_square_residual(false);
     assert!(of_paper > 1.0 + limit, "{of_paper}");
+}
+
+/// Of a progenitor that has dissolved at 0.3 of the age the particles of later releases have no weight.
+fn dissolved(count: usize) -> Mock {
+    let mut settings = MockSettings {
+        stars: Some(MockStars {
+            count,
+            velocity_noise_km_s: 5.0,
+        }),
+        velocity_noise_km_s: Some(0.01),
+        width_noise: Some(0.001),
+        ..MockSettings::default()
+    };
+    settings.model.mass_loss = Some(MassLoss::Complete);
+    let mut prior = PriorSettings::default();
+    prior.fix("dissolved_at", 0.3).unwrap();
+    let prior = StreamPrior::new(&prior).unwrap();
+    mocks(&prior, &settings, 1, 3).unwrap().mocks.remove(0)
+}
+
+#[test]
+fn particles_that_have_not_left_the_progenitor_are_no_stars() {
+    let particles = MockSettings::default().model.releases.particles;
+    let count = dissolved(100_000).track.stars.len();
+    // Some of the particles that have left lie in no bin of the track.
+    assert!(count > 100 && 3 * particles > 10 * (count - 1), "{count}");
+}
+
+/// With uneven weights means, widths and densities are as uncertain as those of fewer particles of equal weight.
+#[test]
+fn errors_of_a_bin_are_those_of_its_effective_number_of_particles() {
+    let track = dissolved(1).track;
+    let n = track.n.as_ref().unwrap();
+    for (row, width) in track.measured[&BinQuantity::Width].iter().enumerate() {
+        let width = width.expect("a width");
+        // Three tenths of the releases have weights.
+        let effective = 0.3 * n[row];
+        let expected = width.value / (2.0 * effective).sqrt();
+        let of_width = (width.error.powi(2) - (0.001 * width.value).powi(2)).sqrt();
+        assert!(
+            (of_width / expected - 1.0).abs() < 0.05,
+            "{row}: {of_width} {expected}"
+        );
+    }
 }
 
 #[test]
