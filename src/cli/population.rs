@@ -3,7 +3,7 @@
 use super::command_line::CommandLine;
 use super::exit::Exit;
 use super::folder::{FolderFlags, interrupted};
-use super::next::after_population;
+use super::next::{Step, after_population};
 use super::options::{LimitFlags, sampler};
 use super::output::{Output, shown};
 use super::set::SetFlags;
@@ -12,9 +12,10 @@ use crate::config::{PopulationConfig, read};
 use crate::error::Result;
 use crate::inference::Sampler;
 use crate::population::FamilyName;
-use crate::run::{FamilyRun, PopulationFits, population, populations};
+use crate::posterior::Summary;
+use crate::run::{FamilyRun, PopulationFits, population, populations, sampling_of_population};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Flags of `oblate population`.
 #[derive(clap::Args, Debug)]
@@ -75,14 +76,7 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
             &args.limits,
             out,
             |destination, monitor| population(&fits, &config, destination, monitor),
-            |fit, folder| {
-                Ok(after_population(
-                    &fit.summary,
-                    &config.sampling,
-                    folder,
-                    command,
-                ))
-            },
+            |fit, folder| Ok(steps_after(&fit.summary, &config, folder, command)),
         );
     }
     let runs = folder.fill_several(command, &args.limits, |destination, monitored| {
@@ -103,11 +97,22 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
     let steps = runs.iter().map(|run| {
         let of_family = (command.with_value("--family", run.family.name()))
             .with_value("--out", &run.folder.display().to_string());
-        after_population(&run.summary, &config.sampling, &run.folder, &of_family)
+        steps_after(&run.summary, &config, &run.folder, &of_family)
     });
     tell_once(steps.flatten());
     let converged = runs.iter().all(|run| run.summary.converged);
     Ok(Exit::from_converged(converged || folder.allow_unconverged))
+}
+
+/// What to do after a population, by the settings that its sampler had.
+fn steps_after(
+    summary: &Summary,
+    config: &PopulationConfig,
+    folder: &Path,
+    command: &CommandLine,
+) -> Vec<Step> {
+    let sampling = sampling_of_population(config, summary.parameters.len());
+    after_population(summary, &sampling, folder, command)
 }
 
 /// The families, the best first, with their ln Bayes factors against it; then what is wrong with any of them.

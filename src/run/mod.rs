@@ -33,7 +33,7 @@ pub use merge::merge;
 pub use monitor::{Monitor, Monitored};
 pub use names::file_name;
 pub use orientation::{AxisDirection, axis_posteriors};
-pub use population::{PopulationFits, population};
+pub use population::{PopulationFits, population, sampling_of_population};
 pub use population_fits::q_posterior;
 pub use populations::{FamilyRun, populations};
 pub use render::render_report;

@@ -40,7 +40,8 @@ const MAX_UNIFORM: usize = 2;
 /// The settings of the samplers for `dim` hyperparameters. The posterior of a flexible family is hardly narrower than its prior, so that a nested run
 /// has too few iterations in which to raise its steps by itself; where a kernel has steps and the user has not chosen their number, they are three
 /// per hyperparameter from the beginning.
-fn sampling(config: &PopulationConfig, dim: usize) -> SamplerSettings {
+#[must_use]
+pub fn sampling_of_population(config: &PopulationConfig, dim: usize) -> SamplerSettings {
     let mut sampling = config.sampling.clone();
     let nested = &mut sampling.nested;
     if nested.kernel == Kernel::Auto && dim > MAX_UNIFORM {
@@ -94,7 +95,7 @@ pub fn population(
         }
         RunState::Unfinished(session) => session,
     };
-    let sampling = sampling(config, target.prior().dim());
+    let sampling = sampling_of_population(config, target.prior().dim());
     monitor.tell_memory(&config.reweighting.memory(streams.len()));
     let fit = session.complete(
         target.as_ref(),

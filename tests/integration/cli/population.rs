@@ -139,6 +139,27 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     let proposed = format!("--out {short}_2 --set sampling.nested.max_batches=2");
     assert!(text.contains(&proposed), "{output:?}");
 
+    // Steps that are too few: the proposal changes those that the run had, three for each hyperparameter.
+    let mixture = path("mixture");
+    let of_mixture = ["--family", "mixture", "--out", &mixture];
+    let output = population(&fits, &of_mixture);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let summary = Path::new(&mixture).join("summary.json");
+    let text = std::fs::read_to_string(&summary).expect("a summary");
+    let (before, check) = text.split_once("\"insertion-rank\"").expect("the check");
+    let failed = check.replacen("\"pass\": true", "\"pass\": false", 1);
+    let failed = format!("{before}\"insertion-rank\"{failed}");
+    let failed = failed.replace("\"converged\": true", "\"converged\": false");
+    std::fs::write(&summary, &failed).expect("a summary");
+    let output = population(&fits, &[&of_mixture[..], &["--resume"]].concat());
+    let text = String::from_utf8_lossy(&output.stderr);
+    let dim = json(failed.as_bytes())["parameters"]
+        .as_object()
+        .expect("rows")
+        .len();
+    let proposed = format!("--set sampling.nested.steps={}", 6 * dim);
+    assert!(text.contains(&proposed), "{text}");
+
     // With a selection, which the mocks' maker writes.
     let selection = path("selection.toml");
     let make = |more: &[&str]| {
