@@ -1,4 +1,4 @@
-//! Whether the symmetry axes of haloes are aligned with a direction (docs/samplers.md, section 5).
+//! Whether the symmetry axes of haloes are aligned with a direction (docs/physics.md, section 10).
 //!
 //! The posterior of one axis has the isotropic prior of the shape vector, so that the cosine of its angle with any direction is uniform
 //! between 0 and 1, as an axis has no sign. A population has one or two hyperparameters, which are integrated on a grid.

@@ -67,7 +67,7 @@ impl Settings {
             return Err(Error::Setting {
                 name: "smc_particles",
                 value: self.smc_particles.to_string(),
-                remedy: "give at least ten per parameter; 2,000 is the default",
+                remedy: "give at least ten per parameter",
             });
         }
         self.memory(dim).check()?;

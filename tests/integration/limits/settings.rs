@@ -183,6 +183,9 @@ fn the_ranges_of_mocks_are_those_of_the_page() {
             count: 50,
             velocity_noise_km_s: 5.0,
         }),
+        velocity_noise_km_s: Some(5.0),
+        width_noise: Some(0.1),
+        density_noise: Some(0.1),
         ..MockSettings::default()
     };
     agree("4. Mocks", &settings, MockSettings::check);
