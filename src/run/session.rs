@@ -12,7 +12,7 @@ use crate::posterior::{Summary, zarr};
 use oblate_samplers::control::CheckpointPlan;
 use oblate_samplers::output::{Method, Status};
 use oblate_samplers::{Control, Event, Run, Target};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Number of prior draws that are kept with those of the posterior.
 const PRIOR_DRAWS: usize = 2_000;
@@ -35,11 +35,10 @@ impl Destination<'_> {
     /// # Errors
     /// [`Error::OutputIsInput`] if it does.
     pub(super) fn is_apart_from(&self, inputs: &[PathBuf]) -> Result<()> {
-        let real = |path: &Path| std::fs::canonicalize(path).ok();
-        let Some(out) = real(self.folder) else {
+        let Some(out) = real_path(self.folder) else {
             return Ok(());
         };
-        let mut inputs = inputs.iter().filter_map(|path| real(path));
+        let mut inputs = (inputs.iter()).filter_map(|path| std::fs::canonicalize(path).ok());
         if inputs.any(|input| input.starts_with(&out) || out.starts_with(&input)) {
             return Err(Error::OutputIsInput {
                 path: self.folder.to_path_buf(),
@@ -76,6 +75,25 @@ impl Destination<'_> {
         }
         Ok(())
     }
+}
+
+/// The path without links, also of what does not exist yet: that of its nearest ancestor that exists, and the rest. `None` if no ancestor
+/// can be read.
+fn real_path(path: &Path) -> Option<PathBuf> {
+    let path = std::path::absolute(path).ok()?;
+    let (existing, mut real) = path
+        .ancestors()
+        .find_map(|ancestor| Some((ancestor, std::fs::canonicalize(ancestor).ok()?)))?;
+    for part in path.strip_prefix(existing).ok()?.components() {
+        // A folder that is not there yet is no link, so that its parent is the one above it.
+        match part {
+            Component::ParentDir => {
+                real.pop();
+            }
+            part => real.push(part),
+        }
+    }
+    Some(real)
 }
 
 /// Whether a fit that ended by its stopping rule under the settings `before` is sampled further under these.

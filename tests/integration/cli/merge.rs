@@ -30,6 +30,14 @@ fn fits_from_several_seeds_are_merged_into_one() {
     refused(&merge(&[&one, &one], &both), &["same seed"]);
     refused(&merge(&[&one, &other], &both), &["differ in their track"]);
     refused(&merge(&[&one, &two], &two), &["one of the runs"]);
+    // Nor does a new folder in one of them become a run.
+    for inside in ["two/new", "two/new/run", "missing/../two/new"] {
+        let inside = path(inside);
+        refused(&merge(&[&one, &two], &inside), &["one of the runs"]);
+        let bridge = ["bridge", &two, "--particles", "200", "--out", &inside];
+        refused(&oblate(&bridge, ""), &["one of the runs"]);
+    }
+    assert!(!Path::new(&path("two/new")).exists() && !Path::new(&path("missing")).exists());
     assert!(!Path::new(&both).exists(), "nothing is left behind");
     let output = merge(&[&one, &two], &both);
     assert_eq!(output.status.code(), Some(0));

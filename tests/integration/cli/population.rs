@@ -212,6 +212,11 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     refused(&into_run, &["is the folder of one run"]);
     let into_fit = population(&fits, &["--family", "beta,uniform", "--out", &fits[0]]);
     refused(&into_fit, &["choose another folder"]);
+    let inside_fit = format!("{}/population", fits[0]);
+    refused(
+        &population(&fits, &["--out", &inside_fit]),
+        &["is, is in or holds one of the runs"],
+    );
     let again = path("again");
     copy(Path::new(&fits[0]), Path::new(&again));
     let same = population(&[&fits[..], std::slice::from_ref(&again)].concat(), &at);
