@@ -115,7 +115,14 @@ pub fn after_merge(summary: &Summary, parts: &[PathBuf], folder: &Path) -> Resul
         .map(|part| Ok(Summary::read(&RunFolder::open(part)?.summary())?.seed))
         .collect::<Result<Vec<u64>>>()?;
     let unused_seed = (1..).find(|seed| !seeds.contains(seed)).unwrap_or(1);
-    let (first, one_more) = (RunFolder::open(first)?, unused(first));
+    let first = RunFolder::open(first)?;
+    // Named after the merger: a folder beside a part may be in another run, as one beside a coarse run is.
+    let one_more = format!("{}_seed{unused_seed}", without_slash(folder));
+    let one_more = if Path::new(&one_more).exists() {
+        unused(Path::new(&one_more))
+    } else {
+        one_more
+    };
     let fit = CommandLine::new(["fit".to_owned(), first.track().display().to_string()])
         .with_value("--config", &first.config().display().to_string())
         .with_value("--seed", &unused_seed.to_string())
@@ -441,8 +448,7 @@ fn with_changes(purpose: &str, mut command: CommandLine, changes: &[Change]) -> 
 
 /// A folder beside this one that does not exist.
 fn unused(folder: &Path) -> String {
-    let name = folder.display().to_string();
-    let name = name.trim_end_matches('/');
+    let name = without_slash(folder);
     let mut numbers = 2..;
     numbers
         .find_map(|k: u32| {
@@ -450,4 +456,13 @@ fn unused(folder: &Path) -> String {
             (!Path::new(&other).exists()).then_some(other)
         })
         .unwrap_or_default()
+}
+
+/// The path of a folder, to which an ending can be added.
+fn without_slash(folder: &Path) -> String {
+    folder
+        .display()
+        .to_string()
+        .trim_end_matches('/')
+        .to_owned()
 }

@@ -2,6 +2,7 @@
 
 use super::next::{proposed, shell};
 use super::{SMALL, example, json, oblate, refused, write};
+use crate::folders::copy;
 use std::path::Path;
 
 #[test]
@@ -57,7 +58,7 @@ fn fits_from_several_seeds_are_merged_into_one() {
     assert!(names.contains(&"mean-agreement-of-seeds"), "{names:?}");
     // It has not converged: the commands that sample with one more seed and merge again are those to type, and run as they stand.
     assert_eq!(summary["converged"], false);
-    let three = path("one_2");
+    let three = path("both_seed3");
     let steps = proposed(&output);
     let [(_, fit), (_, merger)] = &steps[..] else {
         panic!("{steps:?}");
@@ -68,6 +69,15 @@ fn fits_from_several_seeds_are_merged_into_one() {
         assert_eq!(output.status.code(), Some(0), "{command}");
         assert!(Path::new(made).join("summary.json").exists(), "{made}");
     }
+    // Coarse runs are parts too: nothing is proposed in the runs that they are in.
+    let coarse = ["outer_1/coarse", "outer_2/coarse"].map(path);
+    for (run, inner) in [&one, &two].into_iter().zip(&coarse) {
+        copy(Path::new(run), Path::new(inner));
+    }
+    let steps = proposed(&merge(&[&coarse[0], &coarse[1]], &path("of_coarse")));
+    let fit = &steps[0].1;
+    let apart = path("of_coarse_seed3");
+    assert!(fit.ends_with(&format!("--out {apart}")), "{fit}");
     refused(&merge(&[&one, &two], &both), &["exists already"]);
     // It is a fit like any other.
     let page = path("page.html");
