@@ -45,7 +45,12 @@ pub fn header(path: &Path, comments: &[&str]) -> Result<Header> {
                 }
             }
             Some(known) => {
-                header.meta.insert((*known).to_owned(), typed(value));
+                // A name may be or begin with a number, such as that of a catalogue.
+                let value = match *known {
+                    "name" => json!(value),
+                    _ => typed(value),
+                };
+                header.meta.insert((*known).to_owned(), value);
             }
             None => {
                 if let Some(meant) = meant_by(key) {

@@ -169,9 +169,11 @@ impl<'a> TrackFile<'a> {
 
     /// The header's `name`, or the file's stem.
     fn name(&self) -> String {
-        match self.header.meta.get("name").and_then(Value::as_str) {
-            Some(name) => name.to_owned(),
-            None => (self.path.file_stem())
+        match self.header.meta.get("name") {
+            Some(Value::String(name)) => name.clone(),
+            // Digits alone are a number to YAML.
+            Some(Value::Number(name)) => name.to_string(),
+            _ => (self.path.file_stem())
                 .map_or_else(String::new, |s| s.to_string_lossy().into_owned()),
         }
     }

@@ -256,6 +256,25 @@ fn a_mirrored_track_has_its_phi_reversed() {
 }
 
 #[test]
+fn a_name_may_be_or_begin_with_a_number() {
+    let body = "phi,r,r_err\n5,60,1\n15,61,1\n25,62,1\n";
+    for name in ["5128", "47 Tuc", "1e3", "-2.50", "3 deg"] {
+        assert_eq!(csv(&format!("# name: {name}\n{body}")).name, name);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("track.ecsv");
+    let header = HEADER.replace("PHI", "deg").replace("unit: R", "unit: kpc");
+    for (name, expected) in [("5128", "5128"), ("2.5", "2.5"), ("47 Tuc", "47 Tuc")] {
+        let text = header.replace("# meta:\n", &format!("# meta:\n#   name: {name}\n"));
+        std::fs::write(&path, text).unwrap();
+        let track = ObservedTrack::read(&path).unwrap();
+        assert_eq!(track.name, expected);
+        track.write(&path).unwrap();
+        assert_eq!(ObservedTrack::read(&path).unwrap().name, expected);
+    }
+}
+
+#[test]
 fn a_csv_header_gives_units_and_distance() {
     let body = "phi,r,r_err\n-300,600,20\n300,610,20\n900,620,20\n";
     let track = csv(&format!(
