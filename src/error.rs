@@ -315,6 +315,14 @@ pub enum Error {
         /// Its parameters.
         second_names: Vec<String>,
     },
+    /// A run that was to be compared has no draws.
+    #[error(
+        "{name} has no draws: it was stopped before the first one; continue it, or leave it out"
+    )]
+    NoDraws {
+        /// Its name.
+        name: String,
+    },
     /// A run has no column of this name.
     #[error("the run has no column `{column}`; choose among {}", found.join(", "))]
     NoColumn {

@@ -42,7 +42,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         let comparison = if *one_model {
             compare(&names[0], &first.run, name, &other.run)?
         } else {
-            compare_models(&names[0], &first.run, name, &other.run)
+            compare_models(&names[0], &first.run, name, &other.run)?
         };
         agree &= comparison.agree();
         if args.output.json {

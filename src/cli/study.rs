@@ -323,7 +323,7 @@ fn print(result: &StudyResult, scaling: &[ScalingRow], out: &mut Output<'_>) -> 
             100.0 * acceptance
         ))?;
     }
-    // Runs of different samplers on one track are compared.
+    // Runs of different samplers on one track are compared, unless one was stopped before its first draw.
     for group in [&result.tracks, &result.mocks, &result.populations] {
         for (i, a) in group.iter().enumerate() {
             for b in group[i + 1..].iter().filter(|b| b.name == a.name) {
@@ -331,6 +331,9 @@ fn print(result: &StudyResult, scaling: &[ScalingRow], out: &mut Output<'_>) -> 
                     RunFolder::open(&a.folder)?.read()?,
                     RunFolder::open(&b.folder)?.read()?,
                 );
+                if ra.run.draws.is_empty() || rb.run.draws.is_empty() {
+                    continue;
+                }
                 let c = compare(&ra.name, &ra.run, &rb.name, &rb.run)?;
                 out.line(&format!("{}: {}", a.name, c.verdict()))?;
             }

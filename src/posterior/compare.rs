@@ -144,7 +144,7 @@ impl Comparison {
 /// Compares two runs of one target.
 ///
 /// # Errors
-/// [`Error::OtherParameters`] if they have different parameters.
+/// [`Error::OtherParameters`] if they have different parameters; [`Error::NoDraws`] if one has no draws.
 pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Comparison> {
     if a.names != b.names {
         return Err(Error::OtherParameters {
@@ -156,13 +156,22 @@ pub fn compare(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Compariso
     }
     Ok(Comparison {
         one_model: true,
-        ..compare_models(name_a, a, name_b, b)
+        ..compare_models(name_a, a, name_b, b)?
     })
 }
 
 /// Compares runs of two models of one track, in the parameters that both have.
-#[must_use]
-pub fn compare_models(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Comparison {
+///
+/// # Errors
+/// [`Error::NoDraws`] if one has no draws.
+pub fn compare_models(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Comparison> {
+    for (name, run) in [(name_a, a), (name_b, b)] {
+        if run.draws.is_empty() {
+            return Err(Error::NoDraws {
+                name: name.to_owned(),
+            });
+        }
+    }
     let ln_z = [a, b].map(|r| ValueError {
         value: r.evidence.ln_z,
         error: r.evidence.error,
@@ -201,7 +210,7 @@ pub fn compare_models(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Compariso
             .ok()
             .map(|q| r.draws.ess_of_mean(&q.values) / r.cost.cpu_seconds),
     });
-    Comparison {
+    Ok(Comparison {
         names: [name_a.to_owned(), name_b.to_owned()],
         ln_z_sigma: (ln_z[0].value - ln_z[1].value) / ln_z[0].error.hypot(ln_z[1].error),
         ln_z,
@@ -210,7 +219,7 @@ pub fn compare_models(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Compariso
         cost,
         converged: [a.converged(), b.converged()],
         one_model: false,
-    }
+    })
 }
 
 fn mode_row(name: String, a: Probability, b: Probability) -> ModeRow {

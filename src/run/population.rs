@@ -200,7 +200,7 @@ fn write_missing_tables(
     write_tables(config, folder, &stored.run, &stored.summary)
 }
 
-/// Writes the density of q with its bands, and the streams, as tables.
+/// Writes the density of q with its bands, and the streams, as tables; nothing of a run that was stopped before its first draw.
 ///
 /// # Errors
 /// [`Error::Unwritten`] if one cannot be written.
@@ -210,6 +210,9 @@ fn write_tables(
     run: &Run,
     summary: &Summary,
 ) -> Result<()> {
+    if run.draws.is_empty() {
+        return Ok(());
+    }
     let density = config.family.density(&run.draws, DENSITY_POINTS)?;
     write_table(&folder.density(), density.csv().as_bytes())?;
     let Some(population) = &summary.population else {

@@ -80,6 +80,11 @@ impl RunFigures {
         }
     }
 
+    /// Whether it has draws: one that was stopped before the first has none.
+    fn has_draws(&self) -> bool {
+        !self.stored.run.draws.is_empty()
+    }
+
     /// Whether this run and another have the same data: fits the same track in the same sense, populations streams of the same names.
     fn has_data_of(&self, other: &Self) -> bool {
         match (&self.track, &other.track) {
@@ -168,8 +173,8 @@ fn groups_of_same_data(rendered: &[RunFigures]) -> Vec<Vec<usize>> {
     groups
 }
 
-/// Comparisons of the first run of each group with every run of it: `None` for the first run itself, and for a run of the same host with other
-/// parameters.
+/// Comparisons of the first run of each group with every run of it: `None` for the first run itself, for a run of the same host with other
+/// parameters, and where one of the two has no draws.
 fn comparisons(
     rendered: &[RunFigures],
     names: &[String],
@@ -179,14 +184,14 @@ fn comparisons(
         .map(|d| d.stored.model(&d.folder))
         .collect::<Result<_>>()?;
     let compared = |first: usize, i: usize| {
-        if i == first {
+        if i == first || ![first, i].iter().all(|k| rendered[*k].has_draws()) {
             return Ok(None);
         }
         let [a, b] = [first, i].map(|k| &rendered[k].stored.run);
         if let [Some(one), Some(other)] = [first, i].map(|k| models[k])
             && !one.has_host_of(&other)
         {
-            return Ok(Some(compare_models(&names[first], a, &names[i], b)));
+            return compare_models(&names[first], a, &names[i], b).map(Some);
         }
         let same = a.names == b.names;
         same.then(|| compare(&names[first], a, &names[i], b))
@@ -249,9 +254,11 @@ fn figures_of(path: &Path) -> Result<RunFigures> {
             column,
         })
         .collect();
-    let svg = corner(&shown, &weights, &drawn.stored.name);
-    let caption = "Marginals: 68 and 95 % regions; lines: the truth, where it is known";
-    drawn.push("corner", caption, svg);
+    if drawn.has_draws() {
+        let svg = corner(&shown, &weights, &drawn.stored.name);
+        let caption = "Marginals: 68 and 95 % regions; lines: the truth, where it is known";
+        drawn.push("corner", caption, svg);
+    }
     let svg = diagnostics(&drawn.stored.run);
     drawn.push("diagnostics", "Diagnostics of the sampler", svg);
     if let Ok(coarse) = RunFolder::open(&drawn.folder.coarse()) {
@@ -284,10 +291,11 @@ fn draw_streams(drawn: &mut RunFigures, track: &ObservedTrack) -> Result<()> {
 fn draw_population(drawn: &mut RunFigures) -> Result<()> {
     let config: PopulationConfig =
         crate::config::parse(&drawn.stored.config, &drawn.folder.config())?;
-    let density = (config.family).density(&drawn.stored.run.draws, DENSITY_POINTS)?;
-    let caption =
-        "Density of q in the population: posterior mean and median, pointwise 68 and 95 % (shaded)";
-    drawn.push("density", caption, population_density(&density));
+    if drawn.has_draws() {
+        let density = (config.family).density(&drawn.stored.run.draws, DENSITY_POINTS)?;
+        let caption = "Density of q in the population: posterior mean and median, pointwise 68 and 95 % (shaded)";
+        drawn.push("density", caption, population_density(&density));
+    }
     let Some(population) = drawn.stored.summary.population.clone() else {
         return Ok(());
     };
@@ -301,10 +309,10 @@ fn draw_population(drawn: &mut RunFigures) -> Result<()> {
     Ok(())
 }
 
-/// q of a run under a name; `None` if it has none.
+/// q of a run under a name; `None` if it has none, or no draws.
 fn q_curve(stored: &StoredRun, name: &str) -> Option<QCurve> {
+    let draws = Some(&stored.run.draws).filter(|draws| !draws.is_empty())?;
     let q = column(&stored.run, "q").ok()?.values;
-    let draws = &stored.run.draws;
     Some(QCurve {
         name: name.to_owned(),
         weights: draws.weights(),

@@ -15,13 +15,14 @@ pub use result::{FailedRun, StudyResult, StudyRun, StudySubset};
 pub use watch::{FitsSoFar, Watcher};
 
 use crate::config::{StreamsOf, StudyConfig};
-use crate::error::{Error, OutputFault, Result};
+use crate::error::{Error, OutputFault, PosteriorFault, Result};
+use crate::inference::Sampler;
 use crate::report::is_page;
 use fits::{Outcome, all_fits, one_fit};
 use inputs::{StudyInputs, streams_of};
 use oblate_samplers::limits::in_range;
 use plan::{PlannedFit, planned_fits};
-use populations::{planned_populations, planned_subsets};
+use populations::{PlannedPopulation, planned_populations, planned_subsets};
 use slurm::Slurm;
 use std::fs::File;
 use std::io::Read;
@@ -134,31 +135,38 @@ impl<'a> Study<'a> {
             .filter(|run| run.of == Some(group) && run.sampler == sampler)
             .map(FailedRun::to_string)
             .collect();
+        let sample = |planned: PlannedPopulation, result: &mut StudyResult| {
+            let (name, sampler) = (planned.name.clone(), planned.sampler);
+            let done = match planned.sample(&folders, &missing, command, watcher) {
+                Err(error) if is_of_unfinished_fit(&error) => {
+                    let failed = failed_population(name, sampler, error.to_string());
+                    result.failed.push(failed);
+                    return Ok(None);
+                }
+                other => other?,
+            };
+            result.interrupted = done.is_none();
+            Ok::<_, Error>(done)
+        };
         for planned in planned_populations(self.config) {
             if folders.is_empty() {
-                result.failed.push(FailedRun {
-                    of: None,
-                    name: planned.name,
-                    sampler: planned.sampler,
-                    reason: "no fit of its streams has a result".to_owned(),
-                });
+                let reason = "no fit of its streams has a result".to_owned();
+                let failed = failed_population(planned.name, planned.sampler, reason);
+                result.failed.push(failed);
                 continue;
             }
-            match planned.sample(&folders, &missing, command, watcher)? {
-                Some(run) => result.populations.push(run),
-                None => result.interrupted = true,
-            }
+            let done = sample(planned, result)?;
+            result.populations.extend(done);
             if result.interrupted {
                 return Ok(());
             }
         }
         for (streams, planned) in planned_subsets(self.config, folders.len()) {
-            match planned.sample(&folders, &missing, command, watcher)? {
-                Some(run) => result.subsets.push(StudySubset { streams, run }),
-                None => {
-                    result.interrupted = true;
-                    break;
-                }
+            let done = sample(planned, result)?;
+            let subset = done.map(|run| StudySubset { streams, run });
+            result.subsets.extend(subset);
+            if result.interrupted {
+                return Ok(());
             }
         }
         Ok(())
@@ -210,6 +218,21 @@ impl<'a> Study<'a> {
         }
         result
     }
+}
+
+fn failed_population(name: String, sampler: Sampler, reason: String) -> FailedRun {
+    FailedRun {
+        of: None,
+        name,
+        sampler,
+        reason,
+    }
+}
+
+/// Whether a population has no result because one of its fits was stopped before its first draw.
+fn is_of_unfinished_fit(error: &Error) -> bool {
+    let fault = PosteriorFault::NoDraws;
+    matches!(error, Error::Posterior { fault: found, .. } if *found == fault)
 }
 
 /// Where a study has its report.

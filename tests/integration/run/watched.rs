@@ -2,7 +2,11 @@
 
 use super::study::TRACKS;
 use oblate::config::StudyConfig;
-use oblate::run::{Executor, FitsSoFar, Monitor, Study, StudyResult, Watcher};
+use oblate::posterior::compare;
+use oblate::report::FigureFormat;
+use oblate::run::{
+    Executor, FitsSoFar, Monitor, RunFolder, Study, StudyResult, Watcher, render_report,
+};
 use oblate::samplers::Error as SamplerError;
 use oblate::samplers::control::Silent;
 use oblate::samplers::output::Status;
@@ -105,6 +109,49 @@ fn a_population_that_is_interrupted_before_its_first_draws_interrupts_the_study(
     let (result, _) = done(&study(temporary.path()), ends);
     assert!(result.interrupted);
     assert_eq!((result.tracks.len(), result.populations.len()), (1, 0));
+}
+
+#[test]
+fn a_population_or_a_fit_that_is_stopped_before_its_first_draw_does_not_end_the_study() {
+    let temporary = tempfile::tempdir().unwrap();
+    let config = study(temporary.path());
+    let in_no_time = || Seen {
+        max_wall: Duration::ZERO,
+        ..Seen::default()
+    };
+    let report = |result: &StudyResult| {
+        let folders: Vec<_> = result.runs().map(|run| run.folder.clone()).collect();
+        render_report("stopped", &folders, &[FigureFormat::Svg], &[]).unwrap()
+    };
+    // The fit has no draws, and so the population no stream.
+    let (result, _) = done(&config, in_no_time());
+    assert_eq!((result.tracks.len(), result.populations.len()), (1, 0));
+    let reason = &result.failed[0].reason;
+    assert!(reason.contains("no draws of q"), "{reason}");
+    report(&result);
+    // With a fit, the population has no draws itself.
+    let ends = Seen {
+        ends: Some(("population", || Error::Sampler(SamplerError::Interrupted))),
+        ..Seen::default()
+    };
+    done(&config, ends);
+    let (result, _) = done(&config, in_no_time());
+    assert!(result.failed.is_empty(), "{:?}", result.failed);
+    let population = &result.populations[0];
+    assert_eq!(population.summary.status, Status::BudgetSpent);
+    let table = population.folder.join("density.csv");
+    assert!(!table.exists());
+    let page = report(&result);
+    assert!(page.contains("given the population") && !page.contains("Density of q"));
+    let stopped = RunFolder::open(&population.folder).unwrap().read().unwrap();
+    let error = compare("a", &stopped.run, "b", &stopped.run).unwrap_err();
+    assert!(matches!(error, Error::NoDraws { ref name } if name == "a"));
+    assert!(error.to_string().contains("; continue it"), "{error}");
+    // It goes on where it was.
+    let (result, _) = done(&config, Seen::default());
+    let population = &result.populations[0];
+    assert_eq!(population.summary.status, Status::Complete);
+    assert!(table.exists() && report(&result).contains("Density of q"));
 }
 
 #[test]
