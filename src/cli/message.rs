@@ -118,9 +118,9 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
             some("`oblate fit --print-config` shows every key and its default")
                 .filter(|_| flags.has("--config") && flags.has("--profile"))
         }
-        Error::Io { path, .. } if path.ends_with(crate::run::SUMMARY_FILE) => {
-            some("`oblate fit --resume` continues it")
-        }
+        Error::Io { path, .. } if path.ends_with(crate::run::SUMMARY_FILE) => some(
+            "`oblate fit --resume`, `oblate bridge --resume` or `oblate population --resume` continues it, whichever began it",
+        ),
         Error::NoTrack(Rejection::UnresolvedOrbit) => {
             some("give more --steps").filter(|_| flags.has("--steps"))
         }

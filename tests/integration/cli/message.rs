@@ -156,6 +156,22 @@ fn every_flag_of_a_message_is_one_of_its_verb_and_no_switch_is_proposed_twice() 
 }
 
 #[test]
+fn an_unfinished_run_is_continued_by_the_command_that_began_it() {
+    let error = Error::Io {
+        path: "runs/population/summary.json".into(),
+        source: std::io::Error::from(std::io::ErrorKind::NotFound),
+        remedy: "finish the run first",
+    };
+    let text = message(&error, &args("report runs/population --out x"));
+    for verb in ["fit", "bridge", "population"] {
+        assert!(
+            text.contains(&format!("`oblate {verb} --resume`")),
+            "{text}"
+        );
+    }
+}
+
+#[test]
 fn every_flag_in_the_command_line_s_own_texts_is_a_flag() {
     let command = built();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/cli");
