@@ -253,6 +253,17 @@ pub enum Error {
         /// Number of mocks among them.
         found: usize,
     },
+    /// No stream of some q is kept, so that the fraction that is kept is not known there.
+    #[error(
+        "none of {tries} draws at q = {q} meets the criteria of a mock, so that the fraction that is kept is not known there; make more \
+         draws at each q"
+    )]
+    NoneKept {
+        /// The value of q.
+        q: f64,
+        /// Number of draws.
+        tries: u64,
+    },
     /// Fewer runs than are needed.
     #[error("{given} runs where at least {min} are needed")]
     TooFewRuns {

@@ -98,6 +98,9 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
         }
         Error::NotConverged { .. } => some("--allow-unconverged uses it all the same")
             .filter(|_| flags.offers("--allow-unconverged")),
+        Error::NoneKept { .. } => {
+            some("--draws sets their number").filter(|_| flags.has("--draws"))
+        }
         Error::SameModel => {
             let finer = flags.among(&["--particles", "--steps"]);
             let mut ways: Vec<String> = flags

@@ -97,7 +97,7 @@ impl Selection {
 /// # Errors
 /// Those of [`MockSettings::check`] and [`ModelSettings::check_distributions`](crate::stream::ModelSettings::check_distributions);
 /// [`Error::OutOfRange`] for numbers of points, draws or seeds that are not allowed;
-/// [`Error::Setting`] for settings with a population of q; [`Error::TooMuchMemory`] as of [`mocks`](super::mocks()); [`Error::TooFewMocks`] if
+/// [`Error::Setting`] for settings with a population of q; [`Error::TooMuchMemory`] as of [`mocks`](super::mocks()); [`Error::NoneKept`] if
 /// no draw of some q meets the criteria.
 pub fn selection(
     prior: &StreamPrior,
@@ -137,9 +137,9 @@ pub fn selection(
             .filter(|index| is_kept(prior, settings, &model, q, seed, *index))
             .count();
         if kept == 0 {
-            return Err(Error::TooFewMocks {
+            return Err(Error::NoneKept {
+                q,
                 tries: draws as u64,
-                found: 0,
             });
         }
         let n = draws as f64;

@@ -94,6 +94,7 @@ fn errors(folder: &Path) -> Vec<Error> {
         Error::NotConverged {
             name: "a".to_owned(),
         },
+        Error::NoneKept { q: 0.75, tries: 10 },
         Error::SameModel,
         Error::NotAFit {
             path: folder.to_path_buf(),
@@ -169,6 +170,17 @@ fn an_unfinished_run_is_continued_by_the_command_that_began_it() {
             "{text}"
         );
     }
+}
+
+#[test]
+fn a_selection_without_streams_of_some_q_needs_more_draws() {
+    let error = Error::NoneKept { q: 0.75, tries: 10 };
+    let text = message(&error, &args("selection --out s.toml"));
+    assert!(
+        text.contains("q = 0.75") && text.contains("--draws"),
+        "{text}"
+    );
+    assert!(!text.contains("loosen"), "{text}");
 }
 
 #[test]

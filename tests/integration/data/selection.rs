@@ -81,11 +81,12 @@ fn selections_that_cannot_be_made_are_refused() {
         min_length_kpc: 100_000.0,
         ..settings()
     };
-    assert!(matches!(
-        make(&impossible, 2, 10),
-        Error::TooFewMocks {
-            tries: 10,
-            found: 0
-        }
-    ));
+    // Other criteria would be another selection: the remedy is draws.
+    let error = make(&impossible, 2, 10);
+    assert!(
+        matches!(error, Error::NoneKept { q, tries: 10 } if (q - 0.75).abs() < 1e-12),
+        "{error:?}"
+    );
+    let words = error.to_string();
+    assert!(words.ends_with("make more draws at each q"), "{words}");
 }
