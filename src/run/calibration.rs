@@ -21,7 +21,8 @@ const MAX_BYTES: u64 = 1 << 30;
 /// # Errors
 /// [`Error::Io`], [`Error::Syntax`], [`Error::Checksum`], [`Error::Array`] or [`Error::InFile`] for a folder or table that cannot be read;
 /// [`Error::NotAFit`] for a run without a track; [`Error::TrackFile`] for a track that cannot be read or has no true values;
-/// [`Error::InFile`] for true values that the prior of the fit excludes; [`Error::Posterior`] for a track that another fit has too.
+/// [`Error::InFile`] for true values that the prior of the fit excludes; [`Error::Posterior`] for a track that another fit has too;
+/// [`Error::TooFewRuns`] for no fits.
 pub fn ranked_fits(paths: &[PathBuf]) -> Result<Vec<RankedFit>> {
     let mut fits: Vec<RankedFit> = Vec::new();
     for path in paths {
@@ -42,6 +43,9 @@ pub fn ranked_fits(paths: &[PathBuf]) -> Result<Vec<RankedFit>> {
             }
             fits.push(fit);
         }
+    }
+    if fits.is_empty() {
+        return Err(Error::TooFewRuns { given: 0, min: 1 });
     }
     Ok(fits)
 }

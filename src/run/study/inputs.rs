@@ -160,8 +160,16 @@ pub(super) fn streams_of(config: &StudyConfig) -> StreamsOf {
     })
 }
 
-/// The files, and in place of a folder its tracks in the order of their names.
+/// The files, and in place of a folder its tracks in the order of their names. Refuses an empty list and a folder without tracks.
 fn track_files(given: &[PathBuf], files_from: &Path) -> Result<Vec<PathBuf>> {
+    if given.is_empty() {
+        return Err(Error::Setting {
+            key: "files".to_owned(),
+            value: "[]".to_owned(),
+            remedy: "name track files or folders of them, or leave the table out".to_owned(),
+        }
+        .within("tracks"));
+    }
     let mut files = Vec::new();
     for path in given.iter().map(|path| files_from.join(path)) {
         if !path.is_dir() {

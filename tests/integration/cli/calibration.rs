@@ -25,6 +25,17 @@ fn track(folder: &Path, k: usize, log10_m_halo: f64) -> String {
 }
 
 #[test]
+fn a_table_without_fits_is_no_calibration() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let empty = write(folder.path(), "empty.json", "{\"fits\":[]}");
+    for json in [&[][..], &["--json"]] {
+        let output = oblate(&[&["calibration", &empty][..], json].concat(), "");
+        refused(&output, &["0 runs where at least 1"]);
+        assert!(output.stdout.is_empty(), "{output:?}");
+    }
+}
+
+#[test]
 fn fits_of_mocks_are_ranked_and_others_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let config = write(folder.path(), "small.toml", super::SMALL);

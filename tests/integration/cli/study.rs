@@ -124,6 +124,10 @@ fn a_setting_that_no_run_can_use_is_refused_before_the_first_fit() {
             &["[population.subsets]", "sizes = 10", "once"],
         ),
         (
+            study.replace("[\"track.csv\"]", "[]"),
+            &["[tracks]", "files = []", "leave the table out"],
+        ),
+        (
             study.replace("count = ", "count = 0 # "),
             &["[mocks]", "count = 0"],
         ),
