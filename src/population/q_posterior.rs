@@ -96,7 +96,8 @@ impl QPosterior {
 
     /// At most `count` equal-weight draws: the quantiles `(i + 1/2) / count` of the weighted ones, by systematic
     /// resampling of the draws in order of q. No random number, and an error of order `1 / count` in the
-    /// distribution function where random thinning has `1 / sqrt count`. Fewer draws than that are left as they are.
+    /// distribution function where random thinning has `1 / sqrt count`. Fewer draws than that are left as they are. Their
+    /// effective size is at most their number.
     #[must_use]
     pub fn thinned(&self, count: usize) -> Self {
         if self.q.len() <= count || count == 0 {
@@ -114,9 +115,10 @@ impl QPosterior {
         }
         // Weights that add up to 1 leave at least half a cell of margin; their tolerance cannot lose a draw unless
         // count is near 1e6.
+        let kept = Self::equal_weights(&self.name, thinned, self.prior);
         Self {
-            effective_size: self.effective_size,
-            ..Self::equal_weights(&self.name, thinned, self.prior)
+            effective_size: self.effective_size.min(kept.effective_size),
+            ..kept
         }
     }
 }

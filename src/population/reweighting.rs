@@ -51,7 +51,12 @@ fn along<F: Family<N>, const N: usize>(
             .zip(terms.iter().zip(&stream.ln_factor))
             .map(|(x, (term, ln_factor))| x * (term - top - ln_factor - stream.ln_prior).exp())
             .sum();
-        let relative_variance = squares / (sum * sum) - 1.0;
+        let relative_variance = if stream.q.len() > 1 {
+            squares / (sum * sum) - 1.0
+        } else {
+            // A single draw does not tell how its sum scatters.
+            f64::INFINITY
+        };
         variance += relative_variance / stream.effective_size / alphas.len() as f64;
         for (total, x) in given_population.iter_mut().zip(&x) {
             *total += x / sum;

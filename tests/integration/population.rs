@@ -549,6 +549,33 @@ fn sums_of_few_draws_fail_their_checks_under_the_name_of_the_stream() {
 }
 
 #[test]
+fn thinned_draws_are_worth_no_more_than_their_number() {
+    let wide = weighted("wide", (0.8, 0.1), 4_000);
+    let size = |posterior: &QPosterior, count| posterior.thinned(count).effective_size;
+    let is = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
+    assert!(is(size(&wide, 1), 1.0) && is(size(&wide, 20), 20.0));
+    assert!(is(size(&wide, 10_000), wide.effective_size));
+    let few = QPosterior {
+        effective_size: 3.0,
+        ..wide.clone()
+    };
+    assert!(is(size(&few, 20), 3.0));
+    let variance = |max_draws| {
+        let settings = PopulationSettings { max_draws };
+        let streams = std::slice::from_ref(&wide);
+        let target = PopulationTarget::new(family(), streams, settings).unwrap();
+        let streams = target.streams_given_population(&one_member([0.8, 0.02]));
+        checks(&streams).swap_remove(0)
+    };
+    let [all, some, one] = [4_000, 20, 1].map(variance);
+    assert!(
+        all.pass && some.value > 50.0 * all.value,
+        "{all:?} {some:?}"
+    );
+    assert!(!one.pass, "{one:?}");
+}
+
+#[test]
 fn a_posterior_that_is_its_prior_is_named() {
     let unit = Marginal::Uniform { lo: 0.0, hi: 1.0 };
     let prior = Prior::new([("filled", "", unit), ("measured", "", unit)]).unwrap();
