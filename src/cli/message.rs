@@ -122,7 +122,7 @@ fn hint(error: &Error, flags: &Flags) -> Option<String> {
                 .filter(|_| flags.has("--config") && flags.has("--profile"))
         }
         Error::Io { path, .. } if path.ends_with(crate::run::SUMMARY_FILE) => some(
-            "`oblate fit --resume`, `oblate bridge --resume` or `oblate population --resume` continues it, whichever began it",
+            "`oblate fit --resume`, `oblate bridge --resume` or `oblate population --resume` continues it: the one that began it",
         ),
         Error::NoTrack(Rejection::UnresolvedOrbit) => {
             some("give more --steps").filter(|_| flags.has("--steps"))
