@@ -60,10 +60,11 @@ pub fn stream(seed: u64, domain: Domain, task: u64, index: u64) -> RandomStream 
     stream
 }
 
-/// A uniform draw in the open interval (0, 1): the centres of 2^53 equal cells.
+/// A uniform draw in the open interval (0, 1): the centres of 2^53 equal cells, those above 1/2 rounded.
 pub fn unit_open<R: Rng + ?Sized>(rng: &mut R) -> f64 {
     const CELL: f64 = 1.0 / (1_u64 << 53) as f64;
-    ((rng.next_u64() >> 11) as f64 + 0.5) * CELL
+    // The centre of the last cell would be rounded to 1.
+    (((rng.next_u64() >> 11) as f64 + 0.5) * CELL).min(1.0 - 0.5 * f64::EPSILON)
 }
 
 /// A uniform draw from `0..count`, or 0 if there is none: the high half of a 128-bit product, whose bias is below
@@ -97,6 +98,29 @@ mod tests {
                 assert_ne!(all[i], all[j]);
             }
         }
+    }
+
+    #[test]
+    fn uniform_draws_are_inside_the_open_interval() {
+        struct Constant(u64);
+        impl rand::TryRng for Constant {
+            type Error = std::convert::Infallible;
+
+            fn try_next_u32(&mut self) -> Result<u32, Self::Error> {
+                unreachable!("only whole words are drawn")
+            }
+
+            fn try_next_u64(&mut self) -> Result<u64, Self::Error> {
+                Ok(self.0)
+            }
+
+            fn try_fill_bytes(&mut self, _: &mut [u8]) -> Result<(), Self::Error> {
+                unreachable!("only whole words are drawn")
+            }
+        }
+        let [least, most] = [0, u64::MAX].map(|word| unit_open(&mut Constant(word)));
+        assert!(least > 0.0 && most < 1.0, "{least} {most}");
+        assert!(standard_normal(&mut Constant(u64::MAX)).is_finite());
     }
 
     #[test]

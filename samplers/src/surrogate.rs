@@ -68,8 +68,12 @@ impl Examples {
         self.ln_likelihood.is_empty()
     }
 
-    /// Adds an example with a finite ln L; all have the same numbers of features and of residuals.
+    /// Adds an example with a finite ln L; all have the same numbers of features and of residuals. One with a number too large for single precision is left out.
     pub fn push(&mut self, features: &[f64], ln_likelihood: f64, residuals: &[f64]) {
+        let mut all = features.iter().chain(residuals).chain([&ln_likelihood]);
+        if !all.all(|x| single(*x).is_finite()) {
+            return;
+        }
         self.features.extend(features.iter().copied().map(single));
         self.ln_likelihood.push(single(ln_likelihood));
         self.residuals.extend(residuals.iter().copied().map(single));
@@ -489,6 +493,16 @@ mod tests {
     use crate::rng::{Domain, standard_normal, stream};
 
     const DIM: usize = 4;
+
+    #[test]
+    fn examples_too_large_for_single_precision_are_left_out() {
+        let mut examples = Examples::default();
+        for (feature, ln_likelihood) in [(0.0, -1e39), (1e39, -1.0), (0.0, -1.0)] {
+            examples.push(&[feature], ln_likelihood, &[0.5]);
+        }
+        assert_eq!(examples.len(), 1);
+        assert_eq!(examples.check(1), Ok(()));
+    }
 
     /// ln L of residuals that are bent functions of the coordinates.
     fn ln_likelihood(z: &[f64]) -> (f64, Vec<f64>) {

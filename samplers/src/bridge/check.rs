@@ -108,7 +108,7 @@ impl Particle {
             "an SMC particle has no likelihood",
         )?;
         ensure(
-            self.eve < parent.len() && self.lineage <= Draws::MAX_LABEL,
+            self.eve < parent.len(),
             "an SMC particle descends from no draw",
         )
     }

@@ -10,7 +10,7 @@
 //! After each step every SMC particle makes MCMC steps. Particles of even lineages of the run take directions and metric from
 //! those of odd ones and the other way round: directions from the same lineage would not leave the distribution
 //! invariant. An MCMC step is a slice update. If the coarse run has a surrogate of its likelihood, it is instead three moves along a
-//! surrogate of the fine one ([`surrogate_move`](crate::hmc::surrogate_move)), which begins as that of the coarse run and is fitted anew
+//! surrogate of the fine one ([`surrogate_move`](crate::hmc::surrogate_move)), with a slice update and involutions in the first at each exponent, which begins as that of the coarse run and is fitted anew
 //! before each MCMC step to the values of the fine likelihood so far. At the fine likelihood further MCMC steps follow while
 //! the effective sample size is too small: copies of one particle part by them. Where these do not suffice another batch of particles begins with
 //! other draws of the run, is moved in the same way, and joins the others.

@@ -6,7 +6,7 @@ const MIN_TAIL: usize = 5;
 /// Shape `k` of the generalised Pareto distribution fitted to the largest of some weights, which are given by their logarithms (Vehtari et al.
 /// 2024): above 0.7 a sum over so many weights cannot be trusted. The tail has `min(n / 5, 3 sqrt n)` of the `n` weights, and the fit is that of Zhang
 /// & Stephens (2009) with the weak prior of Vehtari et al.: `k` is drawn towards 0.5 by ten weights. Minus infinity if all weights of the tail are
-/// equal; infinity if there are too few for a tail, or if one is not a number. Weights equal to the threshold, of which weights with few different values have many, do not
+/// equal; infinity if there are too few for a tail, without those that are zero, or if one is not a number. Weights equal to the threshold, of which weights with few different values have many, do not
 /// belong to the tail.
 #[must_use]
 pub fn pareto_k(ln_weights: &[f64]) -> f64 {
@@ -20,7 +20,9 @@ pub fn pareto_k(ln_weights: &[f64]) -> f64 {
     )]
     let tail = (0.2 * n as f64).min(3.0 * (n as f64).sqrt()).ceil() as usize;
     let top = sorted.last().copied().unwrap_or(f64::NAN);
-    if tail < MIN_TAIL || !top.is_finite() {
+    // Draws without weight belong to no tail.
+    let weighted = sorted.iter().filter(|w| (*w - top).exp() > 0.0).count();
+    if tail < MIN_TAIL || weighted < MIN_TAIL || !top.is_finite() {
         return f64::INFINITY;
     }
     let start = n - tail;

@@ -98,7 +98,12 @@ pub fn surrogate_move(
     let after = along.ln_density(&end);
     let (ln_likelihood, ln_over_prior) = values(&end.z)?;
     let rise = ln_density(beta, &end.z, ln_likelihood, ln_over_prior) - at.ln_density(beta);
-    let acceptance = (rise - (after - before)).exp().min(1.0);
+    // From one state without a likelihood to another the ratio is no number.
+    let acceptance = if ln_likelihood > f64::NEG_INFINITY {
+        (rise - (after - before)).exp().min(1.0)
+    } else {
+        0.0
+    };
     if uniform < acceptance {
         at.z = end.z;
         at.ln_likelihood = ln_likelihood;

@@ -199,7 +199,8 @@ impl Part {
 
     /// Records the states of one chain set, from beta = 0 on, after the local moves and before swaps.
     pub(super) fn note<'a>(&mut self, chain_set: usize, points: impl Iterator<Item = &'a Point>) {
-        let visited = self.traces.scans().is_multiple_of(self.visit_every);
+        // What follows the planned scans, extensions on a path from the prior, adapts nothing.
+        let visited = !self.whole() && self.traces.scans().is_multiple_of(self.visit_every);
         let mut hotter: Option<f64> = None;
         for (temperature, point) in points.enumerate() {
             let beta = self.beta[temperature];

@@ -123,7 +123,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Maximum number of extensions of the last round: they are then 8,000 times as long as the round.
+    /// Maximum number of extensions of the last round: they are then 12,285 times as long as the round.
     pub const MAX_EXTENSIONS: usize = 24;
 
     /// Scans of the last round (0) or of one of its extensions (from 1 on).

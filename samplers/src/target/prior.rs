@@ -185,8 +185,8 @@ impl Marginal {
 /// |N(0,1)| at the standard-normal coordinate z: `erf(t / sqrt 2) = Phi(z)`.
 fn half_normal_from_z(z: f64) -> f64 {
     if z > 0.0 {
-        // Q(t) = Q(z) / 2.
-        -normal::quantile(0.5 * normal::sf(z))
+        // Q(t) = Q(z) / 2. Beyond 38 standard deviations Q(z) is zero as a number.
+        -normal::quantile(0.5 * normal::sf(z.min(38.0)))
     } else {
         // Near zero the quantile of 1/2 + p/2 has no digits of p left; invert the error function and polish it.
         let p = normal::cdf(z);
@@ -323,6 +323,15 @@ mod tests {
         Marginal::Normal { mean: 1.0, sd: 3.0 },
         Marginal::HalfNormal { sd: 150.0 },
     ];
+
+    #[test]
+    fn every_coordinate_has_a_parameter() {
+        for m in ALL {
+            for z in [-1e3, -40.0, 40.0, 1e3] {
+                assert!(m.theta_from_z(z).is_finite(), "{m:?} {z}");
+            }
+        }
+    }
 
     #[test]
     fn transforms_invert_each_other() {

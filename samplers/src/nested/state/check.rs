@@ -1,5 +1,6 @@
 //! Whether a state that was read from a checkpoint is one that this run can have come to.
 
+use super::super::dynamic::LikelihoodRange;
 use super::super::live::{REJECTED, narrow};
 use super::super::settings::Kernel;
 use super::{Context, State};
@@ -71,6 +72,17 @@ impl State {
             (self.batches > 1) == self.range.is_some()
                 && self.range.is_some() == self.left.is_some(),
             "the number of batches and their likelihood bounds do not belong together",
+        )?;
+        // A bound that no point can pass would never end the batch.
+        let possible = |range: &LikelihoodRange| {
+            range.floor < f64::INFINITY
+                && range.ceiling < f64::INFINITY
+                && range.ln_x.is_finite()
+                && range.ln_x <= 0.0
+        };
+        ensure(
+            self.range.iter().all(possible),
+            "the likelihood bounds of a batch are infinite or not numbers",
         )?;
         ensure(
             self.batches >= 1 && countable([self.batches as u64]),
@@ -155,7 +167,17 @@ mod tests {
         for kernel in [Kernel::Uniform, Kernel::Differential] {
             assert_eq!(fault(kernel, |_| ()), None);
         }
-        let damages: [(Damage<'_>, &str); 17] = [
+        let range = |ceiling: f64| LikelihoodRange {
+            floor: f64::NEG_INFINITY,
+            ceiling,
+            ln_x: 0.0,
+        };
+        let with_range = |s: &mut State, ceiling: f64| {
+            (s.batches, s.range, s.left) = (2, Some(range(ceiling)), Some(0.0));
+        };
+        let damages: [(Damage<'_>, &str); 19] = [
+            (&|s| with_range(s, f64::INFINITY), "bounds of a batch"),
+            (&|s| with_range(s, f64::NAN), "bounds of a batch"),
             (&|s| s.live.ln_l.truncate(3), "other numbers"),
             (&|s| s.live = s.live.select(&[]), "too few live points"),
             (&|s| s.live.ln_l[3] = f64::NAN, "not finite"),
