@@ -382,7 +382,7 @@ impl Fit {
     }
 
     /// The track of the model at one point, in the data's bins, by columns: `phi_deg`, `r_kpc`, `r_err_kpc` (Monte-Carlo error of the
-    /// mean), `n` (sum of weights).
+    /// mean), `n` (sum of weights), `v_km_s`, `v_err_km_s`, `width_kpc`, `density_per_deg`.
     fn track<'py>(&self, theta: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         let (track, _) = self.modelled(theta)?;
         track_columns(theta.py(), &track)

@@ -6,7 +6,7 @@ use crate::settings::{changed, from_file};
 use crate::tables::{particle_columns, track_columns};
 use oblate::Rejection;
 use oblate::inference::FitSettings;
-use oblate::params::{NAMES, PARAMETERS, StreamParams, StreamPrior, index_of};
+use oblate::params::{DIM, NAMES, StreamParams, StreamPrior, index_of};
 use oblate::stream::{self, Particles, StreamInput, Workspace};
 use oblate::track::Track;
 use pyo3::prelude::*;
@@ -22,9 +22,9 @@ pub struct Model {
     threads: Threads,
 }
 
-/// All parameters by name; optional ones may be left out.
-fn params(given: &Bound<'_, PyDict>) -> PyResult<StreamParams<f64>> {
-    let mut values = PARAMETERS.map(|parameter| parameter.absent.unwrap_or(f64::NAN));
+/// All parameters by name; fixed and absent ones may be left out.
+fn params(given: &Bound<'_, PyDict>, prior: &StreamPrior) -> PyResult<StreamParams<f64>> {
+    let mut values = [None; DIM];
     for (name, value) in given {
         let name: String = name.extract()?;
         let Some(index) = index_of(&name) else {
@@ -34,22 +34,15 @@ fn params(given: &Bound<'_, PyDict>) -> PyResult<StreamParams<f64>> {
             );
             return Err(wrong(&name, value.repr()?, &remedy));
         };
-        values[index] = value.extract()?;
+        values[index] = Some(value.extract()?);
     }
-    let mut required = PARAMETERS.iter().filter(|p| p.absent.is_none());
-    if let Some(missing) = required.find(|p| !given.contains(p.name).unwrap_or(false)) {
-        return Err(wrong(
-            missing.name,
-            "missing",
-            "give all 13 parameters of a stream",
-        ));
-    }
-    Ok(StreamParams::from_array(values))
+    let given = StreamParams::from_array(values);
+    prior.complete(&given).map_err(to_python)
 }
 
 impl Model {
     fn particles(&self, given: &Bound<'_, PyDict>) -> PyResult<(StreamParams<f64>, Particles)> {
-        let params = params(given)?;
+        let params = params(given, &self.prior)?;
         self.prior.check_inside(&params).map_err(to_python)?;
         let input = StreamInput {
             params: &params,

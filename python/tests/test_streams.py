@@ -28,6 +28,18 @@ def test_a_track_is_that_of_the_command(parameters, parameter_file, command):
     assert {name: column.tolist() for name, column in track.items()} == answer
 
 
+def test_what_is_free_is_given_and_what_is_fixed_may_be_left_out(parameters):
+    friction = {
+        "model.dynamical_friction": True,
+        "prior.marginals.coulomb_logarithm": {"kind": "uniform", "lo": 0.0, "hi": 5.0},
+    }
+    with pytest.raises(ValueError, match="coulomb_logarithm = missing"):
+        oblate.Model(settings=friction).stream(parameters)
+    farther = oblate.Model(settings={"prior.fixed.distance_factor": 2.0})
+    given = farther.track({**parameters, "distance_factor": 2.0})
+    assert farther.track(parameters)["r_kpc"].tolist() == given["r_kpc"].tolist()
+
+
 def test_particles_are_those_of_the_command(parameters, parameter_file, command, tmp_path):
     table = tmp_path / "particles.csv"
     command("stream", parameter_file, "--particles-out", table)
