@@ -92,7 +92,9 @@ def make(s):
     x, v = x + x0, v + v0
     mass, soft = np.full(N, s["m"] / N), np.full(N, SOFTENING)
     angle = np.arctan2(x[:, 1], x[:, 0])
-    gone = angle.copy()
+    # Beside that of the middle of the sphere: its stars may lie on both sides of 180 degrees.
+    middle = np.arctan2(x0[1], x0[0])
+    gone = middle + (angle - middle + np.pi) % (2 * np.pi) - np.pi
 
     def force(x):
         return Accel(x, mass, soft, G=G, theta=0.7) + halo(s, x)

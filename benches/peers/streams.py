@@ -24,11 +24,11 @@ TRACK = ROOT / "examples" / "tracks" / "s0_oblate_tilted.ecsv"
 PARTICLES, STEPS = 10_000, 100
 
 POINT = {
-    "log10_m_halo": 12.1, "r_s_halo_kpc": 16.0, "dir_x": -0.25, "dir_y": -0.4, "dir_z": 1.64,
+    "log10_m_halo": 12.1, "r_s_halo_kpc": 16.0, "dir_x": -0.112, "dir_y": -0.179, "dir_z": 0.735,
     "log10_m_prog": 8.0, "r_s_prog_kpc": 1.5, "x0_kpc": 59.0, "z0_kpc": 53.0,
     "vx0_km_s": -41.0, "vy0_km_s": 156.0, "vz0_km_s": -29.0, "age_gyr": 3.0,
 }
-Q = 0.75
+Q = 0.6
 KM_S = 1.0227121650537077  # kpc/Gyr
 
 

@@ -4,9 +4,9 @@ use super::exit::Exit;
 use super::options::JsonFlag;
 use super::output::{Output, note};
 use crate::error::{Error, Result};
+use crate::inference::FitSettings;
 use crate::posterior::{Comparison, compare, compare_models};
 use crate::run::{RunFolder, StoredRun, distinct_names};
-use crate::stream::ModelSettings;
 use std::path::PathBuf;
 
 /// Flags of `oblate compare`.
@@ -35,10 +35,10 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
     tell_other_tracks(&args.runs)?;
-    let of_first_host = tell_other_hosts(&args.runs, &stored)?;
+    let of_first = tell_other_posteriors(&args.runs, &stored)?;
     let names = distinct_names(&args.runs, &stored.iter().collect::<Vec<_>>());
     let mut agree = true;
-    for ((other, name), one_model) in others.iter().zip(&names[1..]).zip(&of_first_host[1..]) {
+    for ((other, name), one_model) in others.iter().zip(&names[1..]).zip(&of_first[1..]) {
         let comparison = if *one_model {
             compare(&names[0], &first.run, name, &other.run)?
         } else {
@@ -87,17 +87,30 @@ fn tell_other_tracks(runs: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-/// Whether each run is in the host of the first, and says which fits are not.
-fn tell_other_hosts(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<bool>> {
-    let model = |(path, stored): (&PathBuf, &StoredRun)| stored.model(&RunFolder::open(path)?);
-    let models: Vec<Option<ModelSettings>> =
-        (runs.iter().zip(stored).map(model)).collect::<Result<_>>()?;
-    let mut of_first_host = vec![true; runs.len()];
-    for ((path, model), same) in runs.iter().zip(&models).zip(&mut of_first_host) {
-        if let (Some(first), Some(other)) = (models[0], model)
-            && !first.has_host_of(other)
-        {
-            *same = false;
+/// Whether each run asks for the posterior that the first asks for, and says which fits do not.
+fn tell_other_posteriors(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<bool>> {
+    let of_run =
+        |(path, stored): (&PathBuf, &StoredRun)| stored.fit_settings(&RunFolder::open(path)?);
+    let settings: Vec<Option<FitSettings>> =
+        (runs.iter().zip(stored).map(of_run)).collect::<Result<_>>()?;
+    let mut of_first = vec![true; runs.len()];
+    for ((path, other), same) in runs.iter().zip(&settings).zip(&mut of_first) {
+        let (Some(first), Some(other)) = (&settings[0], other) else {
+            continue;
+        };
+        *same = first.has_posterior_of(other);
+        let (first, other, host) = (
+            &first.model,
+            &other.model,
+            first.model.has_host_of(&other.model),
+        );
+        if !*same && host {
+            note(&format!(
+                "{} is a fit with another prior, or with other errors of the data, than {}: they need not agree.",
+                path.display(),
+                runs[0].display()
+            ));
+        } else if !host {
             note(&format!(
                 "{} is a fit in another host ({}) than {} ({}): they need not agree. The difference of ln Z is the evidence for one host \
                  over the other, under their priors.",
@@ -108,7 +121,7 @@ fn tell_other_hosts(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<bool>>
             ));
         }
     }
-    Ok(of_first_host)
+    Ok(of_first)
 }
 
 fn print(c: &Comparison, out: &mut Output<'_>) -> Result<()> {

@@ -2,6 +2,8 @@
 
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
+use crate::likelihood::DataBin;
+use crate::scalar::Vec3;
 use crate::track::BinQuantity;
 use oblate_samplers::Run;
 use std::collections::BTreeMap;
@@ -17,12 +19,12 @@ pub struct Diagnostics {
 
 /// Diagnostics of a fit:
 /// - `bounded_tidal_radius`, `ambiguous_windings`: the approximations in the best fit's stream ([`Tally`](crate::Tally));
-/// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, with its jitter, and the number of data bins;
+/// - `best_fit_chi2`, `best_fit_bins`: chi-square of the best fit, with its jitter, and the number of data bins that it covers;
 /// - `best_fit_chi2_velocity` and `best_fit_velocities`, `_width` and `_widths`, `_density` and `_densities`: the same of what is measured beside the radii;
 /// - `best_fit_chi2_star_velocity` and `best_fit_star_velocities`: of single stars, whose errors have the scatter of the model's velocities in the bin;
 /// - `star_scatter`: if the track has numbers of stars, the variance of a mean over them by the best fit's scatter of radii, over that of the datum, mean
 ///   over bins. Errors that include the scatter of the stars have at most 1;
-/// - `density_on_minor_axis_msun_kpc3`: the halo's density on its symmetry axis, at the progenitor's distance from the centre.
+/// - `least_density_msun_kpc3`: the host's density at the progenitor's distance from the centre, on the halo's symmetry axis or across it, whichever is smaller.
 ///
 /// All depend on the draws alone: a run that was stopped and resumed has the same. If there are no draws, or if the best fit has no
 /// track, nothing is given.
@@ -40,11 +42,16 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     let tally = particles.tally;
     found.insert("bounded_tidal_radius", tally.bounded_tidal_radius as f64);
     found.insert("ambiguous_windings", tally.ambiguous_windings as f64);
-    let mut chi2 = 0.0;
+    // As ln L has them, with the error floor.
+    let data: BTreeMap<i64, &DataBin> = likelihood.track().data().map(|d| (d.bin, d)).collect();
+    let (mut chi2, mut covered) = (0.0, 0_usize);
     let mut of_stars = Vec::new();
     for (row, bin) in track.bins().into_iter().enumerate() {
-        if let Some(model) = modelled.bins.iter().find(|b| b.bin == bin) {
-            let error = track.r_err_towards_kpc(row, model.r_kpc);
+        if let (Some(model), Some(datum)) =
+            (modelled.bins.iter().find(|b| b.bin == bin), data.get(&bin))
+        {
+            covered += 1;
+            let error = datum.r_err_towards_kpc(model.r_kpc);
             let sigma = error.hypot(params.jitter * track.r_kpc[row]);
             chi2 += ((model.r_kpc - track.r_kpc[row]) / sigma).powi(2);
             if let Some(stars) = track.n.as_ref().map(|n| n[row])
@@ -56,50 +63,65 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
         }
     }
     found.insert("best_fit_chi2", chi2);
-    found.insert("best_fit_bins", track.len() as f64);
+    found.insert("best_fit_bins", covered as f64);
     for (quantity, rows) in &track.measured {
         let [chi2_name, count_name] = match quantity {
             BinQuantity::Velocity => ["best_fit_chi2_velocity", "best_fit_velocities"],
             BinQuantity::Width => ["best_fit_chi2_width", "best_fit_widths"],
             BinQuantity::Density => ["best_fit_chi2_density", "best_fit_densities"],
         };
-        let mut chi2 = 0.0;
+        let (mut chi2, mut covered) = (0.0, 0_usize);
         for (bin, measured) in track.bins().into_iter().zip(rows) {
             if let Some(datum) = measured
                 && let Some(model) = modelled.bins.iter().find(|b| b.bin == bin)
             {
+                covered += 1;
                 chi2 += ((model.value(*quantity) - datum.value) / datum.error).powi(2);
             }
         }
         found.insert(chi2_name, chi2);
-        found.insert(count_name, rows.iter().flatten().count() as f64);
+        found.insert(count_name, covered as f64);
     }
     if !track.stars.is_empty() {
-        let chi2 = track.stars.iter().filter_map(|star| {
+        let squares = track.stars.iter().filter_map(|star| {
             let bin = track.bin_at(star.phi_deg);
             let model = modelled.bins.iter().find(|b| b.bin == bin)?;
             let scatter = model.v_err_km_s * model.effective_n.sqrt();
             let residual = (model.v_km_s - star.v_km_s.value) / star.v_km_s.error.hypot(scatter);
             Some(residual * residual)
         });
-        found.insert("best_fit_chi2_star_velocity", chi2.sum());
-        found.insert("best_fit_star_velocities", track.stars.len() as f64);
+        let squares: Vec<f64> = squares.collect();
+        found.insert("best_fit_chi2_star_velocity", squares.iter().sum());
+        found.insert("best_fit_star_velocities", squares.len() as f64);
     }
     if !of_stars.is_empty() {
         found.insert_star_scatter(of_stars.iter().sum::<f64>() / of_stars.len() as f64);
     }
+    // Negative on the symmetry axis if the halo is oblate, in the plane across it if it is prolate.
     let r = params.position_kpc().norm2().sqrt();
     let axis = likelihood.q_range().shape(params.dir()).axis;
-    let density = likelihood.potential(&params).density(axis * r);
-    found.insert("density_on_minor_axis_msun_kpc3", density);
+    let potential = likelihood.potential(&params);
+    let density = (potential.density(axis * r)).min(potential.density(across(axis) * r));
+    found.insert("least_density_msun_kpc3", density);
     if density < 0.0 {
         found.warnings.push(
-            "the best fit's mass density is negative on the symmetry axis at the progenitor's radius, which can happen because q \
+            "the best fit's mass density is negative at the progenitor's radius, on the symmetry axis or across it, which can happen because q \
              flattens the potential, not the density: read q as the potential's, or fit with `model.halo = \"nfw_density\"`"
                 .to_owned(),
         );
     }
     found
+}
+
+/// A direction at right angles to this one.
+fn across(axis: Vec3<f64>) -> Vec3<f64> {
+    let sky = if axis.z.abs() < 0.6 {
+        Vec3::new(0.0, 0.0, 1.0)
+    } else {
+        Vec3::new(1.0, 0.0, 0.0)
+    };
+    let other = axis.cross(sky);
+    other * (1.0 / other.norm2().sqrt())
 }
 
 /// Mean variance of means over the stars of bins, over that of the data, above which the data's errors cannot include it. By the best fit it is up to 1

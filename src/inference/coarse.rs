@@ -6,6 +6,7 @@
 
 use super::settings::FitSettings;
 use crate::likelihood::Coverage;
+use crate::spray::SamplingScheme;
 use crate::stream::Precision;
 use crate::track::BinEdges;
 
@@ -49,6 +50,11 @@ impl FitSettings {
             // 0: the number of release times follows from the number of particles.
             releases.release_times = 0;
             releases.particles = self.coarse_particles;
+            if releases.sampling_scheme == SamplingScheme::Random {
+                // Their number of release times does not follow from that of the particles.
+                let both_tails = 2 * releases.number_of_release_times();
+                releases.particles = releases.particles.next_multiple_of(both_tails);
+            }
             coarse.model.step_phase = coarse.model.step_phase.max(STEP_PHASE);
             coarse.model.precision = Precision::Single;
             coarse.likelihood.edges = BinEdges::Soft {

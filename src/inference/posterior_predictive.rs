@@ -2,8 +2,8 @@
 
 use super::best_fit::Diagnostics;
 use super::target::StreamTarget;
+use oblate_samplers::Run;
 use oblate_samplers::diagnostics::chi2_tail;
-use oblate_samplers::{Run, Target};
 use rayon::prelude::*;
 
 /// Number of posterior draws of equal weight.
@@ -14,15 +14,15 @@ const DRAWS: usize = 256;
 const LIMIT: f64 = 0.005;
 
 /// The posterior predictive p-value: the probability, over the posterior, that data made by the model have a larger sum of squares of their residuals,
-/// in standard errors, than the data of the fit. For normal errors the sum has a chi-square distribution with as many degrees of freedom as data.
+/// in standard errors, than the data of the fit. For normal errors the sum has a chi-square distribution with as many degrees of freedom as data. A bin that the model does not cover
+/// has the residual of the coverage rule.
 /// `None` if no draw has a track.
 #[must_use]
 pub fn posterior_predictive_p(target: &StreamTarget, run: &Run) -> Option<f64> {
     let tail = |row: usize| {
-        let mut residuals = Vec::new();
-        target.ln_likelihood_and_residuals(run.draws.theta_row(row), &mut residuals);
-        let sum: f64 = residuals.iter().map(|z| z * z).sum();
-        (!residuals.is_empty()).then(|| chi2_tail(sum, residuals.len() as f64))
+        let params = target.params(run.draws.theta_row(row)).to_array();
+        let squares = target.likelihood().squares(&params).ok()?;
+        Some(chi2_tail(squares.iter().sum(), squares.len() as f64))
     };
     let rows = run.draws.resample(DRAWS, 0.5).into_par_iter();
     let tails: Vec<f64> = rows.filter_map(tail).collect();

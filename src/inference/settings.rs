@@ -225,6 +225,22 @@ impl FitSettings {
         settings
     }
 
+    /// Whether these settings and others ask for one posterior of a track: host, prior and what is assumed of the data's errors are the same. What only makes the
+    /// model more or less accurate may differ.
+    #[must_use]
+    pub fn has_posterior_of(&self, other: &Self) -> bool {
+        let errors = |settings: &Self| {
+            let likelihood = settings.likelihood;
+            (
+                likelihood.error_floor_percent.to_bits(),
+                likelihood.error_correlation,
+            )
+        };
+        self.model.has_host_of(&other.model)
+            && self.prior == other.prior
+            && errors(self) == errors(other)
+    }
+
     /// These settings without those that say only how long a run may go on: batches of a nested run and of a bridge, and extensions of the last
     /// tempered round. Everything else determines the draws, so that two runs which agree in these settings agree in all draws that they have in
     /// common.

@@ -75,6 +75,15 @@ impl Coverage {
         }
     }
 
+    /// The square of the residual of an uncovered bin, in standard errors.
+    pub(super) fn square_of_missed(&self) -> f64 {
+        match self {
+            // A point with an uncovered bin is rejected.
+            Self::Reject => 0.0,
+            Self::Penalty { z_miss, .. } => z_miss * z_miss,
+        }
+    }
+
     /// The penalty at this mean cover of the bins.
     pub(super) fn penalty<S: Real>(&self, mean_cover: S) -> S {
         match *self {

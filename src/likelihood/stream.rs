@@ -158,6 +158,20 @@ impl StreamLikelihood {
         })
     }
 
+    /// The [squares](TrackLikelihood::squares) of the residuals of all data.
+    ///
+    /// # Errors
+    /// As [`ln_likelihood`](Self::ln_likelihood).
+    pub fn squares(&self, theta: &[f64; DIM]) -> Result<Vec<f64>, Rejection> {
+        with_buffers(|b| {
+            self.value(theta, Threads::One, b)?;
+            let observation = Observation::from(&StreamParams::from_array(*theta));
+            let mut squares = Vec::new();
+            self.track.squares(&b.sums, &observation, &mut squares)?;
+            Ok(squares)
+        })
+    }
+
     /// As [`ln_likelihood`](Self::ln_likelihood), on all threads of the present rayon pool. The result has the same bits.
     ///
     /// # Errors

@@ -81,6 +81,16 @@ pub struct DataBin {
 }
 
 impl DataBin {
+    /// Its standard error in kpc on the side where the radius `r_kpc` lies.
+    #[must_use]
+    pub fn r_err_towards_kpc(&self, r_kpc: f64) -> f64 {
+        if r_kpc > self.r_kpc {
+            self.r_err_hi_kpc
+        } else {
+            self.r_err_lo_kpc
+        }
+    }
+
     /// A radius with the same error to both sides.
     #[must_use]
     pub fn symmetric(bin: i64, r_kpc: f64, r_err_kpc: f64) -> Self {
@@ -423,6 +433,31 @@ impl TrackLikelihood {
         for measurement in &self.measurements {
             let term = measurement.term(sums, observation, &self.rules())?;
             residuals.push(term.covered.sqrt() * term.residual);
+        }
+        Ok(())
+    }
+
+    /// Appends the square of the residual of each datum in standard errors, where an uncovered bin has the residual that the coverage rule gives it.
+    ///
+    /// # Errors
+    /// As [`ln_likelihood`](Self::ln_likelihood).
+    pub fn squares(
+        &self,
+        sums: &Sums<f64>,
+        observation: &Observation<f64>,
+        squares: &mut Vec<f64>,
+    ) -> std::result::Result<(), Rejection> {
+        let missed = self.settings.coverage.square_of_missed();
+        let mut push = |covered: f64, square: f64| {
+            squares.push(covered * square + (1.0 - covered) * missed);
+        };
+        for term in self.bin_terms(sums, observation) {
+            let term = term?;
+            push(term.covered, term.residual * term.residual / term.variance);
+        }
+        for measurement in &self.measurements {
+            let term = measurement.term(sums, observation, &self.rules())?;
+            push(term.covered, term.residual * term.residual);
         }
         Ok(())
     }

@@ -39,9 +39,15 @@ pub fn trends(fits: &[RankedFit]) -> Vec<Trend> {
     let names = fits[0].extent.named().map(|(name, _)| name);
     let trend = |(k, name): (usize, &str)| {
         let x: Vec<f64> = fits.iter().map(|fit| fit.extent.named()[k].1).collect();
-        Trend::new(name, &x, &errors)
+        // A number that all tracks share has no trend, and neither has an error that all fits share.
+        (varies(&x) && varies(&errors)).then(|| Trend::new(name, &x, &errors))
     };
-    names.into_iter().enumerate().map(trend).collect()
+    names.into_iter().enumerate().filter_map(trend).collect()
+}
+
+/// Whether not all values are the same.
+fn varies(values: &[f64]) -> bool {
+    values.windows(2).any(|w| w[0].to_bits() != w[1].to_bits())
 }
 
 impl Trend {

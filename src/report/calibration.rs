@@ -3,7 +3,7 @@
 use super::axes::Axes;
 use super::canvas::{Anchor, COLOURS, Canvas, GREY};
 use super::label;
-use crate::posterior::RankedFit;
+use crate::posterior::{Calibration, RankedFit};
 
 /// Width and height of a panel, and distance of two, points. The panels are not wider, so that they leave out labels at their corners.
 const PANEL: (f64, f64) = (100.0, 78.0);
@@ -23,11 +23,14 @@ const BAND: f64 = 1.358;
 /// ranks are uniform. Grey: all fits; blue: those that have passed their checks. `None` without fits.
 #[must_use]
 pub fn calibration(fits: &[RankedFit]) -> Option<String> {
-    let quantities = &fits.first()?.ranks;
-    let panels: Vec<Panel> = quantities
-        .iter()
-        .map(|(name, _)| Panel::new(name, fits))
+    // As in the table, every quantity of any fit.
+    let rows = Calibration::new(fits).all;
+    let panels: Vec<Panel> = (rows.iter())
+        .map(|row| Panel::new(&row.name, fits))
         .collect();
+    if panels.is_empty() {
+        return None;
+    }
     let largest = panels.iter().map(Panel::largest).fold(0.0, f64::max);
     let rows = panels.len().div_ceil(COLUMNS);
     let mut canvas = Canvas::new(LEFT + PITCH.0 * COLUMNS as f64, TOP + PITCH.1 * rows as f64);

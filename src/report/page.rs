@@ -235,8 +235,8 @@ fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
     {
         put!(
             out,
-            "<p>A run with <i>odds</i> is of another host than the first and need not agree with it: exp(\u{394} ln <i>Z</i>) are the odds for the \
-             first host, if both were equally probable before.</p>"
+            "<p>A run with <i>odds</i> is of another host than the first, or has another prior or other errors of the data, and need not agree with it: exp(\u{394} ln <i>Z</i>) are the odds for the \
+             first, if both were equally probable before.</p>"
         );
     }
     let dash = || "\u{2013}".to_owned();
@@ -327,8 +327,8 @@ const NUMBERS: [(&str, &str); 15] = [
         "variance of means over the stars of bins, by the best fit, over that of the data",
     ),
     (
-        "density_on_minor_axis_msun_kpc3",
-        "halo's density on its symmetry axis at the progenitor's radius [M\u{2299} kpc\u{207b}\u{b3}]",
+        "least_density_msun_kpc3",
+        "host's density at the progenitor's radius, on the halo's symmetry axis or across it [M\u{2299} kpc\u{207b}\u{b3}]",
     ),
     (
         "bounded_tidal_radius",

@@ -11,7 +11,6 @@ use crate::error::{Error, OutputFault, Result};
 use crate::inference::{Fit, FitSettings};
 use crate::posterior::{Summary, assemble_run, zarr};
 use crate::report::FigureFormat;
-use crate::stream::ModelSettings;
 use oblate_samplers::{Run, read};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -40,15 +39,15 @@ pub struct StoredRun {
 }
 
 impl StoredRun {
-    /// The model of a fit in this folder; `None` of a population.
+    /// The settings of a fit in this folder; `None` of a population.
     ///
     /// # Errors
     /// [`Error::Syntax`] if its settings cannot be read.
-    pub fn model(&self, folder: &RunFolder) -> Result<Option<ModelSettings>> {
+    pub fn fit_settings(&self, folder: &RunFolder) -> Result<Option<FitSettings>> {
         // A population has no track.
         let is_fit = folder.track().is_file();
         let settings = is_fit.then(|| parse::<FitSettings>(&self.config, &folder.config()));
-        Ok(settings.transpose()?.map(|fit| fit.model))
+        settings.transpose()
     }
 }
 

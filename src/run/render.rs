@@ -16,7 +16,7 @@ use crate::report::{
     ModePicture, PageRun, QCurve, corner, diagnostics, influence, modes, page, population_density,
     q_posterior, streams_of_population,
 };
-use crate::stream::{ModelSettings, Particles, System};
+use crate::stream::{Particles, System};
 use crate::track::{BinQuantity, TrackBin};
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
@@ -180,16 +180,16 @@ fn comparisons(
     names: &[String],
     groups: &[Vec<usize>],
 ) -> Result<Vec<Vec<Option<Comparison>>>> {
-    let models: Vec<Option<ModelSettings>> = (rendered.iter())
-        .map(|d| d.stored.model(&d.folder))
+    let settings: Vec<Option<FitSettings>> = (rendered.iter())
+        .map(|d| d.stored.fit_settings(&d.folder))
         .collect::<Result<_>>()?;
     let compared = |first: usize, i: usize| {
         if i == first || ![first, i].iter().all(|k| rendered[*k].has_draws()) {
             return Ok(None);
         }
         let [a, b] = [first, i].map(|k| &rendered[k].stored.run);
-        if let [Some(one), Some(other)] = [first, i].map(|k| models[k])
-            && !one.has_host_of(&other)
+        if let [Some(one), Some(other)] = [first, i].map(|k| &settings[k])
+            && !one.has_posterior_of(other)
         {
             return compare_models(&names[first], a, &names[i], b).map(Some);
         }
@@ -466,8 +466,12 @@ fn together(rendered: &[RunFigures], names: &[String], group: &[usize]) -> Vec<F
     let first = &rendered[group[0]];
     let truth = first.track.as_ref().map(ObservedTrack::truth);
     let truth = truth.and_then(|truth| truth.get("q").copied());
+    let q_prior = first.stored.summary.q_prior;
+    let one_prior = group
+        .iter()
+        .all(|i| rendered[*i].stored.summary.q_prior == q_prior);
     vec![Figure {
         caption: format!("{}: posteriors of q", first.data_name()),
-        svg: q_posterior(&curves, first.stored.summary.q_prior, truth),
+        svg: q_posterior(&curves, q_prior.filter(|_| one_prior), truth),
     }]
 }

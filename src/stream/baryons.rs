@@ -71,7 +71,12 @@ impl BaryonSettings {
     /// [`Error::OutOfRange`](crate::Error::OutOfRange) with the first one that is out of its range.
     pub fn check(&self) -> Result<()> {
         if let Some(disc) = self.disc {
-            in_range("model.baryons.disc.thickness", disc.thickness, 0.001..=2.0)?;
+            let most = match disc.profile {
+                DiscProfile::MiyamotoNagai => 2.0,
+                // Beyond, the three discs have a negative density.
+                DiscProfile::Exponential => 0.8,
+            };
+            in_range("model.baryons.disc.thickness", disc.thickness, 0.001..=most)?;
         }
         Ok(())
     }

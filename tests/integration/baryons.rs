@@ -424,6 +424,19 @@ fn settings_name_the_parts() {
         ..DISC
     });
     assert!(thick.check().is_err());
+    // Three discs that are exponential together have a negative density if they are thicker than this.
+    for (profile, thickness, allowed) in [
+        (DiscProfile::Exponential, 0.8, true),
+        (DiscProfile::Exponential, 0.9, false),
+        (DiscProfile::MiyamotoNagai, 0.9, true),
+    ] {
+        thick.baryons.disc = Some(DiscSettings {
+            profile,
+            thickness,
+            ..DISC
+        });
+        assert_eq!(thick.check().is_ok(), allowed, "{profile:?} {thickness}");
+    }
     let unknown = "[baryons]\nbulge = \"sersic\"";
     assert!(toml::from_str::<ModelSettings>(unknown).is_err());
 }

@@ -93,7 +93,12 @@ fn lines_through_the_errors_of_q_are_those_of_least_squares() {
         assert!((found - expected).abs() < 1e-12, "{found} {expected}");
     }
     let svg = q_errors(&fits, &found).unwrap();
-    assert_eq!(svg.matches("class=\"fit\"").count(), 4 * 4);
+    assert_eq!(svg.matches("class=\"fit\"").count(), 4 * found.len());
+    assert!(
+        found
+            .iter()
+            .all(|t| t.slope.is_finite() && t.correlation.is_finite())
+    );
     // Where none has passed all count.
     fits.iter_mut().for_each(|fit| fit.converged = false);
     assert_eq!(trends(&fits)[0].fits, 4);

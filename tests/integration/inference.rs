@@ -7,6 +7,7 @@ use oblate::inference::{
 };
 use oblate::likelihood::Coverage;
 use oblate::run::{Destination, IfExists, Monitor};
+use oblate::spray::SamplingScheme;
 use oblate::stream::{Model, Precision};
 use oblate::track::BinEdges;
 use oblate_samplers::control::Silent;
@@ -231,6 +232,14 @@ fn errors_are_compared_with_the_stars_of_bins(
     track.n = None;
     let found = diagnose(&target, &track, &fit.run);
     assert!(!found.numbers.contains_key("star_scatter"));
+    // Errors are those that ln L has: the track's are 2 %.
+    let mut floored = settings.clone();
+    floored.likelihood.error_floor_percent = 20.0;
+    let target = StreamTarget::from_track(&track, &floored).unwrap();
+    let with_floor = diagnose(&target, &track, &fit.run);
+    let chi2 = "best_fit_chi2";
+    let ratio = found.numbers[chi2] / with_floor.numbers[chi2];
+    assert!((ratio - 100.0).abs() < 5.0, "{ratio}");
 }
 
 #[test]
@@ -286,6 +295,19 @@ fn few_particles_and_a_likelihood_with_zeros_have_no_coarse_model() {
         ..FitSettings::default()
     };
     assert_eq!(paper.coarse(8.0), None);
+}
+
+/// Random releases have a fixed number of release times, of which both tails have a whole number of particles each.
+#[test]
+fn the_coarse_model_of_random_releases_has_whole_release_times() {
+    let mut settings = FitSettings::default();
+    settings.model.releases.sampling_scheme = SamplingScheme::Random;
+    settings.model.releases.particles = 10_000;
+    let coarse = settings.coarse(8.0).unwrap();
+    assert_eq!(coarse.model.releases.particles, 600);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
+    let track = ObservedTrack::read(&path).unwrap();
+    assert!(StreamTarget::from_track(&track, &coarse).is_ok());
 }
 
 /// The spherical track, and settings of a short fit of it with changed settings of the model.

@@ -76,6 +76,23 @@ fn fits_in_several_haloes_are_compared_by_their_evidence() {
     assert!(!html.contains("odds: "));
     let output = oblate(&["compare", &one, &one], "");
     assert!(output.stderr.is_empty(), "{output:?}");
+
+    // Neither need fits with other priors, or with other errors of the data.
+    let (wide, ..) = fit("wide", &["--set", "prior.q_max=2.5"]);
+    let (loose, ..) = fit("loose", &["--set", "likelihood.error_floor_percent=30"]);
+    let output = oblate(&["compare", &one, &wide, &loose], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let note = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(
+        note.matches("another prior, or with other errors").count(),
+        2,
+        "{note}"
+    );
+    // The figure of both has no prior, and room for the whole posterior of each.
+    let output = oblate(&["report", &one, &wide, "--out", &page, "--force"], "");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let html = std::fs::read_to_string(&page).expect("a page");
+    assert!(html.contains("another prior or other errors"), "{html}");
 }
 
 #[test]

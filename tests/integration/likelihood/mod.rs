@@ -327,6 +327,17 @@ fn residuals_are_in_standard_errors_and_fall_to_zero_with_the_cover() {
             .residuals(&uncovered, &Observation::default(), &mut residuals)
             .expect("finite");
         assert_eq!(residuals, [0.0]);
+        // As a square, for the check of the fit, an uncovered bin is as bad as ln L has it.
+        let squares = |sums: &Sums<f64>| {
+            let mut squares = Vec::new();
+            track
+                .squares(sums, &Observation::default(), &mut squares)
+                .expect("finite");
+            squares
+        };
+        assert_eq!(squares(&uncovered), [100.0]);
+        let expected = (3.0 / hi).powi(2);
+        assert!((squares(&sums_of(&[53.0]))[0] - expected).abs() < 1e-9);
     }
 }
 

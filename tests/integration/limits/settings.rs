@@ -148,7 +148,7 @@ fn the_ranges_of_a_fit_are_those_of_the_page() {
         fraction: 1.0,
     });
     settings.model.baryons.disc = Some(DiscSettings {
-        profile: DiscProfile::Exponential,
+        profile: DiscProfile::MiyamotoNagai,
         thickness: 0.1,
         plane: DiscPlane::default(),
     });
