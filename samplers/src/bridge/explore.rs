@@ -31,6 +31,8 @@ pub(super) struct Moves<'a> {
     pub(super) step: f64,
     /// Whether this is the first MCMC step at this exponent.
     pub(super) first: bool,
+    /// Whether this is a further MCMC step: it is made at the fine likelihood, and needs no other.
+    pub(super) further: bool,
 }
 
 /// A particle after an MCMC step.
@@ -72,6 +74,24 @@ impl Moves<'_> {
         let Particle { z, both, .. } = &mut moved.particle;
         let mut point = Point::new(z.len());
         point.z.clone_from(z);
+        if self.further {
+            let mut fine = Evaluator::new(self.target);
+            point.ln_likelihood = both.fine;
+            slice_updates(
+                &mut fine,
+                1.0,
+                self.metric,
+                self.pool,
+                1,
+                &mut point,
+                rng,
+                |_| (),
+            )?;
+            moved.calls.add(&fine.calls);
+            both.fine = point.ln_likelihood;
+            *z = point.z;
+            return Ok(());
+        }
         let between = Between::new(self.coarse, self.target, self.fraction);
         let (metric, pool) = (self.metric, self.pool);
         let calls = between.explore(&mut point, both, |evaluator, point| {
@@ -99,13 +119,11 @@ impl Moves<'_> {
         let mut along = LocalSampler::of(along, 1.0, self.metric);
         let mut at = Point::new(z.len());
         at.z.clone_from(z);
-        // Further MCMC steps are made at the fine likelihood, and need no other.
-        let further = self.density.is_some();
         for length in MOVE_LENGTHS {
             at.ln_likelihood = both.at(self.fraction);
             let mut new = *both;
             let values = |z: &[f64]| {
-                if !further {
+                if !self.further {
                     new.coarse = coarse.value(z)?;
                     if new.coarse == f64::NEG_INFINITY {
                         return Ok((f64::NEG_INFINITY, 0.0));

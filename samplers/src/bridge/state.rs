@@ -348,6 +348,7 @@ impl Bridge<'_> {
             pool: &state.pools[half],
             step: step.step(),
             first: mcmc_step == 0,
+            further: further.is_some(),
         });
         let moved: Vec<Result<Moved>> = (state.particles.par_iter().enumerate())
             .map(|(i, particle)| {

@@ -188,6 +188,42 @@ fn further_mcmc_steps_and_batches_are_made_until_the_draws_are_enough_also_later
     }
 }
 
+/// A likelihood that counts its values.
+struct Counted(Bell, AtomicU64);
+
+impl Target for Counted {
+    fn prior(&self) -> &Prior {
+        self.0.prior()
+    }
+
+    fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
+        self.1.fetch_add(1, Ordering::Relaxed);
+        self.0.ln_likelihood(theta)
+    }
+}
+
+#[test]
+fn further_mcmc_steps_need_no_values_of_the_coarse_likelihood() {
+    let fine = Bell::new(3, 30.0, 1.0);
+    let mut parent = parent(&Bell::new(3, 6.0, 0.8), 1);
+    parent.checks.clear();
+    let values = [0, 5].map(|further_mcmc_steps| {
+        let coarse = Counted(Bell::new(3, 6.0, 0.8), AtomicU64::new(0));
+        let settings = bridge::Settings {
+            smc_particles: 100,
+            mcmc_steps: 2,
+            further_mcmc_steps,
+            max_batches: 1,
+        };
+        let mut silent = Silent;
+        let mut control = Control::new(&mut silent);
+        let run = bridge::run(&fine, &coarse, &parent, &settings, 1, &mut control).unwrap();
+        (run.cost.calls, coarse.1.into_inner())
+    });
+    let [(few, without), (many, with)] = values;
+    assert!(many > few && with == without, "{values:?}");
+}
+
 /// Ratios of evidences by one batch and by four, of sixteen seeds each: mean squares in their own errors.
 #[test]
 fn several_batches_have_a_smaller_error_than_one_and_it_is_right() {
