@@ -426,13 +426,9 @@ impl TrackLikelihood {
         observation: &Observation<f64>,
         residuals: &mut Vec<f64>,
     ) -> std::result::Result<(), Rejection> {
-        for term in self.bin_terms(sums, observation) {
-            let term = term?;
-            residuals.push(term.covered.sqrt() * term.residual / term.variance.sqrt());
-        }
-        for measurement in &self.measurements {
-            let term = measurement.term(sums, observation, &self.rules())?;
-            residuals.push(term.covered.sqrt() * term.residual);
+        for datum in self.covers_and_residuals(sums, observation) {
+            let [covered, residual, variance] = datum?;
+            residuals.push(covered.sqrt() * residual / variance.sqrt());
         }
         Ok(())
     }
@@ -448,18 +444,26 @@ impl TrackLikelihood {
         squares: &mut Vec<f64>,
     ) -> std::result::Result<(), Rejection> {
         let missed = self.settings.coverage.square_of_missed();
-        let mut push = |covered: f64, square: f64| {
-            squares.push(covered * square + (1.0 - covered) * missed);
-        };
-        for term in self.bin_terms(sums, observation) {
-            let term = term?;
-            push(term.covered, term.residual * term.residual / term.variance);
-        }
-        for measurement in &self.measurements {
-            let term = measurement.term(sums, observation, &self.rules())?;
-            push(term.covered, term.residual * term.residual);
+        for datum in self.covers_and_residuals(sums, observation) {
+            let [covered, residual, variance] = datum?;
+            squares.push(covered * (residual * residual / variance) + (1.0 - covered) * missed);
         }
         Ok(())
+    }
+
+    /// Cover, residual and variance of each datum, in their order; residuals of measurements beside the radii are in standard errors.
+    fn covers_and_residuals<'a>(
+        &'a self,
+        sums: &'a Sums<f64>,
+        observation: &'a Observation<f64>,
+    ) -> impl Iterator<Item = std::result::Result<[f64; 3], Rejection>> + 'a {
+        let of_bins = (self.bin_terms(sums, observation))
+            .map(|term| term.map(|term| [term.covered, term.residual, term.variance]));
+        let of_others = self.measurements.iter().map(move |measurement| {
+            let term = measurement.term(sums, observation, &self.rules())?;
+            Ok([term.covered, term.residual, 1.0])
+        });
+        of_bins.chain(of_others)
     }
 
     /// ln L, with the same bits as from [`ln_likelihood`](Self::ln_likelihood), and its derivatives with respect to the observation at given
