@@ -10,7 +10,7 @@ use crate::run::RunFolder;
 use crate::spray::TableSettings;
 use crate::stream::{ModelSettings, StepRule};
 use oblate_samplers::bridge::{BRIDGE_ERROR, COARSE_RUN_CHECKS};
-use oblate_samplers::nested::{Kernel, check_names as nested_checks};
+use oblate_samplers::nested::{self, Kernel, check_names as nested_checks};
 use oblate_samplers::output::{ESS_BULK, ESS_TAIL, MIN_ESS, Method, Status};
 use oblate_samplers::pt::{self, check_names as tempered_checks};
 use std::path::{Path, PathBuf};
@@ -194,9 +194,10 @@ pub fn after_population(
     }
     let mut failed = names(summary);
     let mut longer = Vec::new();
-    if summary.method == Method::Nested && sampling.nested.dynamic() && has_few_draws(&failed) {
-        let more = 2 * sampling.nested.max_batches;
-        longer.push(("sampling.nested.max_batches", more.to_string()));
+    if summary.method == Method::Nested
+        && let Some(more) = doubled_batches(&failed, sampling)
+    {
+        longer.push(("sampling.nested.max_batches", more));
         failed.retain(|name| *name != nested_checks::EFFECTIVE_LINEAGES);
     }
     if summary.method == Method::PtHmc
@@ -267,15 +268,22 @@ fn more_batches(
     sampling: &SamplerSettings,
     command: &CommandLine,
 ) -> Option<Step> {
-    let failed = names(summary);
-    let grows =
-        summary.method == Method::Nested && sampling.nested.dynamic() && has_few_draws(&failed);
+    if summary.method != Method::Nested {
+        return None;
+    }
     let change = format!(
         "sampling.nested.max_batches={}",
-        2 * sampling.nested.max_batches
+        doubled_batches(&names(summary), sampling)?
     );
     let longer = command.resumed().with("--set", Some(&change));
-    grows.then(|| Step::new("add batches of live points", &longer))
+    Some(Step::new("add batches of live points", &longer))
+}
+
+/// Twice as many batches of live points, as far as there may be more, where that may help.
+fn doubled_batches(failed: &[&str], sampling: &SamplerSettings) -> Option<String> {
+    let (now, most) = (sampling.nested.max_batches, nested::Settings::MAX_BATCHES);
+    let grows = sampling.nested.dynamic() && has_few_draws(failed) && now < most;
+    grows.then(|| (2 * now).min(most).to_string())
 }
 
 /// Goes on with a bridge that has too few draws, unless it begins anew because its coarse run has not converged.

@@ -122,16 +122,6 @@ impl ObservedTrack {
         pairs.all(|(lo, hi)| lo.total_cmp(hi).is_eq())
     }
 
-    /// Standard error in kpc of the radius in this row, on the side where the radius `r_kpc` lies.
-    #[must_use]
-    pub fn r_err_towards_kpc(&self, row: usize, r_kpc: f64) -> f64 {
-        if r_kpc > self.r_kpc[row] {
-            self.r_err_hi_kpc[row]
-        } else {
-            self.r_err_lo_kpc[row]
-        }
-    }
-
     /// True values that the header gives, by the names of parameters and `q`: those of its mapping `truth`, and `q_true`.
     #[must_use]
     pub fn truth(&self) -> BTreeMap<String, f64> {

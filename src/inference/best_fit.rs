@@ -3,8 +3,9 @@
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::likelihood::DataBin;
+use crate::params::StreamParams;
 use crate::scalar::Vec3;
-use crate::track::BinQuantity;
+use crate::track::{BinQuantity, TrackBin};
 use oblate_samplers::Run;
 use std::collections::BTreeMap;
 
@@ -42,28 +43,21 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
     let tally = particles.tally;
     found.insert("bounded_tidal_radius", tally.bounded_tidal_radius as f64);
     found.insert("ambiguous_windings", tally.ambiguous_windings as f64);
-    // As ln L has them, with the error floor.
-    let data: BTreeMap<i64, &DataBin> = likelihood.track().data().map(|d| (d.bin, d)).collect();
-    let (mut chi2, mut covered) = (0.0, 0_usize);
+    let radii = compare_radii(target, track, &modelled.bins, params.jitter);
+    let covered = radii.iter().flatten();
+    let chi2 = covered.clone().map(|r| r.residual * r.residual).sum();
+    found.insert("best_fit_chi2", chi2);
+    found.insert("best_fit_bins", covered.count() as f64);
     let mut of_stars = Vec::new();
-    for (row, bin) in track.bins().into_iter().enumerate() {
-        if let (Some(model), Some(datum)) =
-            (modelled.bins.iter().find(|b| b.bin == bin), data.get(&bin))
+    for (row, radius) in radii.iter().enumerate() {
+        if let (Some(radius), Some(n)) = (radius, &track.n)
+            && n[row] > 1.0
         {
-            covered += 1;
-            let error = datum.r_err_towards_kpc(model.r_kpc);
-            let sigma = error.hypot(params.jitter * track.r_kpc[row]);
-            chi2 += ((model.r_kpc - track.r_kpc[row]) / sigma).powi(2);
-            if let Some(stars) = track.n.as_ref().map(|n| n[row])
-                && stars > 1.0
-            {
-                let variance_of_r = model.effective_n * model.r_err_kpc * model.r_err_kpc;
-                of_stars.push(variance_of_r / stars / (sigma * sigma));
-            }
+            let model = radius.model;
+            let variance_of_r = model.effective_n * model.r_err_kpc * model.r_err_kpc;
+            of_stars.push(variance_of_r / n[row] / (radius.sigma_kpc * radius.sigma_kpc));
         }
     }
-    found.insert("best_fit_chi2", chi2);
-    found.insert("best_fit_bins", covered as f64);
     for (quantity, rows) in &track.measured {
         let [chi2_name, count_name] = match quantity {
             BinQuantity::Velocity => ["best_fit_chi2_velocity", "best_fit_velocities"],
@@ -111,6 +105,51 @@ pub fn diagnose(target: &StreamTarget, track: &ObservedTrack, run: &Run) -> Diag
         );
     }
     found
+}
+
+/// (data - model) / error of the radius in each row of the data, with the errors that ln L has: at least the error floor, and with jitter. NaN where the model has no
+/// mean radius, everywhere if it has no track.
+#[must_use]
+pub fn residuals(
+    target: &StreamTarget,
+    track: &ObservedTrack,
+    params: &StreamParams<f64>,
+) -> Vec<f64> {
+    let Ok((modelled, _)) = target.likelihood().track_at(params) else {
+        return vec![f64::NAN; track.len()];
+    };
+    let radii = compare_radii(target, track, &modelled.bins, params.jitter);
+    let residual = |r: &Option<Radius<'_>>| r.as_ref().map_or(f64::NAN, |r| r.residual);
+    radii.iter().map(residual).collect()
+}
+
+/// A bin of the data beside that of the model.
+struct Radius<'a> {
+    model: &'a TrackBin,
+    sigma_kpc: f64,
+    /// (data - model) / sigma.
+    residual: f64,
+}
+
+/// For each row of the data; none where the model has no bin.
+fn compare_radii<'a>(
+    target: &StreamTarget,
+    track: &ObservedTrack,
+    model: &'a [TrackBin],
+    jitter: f64,
+) -> Vec<Option<Radius<'a>>> {
+    let data = target.likelihood().track().data();
+    let data: BTreeMap<i64, &DataBin> = data.map(|d| (d.bin, d)).collect();
+    let radius = |bin: i64| {
+        let (model, datum) = (model.iter().find(|b| b.bin == bin)?, data.get(&bin)?);
+        let sigma_kpc = datum.r_err_towards_kpc(model.r_kpc, jitter);
+        Some(Radius {
+            model,
+            sigma_kpc,
+            residual: (datum.r_kpc - model.r_kpc) / sigma_kpc,
+        })
+    };
+    track.bins().into_iter().map(radius).collect()
 }
 
 /// A direction at right angles to this one.

@@ -16,7 +16,7 @@ mod settings;
 mod speed;
 mod target;
 
-pub use best_fit::{Diagnostics, diagnose};
+pub use best_fit::{Diagnostics, diagnose, residuals};
 pub use derived::{DERIVED, derived};
 pub use evaluate::{Evaluated, Wanted};
 pub use fit::{Coarse, Fit, FitPlan, bridge_from, fit, fit_with, summarize};

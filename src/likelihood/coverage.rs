@@ -96,7 +96,8 @@ impl Coverage {
     }
 }
 
-/// The smallest weight that means are computed with, so that they are finite where the cover is 0.
+/// The smallest weight that means are computed with, so that they are finite where the cover is 0: the cover of a bin with so little
+/// weight is 1e-8.
 pub(super) fn least_weight<S: Real>(threshold: f64) -> S {
-    S::from_f64(0.25 * threshold).max(S::from_f64(1e-9))
+    S::from_f64(1e-3 * threshold).max(S::from_f64(1e-9))
 }

@@ -81,14 +81,15 @@ pub struct DataBin {
 }
 
 impl DataBin {
-    /// Its standard error in kpc on the side where the radius `r_kpc` lies.
+    /// Its standard error in kpc on the side where the radius `r_kpc` of a model lies, with this jitter.
     #[must_use]
-    pub fn r_err_towards_kpc(&self, r_kpc: f64) -> f64 {
-        if r_kpc > self.r_kpc {
+    pub fn r_err_towards_kpc(&self, r_kpc: f64, jitter: f64) -> f64 {
+        let error = if r_kpc > self.r_kpc {
             self.r_err_hi_kpc
         } else {
             self.r_err_lo_kpc
-        }
+        };
+        error.hypot(jitter * self.r_kpc)
     }
 
     /// A radius with the same error to both sides.
@@ -188,11 +189,9 @@ impl TrackLikelihood {
             .edges
             .check("likelihood.edges.soft.half_width_deg", width_deg)?;
         for d in data {
-            in_range(
-                "track.phi_deg",
-                (d.bin as f64 + 0.5) * width_deg,
-                ANGLES_DEG,
-            )?;
+            // Its centre to half a width, by which the grid may be moved.
+            let nearest = (d.bin as f64 + 0.5).abs() * width_deg - 0.5 * width_deg;
+            in_range("track.phi_deg", nearest, ANGLES_DEG)?;
             in_range("track.r_kpc", d.r_kpc, RADII_KPC)?;
             for error in [d.r_err_lo_kpc, d.r_err_hi_kpc] {
                 in_range("track.r_err_kpc", error, RADIUS_ERRORS_KPC)?;

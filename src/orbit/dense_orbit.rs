@@ -472,21 +472,23 @@ impl<S: Real> DenseOrbit<S> {
         sum
     }
 
-    /// Largest relative difference of the energy at a node from that today; `host` is the potential that the orbit was integrated in.
+    /// Largest difference of the energy at a node from that today, over the largest kinetic energy; `host` is the potential that the orbit was integrated in.
     #[must_use]
     pub fn energy_error(&self, host: &impl Potential<S>) -> f64 {
-        let mut energies = Vec::with_capacity(self.nodes.len());
+        let (mut energies, mut kinetic) = (Vec::with_capacity(self.nodes.len()), 0.0_f64);
         for block in self.times.blocks() {
             let per_gyr = S::from_f64(block.per_age) / self.age_gyr;
             for node in &self.nodes[block.first_node..=block.first_node + block.intervals] {
                 let v = node.vector(1) * per_gyr;
-                energies.push((v.norm2() * 0.5 + host.value(node.x())).re());
+                let of_motion = v.norm2() * 0.5;
+                kinetic = kinetic.max(of_motion.re());
+                energies.push((of_motion + host.value(node.x())).re());
             }
         }
         let today = energies.last().copied().unwrap_or(f64::NAN);
         energies
             .iter()
-            .map(|energy| ((energy - today) / today).abs())
+            .map(|energy| (energy - today).abs() / kinetic)
             .fold(0.0, f64::max)
     }
 
@@ -535,6 +537,7 @@ fn leapfrog_step<S: Scalar>(
     let half = S::from_f64(0.5);
     let kicked = dx - ddx * half;
     let x = x - kicked;
-    let ddx = step.acceleration(force, x, kicked, 1.0);
+    // A force that depends on the velocity has that of the node by the acceleration so far, whose error is of second order.
+    let ddx = step.acceleration(force, x, kicked - ddx * half, 1.0);
     [x, kicked - ddx * half, ddx]
 }

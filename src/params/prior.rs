@@ -310,6 +310,38 @@ impl StreamPrior {
         self.check_not_default("z0_kpc", "the half-normal default", &remedy)
     }
 
+    /// Checks that the progenitor may be on either side, unless the prior stays as it is if the near side is exchanged with the far one: then
+    /// one of them is enough.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] by [`check_both_sides`](Self::check_both_sides).
+    pub fn check_sides(&self) -> Result<()> {
+        // The mirror at the sky turns these around, and z0; an axis is the same as its opposite.
+        for name in ["dir_x", "dir_y", "vz0_km_s"] {
+            if !self.is_even(name) {
+                self.check_both_sides(&format!(
+                    "what is known of `{name}`, which is neither 0 nor symmetric about 0, tells"
+                ))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a parameter is as probable as its opposite: its distribution is symmetric about 0, or it is fixed at 0 or absent.
+    #[must_use]
+    pub fn is_even(&self, name: &str) -> bool {
+        let Some(index) = index_of(name).filter(|i| self.present.contains(i)) else {
+            return true;
+        };
+        let centre = match self.settings.marginals.to_array()[index] {
+            Some(Marginal::Normal { mean, .. }) if self.free.contains(&index) => mean,
+            Some(Marginal::Uniform { lo, hi }) if self.free.contains(&index) => lo + hi,
+            Some(Marginal::HalfNormal { .. }) if self.free.contains(&index) => return false,
+            _ => self.fixed[index],
+        };
+        centre.abs() <= 0.0
+    }
+
     /// Checks that a parameter of every stream is fixed or has another distribution than the default, which `value` names in the message.
     ///
     /// # Errors

@@ -219,15 +219,7 @@ impl HalfTurn {
     /// The move under a prior; `None` unless both components are free and symmetric around zero.
     #[must_use]
     pub fn new(prior: &StreamPrior) -> Option<Self> {
-        let symmetric = |name: &str| {
-            let place = prior.free_index(name)?;
-            let centre = match prior.prior().marginals()[place] {
-                Marginal::Normal { mean, .. } => mean,
-                Marginal::Uniform { lo, hi } => lo + hi,
-                Marginal::HalfNormal { .. } => return None,
-            };
-            (centre.abs() <= 0.0).then_some(place)
-        };
+        let symmetric = |name: &str| prior.free_index(name).filter(|_| prior.is_even(name));
         Some(Self {
             places: [symmetric("dir_x")?, symmetric("dir_y")?],
         })

@@ -39,6 +39,8 @@ pub struct FitPicture<'a> {
     pub draws: &'a [Curve],
     /// Those of the best fit.
     pub best: &'a Curve,
+    /// (data - best fit) / error in each row of the data, with the errors that ln L has; NaN where the best fit covers no bin.
+    pub residuals: &'a [f64],
     /// Particles of the best fit on the sky, (x, y) in kpc; without them there is no panel of the sky.
     pub particles: &'a [(f64, f64)],
     /// Angle on the sky of phi = 0 in degrees, which turns `phi` into places there.
@@ -101,15 +103,9 @@ impl FitPicture<'_> {
     }
 
     fn residuals(&self, canvas: &mut Canvas, x: (f64, f64)) {
-        let track = self.track;
-        let residual = |i: usize| {
-            let at = self.best.at(track.phi_deg[i], track.bin_width_deg);
-            at.map_or(f64::NAN, |r| {
-                (track.r_kpc[i] - r) / track.r_err_towards_kpc(i, r)
-            })
-        };
-        let worst = (0..track.len())
-            .map(residual)
+        let residuals = self.residuals.iter().copied();
+        let worst = residuals
+            .clone()
             .filter(|z| z.is_finite())
             .fold(2.5_f64, |m, z| m.max(z.abs() + 1.2));
         let axes = Axes {
@@ -121,9 +117,7 @@ impl FitPicture<'_> {
         axes.band(canvas, (-1.0, 1.0), 0.18);
         axes.level(canvas, 0.0, COLOURS[0], "");
         canvas.clipped(axes.rect, |canvas| {
-            for i in 0..track.len() {
-                let z = residual(i);
-                let phi = track.phi_deg[i];
+            for (phi, z) in self.track.phi_deg.iter().copied().zip(residuals) {
                 if z.is_finite() {
                     let bar = [axes.at(phi, z - 1.0), axes.at(phi, z + 1.0)];
                     canvas.line(&bar, INK, 0.7, "");

@@ -5,7 +5,7 @@ use super::population::DENSITY_POINTS;
 use crate::config::PopulationConfig;
 use crate::data::ObservedTrack;
 use crate::error::Result;
-use crate::inference::{FitSettings, StreamTarget};
+use crate::inference::{FitSettings, StreamTarget, residuals};
 use crate::params::StreamParams;
 use crate::posterior::{
     Column, Comparison, column, columns, compare, compare_models, mode_weights, modes_of_draws,
@@ -376,6 +376,7 @@ fn overlays(
         track,
         draws: &curves(&|bin| bin.r_kpc),
         best: &curve_of(&best, |bin| bin.r_kpc),
+        residuals: &residuals(target, track, &params),
         particles: &dots(&particles, &params, DOTS),
         phi_zero_deg: -params.phi0_deg,
         progenitor_kpc: params.x0_kpc / params.distance_factor,

@@ -6,7 +6,7 @@
 
 use super::isa::{Isa, LANES, LaneArray, MAX_GROUPS, Subroutine, Vectors};
 use super::{Scalar, Vec3};
-use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// Runs the block for each `$i` below `$k`, which is at most four. Loops give the same instructions, but a kernel has thousands of them, and
 /// the compiler takes most of its time to undo them.
@@ -31,17 +31,6 @@ pub struct Lanes<V: Vectors, const K: usize>([V::Vector; K]);
 /// The outcome of a comparison, lane by lane.
 #[derive(Clone, Copy, Debug)]
 pub struct LaneMask<V: Vectors, const K: usize>([V::Mask; K]);
-
-impl<V: Vectors, const K: usize> BitAnd for LaneMask<V, K> {
-    type Output = Self;
-    #[inline(always)]
-    fn bitand(mut self, other: Self) -> Self {
-        each_vector!(i < K, {
-            self.0[i] = V::both(self.0[i], other.0[i]);
-        });
-        self
-    }
-}
 
 macro_rules! elementwise {
     ($($trait:ident $method:ident),*) => {$(

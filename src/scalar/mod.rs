@@ -25,7 +25,7 @@ pub use vec3::Vec3;
 use num_dual::DualNum;
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
 use std::fmt::Debug;
-use std::ops::{Add, AddAssign, BitAnd, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// The operations of the inner loops: arithmetic, square root, comparison and selection. Implement them with `#[inline(always)]`: outside
 /// of kernels they would be compiled without the kernel's instructions.
@@ -49,7 +49,7 @@ pub trait Scalar:
     + Div<f64, Output = Self>
 {
     /// The result of a comparison.
-    type Mask: Copy + BitAnd<Output = Self::Mask>;
+    type Mask: Copy;
 
     /// The smallest positive normal number.
     const MIN_POSITIVE: f64 = f64::MIN_POSITIVE;

@@ -43,11 +43,15 @@ pub trait AnyHost: Debug + Send + Sync {
         of_particles: &mut dyn FnMut(&mut Workspace) -> Result<(), Rejection>,
     ) -> Result<[f64; DIM], Rejection>;
 
-    /// Largest relative change of the energy along the progenitor's orbit.
+    /// Largest change of the energy along the progenitor's orbit over its largest kinetic energy; none with friction, which takes energy.
     ///
     /// # Errors
     /// As of [`Model::progenitor_solution`].
-    fn orbit_energy_error(&self, model: &Model, input: &StreamInput<'_>) -> Result<f64, Rejection>;
+    fn orbit_energy_error(
+        &self,
+        model: &Model,
+        input: &StreamInput<'_>,
+    ) -> Result<Option<f64>, Rejection>;
 
     /// The potential of the host.
     fn potential(&self, model: &Model, input: &StreamInput<'_>) -> Box<dyn Potential<f64>>;
@@ -113,10 +117,15 @@ impl<H: CompiledHost> AnyHost for H {
         Ok(gradient)
     }
 
-    fn orbit_energy_error(&self, model: &Model, input: &StreamInput<'_>) -> Result<f64, Rejection> {
+    fn orbit_energy_error(
+        &self,
+        model: &Model,
+        input: &StreamInput<'_>,
+    ) -> Result<Option<f64>, Rejection> {
         let system = input.system::<H>(model);
         let solution = model.progenitor_solution(&system)?;
-        Ok(solution.orbit.energy_error(&solution.host))
+        let error = solution.orbit.energy_error(&solution.host);
+        Ok((!model.settings.dynamical_friction).then_some(error))
     }
 
     fn potential(&self, model: &Model, input: &StreamInput<'_>) -> Box<dyn Potential<f64>> {

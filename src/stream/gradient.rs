@@ -1,7 +1,7 @@
 //! The gradient of a function of the particles with respect to the system, in two stages (docs/physics.md, section 8).
 //!
 //! Reverse mode is cheap for one function of many numbers: one likelihood of all particles. Forward mode is cheap for many functions of
-//! few numbers: the nodes of an orbit and the release frames, of the 15 numbers of a [`System`]. So the derivatives with respect to the
+//! few numbers: the nodes of an orbit and the release frames, of the few numbers of a [`System`]. So the derivatives with respect to the
 //! [`ProgenitorSolution`] are computed in reverse mode, and multiplied by the derivatives of the solution, which are computed on dual
 //! numbers.
 

@@ -115,10 +115,18 @@ impl<S: Real> MassOverTime<S> {
         }
     }
 
-    /// As [`fraction`](Self::fraction), for the scale of releases.
+    /// The fraction at release time number `k` of `count`, `tau`, for the scale of releases: within the part of its interval in which the
+    /// progenitor is not yet dissolved, so that it falls to 0 with the weight of that part.
     #[inline(always)]
-    pub(super) fn fraction_at_release(&self, tau: f64) -> S {
-        let value = self.fraction(tau).value;
+    pub(super) fn fraction_at_release(&self, k: usize, count: usize, tau: f64) -> S {
+        let part = self.part_before_its_end(k, count);
+        let value = if part.re() < 1.0 {
+            let within = (tau + 1.0) * count as f64 - k as f64;
+            let since = part * within + k as f64;
+            -(since / (self.parameter * count as f64)) + 1.0
+        } else {
+            self.fraction(tau).value
+        };
         if value.re() < LEAST_FRACTION {
             S::from_f64(LEAST_FRACTION)
         } else {

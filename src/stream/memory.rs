@@ -18,9 +18,9 @@ impl ModelSettings {
     /// An estimate of the memory of a [`Model`](super::Model) with these settings, and of `threads` streams with their gradients that are
     /// computed at once.
     ///
-    /// The model has, for each particle, its release (twice its release offset while the table is made) and its lanes in a lane group,
-    /// and the Hermite weights of every equal step of every release time. Each thread has nine numbers per particle (state, winding
-    /// number, two derivatives), the orbit and its derivatives, and the step schedules of the gradient's chunks. Trajectories are not
+    /// The model has, for each particle, its release (its uniform and normal numbers and twice its offset while the table is made) and its lanes
+    /// in a lane group, and the Hermite weights of every equal step of every release time. Each thread has up to 19 numbers per particle (state,
+    /// winding number, two derivatives, ten of the bins with their derivatives), the orbit and its derivatives, and the step schedules of the gradient's chunks. Trajectories are not
     /// stored. Adaptive steps are counted as if all were as short as possible.
     #[must_use]
     pub fn memory(&self, threads: usize) -> Memory {
@@ -41,8 +41,10 @@ impl ModelSettings {
             StepsPer::Age => 0.5 * steps + 1.0,
         };
         let threads = threads as f64;
-        let table =
-            bytes::<Release>(n) + bytes::<ReleaseOffset>(n) + bytes::<LaneGroup>(lane_groups);
+        let table = bytes::<Release>(n)
+            + bytes::<[ReleaseOffset; 2]>(n)
+            + bytes::<[f64; 5]>(n)
+            + bytes::<LaneGroup>(lane_groups);
         let weights = match self.step_rule {
             StepRule::Uniform => bytes::<HermiteWeights>(release_times * (mean_steps + 1.0)),
             StepRule::Adaptive => threads * bytes::<u8>(lane_groups * steps / STAGES as f64),
@@ -57,7 +59,7 @@ impl ModelSettings {
         Memory::default()
             .with(
                 "model.releases.particles",
-                table + threads * bytes::<f64>(9.0 * n),
+                table + threads * bytes::<f64>(19.0 * n),
             )
             .with("model.steps", weights + threads * chunks * steps * schedule)
             .with("model.orbit_steps", threads * nodes * node)

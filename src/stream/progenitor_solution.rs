@@ -102,7 +102,7 @@ pub(super) fn release_at<S: Real>(
     k: usize,
 ) -> ReleaseAt<S> {
     let tau = table.taus[k];
-    let mass = mass * law.mass_loss.fraction_at_release(tau);
+    let mass = mass * law.mass_loss.fraction_at_release(k, table.taus.len(), tau);
     let (state, winding_number) = orbit.at(tau);
     let tidal = Tidal::new(host, mass, state);
     let (length, speed) = table.recipe.scales(&tidal, mass);
@@ -300,6 +300,8 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
             progenitor.r_s,
             mass_loss,
             age_gyr,
+            // Angles count from the progenitor (docs/physics.md, section 6).
+            today.x.x,
         ];
         let finite = today.x.norm2()
             + today.v.norm2()
@@ -313,6 +315,7 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
             + release_peaking
             + coulomb_logarithm;
         if !finite.re().is_finite()
+            || mass_loss.re() > 1.0
             || positive
                 .iter()
                 .any(|p| !(p.re() > 0.0 && p.re().is_finite()))

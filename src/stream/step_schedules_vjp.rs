@@ -7,8 +7,7 @@ use crate::orbit::{HermiteWeights, position_vjp};
 use crate::scalar::Vec3;
 
 impl Cotangents {
-    /// Adds the derivatives with respect to interpolated positions of the progenitor to those with respect to the nodes. There is none for
-    /// the last position, because the kick today moves no particle.
+    /// Adds the derivatives with respect to interpolated positions of the progenitor to those with respect to the nodes.
     pub(super) fn progenitor_positions_vjp(
         &mut self,
         weights: &[HermiteWeights],

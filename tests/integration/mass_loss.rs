@@ -47,15 +47,19 @@ fn offsets_of_releases_follow_the_mass() {
         .taus
         .clone();
     assert!(taus.len() > 4, "{taus:?}");
-    for law in LAWS {
-        let lost = solution(Some(law), 0.2);
-        for ((tau, lost), whole) in
-            (taus.iter().zip(&lost.releases.frames)).zip(&whole.releases.frames)
-        {
+    let count = taus.len() as f64;
+    // An interval of release times ends with the progenitor, or the progenitor within its first half.
+    let within = (17.0 + 0.3) / count;
+    for (law, left) in LAWS.into_iter().flat_map(|law| [(law, 0.2), (law, within)]) {
+        let lost = solution(Some(law), left);
+        let frames = lost.releases.frames.iter().zip(&whole.releases.frames);
+        for ((k, tau), (lost, whole)) in taus.iter().enumerate().zip(frames) {
+            let end = (k as f64 + 1.0).min(left * count);
+            let middle = 0.5 * (k as f64 + end) / count;
             let fraction = match law {
-                MassLoss::Linear => 1.0 - 0.8 * (1.0 + tau),
-                MassLoss::Exponential => 0.2_f64.powf(1.0 + tau),
-                MassLoss::Complete => (1.0 - (1.0 + tau) / 0.2).max(1e-6),
+                MassLoss::Linear => 1.0 - (1.0 - left) * (1.0 + tau),
+                MassLoss::Exponential => left.powf(1.0 + tau),
+                MassLoss::Complete => (1.0 - middle / left).max(1e-6),
             };
             let lengths = [lost, whole].map(|frame| frame.position[0].norm2().sqrt());
             let ratio = lengths[0] / lengths[1];

@@ -89,9 +89,9 @@ impl Learner {
         half.examples.thin(EXAMPLES_KEPT / 2);
     }
 
-    /// Begins again at the prior, with what it has learned.
-    pub fn begin_again(&mut self) {
-        self.ln_x = 0.0;
+    /// Begins a batch at this log volume with what it has learned, and learns again at its first iteration, unless that is the prior.
+    pub fn begin_at(&mut self, ln_x: f64) {
+        self.ln_x = (ln_x + NATS).min(0.0);
     }
 
     /// Whether the surrogate is to learn again at this log volume.

@@ -122,6 +122,9 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// Maximum number of batches: with a hundred lineages each, labels of lineages have 16 bits.
+    pub const MAX_BATCHES: usize = 640;
+
     /// Effective sample size that the checks want: 400, or the target where that is smaller.
     #[must_use]
     pub(super) fn min_ess(&self) -> f64 {
@@ -141,7 +144,7 @@ impl Settings {
         if let Some(target) = self.target_ln_z_error {
             in_range("target_ln_z_error", target, 1e-4..=100.0)?;
         }
-        in_range("max_batches", self.max_batches, 1..=10_000)?;
+        in_range("max_batches", self.max_batches, 1..=Self::MAX_BATCHES)?;
         in_range("posterior_fraction", self.posterior_fraction, 0.0..=1.0)?;
         in_range("replaced_fraction", self.replaced_fraction, 1e-6..=0.5)?;
         if let Some(steps) = self.steps {
@@ -251,7 +254,7 @@ mod tests {
         assert_eq!(key(&|s| s.n_live = 1_000_000), "n_live");
         let batches = |s: &mut Settings| {
             s.target_ess = Some(1e7);
-            s.max_batches = 10_000;
+            (s.n_live, s.max_batches) = (20_000, Settings::MAX_BATCHES);
         };
         assert_eq!(key(&batches), "max_batches");
     }

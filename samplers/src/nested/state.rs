@@ -380,7 +380,6 @@ impl State {
             live = first;
             self.cost.count(&calls);
             self.begun += narrow(context.lineages());
-            self.learner.begin_again();
         } else {
             let seeds = choose_seeds(&mut rng, kept.len(), count);
             let source = Source {
@@ -416,6 +415,7 @@ impl State {
         self.information = weighted.information;
         self.bounds = bounds;
         self.ln_x_at_fit = range.ln_x;
+        self.learner.begin_at(range.ln_x);
         self.efficiency_at_fit = None;
         self.tuning = tuning;
         Ok(())

@@ -399,7 +399,8 @@ impl State {
     }
 
     /// A surrogate learns from the values of one in so many scans, so that all examples that it may have are spread over the whole round or
-    /// extension: those of the newest scans alone lack the rare places, which the surrogate would then forget.
+    /// extension: those of the newest scans alone lack the rare places, which the surrogate would then forget. The number is odd, so that scans
+    /// with slice updates have their share.
     fn learn_every(&self) -> u64 {
         let scans = if self.is_last_round() {
             self.newest_scans()
@@ -407,7 +408,7 @@ impl State {
             self.scans()
         };
         let values = scans * self.chains.len() * VALUES_OF_A_CHAIN;
-        values.div_ceil(EXAMPLES_KEPT).max(1) as u64
+        values.div_ceil(EXAMPLES_KEPT) as u64 | 1
     }
 
     /// Even pairs of temperatures in even scans, odd pairs in odd scans.

@@ -106,8 +106,6 @@ pub trait Vectors: Copy + Debug + Send + Sync + 'static {
     fn mul_add(a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
     /// a < b
     fn lt(a: Self::Vector, b: Self::Vector) -> Self::Mask;
-    /// The mask that is set where both masks are.
-    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// Whether the mask is set in any lane.
     fn any(mask: Self::Mask) -> bool;
     /// `a` where the mask is set, `b` elsewhere.

@@ -115,10 +115,6 @@ macro_rules! arrays {
                 lane_by_lane!($groups, i => if a[i] < b[i] { $bits::MAX } else { 0 })
             }
             #[inline(always)]
-            fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask {
-                lane_by_lane!($groups, i => a[i] & b[i])
-            }
-            #[inline(always)]
             fn any(mask: Self::Mask) -> bool {
                 let mut bits = 0;
                 for lane in 0..$groups * LANES {

@@ -69,10 +69,6 @@ macro_rules! one_register {
             cpu! { $compare::<_CMP_LT_OQ>(a, b) }
         }
         #[inline(always)]
-        fn both(a: $mask, b: $mask) -> $mask {
-            a & b
-        }
-        #[inline(always)]
         fn any(mask: $mask) -> bool {
             mask != 0
         }
@@ -85,7 +81,7 @@ macro_rules! one_register {
 
 /// As `one_register`, on vectors of two registers, with masks in registers of the same type.
 macro_rules! two_registers {
-    ($register:ty: $($name:ident $intrinsic:ident),*; $sqrt:ident $max:ident $min:ident $mul_add:ident $xor:ident $set1:ident $compare:ident $blend:ident $and:ident $or:ident $signs:ident) => {
+    ($register:ty: $($name:ident $intrinsic:ident),*; $sqrt:ident $max:ident $min:ident $mul_add:ident $xor:ident $set1:ident $compare:ident $blend:ident $or:ident $signs:ident) => {
         type Vector = [$register; 2];
         type Mask = [$register; 2];
         $(
@@ -118,10 +114,6 @@ macro_rules! two_registers {
         #[inline(always)]
         fn lt(a: [$register; 2], b: [$register; 2]) -> [$register; 2] {
             cpu! { [$compare::<_CMP_LT_OQ>(a[0], b[0]), $compare::<_CMP_LT_OQ>(a[1], b[1])] }
-        }
-        #[inline(always)]
-        fn both(a: [$register; 2], b: [$register; 2]) -> [$register; 2] {
-            cpu! { [$and(a[0], b[0]), $and(a[1], b[1])] }
         }
         #[inline(always)]
         fn any(mask: [$register; 2]) -> bool {
@@ -408,7 +400,7 @@ impl Vectors for Avx2 {
     two_registers! {
         __m256d: add _mm256_add_pd, sub _mm256_sub_pd, mul _mm256_mul_pd, div _mm256_div_pd;
         _mm256_sqrt_pd _mm256_max_pd _mm256_min_pd _mm256_fmadd_pd _mm256_xor_pd _mm256_set1_pd _mm256_cmp_pd _mm256_blendv_pd
-        _mm256_and_pd _mm256_or_pd _mm256_movemask_pd
+        _mm256_or_pd _mm256_movemask_pd
     }
 
     const GROUPS: usize = 1;
@@ -499,7 +491,7 @@ impl Vectors for Avx2Singles {
     two_registers! {
         __m256: add _mm256_add_ps, sub _mm256_sub_ps, mul _mm256_mul_ps, div _mm256_div_ps;
         _mm256_sqrt_ps _mm256_max_ps _mm256_min_ps _mm256_fmadd_ps _mm256_xor_ps _mm256_set1_ps _mm256_cmp_ps _mm256_blendv_ps
-        _mm256_and_ps _mm256_or_ps _mm256_movemask_ps
+        _mm256_or_ps _mm256_movemask_ps
     }
 
     const GROUPS: usize = 2;

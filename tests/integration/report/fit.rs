@@ -1,20 +1,39 @@
 //! The figure of a fit: data, residuals, the sky and the legend.
 
 use super::{sound, track};
+use oblate::data::ObservedTrack;
 use oblate::report::FitPicture;
 use oblate_samplers::rng::{Domain, standard_normal, stream};
 
-fn picture_of(particles: &[(f64, f64)]) -> String {
-    let (data, best, draws) = track();
+/// The figure of these data, where the best fit covers those below this angle.
+pub(super) fn overlay(data: &ObservedTrack, particles: &[(f64, f64)], covered_deg: f64) -> String {
+    let (_, mut best, draws) = track();
+    let end = best.phi_deg.partition_point(|phi| *phi < covered_deg);
+    best.phi_deg.truncate(end);
+    best.values.truncate(end);
+    let residual = |row: usize| {
+        let at = best
+            .phi_deg
+            .iter()
+            .position(|phi| (phi - data.phi_deg[row]).abs() < 1e-9);
+        at.map_or(f64::NAN, |at| {
+            (data.r_kpc[row] - best.values[at]) / data.r_err_lo_kpc[row]
+        })
+    };
     FitPicture {
-        track: &data,
+        track: data,
         draws: &draws,
         best: &best,
+        residuals: &(0..data.len()).map(residual).collect::<Vec<_>>(),
         particles,
         phi_zero_deg: 0.0,
         progenitor_kpc: 60.0,
     }
     .svg()
+}
+
+fn picture_of(particles: &[(f64, f64)]) -> String {
+    overlay(&track().0, particles, 360.0)
 }
 
 #[test]
@@ -70,21 +89,10 @@ fn fit_overlay_shows_the_sky_when_given_particles() {
 
 #[test]
 fn a_bin_that_the_best_fit_misses_is_crossed_not_drawn() {
-    let (data, mut best, draws) = track();
-    best.phi_deg.truncate(12);
-    best.values.truncate(12);
-    let missed = data.phi_deg.iter().filter(|p| **p > 35.0).count();
+    let data = track().0;
+    let missed = data.phi_deg.iter().filter(|p| **p > 40.0).count();
     assert!(missed > 0);
-    let svg = FitPicture {
-        track: &data,
-        draws: &draws,
-        best: &best,
-        particles: &[],
-        phi_zero_deg: 0.0,
-        progenitor_kpc: 60.0,
-    }
-    .svg();
-    let svg = sound("fit_missed", svg);
+    let svg = sound("fit_missed", overlay(&data, &[], 40.0));
     assert_eq!(svg.matches("class=\"residual\"").count(), 12 - missed);
     assert_eq!(svg.matches('\u{d7}').count(), missed);
 }

@@ -1,9 +1,10 @@
 //! Names of any characters in figures and on the page.
 
+use super::fit::overlay;
 use super::{corner_columns, one_group, sound, track};
 use crate::runs;
 use oblate::posterior::{Summary, SummaryContext};
-use oblate::report::{Figure, FitPicture, PageRun, QCurve, corner, q_posterior};
+use oblate::report::{Figure, PageRun, QCurve, corner, q_posterior};
 
 /// Names come from track headers and folders, and may have any characters.
 #[test]
@@ -13,16 +14,8 @@ fn a_name_of_any_characters_makes_sound_figures_and_a_sound_page() {
         .filter_map(char::from_u32)
         .collect();
     let run = runs::nested(500, 3);
-    let (mut data, best, draws) = track();
+    let mut data = track().0;
     data.name.clone_from(&name);
-    let fit = FitPicture {
-        track: &data,
-        draws: &draws,
-        best: &best,
-        particles: &[(1.0, 2.0)],
-        phi_zero_deg: 0.0,
-        progenitor_kpc: 60.0,
-    };
     let curve = || QCurve {
         name: name.clone(),
         q: run.draws.derived_column(0),
@@ -33,7 +26,7 @@ fn a_name_of_any_characters_makes_sound_figures_and_a_sound_page() {
     columns[0].column.name.clone_from(&name);
     columns[0].column.unit.clone_from(&name);
     let figures = [
-        sound("fit_named", fit.svg()),
+        sound("fit_named", overlay(&data, &[(1.0, 2.0)], 360.0)),
         sound("q_named", q_posterior(&[curve(), curve()], None, None)),
         sound(
             "corner_named",
