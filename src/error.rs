@@ -439,7 +439,9 @@ impl Rejection {
     #[must_use]
     pub fn remedy(self) -> &'static str {
         match self {
-            Self::BadParameter => "give finite parameters, masses, radii and an age above zero",
+            Self::BadParameter => {
+                "give finite parameters, masses, radii and an age above zero, fractions of at most one, and x0_kpc not below zero"
+            }
             Self::UnresolvedOrbit => {
                 "its progenitor comes too close to the centre for the shortest steps allowed: increase `model.max_halvings`"
             }

@@ -147,8 +147,8 @@ impl Checkpointer {
     }
 }
 
-/// A hash of ln L at three fixed draws of the prior: another target, data set or model gives another. Its calls are not part
-/// of the run.
+/// A hash of ln L, to three digits, at three fixed draws of the prior: another target, data set or model gives another, and another computer, whose
+/// instructions round otherwise, the same. Its calls are not part of the run.
 fn fingerprint(targets: &[&dyn Target]) -> Result<u64> {
     let mut bytes = Vec::new();
     for target in targets {
@@ -161,7 +161,7 @@ fn fingerprint(targets: &[&dyn Target]) -> Result<u64> {
                 .collect();
             target.prior().theta_from_z(&z, &mut theta);
             let value = target.ln_likelihood(&theta).ln_likelihood(&theta)?;
-            bytes.extend_from_slice(&value.to_bits().to_le_bytes());
+            bytes.extend_from_slice(format!("{value:.2e} ").as_bytes());
         }
     }
     Ok(checkpoint::hash(&bytes))

@@ -58,18 +58,26 @@ impl CommandLine {
         self.without(flag, true).with(flag, Some(value))
     }
 
-    /// With a flag at the end.
+    /// With a flag at the end of the flags.
     #[must_use]
     pub fn with(mut self, flag: &str, value: Option<&str>) -> Self {
-        self.words.push(flag.to_owned());
-        self.words.extend(value.map(str::to_owned));
+        let end = self.end_of_flags();
+        let flag = [Some(flag), value].into_iter().flatten().map(str::to_owned);
+        self.words.splice(end..end, flag);
         self
+    }
+
+    /// The number of words before `--`, after which there are no flags.
+    fn end_of_flags(&self) -> usize {
+        let end = self.words.iter().position(|word| word == "--");
+        end.unwrap_or(self.words.len())
     }
 
     /// Without a flag, which has a value or none.
     fn without(&self, flag: &str, has_value: bool) -> Self {
         let mut words = Vec::new();
-        let mut given = self.words.iter();
+        let (flags, rest) = self.words.split_at(self.end_of_flags());
+        let mut given = flags.iter();
         while let Some(word) = given.next() {
             if word == flag {
                 if has_value {
@@ -79,6 +87,7 @@ impl CommandLine {
                 words.push(word.clone());
             }
         }
+        words.extend_from_slice(rest);
         Self { words }
     }
 

@@ -138,14 +138,14 @@ impl FolderFlags {
 
 /// Says at which point a run was stopped, and how it is continued.
 pub fn interrupted(command: &CommandLine, stopped_at: &str) -> Exit {
-    let cause = if interrupt().load(Ordering::Relaxed) {
-        "Interrupted"
+    let (cause, exit) = if interrupt().load(Ordering::Relaxed) {
+        ("Interrupted", Exit::Interrupted)
     } else {
-        "The time limit was reached"
+        ("The time limit was reached", Exit::Failed)
     };
     note(&format!(
         "{cause} before the result, at {stopped_at}; the work so far is kept."
     ));
     Step::resume(command).tell();
-    Exit::Interrupted
+    exit
 }

@@ -80,7 +80,9 @@ pub fn after_fit(
             && names(sampled).iter().any(|name| needs_scans(name))
             && let Some(more) = more_extensions(sampling)
         {
-            let longer = command.resumed().with_value("--extensions", &more);
+            // As a setting, which goes before flags and settings that the command has.
+            let change = format!("sampling.pt_hmc.extensions={more}");
+            let longer = command.resumed().with("--set", Some(&change));
             steps.push(Step::new("extend its last round", &longer));
         }
         let batches = more_batches(sampled, sampling, command);

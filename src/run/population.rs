@@ -90,7 +90,7 @@ pub fn population(
     let session = match begin(destination, config, &stored, fits.missing)? {
         RunState::Finished(stored) => {
             let folder = RunFolder::at(destination.folder)?;
-            write_missing_tables(config, &folder, &stored)?;
+            write_tables(config, &folder, &stored.run, &stored.summary)?;
             return Ok(stored.into());
         }
         RunState::Unfinished(session) => session,
@@ -185,21 +185,6 @@ fn context(target: &dyn Population, run: &Run, seed: u64) -> SummaryContext {
     }
 }
 
-/// Writes the tables of a finished run, if one is missing: after a kill between result and tables, and in folders of earlier versions.
-///
-/// # Errors
-/// As of [`write_tables`].
-fn write_missing_tables(
-    config: &PopulationConfig,
-    folder: &RunFolder,
-    stored: &StoredRun,
-) -> Result<()> {
-    if folder.density().exists() && folder.streams().exists() {
-        return Ok(());
-    }
-    write_tables(config, folder, &stored.run, &stored.summary)
-}
-
 /// Writes the density of q with its bands, and the streams, as tables; nothing of a run that was stopped before its first draw.
 ///
 /// # Errors
@@ -225,8 +210,11 @@ fn write_tables(
     write_table(&path, &streams)
 }
 
-/// Writes one table.
+/// Writes one table, unless it is there: a finished run may be on a disk that cannot be written.
 fn write_table(path: &Path, table: &[u8]) -> Result<()> {
+    if std::fs::read(path).is_ok_and(|old| old == table) {
+        return Ok(());
+    }
     write_atomically(path, table).map_err(|source| Error::Unwritten {
         source: Box::new(source.into()),
     })

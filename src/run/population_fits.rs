@@ -1,6 +1,6 @@
 //! The fits of a population, read and compared: each of another track, all with one prior and one recipe.
 
-use super::folder::StoredRun;
+use super::folder::{StoredRun, distinct_names};
 use super::stored_fit::StoredFit;
 use crate::data::ObservedTrack;
 use crate::error::{Error, PosteriorFault, Result};
@@ -42,10 +42,17 @@ pub(super) fn read(paths: &[PathBuf]) -> Result<Vec<StoredRun>> {
 /// # Errors
 /// As of [`read`].
 pub(super) fn read_fits(paths: &[PathBuf]) -> Result<Vec<StoredFit>> {
-    let fits = paths
+    let mut fits = paths
         .iter()
         .map(|path| StoredFit::read(path))
         .collect::<Result<Vec<_>>>()?;
+    let names = {
+        let stored: Vec<&StoredRun> = fits.iter().map(|fit| &fit.stored).collect();
+        distinct_names(paths, &stored)
+    };
+    for (fit, name) in fits.iter_mut().zip(names) {
+        fit.stored.name = name;
+    }
     for (i, fit) in fits.iter().enumerate() {
         for other in &fits[..i] {
             belongs_with(fit, other).map_err(|fault| Error::Posterior {

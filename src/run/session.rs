@@ -65,16 +65,23 @@ impl Destination<'_> {
     /// # Errors
     /// [`Error::OutputPath`] if it is one; [`Error::Io`] if it cannot be read.
     pub(super) fn is_no_run(&self) -> Result<()> {
-        let path = self.folder;
-        let is_run = marked(path).map_err(Error::io(path, "check that the folder is readable"))?;
-        if is_run {
-            return Err(Error::OutputPath {
-                path: path.to_path_buf(),
-                fault: OutputFault::RunFolder,
-            });
-        }
-        Ok(())
+        is_no_run(self.folder)
     }
+}
+
+/// Checks that a folder which will hold run folders is none itself.
+///
+/// # Errors
+/// [`Error::OutputPath`] if it is one; [`Error::Io`] if it cannot be read.
+pub(super) fn is_no_run(path: &Path) -> Result<()> {
+    let is_run = marked(path).map_err(Error::io(path, "check that the folder is readable"))?;
+    if is_run {
+        return Err(Error::OutputPath {
+            path: path.to_path_buf(),
+            fault: OutputFault::RunFolder,
+        });
+    }
+    Ok(())
 }
 
 /// The path without links, also of what does not exist yet: that of its nearest ancestor that exists, and the rest. `None` if no ancestor

@@ -72,8 +72,14 @@ pub struct StreamInput<'a> {
 }
 
 impl StreamInput<'_> {
-    fn system<H: CompiledHost>(&self, model: &Model) -> System<f64, H> {
-        System::with_host(self.params, self.q_range, &model.settings)
+    /// # Errors
+    /// [`Rejection::BadParameter`] if the progenitor is not on the side of the sky from which angles count (docs/physics.md, section 6).
+    fn system<H: CompiledHost>(&self, model: &Model) -> Result<System<f64, H>, Rejection> {
+        if self.params.x0_kpc < 0.0 {
+            return Err(Rejection::BadParameter);
+        }
+        let (params, q_range) = (self.params, self.q_range);
+        Ok(System::with_host(params, q_range, &model.settings))
     }
 }
 
@@ -85,7 +91,7 @@ impl<H: CompiledHost> AnyHost for H {
         memory: &mut Option<SolutionMemory<f64>>,
         work: &mut Workspace,
     ) -> Result<(), Rejection> {
-        let system = input.system::<H>(model);
+        let system = input.system::<H>(model)?;
         let solution = model.progenitor_solution_reusing(&system, memory.take())?;
         let integrated = integrate(model, &solution, input.threads, work);
         *memory = Some(solution.into_memory());
@@ -100,7 +106,7 @@ impl<H: CompiledHost> AnyHost for H {
         work: &mut Workspace,
         of_particles: &mut dyn FnMut(&mut Workspace) -> Result<(), Rejection>,
     ) -> Result<[f64; DIM], Rejection> {
-        let system = input.system::<H>(model);
+        let system = input.system::<H>(model)?;
         let solution = model.progenitor_solution(&system)?;
         integrate(model, &solution, input.threads, work)?;
         of_particles(work)?;
@@ -122,14 +128,14 @@ impl<H: CompiledHost> AnyHost for H {
         model: &Model,
         input: &StreamInput<'_>,
     ) -> Result<Option<f64>, Rejection> {
-        let system = input.system::<H>(model);
+        let system = input.system::<H>(model)?;
         let solution = model.progenitor_solution(&system)?;
         let error = solution.orbit.energy_error(&solution.host);
         Ok((!model.settings.dynamical_friction).then_some(error))
     }
 
     fn potential(&self, model: &Model, input: &StreamInput<'_>) -> Box<dyn Potential<f64>> {
-        Box::new(input.system::<H>(model).host)
+        Box::new(System::<f64, H>::with_host(input.params, input.q_range, &model.settings).host)
     }
 
     fn log10_m200(&self, kind: HaloKind, log10_mass: f64, r_s: f64) -> f64 {

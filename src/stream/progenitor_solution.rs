@@ -300,8 +300,6 @@ impl<S: Real, H: Host> ProgenitorSolution<S, H> {
             progenitor.r_s,
             mass_loss,
             age_gyr,
-            // Angles count from the progenitor (docs/physics.md, section 6).
-            today.x.x,
         ];
         let finite = today.x.norm2()
             + today.v.norm2()

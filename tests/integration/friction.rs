@@ -2,11 +2,14 @@
 
 use crate::golden::{json, number, numbers};
 use crate::haloes::{THETA, likelihood_is_that_of, small};
+use oblate::orbit::OrbitMethod;
 use oblate::orbit::State;
-use oblate::params::{PriorSettings, StreamParams, StreamPrior};
+use oblate::params::{PriorSettings, QRange, StreamParams, StreamPrior};
 use oblate::potential::{Baryons, Galaxy, HaloKind, HaloParameters, Host, HostParts, Plummer};
 use oblate::scalar::Vec3;
-use oblate::stream::{MassLoss, Model, ModelSettings, ReleaseRate, System};
+use oblate::stream::{
+    MassLoss, Model, ModelSettings, ReleaseRate, StreamInput, System, Threads, host_of,
+};
 use serde_json::Value;
 
 fn with(halo: HaloKind) -> ModelSettings {
@@ -141,6 +144,55 @@ fn orbits_are_those_of_the_golden_values() {
     }
     // A progenitor of constant mass has lost more energy.
     assert!((ends[0] - ends[1]).norm2().sqrt() > 1.0, "{ends:?}");
+}
+
+/// The error of the orbit's end falls by four with steps of half the length.
+#[test]
+fn the_leapfrog_is_of_second_order_with_friction() {
+    let mut params = StreamParams::from_array(THETA);
+    params.coulomb_logarithm = 3.0;
+    params.log10_m_prog = 10.0;
+    let end = |orbit: OrbitMethod, orbit_steps: usize| {
+        let settings = ModelSettings {
+            orbit,
+            orbit_steps,
+            ..with(HaloKind::Nfw)
+        };
+        let model = Model::new(&settings).expect("a model");
+        let system = System::<f64, Galaxy>::with_host(&params, QRange::default(), &settings);
+        let solution = model.progenitor_solution(&system).expect("an orbit");
+        solution.orbit.at(-1.0).0.x
+    };
+    let exact = end(OrbitMethod::Accurate, 4_000);
+    let errors =
+        [500, 1_000].map(|steps| (end(OrbitMethod::Leapfrog, steps) - exact).norm2().sqrt());
+    let ratio = errors[0] / errors[1];
+    assert!((3.4..4.6).contains(&ratio), "{errors:?}");
+}
+
+/// Friction takes energy from the orbit, which is no error.
+#[test]
+fn an_orbit_with_friction_has_no_energy_error() {
+    let mut params = StreamParams::from_array(THETA);
+    params.coulomb_logarithm = 3.0;
+    for friction in [false, true] {
+        let settings = ModelSettings {
+            dynamical_friction: friction,
+            ..small(HaloKind::Nfw)
+        };
+        let model = Model::new(&settings).expect("a model");
+        let input = StreamInput {
+            params: &params,
+            q_range: QRange::default(),
+            threads: Threads::One,
+        };
+        let error = host_of(&settings).orbit_energy_error(&model, &input);
+        let error = error.expect("an orbit");
+        assert!(
+            error.is_none() == friction && error.is_none_or(|e| e < 1e-4),
+            "{error:?}"
+        );
+    }
 }
 
 #[test]

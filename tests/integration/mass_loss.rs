@@ -49,7 +49,7 @@ fn offsets_of_releases_follow_the_mass() {
     assert!(taus.len() > 4, "{taus:?}");
     let count = taus.len() as f64;
     // An interval of release times ends with the progenitor, or the progenitor within its first half.
-    let within = (17.0 + 0.3) / count;
+    let within = (count - 2.0 + 0.3) / count;
     for (law, left) in LAWS.into_iter().flat_map(|law| [(law, 0.2), (law, within)]) {
         let lost = solution(Some(law), left);
         let frames = lost.releases.frames.iter().zip(&whole.releases.frames);
@@ -179,6 +179,20 @@ fn what_is_left_belongs_to_a_law() {
     assert!(!with(None).has_host_of(&with(Some(MassLoss::Linear))));
     let text = with(Some(MassLoss::Exponential)).host_in_words();
     assert!(text.contains("losing mass exponentially"), "{text}");
+}
+
+/// A half-normal prior of what is left reaches beyond the whole mass.
+#[test]
+fn a_progenitor_that_gains_mass_is_rejected() {
+    let settings = with(Some(MassLoss::Linear));
+    let model = Model::new(&settings).expect("a model");
+    for (fraction, rejected) in [(1.0, false), (1.01, true)] {
+        let system =
+            System::<f64, Galaxy>::with_host(&left(fraction), QRange::default(), &settings);
+        let solution = model.progenitor_solution(&system);
+        let cause = solution.err().map(|cause| cause.name());
+        assert_eq!(cause, rejected.then_some("bad_parameter"));
+    }
 }
 
 /// gala's releases from a progenitor of a mass that falls, at nine times by two laws: the mean distance outwards is two tidal radii.

@@ -30,6 +30,7 @@ use std::path::{Path, PathBuf};
 
 use super::contents::remove_leftovers;
 use super::folder::RunFolder;
+use super::session::is_no_run;
 
 /// Who does the fits of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,6 +62,7 @@ impl<'a> Study<'a> {
     pub fn new(config: &'a StudyConfig, files_from: &Path, watcher: &dyn Watcher) -> Result<Self> {
         config.check()?;
         RunFolder::at(&config.out)?;
+        is_no_run(&config.out)?;
         check_report(&report_path(&config.out))?;
         let inputs = StudyInputs::new(config, files_from, watcher)?;
         let fits = planned_fits(config, &inputs)?;

@@ -160,7 +160,9 @@ impl<'a> Slurm<'a> {
                 array += &format!("%{at_once}");
             }
             let mut sbatch = Command::new("sbatch");
+            // The last of two values counts: names, numbers and comments are how jobs are found again.
             sbatch
+                .args(&self.settings.options)
                 .arg(format!("--job-name={}", self.name))
                 .arg(format!("--comment={first}"))
                 .arg(array)
@@ -168,7 +170,6 @@ impl<'a> Slurm<'a> {
                 .arg(format!("--output=fits_{first}_%a.log"))
                 .arg("--chdir")
                 .arg(&self.folder)
-                .args(&self.settings.options)
                 .arg(&script);
             answer(
                 &mut sbatch,

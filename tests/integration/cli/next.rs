@@ -83,9 +83,11 @@ fn a_nested_fit_with_failed_checks_gets_more_live_points_or_is_repeated() {
 #[test]
 fn a_tempered_fit_is_extended_and_one_out_of_time_is_continued() {
     let (_kept, folder) = folder();
-    let fit = format!("{FIT} --sampler pt-hmc --coarse-particles 64");
+    // A setting goes before a flag, so that the command which extends it must change the setting.
+    let few = "--set sampling.pt_hmc.extensions=1";
+    let fit = format!("{FIT} --sampler pt-hmc --coarse-particles 64 {few}");
     let first = shell(&folder, &format!("{fit} --max-minutes 0"));
-    assert_eq!(first.status.code(), Some(130), "{first:?}");
+    assert_eq!(first.status.code(), Some(1), "{first:?}");
     let text = String::from_utf8_lossy(&first.stderr).into_owned();
     assert!(text.contains("The time limit was reached"), "{text}");
     let steps = proposed(&first);

@@ -102,9 +102,12 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     // Again, as text, and read back to the bit; a lost table is written again.
     let lost =
         ["density.csv", "streams.csv"].map(|name| Path::new(&out).join("uniform").join(name));
-    for table in &lost {
-        std::fs::remove_file(table).expect("the table");
-    }
+    let tables = lost
+        .each_ref()
+        .map(|table| std::fs::read(table).expect("the table"));
+    std::fs::remove_file(&lost[0]).expect("the table");
+    // As one of an earlier result of this folder is.
+    std::fs::write(&lost[1], "stream\n").expect("another table");
     let output = population(&fits, &[&several[..], &["--resume"]].concat());
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(
@@ -112,7 +115,17 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
         "{text}"
     );
     assert!(text.contains("NOT MEASURED: "), "{text}");
-    assert!(lost.iter().all(|table| table.exists()));
+    let again = lost
+        .each_ref()
+        .map(|table| std::fs::read(table).expect("the table"));
+    assert_eq!(again, tables);
+    // A study writes beside run folders, not into one.
+    let inside = STUDY.replace("OUT", &path("families/uniform"));
+    let inside = write(folder.path(), "inside.toml", &inside);
+    refused(
+        &oblate(&["run", &inside, "-q"], ""),
+        &["is the folder of one run"],
+    );
     let page = path("page.html");
     let (uniform, gaussian) = (
         path("families/uniform"),
@@ -194,6 +207,17 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     assert_eq!(checks[3]["name"], "selection-variance");
     let config = std::fs::read_to_string(Path::new(&selected).join("config.toml"));
     assert!(config.expect("settings").contains("[selection]"));
+
+    // Streams whose folders have one name are told apart.
+    let namesakes = ["a", "b"].map(|parent| path(&format!("{parent}/fit")));
+    for (fit, namesake) in fits.iter().zip(&namesakes) {
+        copy(Path::new(fit), Path::new(namesake));
+    }
+    let out = path("namesakes");
+    let output = population(&namesakes, &["--out", &out]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let table = std::fs::read_to_string(Path::new(&out).join("streams.csv")).expect("a table");
+    assert!(namesakes.iter().all(|name| table.contains(name)), "{table}");
 
     // Refusals, each before anything is written.
     let nowhere = path("nowhere");

@@ -15,7 +15,7 @@ fn a_tempered_fit_that_ended_too_soon_is_extended() {
         let output = oblate(&args, "");
         let say = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{say}");
-        assert!(say.contains("--extensions"), "{say}");
+        assert!(say.contains("sampling.pt_hmc.extensions="), "{say}");
         json(&output.stdout)
     };
     for coarse in ["0", "64"] {

@@ -145,6 +145,34 @@ fn a_bin_without_cover_says_nothing_about_the_others() {
     );
 }
 
+/// A model through the datum has no residual, however few of its particles are in the bin.
+#[test]
+fn a_bin_with_few_particles_has_their_mean() {
+    let (data, mut model) = case();
+    let place = 4;
+    let datum = data[3];
+    model[place] = [0.0, datum.r_kpc, 0.0];
+    let track = track(&data, &settings(None));
+    let value = |model: &[[f64; 3]]| {
+        let value = track.ln_likelihood(&sums(model), &Observation::default());
+        value.expect("finite")
+    };
+    let uncovered = value(&model);
+    for part in [0.01, 0.1, 0.24, 0.26, 0.6, 1.0] {
+        model[place][0] = part * track.threshold();
+        let x = part;
+        let cover = x * x * x * (x * (6.0 * x - 15.0) + 10.0);
+        // A residual of 10 where the bin is missed; the penalty of the mean over six bins.
+        let missing = (1.0 - cover) / 6.0;
+        let expected = cover * 50.0 + 1_000.0 * (1.0 / 36.0 - missing * missing);
+        let gained = value(&model) - uncovered;
+        assert!(
+            (gained - expected).abs() < 1e-9,
+            "{part} {gained} {expected}"
+        );
+    }
+}
+
 #[test]
 fn the_gradient_matches_duals_and_central_differences() {
     let settings = settings(Some(ERRORS));

@@ -430,6 +430,20 @@ fn a_nan_parameter_is_a_counted_rejection() {
     }
 }
 
+/// Angles count from the progenitor, which is at phi = 0.
+#[test]
+fn a_progenitor_on_the_other_side_of_the_sky_is_rejected() {
+    let model = model(small());
+    let likelihood =
+        likelihood_at(&BASE, &model, &LikelihoodSettings::default()).expect("a stream");
+    let mut theta = BASE;
+    theta[7] = -theta[7];
+    assert_eq!(
+        likelihood.ln_likelihood(&theta),
+        Err(Rejection::BadParameter)
+    );
+}
+
 /// A progenitor at the very centre today, where the halo's acceleration has no direction.
 #[test]
 fn at_the_very_centre_value_and_gradient_agree() {

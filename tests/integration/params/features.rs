@@ -64,7 +64,7 @@ fn their_derivatives_are_those_of_differences() {
     let track = ObservedTrack::read(&track).unwrap();
     for (fixed, optional, free) in [
         (&[][..], 0, 13),
-        (&[("log10_m_halo", 12.3), ("dir_x", 0.4)][..], 0, 11),
+        (&[("log10_m_halo", 12.3), ("dir_z", 0.4)][..], 0, 11),
         (&[("log10_m_halo", 12.3), ("jitter", 0.1)][..], 2, 14),
     ] {
         let mut settings = oblate::FitSettings::default();

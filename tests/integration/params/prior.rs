@@ -5,6 +5,7 @@ use crate::ks;
 use oblate::params::{
     PARAMETERS, PriorSettings, QPrior, REQUIRED, StreamParams, StreamPrior, index_of,
 };
+use oblate::stream::ModelSettings;
 use oblate::{Error, Rejection};
 use oblate_samplers::{Marginal, Prior, normal as gaussian};
 use proptest::prelude::*;
@@ -28,6 +29,59 @@ fn an_empty_file_is_the_default() {
     let settings: PriorSettings = serde_json::from_str("{}").unwrap();
     assert_eq!(settings, PriorSettings::default());
     assert_eq!(StreamPrior::new(&settings).unwrap().prior().dim(), REQUIRED);
+}
+
+/// From behind, a galaxy looks as from the front unless something is known of the sign of its axis or of the progenitor's velocity along the line of sight.
+#[test]
+fn a_prior_that_tells_the_near_side_needs_both() {
+    let known = Marginal::Normal {
+        mean: -100.0,
+        sd: 10.0,
+    };
+    let even = uniform(-1.0, 1.0);
+    let model = ModelSettings::default();
+    let refused = |change: &dyn Fn(&mut PriorSettings)| {
+        let mut settings = PriorSettings::default();
+        change(&mut settings);
+        let prior = StreamPrior::new(&settings).unwrap();
+        let refusal = model.check_distributions(&prior);
+        refusal.err().map(|error| error.to_string())
+    };
+    type Change<'a> = &'a dyn Fn(&mut PriorSettings);
+    let telling: [(&str, Change<'_>); 4] = [
+        ("vz0_km_s", &|s| s.marginals.vz0_km_s = Some(known)),
+        ("dir_x", &|s| s.fixed.dir_x = Some(0.3)),
+        ("dir_y", &|s| s.marginals.dir_y = Some(uniform(0.0, 1.0))),
+        ("dir_x", &|s| {
+            s.marginals.dir_x = Some(Marginal::HalfNormal { sd: 1.0 })
+        }),
+    ];
+    for (name, change) in telling {
+        let words = refused(change).expect(name);
+        assert!(
+            words.contains("prior.marginals.z0_kpc") && words.contains(name),
+            "{words}"
+        );
+        for both in [
+            &(|s: &mut PriorSettings| s.marginals.z0_kpc = Some(normal(150.0))) as Change<'_>,
+            &|s: &mut PriorSettings| s.fixed.z0_kpc = Some(20.0),
+        ] {
+            let with_both = refused(&|s| {
+                change(s);
+                both(s);
+            });
+            assert_eq!(with_both, None, "{name}");
+        }
+    }
+    let silent: [Change<'_>; 4] = [
+        &|_| (),
+        &|s| s.fixed.vz0_km_s = Some(0.0),
+        &|s| (s.fixed.dir_x, s.fixed.dir_y) = (Some(0.0), Some(0.0)),
+        &|s| (s.marginals.dir_x, s.fixed.dir_z) = (Some(even), Some(0.7)),
+    ];
+    for change in silent {
+        assert_eq!(refused(change), None);
+    }
 }
 
 #[test]
