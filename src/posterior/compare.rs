@@ -83,21 +83,30 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Whether the evidences agree within three combined standard errors and every marginal mean within 3.5 (there are many). Runs of two models
-    /// need not agree.
+    /// Whether the evidences agree within three combined standard errors, and every marginal mean and mode weight within 3.5 (there are many). Runs
+    /// of two models need not agree.
     #[must_use]
     pub fn agree(&self) -> bool {
+        let of_marginals = self.worst_marginal().map(|row| row.sigma);
+        let of_modes = self.worst_mode().map(|row| row.sigma);
+        let agrees = |sigma: f64| sigma.abs() <= SIGMA_LIMIT + 0.5;
         !self.one_model
             || self.ln_z_sigma.abs() <= SIGMA_LIMIT
-                && self
-                    .worst_marginal()
-                    .is_none_or(|m| m.sigma.abs() <= SIGMA_LIMIT + 0.5)
+                && of_marginals.into_iter().chain(of_modes).all(agrees)
     }
 
     /// The marginal whose means differ most in combined standard errors.
     #[must_use]
     pub fn worst_marginal(&self) -> Option<&MarginalRow> {
         self.marginals
+            .iter()
+            .max_by(|a, b| a.sigma.abs().total_cmp(&b.sigma.abs()))
+    }
+
+    /// The mode, or the prolate side, whose weights differ most.
+    #[must_use]
+    pub fn worst_mode(&self) -> Option<&ModeRow> {
+        self.modes
             .iter()
             .max_by(|a, b| a.sigma.abs().total_cmp(&b.sigma.abs()))
     }
@@ -128,9 +137,16 @@ impl Comparison {
         };
         if let Some(worst) = self.worst_marginal().filter(|_| self.one_model) {
             text.push_str(&format!(
-                " (ln Z by {:+.2} combined standard errors, the worst marginal is {} by {:+.2})",
+                " (ln Z by {:+.2} combined standard errors, the worst marginal is {} by {:+.2}",
                 self.ln_z_sigma, worst.name, worst.sigma
             ));
+            if let Some(mode) = self.worst_mode() {
+                text.push_str(&format!(
+                    ", the worst mode is {} by {:+.2}",
+                    mode.name, mode.sigma
+                ));
+            }
+            text.push(')');
         }
         for (name, converged) in self.names.iter().zip(self.converged) {
             if !converged {

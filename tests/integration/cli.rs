@@ -3,6 +3,7 @@
 mod arguments;
 mod baryons;
 mod calibration;
+mod compare;
 mod doctor;
 mod eta;
 mod evaluate;
@@ -17,6 +18,7 @@ mod message;
 mod mock;
 mod next;
 mod observation;
+mod orientation;
 mod output;
 mod population;
 mod progress;

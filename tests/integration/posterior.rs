@@ -1,11 +1,11 @@
 //! Summaries of runs with known answers, and their files.
 
+mod compare;
+
 use crate::runs;
 use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
-use oblate::posterior::{
-    Interval, Summary, SummaryContext, assemble_run, columns, compare, modes, zarr,
-};
+use oblate::posterior::{Interval, Summary, SummaryContext, assemble_run, columns, modes, zarr};
 use oblate_samplers::output::{Check, History, Run};
 use oblate_samplers::{Marginal, Prior};
 use std::f64::consts::PI;
@@ -174,63 +174,6 @@ fn mode_weights_add_up_and_match_the_cells_probabilities() {
             );
         }
     }
-}
-
-#[test]
-fn a_comparison_holds_distances_against_chance_and_sums_the_prolate_side() {
-    let (a, b) = (runs::nested(20_000, 7), runs::tempered(20_000, 8));
-    let c = compare("a", &a, "b", &b).unwrap();
-    for row in &c.marginals {
-        // A distance is nearly Gaussian in few numbers: five times its mean is far outside of chance.
-        assert!(row.wasserstein < 5.0 * row.wasserstein_expected, "{row:?}");
-        assert!(row.wasserstein_expected < 0.1, "{row:?}");
-    }
-    for row in &c.modes {
-        // Of the tempered run's four chains, so with a few degrees of freedom.
-        let error = row.error[0].hypot(row.error[1]);
-        let by_error = (row.weight[0] - row.weight[1]) / error.max(0.01);
-        assert!(
-            row.sigma.abs() < 4.0 && row.sigma.abs() <= by_error.abs() + 1e-12,
-            "{row:?}"
-        );
-        assert!(row.sigma * by_error >= 0.0, "{row:?}");
-    }
-    let prolate = c.modes.last().unwrap();
-    assert_eq!(prolate.name, "prolate");
-    for run in 0..2 {
-        let cells = c.modes.iter().filter(|m| m.name.ends_with(" prolate"));
-        let sum: f64 = cells.map(|m| m.weight[run]).sum();
-        assert!((sum - prolate.weight[run]).abs() < 1e-9, "{prolate:?}");
-        let rate = c.cost[run].q_ess_per_cpu_second.unwrap();
-        let draws = rate * c.cost[run].cpu_seconds;
-        assert!(draws > 10_000.0 && draws < 40_000.0, "{draws}");
-    }
-    // What fixed parameters alone give is the same in all draws, and no row; other fixed values are.
-    let with_constant = |run: &Run, value: f64| {
-        let mut run = run.clone();
-        run.draws
-            .theta
-            .chunks_exact_mut(run.draws.dim)
-            .for_each(|row| row[0] = value);
-        run
-    };
-    let c = compare("a", &with_constant(&a, 0.5), "b", &with_constant(&b, 0.5)).unwrap();
-    assert!(
-        c.marginals
-            .iter()
-            .all(|row| row.name != a.names[0] && row.sigma.is_finite())
-    );
-    let c = compare("a", &with_constant(&a, 0.5), "b", &with_constant(&b, 0.6)).unwrap();
-    assert!(!c.agree() && c.marginals[0].name == a.names[0]);
-    // The same draws, moved.
-    let mut moved = a.clone();
-    for row in moved.draws.theta.chunks_exact_mut(a.draws.dim) {
-        row[0] += 1.0;
-    }
-    let c = compare("a", &a, "moved", &moved).unwrap();
-    let row = &c.marginals[0];
-    assert!((row.wasserstein - row.shift.abs()).abs() < 1e-6, "{row:?}");
-    assert!(row.wasserstein > 5.0 * row.wasserstein_expected, "{row:?}");
 }
 
 /// NaN is equal to itself here: the estimate that a run could not make must come back as one.

@@ -1,9 +1,11 @@
 //! Runs with known answers: draws of a product of normals, in the form of results of each sampler.
 
+use oblate::posterior::{Summary, SummaryContext, zarr};
 use oblate_samplers::normal;
 use oblate_samplers::output::{Check, Cost, Draws, Ess, Evidence, History, Method, Run, Status};
 use oblate_samplers::rng::{Domain, standard_normal, stream, unit_open};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// (name, unit, mean, standard deviation) of each parameter: the thirteen of a stream, at plausible values.
 pub const PARAMETERS: [(&str, &str, f64, f64); 13] = [
@@ -174,4 +176,21 @@ pub fn bridged(rows: usize, seed: u64) -> Run {
         correlation: vec![0.3, 0.25, 0.2],
     };
     run(Method::Bridge, draws(rows, 1, seed), history, seed)
+}
+
+/// Replaces the draws of a run folder, and what its summary says about them.
+pub fn store(folder: &Path, run: &Run) {
+    let (draws, summary) = (folder.join("posterior.zarr"), folder.join("summary.json"));
+    let before = Summary::read(&summary).unwrap();
+    std::fs::remove_dir_all(&draws).unwrap();
+    zarr::write(&draws, run, zarr::Extras::default()).unwrap();
+    let entries = zarr::entries(&draws).unwrap();
+    let after = Summary {
+        halo: before.halo,
+        q_prior: before.q_prior,
+        input_hash: before.input_hash,
+        posterior: Some(zarr::Checksum::of(&draws, &entries).unwrap()),
+        ..Summary::new(run, &SummaryContext::default())
+    };
+    std::fs::write(&summary, serde_json::to_vec(&after).unwrap()).unwrap();
 }
