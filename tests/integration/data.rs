@@ -1,5 +1,6 @@
 //! Reading and writing of tracks, and the messages about faulty ones.
 
+mod criteria;
 mod measured;
 mod mock;
 mod selection;

@@ -1,5 +1,8 @@
 //! The target of the samplers, draws of its prior, the fit in memory, and the settings of the coarse fit.
 
+mod best_fit;
+mod information;
+
 use oblate::data::ObservedTrack;
 use oblate::inference::{
     Fit, FitSettings, Profile, Sampler, Speed, StreamTarget, diagnose, fit_with,
@@ -19,7 +22,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A gala track with all but the halo's mass and shape known.
+/// A gala track.
+fn example_track() -> ObservedTrack {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
+    ObservedTrack::read(&path).unwrap()
+}
+
+/// The gala track with all but the halo's mass and shape known.
 fn target(coverage: Coverage) -> StreamTarget {
     let mut config: FitSettings = toml::from_str(
         r#"
@@ -38,8 +47,7 @@ fn target(coverage: Coverage) -> StreamTarget {
     )
     .unwrap();
     config.likelihood.coverage = coverage;
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/tracks/s2_spherical.ecsv");
-    StreamTarget::from_track(&ObservedTrack::read(&path).unwrap(), &config).unwrap()
+    StreamTarget::from_track(&example_track(), &config).unwrap()
 }
 
 #[test]

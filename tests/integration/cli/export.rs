@@ -2,7 +2,11 @@
 
 use super::{json, oblate, refused, small_fit};
 use fitskit::{BinCellValue, FitsFile, HduData};
+use oblate::inference::DERIVED;
+use oblate::params::{QRange, Shape};
 use oblate::posterior::zarr;
+use oblate::scalar::Vec3;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 #[test]
@@ -69,10 +73,38 @@ fn a_run_is_exported_as_ecsv_and_as_fits() {
         }
     }
 
-    // They are draws of the run.
+    // They are draws of the run, each column under its own name.
     let stored = zarr::read(&Path::new(&run).join("posterior.zarr")).expect("the draws");
-    let own: Vec<f64> = stored.draws.column(0);
-    assert!(rows.iter().all(|row| own.contains(&row[0])));
+    let draws = &stored.draws;
+    let expected: Vec<&str> = ["log10_m_halo", "dir_z", "log10_m_prog"]
+        .into_iter()
+        .chain(DERIVED.map(|(name, _)| name))
+        .chain(["ln_likelihood"])
+        .collect();
+    assert_eq!(names, expected);
+    let of_draw = |i: usize| {
+        let derived = &draws.derived[i * draws.derived_dim..][..draws.derived_dim];
+        [draws.theta_row(i), derived, &[draws.ln_likelihood[i]]].concat()
+    };
+    let bits = |row: &[f64]| row.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
+    let own: BTreeSet<Vec<u64>> = (0..draws.len()).map(|i| bits(&of_draw(i))).collect();
+    assert!(rows.iter().all(|row| own.contains(&bits(row))));
+    // The names are those of the values: the shape follows from its vector, of which two components are fixed.
+    let place = |name: &str| names.iter().position(|own| *own == name).expect("a column");
+    for row in &rows {
+        let dir = Vec3::new(0.1, 0.2, row[place("dir_z")]);
+        let Shape { q, axis } = QRange::default().shape(dir);
+        for (name, value) in [
+            ("q", q),
+            ("axis_x", axis.x),
+            ("axis_y", axis.y),
+            ("axis_z", axis.z),
+        ] {
+            assert!((row[place(name)] - value).abs() < 1e-12, "{name}");
+        }
+        assert!((11.0..14.0).contains(&row[place("log10_m_halo")]));
+        assert!((7.0..9.0).contains(&row[place("log10_m_prog")]));
+    }
 }
 
 #[test]

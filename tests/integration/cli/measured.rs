@@ -1,6 +1,9 @@
 //! Velocities, widths and densities by the command: mocks, fits, pages, and what is refused.
 
 use super::{SMALL, json, oblate, refused, small_fit, write};
+use oblate::inference::StreamTarget;
+use oblate::run::RunFolder;
+use oblate::track::BinQuantity;
 use std::path::Path;
 
 const BOTH_SIDES: &str = "prior.marginals.z0_kpc={kind=\"normal\",mean=0,sd=150}";
@@ -75,13 +78,44 @@ fn mocks_and_fits_have_velocities_widths_and_densities() {
         assert!(summary["parameters"].to_string().contains(name));
     }
     let diagnostics = &summary["diagnostics"];
-    for (chi2, count) in [
-        ("best_fit_chi2_velocity", "best_fit_velocities"),
-        ("best_fit_chi2_width", "best_fit_widths"),
-        ("best_fit_chi2_density", "best_fit_densities"),
+    // By hand, from the model's track at the draw of largest likelihood.
+    let stored = RunFolder::open(Path::new(&run)).expect("a folder");
+    let observed = stored.read_track().expect("a track");
+    let run_read = stored.read().expect("a run");
+    let settings = run_read.fit_settings(&stored).expect("settings");
+    let target = StreamTarget::from_track(&observed, &settings.expect("a fit")).expect("a target");
+    let draws = &run_read.run.draws;
+    let best = (0..draws.len())
+        .max_by(|a, b| draws.ln_likelihood[*a].total_cmp(&draws.ln_likelihood[*b]))
+        .expect("draws");
+    let params = target.params(draws.theta_row(best));
+    let (model, _) = target.likelihood().track_at(&params).expect("a stream");
+    for (quantity, chi2, count) in [
+        (
+            BinQuantity::Velocity,
+            "best_fit_chi2_velocity",
+            "best_fit_velocities",
+        ),
+        (BinQuantity::Width, "best_fit_chi2_width", "best_fit_widths"),
+        (
+            BinQuantity::Density,
+            "best_fit_chi2_density",
+            "best_fit_densities",
+        ),
     ] {
-        let chi2 = diagnostics[chi2].as_f64().expect("a number");
-        assert!(chi2 > 0.0, "{diagnostics}");
+        let rows = observed.phi_deg.iter().zip(&observed.measured[&quantity]);
+        let squares = rows.filter_map(|(phi, datum)| {
+            let mut bins = model.bins.iter();
+            let bin = bins.find(|bin| (bin.phi_deg - phi).abs() < 1e-6)?;
+            let datum = datum.expect("a datum in every bin");
+            Some(((datum.value - bin.value(quantity)) / datum.error).powi(2))
+        });
+        let expected: f64 = squares.sum();
+        let stated = diagnostics[chi2].as_f64().expect("a number");
+        assert!(
+            (stated - expected).abs() < 1e-9 * expected,
+            "{chi2}: {stated} {expected}"
+        );
         assert_eq!(diagnostics[count], diagnostics["best_fit_bins"]);
     }
     assert_eq!(diagnostics["best_fit_star_velocities"], 30.0);

@@ -24,6 +24,53 @@ families = ["truncated-gaussian", "beta"]
 settings.sampling.nested = { n_live = 60 }
 "#;
 
+/// The table has the best family first, and the ln Bayes factor of each against it, with the error of both.
+fn is_the_table_of(families: &[serde_json::Value], table: &str) {
+    let ln_z = |row: &serde_json::Value| {
+        let number = |key: &str| row["summary"]["ln_z"][key].as_f64().expect("a number");
+        (number("value"), number("error"))
+    };
+    let mut sorted: Vec<&serde_json::Value> = families.iter().collect();
+    sorted.sort_by(|a, b| ln_z(b).0.total_cmp(&ln_z(a).0));
+    let lines: Vec<&str> = table.lines().take(families.len() + 1).collect();
+    assert!(
+        lines[0].contains("ln Z               ln Bayes factor"),
+        "{table}"
+    );
+    for (line, row) in lines[1..].iter().zip(&sorted) {
+        // family, converged, ln Z +- error, ln Bayes factor +- error, ESS, folder.
+        let cells: Vec<&str> = line.split_whitespace().collect();
+        assert_eq!(cells.len(), 10, "{line}");
+        assert_eq!(
+            (cells[0], cells[9]),
+            (
+                row["family"].as_str().unwrap(),
+                row["folder"].as_str().unwrap()
+            )
+        );
+        let converged = if row["summary"]["converged"] == true {
+            "yes"
+        } else {
+            "NO"
+        };
+        assert_eq!(cells[1], converged);
+        let ((value, error), (best, of_best)) = (ln_z(row), ln_z(sorted[0]));
+        let is_best = cells[0] == sorted[0]["family"];
+        let of_factor = if is_best { 0.0 } else { error.hypot(of_best) };
+        for (cell, expected) in [(2, value), (4, error), (5, value - best), (7, of_factor)] {
+            let printed: f64 = cells[cell].parse().expect("a number");
+            assert!((printed - expected).abs() < 0.000_501, "{line}: {expected}");
+        }
+        assert!(is_best || value < best, "{table}");
+        let ess: f64 = cells[8].parse().expect("a number");
+        assert!(
+            (ess - row["summary"]["ess"].as_f64().unwrap()).abs() < 0.51,
+            "{line}"
+        );
+    }
+    assert!(lines[1].contains("    0.000 +- 0.000 "), "{table}");
+}
+
 #[test]
 fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -110,10 +157,8 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     std::fs::write(&lost[1], "stream\n").expect("another table");
     let output = population(&fits, &[&several[..], &["--resume"]].concat());
     let text = String::from_utf8_lossy(&output.stdout);
-    assert!(
-        text.starts_with("family ") && text.contains("ln Bayes factor"),
-        "{text}"
-    );
+    assert!(text.starts_with("family "), "{text}");
+    is_the_table_of(rows, &text);
     assert!(text.contains("NOT MEASURED: "), "{text}");
     let again = lost
         .each_ref()
