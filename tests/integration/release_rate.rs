@@ -3,7 +3,12 @@
 use crate::haloes::{THETA, likelihood_is_that_of, small};
 use oblate::params::{PriorSettings, QRange, StreamParams, StreamPrior};
 use oblate::potential::{Galaxy, HaloKind};
-use oblate::stream::{MassLoss, Model, ModelSettings, ProgenitorSolution, ReleaseRate, System};
+use oblate::spray::SamplingScheme;
+use oblate::stream::{
+    MassLoss, Model, ModelSettings, Particles, ProgenitorSolution, ReleaseRate, System,
+};
+use oblate::track::{BinEdges, Track};
+use oblate::units::KM_S_IN_KPC_PER_GYR;
 
 fn with(rate: ReleaseRate, mass_loss: Option<MassLoss>) -> ModelSettings {
     ModelSettings {
@@ -78,30 +83,76 @@ fn stars_leave_until_nothing_is_left() {
     }
 }
 
-/// Radii of a bin are means by weight: with the release times after the dissolution left out they are those of the earlier ones alone.
+/// The numbers of a track are sums and means by weight in its bins, here of particles that are not smeared, in hard bins; and release times
+/// after the dissolution change nothing but the mean weight.
 #[test]
 fn tracks_are_means_by_weight() {
-    let settings = with(ReleaseRate::Tidal, Some(MassLoss::Complete));
-    let params = params(1.5, 0.6);
-    let particles = Model::new(&settings).expect("a model").stream(&params);
-    let particles = particles.expect("a stream");
-    let track = particles.track(120.0).expect("a track");
-    let total: f64 = track.bins.iter().map(|bin| bin.n).sum();
-    let all: f64 = (0..particles.len()).map(|i| particles.weight(i)).sum();
-    assert!((all - particles.len() as f64).abs() < 1e-9);
-    assert!((total - all).abs() < 0.05 * all, "{total} {all}");
-    let sum_of = |number: &dyn Fn(usize) -> f64| {
-        (0..particles.len())
-            .map(|i| particles.weight(i) * number(i))
-            .sum::<f64>()
+    let mut settings = with(ReleaseRate::Tidal, Some(MassLoss::Complete));
+    settings.releases.sampling_scheme = SamplingScheme::Sobol;
+    let model = Model::new(&settings).expect("a model");
+    let all = model.stream(&params(1.5, 0.6)).expect("a stream");
+    let track = |particles: &Particles| {
+        Track::new(particles, 20.0, BinEdges::Hard, 1e-9)
+            .expect("a track")
+            .bins
     };
-    let radius = |i: usize| particles.x[i].hypot(particles.y[i]);
-    let by_bins: f64 = track.bins.iter().map(|bin| bin.n * bin.r_kpc).sum::<f64>() / total;
-    let by_hand = sum_of(&radius) / all;
+    let bins = track(&all);
+    let weights: f64 = all.weights.iter().sum();
+    assert!((weights - all.len() as f64).abs() < 1e-9);
+    // Mean radius, width and velocity of a bin by these weights.
+    let by_hand = |bin: i64, weight: &dyn Fn(usize) -> f64| {
+        let inside = |i: &usize| (all.angle(*i).to_degrees() / 20.0).floor() as i64 == bin;
+        let mean = |of: &dyn Fn(usize) -> f64| {
+            let inside = (0..all.len()).filter(inside);
+            let (sum, n) = inside.fold((0.0, 0.0), |(sum, n), i| {
+                (sum + weight(i) * of(i), n + weight(i))
+            });
+            (sum / n, n)
+        };
+        let r = |i: usize| all.x[i].hypot(all.y[i]);
+        let (mean_r, n) = mean(&r);
+        let (variance, _) = mean(&|i| (r(i) - mean_r).powi(2));
+        let (v, _) = mean(&|i| -all.v[2][i] / KM_S_IN_KPC_PER_GYR);
+        [n, mean_r, variance.sqrt(), v]
+    };
+    let mut without = 0.0_f64;
+    for bin in &bins {
+        let ours = [bin.n, bin.r_kpc, bin.width_kpc, bin.v_km_s];
+        let exact = by_hand(bin.bin, &|i| all.weight(i));
+        for (ours, exact) in ours.iter().zip(exact) {
+            assert!(
+                (ours - exact).abs() < 1e-5 * exact.abs().max(1.0),
+                "{bin:?} {exact}"
+            );
+        }
+        let unweighted = by_hand(bin.bin, &|_| 1.0)[1];
+        without = without.max((unweighted / bin.r_kpc - 1.0).abs());
+    }
+    // Means without weights are others.
     assert!(
-        (by_bins / by_hand - 1.0).abs() < 0.02,
-        "{by_bins} {by_hand}"
+        bins.len() >= 8 && without > 0.05,
+        "{} {without}",
+        bins.len()
     );
+    let released = all.weights.iter().take_while(|w| **w > 0.0).count();
+    assert!(released < all.len() && all.weights[released..].iter().all(|w| *w <= 0.0));
+    let earlier = |column: &Vec<f64>| column[..released].to_vec();
+    let alone = Particles {
+        x: earlier(&all.x),
+        y: earlier(&all.y),
+        z: earlier(&all.z),
+        v: all.v.each_ref().map(earlier),
+        winding_numbers: earlier(&all.winding_numbers),
+        weights: earlier(&all.weights),
+        ..Particles::default()
+    };
+    let alone = track(&alone);
+    assert_eq!(alone.len(), bins.len());
+    for (a, b) in alone.iter().zip(&bins) {
+        assert_eq!(a.bin, b.bin);
+        assert!((a.r_kpc / b.r_kpc - 1.0).abs() < 1e-12, "{a:?} {b:?}");
+        assert!((a.n / b.n - 1.0).abs() < 1e-12, "{a:?} {b:?}");
+    }
 }
 
 #[test]

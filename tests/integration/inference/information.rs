@@ -125,7 +125,7 @@ fn too_few_draws_say_nothing_and_q_has_no_information_without_a_uniform_prior() 
     assert_eq!(enough.marginal_information.len(), 14);
     assert!(not_measured(&enough).contains("age_gyr"));
 
-    let fit = Fit::new("prior.fixed = { dir_x = 0.3 }");
+    let fit = Fit::new("prior.fixed = { dir_z = 0.3 }");
     let prior = prior_draws(&fit.0, 2_000, 4);
     let summary = fit.summary(with_q(&prior, (0.5, 1.5), 1_500), 1_500.0);
     assert_eq!(summary.marginal_information.len(), 12);
