@@ -64,6 +64,61 @@ fn first_missing<'a>(shown: &[&'a str], output: &str) -> Option<&'a str> {
     (!any && lines.peek().is_some()).then_some("the end of the output")
 }
 
+/// The first two numbers of a text, whatever is between them.
+fn two_numbers(text: &str) -> Option<[f64; 2]> {
+    let is_number = |c: char| c.is_ascii_digit() || "+-.e".contains(c);
+    let mut numbers = text
+        .split(|c| !is_number(c))
+        .filter_map(|word| word.parse().ok());
+    Some([numbers.next()?, numbers.next()?])
+}
+
+/// Name, median and 68 % interval of a row of a table of parameters.
+fn parameter_row(line: &str) -> Option<(&str, f64, [f64; 2])> {
+    let (head, interval) = line.split_once('[')?;
+    let mut words = head.split_whitespace();
+    let (name, median) = (words.next()?, words.next()?.parse().ok()?);
+    Some((name, median, two_numbers(interval)?))
+}
+
+/// The first word of a line, and the first number with an error in it: ln Z, in the lines of the page.
+fn with_error(line: &str) -> Option<(&str, f64, f64)> {
+    let (before, after) = line.split_once(" +- ")?;
+    let (value, error) = (
+        before.split_whitespace().last()?,
+        after.split_whitespace().next()?,
+    );
+    Some((
+        before.split_whitespace().next()?,
+        value.parse().ok()?,
+        error.parse().ok()?,
+    ))
+}
+
+/// Compares the numbers of both that do not depend on the time that a command took: medians, to half of the half-width of the interval shown,
+/// many times what other draws would move them by, and ln Z, to three of both errors. The number of comparisons, or what differs.
+fn numbers_agree(shown: &[&str], output: &str) -> Result<usize, String> {
+    let mut count = 0;
+    for line in shown {
+        if let Some((name, median, [lo, hi])) = parameter_row(line) {
+            let found = output.lines().filter_map(parameter_row);
+            let ours = found.filter(|row| row.0 == name).map(|row| row.1).next();
+            count += 1;
+            if ours.is_none_or(|ours| (ours - median).abs() > 0.25 * (hi - lo)) {
+                return Err(format!("{name}: {ours:?} for {median}"));
+            }
+        } else if let Some((word, value, error)) = with_error(line) {
+            let mut found = output.lines().filter_map(with_error);
+            let ours = found.find(|row| row.0 == word);
+            count += 1;
+            if ours.is_none_or(|ours| (ours.1 - value).abs() > 3.0 * error.hypot(ours.2)) {
+                return Err(format!("{word}: {ours:?} for {value} +- {error}"));
+            }
+        }
+    }
+    Ok(count)
+}
+
 #[test]
 fn the_tour_prints_what_its_page_shows() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -77,6 +132,7 @@ fn the_tour_prints_what_its_page_shows() {
     let page = std::fs::read_to_string(root.join("docs/tour.md")).expect("the page");
     let steps = steps(&page);
     assert_eq!(steps.len(), 5);
+    let mut count = 0;
     for (commands, shown) in steps {
         assert!(!shown.is_empty(), "{commands}");
         let output = Command::new("sh")
@@ -90,6 +146,28 @@ fn the_tour_prints_what_its_page_shows() {
         if let Some(line) = first_missing(&shown, &output) {
             panic!("{commands}\ndoes not print\n{line}\nbut\n{output}");
         }
+        count += numbers_agree(&shown, &output)
+            .unwrap_or_else(|found| panic!("{commands}\nprints another number\n{found}"));
+    }
+    // Seven parameters and ln Z of one track, ln Z of both senses of the other.
+    assert_eq!(count, 10);
+}
+
+#[test]
+fn a_number_that_is_another_one_is_found() {
+    let output = "ln Z = -24.7 +- 0.1\n mass 12.00 [11.9, 12.1] [11.8, 12.2] dex\n";
+    let agree = |shown: &str| numbers_agree(&[shown], output);
+    assert_eq!(agree("in runs/s2, 3 seconds"), Ok(0));
+    for (right, wrong) in [
+        ("ln Z = -24.3 +- 0.1", "ln Z = -24.2 +- 0.1"),
+        (
+            "mass 12.04 [11.9, 12.1] [9, 15] dex",
+            "mass 12.06 [11.9, 12.1] [9, 15] dex",
+        ),
+        ("mass 12.00 [11.9, 12.1]", "q 12.00 [11.9, 12.1]"),
+    ] {
+        assert_eq!(agree(right), Ok(1));
+        assert!(agree(wrong).is_err(), "{wrong}");
     }
 }
 

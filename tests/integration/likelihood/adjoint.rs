@@ -97,8 +97,9 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
     let (mut compared, mut equal, mut chaotic) = (0, 0, 0);
     let mut differences = Vec::new();
     let mut worst = 0.0_f64;
-    for (model_settings, likelihood_settings) in &settings {
+    for (number, (model_settings, likelihood_settings)) in settings.iter().enumerate() {
         let model = model(*model_settings);
+        let before = compared;
         for n in 0..25 {
             let (z, theta) = draw(n);
             let Some(likelihood) = likelihood_at(&theta, &model, likelihood_settings) else {
@@ -134,6 +135,11 @@ fn the_adjoint_equals_the_duals_at_prior_draws_and_every_setting() {
             differences.push(d);
             compared += 1;
         }
+        assert!(
+            compared >= before + 12,
+            "setting {number}: {} of 25",
+            compared - before
+        );
     }
     differences.sort_by(f64::total_cmp);
     println!(

@@ -9,6 +9,8 @@ use oblate::samplers::Marginal;
 use oblate::samplers::limits::OutOfRange;
 use oblate::stream::{Model, ModelSettings};
 use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
+use std::cell::Cell;
 
 #[test]
 fn the_ranges_of_parameters_are_those_of_the_page() {
@@ -66,14 +68,18 @@ fn the_ranges_of_parameters_are_those_of_the_page() {
     }
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
-    #[test]
-    fn at_the_ends_of_all_ranges_a_point_has_a_likelihood_or_a_cause(
-        ends in prop::array::uniform30(0.0_f64..=1.0),
-        corners in prop::array::uniform30(0..4),
-    ) {
+#[test]
+fn at_the_ends_of_all_ranges_a_point_has_a_likelihood_or_a_cause() {
+    let points = (
+        prop::array::uniform30(0.0_f64..=1.0),
+        prop::array::uniform30(0..4),
+    );
+    let (values, gradients) = (Cell::new(0), Cell::new(0));
+    let mut runner = TestRunner::new(ProptestConfig {
+        failure_persistence: None,
+        ..ProptestConfig::with_cases(64)
+    });
+    let found = runner.run(&points, |(ends, corners)| {
         let params: [f64; DIM] = std::array::from_fn(|i| {
             let (lo, hi) = (*PARAMETERS[i].range.start(), *PARAMETERS[i].range.end());
             match corners[i] {
@@ -86,15 +92,28 @@ proptest! {
         settings.releases.particles = 64;
         let data = [-1, 0, 1].map(|bin| DataBin::symmetric(bin, 60.0, 1e-9));
         let model = Model::new(&settings).unwrap();
-        let track = TrackLikelihood::new(&LikelihoodSettings::default(), 10.0, &data, &settings.releases).unwrap();
+        let track = TrackLikelihood::new(
+            &LikelihoodSettings::default(),
+            10.0,
+            &data,
+            &settings.releases,
+        )
+        .unwrap();
         let likelihood = StreamLikelihood::new(model, track, QRange::default());
         if let Ok(value) = likelihood.ln_likelihood(&params) {
+            values.set(values.get() + 1);
             prop_assert!(value.ln_likelihood.is_finite());
         }
         if let Ok((value, gradient)) = likelihood.gradient(&params) {
+            gradients.set(gradients.get() + 1);
             prop_assert!(value.ln_likelihood.is_finite());
             prop_assert!(gradient.iter().all(|g| g.is_finite()));
         }
         prop_assert!(log10_m200(params[0], params[1]).is_finite());
-    }
+        Ok(())
+    });
+    found.unwrap_or_else(|error| panic!("{error}"));
+    // Nearly all points have one, so that few cases are causes alone.
+    assert!(values.get() >= 32, "{} values", values.get());
+    assert!(gradients.get() >= 32, "{} gradients", gradients.get());
 }
