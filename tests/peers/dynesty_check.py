@@ -1,6 +1,6 @@
 """ln Z of a reduced problem by dynesty, with oblate's likelihood through `oblate evaluate`.
 
-    python3 tests/peers/dynesty_check.py target/release/oblate
+    python3 tests/peers/dynesty_check.py target/release/oblate --runs /tmp/s0_nested /tmp/s0_pt-hmc
 
 Prior transforms are written here a second time, from the table of priors alone, so that they check oblate's too. See
 README.md beside this file for the comparison.
@@ -75,6 +75,9 @@ def main():
     parser.add_argument("--live", type=int, default=500)
     parser.add_argument("--dlogz", type=float, default=0.01)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--runs", nargs="*", default=[], help="run folders of `oblate fit` whose ln Z must agree"
+    )
     args = parser.parse_args()
 
     config = tomllib.loads(pathlib.Path(args.config).read_text())
@@ -116,6 +119,12 @@ def main():
             indent=2,
         )
     )
+    for run in args.runs:
+        ln_z = json.loads((pathlib.Path(run) / "summary.json").read_text())["ln_z"]
+        error = np.hypot(ln_z["error"], results.logzerr[-1])
+        apart = (ln_z["value"] - results.logz[-1]) / error
+        print(f"{run}: ln Z is {apart:+.2f} combined errors from dynesty's")
+        assert abs(apart) < 3, run
 
 
 if __name__ == "__main__":
