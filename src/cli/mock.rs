@@ -114,10 +114,10 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     args.work.tell_memory(&settings.model.memory(threads));
     let mut progress = Progress::new("mock", args.work.quiet);
     let found = mocks_with(&prior, &settings, args.count, args.seed, &mut |found| {
-        let _ = progress.event(&Event::Advanced {
+        progress.event(&Event::Advanced {
             done: found.mocks.len() as u64,
             of: args.count as u64,
-        });
+        })
     })?;
     drop(progress);
     for mock in &found.mocks {

@@ -28,6 +28,7 @@ mod selection;
 mod senses;
 mod set;
 mod several;
+mod signals;
 mod stream;
 mod study;
 

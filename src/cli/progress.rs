@@ -3,6 +3,7 @@
 use super::eta::{Trend, duration};
 use super::options::LimitFlags;
 use super::output::note;
+use super::signals::on_request;
 use crate::run::{FitsSoFar, Monitor};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use oblate_samplers::{Event, Observer};
@@ -17,15 +18,21 @@ const LINE_EVERY: Duration = Duration::from_secs(60);
 /// Time between two turns of the spinner, which also renews the time so far.
 const TICK: Duration = Duration::from_millis(250);
 
-/// The interrupt flag of the process. The first Ctrl-C sets it, a second one ends the process at once.
+/// Signals so soon after the first are of the same request: `timeout` sends one to the process and one to its group.
+const ONE_REQUEST: Duration = Duration::from_secs(1);
+
+/// The interrupt flag of the process. The first request to stop sets it, a second one ends the process at once.
 pub fn interrupt() -> Arc<AtomicBool> {
     static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     Arc::clone(FLAG.get_or_init(|| {
         let flag = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&flag);
+        let mut first = None;
         // If there can be no handler, Ctrl-C ends the process, which can be resumed from its last checkpoint.
-        let _ = ctrlc::set_handler(move || {
-            if seen.swap(true, Ordering::Relaxed) {
+        let _ = on_request(move || {
+            seen.store(true, Ordering::Relaxed);
+            let first = first.get_or_insert_with(Instant::now);
+            if first.elapsed() > ONE_REQUEST {
                 std::process::exit(130);
             }
         });

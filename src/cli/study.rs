@@ -17,6 +17,7 @@ use crate::run::{
     render_report, report_path,
 };
 use clap::ValueEnum;
+use oblate_samplers::Error as SamplerError;
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::output::Status;
 use serde_json::json;
@@ -49,6 +50,9 @@ pub struct Args {
     #[command(flatten)]
     output: JsonFlag,
 }
+
+/// What is said of a study that was stopped.
+const STOPPED: &str = "Stopped before the end; all work so far is kept.";
 
 /// Who does the fits of a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -107,6 +111,10 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
     };
     let result = done(args, &config, files_from, command, &shown_fits);
     drop(shown_fits);
+    if let Err(Error::Sampler(SamplerError::Interrupted)) = result {
+        // Before the first fit, and before any job of Slurm.
+        return Ok(stopped(STOPPED, command));
+    }
     let result = result.map_err(|error| match error {
         Error::InTable { .. } => Error::InFile {
             path: args.study.clone(),
@@ -116,13 +124,11 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
         other => other,
     })?;
     if result.interrupted {
-        if args.executor == ExecutorName::Slurm {
-            note("Stopped watching; the jobs in Slurm's queue go on.");
-        } else {
-            note("Stopped before the end; all work so far is kept.");
-        }
-        Step::again("continue it", command).tell();
-        return Ok(Exit::Interrupted);
+        let told = match args.executor {
+            ExecutorName::Slurm => "Stopped watching; the jobs in Slurm's queue go on.",
+            ExecutorName::Local => STOPPED,
+        };
+        return Ok(stopped(told, command));
     }
     let page = report_path(&config.out);
     let folders: Vec<PathBuf> = result.runs().map(|p| p.folder.clone()).collect();
@@ -168,6 +174,13 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
     ))
 }
 
+/// Says that the study was stopped, and how it is continued.
+fn stopped(told: &str, command: &CommandLine) -> Exit {
+    note(told);
+    Step::again("continue it", command).tell();
+    Exit::Interrupted
+}
+
 /// Writes the table of how widths fall with the number of streams, and draws its figure; nothing without rows.
 fn scaling_figures(rows: &[ScalingRow], out: &Path) -> Result<Vec<(&'static str, Figure)>> {
     let Some(svg) = report::scaling(rows) else {
@@ -207,7 +220,7 @@ fn done(
         return study.run_fit(number, &text, watcher);
     }
     if !args.work.quiet
-        && let Some(cost) = study.cost()?
+        && let Some(cost) = study.watched_cost(watcher)?
     {
         note(&predicted(&cost));
     }

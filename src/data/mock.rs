@@ -12,10 +12,11 @@ use crate::params::{StreamParams, StreamPrior};
 use crate::scalar::Vec3;
 use crate::stream::{Model, Particles, StreamInput, Threads, Workspace};
 use crate::track::{BinEdges, BinQuantity, Track, TrackBin};
+use oblate_samplers::Error as SamplerError;
 use oblate_samplers::limits::{MAX_SEED, in_range};
 use oblate_samplers::rng::{Domain, RandomStream, standard_normal, stream, unit_open};
 use rayon::prelude::*;
-use std::ops::RangeInclusive;
+use std::ops::{ControlFlow, RangeInclusive};
 
 /// Allowed numbers of mocks.
 pub const NUMBERS_OF_MOCKS: RangeInclusive<usize> = 1..=100_000;
@@ -78,19 +79,21 @@ pub fn mocks(
     count: usize,
     seed: u64,
 ) -> Result<Mocks> {
-    mocks_with(prior, settings, count, seed, &mut |_| ())
+    mocks_with(prior, settings, count, seed, &mut |_| {
+        ControlFlow::Continue(())
+    })
 }
 
-/// As [`mocks`]; `advanced` is told the mocks so far while more are searched.
+/// As [`mocks`]; `advanced` is told the mocks so far while more are searched, and can stop the search by `Break`.
 ///
 /// # Errors
-/// As of [`mocks`].
+/// As of [`mocks`]; [`SamplerError::Interrupted`] if `advanced` stops it.
 pub fn mocks_with(
     prior: &StreamPrior,
     settings: &MockSettings,
     count: usize,
     seed: u64,
-    advanced: &mut dyn FnMut(&Mocks),
+    advanced: &mut dyn FnMut(&Mocks) -> ControlFlow<()>,
 ) -> Result<Mocks> {
     settings.check()?;
     in_range("count", count, NUMBERS_OF_MOCKS)?;
@@ -130,7 +133,9 @@ pub fn mocks_with(
             }
         }
         first += BATCH;
-        advanced(&found);
+        if advanced(&found).is_break() {
+            return Err(SamplerError::Interrupted.into());
+        }
     }
     Ok(found)
 }

@@ -17,6 +17,7 @@ use oblate_samplers::control::Silent;
 use oblate_samplers::limits::Memory;
 use oblate_samplers::output::Status;
 use oblate_samplers::{Control, Run, Target};
+use std::ops::ControlFlow::Continue;
 
 /// The result of a fit.
 #[derive(Clone, Debug)]
@@ -53,7 +54,7 @@ impl FitPlan {
     /// As of [`of_settings`](Self::of_settings); [`Error::UnreachableTrack`] if no draw of the prior reaches more than half of the track.
     pub fn new(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         let plan = Self::of_settings(track, settings)?;
-        check_prior_predictive(&plan.target, settings.seed, &mut |_, _| ())?;
+        check_prior_predictive(&plan.target, settings.seed, &mut |_, _| Continue(()))?;
         Ok(plan)
     }
 
@@ -135,7 +136,9 @@ pub fn bridge_from(
 /// The summary of a run on a track, with [`diagnose`]'s numbers and warnings, and the checks of the model's own error at the posterior
 /// (docs/samplers.md, section 4), for which some hundred draws are evaluated again, unless the run was interrupted. `advanced` is told how
 /// many of how many values are done.
-#[must_use]
+///
+/// # Errors
+/// [`Error::Sampler`] if `advanced` stops the checks of the model's error.
 pub fn summarize(
     target: &StreamTarget,
     track: &ObservedTrack,
@@ -143,14 +146,14 @@ pub fn summarize(
     command: &str,
     input_hash: &str,
     advanced: &mut Advanced<'_>,
-) -> Summary {
+) -> Result<Summary> {
     let mut found = diagnose(target, track, run);
     // An interrupted run ends at once.
     let model_checks = match run.status {
         Status::Interrupted => Vec::new(),
         Status::Complete | Status::BudgetSpent => {
             check_posterior_predictive(target, run, &mut found);
-            model_error(target, run, &mut found, advanced)
+            model_error(target, run, &mut found, advanced)?
         }
     };
     let context = SummaryContext {
@@ -165,7 +168,7 @@ pub fn summarize(
         diagnostics: found.numbers,
         input_hash: input_hash.to_owned(),
     };
-    Summary::new(run, &context)
+    Ok(Summary::new(run, &context))
 }
 
 /// Information about each free parameter, and about q where its prior is uniform; empty where the draws are too few to say.
@@ -221,14 +224,15 @@ pub fn fit_with(
     let plan = FitPlan::new(track, settings)?;
     control.tell_memory(&plan.memory);
     let finish = |target: &StreamTarget, run: Run| {
-        let summary = summarize(target, track, &run, "", "", &mut |_, _| ());
+        // To its end: a result in memory could not be had again.
+        let summary = summarize(target, track, &run, "", "", &mut |_, _| Continue(()))?;
         Ok(Fit { run, summary })
     };
     let Some(coarse) = &plan.coarse else {
         let run = sample(&plan.target, &settings.sampling, settings.seed, control)?;
         return finish(&plan.target, run);
     };
-    check_prior_predictive(&coarse.target, settings.seed, &mut |_, _| ())?;
+    check_prior_predictive(&coarse.target, settings.seed, &mut |_, _| Continue(()))?;
     let parent = sample(
         &coarse.target,
         &coarse.settings.sampling,

@@ -3,17 +3,19 @@
 use super::best_fit::Diagnostics;
 use super::prior_predictive::Advanced;
 use super::target::StreamTarget;
+use crate::error::Result;
 use crate::likelihood::StreamLikelihood;
 use crate::spray::TableSettings;
 use crate::stream::{Model, ModelSettings};
-use oblate_samplers::Run;
 use oblate_samplers::diagnostics::weighted_quantile;
 use oblate_samplers::output::Check;
+use oblate_samplers::{Error as SamplerError, Run};
+use std::ops::ControlFlow;
 
 /// Number of posterior draws of equal weight that are evaluated again.
 const DRAWS: usize = 256;
 
-/// Number of values between two reports of progress.
+/// Number of values between two reports of progress, at which the work can be stopped.
 const CHUNK: usize = 32;
 
 /// Number of threads for which the memory of a model with more particles must suffice: not the present one, because the result must not
@@ -45,22 +47,25 @@ pub(crate) const PARTICLES_CHECKS: &str = "particles";
 /// ln L changes by a linear function of q.
 ///
 /// Returns the checks; the numbers behind them are added to `found`. `advanced` is told how many of how many values are done.
+///
+/// # Errors
+/// [`SamplerError::Interrupted`] if `advanced` stops it.
 pub(super) fn model_error(
     target: &StreamTarget,
     run: &Run,
     found: &mut Diagnostics,
     advanced: &mut Advanced<'_>,
-) -> Vec<Check> {
+) -> Result<Vec<Check>> {
     let draws = Sample::new(target, run);
     if draws.points.is_empty() {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let likelihood = target.likelihood();
     let shorter = likelihood.model().with_twice_the_steps();
     let count = draws.points.len() as u64;
     let difference = draws.difference(&likelihood.with_model(shorter), &mut |done| {
-        advanced(done, 2 * count);
-    });
+        advanced(done, 2 * count)
+    })?;
     let mut checks = difference.checks(
         STEPS_CHECKS,
         STEPS_LIMIT,
@@ -74,9 +79,8 @@ pub(super) fn model_error(
     match Model::new(&other) {
         Ok(model) => {
             let finer = likelihood.with_model(model);
-            let difference = draws.difference(&finer, &mut |done| {
-                advanced(count + done, 2 * count);
-            });
+            let difference =
+                draws.difference(&finer, &mut |done| advanced(count + done, 2 * count))?;
             checks.extend(difference.checks(
                 PARTICLES_CHECKS,
                 PARTICLES_LIMIT,
@@ -89,7 +93,7 @@ pub(super) fn model_error(
             "the error of the model by its particles is not known: {error}"
         )),
     }
-    checks
+    Ok(checks)
 }
 
 /// Settings of a model with other particles: four times as many where the sampling scheme and the memory of [`THREADS`] values at once allow
@@ -174,11 +178,21 @@ impl Sample {
         weights.map(|(i, weight)| weight * number(i)).sum()
     }
 
-    fn difference(&self, other: &StreamLikelihood, done: &mut dyn FnMut(u64)) -> Difference {
+    /// How `other` differs from the likelihood of the draws.
+    ///
+    /// # Errors
+    /// [`SamplerError::Interrupted`] if `done`, which is told how many values are, stops it.
+    fn difference(
+        &self,
+        other: &StreamLikelihood,
+        done: &mut dyn FnMut(u64) -> ControlFlow<()>,
+    ) -> Result<Difference> {
         let mut values = Vec::new();
         for points in self.points.chunks(CHUNK) {
             values.extend(other.ln_likelihoods(points));
-            done(values.len() as u64);
+            if done(values.len() as u64).is_break() {
+                return Err(SamplerError::Interrupted.into());
+            }
         }
         let differences: Vec<f64> = values
             .iter()
@@ -198,14 +212,14 @@ impl Sample {
         let covariance = self.mean(product);
         let scatter = self.mean(|i| (product(i) - covariance).powi(2));
         let kish = 1.0 / self.weight.iter().map(|w| w * w).sum::<f64>();
-        Difference {
+        Ok(Difference {
             shift,
             spread: 0.5 * (at(0.84) - at(0.16)),
             q_shift: covariance / half_width,
             q_shift_error: (scatter / kish).sqrt() / half_width,
             q_width: 0.5 * self.mean(|i| off(i) * product(i)) / self.mean(|i| off(i).powi(2)),
             rejected: self.mean(|i| f64::from(u8::from(differences[i].is_infinite()))),
-        }
+        })
     }
 }
 

@@ -4,11 +4,13 @@
 use super::target::StreamTarget;
 use crate::error::{Error, Result};
 use crate::likelihood::DataBin;
+use oblate_samplers::Error as SamplerError;
 use oblate_samplers::rng::{Domain, stream};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
-/// Told how much of a work of many values is done, and of how many.
-pub type Advanced<'a> = dyn FnMut(u64, u64) + 'a;
+/// Told how much of a work of many values is done, and of how many; `Break` stops the work there.
+pub type Advanced<'a> = dyn FnMut(u64, u64) -> ControlFlow<()> + 'a;
 
 /// Number of prior draws.
 const DRAWS: u64 = 1_000;
@@ -24,7 +26,7 @@ const CHUNK: u64 = 50;
 /// some bins may be out of reach; returns a warning that names them.
 ///
 /// # Errors
-/// [`Error::UnreachableTrack`] if no draw reaches more than half of the bins.
+/// [`Error::UnreachableTrack`] if no draw reaches more than half of the bins; [`SamplerError::Interrupted`] if `advanced` stops it.
 pub fn check_prior_predictive(
     target: &StreamTarget,
     seed: u64,
@@ -48,7 +50,9 @@ pub fn check_prior_predictive(
     for first in (0..DRAWS / CHUNK).map(|chunk| chunk * CHUNK) {
         let chunk = (first..first + CHUNK).into_par_iter().map(reached_by);
         reached = either(reached, chunk.reduce(|| vec![false; data.len()], either));
-        advanced(first + CHUNK, DRAWS);
+        if advanced(first + CHUNK, DRAWS).is_break() {
+            return Err(SamplerError::Interrupted.into());
+        }
     }
     let unreached: Vec<&DataBin> = (data.iter().zip(&reached))
         .filter_map(|(bin, reached)| (!reached).then_some(bin))

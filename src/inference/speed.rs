@@ -3,8 +3,9 @@
 use super::settings::FitSettings;
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::params::{DIM, REQUIRED, without_optional};
+use oblate_samplers::Error as SamplerError;
 use oblate_samplers::rng::{Domain, stream};
 use std::time::{Duration, Instant};
 
@@ -22,6 +23,9 @@ const VALUES: [f64; 3] = [7e3, 1e5, 5e5];
 /// Draws of the prior from which [`Speed::of_fit`] takes the best, and how many of these.
 const PRIOR_DRAWS: u64 = 400;
 const BEST: usize = 8;
+
+/// Number of these draws between two looks at an interrupt.
+const CHUNK: usize = 20;
 
 /// Time for which [`Speed::of_fit`] measures each model.
 const SHORT: Duration = Duration::from_millis(100);
@@ -65,11 +69,16 @@ impl Speed {
         })
     }
 
-    /// Measures for a part of a second, with the models of this fit, near its track: at the best of some hundred draws of its prior.
+    /// Measures for a part of a second, with the models of this fit, near its track: at the best of some hundred draws of its prior, unless
+    /// the work is `interrupted` meanwhile.
     ///
     /// # Errors
-    /// As of [`StreamTarget::from_track`].
-    pub fn of_fit(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
+    /// As of [`StreamTarget::from_track`]; [`Error::Sampler`] after an interrupt.
+    pub fn of_fit(
+        track: &ObservedTrack,
+        settings: &FitSettings,
+        interrupted: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Self> {
         let (model, coarse) = targets(track, settings)?;
         let first = coarse.as_ref().unwrap_or(&model);
         let draws: Vec<[f64; DIM]> = (0..PRIOR_DRAWS)
@@ -78,7 +87,13 @@ impl Speed {
                 first.stream_prior().draw(&mut rng).to_array()
             })
             .collect();
-        let values = first.likelihood().ln_likelihoods(&draws);
+        let mut values = Vec::new();
+        for draws in draws.chunks(CHUNK) {
+            values.extend(first.likelihood().ln_likelihoods(draws));
+            if interrupted() {
+                return Err(Error::Sampler(SamplerError::Interrupted));
+            }
+        }
         let mut kept: Vec<(f64, [f64; DIM])> = (values.iter().zip(draws))
             .filter_map(|(value, draw)| Some((value.as_ref().ok()?.ln_likelihood, draw)))
             .collect();

@@ -80,7 +80,7 @@ fn fit_in_stages(
     };
     monitor.stage(before + 1, of, &format!("check of the prior{of_model}"));
     let warning = check_prior_predictive(&plan.target, settings.seed, &mut |done, of| {
-        monitor.advanced(done, of);
+        monitor.advanced(done, of)
     })?;
     if let Some(message) = warning {
         monitor.warn(message);

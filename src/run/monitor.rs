@@ -9,7 +9,7 @@ use oblate_samplers::output::Status;
 use oblate_samplers::{Event, Observer};
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// The last stage of every fit.
@@ -72,9 +72,13 @@ impl Monitor<'_> {
         let _ = self.observer.event(&Event::Stage { number, of, name });
     }
 
-    /// Tells the observer how many of how many values of a stage are done. A `Break` is ignored here, as in [`stage`](Self::stage).
-    pub(super) fn advanced(&mut self, done: u64, of: u64) {
-        let _ = self.observer.event(&Event::Advanced { done, of });
+    /// Tells the observer how many of how many values of a stage are done; `Break` if the observer or an interrupt stops the work.
+    pub(super) fn advanced(&mut self, done: u64, of: u64) -> ControlFlow<()> {
+        let told = self.observer.event(&Event::Advanced { done, of });
+        if self.interrupt.load(Ordering::Relaxed) {
+            return ControlFlow::Break(());
+        }
+        told
     }
 
     /// The observer, with every event also written to a log.

@@ -214,7 +214,18 @@ impl<'a> RunSession<'a> {
     ) -> Result<Fit> {
         let run = self.work(monitor, work)?;
         let hash = &self.beginning.versions.input_hash;
-        let mut summary = summarize(&run, monitor, self.destination.command, hash);
+        let summary = summarize(&run, monitor, self.destination.command, hash);
+        self.finish(target, track, run, summary)
+    }
+
+    /// Writes the result of a run that was not interrupted.
+    fn finish(
+        &self,
+        target: &dyn Target,
+        track: Option<&ObservedTrack>,
+        run: Run,
+        mut summary: Summary,
+    ) -> Result<Fit> {
         if run.status != Status::Interrupted {
             let prior = prior_draws(target, PRIOR_DRAWS, run.seed);
             let extras = zarr::Extras {
@@ -233,7 +244,8 @@ impl<'a> RunSession<'a> {
     /// As [`complete`](Self::complete), for a fit of a track. `stage` is told when the error of the model is measured, after the work.
     ///
     /// # Errors
-    /// As of [`complete`](Self::complete).
+    /// As of [`complete`](Self::complete); [`Error::Sampler`](crate::Error::Sampler) if it is interrupted while the error of the model is
+    /// measured: resumed, it goes on from the end of its work.
     pub fn complete_fit(
         &self,
         target: &StreamTarget,
@@ -242,19 +254,17 @@ impl<'a> RunSession<'a> {
         stage: impl FnOnce(&mut Monitor<'_>),
         work: impl FnOnce(&mut Control<'_>) -> Result<Run>,
     ) -> Result<Fit> {
-        self.complete(
-            target,
-            Some(track),
-            monitor,
-            work,
-            |run, monitor, command, hash| {
-                if run.status != Status::Interrupted {
-                    stage(monitor);
-                }
-                let advanced = &mut |done, of| monitor.advanced(done, of);
-                summarize(target, track, run, command, hash, advanced)
-            },
-        )
+        let run = self.work(monitor, work)?;
+        if run.status != Status::Interrupted {
+            stage(monitor);
+        }
+        let (command, hash) = (
+            self.destination.command,
+            &self.beginning.versions.input_hash,
+        );
+        let advanced = &mut |done, of| monitor.advanced(done, of);
+        let summary = summarize(target, track, &run, command, hash, advanced)?;
+        self.finish(target, Some(track), run, summary)
     }
 
     /// Runs a sampler under a monitor, with checkpoints in the folder and events in its log.

@@ -25,6 +25,7 @@ mod progress;
 mod resume;
 mod senses;
 mod settings;
+mod signals;
 mod stream;
 mod study;
 mod track;

@@ -8,6 +8,7 @@ use crate::inference::{FitPlan, FitSettings, Sampler};
 use crate::params::StreamPrior;
 use crate::population::QPosterior;
 use crate::run::population;
+use oblate_samplers::Error as SamplerError;
 use std::path::{Path, PathBuf};
 
 /// The streams of a study.
@@ -26,7 +27,7 @@ impl StudyInputs {
     ///
     /// # Errors
     /// [`Error::Io`] or [`Error::TrackFile`] for a track that cannot be read; [`Error::InTable`] for a setting out of its range and for
-    /// too few mocks.
+    /// too few mocks; [`Error::Sampler`] if the search for mocks is interrupted.
     pub fn new(config: &StudyConfig, files_from: &Path, watcher: &dyn Watcher) -> Result<Self> {
         let mut inputs = Self::default();
         let population = config.population.as_ref();
@@ -73,10 +74,14 @@ impl StudyInputs {
         watcher.monitored("mocks", &mut |monitor| {
             let advanced = &mut |found: &Mocks| {
                 let (done, of) = (found.mocks.len() as u64, study.count as u64);
-                monitor.advanced(done, of);
+                monitor.advanced(done, of)
             };
             let found = mocks_with(&prior, &study.mock, study.count, study.seed, advanced)
-                .map_err(|e| e.within("mocks.mock"))?;
+                .map_err(|error| match error {
+                    // It is no fault of the settings.
+                    Error::Sampler(SamplerError::Interrupted) => error,
+                    other => other.within("mocks.mock"),
+                })?;
             self.acceptance = Some(found.acceptance());
             self.mocks = found.mocks.into_iter().map(|mock| mock.track).collect();
             Ok(())

@@ -1,5 +1,7 @@
 //! What the fits of a study will cost, from a pilot: the speed of the models of a few of them.
 
+mod watched;
+
 use super::plan::PlannedFit;
 use crate::error::{Error, Result};
 use crate::inference::Speed;
@@ -20,11 +22,23 @@ pub struct Cost {
     pub range: [f64; 2],
 }
 
-/// Times the models of a few fits, a part of a second each, on one thread; `None` if there is no fit, or none of those timed has a value.
+/// As [`pilot_unless`], without an interrupt.
+///
+/// # Errors
+/// As of [`pilot_unless`].
+pub(super) fn pilot(fits: &[&PlannedFit]) -> Result<Option<Cost>> {
+    pilot_unless(fits, &|| false)
+}
+
+/// Times the models of a few fits, a part of a second each, on one thread, unless the work is `interrupted` meanwhile; `None` if there is no
+/// fit, or none of those timed has a value.
 ///
 /// # Errors
 /// As of [`Speed::of_fit`]; [`Error::Setting`] if no thread can be started.
-pub(super) fn pilot(fits: &[&PlannedFit]) -> Result<Option<Cost>> {
+fn pilot_unless(
+    fits: &[&PlannedFit],
+    interrupted: &(dyn Fn() -> bool + Sync),
+) -> Result<Option<Cost>> {
     let step = fits.len().div_ceil(MOST).max(1);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.map_err(|e| Error::Setting {
@@ -33,7 +47,7 @@ pub(super) fn pilot(fits: &[&PlannedFit]) -> Result<Option<Cost>> {
         remedy: e.to_string(),
     })?;
     let timed = fits.iter().step_by(step).map(|fit| {
-        let speed = pool.install(|| Speed::of_fit(&fit.track, &fit.settings))?;
+        let speed = pool.install(|| Speed::of_fit(&fit.track, &fit.settings, interrupted))?;
         Ok(speed.seconds_of_fit())
     });
     let mut timed = timed.collect::<Result<Vec<_>>>()?;

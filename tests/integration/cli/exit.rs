@@ -45,8 +45,9 @@ fn an_interrupted_fit_exits_with_130_and_is_continued() {
     while !out.join("log.jsonl").exists() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
+    // An interrupt may be ignored, where the tests are a job in the background of a script.
     let signal = Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
+        .args(["-TERM", &child.id().to_string()])
         .status();
     assert!(signal.expect("kill").success());
     let output = child.wait_with_output().expect("its end");

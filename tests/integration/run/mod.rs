@@ -4,6 +4,7 @@
 #[cfg(unix)]
 mod disk;
 mod force;
+mod interrupted;
 mod log;
 mod names;
 mod result;
