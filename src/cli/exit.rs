@@ -40,14 +40,18 @@ impl Exit {
         use oblate_samplers::Error as S;
         match error {
             Error::Sampler(S::Interrupted) => Self::Interrupted,
-            Error::Sampler(S::Fatal(_) | S::Infinite { .. } | S::Io { .. })
+            Error::Sampler(S::Fatal(_) | S::Infinite { .. })
             | Error::NoTrack(_)
             | Error::Unwritten { .. }
             | Error::Output { .. } => Self::Failed,
             Error::InFile { source, .. } | Error::InTable { source, .. } => {
                 Self::from_error(source)
             }
-            Error::Io { source, .. } if !is_of_the_path(source.kind()) => Self::Failed,
+            Error::Io { source, .. } | Error::Sampler(S::Io { source, .. })
+                if !is_of_the_path(source.kind()) =>
+            {
+                Self::Failed
+            }
             _ => Self::Usage,
         }
     }

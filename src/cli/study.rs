@@ -7,6 +7,7 @@ use super::next::{Step, may_grow};
 use super::options::{JsonFlag, LimitFlags, WorkFlags};
 use super::output::{Output, note, shown};
 use super::progress::{Board, interrupt};
+use super::report::tell_without_figures;
 use crate::config::{StudyConfig, read};
 use crate::error::{Error, Result};
 use crate::inference::Sampler;
@@ -137,8 +138,9 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
     if reported {
         let figures = scaling_figures(&scaling, &config.out)?;
         let formats = [FigureFormat::Svg];
-        let text = render_report(&config.title, &folders, &formats, &figures)?;
-        write_atomically(&page, text.as_bytes())?;
+        let rendered = render_report(&config.title, &folders, &formats, &figures)?;
+        write_atomically(&page, rendered.page.as_bytes())?;
+        tell_without_figures(&rendered);
     }
     if args.fit.is_some() {
         // Slurm's log of the fit is searched for it.

@@ -36,7 +36,7 @@ pub use orientation::{AxisDirection, axis_posteriors};
 pub use population::{PopulationFits, population, sampling_of_population};
 pub use population_fits::q_posterior;
 pub use populations::{FamilyRun, populations};
-pub use render::render_report;
+pub use render::{Rendered, render_report};
 pub use senses::{SenseRun, senses};
 pub use session::Destination;
 pub use study::{

@@ -4,7 +4,7 @@ use super::folder::{RunFolder, StoredRun, distinct_names};
 use super::population::DENSITY_POINTS;
 use crate::config::PopulationConfig;
 use crate::data::ObservedTrack;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::inference::{FitSettings, StreamTarget, residuals};
 use crate::params::StreamParams;
 use crate::posterior::{
@@ -18,6 +18,7 @@ use crate::report::{
 };
 use crate::stream::{Particles, System};
 use crate::track::{BinQuantity, TrackBin};
+use oblate_samplers::Error as SamplerError;
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::rng::{Domain, stream, unit_open};
 use std::io::ErrorKind;
@@ -110,8 +111,17 @@ impl RunFigures {
     }
 }
 
+/// Runs as one page.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// Self-contained HTML.
+    pub page: String,
+    /// Run folders that are not writable, and so have no files of their figures.
+    pub without_figures: Vec<PathBuf>,
+}
+
 /// Writes every figure of finished runs into their folders, in these formats, and returns one self-contained HTML page of all of them, with
-/// `others` at its end, figures of many runs under headings.
+/// `others` at its end, figures of many runs under headings. A folder that is not writable is left as it is.
 ///
 /// # Errors
 /// As of [`FigureWriter::new`]; [`Io`](crate::Error::Io), [`Syntax`](crate::Error::Syntax), [`Checksum`](crate::Error::Checksum),
@@ -123,14 +133,20 @@ pub fn render_report(
     folders: &[PathBuf],
     formats: &[FigureFormat],
     others: &[(&str, Figure)],
-) -> Result<String> {
+) -> Result<Rendered> {
     let writer = FigureWriter::new(formats)?;
     let rendered: Vec<RunFigures> = folders
         .iter()
         .map(|f| figures_of(f))
         .collect::<Result<_>>()?;
+    let mut without_figures = Vec::new();
     for drawn in &rendered {
-        drawn.write(&writer)?;
+        match drawn.write(&writer) {
+            Err(error) if is_of_unwritable_folder(&error) => {
+                without_figures.push(drawn.folder.path().to_path_buf());
+            }
+            written => written?,
+        }
     }
     let stored: Vec<&StoredRun> = rendered.iter().map(|d| &d.stored).collect();
     let names = distinct_names(folders, &stored);
@@ -157,7 +173,19 @@ pub fn render_report(
             figures: std::slice::from_ref(figure),
         }))
         .collect();
-    Ok(page(title, &shown))
+    Ok(Rendered {
+        page: page(title, &shown),
+        without_figures,
+    })
+}
+
+/// Whether nothing may be written where a file was to be.
+fn is_of_unwritable_folder(error: &Error) -> bool {
+    use ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+    let Error::Sampler(SamplerError::Io { source, .. }) = error else {
+        return false;
+    };
+    matches!(source.kind(), PermissionDenied | ReadOnlyFilesystem)
 }
 
 /// Indices of the runs in groups of the same data, in the order of their first runs.
@@ -205,11 +233,10 @@ fn comparisons(
 
 /// Writes a figure into a run folder.
 fn write_figure(path: &Path, bytes: &[u8]) -> Result<()> {
-    use oblate_samplers::Error::Io;
     match write_atomically(path, bytes) {
         // A run that begins in the folder at this moment may remove the temporary file as a left-over; then it is
         // written once more.
-        Err(Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
+        Err(SamplerError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
             Ok(write_atomically(path, bytes)?)
         }
         written => Ok(written?),

@@ -22,6 +22,7 @@ mod orientation;
 mod output;
 mod population;
 mod progress;
+mod read_only;
 mod resume;
 mod senses;
 mod settings;

@@ -1,8 +1,11 @@
 //! The exit codes of docs/files.md.
 
 use super::{oblate, small_fit};
+use oblate::Error;
 use oblate::cli::Exit;
+use oblate::samplers::Error as SamplerError;
 use std::collections::BTreeSet;
+use std::io::ErrorKind;
 use std::path::Path;
 
 #[test]
@@ -18,6 +21,21 @@ fn the_page_has_every_exit_code() {
     let ours = [Exit::Done, Exit::Failed, Exit::Usage, Exit::Interrupted].map(Exit::code);
     // A panic has a code of its own.
     assert_eq!(listed, ours.into_iter().chain([101]).collect());
+}
+
+#[test]
+fn a_path_that_may_not_be_written_is_wrong_input_and_a_full_disk_is_not() {
+    for (kind, exit) in [
+        (ErrorKind::PermissionDenied, Exit::Usage),
+        (ErrorKind::ReadOnlyFilesystem, Exit::Usage),
+        (ErrorKind::NotFound, Exit::Usage),
+        (ErrorKind::StorageFull, Exit::Failed),
+        (ErrorKind::Other, Exit::Failed),
+    ] {
+        let (path, source) = (Path::new("page.html").to_path_buf(), kind.into());
+        let error = Error::Sampler(SamplerError::Io { path, source });
+        assert_eq!(Exit::from_error(&error), exit, "{kind}");
+    }
 }
 
 #[cfg(unix)]

@@ -121,7 +121,9 @@ fn a_population_or_a_fit_that_is_stopped_before_its_first_draw_does_not_end_the_
     };
     let report = |result: &StudyResult| {
         let folders: Vec<_> = result.runs().map(|run| run.folder.clone()).collect();
-        render_report("stopped", &folders, &[FigureFormat::Svg], &[]).unwrap()
+        render_report("stopped", &folders, &[FigureFormat::Svg], &[])
+            .unwrap()
+            .page
     };
     // The fit has no draws, and so the population no stream.
     let (result, _) = done(&config, in_no_time());
