@@ -222,7 +222,7 @@ fn done(
         return study.run_fit(number, &text, watcher);
     }
     if !args.work.quiet
-        && let Some(cost) = study.watched_cost(watcher)?
+        && let Some(cost) = study.cost(watcher)?
     {
         note(&predicted(&cost));
     }

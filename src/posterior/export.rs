@@ -121,13 +121,13 @@ impl DrawTable {
         }
         let _ = write!(
             out,
-            "# meta:\n#   made_by: oblate {}\n#   method: {}\n#   converged: {}\n#   ln_z: {:?}\n#   ln_z_error: {:?}\n#   ess: {:?}\n#   seed: {}\n# schema: astropy-2.0\n",
+            "# meta:\n#   made_by: oblate {}\n#   method: {}\n#   converged: {}\n#   ln_z: {}\n#   ln_z_error: {}\n#   ess: {}\n#   seed: {}\n# schema: astropy-2.0\n",
             env!("CARGO_PKG_VERSION"),
             self.method,
             self.converged,
-            self.ln_z,
-            self.ln_z_error,
-            self.ess,
+            yaml(self.ln_z),
+            yaml(self.ln_z_error),
+            yaml(self.ess),
             self.seed
         );
         let names: Vec<&str> = self.columns.iter().map(|c| c.name.as_str()).collect();
@@ -160,27 +160,27 @@ impl DrawTable {
         let mut extension = Hdu::bintable_extension(table.build());
         let made_by = format!("oblate {}", env!("CARGO_PKG_VERSION"));
         let seed = i64::try_from(self.seed).unwrap_or(i64::MAX);
-        let text = |text: &str| HeaderValue::String(text.to_owned());
+        let text = |text: &str| Some(HeaderValue::String(text.to_owned()));
+        // FITS has no card of a number that is not finite.
+        let number = |x: f64| Some(HeaderValue::Float(x)).filter(|_| x.is_finite());
         for (key, value, comment) in [
             ("EXTNAME", text("POSTERIOR"), "draws of equal weight"),
             ("CREATOR", text(&made_by), ""),
             ("METHOD", text(self.method), "sampler"),
             (
                 "CONVERGE",
-                HeaderValue::Logical(self.converged),
+                Some(HeaderValue::Logical(self.converged)),
                 "all checks passed",
             ),
-            ("LNZ", HeaderValue::Float(self.ln_z), "log evidence"),
-            (
-                "LNZ_ERR",
-                HeaderValue::Float(self.ln_z_error),
-                "its standard error",
-            ),
-            ("ESS", HeaderValue::Float(self.ess), "effective sample size"),
-            ("SEED", HeaderValue::Integer(seed), ""),
+            ("LNZ", number(self.ln_z), "log evidence"),
+            ("LNZ_ERR", number(self.ln_z_error), "its standard error"),
+            ("ESS", number(self.ess), "effective sample size"),
+            ("SEED", Some(HeaderValue::Integer(seed)), ""),
         ] {
             let comment = Some(comment).filter(|comment| !comment.is_empty());
-            extension.header.set(key, value, comment);
+            if let Some(value) = value {
+                extension.header.set(key, value, comment);
+            }
         }
         let mut file = FitsFile::with_empty_primary();
         file.push_extension(extension);
@@ -190,5 +190,15 @@ impl DrawTable {
             value: "fits".to_owned(),
             remedy: format!("{e}; export it as ECSV"),
         })
+    }
+}
+
+/// A number in the YAML of a header.
+fn yaml(x: f64) -> String {
+    match x {
+        x if x.is_finite() => format!("{x:?}"),
+        x if x.is_nan() => ".nan".to_owned(),
+        x if x > 0.0 => ".inf".to_owned(),
+        _ => "-.inf".to_owned(),
     }
 }

@@ -81,10 +81,10 @@ impl<'a> Study<'a> {
     /// none.
     ///
     /// # Errors
-    /// As of [`Speed::of_fit`](crate::inference::Speed::of_fit).
-    pub fn cost(&self) -> Result<Option<Cost>> {
+    /// As of [`Speed::of_fit`](crate::inference::Speed::of_fit); [`Error::Sampler`] after an interrupt.
+    pub fn cost(&self, watcher: &dyn Watcher) -> Result<Option<Cost>> {
         let unfinished: Vec<_> = self.fits.iter().filter(|fit| !fit.is_settled()).collect();
-        pilot::pilot(&unfinished)
+        pilot::pilot(&unfinished, &|| watcher.interrupted())
     }
 
     /// Does the fits that have no result or go on from one, and the populations. `command` is the command line for the summaries.

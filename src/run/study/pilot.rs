@@ -1,7 +1,5 @@
 //! What the fits of a study will cost, from a pilot: the speed of the models of a few of them.
 
-mod watched;
-
 use super::plan::PlannedFit;
 use crate::error::{Error, Result};
 use crate::inference::Speed;
@@ -22,20 +20,12 @@ pub struct Cost {
     pub range: [f64; 2],
 }
 
-/// As [`pilot_unless`], without an interrupt.
-///
-/// # Errors
-/// As of [`pilot_unless`].
-pub(super) fn pilot(fits: &[&PlannedFit]) -> Result<Option<Cost>> {
-    pilot_unless(fits, &|| false)
-}
-
 /// Times the models of a few fits, a part of a second each, on one thread, unless the work is `interrupted` meanwhile; `None` if there is no
 /// fit, or none of those timed has a value.
 ///
 /// # Errors
 /// As of [`Speed::of_fit`]; [`Error::Setting`] if no thread can be started.
-fn pilot_unless(
+pub(super) fn pilot(
     fits: &[&PlannedFit],
     interrupted: &(dyn Fn() -> bool + Sync),
 ) -> Result<Option<Cost>> {

@@ -4,7 +4,7 @@ use super::{json, oblate, refused, small_fit};
 use fitskit::{BinCellValue, FitsFile, HduData};
 use oblate::inference::DERIVED;
 use oblate::params::{QRange, Shape};
-use oblate::posterior::zarr;
+use oblate::posterior::{DrawTable, Summary, SummaryContext, TableFormat, zarr};
 use oblate::scalar::Vec3;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -105,6 +105,32 @@ fn a_run_is_exported_as_ecsv_and_as_fits() {
         assert!((11.0..14.0).contains(&row[place("log10_m_halo")]));
         assert!((7.0..9.0).contains(&row[place("log10_m_prog")]));
     }
+}
+
+#[test]
+fn numbers_that_are_not_finite_have_no_card_in_fits_and_are_those_of_yaml_in_ecsv() {
+    let run = crate::runs::nested(200, 5);
+    let mut summary = Summary::new(&run, &SummaryContext::default());
+    let tables = |summary: &Summary| {
+        let table = DrawTable::new(&run, summary);
+        let text = table.bytes(TableFormat::Ecsv).expect("ECSV");
+        let file = table.bytes(TableFormat::Fits).expect("FITS");
+        let file = FitsFile::from_bytes(&file).expect("FITS");
+        let header = &file.find_extension("POSTERIOR").expect("it").header;
+        let cards = ["LNZ", "LNZ_ERR", "ESS"].map(|key| header.get_float(key).is_some());
+        assert!(header.get_int("SEED").is_some());
+        (String::from_utf8(text).expect("text"), cards)
+    };
+    assert_eq!(tables(&summary).1, [true; 3]);
+    summary.ln_z.value = f64::NEG_INFINITY;
+    summary.ln_z.error = f64::INFINITY;
+    summary.ess = f64::NAN;
+    let (text, cards) = tables(&summary);
+    assert_eq!(cards, [false; 3]);
+    assert!(
+        text.contains("#   ln_z: -.inf\n#   ln_z_error: .inf\n#   ess: .nan\n"),
+        "{text}"
+    );
 }
 
 #[test]
