@@ -96,7 +96,8 @@ fn with_error(line: &str) -> Option<(&str, f64, f64)> {
 }
 
 /// Compares the numbers of both that do not depend on the time that a command took: medians, to half of the half-width of the interval shown,
-/// many times what other draws would move them by, and ln Z, to three of both errors. The number of comparisons, or what differs.
+/// many times what other draws would move them by, and ln Z, to three of both errors, unless the fit has not converged: its errors say little. The
+/// number of comparisons, or what differs.
 fn numbers_agree(shown: &[&str], output: &str) -> Result<usize, String> {
     let mut count = 0;
     for line in shown {
@@ -107,7 +108,9 @@ fn numbers_agree(shown: &[&str], output: &str) -> Result<usize, String> {
             if ours.is_none_or(|ours| (ours - median).abs() > 0.25 * (hi - lo)) {
                 return Err(format!("{name}: {ours:?} for {median}"));
             }
-        } else if let Some((word, value, error)) = with_error(line) {
+        } else if let Some((word, value, error)) = with_error(line)
+            && !line.contains(" NO ")
+        {
             let mut found = output.lines().filter_map(with_error);
             let ours = found.find(|row| row.0 == word);
             count += 1;
@@ -149,8 +152,8 @@ fn the_tour_prints_what_its_page_shows() {
         count += numbers_agree(&shown, &output)
             .unwrap_or_else(|found| panic!("{commands}\nprints another number\n{found}"));
     }
-    // Seven parameters and ln Z of one track, ln Z of both senses of the other.
-    assert_eq!(count, 10);
+    // Seven parameters and ln Z of one track.
+    assert_eq!(count, 8);
 }
 
 #[test]

@@ -60,17 +60,24 @@ fn mocks_and_fits_have_velocities_widths_and_densities() {
     }
 
     // A progenitor whose side is not known.
-    let config = SMALL.replace("z0_kpc = 30.0, ", "");
-    let config = write(folder.path(), "free.toml", &config);
+    let settings = SMALL.replace("z0_kpc = 30.0, ", "");
+    let config = write(folder.path(), "free.toml", &settings);
+    // Nothing but the velocities tells it.
+    let even = settings
+        .replace("dir_x = 0.1, dir_y = 0.2, ", "")
+        .replace(", vz0_km_s = 45.0", "");
+    let even = write(folder.path(), "even.toml", &even);
     let run = path("run");
-    let fit = |sets: &[&str]| {
-        let mut arguments = vec!["fit", &track, "--config", &config, "--out", &run];
+    let fit_with = |config: &str, sets: &[&str]| {
+        let mut arguments = vec!["fit", &track, "--config", config, "--out", &run];
         arguments.extend(["-q", "--allow-unconverged", "--json"]);
         arguments.extend(sets.iter().flat_map(|set| ["--set", *set]));
         oblate(&arguments, "")
     };
+    let fit = |sets: &[&str]| fit_with(&config, sets);
     refused(&fit(&[BOTH_SIDES]), &["log10_n_stars", "lo = 2"]);
-    refused(&fit(&[STARS]), &["z0_kpc", "velocities"]);
+    refused(&fit(&[STARS]), &["z0_kpc", "dir_x"]);
+    refused(&fit_with(&even, &[STARS]), &["z0_kpc", "velocities"]);
     let output = fit(&[BOTH_SIDES, STARS, HOST]);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let summary = json(&output.stdout);

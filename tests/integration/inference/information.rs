@@ -29,7 +29,10 @@ impl Fit {
             ..runs::nested(1, 1)
         };
         run.ess.quoted = ess;
-        summarize(&self.0, &example_track(), &run, "", "", &mut |_, _| ())
+        summarize(&self.0, &example_track(), &run, "", "", &mut |_, _| {
+            std::ops::ControlFlow::Continue(())
+        })
+        .unwrap()
     }
 }
 

@@ -113,7 +113,7 @@ fn at_the_ends_of_all_ranges_a_point_has_a_likelihood_or_a_cause() {
         Ok(())
     });
     found.unwrap_or_else(|error| panic!("{error}"));
-    // Nearly all points have one, so that few cases are causes alone.
-    assert!(values.get() >= 32, "{} values", values.get());
-    assert!(gradients.get() >= 32, "{} gradients", gradients.get());
+    // Of half of the points the progenitor is on the side of the sky that is rejected; nearly all others have a likelihood.
+    assert!(values.get() >= 16, "{} values", values.get());
+    assert!(gradients.get() >= 16, "{} gradients", gradients.get());
 }

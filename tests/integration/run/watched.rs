@@ -165,7 +165,7 @@ fn a_fit_that_may_go_on_is_not_done() {
     };
     let fits_to_do = |config: &StudyConfig| {
         let study = Study::new(config, Path::new("."), &Seen::default()).unwrap();
-        study.cost().unwrap().map(|cost| cost.fits)
+        study.cost(&Seen::default()).unwrap().map(|cost| cost.fits)
     };
     let at_first = |told: &[FitsSoFar]| told.first().map(|fits| (fits.done, fits.running));
     let in_no_time = || Seen {

@@ -31,8 +31,8 @@ const SEEDS: u64 = 3;
 /// An error that is too large would make every ln Z agree. That of independent draws is `sqrt(H / n)` with the information H and n live points
 /// (Skilling 2006); where H is not large it is up to 1.5 times that, and 200 simulations know it to 5 %. The live points of a dynamic run lie
 /// between those of its settings and the most that it ever had. The quoted error is larger if new points resemble their seeds: in these tests,
-/// a quarter of the default steps included, by less than 2.2. Not the part by ancestry of dynamic runs: batches that begin above the prior descend
-/// from few first points, which counts as an error even of independent draws (7 times the others, for one target here).
+/// a quarter of the default steps included, by less than 2.2. Not with the part by ancestry of dynamic runs, which
+/// is larger where few first points have descendants in later batches: 7 times the others for one target here.
 fn has_the_error_of_its_information(name: &str, run: &Run, settings: &Settings) {
     let History::Nested { live, .. } = &run.history else {
         panic!("{name}: a nested run has live points")
