@@ -158,19 +158,23 @@ fn a_checkpoint_of_another_run_is_refused_by_name() {
     let target = hard::rosen();
     assert!(refusal(&target, &settings).contains("other settings"));
     // The same prior, another likelihood.
-    let shifted = Shifted(smooth::shells(5));
-    assert!(refusal(&shifted, &settings).contains("another target"));
+    let other = Scaled(smooth::shells(5), 1.02);
+    assert!(refusal(&other, &settings).contains("another target"));
+    // The same one, as another computer rounds it.
+    let rounded = Scaled(smooth::shells(5), 1.0 + 1e-14);
+    with_file(&rounded, &settings, &file, true, 4).unwrap();
 }
 
-struct Shifted(smooth::Smooth);
+/// ln L times a factor.
+struct Scaled(smooth::Smooth, f64);
 
-impl Target for Shifted {
+impl Target for Scaled {
     fn prior(&self) -> &Prior {
         self.0.prior()
     }
     fn ln_likelihood(&self, theta: &[f64]) -> Outcome {
         match self.0.ln_likelihood(theta) {
-            Outcome::Value(l) => Outcome::Value(l + 1e-9),
+            Outcome::Value(l) => Outcome::Value(l * self.1),
             other => other,
         }
     }
