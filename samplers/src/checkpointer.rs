@@ -147,7 +147,7 @@ impl Checkpointer {
     }
 }
 
-/// A hash of ln L, to three digits, at three fixed draws of the prior: another target, data set or model gives another, and another computer, whose
+/// A hash of ln L, to five digits, at three fixed draws of the prior: another target, data set or model gives another, and another computer, whose
 /// instructions round otherwise, the same. Its calls are not part of the run.
 fn fingerprint(targets: &[&dyn Target]) -> Result<u64> {
     let mut bytes = Vec::new();
@@ -161,7 +161,7 @@ fn fingerprint(targets: &[&dyn Target]) -> Result<u64> {
                 .collect();
             target.prior().theta_from_z(&z, &mut theta);
             let value = target.ln_likelihood(&theta).ln_likelihood(&theta)?;
-            bytes.extend_from_slice(format!("{value:.2e} ").as_bytes());
+            bytes.extend_from_slice(format!("{value:.4e} ").as_bytes());
         }
     }
     Ok(checkpoint::hash(&bytes))

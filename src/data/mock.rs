@@ -103,6 +103,7 @@ pub fn mocks_with(
         .memory(rayon::current_num_threads())
         .check()?;
     settings.model.check_distributions(prior)?;
+    prior.check_sides()?;
     settings.check_prior(prior)?;
     let model = Model::new(&settings.model)?;
     let mut found = Mocks {

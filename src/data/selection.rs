@@ -123,6 +123,7 @@ pub fn selection(
         .memory(rayon::current_num_threads())
         .check()?;
     settings.model.check_distributions(prior)?;
+    prior.check_sides()?;
     let model = Model::new(&settings.model)?;
     let (lo, hi) = (prior.settings().q_min, prior.settings().q_max);
     let mut found = Selection {

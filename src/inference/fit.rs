@@ -9,7 +9,7 @@ use super::settings::FitSettings;
 use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
-use crate::params::QPrior;
+use crate::params::{QPrior, StreamPrior};
 use crate::posterior::{
     MIN_ESS_FOR_INFORMATION, Summary, SummaryContext, column, information, marginal_information,
 };
@@ -61,10 +61,11 @@ impl FitPlan {
     /// Builds the targets and checks all settings, those of the bridge too, so that no work is lost to a setting out of range.
     ///
     /// # Errors
-    /// Those of [`FitSettings::check`]; [`Error::Setting`] or [`Error::Sampler`] for settings that do not go together;
+    /// Those of [`FitSettings::check`] and of [`StreamPrior::check_sides`]; [`Error::Setting`] or [`Error::Sampler`] for settings that do not go together;
     /// [`Error::TooMuchMemory`] if models, threads and sampler together need too much.
     pub fn of_settings(track: &ObservedTrack, settings: &FitSettings) -> Result<Self> {
         settings.check()?;
+        StreamPrior::new(&settings.prior)?.check_sides()?;
         let target = StreamTarget::from_track(track, settings)?;
         settings.sampling.check(target.dim())?;
         let coarse = match settings.coarse(track.bin_width_deg) {

@@ -240,7 +240,8 @@ pub fn compare_models(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Co
 
 fn mode_row(name: String, a: Probability, b: Probability) -> ModeRow {
     let error = a.error.hypot(b.error).max(MIN_MODE_ERROR);
-    let parts = [a, b].map(|p| p.error.powi(4) / p.degrees_of_freedom);
+    // One degree is as few as the law of a difference can have: a run of a single lineage states none.
+    let parts = [a, b].map(|p| p.error.powi(4) / p.degrees_of_freedom.max(1.0));
     let degrees_of_freedom = error.powi(4) / parts.iter().sum::<f64>();
     ModeRow {
         name,

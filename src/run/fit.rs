@@ -12,6 +12,7 @@ use crate::inference::{
 use crate::posterior::Summary;
 use oblate_samplers::checkpoint;
 use oblate_samplers::output::Status;
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use std::time::Instant;
 
@@ -79,8 +80,11 @@ fn fit_in_stages(
         None => ("", MODEL_ERROR),
     };
     monitor.stage(before + 1, of, &format!("check of the prior{of_model}"));
+    // What an interrupted command proposes is to go on with the run in its folder, which must not be one that it replaces.
+    let replaces = destination.if_exists == IfExists::Replace;
     let warning = check_prior_predictive(&plan.target, settings.seed, &mut |done, of| {
-        monitor.advanced(done, of)
+        let flow = monitor.advanced(done, of);
+        if replaces { Continue(()) } else { flow }
     })?;
     if let Some(message) = warning {
         monitor.warn(message);

@@ -191,11 +191,10 @@ impl ModelSettings {
     /// Checks a prior that parameters are drawn from: as [`check_prior`](Self::check_prior), and its distributions suit the halo.
     ///
     /// # Errors
-    /// Those of `check_prior` and of [`StreamPrior::check_sides`]; [`Error::Setting`](crate::Error::Setting) if the mass of a logarithmic halo has
-    /// the default distribution, which is that of NFW haloes.
+    /// Those of `check_prior`; [`Error::Setting`](crate::Error::Setting) if the mass of a logarithmic halo has the default distribution, which is
+    /// that of NFW haloes.
     pub fn check_distributions(&self, prior: &StreamPrior) -> Result<()> {
         self.check_prior(prior)?;
-        prior.check_sides()?;
         if self.halo == HaloKind::Logarithmic {
             prior.check_not_default(
                 "log10_m_halo",

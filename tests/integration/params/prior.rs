@@ -5,7 +5,6 @@ use crate::ks;
 use oblate::params::{
     PARAMETERS, PriorSettings, QPrior, REQUIRED, StreamParams, StreamPrior, index_of,
 };
-use oblate::stream::ModelSettings;
 use oblate::{Error, Rejection};
 use oblate_samplers::{Marginal, Prior, normal as gaussian};
 use proptest::prelude::*;
@@ -39,13 +38,11 @@ fn a_prior_that_tells_the_near_side_needs_both() {
         sd: 10.0,
     };
     let even = uniform(-1.0, 1.0);
-    let model = ModelSettings::default();
     let refused = |change: &dyn Fn(&mut PriorSettings)| {
         let mut settings = PriorSettings::default();
         change(&mut settings);
         let prior = StreamPrior::new(&settings).unwrap();
-        let refusal = model.check_distributions(&prior);
-        refusal.err().map(|error| error.to_string())
+        prior.check_sides().err().map(|error| error.to_string())
     };
     type Change<'a> = &'a dyn Fn(&mut PriorSettings);
     let telling: [(&str, Change<'_>); 4] = [
@@ -73,8 +70,14 @@ fn a_prior_that_tells_the_near_side_needs_both() {
             assert_eq!(with_both, None, "{name}");
         }
     }
-    let silent: [Change<'_>; 4] = [
+    let silent: [Change<'_>; 6] = [
         &|_| (),
+        // In the plane of the sky, or known by another component: an axis is the same as its opposite.
+        &|s| (s.fixed.dir_x, s.fixed.dir_y, s.fixed.dir_z) = (Some(0.5), Some(0.0), Some(0.0)),
+        &|s| {
+            s.marginals.dir_x = Some(Marginal::HalfNormal { sd: 1.0 });
+            s.marginals.dir_z = Some(normal(1.0));
+        },
         &|s| s.fixed.vz0_km_s = Some(0.0),
         &|s| (s.fixed.dir_x, s.fixed.dir_y) = (Some(0.0), Some(0.0)),
         &|s| (s.marginals.dir_x, s.fixed.dir_z) = (Some(even), Some(0.7)),
