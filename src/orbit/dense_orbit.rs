@@ -472,7 +472,8 @@ impl<S: Real> DenseOrbit<S> {
         sum
     }
 
-    /// Largest difference of the energy at a node from that today, over the largest kinetic energy; `host` is the potential that the orbit was integrated in.
+    /// Largest difference of the energy at a node from that today, over the largest kinetic energy; `host` is the potential that the orbit was
+    /// integrated in.
     #[must_use]
     pub fn energy_error(&self, host: &impl Potential<S>) -> f64 {
         let (mut energies, mut kinetic) = (Vec::with_capacity(self.nodes.len()), 0.0_f64);

@@ -323,7 +323,7 @@ impl StreamPrior {
         };
         // The mirror at the sky turns dir_z, vz0 and z0 around, and an axis is the same as its opposite. The angle of a second axis counts from
         // the first one, whose opposite has another.
-        let in_depth = self.is_even("dir_z") && !self.is_present("psi_halo_deg");
+        let in_depth = self.is_even("dir_z") && !self.has("psi_halo_deg");
         let on_the_sky = self.is_even("dir_x") && self.is_even("dir_y");
         if !(in_depth || on_the_sky) {
             tells("the halo's axis, `dir_x` and `dir_y`,")?;
@@ -334,14 +334,10 @@ impl StreamPrior {
         Ok(())
     }
 
-    fn is_present(&self, name: &str) -> bool {
-        index_of(name).is_some_and(|i| self.present.contains(&i))
-    }
-
     /// Whether a parameter is as probable as its opposite: its distribution is symmetric about 0, or it is fixed at 0 or absent.
     #[must_use]
     pub fn is_even(&self, name: &str) -> bool {
-        let Some(index) = index_of(name).filter(|_| self.is_present(name)) else {
+        let Some(index) = index_of(name).filter(|_| self.has(name)) else {
             return true;
         };
         let centre = match self.settings.marginals.to_array()[index] {

@@ -20,8 +20,8 @@ impl ModelSettings {
     ///
     /// The model has, for each particle, its release (its uniform and normal numbers and twice its offset while the table is made) and its lanes
     /// in a lane group, and the Hermite weights of every equal step of every release time. Each thread has up to 19 numbers per particle (state,
-    /// winding number, two derivatives, ten of the bins with their derivatives), the orbit and its derivatives, and the step schedules of the gradient's chunks. Trajectories are not
-    /// stored. Adaptive steps are counted as if all were as short as possible.
+    /// winding number, two derivatives, ten of the bins with their derivatives), the orbit and its derivatives, and the step schedules of the
+    /// gradient's chunks. Trajectories are not stored. Adaptive steps are counted as if all were as short as possible.
     #[must_use]
     pub fn memory(&self, threads: usize) -> Memory {
         let n = self.releases.particles as f64;
