@@ -38,7 +38,7 @@ for number, source in enumerate(sorted(GOLDEN.glob("*_track.csv"))):
         "#   made_by: gala 1.11.0, 200000 particles; see tests/golden/PROVENANCE.md",
         "#   noise: 2 per cent Gaussian",
         f"#   q_true: {host['q']}",
-        "#   bin_width_deg: 10.0",
+        "#   bin_width: 10.0",
         "# schema: astropy-2.0",
         "phi r r_err n",
     ]
