@@ -86,7 +86,10 @@ pub fn phi_deg(path: &Path, table: &Table, header: &Header) -> Result<Vec<f64>> 
         return Ok(angles);
     }
     let progenitor = progenitor_pa_deg(path, table, header)?;
-    from_progenitor(&angles, progenitor).ok_or_else(|| table.fail(path, TrackFault::PaOverATurn))
+    from_progenitor(&angles, progenitor).map_err(|(row, fault)| match row {
+        Some(row) => table.fail_at(path, row, fault),
+        None => table.fail(path, fault),
+    })
 }
 
 /// The position angle of the progenitor by the header, degrees.
@@ -138,10 +141,20 @@ pub fn star_phi_deg(
     Ok(angles.iter().map(nearest).collect())
 }
 
-/// Position angles counted from that of the progenitor, without jumps by a turn; `None` for a track of a turn or more, whose
-/// position angles do not tell on which turn a bin is.
-fn from_progenitor(pa_deg: &[f64], progenitor_deg: f64) -> Option<Vec<f64>> {
+/// How much wider than the gap between the last and the first row another may be: files round their angles.
+const ROUNDING: f64 = 1.01;
+
+/// Position angles counted from that of the progenitor, without jumps by a turn. A fault, and its row if it has one, for rows that are not in
+/// order along the stream, and for a track of a turn or more, whose position angles do not tell on which turn a bin is.
+fn from_progenitor(
+    pa_deg: &[f64],
+    progenitor_deg: f64,
+) -> std::result::Result<Vec<f64>, (Option<usize>, TrackFault)> {
     let turn = 360.0;
+    if let Some(row) = pa_deg.iter().position(|pa| !pa.is_finite()) {
+        let (column, value) = ("PA", pa_deg[row]);
+        return Err((Some(row), TrackFault::NotFinite { column, value }));
+    }
     let mut phi = Vec::with_capacity(pa_deg.len());
     let mut turns = 0.0;
     for (i, pa) in pa_deg.iter().enumerate() {
@@ -154,13 +167,29 @@ fn from_progenitor(pa_deg: &[f64], progenitor_deg: f64) -> Option<Vec<f64>> {
         }
         phi.push(pa - progenitor_deg + turns * turn);
     }
-    let (lo, hi) = phi
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| {
-            (lo.min(*x), hi.max(*x))
-        });
-    if hi - lo >= turn {
-        return None;
+    let step = |row: usize| phi[row] - phi[row - 1];
+    if let Some(row) = (1..phi.len()).find(|row| step(*row) <= 0.0) {
+        let fault = TrackFault::PaNotIncreasing {
+            pa_deg: pa_deg[row],
+            previous_deg: pa_deg[row - 1],
+        };
+        return Err((Some(row), fault));
+    }
+    let (Some(lo), Some(hi)) = (phi.first(), phi.last()) else {
+        return Ok(phi);
+    };
+    let outside = turn - (hi - lo);
+    if outside <= 0.0 {
+        return Err((None, TrackFault::PaOverATurn));
+    }
+    // Rows that are sorted by position angle increase too, from the middle of a stream over north on; its ends are then neighbours.
+    let widest = (1..phi.len()).max_by(|a, b| step(*a).total_cmp(&step(*b)));
+    if let Some(row) = widest.filter(|row| step(*row) > ROUNDING * outside) {
+        let fault = TrackFault::PaGap {
+            from_deg: pa_deg[row - 1],
+            to_deg: pa_deg[row],
+        };
+        return Err((Some(row), fault));
     }
     // The whole turn by which the bin nearest to the progenitor is within half of a turn of it.
     let nearest = |k: f64| {
@@ -168,8 +197,14 @@ fn from_progenitor(pa_deg: &[f64], progenitor_deg: f64) -> Option<Vec<f64>> {
         distances.fold(f64::INFINITY, f64::min)
     };
     let middle = -(0.5 * (lo + hi) / turn).round();
-    let k = [middle, middle - 1.0, middle + 1.0]
+    let k = [middle - 1.0, middle + 1.0]
         .into_iter()
-        .min_by(|a, b| nearest(*a).total_cmp(&nearest(*b)))?;
-    Some(phi.iter().map(|x| x + k * turn).collect())
+        .fold(middle, |k, other| {
+            if nearest(other) < nearest(k) {
+                other
+            } else {
+                k
+            }
+        });
+    Ok(phi.iter().map(|x| x + k * turn).collect())
 }

@@ -1,35 +1,23 @@
 //! The header of a CSV track: comment lines `# key: value` above the table. Other comments are free text.
 
 use super::ecsv::Header;
-use super::header_keys::{KEYS, meant_by};
+use super::header_keys::{Comment, Entry, entry};
 use crate::error::{Error, Result, TrackFault};
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// Reads the comment lines above the table.
-pub fn header(path: &Path, comments: &[&str]) -> Result<Header> {
+pub fn header(path: &Path, comments: &[Comment]) -> Result<Header> {
     let mut header = Header::default();
-    for (row, comment) in comments.iter().enumerate() {
+    for (line, comment) in comments {
         let fail = |fault| Error::TrackFile {
             path: path.to_path_buf(),
-            line: Some(row + 1),
+            line: Some(*line),
             fault,
         };
-        let text = comment.trim_start_matches('#').trim();
-        let Some((key, value)) = text.split_once([':', '=']) else {
-            // A key without its colon would be taken for free text.
-            let word = text.split_whitespace().next().unwrap_or_default();
-            if word != "name" && KEYS.contains(&word) {
-                return Err(fail(TrackFault::HeaderKey {
-                    key: word.to_owned(),
-                    nearest: word.to_owned(),
-                }));
-            }
-            continue;
-        };
-        let (key, value) = (key.trim(), value.trim());
-        match KEYS.iter().find(|known| **known == key) {
-            Some(&"units") => {
+        let repeated = |what: String| fail(TrackFault::RepeatedKey { what });
+        match entry(comment) {
+            Entry::Value("units", value) => {
                 for entry in value.split(',') {
                     let mut words = entry.split_whitespace();
                     let (Some(column), Some(unit), None) =
@@ -41,25 +29,29 @@ pub fn header(path: &Path, comments: &[&str]) -> Result<Header> {
                             expected: "columns with their units, such as `phi deg, r arcsec`",
                         }));
                     };
-                    header.units.insert(column.to_owned(), unit.to_owned());
+                    let old = header.units.insert(column.to_owned(), unit.to_owned());
+                    if old.is_some() {
+                        return Err(repeated(format!("the unit of `{column}`")));
+                    }
                 }
             }
-            Some(known) => {
+            Entry::Value(key, value) => {
                 // A name may be or begin with a number, such as that of a catalogue.
-                let value = match *known {
+                let value = match key {
                     "name" => json!(value),
                     _ => typed(value),
                 };
-                header.meta.insert((*known).to_owned(), value);
-            }
-            None => {
-                if let Some(meant) = meant_by(key) {
-                    return Err(fail(TrackFault::HeaderKey {
-                        key: key.to_owned(),
-                        nearest: meant.to_owned(),
-                    }));
+                if header.meta.insert(key.to_owned(), value).is_some() {
+                    return Err(repeated(format!("`{key}`")));
                 }
             }
+            Entry::Nearly(key, meant) => {
+                return Err(fail(TrackFault::HeaderKey {
+                    key: key.to_owned(),
+                    nearest: meant.to_owned(),
+                }));
+            }
+            Entry::Text => {}
         }
     }
     Ok(header)

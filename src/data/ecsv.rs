@@ -1,6 +1,7 @@
 //! The header of ECSV (astropy's enhanced CSV): YAML in comment lines, read with `saphyr` and written by hand in the
 //! small subset that both YAML 1.1 (astropy) and 1.2 read the same way.
 
+use super::header_keys::{Comment, KEYS};
 use super::measured::Measured;
 use super::observed::ObservedTrack;
 use crate::error::{Error, Result, TrackFault};
@@ -37,42 +38,53 @@ pub struct Header {
     pub delimiter: Option<u8>,
 }
 
-/// Parses the header lines of an ECSV file; every one of `lines` starts with `#`, the first is `# %ECSV`.
-pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
-    let header: String = lines
+/// Parses the comments above the table of an ECSV file, of which the first is `# %ECSV`.
+pub fn header(path: &Path, comments: &[Comment]) -> Result<Header> {
+    let header: String = comments
         .iter()
         .skip(1)
-        .map(|l| {
+        .map(|(_, l)| {
             l.strip_prefix("# ")
                 .or_else(|| l.strip_prefix('#'))
                 .unwrap_or("")
         })
         .flat_map(|l| [l, "\n"])
         .collect();
+    // Lines of the YAML, from 1, are comments after the first.
     let fail = |line: usize, message: String| Error::TrackFile {
         path: path.to_path_buf(),
-        line: Some(line),
+        line: comments.get(line).or(comments.last()).map(|l| l.0),
         fault: TrackFault::Header { message },
     };
     if header.len() > MAX_BYTES {
         let message = format!("longer than {} KiB", MAX_BYTES >> 10);
-        return Err(fail(2, message));
+        return Err(fail(1, message));
     }
     if let Err((line, message)) = bounded(&header) {
-        return Err(fail(line + 1, message));
+        return Err(fail(line, message));
     }
     let documents = Yaml::load_from_str(&header)
-        .map_err(|e| fail(e.marker().line() + 1, format!("not YAML: {}", e.info())))?;
+        .map_err(|e| fail(e.marker().line(), format!("not YAML: {}", e.info())))?;
     if documents.iter().any(has_compound_key) {
         let message = "a key is a list or a map".to_owned();
-        return Err(fail(2, message));
+        return Err(fail(1, message));
     }
     let Some(Value::Object(top)) = documents.first().map(json) else {
-        return Err(fail(2, "it names no columns".to_owned()));
+        return Err(fail(1, "it names no columns".to_owned()));
     };
+    // Units of ECSV are those of its columns.
+    let is_read = |key: &&String| *key != "units" && KEYS.contains(&key.as_str());
+    if let Some(key) = top.keys().find(is_read) {
+        let line = comments.iter().find(|(_, text)| text.contains(key));
+        return Err(Error::TrackFile {
+            path: path.to_path_buf(),
+            line: line.map(|l| l.0),
+            fault: TrackFault::HeaderPlace { key: key.clone() },
+        });
+    }
     let mut header = Header::default();
     let Some(Value::Array(columns)) = top.get("datatype") else {
-        return Err(fail(2, "it has no `datatype` list".to_owned()));
+        return Err(fail(1, "it has no `datatype` list".to_owned()));
     };
     for column in columns {
         if let (Some(name), Some(unit)) = (
@@ -85,7 +97,7 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
     match top.get("delimiter").and_then(Value::as_str) {
         None => {}
         Some(d) if d == "," || d == " " => header.delimiter = d.bytes().next(),
-        Some(d) => return Err(fail(2, format!("its delimiter is {d:?}"))),
+        Some(d) => return Err(fail(1, format!("its delimiter is {d:?}"))),
     }
     match top.get("meta") {
         Some(Value::Object(map)) => header.meta.extend(map.clone()),
@@ -106,12 +118,12 @@ pub fn header(path: &Path, lines: &[&str]) -> Result<Header> {
         .any(|(key, value)| is_long(key) || has_long_key(value))
     {
         let message = format!("a key is longer than {MAX_KEY} characters");
-        return Err(fail(2, message));
+        return Err(fail(1, message));
     }
     let written = |(key, value): (&String, &Value)| key_text(key).len() + yaml(value).len() + 8;
     if header.meta.iter().map(written).sum::<usize>() > MAX_BYTES - RESERVED {
         let message = format!("longer than {} KiB", MAX_BYTES >> 10);
-        return Err(fail(2, message));
+        return Err(fail(1, message));
     }
     Ok(header)
 }

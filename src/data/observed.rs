@@ -172,7 +172,24 @@ impl ObservedTrack {
         let mirrored = self.is_mirrored().then(|| {
             "phi was mirrored on reading, so that the leading tail is at positive phi".to_owned()
         });
-        error.into_iter().chain(mirrored).collect()
+        let turn = self.gap_of_a_turn_deg().map(|gap_deg| {
+            format!(
+                "phi is taken as it is, with the progenitor at or beyond its end and a gap of {gap_deg} deg inside; if phi was counted modulo 360, \
+                 change one side of the gap by 360"
+            )
+        });
+        error.into_iter().chain(mirrored).chain(turn).collect()
+    }
+
+    /// The widest step of phi, if it may be the part of the circle without the stream: phi modulo 360 has it inside, and the progenitor at an end.
+    fn gap_of_a_turn_deg(&self) -> Option<f64> {
+        let (first, last) = (self.phi_deg.first()?, self.phi_deg.last()?);
+        let steps = self.phi_deg.windows(2).map(|pair| pair[1] - pair[0]);
+        let widest = steps.max_by(f64::total_cmp)?;
+        let outside = 360.0 - (last - first);
+        let is_beyond = *first >= 0.0 || *last <= 0.0;
+        (is_beyond && outside > 0.0 && widest > outside + 0.5 * self.bin_width_deg)
+            .then_some(widest)
     }
 }
 

@@ -3,7 +3,7 @@
 use super::angles::{Handedness, header_angle_deg, phi_deg, star_phi_deg};
 use super::assumed_error::AssumedError;
 use super::ecsv::{self, Header, quantity};
-use super::header_keys::meant_by;
+use super::header_keys::{Entry, comments, entry, meant_by};
 use super::measured::Measured;
 use super::observed::{MIRRORED, ObservedTrack};
 use super::star::StarVelocity;
@@ -66,7 +66,10 @@ fn track(path: &Path, options: &ReadOptions) -> Result<ObservedTrack> {
         file.bins.rows.reverse();
         phi_deg = phi_deg.iter().rev().map(|phi| -phi).collect();
         let meta = &mut file.header.meta;
-        meta.insert(MIRRORED.to_owned(), Value::from(true));
+        // A track that was mirrored before has its first sense again.
+        if meta.remove(MIRRORED).is_none() {
+            meta.insert(MIRRORED.to_owned(), Value::from(true));
+        }
     }
     let r_kpc = file.in_kpc("r", &file.bins.need(path, "r")?)?;
     let (r_err_lo_kpc, r_err_hi_kpc, assumed_error) =
@@ -111,13 +114,25 @@ impl<'a> TrackFile<'a> {
             path,
             "give the path of a readable ECSV or CSV track (UTF-8 text)",
         ))?;
-        let comments: Vec<&str> = text.lines().take_while(|l| l.starts_with('#')).collect();
-        let is_ecsv = comments.first().is_some_and(|l| l.starts_with("# %ECSV"));
-        let header = if is_ecsv {
-            ecsv::header(path, &comments)?
+        let (above, mut outside) = comments(&text);
+        let first = above.iter().position(|(_, l)| l.starts_with("# %ECSV"));
+        let is_ecsv = first.is_some();
+        let header = if let Some(first) = first {
+            outside.extend(&above[..first]);
+            ecsv::header(path, &above[first..])?
         } else {
-            csv_header::header(path, &comments)?
+            csv_header::header(path, &above)?
         };
+        for (line, comment) in outside {
+            if let Entry::Value(key, _) | Entry::Nearly(key, _) = entry(comment) {
+                let key = key.to_owned();
+                return Err(Error::TrackFile {
+                    path: path.to_path_buf(),
+                    line: Some(line),
+                    fault: TrackFault::HeaderPlace { key },
+                });
+            }
+        }
         // ECSV without a delimiter is separated by spaces; that is its default.
         let usual = if is_ecsv { b' ' } else { b',' };
         let mut bins = Table::parse(path, &text, header.delimiter.unwrap_or(usual))?;
@@ -242,7 +257,8 @@ impl<'a> TrackFile<'a> {
         let unit = header.units.get(column).or_else(|| header.units.get("r"));
         Ok(match unit.map(String::as_str) {
             Some("arcsec") => {
-                KPC_PER_ARCSEC_MPC * distance_mpc(header).map_err(|fault| self.fail(fault))?
+                let distance = distance_mpc(header, column);
+                KPC_PER_ARCSEC_MPC * distance.map_err(|fault| self.fail(fault))?
             }
             Some("kpc") => 1.0,
             Some(unit) => {
@@ -381,12 +397,21 @@ impl<'a> TrackFile<'a> {
     }
 }
 
-/// An entry of the header that would be ignored, with its key: in ECSV a key that is nearly one that is read, in CSV a unit of a column that
-/// is not there.
+/// An entry of the header that would be ignored, with its key: the progenitor's position angle beside `phi`, in ECSV a key that is nearly one
+/// that is read, in CSV a unit of a column that is not there.
 fn header_fault(header: &Header, table: &Table, is_ecsv: bool) -> Option<(String, TrackFault)> {
+    let key = "progenitor_pa";
+    if header.meta.contains_key(key) && !table.has("PA") {
+        return Some((key.to_owned(), TrackFault::ProgenitorPaWithoutPa));
+    }
     if is_ecsv {
-        // Units of ECSV are those of its columns.
-        let meant = |key: &String| meant_by(key).filter(|meant| *meant != "units");
+        let number = |key: &str| header.meta.get(key).and_then(Value::as_f64);
+        // Units of ECSV are those of its columns. Tracks of fits made by earlier versions have the same width as `bin_width_deg` too.
+        let is_said = |key: &str, meant: &str| {
+            meant == "bin_width" && number(key).is_some_and(|width| number(meant) == Some(width))
+        };
+        let meant =
+            |key: &String| meant_by(key).filter(|meant| *meant != "units" && !is_said(key, meant));
         return header.meta.keys().find_map(|key| {
             let fault = TrackFault::HeaderKey {
                 key: key.clone(),
@@ -420,9 +445,10 @@ fn half(given: &'static str, missing: &'static str) -> TrackFault {
     TrackFault::HalfMeasured { given, missing }
 }
 
-/// The header's distance, which must be in Mpc.
-fn distance_mpc(header: &Header) -> std::result::Result<f64, TrackFault> {
-    let value = header.meta.get("distance").ok_or(TrackFault::NoDistance)?;
+/// The header's distance, which must be in Mpc, for a column in arcsec.
+fn distance_mpc(header: &Header, column: &'static str) -> std::result::Result<f64, TrackFault> {
+    let value = header.meta.get("distance");
+    let value = value.ok_or(TrackFault::NoDistance { column })?;
     match quantity(value) {
         Some((mpc, unit)) if mpc > 0.0 && unit.as_deref().is_none_or(|u| u == "Mpc") => Ok(mpc),
         _ => Err(TrackFault::BadDistance {
@@ -449,7 +475,8 @@ impl ObservedTrack {
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read; [`Error::TrackFile`] with line and column if it is not a table, a column is missing or
-    /// not known, the radii have neither errors nor an assumed one, a unit is unknown, an entry of the header cannot be understood, a
+    /// not known, the radii have neither errors nor an assumed one, a unit is unknown, an entry of the header cannot be understood or would
+    /// be ignored, rows with position angles are not in order along the stream, a
     /// value is not finite, not positive or out of its range, bins are fewer than three or more than 10,000, not increasing or not
     /// equally wide.
     pub fn read_with(path: &Path, options: &ReadOptions) -> Result<Self> {

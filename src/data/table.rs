@@ -111,6 +111,14 @@ impl Table {
     /// What is wrong with the names of the columns.
     fn name_fault(&self) -> Option<TrackFault> {
         let unknown = self.names.iter().find(|n| !COLUMNS.contains(&n.as_str()));
+        // One name alone is a line that is not separated.
+        let separated = unknown.filter(|_| self.names.len() > 1);
+        if let Some((column, name)) = separated.and_then(|column| Some((column, named(column)?))) {
+            return Some(TrackFault::UnitInName {
+                column: column.clone(),
+                name,
+            });
+        }
         if let Some(line) = unknown.filter(|name| name.contains([';', '\t', ' '])) {
             return Some(TrackFault::Delimiter {
                 names: line.clone(),
@@ -211,6 +219,16 @@ impl Table {
             .collect::<Result<Vec<Option<f64>>>>()
             .map(Some)
     }
+}
+
+/// The known name of a column with its unit behind it, such as `r [kpc]` or `r kpc`.
+fn named(column: &str) -> Option<&'static str> {
+    let end = column.find([' ', '\t', '[', '('])?;
+    let (name, unit) = (&column[..end], column[end..].trim());
+    let is_unit = unit.starts_with(['[', '('])
+        || !(unit.contains([' ', '\t', ';']) || COLUMNS.contains(&unit));
+    let known = COLUMNS.into_iter().find(|known| *known == name);
+    known.filter(|_| is_unit)
 }
 
 /// The number in field `at`, which is that of the column `name`, of a row.

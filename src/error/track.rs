@@ -77,6 +77,17 @@ pub enum TrackFault {
         /// What stands between two delimiters.
         names: String,
     },
+    /// The name of a column has its unit in it.
+    #[error(
+        "column `{column}` has its unit in its name; name it `{name}`, and give units in the header: in CSV as `# units: phi deg, r arcsec`, \
+         in ECSV with the column"
+    )]
+    UnitInName {
+        /// The column.
+        column: String,
+        /// Its name without the unit.
+        name: &'static str,
+    },
     /// A column is not known, and what it says would be ignored.
     #[error(
         "column `{column}` is not known{}; {}: the known columns are {}",
@@ -112,6 +123,33 @@ pub enum TrackFault {
          counted from the progenitor and increasing past 180 deg, in its place"
     )]
     PaOverATurn,
+    /// Position angles that do not increase.
+    #[error(
+        "column `PA` is {pa_deg} deg after {previous_deg} deg; give the rows in order along the stream, each bin once and with position angles that \
+         increase, over north as 350, 0, 10, or give `phi` in its place"
+    )]
+    PaNotIncreasing {
+        /// The position angle.
+        pa_deg: f64,
+        /// The position angle of the row before.
+        previous_deg: f64,
+    },
+    /// Position angles of rows that may be sorted by them, and not along the stream.
+    #[error(
+        "column `PA` has its widest gap within the rows, from {from_deg} to {to_deg} deg, and not between the last row and the first; give the \
+         rows in order along the stream, not sorted by `PA`, or give `phi` in its place"
+    )]
+    PaGap {
+        /// The position angle before the gap.
+        from_deg: f64,
+        /// The position angle after it.
+        to_deg: f64,
+    },
+    /// The progenitor's position angle in the header of a track without a column of position angles.
+    #[error(
+        "`progenitor_pa` in the header belongs to a column `PA`, and there is none; remove it, or give `PA` in place of `phi`"
+    )]
+    ProgenitorPaWithoutPa,
     /// The radii have no errors.
     #[error(
         "the radii have no errors; add a column `r_err`, or `r_err_lo` and `r_err_hi`, or state an error for all bins in the header, such \
@@ -170,6 +208,20 @@ pub enum TrackFault {
         /// The key that may be meant.
         nearest: String,
     },
+    /// An entry of the header is where it is not read.
+    #[error(
+        "`{key}` is not read here; move it above the names of the columns, and in ECSV into the `meta` of the header"
+    )]
+    HeaderPlace {
+        /// Its key or first word.
+        key: String,
+    },
+    /// The header says something twice.
+    #[error("the header gives {what} twice; remove one of the two")]
+    RepeatedKey {
+        /// What it says.
+        what: String,
+    },
     /// An entry of the header cannot be understood.
     #[error("`{key}` in the header is {text}; give {expected}")]
     HeaderValue {
@@ -186,12 +238,15 @@ pub enum TrackFault {
          arcsec or kpc: in ECSV with the column, in CSV as `# units: r arcsec`"
     )]
     DistanceWithoutUnit,
-    /// Radii in arcsec need a distance.
+    /// Lengths in arcsec need a distance.
     #[error(
-        "column `r` is in arcsec and the header has no `distance`; add `distance` in Mpc, a number above zero, to the header, or \
-         give r in kpc"
+        "column `{column}` is in arcsec and the header has no `distance`; add `distance` in Mpc, a number above zero, to the header, or \
+         give {column} in kpc"
     )]
-    NoDistance,
+    NoDistance {
+        /// The column.
+        column: &'static str,
+    },
     /// The header's distance is not a positive number of Mpc.
     #[error(
         "the header's `distance` is {text}; add `distance` in Mpc, a number above zero, to the header, or give r in kpc"

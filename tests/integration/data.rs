@@ -1,6 +1,8 @@
 //! Reading and writing of tracks, and the messages about faulty ones.
 
+mod angles;
 mod criteria;
+mod header;
 mod measured;
 mod mock;
 mod selection;
