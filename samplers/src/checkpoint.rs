@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 const MAGIC: &[u8; 8] = b"oblateck";
 
 /// Version of the file's layout. A change is listed in the changelog, and older files are refused with a message.
-pub const FORMAT_VERSION: u32 = 34;
+pub const FORMAT_VERSION: u32 = 35;
 
 /// Largest size of a file. A run of ten thousand live points takes some tens of megabytes.
 pub const MAX_BYTES: u64 = 16 << 30;

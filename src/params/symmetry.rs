@@ -166,6 +166,10 @@ impl Orbit for MassVelocityAge {
         }
     }
 
+    fn has_levels(&self) -> bool {
+        true
+    }
+
     /// Moves to the host mass of `to`.
     fn align(&self, z: &mut [f64], to: &[f64]) -> bool {
         let (place, ..) = self.masses[0];

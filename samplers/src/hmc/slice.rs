@@ -5,7 +5,7 @@
 
 use super::point::ln_density;
 use super::{Evaluator, Metric, Point, refresh};
-use crate::difference_pool::{DifferencePool, Pair};
+use crate::difference_pool::{DifferencePool, Pair, PairCell};
 use crate::error::Result;
 use crate::rng::{RandomStream, standard_normal, unit_open};
 use crate::target::{Orbit, Symmetry};
@@ -20,8 +20,17 @@ const MAX_CALLS: usize = 100;
 /// Fraction of directions that are differences of the pool's points, if it has two for each dimension.
 const DIFFERENCE_FRACTION: f64 = 0.75;
 
-/// A direction about as long as the slice: the difference of two of the pool's points near `at`, with the pair, or a random
-/// one in `metric`.
+/// The line of a slice update.
+enum Line {
+    /// Along a pair of the pool's points, within its cell.
+    Pair(PairCell),
+    /// In a random direction of the metric.
+    Random,
+    /// No pair has the level of the present point: there is no move.
+    None,
+}
+
+/// A direction about as long as the slice: the difference of two of the pool's points near `at`, or a random one in `metric`.
 fn direction(
     pool: &DifferencePool,
     metric: &Metric,
@@ -29,21 +38,20 @@ fn direction(
     at: &[f64],
     rng: &mut RandomStream,
     out: &mut [f64],
-) -> Option<Pair> {
+) -> Line {
     let dim = out.len();
-    if pool.len() >= 2 * dim
-        && unit_open(rng) < DIFFERENCE_FRACTION
-        && let Some(pair) = pool.pick(at, orbit, rng)
-    {
-        let [a, b] = pool.ends(&pair, at, orbit);
+    if pool.len() >= 2 * dim && pool.has_pairs() && unit_open(rng) < DIFFERENCE_FRACTION {
+        let Some(Pair { ends: [a, b], cell }) = pool.pick(at, orbit, rng) else {
+            return Line::None;
+        };
         for ((v, a), b) in out.iter_mut().zip(&a).zip(&b) {
             *v = a - b;
         }
-        return Some(pair);
+        return Line::Pair(cell);
     }
     let normals: Vec<f64> = (0..dim).map(|_| standard_normal(rng)).collect();
     metric.velocity(&normals, out);
-    None
+    Line::Random
 }
 
 /// One slice update: moves `at` to a draw from a slice of the density at `beta` on a line through it: a level under the present
@@ -64,7 +72,11 @@ pub fn slice(
 ) -> Result<()> {
     let orbit = Symmetry::first_orbit(evaluator.target().symmetries());
     let mut along = vec![0.0; at.z.len()];
-    let pair = direction(pool, metric, orbit, &at.z, rng, &mut along);
+    let cell = match direction(pool, metric, orbit, &at.z, rng, &mut along) {
+        Line::Pair(cell) => Some(cell),
+        Line::Random => None,
+        Line::None => return Ok(()),
+    };
     let level = at.ln_density(beta) + unit_open(rng).ln();
     let bound = evaluator.target().ln_likelihood_bound();
     let mut left = -WIDTH * unit_open(rng);
@@ -76,7 +88,7 @@ pub fn slice(
             *o = z + t * v;
         }
         // Draws outside the pair's cell, or where the known bound of ln L is too low, need no call.
-        let held = pair.is_none_or(|pair| pool.holds(&pair, &trial, orbit));
+        let held = cell.is_none_or(|cell| pool.holds(cell, &trial, orbit));
         if held {
             let ln_over_prior = evaluator.ln_over_prior(&trial);
             if bound.is_none_or(|most| ln_density(beta, &trial, most, ln_over_prior) > level) {

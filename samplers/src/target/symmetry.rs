@@ -18,6 +18,11 @@ pub trait Orbit: Sync + Send {
     fn name(&self) -> &str;
     /// Redraws the position along the orbit through `z`, in place.
     fn refresh(&self, z: &mut [f64], rng: &mut RandomStream);
+    /// Whether points can be moved along their orbits to one level, where the prior allows: whether [`align`](Self::align) is more than its
+    /// default.
+    fn has_levels(&self) -> bool {
+        false
+    }
     /// Moves `z` along its orbit until it has the level of `to`, and returns whether that is possible. The level is one
     /// of the coordinates, constant on the line between two points of equal level, in `z` as in the unit cube; where an
     /// orbit offers it, samplers step across orbits along such lines and redraw the position along them by

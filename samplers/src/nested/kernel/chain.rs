@@ -2,7 +2,7 @@
 //! partition that a step may not leave.
 
 use super::along::Along;
-use crate::difference_pool::{DifferencePool, Pair};
+use crate::difference_pool::{DifferencePool, PairCell};
 use crate::error::Result;
 use crate::nested::bound::Bound;
 use crate::nested::likelihood::Likelihood;
@@ -44,7 +44,7 @@ pub(in crate::nested) enum Partition {
     /// The metric region of this label.
     Region(usize),
     /// The cell of a pair of points.
-    Cell(Pair),
+    Cell(PairCell),
 }
 
 /// Counts of steps, for the tuning of their length.
@@ -222,10 +222,10 @@ impl<'a> Chain<'a> {
     pub(super) fn inside(&self, partition: Partition) -> bool {
         match partition {
             Partition::Region(label) => self.bound.has_label(&self.trial, label),
-            Partition::Cell(pair) => {
+            Partition::Cell(cell) => {
                 let orbit = Symmetry::first_orbit(self.context.target.symmetries());
-                self.others.is_undivided(&pair)
-                    || self.others.holds(&pair, &normals(&self.trial), orbit)
+                self.others.is_undivided(cell)
+                    || self.others.holds(cell, &normals(&self.trial), orbit)
             }
         }
     }

@@ -21,8 +21,8 @@
 //!    however much of it is in each: after a move between regions, the next such update only has to use the region of the present
 //!    state.
 //! 4. If the target has an exact symmetry whose orbits can be aligned, the two points are first moved along it to the invariant
-//!    level of the chain's present state. Their distribution then depends on the present state through its level alone, which is
-//!    constant on the line: the reverse move has the same distribution. Steps across orbits need not follow the curvature of the
+//!    level of the chain's present state, and pairs that cannot have it are drawn again. Their distribution then depends on the present state through its cell
+//!    and its level, which is constant on the line: the reverse move has the same distribution. If no pair can have the level the chain stays. Steps across orbits need not follow the curvature of the
 //!    orbit, and the position along it is redrawn at the end.
 //!
 //! So a new point has the right distribution and is independent of the other half. It is correlated with its own seed
@@ -32,6 +32,7 @@
 
 use super::chain::{Chain, Partition, cube_from_normal};
 use super::slice;
+use crate::difference_pool::Pair;
 use crate::error::Result;
 use crate::rng::{RandomStream, unit_open};
 use crate::target::Symmetry;
@@ -47,11 +48,14 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> 
         return slice::step(chain, rng);
     }
     let from = chain.normals();
-    let Some(pair) = chain.others.pick(&from, orbit, rng) else {
+    if !chain.others.has_pairs() {
         return slice::step(chain, rng);
+    }
+    let Some(Pair { ends, cell }) = chain.others.pick(&from, orbit, rng) else {
+        return Ok(());
     };
     let mut differ = false;
-    let [a, b] = chain.others.ends(&pair, &from, orbit).map(|z| {
+    let [a, b] = ends.map(|z| {
         let mut u = vec![0.0; z.len()];
         cube_from_normal(&z, &mut u);
         u
@@ -64,7 +68,7 @@ pub(super) fn step(chain: &mut Chain<'_>, rng: &mut RandomStream) -> Result<()> 
     if !differ {
         return Ok(());
     }
-    let counts = slice::along(chain, chain.context.stride, Partition::Cell(pair), rng)?;
+    let counts = slice::along(chain, chain.context.stride, Partition::Cell(cell), rng)?;
     chain.motion.differences.add(counts);
     chain.label = chain.bound.label(&chain.x);
     Ok(())
