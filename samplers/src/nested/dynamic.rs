@@ -168,12 +168,13 @@ impl RunSummary {
         self.wants(settings) == [false, false]
     }
 
-    /// The aim of the next batch: that of the settings, or the only target of two that is not met.
+    /// The aim of the next batch: the evidence alone where only its error is too large, as points at the peak hardly reduce it; the posterior alone where
+    /// only that of two targets is not met; else that of the settings.
     fn posterior_fraction(&self, settings: &Settings) -> f64 {
         let both = settings.target_ess.is_some() && settings.target_ln_z_error.is_some();
         match self.wants(settings) {
             [true, false] if both => 1.0,
-            [false, true] if both => 0.0,
+            [false, true] => 0.0,
             _ => settings.posterior_fraction,
         }
     }
@@ -266,7 +267,13 @@ mod tests {
         }
         (summary.ess, summary.ln_z_error) = (90.0, 0.1);
         assert!((summary.posterior_fraction(&alone) - 0.8).abs() < 1e-12);
-        summary.ess = 100.0;
+        let of_evidence = Settings {
+            target_ess: None,
+            ..settings.clone()
+        };
+        summary.ln_z_error = 0.2;
+        assert!(summary.posterior_fraction(&of_evidence).abs() < 1e-12);
+        (summary.ess, summary.ln_z_error) = (100.0, 0.1);
         assert!(summary.meets(&settings) && summary.meets(&alone));
         // An error falls as the root of the number of batches.
         (summary.ess, summary.ln_z_error) = (50.0, 0.2);

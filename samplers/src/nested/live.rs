@@ -37,7 +37,7 @@ pub(super) fn narrow(n: usize) -> u32 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Genealogy {
     /// Eve index: the first point from which it descends, modulo the number of lineages, counted on from batch to batch of those that
-    /// begin with the prior. Even and odd ones are the two halves.
+    /// begin with the prior; of a point of a later batch without a seed, its number in the batch modulo the same. Even and odd ones are the two halves.
     pub lineage: u32,
     /// The same with ancestors chosen anew whenever few recent lineages are left ([`Points::begin_recent_lineages`]):
     /// the errors of the volumes depend on the correlation that chains still have with their seeds. In the half of its

@@ -176,13 +176,18 @@ pub(super) fn simulated(history: &DeadPoints, settings: &Settings, seed: u64) ->
 /// first point more often than random seeds imply. The excess is the relative variance of Z.
 fn excess_coalescence(history: &DeadPoints, weighted: &Weighted, n_live: usize) -> f64 {
     let alike = 1.0 / history.effective_lineages(weighted);
-    // Batches that begin with the prior have lineages of their own.
+    // Batches that begin with the prior have lineages of their own, and not all of them the same share of the posterior.
     let of_batch = lineages(n_live);
-    let batches = history.lineages.count.div_ceil(of_batch) as f64;
+    let batches = history.lineages.count.div_ceil(of_batch);
+    let mut shares = vec![0.0; batches];
+    for (lineage, p) in history.lineages.of.iter().zip(&weighted.p) {
+        shares[*lineage as usize / of_batch] += p;
+    }
+    let of_one_batch: f64 = shares.iter().map(|share| share * share).sum();
     let at_first = 1.0 / of_batch as f64;
     // With n live points every e-fold replaces n, and each time 2 / n^2 of the pairs get a common ancestor.
     let siblings = -(-2.0 * weighted.information / n_live as f64).exp_m1();
-    let by_chance = (at_first + (1.0 - at_first) * siblings) / batches;
+    let by_chance = (at_first + (1.0 - at_first) * siblings) * of_one_batch;
     (alike - by_chance).max(0.0).sqrt()
 }
 

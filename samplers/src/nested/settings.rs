@@ -86,8 +86,8 @@ pub struct Settings {
     pub target_ln_z_error: Option<f64>,
     /// Largest number of batches of a dynamic run, the first one included. A run that has ended with fewer goes on if it is resumed with more.
     pub max_batches: usize,
-    /// What added live points improve: 1, the posterior; 0, the evidence; between, both with these weights. Of two
-    /// targets, only the one that is not yet met counts.
+    /// What added live points improve: 1, the posterior; 0, the evidence; between, both with these weights. Where only the error of ln Z is not yet as
+    /// small as its target it counts as 0, and where of two targets only the effective sample size is not met as 1.
     pub posterior_fraction: f64,
     /// Fraction of the live points replaced in one iteration.
     pub replaced_fraction: f64,
@@ -170,14 +170,6 @@ impl Settings {
                 remedy: "give at least four per parameter and four more, better 25 per parameter",
             });
         }
-        // Points at the peak alone do not reduce the uncertainty of the volumes outside it.
-        if self.target_ln_z_error.is_some() && self.posterior_fraction >= 1.0 {
-            return Err(Error::Setting {
-                name: "posterior_fraction",
-                value: self.posterior_fraction.to_string(),
-                remedy: "give less than 1 with `target_ln_z_error`, better 0",
-            });
-        }
         self.memory(dim).check()?;
         Ok(())
     }
@@ -234,11 +226,6 @@ mod tests {
         };
         assert!(Settings::default().check(3).is_ok());
         assert_eq!(name(&|s| s.n_live = 15), "n_live");
-        let peak_alone = |s: &mut Settings| {
-            s.target_ln_z_error = Some(0.1);
-            s.posterior_fraction = 1.0;
-        };
-        assert_eq!(name(&peak_alone), "posterior_fraction");
     }
 
     #[test]

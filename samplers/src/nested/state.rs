@@ -375,10 +375,21 @@ impl State {
         tuning.forget_lengths(context.kernel(), context.target.dim());
         let count = context.settings.n_live;
         let mut live = Points::new(points.dim());
+        let mut counts = Vec::new();
         if range.floor == f64::NEG_INFINITY {
-            let (first, calls) = self.draw_prior(context, self.begun)?;
-            live = first;
-            self.cost.count(&calls);
+            // As for the first batch: blocks of draws until an iteration of them has a likelihood.
+            loop {
+                let (block, calls) = self.draw_prior(context, self.begun)?;
+                for i in 0..block.len() {
+                    live.push_from(&block, i);
+                }
+                self.cost.count(&calls);
+                self.next_point += count as u64;
+                let valid = live.ln_l.iter().filter(|l| **l > REJECTED).count();
+                if valid >= context.settings.replaced_count() || live.len() >= MAX_FIRST_DRAWS {
+                    break;
+                }
+            }
             self.begun += narrow(context.lineages());
         } else {
             let seeds = choose_seeds(&mut rng, kept.len(), count);
@@ -399,10 +410,10 @@ impl State {
                 };
                 live.push(&b.u, b.ln_l, range.floor, own);
             }
-            self.count(&born);
+            self.next_point += count as u64;
+            counts = born;
         }
         self.left = Some(self.delta_ln_z(context.settings));
-        self.next_point += count as u64;
         self.iteration += 1;
         self.dead = points;
         self.live = live;
@@ -414,6 +425,7 @@ impl State {
         self.ln_z = weighted.ln_z;
         self.information = weighted.information;
         self.bounds = bounds;
+        self.count(&counts);
         self.ln_x_at_fit = range.ln_x;
         self.learner.begin_at(range.ln_x);
         self.efficiency_at_fit = None;
@@ -568,18 +580,20 @@ impl State {
     }
 }
 
-/// `count` rows out of `available`, distinct as far as there are enough.
+/// `count` rows out of `available`: each as often as the others, or once more.
 fn choose_seeds(rng: &mut RandomStream, available: usize, count: usize) -> Vec<usize> {
-    if count > available {
-        return (0..count).map(|_| below(rng, available)).collect();
-    }
     let mut rows: Vec<usize> = (0..available).collect();
-    for i in 0..count {
+    let distinct = count % available;
+    for i in 0..distinct {
         let j = i + below(rng, available - i);
         rows.swap(i, j);
     }
-    rows.truncate(count);
-    rows
+    let rest = rows[..distinct].to_vec();
+    let times = count / available;
+    rows.sort_unstable();
+    let mut seeds = rows.repeat(times);
+    seeds.extend(rest);
+    seeds
 }
 
 #[cfg(test)]

@@ -62,7 +62,6 @@ fn evidences_are_right_with_live_points_added_for_the_evidence() {
     let target = smooth::gauss3();
     let aimed = Settings {
         target_ln_z_error: Some(0.08),
-        posterior_fraction: 0.0,
         ..settings(100, Kernel::Uniform)
     };
     agrees("gauss3", &target, target.ln_z, &aimed);
@@ -88,7 +87,6 @@ fn batches_from_the_prior_reach_the_posterior() {
     let target = smooth::mvn13();
     let aimed = Settings {
         target_ln_z_error: Some(0.22),
-        posterior_fraction: 0.0,
         ..settings(200, Kernel::RandomSlice)
     };
     let mut batches = Batches::default();
@@ -190,16 +188,21 @@ fn part(
 
 #[test]
 fn a_dynamic_run_has_the_same_bits_on_any_threads_and_after_any_stop() {
+    for (n_live, kernel) in [(60, Kernel::Differential), (160, Kernel::Surrogate)] {
+        has_the_same_bits(&dynamic(n_live, kernel, 500.0));
+    }
+}
+
+fn has_the_same_bits(aimed: &Settings) {
     let folder = tempfile::tempdir().unwrap();
     let target = smooth::shells(5);
-    let aimed = dynamic(60, Kernel::Differential, 500.0);
-    let whole = sample(&target, &aimed, 1);
+    let whole = sample(&target, aimed, 1);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build();
-    let threaded = pool.unwrap().install(|| sample(&target, &aimed, 1));
+    let threaded = pool.unwrap().install(|| sample(&target, aimed, 1));
     assert_eq!(threaded.bits(), whole.bits());
     let mut stops = 0;
     let resumed = loop {
-        let run = part(&target, &aimed, folder.path(), &mut StopAt(17));
+        let run = part(&target, aimed, folder.path(), &mut StopAt(17));
         if run.status == Status::Complete {
             break run;
         }

@@ -12,10 +12,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 fn small(kernel: Kernel) -> Settings {
+    // Enough for proposals of a mixture, which needs 50 points of a half in five dimensions.
+    let n_live = if kernel == Kernel::Surrogate { 160 } else { 60 };
     Settings {
         simulations: 20,
         bootstraps: 20,
-        ..settings(60, kernel)
+        ..settings(n_live, kernel)
     }
 }
 
