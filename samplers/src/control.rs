@@ -78,8 +78,8 @@ pub enum Event {
     Smc {
         /// Inverse temperature that all SMC samplers have reached.
         beta: f64,
-        /// Mean over the SMC samplers of the logarithm of the estimated integral of prior times L^beta: ln Z at beta =
-        /// 1.
+        /// Mean over the SMC samplers of the logarithm of the estimated integral of prior times L^beta, over the part of the prior that is
+        /// not rejected.
         ln_z: f64,
         /// Likelihood calls so far.
         calls: u64,

@@ -453,7 +453,7 @@ pub enum History {
     Tempered {
         /// Inverse temperatures.
         beta: Vec<f64>,
-        /// Mean log-likelihood over valid draws.
+        /// Mean log-likelihood over valid draws; on a path from a mixture, less the logarithm of mixture over prior.
         mean_ln_likelihood: Vec<f64>,
         /// Its variance.
         variance_ln_likelihood: Vec<f64>,

@@ -14,7 +14,7 @@ pub const STREAM_VERSION: u32 = 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Domain {
-    /// One new point of a nested run; task = batch, index = number of the point.
+    /// One new point of a nested run; task = 0, index = number of the point, counted on from batch to batch.
     NestedPoint = 1,
     /// The choice of start points of one nested iteration.
     NestedSeeds = 2,

@@ -13,7 +13,7 @@
 //! surrogate of the fine one ([`surrogate_move`](crate::hmc::surrogate_move)), with a slice update and involutions in the first at each exponent, which begins as that of the coarse run and is fitted anew
 //! before each MCMC step to the values of the fine likelihood so far. At the fine likelihood further MCMC steps follow while
 //! the effective sample size is too small: copies of one particle part by them. Where these do not suffice another batch of particles begins with
-//! other draws of the run, is moved in the same way, and joins the others.
+//! draws of the run, resampled anew, is moved in the same way, and joins the others.
 
 mod batch;
 mod between;

@@ -196,10 +196,13 @@ fn cluster_weight_error(draws: &Draws, parent: &Draws, clusters: &[u32]) -> f64 
 /// and what the MCMC steps have made good of it. Kish's is the number of ancestors.
 fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
     let (bulk, tail) = draws.clustered_ess();
-    let by_batch = by_batch(bridge).into_iter();
-    let alike: f64 = by_batch
-        .map(|(own, _, share)| share * share * alike(own))
-        .sum();
+    // Batches may have ancestors in common.
+    let eves: Vec<usize> = bridge.state.particles.iter().map(|p| p.eve).collect();
+    let mut shares = vec![0.0; eves.iter().max().map_or(0, |most| most + 1)];
+    for (eve, weight) in eves.iter().zip(draws.weights()) {
+        shares[*eve] += weight;
+    }
+    let alike: f64 = shares.iter().map(|share| share * share).sum();
     Ess {
         kish: 1.0 / alike,
         quoted: Ess::smallest(&bulk, &tail),
@@ -210,13 +213,15 @@ fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
 }
 
 fn checks(parent: &Run, evidence: &Evidence, ess: &Ess) -> Vec<Check> {
-    let failed = parent.checks.iter().filter(|g| !g.pass).count();
+    // A run that was stopped before its end may have passed the checks that it has so far.
+    let unfinished = usize::from(parent.status != Status::Complete);
+    let failed = parent.checks.iter().filter(|g| !g.pass).count() + unfinished;
     let mut checks = vec![
         Check::at_most(
             COARSE_RUN_CHECKS,
             failed as f64,
             0.0,
-            "convergence checks that the coarse run failed; a bridge cannot find what the coarse run has missed: make that run converge first",
+            "convergence checks that the coarse run failed, and one more if it was stopped before its end; a bridge cannot find what the coarse run has missed: make that run converge first",
         ),
         Check::at_most(
             BRIDGE_ERROR,

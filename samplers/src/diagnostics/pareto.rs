@@ -10,6 +10,9 @@ const MIN_TAIL: usize = 5;
 /// belong to the tail.
 #[must_use]
 pub fn pareto_k(ln_weights: &[f64]) -> f64 {
+    if ln_weights.iter().any(|w| w.is_nan()) {
+        return f64::INFINITY;
+    }
     let mut sorted: Vec<f64> = ln_weights.to_vec();
     sorted.sort_by(f64::total_cmp);
     let n = sorted.len();
@@ -116,7 +119,7 @@ mod tests {
         }
         assert!(pareto_k(&two(900)) < 0.0);
         let mut one_nan = vec![0.0; 1_000];
-        one_nan[3] = f64::NAN;
+        one_nan[3] = -f64::NAN;
         assert!(pareto_k(&one_nan) > 1.0);
         // All but one draw have no weight.
         let mut single = vec![f64::NEG_INFINITY; 1_000];

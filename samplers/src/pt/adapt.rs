@@ -241,7 +241,11 @@ impl State {
     /// References of the draws that are the result: each half of the clusters has one that is fitted to the draws of the other half, and to the kept
     /// ones of the rounds before. None if they are too few.
     fn resembling_others(&self, target: &dyn Target) -> Result<Option<[Reference; 2]>> {
-        let [even, odd] = of_others(self.record.draws_since_burn_in().iter());
+        let mut by_cluster = vec![Vec::new(); self.clusters()];
+        for (chain_set, rows) in self.record.draws_since_burn_in().iter().enumerate() {
+            by_cluster[chain_set % self.clusters()].extend_from_slice(rows);
+        }
+        let [even, odd] = of_others(by_cluster.iter());
         let fit = |half: usize, rows: &[f64]| {
             let training = self.training_with(rows, target.dim());
             self.resembling(&training, half, target)

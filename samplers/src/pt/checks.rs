@@ -25,6 +25,8 @@ pub(super) struct CheckInputs<'a> {
     /// Whether slice updates are made as well. Then round trips, R-hat and effective sample sizes measure how far
     /// states move, and short trajectories are no failure.
     pub(super) slices: bool,
+    /// Whether HMC transitions follow the gradient of ln L. Moves along a surrogate meet no rejected point.
+    pub(super) hmc: bool,
 }
 
 /// All checks of a run.
@@ -244,10 +246,11 @@ fn moves(run: &CheckInputs<'_>) -> Vec<Check> {
         0.2,
         "fraction of HMC transitions that met a rejected point, at the worst temperature; if too large, replace rejection by a smooth penalty",
     );
+    let rejected = run.hmc.then_some(rejected);
     if run.slices {
-        return vec![rejected];
+        return rejected.into_iter().collect();
     }
-    vec![
+    let mut checks = vec![
         Check::at_least(
             check_names::LOWEST_ACCEPTANCE,
             lowest,
@@ -266,8 +269,9 @@ fn moves(run: &CheckInputs<'_>) -> Vec<Check> {
             0.01,
             "fraction of transitions stopped by `max_leapfrogs`, at the worst temperature; if too large, raise it",
         ),
-        rejected,
-    ]
+    ];
+    checks.extend(rejected);
+    checks
 }
 
 #[cfg(test)]

@@ -75,6 +75,7 @@ fn assess(state: &State, cold: &PosteriorDraws, dim: usize) -> Assessment {
         agreement: &agreement,
         target_ess: state.settings.target_ess,
         slices: state.slices(),
+        hmc: state.settings.hmc_transitions > 0,
     });
     let confirmation = if state.settings.extensions == 0 {
         Vec::new()

@@ -42,7 +42,7 @@ const COMPONENTS: f64 = 64.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// Number of independent chain sets, at least 2: their standard deviation gives the errors.
+    /// Number of independent chain sets, at least 2: their scatter gives the errors.
     pub chain_sets: usize,
     /// Rounds, each twice as long as the one before; all but the last adapt.
     pub rounds: usize,
@@ -79,7 +79,7 @@ pub struct Settings {
     pub smc_particles: usize,
     /// Independent SMC samplers, at most one per chain set; chain set `k` starts from number `k` modulo their number.
     /// One SMC sampler of many particles weighs its modes against each other; many samplers of few particles only show
-    /// how uncertain each is. Errors are the standard deviation over SMC samplers.
+    /// how uncertain each is. Errors are by the scatter of SMC samplers.
     pub smc_samplers: usize,
     /// MCMC steps of each SMC particle per temperature; 0: as many as parameters, at least 8. The first is a slice update; the others are moves
     /// along the surrogate, if there is one, or slice updates. With too few the particles are not in equilibrium, and ln Z is too small.

@@ -5,7 +5,7 @@ use crate::stops::{StopAt, plan};
 use crate::targets::bell::Bell;
 use crate::targets::smooth;
 use oblate_samplers::control::{CheckpointPlan, Control, Silent};
-use oblate_samplers::output::{History, Method};
+use oblate_samplers::output::{History, Method, Status};
 use oblate_samplers::{Error, Event, Observer, Outcome, Prior, Run, Target, bridge, nested, pt};
 use std::ops::{ControlFlow, RangeInclusive};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -47,6 +47,24 @@ fn the_evidence_and_the_moments_are_those_of_the_fine_likelihood() {
 #[ignore = "the long form: run before a release with --ignored"]
 fn the_evidence_and_the_moments_are_those_of_the_fine_likelihood_for_more_seeds() {
     evidence_and_moments(1..=5);
+}
+
+#[test]
+fn a_coarse_run_that_was_stopped_before_its_end_fails_a_check() {
+    let target = Bell::new(2, 6.0, 0.8);
+    let coarse = parent(&target, 1);
+    let failed_of = |parent: &Run| {
+        let run = bridged(&target, &target, parent, 1);
+        let mut checks = run.checks.iter();
+        let check = checks.find(|check| check.name == "coarse-run-checks");
+        check.expect("the check").value
+    };
+    let stopped = Run {
+        status: Status::BudgetSpent,
+        ..coarse.clone()
+    };
+    let more = failed_of(&stopped) - failed_of(&coarse);
+    assert!((more - 1.0).abs() < 1e-12, "{more}");
 }
 
 /// Every ln Z and every mean within four of its own errors.
