@@ -3,7 +3,7 @@
 use super::exit::Exit;
 use super::options::{JsonFlag, refuse_existing, write_file};
 use super::output::{Output, note};
-use super::run_folders::{finished, run_folders};
+use super::run_folders::{finished, run_folders, with_track};
 use crate::error::Result;
 use crate::posterior::{
     Calibration, CalibrationRow, LEVELS, MIN_P_VALUE, RankedFit, Trend, trends,
@@ -48,7 +48,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let is_table = |path: &PathBuf| path.extension().is_some_and(|e| e == "json");
     let (mut paths, runs): (Vec<PathBuf>, Vec<PathBuf>) =
         args.runs.iter().cloned().partition(is_table);
-    paths.extend(finished(&run_folders(&runs)));
+    paths.extend(finished(&with_track(&run_folders(&runs))));
     let fits = ranked_fits(&paths)?;
     let (found, trends) = (Calibration::new(&fits), trends(&fits));
     for (path, svg) in [

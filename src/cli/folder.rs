@@ -26,7 +26,7 @@ pub struct FolderFlags {
     /// Continue the run in the folder from its checkpoint
     #[arg(long)]
     resume: bool,
-    /// Exit with 0 even if the run has not converged
+    /// Exit with 0 even if the run has not converged; a population takes fits that have not
     #[arg(long)]
     pub allow_unconverged: bool,
     #[command(flatten)]

@@ -3,7 +3,7 @@
 use super::exit::Exit;
 use super::options::JsonFlag;
 use super::output::{Output, note};
-use super::run_folders::{finished, run_folders};
+use super::run_folders::{finished, run_folders, with_track};
 use crate::error::Result;
 use crate::population::{Alignment, AlignmentEvidence, AxisPosterior, alignments};
 use crate::posterior::Interval;
@@ -44,7 +44,7 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
         Direction::LineOfSight => AxisDirection::LineOfSight,
         Direction::Disc => AxisDirection::Disc,
     };
-    let streams = axis_posteriors(&finished(&run_folders(&args.runs)), direction)?;
+    let streams = axis_posteriors(&finished(&with_track(&run_folders(&args.runs))), direction)?;
     for stream in streams.iter().filter(|stream| !stream.converged) {
         note(&format!(
             "the fit {} has not converged: fit it longer",

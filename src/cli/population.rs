@@ -60,6 +60,9 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
     };
     config.sampling.sampler = args.sampler.unwrap_or(config.sampling.sampler);
     config.seed = args.seed.unwrap_or(config.seed);
+    if let [family] = args.family[..] {
+        config.family.name = family;
+    }
     args.set.apply(&mut config)?;
     let folder = &args.folder;
     let fits = PopulationFits {
@@ -68,7 +71,6 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
         allow_unconverged: folder.allow_unconverged,
     };
     if let [] | [_] = args.family[..] {
-        config.family.name = *args.family.first().unwrap_or(&config.family.name);
         let label = format!("population {}", config.sampling.sampler.name());
         return folder.fill(
             &label,

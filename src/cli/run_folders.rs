@@ -11,6 +11,16 @@ pub fn run_folders(given: &[PathBuf]) -> Vec<PathBuf> {
     kept(given, is_run, "is no run folder")
 }
 
+/// Of run folders those of fits, which have a track; populations are skipped with a note.
+pub fn with_track(runs: &[PathBuf]) -> Vec<PathBuf> {
+    let has_track = |path: &Path| RunFolder::open(path).is_ok_and(|run| run.track().is_file());
+    kept(
+        runs,
+        |path| !path.exists() || has_track(path),
+        "is no fit of a track",
+    )
+}
+
 /// Of run folders those of finished runs; others are skipped with a note, unless there are no others.
 pub fn finished(runs: &[PathBuf]) -> Vec<PathBuf> {
     let is_finished = |path: &Path| RunFolder::open(path).is_ok_and(|run| run.finished());

@@ -155,8 +155,12 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
         let failed: Vec<_> = (result.failed.iter())
             .map(|p| json!({"name": p.name, "sampler": p.sampler, "reason": p.reason}))
             .collect();
+        let subsets: Vec<_> = (result.subsets.iter())
+            .map(|p| json!({"streams": p.streams, "folder": shown(&p.run.folder), "converged": p.run.summary.converged}))
+            .collect();
         out.json(&json!({
             "runs": rows,
+            "subsets": subsets,
             "failed": failed,
             "acceptance": result.acceptance,
             "scaling": scaling,
@@ -169,7 +173,7 @@ pub fn run(args: &Args, command: &CommandLine, out: &mut Output<'_>) -> Result<E
         }
     }
     tell_next(args, command, &result);
-    let converged = result.runs().all(|p| p.summary.converged);
+    let converged = result.converged();
     Ok(Exit::from_converged(
         result.failed.is_empty()
             && (converged || args.allow_unconverged || config.allow_unconverged),

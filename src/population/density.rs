@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// in probability, below a line's width.
 const BAND_DRAWS: usize = 2_000;
 
-/// The population density of q on a grid: its posterior mean, which is the predictive density of a new halo's q, and
+/// The population density of q on a grid, at the two ends of the support that of half a step inside, as the density of some families is infinite there: its posterior mean, which is the predictive density of a new halo's q, and
 /// the median with pointwise bands over the hyperparameters. All arrays have the length of the grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PopulationDensity {
@@ -54,6 +54,7 @@ impl PopulationDensity {
             });
         }
         let (lo, hi) = family.support();
+        let half_step = 0.5 * (hi - lo) / (points - 1) as f64;
         let q: Vec<f64> = (0..points)
             .map(|i| lo + (hi - lo) * i as f64 / (points - 1) as f64)
             .collect();
@@ -64,7 +65,8 @@ impl PopulationDensity {
             alpha.copy_from_slice(draws.theta_row(row));
             let ln_pdf = family.ln_pdf(alpha);
             for (values, q) in at.iter_mut().zip(&q) {
-                values.push(ln_pdf(*q).exp());
+                let inside = q.clamp(lo + half_step, hi - half_step);
+                values.push(ln_pdf(inside).exp());
             }
         }
         let equal = [1.0; BAND_DRAWS];

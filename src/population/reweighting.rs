@@ -64,15 +64,10 @@ fn along<F: Family<N>, const N: usize>(
         effective.push(effective_number(x));
         shapes.push(pareto_k(&terms));
     }
-    let own: Vec<f64> = stream
-        .ln_factor
-        .iter()
-        .map(|w| (w + stream.ln_prior).exp())
-        .collect();
     let equal = vec![1.0; alphas.len()];
     StreamInPopulation {
         name: stream.name.clone(),
-        q: Interval::new(&stream.q, &own, ""),
+        q: stream.in_its_fit.clone(),
         q_given_population: Interval::new(&stream.q, &given_population, ""),
         effective_draws: weighted_quantile(&effective, &equal, 0.05),
         pareto_k: weighted_quantile(&shapes, &equal, 0.5),

@@ -6,6 +6,7 @@ use super::kept_cells::KeptCells;
 use super::q_posterior::QPosterior;
 use crate::data::Selection;
 use crate::error::{Error, PosteriorFault, Result};
+use crate::posterior::Interval;
 use crate::scalar::{Dual, Real, gradient_of, lift};
 use oblate_samplers::diagnostics::effective_number;
 use oblate_samplers::limits::{Memory, in_range};
@@ -68,6 +69,8 @@ pub(super) struct WeightedStream {
     pub ln_prior: f64,
     /// Number of independent draws that they are worth.
     pub effective_size: f64,
+    /// q by all draws of the fit, those outside the family's support too.
+    pub in_its_fit: Interval,
 }
 
 /// `prior of the hyperparameters x product over streams of sum_i w_i pi(q_i | alpha) / pi(q_i)`.
@@ -100,6 +103,8 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
         let mut prepared = Vec::with_capacity(streams.len());
         for posterior in streams {
             let ln_prior = posterior.check((lo, hi))?;
+            let weights: Vec<f64> = posterior.ln_weight.iter().map(|w| w.exp()).collect();
+            let in_its_fit = Interval::new(&posterior.q, &weights, "");
             let posterior = posterior.thinned(settings.max_draws);
             let (q, ln_factor): (Vec<f64>, Vec<f64>) = posterior
                 .q
@@ -120,6 +125,7 @@ impl<F: Family<N>, const N: usize> PopulationTarget<F, N> {
                 ln_factor,
                 ln_prior,
                 effective_size: posterior.effective_size,
+                in_its_fit,
             });
         }
         let prior = Prior::new(

@@ -147,6 +147,7 @@ pub struct PopulationSummary {
     /// The streams, in the order in which their fits were given.
     pub streams: Vec<StreamInPopulation>,
     /// Information that the streams give about each hyperparameter, in the run's order; see [`marginal_information`](super::marginal_information).
+    /// Empty where the draws are too few to say.
     #[serde(with = "json::ordered")]
     pub information: Vec<(String, f64)>,
     /// The posterior predictive check; empty in runs of earlier versions.
@@ -155,10 +156,11 @@ pub struct PopulationSummary {
 }
 
 impl PopulationSummary {
-    /// Whether every hyperparameter's posterior equals its prior.
+    /// Whether every hyperparameter's posterior equals its prior; not where the draws are too few to say.
     #[must_use]
     pub fn measures_nothing(&self) -> bool {
-        equal_to_prior(&self.information).len() == self.information.len()
+        !self.information.is_empty()
+            && equal_to_prior(&self.information).len() == self.information.len()
     }
 
     /// The verdict on what the streams say: which hyperparameters are only their priors. None if every posterior differs from its prior.

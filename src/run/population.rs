@@ -9,7 +9,9 @@ use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
 use crate::inference::{Fit, SamplerSettings, sample};
 use crate::population::{Population, QPosterior, checks, predictive_check, selection_check};
-use crate::posterior::{PopulationSummary, Summary, SummaryContext, marginal_information};
+use crate::posterior::{
+    MIN_ESS_FOR_INFORMATION, PopulationSummary, Summary, SummaryContext, marginal_information,
+};
 use oblate_samplers::Run;
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::nested::Kernel;
@@ -118,7 +120,7 @@ pub fn population(
     Ok(fit)
 }
 
-/// The warnings of streams that are missing and of fits that have not converged.
+/// The warnings of streams that are missing, of fits that have not converged, and of those whose model is not accurate enough.
 ///
 /// # Errors
 /// [`Error::NotConverged`] if a fit has not converged and that is not allowed.
@@ -141,6 +143,17 @@ fn warnings(fits: &PopulationFits<'_>, stored: &[StoredRun]) -> Result<Vec<Strin
             "the fit {} has not converged: fit it longer",
             fit.name
         ));
+    }
+    for fit in stored {
+        let failed = fit.summary.model_checks.iter().filter(|check| !check.pass);
+        let failed: Vec<&str> = failed.map(|check| check.name.as_str()).collect();
+        if !failed.is_empty() {
+            warnings.push(format!(
+                "the fit {} has failed checks of its model ({}): continue it to a finer model",
+                fit.name,
+                failed.join(", ")
+            ));
+        }
     }
     Ok(warnings)
 }
@@ -165,11 +178,20 @@ fn begin<'a>(
 
 /// What the draws of a population say about its streams and about its own error, for the summary.
 fn context(target: &dyn Population, run: &Run, seed: u64) -> SummaryContext {
+    if run.draws.is_empty() {
+        return SummaryContext::default();
+    }
     let mut streams = target.streams_given_population(&run.draws);
     for (stream, without) in streams.iter_mut().zip(target.leave_one_out(&run.draws)) {
         stream.without = Some(without);
     }
     let predictive = target.predictive(&run.draws, seed);
+    // Few draws cannot tell a posterior from its prior.
+    let information = if run.ess.quoted < MIN_ESS_FOR_INFORMATION {
+        Vec::new()
+    } else {
+        marginal_information(run, target.prior())
+    };
     let mut model_checks = checks(&streams);
     model_checks.push(predictive_check(&predictive));
     model_checks.extend(target.selection_variance(&run.draws).map(selection_check));
@@ -178,7 +200,7 @@ fn context(target: &dyn Population, run: &Run, seed: u64) -> SummaryContext {
         diagnostics: BTreeMap::from([("streams".to_owned(), streams.len() as f64)]),
         population: Some(PopulationSummary {
             streams,
-            information: marginal_information(run, target.prior()),
+            information,
             predictive,
         }),
         ..SummaryContext::default()

@@ -92,7 +92,7 @@ fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), P
 }
 
 /// Whether two tracks have the same radii at the same phi, or at phi of the opposite sign, as in fits of both senses of one track.
-fn is_one_track(one: &ObservedTrack, other: &ObservedTrack) -> bool {
+pub(super) fn is_one_track(one: &ObservedTrack, other: &ObservedTrack) -> bool {
     let rows = |track: &ObservedTrack| -> Vec<(f64, f64)> {
         let rows = track.phi_deg.iter().zip(&track.r_kpc);
         rows.map(|(phi, r)| (*phi, *r)).collect()

@@ -186,9 +186,13 @@ pub(super) fn one_fit(
 
 /// Whether an error is that of a track or of its posterior, so that other fits can succeed.
 fn is_of_the_fit(error: &Error) -> bool {
+    matches!(error, Error::UnreachableTrack { .. } | Error::NoTrack(_)) || is_of_the_sampler(error)
+}
+
+/// Whether an error is that of a sampler at one target.
+pub(super) fn is_of_the_sampler(error: &Error) -> bool {
     use SamplerError as S;
     match error {
-        Error::UnreachableTrack { .. } | Error::NoTrack(_) => true,
         Error::Sampler(error) => !matches!(
             error,
             S::OutOfRange(_)

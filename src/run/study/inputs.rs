@@ -3,11 +3,12 @@
 use super::watch::Watcher;
 use crate::config::{StreamsOf, StudyConfig, StudyMocks, StudyPopulation, StudyTracks, each_once};
 use crate::data::{AssumedError, Mocks, ObservedTrack, ReadOptions, mocks_with};
-use crate::error::{Error, Result, TrackFault};
+use crate::error::{Error, PosteriorFault, Result, TrackFault};
 use crate::inference::{FitPlan, FitSettings, Sampler};
 use crate::params::StreamPrior;
 use crate::population::QPosterior;
 use crate::run::population;
+use crate::run::population_fits::is_one_track;
 use oblate_samplers::Error as SamplerError;
 use std::path::{Path, PathBuf};
 
@@ -54,6 +55,9 @@ impl StudyInputs {
         checked_prior("tracks", &study.fit, support).map_err(|e| e.within("tracks.fit"))?;
         for path in track_files(&study.files, files_from)? {
             self.tracks.push(read_track(&path, study.assume_error)?);
+        }
+        if support.is_some() {
+            refuse_repeated(&self.tracks).map_err(|e| e.within("tracks"))?;
         }
         for track in &self.tracks {
             check(track, &study.fit, &study.samplers).map_err(|e| e.within("tracks.fit"))?;
@@ -119,6 +123,21 @@ fn check_population(study: &StudyPopulation, config: &StudyConfig) -> Result<(f6
         }
     }
     Ok(study.settings.family.support())
+}
+
+/// Refuses tracks of a population of which two are the same.
+fn refuse_repeated(tracks: &[ObservedTrack]) -> Result<()> {
+    for (i, track) in tracks.iter().enumerate() {
+        if let Some(other) = tracks[..i].iter().find(|other| is_one_track(track, other)) {
+            return Err(Error::Posterior {
+                name: track.name.clone(),
+                fault: PosteriorFault::SameTrack {
+                    other: other.name.clone(),
+                },
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Reads a track. Only one without errors takes the assumed one.

@@ -15,10 +15,10 @@ pub use result::{FailedRun, StudyResult, StudyRun, StudySubset};
 pub use watch::{FitsSoFar, Watcher};
 
 use crate::config::{StreamsOf, StudyConfig};
-use crate::error::{Error, OutputFault, PosteriorFault, Result};
+use crate::error::{Error, OutputFault, Result};
 use crate::inference::Sampler;
 use crate::report::is_page;
-use fits::{Outcome, all_fits, one_fit};
+use fits::{Outcome, all_fits, is_of_the_sampler, one_fit};
 use inputs::{StudyInputs, streams_of};
 use oblate_samplers::limits::in_range;
 use plan::{PlannedFit, planned_fits};
@@ -92,7 +92,7 @@ impl<'a> Study<'a> {
     /// # Errors
     /// [`Error::Exists`], [`Error::OutputPath`], [`Error::OtherInputs`],
     /// [`Error::FolderInUse`] or [`Error::Io`] for a run folder; [`Error::Command`] for a command of Slurm that fails. The errors
-    /// of one track or sampler are in the result.
+    /// of one track, sampler or population are in the result.
     pub fn run(
         &self,
         executor: Executor<'_>,
@@ -140,7 +140,7 @@ impl<'a> Study<'a> {
         let sample = |planned: PlannedPopulation, result: &mut StudyResult| {
             let (name, sampler) = (planned.name.clone(), planned.sampler);
             let done = match planned.sample(&folders, &missing, command, watcher) {
-                Err(error) if is_of_unfinished_fit(&error) => {
+                Err(error) if is_of_the_population(&error) => {
                     let failed = failed_population(name, sampler, error.to_string());
                     result.failed.push(failed);
                     return Ok(None);
@@ -231,10 +231,9 @@ fn failed_population(name: String, sampler: Sampler, reason: String) -> FailedRu
     }
 }
 
-/// Whether a population has no result because one of its fits was stopped before its first draw.
-fn is_of_unfinished_fit(error: &Error) -> bool {
-    let fault = PosteriorFault::NoDraws;
-    matches!(error, Error::Posterior { fault: found, .. } if *found == fault)
+/// Whether an error is that of one population or of the posterior of one of its streams, so that others can succeed.
+fn is_of_the_population(error: &Error) -> bool {
+    matches!(error, Error::Posterior { .. }) || is_of_the_sampler(error)
 }
 
 /// Where a study has its report.

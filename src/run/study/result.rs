@@ -47,7 +47,14 @@ pub struct StudyResult {
 }
 
 impl StudyResult {
-    /// All runs: tracks, mocks, populations.
+    /// Whether all runs have converged, populations of subsets too.
+    #[must_use]
+    pub fn converged(&self) -> bool {
+        let subsets = self.subsets.iter().map(|subset| &subset.run);
+        self.runs().chain(subsets).all(|run| run.summary.converged)
+    }
+
+    /// All runs but those of subsets: tracks, mocks, populations.
     pub fn runs(&self) -> impl Iterator<Item = &StudyRun> {
         self.tracks
             .iter()

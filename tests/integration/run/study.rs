@@ -343,6 +343,21 @@ fn a_folder_stands_for_its_tracks_and_a_population_may_be_theirs() {
         &with(&of_mocks),
         &["[population]", "of = \"mocks\"", "[mocks]"],
     );
+    // One track under two names is one stream.
+    fs::copy(tracks.join("1.ecsv"), tracks.join("3.ecsv")).unwrap();
+    refused(&with(TRACKS), &["[tracks]", "s1_prolate_tilted", "twice"]);
+    fs::remove_file(tracks.join("3.ecsv")).unwrap();
+    // A population without a result is named beside the others, and the fits have their report.
+    let outside = format!("{TRACKS}settings.family = {{ q_min = 1.4999, q_max = 1.5 }}\n");
+    let output = with(&outside);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let failed = printed.lines().find(|line| line.starts_with("FAILED"));
+    assert!(
+        failed.is_some_and(|line| line.contains("population nested")),
+        "{printed}"
+    );
+    assert!(temporary.path().join("out/report.html").exists());
     let output = with(TRACKS);
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let printed = String::from_utf8(output.stdout).unwrap();
