@@ -4,9 +4,8 @@ use super::exit::Exit;
 use super::options::JsonFlag;
 use super::output::{Output, note};
 use crate::error::{Error, Result};
-use crate::inference::FitSettings;
-use crate::posterior::{Comparison, compare, compare_models};
-use crate::run::{RunFolder, StoredRun, distinct_names};
+use crate::posterior::{Comparison, compare, compare_models, compare_other_data};
+use crate::run::{Asked, Difference, RunFolder, StoredRun, distinct_names};
 use std::path::PathBuf;
 
 /// Flags of `oblate compare`.
@@ -34,15 +33,29 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let Some((first, others)) = stored.split_first() else {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
-    tell_other_tracks(&args.runs)?;
-    let of_first = tell_other_posteriors(&args.runs, &stored)?;
+    let folders: Vec<RunFolder> = args
+        .runs
+        .iter()
+        .map(|path| RunFolder::open(path))
+        .collect::<Result<_>>()?;
+    let asked: Vec<Asked> = (stored.iter().zip(&folders))
+        .map(|(stored, folder)| Asked::of(stored, folder))
+        .collect::<Result<_>>()?;
     let names = distinct_names(&args.runs, &stored.iter().collect::<Vec<_>>());
     let mut agree = true;
-    for ((other, name), one_model) in others.iter().zip(&names[1..]).zip(&of_first[1..]) {
-        let comparison = if *one_model {
-            compare(&names[0], &first.run, name, &other.run)?
-        } else {
-            compare_models(&names[0], &first.run, name, &other.run)?
+    for (i, other) in (1..).zip(others) {
+        let difference = asked[0].difference(&asked[i]);
+        if let Some(difference) = difference {
+            let paths = [i, 0].map(|k| args.runs[k].display().to_string());
+            note(&why_they_differ(difference, &paths, [&asked[i], &asked[0]]));
+        }
+        let (first_name, first, name, other) = (&names[0], &first.run, &names[i], &other.run);
+        let comparison = match difference {
+            None => compare(first_name, first, name, other)?,
+            Some(difference) if difference.has_odds() => {
+                compare_models(first_name, first, name, other)?
+            }
+            Some(_) => compare_other_data(first_name, first, name, other)?,
         };
         agree &= comparison.agree();
         if args.output.json {
@@ -61,67 +74,43 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     Ok(Exit::Failed)
 }
 
-/// Says which fits are of another track than the first.
-fn tell_other_tracks(runs: &[PathBuf]) -> Result<()> {
-    let track = |path: &PathBuf| {
-        let folder = RunFolder::open(path)?;
-        // A population has none.
-        folder
-            .track()
-            .is_file()
-            .then(|| folder.read_track())
-            .transpose()
+/// Why a run need not agree with another one, as a sentence.
+fn why_they_differ(
+    difference: Difference,
+    [this, other]: &[String; 2],
+    asked: [&Asked; 2],
+) -> String {
+    let host = |asked: &Asked| match asked {
+        Asked::Fit { settings, .. } => settings.model.host_in_words(),
+        Asked::Population { .. } => String::new(),
     };
-    let Some(first) = track(&runs[0])? else {
-        return Ok(());
-    };
-    for path in &runs[1..] {
-        if track(path)?.is_some_and(|other| !other.has_data_of(&first)) {
-            note(&format!(
-                "{} is the fit of another track, or of the other sense of phi, than {}: they need not agree.",
-                path.display(),
-                runs[0].display()
-            ));
+    match difference {
+        Difference::Kind => format!(
+            "{this} and {other} are a fit and a population: only what has one name in both is compared."
+        ),
+        Difference::Track => format!(
+            "{this} is the fit of another track, or of the other sense of phi, than {other}: they need not agree."
+        ),
+        Difference::Host => format!(
+            "{this} is a fit in another host ({}) than {other} ({}): they need not agree. The difference of ln Z is the evidence for one host \
+             over the other, under their priors.",
+            host(asked[0]),
+            host(asked[1])
+        ),
+        Difference::Prior => format!(
+            "{this} is a fit with another prior, or with other errors of the data, than {other}: they need not agree."
+        ),
+        Difference::Streams => {
+            format!("{this} is the population of other streams than {other}: they need not agree.")
         }
+        Difference::Selection => format!(
+            "{this} is a population with another selection than {other}: they need not agree, and the difference of ln Z is no evidence for \
+             either, because each is relative to the streams that its selection keeps."
+        ),
+        Difference::Family => format!(
+            "{this} is a population with another family, support or hyperprior than {other}: they need not agree."
+        ),
     }
-    Ok(())
-}
-
-/// Whether each run asks for the posterior that the first asks for, and says which fits do not.
-fn tell_other_posteriors(runs: &[PathBuf], stored: &[StoredRun]) -> Result<Vec<bool>> {
-    let of_run =
-        |(path, stored): (&PathBuf, &StoredRun)| stored.fit_settings(&RunFolder::open(path)?);
-    let settings: Vec<Option<FitSettings>> =
-        (runs.iter().zip(stored).map(of_run)).collect::<Result<_>>()?;
-    let mut of_first = vec![true; runs.len()];
-    for ((path, other), same) in runs.iter().zip(&settings).zip(&mut of_first) {
-        let (Some(first), Some(other)) = (&settings[0], other) else {
-            continue;
-        };
-        *same = first.has_posterior_of(other);
-        let (first, other, host) = (
-            &first.model,
-            &other.model,
-            first.model.has_host_of(&other.model),
-        );
-        if !*same && host {
-            note(&format!(
-                "{} is a fit with another prior, or with other errors of the data, than {}: they need not agree.",
-                path.display(),
-                runs[0].display()
-            ));
-        } else if !host {
-            note(&format!(
-                "{} is a fit in another host ({}) than {} ({}): they need not agree. The difference of ln Z is the evidence for one host \
-                 over the other, under their priors.",
-                path.display(),
-                other.host_in_words(),
-                runs[0].display(),
-                first.host_in_words()
-            ));
-        }
-    }
-    Ok(of_first)
 }
 
 fn print(c: &Comparison, out: &mut Output<'_>) -> Result<()> {

@@ -80,6 +80,8 @@ pub struct Comparison {
     pub converged: [bool; 2],
     /// Whether the runs are of one model, so that they must agree.
     pub one_model: bool,
+    /// Whether the runs are of the same data, so that the difference of ln Z is the evidence for one model over the other.
+    pub same_data: bool,
 }
 
 impl Comparison {
@@ -117,10 +119,10 @@ impl Comparison {
         let difference = a.value - b.value;
         let better = usize::from(difference < 0.0);
         format!(
-            "two models; ln Z {:+.2} +- {:.2}, odds of {:.3} to 1 for {}",
+            "two models; ln Z {:+.2} +- {:.2}, odds of {} to 1 for {}",
             difference,
             a.error.hypot(b.error),
-            difference.abs().exp(),
+            odds_in_words(difference.abs()),
             self.names[better]
         )
     }
@@ -128,7 +130,9 @@ impl Comparison {
     /// The result in one sentence.
     #[must_use]
     pub fn verdict(&self) -> String {
-        let mut text = if !self.one_model {
+        let mut text = if !self.same_data {
+            "other data, so that they need not agree".to_owned()
+        } else if !self.one_model {
             self.odds()
         } else if self.agree() {
             "they agree".to_owned()
@@ -154,6 +158,18 @@ impl Comparison {
             }
         }
         text
+    }
+}
+
+/// Odds with as many digits as errors of ln Z of a few tenths leave.
+fn odds_in_words(ln_odds: f64) -> String {
+    let odds = ln_odds.exp();
+    if odds < 10.0 {
+        format!("{odds:.1}")
+    } else if odds < 1000.0 {
+        format!("{odds:.0}")
+    } else {
+        format!("{odds:.0e}")
     }
 }
 
@@ -235,6 +251,18 @@ pub fn compare_models(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Co
         cost,
         converged: [a.converged(), b.converged()],
         one_model: false,
+        same_data: true,
+    })
+}
+
+/// Compares runs of other data, in the parameters that both have.
+///
+/// # Errors
+/// [`Error::NoDraws`] if one has no draws.
+pub fn compare_other_data(name_a: &str, a: &Run, name_b: &str, b: &Run) -> Result<Comparison> {
+    Ok(Comparison {
+        same_data: false,
+        ..compare_models(name_a, a, name_b, b)?
     })
 }
 

@@ -27,6 +27,7 @@ pub use calibration::{
 pub use columns::{Column, column, columns};
 pub use compare::{
     Comparison, CostRow, MarginalRow, ModeRow, SIGMA_LIMIT, compare, compare_models,
+    compare_other_data,
 };
 pub use export::{DrawTable, TableFormat};
 pub use information::{

@@ -235,7 +235,7 @@ fn comparison(out: &mut String, runs: &[PageRun<'_>]) {
     {
         put!(
             out,
-            "<p>A run with <i>odds</i> is of another host than the first, or has another prior or other errors of the data, and need not agree with it: exp(\u{394} ln <i>Z</i>) are the odds for the \
+            "<p>A run with <i>odds</i> is of another host or family than the first, or has another prior or other errors of the data, and need not agree with it: exp(\u{394} ln <i>Z</i>) are the odds for the \
              first, if both were equally probable before.</p>"
         );
     }
@@ -300,7 +300,7 @@ const NUMBERS: [(&str, &str); 15] = [
     ("best_fit_bins", "bins of the track"),
     (
         "posterior_predictive_p",
-        "posterior predictive *p* of \u{3c7}\u{b2}",
+        "posterior predictive p of \u{3c7}\u{b2}",
     ),
     (
         "best_fit_chi2_velocity",

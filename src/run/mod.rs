@@ -1,6 +1,7 @@
 //! Runs and their folders: a fit, a bridge, a merger or a population from its inputs to a run folder, studies of many, and the page
 //! that reports them.
 
+mod asked;
 mod bridge;
 mod calibration;
 mod contents;
@@ -22,6 +23,7 @@ mod stored_fit;
 mod study;
 mod versions;
 
+pub use asked::{Asked, Difference};
 pub use bridge::bridge;
 pub use calibration::ranked_fits;
 pub use contents::SUMMARY_FILE;

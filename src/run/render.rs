@@ -1,5 +1,6 @@
 //! From run folders to figures and one page: reads the runs, computes the model tracks again, and passes the numbers to the report.
 
+use super::asked::Asked;
 use super::folder::{RunFolder, StoredRun, distinct_names};
 use super::population::DENSITY_POINTS;
 use crate::config::PopulationConfig;
@@ -201,29 +202,28 @@ fn groups_of_same_data(rendered: &[RunFigures]) -> Vec<Vec<usize>> {
     groups
 }
 
-/// Comparisons of the first run of each group with every run of it: `None` for the first run itself, for a run of the same host with other
-/// parameters, and where one of the two has no draws.
+/// Comparisons of the first run of each group with every run of it: `None` for the first run itself, for runs that cannot be compared, and
+/// where one of the two has no draws.
 fn comparisons(
     rendered: &[RunFigures],
     names: &[String],
     groups: &[Vec<usize>],
 ) -> Result<Vec<Vec<Option<Comparison>>>> {
-    let settings: Vec<Option<FitSettings>> = (rendered.iter())
-        .map(|d| d.stored.fit_settings(&d.folder))
+    let asked: Vec<Asked> = (rendered.iter())
+        .map(|d| Asked::of(&d.stored, &d.folder))
         .collect::<Result<_>>()?;
     let compared = |first: usize, i: usize| {
         if i == first || ![first, i].iter().all(|k| rendered[*k].has_draws()) {
             return Ok(None);
         }
         let [a, b] = [first, i].map(|k| &rendered[k].stored.run);
-        if let [Some(one), Some(other)] = [first, i].map(|k| &settings[k])
-            && !one.has_posterior_of(other)
-        {
-            return compare_models(&names[first], a, &names[i], b).map(Some);
+        match asked[first].difference(&asked[i]) {
+            None if a.names == b.names => compare(&names[first], a, &names[i], b).map(Some),
+            Some(difference) if difference.has_odds() => {
+                compare_models(&names[first], a, &names[i], b).map(Some)
+            }
+            _ => Ok(None),
         }
-        let same = a.names == b.names;
-        same.then(|| compare(&names[first], a, &names[i], b))
-            .transpose()
     };
     groups
         .iter()

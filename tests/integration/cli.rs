@@ -21,6 +21,7 @@ mod observation;
 mod orientation;
 mod output;
 mod population;
+mod population_words;
 mod progress;
 mod read_only;
 mod resume;

@@ -69,7 +69,7 @@ fn fits_in_several_haloes_are_compared_by_their_evidence() {
     let output = oblate(&["report", &one, &two, "--out", &page], "");
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let html = std::fs::read_to_string(&page).expect("a page");
-    assert!(html.contains("odds: ") && html.contains("another host than the first"));
+    assert!(html.contains("odds: ") && html.contains("another host or family than the first"));
     let output = oblate(&["report", &one, "--out", &page, "--force"], "");
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let html = std::fs::read_to_string(&page).expect("a page");

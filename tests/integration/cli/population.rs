@@ -6,7 +6,7 @@ use oblate::data::{Handedness, ObservedTrack, ReadOptions};
 use std::path::Path;
 
 /// Three mocks, fitted quickly and badly, and their population by two families.
-const STUDY: &str = r#"
+pub const STUDY: &str = r#"
 title = "three mocks"
 out = "OUT"
 allow_unconverged = true
