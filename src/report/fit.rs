@@ -39,7 +39,7 @@ pub struct FitPicture<'a> {
     pub draws: &'a [Curve],
     /// Those of the best fit.
     pub best: &'a Curve,
-    /// (data - best fit) / error in each row of the data, with the errors that ln L has; NaN where the best fit covers no bin.
+    /// (data - best fit) / error in each row of the data, with the errors of the data that ln L has, without the model's noise; NaN where the best fit covers no bin.
     pub residuals: &'a [f64],
     /// Particles of the best fit on the sky, (x, y) in kpc; without them there is no panel of the sky.
     pub particles: &'a [(f64, f64)],
@@ -130,7 +130,7 @@ impl FitPicture<'_> {
             }
         });
         axes.frame(canvas);
-        axes.draw_x(canvas, "angle from the progenitor \u{3c6} [deg]", 7, 8.0);
+        axes.draw_x(canvas, "angle \u{3c6} [deg]", 7, 8.0);
         axes.draw_y(canvas, "(data \u{2212} fit) / \u{3c3}", 5, 8.0, 32.0);
     }
 

@@ -61,12 +61,7 @@ impl MeasuredPicture<'_> {
             }
         });
         axes.frame(&mut canvas);
-        axes.draw_x(
-            &mut canvas,
-            "angle from the progenitor \u{3c6} [deg]",
-            7,
-            8.0,
-        );
+        axes.draw_x(&mut canvas, "angle \u{3c6} [deg]", 7, 8.0);
         let label = match self.quantity {
             BinQuantity::Velocity => "line-of-sight velocity [km s^{\u{2212}1}]",
             BinQuantity::Width => "standard deviation of *r* [kpc]",
