@@ -178,9 +178,6 @@ fn begin<'a>(
 
 /// What the draws of a population say about its streams and about its own error, for the summary.
 fn context(target: &dyn Population, run: &Run, seed: u64) -> SummaryContext {
-    if run.draws.is_empty() {
-        return SummaryContext::default();
-    }
     let mut streams = target.streams_given_population(&run.draws);
     for (stream, without) in streams.iter_mut().zip(target.leave_one_out(&run.draws)) {
         stream.without = Some(without);
@@ -192,9 +189,13 @@ fn context(target: &dyn Population, run: &Run, seed: u64) -> SummaryContext {
     } else {
         marginal_information(run, target.prior())
     };
-    let mut model_checks = checks(&streams);
-    model_checks.push(predictive_check(&predictive));
-    model_checks.extend(target.selection_variance(&run.draws).map(selection_check));
+    let mut model_checks = Vec::new();
+    // Without draws no stream is to blame.
+    if !run.draws.is_empty() {
+        model_checks = checks(&streams);
+        model_checks.push(predictive_check(&predictive));
+        model_checks.extend(target.selection_variance(&run.draws).map(selection_check));
+    }
     SummaryContext {
         model_checks,
         diagnostics: BTreeMap::from([("streams".to_owned(), streams.len() as f64)]),

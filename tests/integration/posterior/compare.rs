@@ -83,8 +83,13 @@ fn runs_whose_evidences_differ_by_more_than_three_errors_disagree() {
     let c = compare_models("a", &a, "b", &other).unwrap();
     assert!(c.agree(), "{}", c.verdict());
     // e^2 = 7.389.
-    let odds = "two models; ln Z -2.00 +- 0.18, odds of 7.389 to 1 for b";
+    let odds = "two models; ln Z -2.00 +- 0.18, odds of 7.4 to 1 for b";
     assert_eq!(c.verdict(), odds);
+    for (difference, words) in [(5.0, "148 to 1"), (7.0, "1e3 to 1"), (250.0, "4e108 to 1")] {
+        other.evidence.ln_z = b.evidence.ln_z + difference;
+        let verdict = compare_models("a", &a, "b", &other).unwrap().verdict();
+        assert!(verdict.contains(&format!("odds of {words}")), "{verdict}");
+    }
 }
 
 #[test]
