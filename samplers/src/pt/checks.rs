@@ -86,9 +86,12 @@ fn index_processes(run: &CheckInputs<'_>) -> Vec<Check> {
 const LEAST_BARRIER: f64 = 5.0;
 
 fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
-    let rejection = run.record.last_long_enough().mean_rejection();
-    let worst = rejection.iter().copied().fold(0.0, f64::max);
-    let communication_barrier: f64 = rejection.iter().sum();
+    // Over all parts: a reference that misses a mode slows one part of a long run, and the next fit mends it.
+    let [worst, communication_barrier] = mean_over_parts(
+        run.record
+            .long_enough()
+            .map(|part| (part.traces.scans(), part.mean_rejection())),
+    );
     let before = run
         .history
         .last()
@@ -100,7 +103,7 @@ fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
             check_names::SWAP_REJECTION,
             worst,
             0.75,
-            "largest swap rejection between neighbouring temperatures; if too large, raise `temperatures` or `max_temperatures`, or add rounds so that temperatures can adapt",
+            "largest swap rejection between neighbouring temperatures, mean over the parts of the run; if too large, raise `temperatures` or `max_temperatures`, or add rounds so that temperatures can adapt",
         ),
         Check::at_most(
             check_names::COMMUNICATION_BARRIER_CHANGE,
@@ -109,6 +112,19 @@ fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
             "relative change of the communication barrier since the round before; if too large, temperatures are not adapted yet: add rounds",
         ),
     ]
+}
+
+/// The largest swap rejection and the communication barrier, means over parts of so many scans with these rejections.
+fn mean_over_parts(parts: impl Iterator<Item = (usize, Vec<f64>)>) -> [f64; 2] {
+    let (mut all, mut sums) = (0.0_f64, [0.0; 2]);
+    for (scans, rejection) in parts {
+        let scans = scans as f64;
+        let worst = rejection.iter().copied().fold(0.0, f64::max);
+        all += scans;
+        sums[0] += scans * worst;
+        sums[1] += scans * rejection.iter().sum::<f64>();
+    }
+    sums.map(|sum| sum / all.max(1.0))
 }
 
 fn evidence(estimate: &Estimate) -> Vec<Check> {
@@ -301,6 +317,19 @@ mod tests {
     fn passes(name: &str, estimate: &Estimate) -> bool {
         let checks = evidence(estimate);
         checks.iter().find(|g| g.name == name).unwrap().pass
+    }
+
+    #[test]
+    fn one_part_with_a_poor_reference_does_not_decide_for_a_long_run() {
+        let good = || (1_000, vec![0.25, 0.5]);
+        let parts = [good(), good(), good(), (1_000, vec![0.75, 1.0])];
+        let [worst, barrier] = mean_over_parts(parts.into_iter());
+        assert!((worst - 0.625).abs() < 1e-12 && (barrier - 1.0).abs() < 1e-12);
+        // Short parts count less, and a run of one part has its own.
+        let [worst, _] = mean_over_parts([(300, vec![0.2]), (100, vec![0.6])].into_iter());
+        assert!((worst - 0.3).abs() < 1e-12);
+        assert_eq!(mean_over_parts([good()].into_iter()), [0.5, 0.75]);
+        assert_eq!(mean_over_parts(std::iter::empty()), [0.0, 0.0]);
     }
 
     #[test]
