@@ -31,8 +31,7 @@ const SIZES: [usize; 2] = [8, 32];
 /// Minimum number of points of a cell.
 const MIN_POINTS: usize = 4;
 
-/// Maximum number of pairs that are drawn until one can be moved to the level of the present state. A third of the pairs of a posterior of all 13 parameters of a stream
-/// cannot.
+/// Maximum number of pairs that are drawn until one can be moved to the level of the present state. That none can is rare where one in three can.
 const MAX_PAIRS: usize = 32;
 
 /// Points in standard-normal coordinates, and the cells about them.
@@ -167,7 +166,7 @@ impl DifferencePool {
     }
 
     /// Draws a scale, and two points of the cell where `at` is, which are moved along the orbit to the level of `at`. `None` if that is possible for none of
-    /// 32 pairs, or if there are fewer than two points.
+    /// many pairs, or if there are fewer than two points.
     #[must_use]
     pub fn pick(
         &self,

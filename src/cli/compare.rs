@@ -25,22 +25,17 @@ pub struct Args {
 
 /// Compares every run with the first.
 pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
-    let stored: Vec<StoredRun> = args
-        .runs
-        .iter()
-        .map(|path| RunFolder::open(path)?.read())
-        .collect::<Result<_>>()?;
+    let mut stored: Vec<StoredRun> = Vec::new();
+    let mut asked: Vec<Asked> = Vec::new();
+    for path in &args.runs {
+        let folder = RunFolder::open(path)?;
+        let run = folder.read()?;
+        asked.push(Asked::of(&run, &folder)?);
+        stored.push(run);
+    }
     let Some((first, others)) = stored.split_first() else {
         return Err(Error::TooFewRuns { given: 0, min: 2 });
     };
-    let folders: Vec<RunFolder> = args
-        .runs
-        .iter()
-        .map(|path| RunFolder::open(path))
-        .collect::<Result<_>>()?;
-    let asked: Vec<Asked> = (stored.iter().zip(&folders))
-        .map(|(stored, folder)| Asked::of(stored, folder))
-        .collect::<Result<_>>()?;
     let names = distinct_names(&args.runs, &stored.iter().collect::<Vec<_>>());
     let mut agree = true;
     for (i, other) in (1..).zip(others) {

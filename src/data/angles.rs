@@ -197,14 +197,9 @@ fn from_progenitor(
         distances.fold(f64::INFINITY, f64::min)
     };
     let middle = -(0.5 * (lo + hi) / turn).round();
-    let k = [middle - 1.0, middle + 1.0]
+    let k = [middle, middle - 1.0, middle + 1.0]
         .into_iter()
-        .fold(middle, |k, other| {
-            if nearest(other) < nearest(k) {
-                other
-            } else {
-                k
-            }
-        });
+        .min_by(|a, b| nearest(*a).total_cmp(&nearest(*b)))
+        .unwrap_or(middle);
     Ok(phi.iter().map(|x| x + k * turn).collect())
 }

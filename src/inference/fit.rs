@@ -10,9 +10,7 @@ use super::target::StreamTarget;
 use crate::data::ObservedTrack;
 use crate::error::{Error, Result};
 use crate::params::{QPrior, StreamPrior};
-use crate::posterior::{
-    MIN_ESS_FOR_INFORMATION, Summary, SummaryContext, column, information, marginal_information,
-};
+use crate::posterior::{Summary, SummaryContext, column, information, marginal_information};
 use oblate_samplers::control::Silent;
 use oblate_samplers::limits::Memory;
 use oblate_samplers::output::Status;
@@ -174,10 +172,10 @@ pub fn summarize(
 
 /// Information about each free parameter, and about q where its prior is uniform; empty where the draws are too few to say.
 fn information_of_fit(target: &StreamTarget, run: &Run) -> Vec<(String, f64)> {
-    if run.ess.quoted < MIN_ESS_FOR_INFORMATION {
-        return Vec::new();
-    }
     let mut all = marginal_information(run, target.prior());
+    if all.is_empty() {
+        return all;
+    }
     if let (QPrior::Uniform { lo, hi }, Ok(q)) = (target.stream_prior().q_prior(), column(run, "q"))
     {
         let weights = run.draws.weights();

@@ -40,9 +40,12 @@ pub fn information(
     (sum - expected).max(0.0)
 }
 
-/// [`information`] about each parameter of a run, in its order.
+/// [`information`] about each parameter of a run, in its order; none where the draws are too few to say ([`MIN_ESS_FOR_INFORMATION`]).
 #[must_use]
 pub fn marginal_information(run: &Run, prior: &Prior) -> Vec<(String, f64)> {
+    if run.ess.quoted < MIN_ESS_FOR_INFORMATION {
+        return Vec::new();
+    }
     let weights = run.draws.weights();
     let names = prior.names().iter().zip(prior.marginals()).enumerate();
     names

@@ -73,6 +73,22 @@ impl Asked {
         })
     }
 
+    /// Whether another run has the same data: fits the same track in the same sense, populations streams of the same names.
+    #[must_use]
+    pub fn has_data_of(&self, other: &Self) -> bool {
+        use Difference::{Kind, Streams, Track};
+        !matches!(self.difference(other), Some(Kind | Track | Streams))
+    }
+
+    /// The track of a fit.
+    #[must_use]
+    pub fn track(&self) -> Option<&ObservedTrack> {
+        match self {
+            Self::Fit { track, .. } => Some(track),
+            Self::Population { .. } => None,
+        }
+    }
+
     /// How it differs from what another run asks; none if both ask for one posterior.
     #[must_use]
     pub fn difference(&self, other: &Self) -> Option<Difference> {

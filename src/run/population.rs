@@ -9,9 +9,7 @@ use crate::config::{PopulationConfig, to_toml};
 use crate::error::{Error, Result};
 use crate::inference::{Fit, SamplerSettings, sample};
 use crate::population::{Population, QPosterior, checks, predictive_check, selection_check};
-use crate::posterior::{
-    MIN_ESS_FOR_INFORMATION, PopulationSummary, Summary, SummaryContext, marginal_information,
-};
+use crate::posterior::{PopulationSummary, Summary, SummaryContext, marginal_information};
 use oblate_samplers::Run;
 use oblate_samplers::files::write_atomically;
 use oblate_samplers::nested::Kernel;
@@ -183,12 +181,6 @@ fn context(target: &dyn Population, run: &Run, seed: u64) -> SummaryContext {
         stream.without = Some(without);
     }
     let predictive = target.predictive(&run.draws, seed);
-    // Few draws cannot tell a posterior from its prior.
-    let information = if run.ess.quoted < MIN_ESS_FOR_INFORMATION {
-        Vec::new()
-    } else {
-        marginal_information(run, target.prior())
-    };
     let mut model_checks = Vec::new();
     // Without draws no stream is to blame.
     if !run.draws.is_empty() {
@@ -201,7 +193,7 @@ fn context(target: &dyn Population, run: &Run, seed: u64) -> SummaryContext {
         diagnostics: BTreeMap::from([("streams".to_owned(), streams.len() as f64)]),
         population: Some(PopulationSummary {
             streams,
-            information,
+            information: marginal_information(run, target.prior()),
             predictive,
         }),
         ..SummaryContext::default()

@@ -47,7 +47,7 @@ const CHOICE_TASK: u64 = 0x7061_6765;
 struct RunFigures {
     stored: StoredRun,
     folder: RunFolder,
-    track: Option<ObservedTrack>,
+    asked: Asked,
     names: Vec<&'static str>,
     figures: Vec<Figure>,
 }
@@ -87,24 +87,9 @@ impl RunFigures {
         !self.stored.run.draws.is_empty()
     }
 
-    /// Whether this run and another have the same data: fits the same track in the same sense, populations streams of the same names.
-    fn has_data_of(&self, other: &Self) -> bool {
-        match (&self.track, &other.track) {
-            (Some(a), Some(b)) => a.has_data_of(b),
-            (None, None) => self.streams().eq(other.streams()),
-            _ => false,
-        }
-    }
-
-    /// The names of a population's streams.
-    fn streams(&self) -> impl Iterator<Item = &str> {
-        let population = self.stored.summary.population.iter();
-        population.flat_map(|p| p.streams.iter().map(|stream| stream.name.as_str()))
-    }
-
     /// The name of its group: that of the track, with what was changed on reading it.
     fn data_name(&self) -> String {
-        match &self.track {
+        match self.asked.track() {
             Some(track) if track.is_mirrored() => format!("{}, mirrored", track.name),
             Some(track) => track.name.clone(),
             None => "population".to_owned(),
@@ -194,7 +179,7 @@ fn groups_of_same_data(rendered: &[RunFigures]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (i, drawn) in rendered.iter().enumerate() {
         let mut known = groups.iter_mut();
-        match known.find(|group| rendered[group[0]].has_data_of(drawn)) {
+        match known.find(|group| rendered[group[0]].asked.has_data_of(&drawn.asked)) {
             Some(group) => group.push(i),
             None => groups.push(vec![i]),
         }
@@ -209,15 +194,12 @@ fn comparisons(
     names: &[String],
     groups: &[Vec<usize>],
 ) -> Result<Vec<Vec<Option<Comparison>>>> {
-    let asked: Vec<Asked> = (rendered.iter())
-        .map(|d| Asked::of(&d.stored, &d.folder))
-        .collect::<Result<_>>()?;
     let compared = |first: usize, i: usize| {
         if i == first || ![first, i].iter().all(|k| rendered[*k].has_draws()) {
             return Ok(None);
         }
         let [a, b] = [first, i].map(|k| &rendered[k].stored.run);
-        match asked[first].difference(&asked[i]) {
+        match rendered[first].asked.difference(&rendered[i].asked) {
             None if a.names == b.names => compare(&names[first], a, &names[i], b).map(Some),
             Some(difference) if difference.has_odds() => {
                 compare_models(&names[first], a, &names[i], b).map(Some)
@@ -246,23 +228,18 @@ fn write_figure(path: &Path, bytes: &[u8]) -> Result<()> {
 fn figures_of(path: &Path) -> Result<RunFigures> {
     let folder = RunFolder::open(path)?;
     let stored = folder.read()?;
-    let file = folder.track();
-    let track = if file.is_file() {
-        Some(ObservedTrack::read(&file)?)
-    } else {
-        None
-    };
-    let truth = track.as_ref().map(ObservedTrack::truth).unwrap_or_default();
+    let asked = Asked::of(&stored, &folder)?;
+    let truth = asked.track().map(ObservedTrack::truth).unwrap_or_default();
     let mut drawn = RunFigures {
         stored,
         folder,
-        track,
+        asked: asked.clone(),
         names: Vec::new(),
         figures: Vec::new(),
     };
-    match drawn.track.clone() {
-        Some(track) => draw_streams(&mut drawn, &track)?,
-        None => draw_population(&mut drawn)?,
+    match &asked {
+        Asked::Fit { track, settings } => draw_streams(&mut drawn, track, settings)?,
+        Asked::Population { settings, .. } => draw_population(&mut drawn, settings)?,
     }
     let weights = drawn.stored.run.draws.weights();
     if let Some(curve) = q_curve(&drawn.stored, &drawn.stored.name) {
@@ -297,9 +274,12 @@ fn figures_of(path: &Path) -> Result<RunFigures> {
 }
 
 /// Figures of a fit: its tracks, and its orientation modes.
-fn draw_streams(drawn: &mut RunFigures, track: &ObservedTrack) -> Result<()> {
-    let settings: FitSettings = crate::config::parse(&drawn.stored.config, &drawn.folder.config())?;
-    let target = StreamTarget::from_track(track, &settings)?;
+fn draw_streams(
+    drawn: &mut RunFigures,
+    track: &ObservedTrack,
+    settings: &FitSettings,
+) -> Result<()> {
+    let target = StreamTarget::from_track(track, settings)?;
     for (name, caption, svg) in overlays(&target, track, &drawn.stored).unwrap_or_default() {
         drawn.push(name, caption, svg);
     }
@@ -315,9 +295,7 @@ fn draw_streams(drawn: &mut RunFigures, track: &ObservedTrack) -> Result<()> {
 }
 
 /// Figures of a population: its density of q, and its streams.
-fn draw_population(drawn: &mut RunFigures) -> Result<()> {
-    let config: PopulationConfig =
-        crate::config::parse(&drawn.stored.config, &drawn.folder.config())?;
+fn draw_population(drawn: &mut RunFigures, config: &PopulationConfig) -> Result<()> {
     if drawn.has_draws() {
         let density = (config.family).density(&drawn.stored.run.draws, DENSITY_POINTS)?;
         let caption = "Density of q in the population: posterior mean and median, pointwise 68 and 95 % (shaded)";
@@ -492,7 +470,7 @@ fn together(rendered: &[RunFigures], names: &[String], group: &[usize]) -> Vec<F
         return Vec::new();
     }
     let first = &rendered[group[0]];
-    let truth = first.track.as_ref().map(ObservedTrack::truth);
+    let truth = first.asked.track().map(ObservedTrack::truth);
     let truth = truth.and_then(|truth| truth.get("q").copied());
     let q_prior = first.stored.summary.q_prior;
     let one_prior = group

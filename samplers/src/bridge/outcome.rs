@@ -197,11 +197,11 @@ fn cluster_weight_error(draws: &Draws, parent: &Draws, clusters: &[u32]) -> f64 
 fn effective_sizes(draws: &Draws, bridge: &Bridge<'_>) -> Ess {
     let (bulk, tail) = draws.clustered_ess();
     // Batches may have ancestors in common.
-    let eves: Vec<usize> = bridge.state.particles.iter().map(|p| p.eve).collect();
-    let mut shares = vec![0.0; eves.iter().max().map_or(0, |most| most + 1)];
-    for (eve, weight) in eves.iter().zip(draws.weights()) {
-        shares[*eve] += weight;
-    }
+    let eves = bridge.state.particles.iter();
+    let eves: Vec<u32> = eves
+        .map(|particle| u32::try_from(particle.eve).unwrap_or(u32::MAX))
+        .collect();
+    let shares = sums_by_group(&eves, draws.weights().into_iter());
     let alike: f64 = shares.iter().map(|share| share * share).sum();
     Ess {
         kish: 1.0 / alike,

@@ -40,7 +40,7 @@ fn direction(
     out: &mut [f64],
 ) -> Line {
     let dim = out.len();
-    if pool.len() >= 2 * dim && pool.has_pairs() && unit_open(rng) < DIFFERENCE_FRACTION {
+    if pool.len() >= 2 * dim && unit_open(rng) < DIFFERENCE_FRACTION {
         let Some(Pair { ends: [a, b], cell }) = pool.pick(at, orbit, rng) else {
             return Line::None;
         };

@@ -1,9 +1,9 @@
 //! Evidence, effective sample sizes and their errors, from the points of one run or of several.
 
 use super::evidence::{DeadPoints, Weighted};
-use super::live::{REJECTED, lineages, recent_lineages};
+use super::live::{REJECTED, lineages, narrow, recent_lineages};
 use super::settings::Settings;
-use crate::diagnostics::kish_ess;
+use crate::diagnostics::{kish_ess, sums_by_group};
 use crate::error::Result;
 use crate::output::{Draws, Ess, Evidence, History, Origin};
 use crate::target::Target;
@@ -178,11 +178,9 @@ fn excess_coalescence(history: &DeadPoints, weighted: &Weighted, n_live: usize) 
     let alike = 1.0 / history.effective_lineages(weighted);
     // Batches that begin with the prior have lineages of their own, and not all of them the same share of the posterior.
     let of_batch = lineages(n_live);
-    let batches = history.lineages.count.div_ceil(of_batch);
-    let mut shares = vec![0.0; batches];
-    for (lineage, p) in history.lineages.of.iter().zip(&weighted.p) {
-        shares[*lineage as usize / of_batch] += p;
-    }
+    let labels = history.lineages.of.iter();
+    let batches: Vec<u32> = labels.map(|label| label / narrow(of_batch)).collect();
+    let shares = sums_by_group(&batches, weighted.p.iter().copied());
     let of_one_batch: f64 = shares.iter().map(|share| share * share).sum();
     let at_first = 1.0 / of_batch as f64;
     // With n live points every e-fold replaces n, and each time 2 / n^2 of the pairs get a common ancestor.

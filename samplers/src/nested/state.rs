@@ -7,7 +7,7 @@ use super::dynamic::{LikelihoodRange, RunSummary};
 use super::evidence::DeadPoints;
 use super::kernel::{self, ChainContext, NewPoint};
 use super::learning::Learner;
-use super::likelihood::{Likelihood, draw_prior};
+use super::likelihood::{self, Likelihood};
 use super::live::{self, Genealogy, Points, REJECTED, Replacement, narrow};
 use super::rank::Ranks;
 use super::settings::{Kernel, Settings};
@@ -375,21 +375,16 @@ impl State {
         tuning.forget_lengths(context.kernel(), context.target.dim());
         let count = context.settings.n_live;
         let mut live = Points::new(points.dim());
-        let mut counts = Vec::new();
+        let mut born = Vec::new();
         if range.floor == f64::NEG_INFINITY {
-            // As for the first batch: blocks of draws until an iteration of them has a likelihood.
-            loop {
-                let (block, calls) = self.draw_prior(context, self.begun)?;
-                for i in 0..block.len() {
-                    live.push_from(&block, i);
-                }
-                self.cost.count(&calls);
-                self.next_point += count as u64;
-                let valid = live.ln_l.iter().filter(|l| **l > REJECTED).count();
-                if valid >= context.settings.replaced_count() || live.len() >= MAX_FIRST_DRAWS {
-                    break;
-                }
+            // Nothing is taken over before the last block: a target may fail at any.
+            let (mut blocks, mut next_point) = (Vec::new(), self.next_point);
+            while !are_enough(&live, context.settings) {
+                blocks.push(draw_prior(context, next_point, self.begun, &mut live)?);
+                next_point += count as u64;
             }
+            blocks.iter().for_each(|calls| self.cost.count(calls));
+            self.next_point = next_point;
             self.begun += narrow(context.lineages());
         } else {
             let seeds = choose_seeds(&mut rng, kept.len(), count);
@@ -398,7 +393,7 @@ impl State {
                 contour: range.floor,
                 bounds: &bounds,
             };
-            let born = self.draw(context, &source, &tuning, &seeds)?;
+            born = self.draw(context, &source, &tuning, &seeds)?;
             if learns(context, &bounds) {
                 tuning.learn(context.kernel(), &bounds, &kept, &seeds, &born, &mut rng);
             }
@@ -411,7 +406,6 @@ impl State {
                 live.push(&b.u, b.ln_l, range.floor, own);
             }
             self.next_point += count as u64;
-            counts = born;
         }
         self.left = Some(self.delta_ln_z(context.settings));
         self.iteration += 1;
@@ -425,7 +419,7 @@ impl State {
         self.ln_z = weighted.ln_z;
         self.information = weighted.information;
         self.bounds = bounds;
-        self.count(&counts);
+        self.count(&born);
         self.ln_x_at_fit = range.ln_x;
         self.learner.begin_at(range.ln_x);
         self.efficiency_at_fit = None;
@@ -441,36 +435,17 @@ impl State {
 
     /// One block of independent prior draws, until an iteration of them has a likelihood.
     fn draw_first(&mut self, context: &Context<'_>) -> Result<()> {
-        let count = context.settings.n_live;
-        let (first, calls) = self.draw_prior(context, 0)?;
-        for i in 0..first.len() {
-            self.live.push_from(&first, i);
-        }
+        let calls = draw_prior(context, self.next_point, 0, &mut self.live)?;
         self.cost.count(&calls);
-        self.next_point += count as u64;
+        self.next_point += context.settings.n_live as u64;
         let tries = self.live.len();
-        let valid = self.live.ln_l.iter().filter(|l| **l > REJECTED).count();
-        if valid == 0 && tries >= MAX_FIRST_DRAWS {
+        let none = self.live.ln_l.iter().all(|l| *l <= REJECTED);
+        if none && tries >= MAX_FIRST_DRAWS {
             let cause = self.cost.main_cause();
             return Err(Error::NoStart { tries, cause });
         }
-        self.started = valid >= context.settings.replaced_count() || tries >= MAX_FIRST_DRAWS;
+        self.started = are_enough(&self.live, context.settings);
         Ok(())
-    }
-
-    /// Independent draws of the prior, one for each live point, of lineages from this number on.
-    fn draw_prior(&self, context: &Context<'_>, lineage: u32) -> Result<(Points, Calls)> {
-        let mut likelihood = Likelihood::new(context.target);
-        let mut places = vec![vec![0.0; context.target.dim()]; context.settings.n_live];
-        for (j, u) in (self.next_point..).zip(&mut places) {
-            draw_prior(&mut stream(context.seed, Domain::NestedPoint, 0, j), u);
-        }
-        let mut points = Points::new(context.target.dim());
-        for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {
-            let own = context.genealogy(i, lineage);
-            points.push(&places[i], ln_l, f64::NEG_INFINITY, own);
-        }
-        Ok((points, likelihood.calls))
     }
 
     fn ln_x_after(&self, replacement: &Replacement) -> f64 {
@@ -578,6 +553,32 @@ impl State {
             self.information = p * ln_l + (1.0 - p) * mean - self.ln_z;
         }
     }
+}
+
+/// Adds a block of independent draws of the prior to `points`, one for each live point, with numbers and lineages from these on.
+fn draw_prior(
+    context: &Context<'_>,
+    first: u64,
+    lineage: u32,
+    points: &mut Points,
+) -> Result<Calls> {
+    let mut likelihood = Likelihood::new(context.target);
+    let mut places = vec![vec![0.0; context.target.dim()]; context.settings.n_live];
+    for (j, u) in (first..).zip(&mut places) {
+        let mut rng = stream(context.seed, Domain::NestedPoint, 0, j);
+        likelihood::draw_prior(&mut rng, u);
+    }
+    for (i, ln_l) in likelihood.at_all(&places)?.into_iter().enumerate() {
+        let own = context.genealogy(i, lineage);
+        points.push(&places[i], ln_l, f64::NEG_INFINITY, own);
+    }
+    Ok(likelihood.calls)
+}
+
+/// Whether draws of the prior are enough to begin with: an iteration of them has a likelihood, or there are as many as there may be.
+fn are_enough(draws: &Points, settings: &Settings) -> bool {
+    let valid = draws.ln_l.iter().filter(|l| **l > REJECTED).count();
+    valid >= settings.replaced_count() || draws.len() >= MAX_FIRST_DRAWS
 }
 
 /// `count` rows out of `available`: each as often as the others, or once more.

@@ -256,13 +256,14 @@ fn moves(run: &CheckInputs<'_>) -> Vec<Check> {
             .map(|local| count(local) as f64 / local.moves.max(1) as f64)
             .fold(0.0, f64::max)
     };
-    let rejected = Check::at_most(
-        check_names::REJECTED_TRANSITIONS,
-        worst_fraction(|local| local.rejected),
-        0.2,
-        "fraction of HMC transitions that met a rejected point, at the worst temperature; if too large, replace rejection by a smooth penalty",
-    );
-    let rejected = run.hmc.then_some(rejected);
+    let rejected = run.hmc.then(|| {
+        Check::at_most(
+            check_names::REJECTED_TRANSITIONS,
+            worst_fraction(|local| local.rejected),
+            0.2,
+            "fraction of HMC transitions that met a rejected point, at the worst temperature; if too large, replace rejection by a smooth penalty",
+        )
+    });
     if run.slices {
         return rejected.into_iter().collect();
     }

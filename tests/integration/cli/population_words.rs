@@ -93,8 +93,7 @@ fn populations_say_no_more_than_their_draws_and_fits_do() {
         &["--set", "family.q_min=0.8", "--set", "family.q_max=1.2"],
     );
     assert_eq!(output.status.code(), Some(0), "{output:?}");
-    for (stream, fit) in (0..).zip(&fits) {
-        let stream: usize = stream;
+    for (stream, fit) in fits.iter().enumerate() {
         let own = &summary(&narrow)["population"]["streams"][stream]["q"];
         assert_eq!(own["lo95"], summary(fit)["q"]["lo95"]);
         assert_eq!(own["hi95"], summary(fit)["q"]["hi95"]);
