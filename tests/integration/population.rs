@@ -3,20 +3,19 @@
 mod joint;
 mod leave_one_out;
 mod predictive;
+mod reweighting;
 mod selection;
+mod truncated_gaussian;
 
-use crate::golden::{cases, json, number};
 use oblate::Error;
 use oblate::params::QPrior;
 use oblate::population::{
-    Family, Population, PopulationDensity, PopulationSettings, PopulationTarget, QPosterior,
-    TruncatedGaussian, TruncatedGaussianSettings, checks, gauss_legendre,
+    Family, PopulationDensity, PopulationSettings, PopulationTarget, QPosterior, TruncatedGaussian,
+    TruncatedGaussianSettings,
 };
 use oblate::posterior::{PopulationSummary, equal_to_prior, marginal_information};
-use oblate::scalar::{gradient_of, lift};
 use oblate_samplers::control::Silent;
 use oblate_samplers::output::Draws;
-use oblate_samplers::rng::{Domain, standard_normal, stream};
 use oblate_samplers::{Control, Marginal, Outcome, Prior, Run, Target, nested, pt};
 
 const UNIFORM: QPrior = QPrior::Uniform { lo: 0.5, hi: 1.5 };
@@ -87,53 +86,6 @@ fn exact_ln_product(mu: f64, sigma: f64) -> f64 {
                 - 0.5 * std::f64::consts::TAU.ln()
         })
         .sum()
-}
-
-#[test]
-fn truncated_normal_meets_the_golden_values_with_gradient() {
-    for case in cases(&json("truncated_normal.json")) {
-        let field = |name: &str| number(&case[name]);
-        let (lo, hi, mu, sigma, q) = (
-            field("lo"),
-            field("hi"),
-            field("mu"),
-            field("sigma"),
-            field("q"),
-        );
-        let family = TruncatedGaussian::new(TruncatedGaussianSettings {
-            q_min: lo,
-            q_max: hi,
-            ..TruncatedGaussianSettings::default()
-        })
-        .unwrap();
-        let ours = family.ln_pdf(lift(&[mu, sigma]))(q);
-        let ours_f64 = family.ln_pdf([mu, sigma])(q);
-        // Distance in sigmas that is squared, from mu or from the nearest bound, and from mu to that bound; each is
-        // a difference of numbers with a rounding of 1e-16, divided by sigma.
-        let origin = mu.clamp(lo, hi);
-        let (t, c) = ((q - origin).abs() / sigma, (mu - origin).abs() / sigma);
-        let grain = 2e-16 * lo.abs().max(hi.abs()).max(mu.abs()) / sigma;
-        let terms = 1.0 + t * (0.5 * t + c) + sigma.ln().abs() + c.max(1.0).ln();
-        let tolerance = 1e-15 * terms + 4.0 * grain * (t + c + 1.0);
-        let value = field("ln_pdf");
-        assert!(
-            (ours.re - value).abs() < tolerance,
-            "{case}: {} {tolerance}",
-            ours.re
-        );
-        assert!((ours_f64 - value).abs() < tolerance, "{case}: {ours_f64}");
-        let [d_mu, d_sigma] = gradient_of(&ours);
-        let slope = 1e-14 * (t + c + 1.0) / sigma + 10.0 * grain / sigma;
-        assert!(
-            (d_mu - field("d_mu")).abs() < slope,
-            "{case}: {d_mu} {slope}"
-        );
-        let slope = 1e-14 * (1.0 + t * (t + c) + c) / sigma + 10.0 * grain * (1.0 + t + c) / sigma;
-        assert!(
-            (d_sigma - field("d_sigma")).abs() < slope,
-            "{case}: {d_sigma} {slope}"
-        );
-    }
 }
 
 #[test]
@@ -210,20 +162,6 @@ fn weighted_equal_weight_and_thinned_draws_agree() {
         let (b, c) = (b.ln_product(alpha), c.ln_product(alpha));
         assert!((b - c).abs() < 1e-12, "{b} {c}");
     }
-}
-
-#[test]
-fn effective_draws_fall_from_all_to_few_as_the_population_narrows() {
-    let q: Vec<f64> = (0..1_000).map(|i| 0.5005 + 0.001 * f64::from(i)).collect();
-    let target = target(&[QPosterior::equal_weights("flat", q, UNIFORM)]);
-    assert!((target.effective_draws([1.0, 1e4])[0] - 1_000.0).abs() < 1e-3);
-    // On a grid of spacing h a normal of width sigma has 2 sqrt(pi) sigma / h effective draws.
-    let expected = 2.0 * std::f64::consts::PI.sqrt() * 0.02 / 0.001;
-    assert!((target.effective_draws([1.0, 0.02])[0] - expected).abs() < 1e-6 * expected);
-    let mut derived = Vec::new();
-    target.derived(&[1.0, 0.02], &mut derived);
-    assert!((derived[0] - expected).abs() < 1e-6 * expected);
-    assert_eq!(derived.len(), target.derived_names().len());
 }
 
 #[test]
@@ -462,120 +400,6 @@ fn one_member(alpha: [f64; 2]) -> Draws {
 }
 
 #[test]
-fn a_stream_given_the_population_is_measurement_times_population() {
-    // A normal measurement and a normal population, both well inside the support: their product is a normal.
-    let (measured, error, mu, sigma) = (1.1_f64, 0.06_f64, 0.9_f64, 0.08_f64);
-    let target = target(&[weighted("a", (measured, error), 4_000)]);
-    let streams = target.streams_given_population(&one_member([mu, sigma]));
-    let variance = 1.0 / (1.0 / (error * error) + 1.0 / (sigma * sigma));
-    let mean = variance * (measured / (error * error) + mu / (sigma * sigma));
-    // Quantiles to a cell of the grid, 1/4000, and rounded normal deviates of 16 and 2.5 %.
-    for (found, deviate) in [
-        (streams[0].q_given_population.median, 0.0),
-        (streams[0].q_given_population.lo68, -0.994_458),
-        (streams[0].q_given_population.hi95, 1.959_964),
-    ] {
-        let exact = mean + deviate * variance.sqrt();
-        assert!((found - exact).abs() < 3e-4, "{found} {exact}");
-    }
-    assert!((streams[0].q.median - measured).abs() < 3e-4);
-    assert_eq!(streams[0].name, "a");
-}
-
-#[test]
-fn the_monte_carlo_variance_is_that_of_repeated_draws() {
-    const REPEATS: u64 = 400;
-    const DRAWS: u32 = 300;
-    let (mut values, mut estimates) = (Vec::new(), 0.0);
-    let alpha = [0.85, 0.05];
-    for repeat in 0..REPEATS {
-        let mut rng = stream(5, Domain::Post, 1, repeat);
-        let q = (0..DRAWS).map(|_| 1.0 + 0.1 * standard_normal(&mut rng));
-        let posterior = QPosterior::equal_weights("a", q.collect(), UNIFORM);
-        let target = target(&[posterior]);
-        values.push(target.ln_product(alpha));
-        let streams = target.streams_given_population(&one_member(alpha));
-        estimates += streams[0].ln_likelihood_variance / REPEATS as f64;
-    }
-    let n = REPEATS as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    // A variance of 400 values has a standard error of 7 %: four of these; the second order of the logarithm is of the size of the
-    // variance itself, 1 %.
-    assert!(variance > 0.005, "{variance}");
-    assert!(
-        (estimates / variance - 1.0).abs() < 0.3,
-        "{estimates} {variance}"
-    );
-}
-
-#[test]
-fn sums_of_few_draws_fail_their_checks_under_the_name_of_the_stream() {
-    let draws = one_member([0.8, 0.02]);
-    let wide = weighted("many draws", (0.8, 0.1), 4_000);
-    let few = QPosterior {
-        effective_size: 3.0,
-        ..weighted("few draws", (0.95, 0.05), 4_000)
-    };
-    let all = |streams: &[QPosterior]| checks(&target(streams).streams_given_population(&draws));
-    assert!(
-        all(std::slice::from_ref(&wide))
-            .iter()
-            .all(|check| check.pass)
-    );
-    let found = all(&[wide, few]);
-    let variance = &found[0];
-    assert!(variance.name == "reweighting-variance" && !variance.pass);
-    assert!(
-        variance.message.contains("few draws has most of it"),
-        "{variance:?}"
-    );
-    // Draws that barely reach the population: a heavy tail.
-    let q: Vec<f64> = (0..1_000).map(|i| 0.55 + 0.0005 * f64::from(i)).collect();
-    let ln_l: Vec<f64> = q.iter().map(|q| -25.0 * (q - 0.55)).collect();
-    let sum: f64 = ln_l.iter().map(|l| l.exp()).sum();
-    let tail = QPosterior {
-        ln_weight: ln_l.iter().map(|l| l - sum.ln()).collect(),
-        ..QPosterior::equal_weights("far", q, UNIFORM)
-    }
-    .thinned(500);
-    let streams = target(&[tail]).streams_given_population(&one_member([0.9, 0.01]));
-    let found = checks(&streams);
-    assert!(
-        found[1].name == "reweighting-pareto-k" && !found[1].pass,
-        "{streams:?}"
-    );
-    assert!(found[1].message.contains("that of far"));
-}
-
-#[test]
-fn thinned_draws_are_worth_no_more_than_their_number() {
-    let wide = weighted("wide", (0.8, 0.1), 4_000);
-    let size = |posterior: &QPosterior, count| posterior.thinned(count).effective_size;
-    let is = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
-    assert!(is(size(&wide, 1), 1.0) && is(size(&wide, 20), 20.0));
-    assert!(is(size(&wide, 10_000), wide.effective_size));
-    let few = QPosterior {
-        effective_size: 3.0,
-        ..wide.clone()
-    };
-    assert!(is(size(&few, 20), 3.0));
-    let variance = |max_draws| {
-        let settings = PopulationSettings { max_draws };
-        let streams = std::slice::from_ref(&wide);
-        let target = PopulationTarget::new(family(), streams, settings).unwrap();
-        let streams = target.streams_given_population(&one_member([0.8, 0.02]));
-        checks(&streams).swap_remove(0)
-    };
-    let [all, some, one] = [4_000, 20, 1].map(variance);
-    assert!(
-        all.pass && some.value > 50.0 * all.value,
-        "{all:?} {some:?}"
-    );
-    assert!(!one.pass, "{one:?}");
-}
-
-#[test]
 fn a_posterior_that_is_its_prior_is_named() {
     let unit = Marginal::Uniform { lo: 0.0, hi: 1.0 };
     let prior = Prior::new([("filled", "", unit), ("measured", "", unit)]).unwrap();
@@ -639,84 +463,4 @@ fn hyperpriors_are_settings() {
         [settings.mu_pop, settings.sigma_pop]
     );
     assert_eq!(target.streams(), 6);
-}
-
-#[test]
-fn the_rule_integrates_polynomials_exactly() {
-    let rule = gauss_legendre::<48>();
-    for power in [0, 1, 2, 17, 60, 95] {
-        let sum: f64 = rule.iter().map(|(x, w)| w * x.powi(power)).sum();
-        let exact = 1.0 / f64::from(power + 1);
-        assert!((sum / exact - 1.0).abs() < 4e-14, "{power}: {sum}");
-    }
-}
-
-#[test]
-fn every_member_is_normalised_on_the_support() {
-    let family = family();
-    for (mu, sigma) in [
-        (1.0_f64, 0.1),
-        (0.5, 0.3),
-        (1.5, 1.0),
-        (2.5, 0.2),
-        (0.3, 0.05),
-        (9.0, 40.0),
-    ] {
-        let ln_pdf = family.ln_pdf([mu, sigma]);
-        // Midpoints: error of order h^2 times the second derivative's integral, at most the slope at the ends.
-        let n = 200_000;
-        let h = 1.0 / f64::from(n);
-        let sum: f64 = (0..n)
-            .map(|i| h * ln_pdf(0.5 + h * (f64::from(i) + 0.5)).exp())
-            .sum();
-        assert!((sum - 1.0).abs() < 1e-6, "{mu} {sigma}: {sum}");
-    }
-}
-
-#[test]
-fn value_and_gradient_are_continuous_where_the_mean_crosses_a_bound() {
-    let family = family();
-    for bound in [0.5, 1.5] {
-        let at = |mu: f64| family.ln_pdf(lift(&[mu, 0.2]))(0.9);
-        let (inside, outside) = (at(bound - 1e-12), at(bound + 1e-12));
-        assert!((inside.re - outside.re).abs() < 1e-10);
-        for (a, b) in gradient_of(&inside).iter().zip(gradient_of(&outside)) {
-            assert!((a - b).abs() < 1e-9, "{a} {b}");
-        }
-    }
-}
-
-#[test]
-fn impossible_hyperpriors_are_refused_with_their_key() {
-    let default = TruncatedGaussianSettings::default();
-    let uniform = |lo, hi| Marginal::Uniform { lo, hi };
-    for (settings, key) in [
-        (
-            TruncatedGaussianSettings {
-                q_min: 1.5,
-                ..default
-            },
-            "family.q_min",
-        ),
-        (
-            TruncatedGaussianSettings {
-                mu_pop: uniform(1.0, 0.0),
-                ..default
-            },
-            "family.mu_pop",
-        ),
-        (
-            TruncatedGaussianSettings {
-                sigma_pop: uniform(-1.0, 1.0),
-                ..default
-            },
-            "family.sigma_pop.lo",
-        ),
-    ] {
-        match TruncatedGaussian::new(settings).unwrap_err() {
-            Error::Setting { key: found, .. } => assert_eq!(found, key),
-            Error::OutOfRange(wrong) => assert_eq!(wrong.key, key),
-            other => panic!("{other}"),
-        }
-    }
 }
