@@ -73,7 +73,7 @@ enum Verb {
     Calibration(calibration::Args),
     /// Samples the population of q of finished fits into a run folder
     Population(population::Args),
-    /// Compares the symmetry axes of finished fits with the line of sight or with the disc: isotropic, aligned, or a mixture
+    /// Compares the minor axes of the haloes of finished fits with the line of sight or with the disc: isotropic, aligned, or a mixture
     Orientation(orientation::Args),
     /// Writes the draws of a run as a table, ECSV or FITS
     Export(export::Args),

@@ -15,20 +15,21 @@ use std::path::PathBuf;
 #[derive(clap::Args, Debug)]
 #[command(
     after_help = "Example:\n  oblate orientation runs/mock_*\n  oblate orientation runs/galaxy_* --to disc\n\n\
-The symmetry axis is the minor axis of a halo with q < 1 and the major axis of one with q > 1. ln odds are ln Z less that of isotropic axes."
+The minor axis of a halo is its symmetry axis where q < 1, and any direction perpendicular to it where q > 1; that of a triaxial halo is \
+its shortest one. ln odds are ln Z less that of isotropic axes."
 )]
 pub struct Args {
     /// Finished fits, each of another stream; others are skipped with a note
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// The direction that axes are compared with
+    /// The direction that minor axes are compared with
     #[arg(long, value_enum, default_value_t)]
     to: Direction,
     #[command(flatten)]
     output: JsonFlag,
 }
 
-/// The direction that axes are compared with.
+/// The direction that minor axes are compared with.
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 enum Direction {
     /// The line of sight

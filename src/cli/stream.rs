@@ -17,7 +17,7 @@ use std::time::Instant;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Example:\n  oblate stream mocks/mock_7_3.toml --json")]
 pub struct Args {
-    /// The parameters as TOML; optional ones that the settings fix may be left out
+    /// The parameters as TOML, optional ones of the model too; those that the settings fix may be left out
     params: PathBuf,
     /// Bin width in degrees
     #[arg(long, default_value_t = 10.0, value_parser = finite)]
@@ -50,7 +50,8 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     args.work.start_threads()?;
     let given: StreamParams<Option<f64>> = read(&args.params)?;
     let settings = args.model.settings(args.config.as_deref())?;
-    let prior = StreamPrior::new(&settings.prior.with_required_free())?;
+    let prior = (settings.prior.with_required_free()).with_optional_of(&given);
+    let prior = StreamPrior::new(&prior)?;
     settings.model.check_prior(&prior)?;
     let in_file = |e| Error::InFile {
         path: args.params.clone(),

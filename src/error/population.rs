@@ -21,10 +21,10 @@ pub enum PosteriorFault {
          their default marginals"
     )]
     UnknownPrior,
-    /// The prior of the symmetry axis is not isotropic.
+    /// The prior of the halo's axes is not isotropic.
     #[error(
-        "the prior of the symmetry axis in this fit is not isotropic, with which axes are compared; fit again with dir_x, dir_y and dir_z \
-         free under their default marginals"
+        "the prior of the halo's axes in this fit is not isotropic, with which axes are compared; fit again with dir_x, dir_y and dir_z \
+         free under their default marginals, and psi_halo_deg of a triaxial halo uniform over 180 or 360 degrees"
     )]
     AxisPrior,
     /// The fit's prior does not cover the population's support.

@@ -213,6 +213,19 @@ impl PriorSettings {
         free
     }
 
+    /// The same prior with the optional parameters of a stream that it does not have, fixed at the values of the stream.
+    #[must_use]
+    pub fn with_optional_of(&self, stream: &StreamParams<Option<f64>>) -> Self {
+        let (marginals, values) = (self.marginals.to_array(), stream.to_array());
+        let mut with = *self;
+        for i in REQUIRED..DIM {
+            if let (None, Some(fixed @ None)) = (marginals[i], with.fixed.get_mut(i)) {
+                *fixed = values[i];
+            }
+        }
+        with
+    }
+
     /// Fixes one parameter by its name.
     ///
     /// # Errors
@@ -480,14 +493,29 @@ impl StreamPrior {
         }
     }
 
-    /// Whether the prior of the symmetry axis, without its sign, is isotropic: q is uniform, and at most one component of the shape vector is known
-    /// to be positive. With two, the angle with the line of sight alone is that of isotropic axes.
+    /// Whether the prior of the halo's axes, without their signs, is isotropic: q is uniform, at most one component of the shape vector is known to be
+    /// positive, and a second axis has any angle around the first.
     #[must_use]
     pub fn axis_is_isotropic(&self) -> bool {
         let positive = (SHAPE_VECTOR.iter())
             .filter_map(|name| self.free_index(name))
             .filter(|&i| self.prior.marginals()[i] == half_normal(1.0));
-        self.q_prior() != QPrior::Unknown && positive.count() <= 1
+        positive.count() <= 1 && self.angle_to_line_of_sight_is_isotropic()
+    }
+
+    /// Whether the prior of the angles between the halo's axes and the line of sight is that of isotropic axes. More components of the shape vector may
+    /// be known to be positive.
+    #[must_use]
+    pub fn angle_to_line_of_sight_is_isotropic(&self) -> bool {
+        let any_angle = || match self.free_index("psi_halo_deg") {
+            Some(i) => match self.prior.marginals()[i] {
+                // An axis has no sign: half a turn has all of them.
+                Marginal::Uniform { lo, hi } => ((hi - lo) / 180.0).fract().abs() < 1e-12,
+                _ => false,
+            },
+            None => !self.has("psi_halo_deg"),
+        };
+        self.q_prior() != QPrior::Unknown && any_angle()
     }
 
     /// One draw of the prior, all parameters.

@@ -1,20 +1,19 @@
-//! Whether the symmetry axes of haloes are aligned with a direction (docs/physics.md, section 10).
+//! Whether the minor axes of haloes are aligned with a direction (docs/physics.md, section 10).
 //!
-//! The posterior of one axis has the isotropic prior of the shape vector, so that the cosine of its angle with any direction is uniform
-//! between 0 and 1, as an axis has no sign. A population has one or two hyperparameters, which are integrated on a grid.
+//! The prior of one axis is isotropic, so that the cosine of its angle with any direction is uniform between 0 and 1, as an axis has no sign. A population has one or two hyperparameters, which are integrated on a grid.
 
 use crate::error::{Error, PosteriorFault, Result};
 use crate::posterior::Interval;
 use serde::Serialize;
 
-/// The posterior of the cosine of the angle between the symmetry axis of one stream's halo and a direction.
+/// The posterior of the cosine of the angle between the minor axis of one stream's halo and a direction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisPosterior {
     /// The stream's name.
     pub name: String,
-    /// The cosines of draws, from 0 to 1.
-    pub cosines: Vec<f64>,
-    /// Their weights.
+    /// The cosines of each draw, from 0 to 1: one, or several that are equally probable.
+    pub cosines: Vec<Vec<f64>>,
+    /// The weights of draws.
     pub weights: Vec<f64>,
     /// The number of independent draws that they are worth.
     pub effective_size: f64,
@@ -100,8 +99,9 @@ impl Ratio {
     /// With aligned axes.
     fn aligned(stream: &AxisPosterior, population: &Aligned) -> Self {
         let (mut total, mut sum, mut squares) = (0.0, 0.0, 0.0);
-        for (mu, weight) in stream.cosines.iter().zip(&stream.weights) {
-            let density = population.density(*mu);
+        for (cosines, weight) in stream.cosines.iter().zip(&stream.weights) {
+            let densities = cosines.iter().map(|mu| population.density(*mu));
+            let density = densities.sum::<f64>() / cosines.len() as f64;
             total += weight;
             sum += weight * density;
             squares += weight * density * density;
@@ -151,7 +151,10 @@ impl GridPoint {
 /// # Errors
 /// [`Error::Posterior`] for a stream without draws.
 pub fn alignments(streams: &[AxisPosterior]) -> Result<Vec<AlignmentEvidence>> {
-    if let Some(empty) = streams.iter().find(|stream| stream.cosines.is_empty()) {
+    let is_empty = |stream: &&AxisPosterior| {
+        stream.cosines.is_empty() || stream.cosines.iter().any(Vec::is_empty)
+    };
+    if let Some(empty) = streams.iter().find(is_empty) {
         return Err(Error::Posterior {
             name: empty.name.clone(),
             fault: PosteriorFault::NoDraws,
@@ -212,11 +215,12 @@ impl AxisPosterior {
     /// The angle between axis and direction, degrees.
     #[must_use]
     pub fn angle_deg(&self) -> Interval {
-        let angles: Vec<f64> = self
-            .cosines
-            .iter()
-            .map(|mu| mu.acos().to_degrees())
-            .collect();
-        Interval::new(&angles, &self.weights, "deg")
+        let (mut angles, mut weights) = (Vec::new(), Vec::new());
+        for (cosines, weight) in self.cosines.iter().zip(&self.weights) {
+            angles.extend(cosines.iter().map(|mu| mu.acos().to_degrees()));
+            let share = weight / cosines.len() as f64;
+            weights.extend(cosines.iter().map(|_| share));
+        }
+        Interval::new(&angles, &weights, "deg")
     }
 }

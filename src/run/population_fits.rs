@@ -67,7 +67,8 @@ pub(super) fn read_fits(paths: &[PathBuf]) -> Result<Vec<StoredFit>> {
 /// Checks that two fits are of two streams, whose q have one meaning and one prior.
 ///
 /// The numbers of particles and steps may differ, because the error that they make is checked in every fit; so may the values of fixed
-/// parameters, and all about optional ones, which are what is known of each stream.
+/// parameters, and all about optional ones, which are what is known of each stream, but the prior of the second axis, which q is measured
+/// beside.
 fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), PosteriorFault> {
     let differs = |part| PosteriorFault::OtherFit {
         other: other.stored.name.clone(),
@@ -91,14 +92,23 @@ fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), P
     Ok(())
 }
 
+/// Largest difference of two tables of one track that were written in other units or with fewer digits: of the radii as a fraction, and of phi
+/// in degrees.
+const SAME_RADIUS: f64 = 1e-3;
+const SAME_PHI_DEG: f64 = 0.01;
+
 /// Whether two tracks have the same radii at the same phi, or at phi of the opposite sign, as in fits of both senses of one track.
 pub(super) fn is_one_track(one: &ObservedTrack, other: &ObservedTrack) -> bool {
-    let rows = |track: &ObservedTrack| -> Vec<(f64, f64)> {
+    fn rows(track: &ObservedTrack) -> impl DoubleEndedIterator<Item = (f64, f64)> {
         let rows = track.phi_deg.iter().zip(&track.r_kpc);
-        rows.map(|(phi, r)| (*phi, *r)).collect()
+        rows.map(|(phi, r)| (*phi, *r))
+    }
+    let same = |((phi, r), (other_phi, other_r)): ((f64, f64), (f64, f64))| {
+        (phi - other_phi).abs() < SAME_PHI_DEG && (r - other_r).abs() < SAME_RADIUS * r
     };
-    let mirrored = rows(other).into_iter().rev().map(|(phi, r)| (-phi, r));
-    rows(one) == rows(other) || mirrored.eq(rows(one))
+    let mirrored = rows(other).rev().map(|(phi, r)| (-phi, r));
+    one.phi_deg.len() == other.phi_deg.len()
+        && (rows(one).zip(rows(other)).all(same) || rows(one).zip(mirrored).all(same))
 }
 
 fn same_prior(one: &FitSettings, other: &FitSettings) -> bool {
@@ -107,7 +117,7 @@ fn same_prior(one: &FitSettings, other: &FitSettings) -> bool {
         let parameters = PARAMETERS.iter().zip(prior.marginals.to_array());
         let required: Vec<_> = parameters
             .zip(prior.fixed.to_array())
-            .filter(|((parameter, _), _)| parameter.absent.is_none())
+            .filter(|((parameter, _), _)| parameter.absent.is_none() || parameter.name == "p_halo")
             .map(|((_, marginal), fixed)| (marginal, fixed.is_some()))
             .collect();
         ([prior.q_min, prior.q_max], required)

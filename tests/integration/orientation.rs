@@ -1,6 +1,10 @@
-//! How the axes of a population of haloes lie: exact densities, evidences and hyperparameters.
+//! The minor axes of haloes, and how those of a population lie: exact densities, evidences and hyperparameters.
 
+use oblate::params::{DIM, QRange, StreamParams};
 use oblate::population::{Alignment, AlignmentEvidence, AxisPosterior, alignments};
+use oblate::potential::HaloKind;
+use oblate::scalar::Vec3;
+use oblate::stream::MinorAxis;
 
 /// A stream whose axis is known: all its draws have one cosine.
 fn known(mu: f64) -> AxisPosterior {
@@ -13,7 +17,7 @@ fn drawn(cosines: Vec<f64>) -> AxisPosterior {
         weights: vec![1.0; cosines.len()],
         effective_size: cosines.len() as f64,
         converged: true,
-        cosines,
+        cosines: cosines.into_iter().map(|mu| vec![mu]).collect(),
     }
 }
 
@@ -183,4 +187,83 @@ fn the_error_is_the_scatter_over_draws() {
 fn a_stream_without_draws_is_refused() {
     let refused = alignments(&[known(0.3), drawn(Vec::new())]).expect_err("refused");
     assert!(refused.to_string().contains("a stream"), "{refused}");
+}
+
+/// Parameters of a halo with this shape vector and second axis.
+fn halo(dir: [f64; 3], p_halo: f64, psi_halo_deg: f64) -> StreamParams<f64> {
+    let [dir_x, dir_y, dir_z] = dir;
+    StreamParams {
+        dir_x,
+        dir_y,
+        dir_z,
+        p_halo,
+        psi_halo_deg,
+        ..StreamParams::from_array([0.0; DIM])
+    }
+}
+
+/// By hand: with the axis `n` along the line of sight the second axis is at the angle psi from the sky's x axis.
+#[test]
+fn the_minor_axis_is_the_shortest_one() {
+    let q_range = QRange::default();
+    let (x, y, z) = (
+        Vec3::new(1.0, 0.0, 0.0),
+        Vec3::new(0.0, 1.0, 0.0),
+        Vec3::new(0.0, 0.0, 1.0),
+    );
+    // Shape vectors of these lengths have q = 0.86 and 1.24.
+    let (oblate, prolate) = ([0.0, 0.0, 1.3], [0.0, 0.0, 2.0]);
+    let (sin, cos) = 30.0_f64.to_radians().sin_cos();
+    for (kind, dir, p, expected) in [
+        (HaloKind::Nfw, oblate, 1.0, [0.0, 0.0, 1.0]),
+        (HaloKind::NfwTriaxial, oblate, 0.9, [0.0, 0.0, 1.0]),
+        (HaloKind::NfwTriaxial, oblate, 1.3, [0.0, 0.0, 1.0]),
+        (HaloKind::NfwTriaxial, oblate, 0.8, [cos, sin, 0.0]),
+        (HaloKind::NfwTriaxial, prolate, 0.9, [cos, sin, 0.0]),
+        (HaloKind::NfwTriaxial, prolate, 1.1, [sin, cos, 0.0]),
+    ] {
+        let minor = MinorAxis::new(kind, &halo(dir, p, 30.0), q_range);
+        for (direction, expected) in [x, y, z].into_iter().zip(expected) {
+            let cosines = minor.cosines(direction);
+            assert_eq!(cosines.len(), 1, "{kind:?} {p}");
+            assert!(
+                (cosines[0] - expected).abs() < 1e-12,
+                "{kind:?} {p}: {cosines:?}"
+            );
+        }
+    }
+    // All directions on the sky: the mean of |cos| over the circle is 2 / pi, that of cos^2 is a half.
+    let minor = MinorAxis::new(HaloKind::Nfw, &halo(prolate, 1.0, 0.0), q_range);
+    assert!(minor.cosines(z).iter().all(|cosine| cosine.abs() < 1e-12));
+    let on_the_sky = minor.cosines(y);
+    let mean = |power: i32| {
+        on_the_sky.iter().map(|c| c.powi(power)).sum::<f64>() / on_the_sky.len() as f64
+    };
+    assert!((mean(1) - std::f64::consts::FRAC_2_PI).abs() < 1e-3);
+    assert!((mean(2) - 0.5).abs() < 1e-12);
+}
+
+/// Isotropic symmetry axes of prolate haloes have isotropic minor axes: each gives the likelihood of isotropic axes on the mean.
+#[test]
+fn minor_axes_of_isotropic_prolate_haloes_are_isotropic() {
+    let direction = Vec3::new(0.0, 0.0, 1.0);
+    let cosines: Vec<Vec<f64>> = (0..2_000)
+        .map(|i| {
+            let mu = (f64::from(i) + 0.5) / 2_000.0;
+            let axis = Vec3::new((1.0 - mu * mu).sqrt(), 0.0, mu);
+            MinorAxis::PerpendicularTo(axis).cosines(direction)
+        })
+        .collect();
+    let stream = AxisPosterior {
+        name: "a stream".to_owned(),
+        weights: vec![1.0; cosines.len()],
+        effective_size: cosines.len() as f64,
+        converged: true,
+        cosines,
+    };
+    let angle = stream.angle_deg();
+    assert!((angle.median - 60.0).abs() < 0.2, "{angle:?}");
+    let found = alignments(&[stream]).expect("a population");
+    let aligned = of(&found, Alignment::Aligned);
+    assert!(aligned.ln_odds.abs() < 0.01, "{aligned:?}");
 }

@@ -298,8 +298,21 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     };
     let mirrored = ObservedTrack::read_with(&track, &mirrored).expect("a track");
     mirrored.write(&track).expect("a track");
-    let same = population(&[&fits[..], &[again]].concat(), &at);
-    refused(&same, &["again: the track is that of mock_3_", "twice"]);
+    let with_again = [&fits[..], &[again]].concat();
+    refused(
+        &population(&with_again, &at),
+        &["again: the track is that of mock_3_", "twice"],
+    );
+    // So it is with fewer digits.
+    let mut rounded = mirrored;
+    for r in &mut rounded.r_kpc {
+        *r = (*r * 100.0).round() / 100.0;
+    }
+    rounded.write(&track).expect("a track");
+    refused(
+        &population(&with_again, &at),
+        &["again: the track is that of mock_3_", "twice"],
+    );
     for (key, value, words) in [
         ("q_max = 1.5", "q_max = 1.6", "[prior]"),
         ("fardal2015", "chen2025", "model.releases.recipe"),
