@@ -87,8 +87,8 @@ fn why_they_differ(
             "{this} is the fit of another track, or of the other sense of phi, than {other}: they need not agree."
         ),
         Difference::Host => format!(
-            "{this} is a fit in another host ({}) than {other} ({}): they need not agree. The difference of ln Z is the evidence for one host \
-             over the other, under their priors.",
+            "{this} is a fit in another host ({}) than {other} ({}): they need not agree, and masses, radii and q of one host are not \
+             those of the other. The difference of ln Z is the evidence for one host over the other, under their priors.",
             host(asked[0]),
             host(asked[1])
         ),

@@ -52,12 +52,12 @@ pub fn run(args: &Args, out: &mut Output<'_>) -> Result<Exit> {
     let settings = args.model.settings(args.config.as_deref())?;
     let prior = (settings.prior.with_required_free()).with_optional_of(&given);
     let prior = StreamPrior::new(&prior)?;
-    settings.model.check_prior(&prior)?;
     let in_file = |e| Error::InFile {
         path: args.params.clone(),
         line: None,
         source: Box::new(e),
     };
+    settings.model.check_prior(&prior).map_err(in_file)?;
     let params = prior.complete(&given).map_err(in_file)?;
     prior.check_inside(&params).map_err(in_file)?;
     in_range("--bin-width", args.bin_width, BIN_WIDTHS_DEG)?;

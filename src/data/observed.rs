@@ -170,7 +170,7 @@ impl ObservedTrack {
             format!("the errors of r are {assumed} of r, because the track has none")
         });
         let mirrored = self.is_mirrored().then(|| {
-            "phi was mirrored on reading, so that the leading tail is at positive phi".to_owned()
+            "phi was mirrored on reading, so that the leading tail is at positive phi; angles of a disc are those of the mirrored sky".to_owned()
         });
         let turn = self.gap_of_a_turn_deg().map(|gap_deg| {
             format!(

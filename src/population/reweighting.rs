@@ -51,13 +51,14 @@ fn along<F: Family<N>, const N: usize>(
             .zip(terms.iter().zip(&stream.ln_factor))
             .map(|(x, (term, ln_factor))| x * (term - top - ln_factor - stream.ln_prior).exp())
             .sum();
-        let relative_variance = if stream.q.len() > 1 {
-            squares / (sum * sum) - 1.0
+        let relative_variance = squares / (sum * sum) - 1.0;
+        // A single draw does not tell how its sum scatters, however many copies of it there are.
+        let others = (stream.effective_size - 1.0).max(0.0);
+        variance += if others > 0.0 {
+            relative_variance / others / alphas.len() as f64
         } else {
-            // A single draw does not tell how its sum scatters.
             f64::INFINITY
         };
-        variance += relative_variance / stream.effective_size / alphas.len() as f64;
         for (total, x) in given_population.iter_mut().zip(&x) {
             *total += x / sum;
         }

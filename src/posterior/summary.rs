@@ -329,9 +329,9 @@ fn explained(checks: &[Check]) -> impl Iterator<Item = String> {
     })
 }
 
-/// A number of a check: small ones are p-values, of which the exponent matters.
+/// A number of a check: small ones are p-values, of which the exponent matters, as it does of very large ones.
 fn number(value: f64, digits: usize) -> String {
-    if value != 0.0 && value.abs() < 0.01 {
+    if value != 0.0 && (value.abs() < 0.01 || value.abs() >= 1e6) {
         format!("{value:.1e}")
     } else {
         let text = format!("{value:.digits$}");

@@ -20,7 +20,7 @@ pub fn q_posterior(stored: &StoredRun) -> Result<QPosterior> {
         name: stored.name.clone(),
         q: q.values,
         ln_weight: stored.run.draws.ln_weight.clone(),
-        // A run of a single lineage cannot tell, and states 0; with one draw the variance of its sum fails the check.
+        // A run of a single lineage cannot tell, and states 0: like a single draw, which fails the check of the variance of its sum.
         effective_size: stored.summary.ess.max(1.0),
         prior: stored.summary.q_prior.unwrap_or(QPrior::Unknown),
     })
@@ -97,18 +97,22 @@ fn belongs_with(fit: &StoredFit, other: &StoredFit) -> std::result::Result<(), P
 const SAME_RADIUS: f64 = 1e-3;
 const SAME_PHI_DEG: f64 = 0.01;
 
-/// Whether two tracks have the same radii at the same phi, or at phi of the opposite sign, as in fits of both senses of one track.
+/// Whether two tracks are of one stream: more than half of the bins of the shorter one have the same radii at the same phi, or at phi of the
+/// opposite sign, as in fits of both senses of one track.
 pub(super) fn is_one_track(one: &ObservedTrack, other: &ObservedTrack) -> bool {
-    fn rows(track: &ObservedTrack) -> impl DoubleEndedIterator<Item = (f64, f64)> {
-        let rows = track.phi_deg.iter().zip(&track.r_kpc);
-        rows.map(|(phi, r)| (*phi, *r))
-    }
-    let same = |((phi, r), (other_phi, other_r)): ((f64, f64), (f64, f64))| {
-        (phi - other_phi).abs() < SAME_PHI_DEG && (r - other_r).abs() < SAME_RADIUS * r
+    let (phi_deg, r_kpc) = (&other.phi_deg, &other.r_kpc);
+    let shared = |sign: f64| {
+        let is_there = |(phi, r): (&f64, &f64)| {
+            phi_deg.iter().zip(r_kpc).any(|(other_phi, other_r)| {
+                (phi - sign * other_phi).abs() < SAME_PHI_DEG
+                    && (r - other_r).abs() < SAME_RADIUS * r
+            })
+        };
+        (one.phi_deg.iter().zip(&one.r_kpc))
+            .filter(|row| is_there(*row))
+            .count()
     };
-    let mirrored = rows(other).rev().map(|(phi, r)| (-phi, r));
-    one.phi_deg.len() == other.phi_deg.len()
-        && (rows(one).zip(rows(other)).all(same) || rows(one).zip(mirrored).all(same))
+    2 * shared(1.0).max(shared(-1.0)) > one.phi_deg.len().min(phi_deg.len())
 }
 
 fn same_prior(one: &FitSettings, other: &FitSettings) -> bool {

@@ -1,5 +1,6 @@
 //! The hierarchy against exact answers: densities to all digits, posteriors by quadrature, both samplers.
 
+mod closed_forms;
 mod joint;
 mod leave_one_out;
 mod predictive;

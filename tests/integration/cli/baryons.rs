@@ -49,8 +49,10 @@ fn a_stream_has_the_disc_of_the_settings() {
     refused(&output, &["with_disc.toml", "log10_m_disc"]);
     let lacking = BARYONS.replace("r_disc_kpc = 3.5\n", "");
     let lacking = write(folder.path(), "lacking.toml", &lacking);
-    let output = oblate(&["stream", &with_disc, "--config", &lacking], "");
-    refused(&output, &["r_disc_kpc"]);
+    let output = oblate(&["stream", &halo_alone, "--config", &lacking], "");
+    refused(&output, &["halo.toml", "r_disc_kpc"]);
+    // The file has what the settings lack.
+    assert_eq!(track, printed(&with_disc, &["--config", &lacking]));
 }
 
 #[test]

@@ -29,6 +29,28 @@ fn a_stream_is_in_the_halo_of_the_flag_or_of_the_setting() {
         printed(&["--profile", "paper", "--halo", "logarithmic"])
     );
 
+    // The parameters of a second axis are those of the stream: no settings need to fix them.
+    let text = std::fs::read_to_string(&params).expect("parameters");
+    let text = format!("{text}p_halo = 0.7\npsi_halo_deg = 40.0\n");
+    let triaxial = write(folder.path(), "triaxial.toml", &text);
+    let fixed = write(
+        folder.path(),
+        "fixed.toml",
+        "prior.fixed = { p_halo = 0.7, psi_halo_deg = 40.0 }",
+    );
+    let particles = ["--particles", "512", "--halo"];
+    let of_file = oblate(
+        &[&["stream", &triaxial], &particles[..], &["nfw-triaxial"]].concat(),
+        "",
+    );
+    assert_eq!(of_file.status.code(), Some(0), "{of_file:?}");
+    let of_file = String::from_utf8(of_file.stdout).expect("text");
+    assert_ne!(of_file, by_flag("nfw-density"));
+    let fixed = [&particles[..], &["nfw-triaxial", "--config", &fixed]].concat();
+    assert_eq!(of_file, printed(&fixed));
+    let in_vain = [&["stream", &triaxial], &particles[..], &["nfw"]].concat();
+    refused(&oblate(&in_vain, ""), &["p_halo", "leave"]);
+
     let unknown = write(folder.path(), "other.toml", "model.halo = \"einasto\"");
     let output = oblate(&["stream", &params, "--config", &unknown], "");
     refused(&output, &["other.toml", "einasto", "nfw_density"]);

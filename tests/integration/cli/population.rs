@@ -313,8 +313,17 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
         &population(&with_again, &at),
         &["again: the track is that of mock_3_", "twice"],
     );
+    // And without its last bin.
+    let text = std::fs::read_to_string(&track).expect("a track");
+    let (without, _) = text.trim_end().rsplit_once('\n').expect("bins");
+    std::fs::write(&track, without).expect("a track");
+    refused(
+        &population(&with_again, &at),
+        &["again: the track is that of mock_3_", "twice"],
+    );
     for (key, value, words) in [
         ("q_max = 1.5", "q_max = 1.6", "[prior]"),
+        ("[prior.fixed]", "[prior.fixed]\np_halo = 0.8", "[prior]"),
         ("fardal2015", "chen2025", "model.releases.recipe"),
         ("[model]", "[model]\nhalo = \"nfw_density\"", "model.halo"),
     ] {

@@ -1,6 +1,6 @@
 //! `oblate stream`: its machine form, and the settings of a fit.
 
-use super::{example, json, oblate, refused, write};
+use super::{example, json, oblate, write};
 
 #[test]
 fn stream_prints_its_machine_form() {
@@ -84,9 +84,7 @@ fn the_track_is_that_of_the_data_where_the_settings_have_parameters_of_the_obser
         phi.iter().map(|phi| phi + 20.0).collect()
     ));
     assert!(near(&r_observed, r.iter().map(|r| 0.5 * r).collect()));
-    // Without such settings they are refused, not left out of account.
-    refused(
-        &oblate(&["stream", &observed], ""),
-        &["distance_factor = 2", "absent"],
-    );
+    // Without such settings they are those of the file, and not left out of account.
+    let of_file = track(&[&observed, "--particles", "512"]);
+    assert_eq!(of_file, (phi_observed, r_observed));
 }

@@ -67,11 +67,23 @@ fn sums_of_few_draws_fail_their_checks_under_the_name_of_the_stream() {
             .iter()
             .all(|check| check.pass)
     );
-    let found = all(&[wide, few]);
+    let found = all(&[wide.clone(), few]);
     let variance = &found[0];
     assert!(variance.name == "reweighting-variance" && !variance.pass);
     assert!(
         variance.message.contains("few draws has most of it"),
+        "{variance:?}"
+    );
+    // Copies of one draw.
+    let copies = QPosterior {
+        effective_size: 1.0,
+        ..QPosterior::equal_weights("copies", vec![0.8; 400], UNIFORM)
+    };
+    let found = all(&[wide.clone(), copies]);
+    let variance = &found[0];
+    assert!(variance.name == "reweighting-variance" && !variance.pass);
+    assert!(
+        variance.message.contains("copies has most of it"),
         "{variance:?}"
     );
     // Draws that barely reach the population: a heavy tail.
