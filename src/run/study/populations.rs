@@ -15,6 +15,9 @@ use std::path::PathBuf;
 /// The folder of the populations of subsets.
 const SUBSETS: &str = "subsets";
 
+/// The end of the name of a population for which all streams were kept.
+const WITHOUT_SELECTION: &str = "_without_selection";
+
 /// Substreams within [`Domain::Post`] of the choice of subsets, by their size.
 const SUBSET_TASK: u64 = 0x7375_6273_0000_0000;
 
@@ -35,24 +38,36 @@ pub(super) fn planned_populations(config: &StudyConfig) -> Vec<PlannedPopulation
     let Some(study) = &config.population else {
         return planned;
     };
-    for family in study.families() {
-        // The one family of a study without a list needs no name.
-        let name = if study.families.is_empty() {
-            "population".to_owned()
-        } else {
-            format!("population_{}", family.name())
-        };
-        for sampler in &study.samplers {
-            let mut settings = study.settings.clone();
-            settings.family.name = family;
-            settings.sampling.sampler = *sampler;
-            planned.push(PlannedPopulation {
-                folder: config.out.join(format!("{name}_{}", sampler.name())),
-                name: name.clone(),
-                sampler: *sampler,
-                settings,
-                subset: None,
-            });
+    // With a selection what ignoring it does is shown, too.
+    let selections = match &study.settings.selection {
+        Some(_) => vec![
+            ("", study.settings.selection.clone()),
+            (WITHOUT_SELECTION, None),
+        ],
+        None => vec![("", None)],
+    };
+    for (suffix, selection) in selections {
+        for family in study.families() {
+            // The one family of a study without a list needs no name.
+            let family_name = if study.families.is_empty() {
+                String::new()
+            } else {
+                format!("_{}", family.name())
+            };
+            let name = format!("population{family_name}{suffix}");
+            for sampler in &study.samplers {
+                let mut settings = study.settings.clone();
+                settings.family.name = family;
+                settings.sampling.sampler = *sampler;
+                settings.selection = selection.clone();
+                planned.push(PlannedPopulation {
+                    folder: config.out.join(format!("{name}_{}", sampler.name())),
+                    name: name.clone(),
+                    sampler: *sampler,
+                    settings,
+                    subset: None,
+                });
+            }
         }
     }
     planned

@@ -364,6 +364,23 @@ fn a_folder_stands_for_its_tracks_and_a_population_may_be_theirs() {
     let first = |line: &str| line.split_whitespace().next().unwrap().to_owned();
     let rows: Vec<String> = printed.lines().skip(1).take(3).map(first).collect();
     assert_eq!(rows, ["s1_prolate_tilted", "s2_spherical", "population"]);
+    // With a selection the population for which all streams were kept is beside that of those that were.
+    let selected = format!(
+        "{TRACKS}settings.selection = {{ q = [0.6, 1.4], kept = [0.9, 0.1], error = [0.001, 0.001] }}\n"
+    );
+    let output = with(&selected.replace("\"out\"", "\"selected\""));
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let rows: Vec<String> = printed.lines().skip(3).take(2).map(first).collect();
+    assert_eq!(rows, ["population", "population_without_selection"]);
+    let median = |folder: &str| {
+        let folder = temporary.path().join("selected").join(folder);
+        let summary = fs::read(folder.join("summary.json"));
+        let summary: serde_json::Value = serde_json::from_slice(&summary.unwrap()).unwrap();
+        summary["parameters"]["mu_pop"]["median"].as_f64().unwrap()
+    };
+    // Rounder haloes are kept less often: the population that they come from has a larger mean.
+    assert!(median("population_nested") > median("population_without_selection_nested"));
     fs::remove_dir_all(&tracks).unwrap();
     fs::create_dir_all(&tracks).unwrap();
     refused(&with(TRACKS), &["[tracks]", "files", ".ecsv"]);
