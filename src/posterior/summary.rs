@@ -10,7 +10,7 @@ use super::zarr::Checksum;
 use crate::error::{Error, Result};
 use crate::params::QPrior;
 use crate::potential::HaloKind;
-use oblate_samplers::output::{Check, Cost, Method, Status};
+use oblate_samplers::output::{Check, Cost, ESS_BULK, MIN_ESS, Method, Status};
 use oblate_samplers::{Run, read};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -260,11 +260,19 @@ impl Summary {
     #[must_use]
     pub fn verdict(&self) -> String {
         if self.converged {
-            return format!(
+            let mut text = format!(
                 "Converged: all {} checks passed, effective sample size {:.0}.",
                 self.checks.len(),
                 self.ess
             );
+            let few = |check: &&Check| check.name == ESS_BULK && check.limit < MIN_ESS;
+            if let Some(check) = self.checks.iter().find(few) {
+                text.push_str(&format!(
+                    " The settings ask for {:.0} effective draws only: below {MIN_ESS:.0} checks and ends of intervals are less certain.",
+                    check.limit
+                ));
+            }
+            return text;
         }
         let ended = match self.status {
             Status::Complete => "the stopping rule was met",

@@ -6,7 +6,7 @@ use crate::runs;
 use oblate::data::ObservedTrack;
 use oblate::params::QPrior;
 use oblate::posterior::{Interval, Summary, SummaryContext, assemble_run, columns, modes, zarr};
-use oblate_samplers::output::{Check, History, Run};
+use oblate_samplers::output::{Check, ESS_BULK, History, Run};
 use oblate_samplers::{Marginal, Prior};
 use std::f64::consts::PI;
 use std::path::Path;
@@ -144,6 +144,21 @@ fn a_failed_check_keeps_its_infinite_value_and_leads_the_verdict() {
     let after: Summary = serde_json::from_str(&text).unwrap();
     assert_eq!(after.checks, before.checks);
     assert!(after.ln_z_estimates["stepping_stone"].is_nan());
+}
+
+#[test]
+fn a_verdict_names_a_limit_of_effective_draws_that_was_lowered() {
+    for (limit, is_said) in [(400.0, false), (50.0, true)] {
+        let mut run = runs::nested(500, 5);
+        run.checks = vec![Check::at_least(ESS_BULK, 450.0, limit, "run longer")];
+        let verdict = summary(&run).verdict();
+        assert!(verdict.starts_with("Converged: all 1 checks passed"));
+        assert_eq!(
+            verdict.contains("50 effective draws only"),
+            is_said,
+            "{verdict}"
+        );
+    }
 }
 
 #[test]
