@@ -1,6 +1,7 @@
 //! The other kinds of haloes: golden values, exact derivatives, and streams and likelihoods in them by the setting.
 
 use crate::golden::{cases, json, number, numbers, relative_difference};
+use crate::likelihood::central;
 use crate::runs;
 use oblate::likelihood::{DataBin, LikelihoodSettings, StreamLikelihood, TrackLikelihood};
 use oblate::params::{DIM, QRange, StreamParams, without_optional};
@@ -10,7 +11,7 @@ use oblate::potential::{
     SecondAxis, log10_m200,
 };
 use oblate::scalar::{Dual, Real, Scalar, Vec3, gradient_of, lift};
-use oblate::stream::{CompiledHost, Model, ModelSettings, Precision, System};
+use oblate::stream::{CompiledHost, Model, ModelSettings, Precision, StepRule, System};
 use oblate::track::Track;
 use oblate::units::{CRITICAL_DENSITY, G};
 use serde_json::Value;
@@ -369,6 +370,35 @@ pub fn has_an_exact_gradient<H: CompiledHost>(likelihood: &StreamLikelihood, the
     }
 }
 
+/// Asserts that the gradient of a likelihood is that of central differences, where these converge: chaotic particles make ln L rough.
+fn has_the_gradient_of_differences(likelihood: &StreamLikelihood, theta: &[f64; DIM]) {
+    let (_, gradient) = likelihood.gradient(theta).unwrap();
+    let largest = gradient.iter().fold(0.0_f64, |most, g| most.max(g.abs()));
+    let mut converged = 0;
+    for (k, exact) in gradient.iter().enumerate() {
+        // Parameters that this host has not, and ln L is even in some that are zero.
+        if theta[k].abs() < f64::MIN_POSITIVE {
+            continue;
+        }
+        let value = |change: f64| {
+            let mut theta = *theta;
+            theta[k] += change;
+            // Beyond the range of a parameter there is none.
+            let evaluation = likelihood.ln_likelihood(&theta);
+            evaluation.map_or(f64::NAN, |found| found.ln_likelihood)
+        };
+        let (numeric, moved) = central(value, 1e-4 * theta[k].abs());
+        if moved < 1e-5 * largest {
+            converged += 1;
+            assert!(
+                (numeric - exact).abs() < 1e-5 * largest + 5.0 * moved,
+                "{k}: {exact} {numeric}, of {largest}"
+            );
+        }
+    }
+    assert!(converged >= 10, "{converged}");
+}
+
 /// A likelihood by the settings has the stream of that host, and its exact gradient.
 pub fn likelihood_is_that_of<H: CompiledHost>(settings: &ModelSettings, theta: &[f64; DIM]) {
     let model = Model::new(settings).unwrap();
@@ -380,6 +410,20 @@ pub fn likelihood_is_that_of<H: CompiledHost>(settings: &ModelSettings, theta: &
     let track = near(&stream.track(10.0).unwrap(), settings);
     let likelihood = StreamLikelihood::new(model, track, QRange::default());
     has_an_exact_gradient::<H>(&likelihood, theta);
+    // The adaptive steps of neighbouring points differ, and with them ln L by its error.
+    let uniform = ModelSettings {
+        step_rule: StepRule::Uniform,
+        steps: 1_000,
+        orbit_steps: 256,
+        ..*settings
+    };
+    let model = Model::new(&uniform).unwrap();
+    let track = near(
+        &model.stream(&params).unwrap().track(10.0).unwrap(),
+        &uniform,
+    );
+    let likelihood = StreamLikelihood::new(model, track, QRange::default());
+    has_the_gradient_of_differences(&likelihood, theta);
 }
 
 #[test]

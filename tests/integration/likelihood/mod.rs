@@ -126,6 +126,25 @@ fn largest(g: &[f64]) -> f64 {
     g.iter().fold(0.0, |m, v| m.max(v.abs()))
 }
 
+/// The central difference of `f` at 0, by Richardson's rule, at the step where it has converged best, and how far it
+/// moved between that step and its half.
+pub fn central(f: impl Fn(f64) -> f64, largest_step: f64) -> (f64, f64) {
+    let plain = |h: f64| (f(h) - f(-h)) / (2.0 * h);
+    let mut best = (f64::NAN, f64::INFINITY);
+    let mut last: Option<f64> = None;
+    for k in 0..12 {
+        let h = largest_step * 0.4_f64.powi(k);
+        let d = (4.0 * plain(0.5 * h) - plain(h)) / 3.0;
+        if let Some(last) = last
+            && (d - last).abs() < best.1
+        {
+            best = (d, (d - last).abs());
+        }
+        last = Some(d);
+    }
+    best
+}
+
 /// Asserts that a derivative of ln L is that of central differences; ln L is even in the jitter.
 fn matches_differences(
     likelihood: &StreamLikelihood,
