@@ -3,29 +3,28 @@
 
     python nbody.py [k]       -> n0_*.ecsv ...; only stream number k (some minutes each on one core)
 
-The gravity of the particles is the tree of pytreegrav (public, MIT), with a softening of 0.1 kpc; the halo is fixed. Leapfrog, kick-drift-kick,
-with steps of 1 Myr. The sphere starts, isotropic, where a test particle was at -T that is today in the state below. All stars that are not bound
-to the remnant make the track: mean projected radius in bins of 10 degrees of the angle that a star has gone round the centre more than the remnant,
+Settings and truth are in nbody.toml. The gravity of the particles is the tree of pytreegrav (public, MIT); the halo is fixed. Leapfrog,
+kick-drift-kick. The sphere starts, isotropic, where a test particle was at -T that is today in the state there. All stars that are not bound to the remnant make the track: mean projected radius in bins of 10 degrees of the angle that a star has gone round the centre more than the remnant,
 every bin with at least 1 % of the particles, with Gaussian noise of 2 %. The same table has mean line-of-sight velocities -vz with a noise of 5 km/s.
 r_err and v_err have the noise and the standard error of the mean. Units: kpc, Msun, Gyr; velocities of the table in km/s.
 """
+import pathlib
 import sys
+import tomllib
 
 import numpy as np
 from pytreegrav import Accel, Potential
 
 KMS = 1.0227121650537077         # kpc/Gyr in 1 km/s
 G = 4.30091e-6 * KMS**2          # kpc^3 / (Msun Gyr^2)
-N, SOFTENING, DT = 20_000, 0.1, 0.001
 
-# mass scale 4 pi rho0 Rs^3 and Rs of the halo, q, axis; mass and Plummer radius of the dwarf; today's state (kpc, km/s); time (Gyr)
+with open(pathlib.Path(__file__).with_name("nbody.toml"), "rb") as f:
+    CARD = tomllib.load(f)
+N, SOFTENING, DT = CARD["particles"], CARD["softening_kpc"], CARD["step_gyr"]
 STREAMS = [
-    dict(name="n0_oblate", M=10**12.1, Rs=16.0, q=0.7, n=(0.45, -0.3, 0.84), m=7.0e8, a=1.0,
-         x=(52.0, 0.0, 30.0), v=(-40.0, 130.0, -20.0), T=3.0, seed=1),
-    dict(name="n1_spherical", M=10**12.0, Rs=15.0, q=1.0, n=(0.0, 0.0, 1.0), m=7.0e8, a=1.0,
-         x=(60.0, 0.0, 30.0), v=(30.0, 140.0, 45.0), T=3.0, seed=2),
-    dict(name="n2_prolate", M=10**12.3, Rs=18.0, q=1.3, n=(-0.72, -0.52, 0.46), m=7.0e8, a=1.0,
-         x=(70.0, 0.0, 34.0), v=(40.0, 160.0, -14.0), T=3.0, seed=3),
+    dict(name=s["name"], M=10 ** s["log10_m_halo"], Rs=s["r_s_halo_kpc"], q=s["q"], n=s["axis"], m=s["m_dwarf"], a=s["plummer_radius_kpc"],
+         x=s["x_kpc"], v=s["v_km_s"], T=s["age_gyr"], seed=s["seed"])
+    for s in CARD["streams"]
 ]
 
 
