@@ -616,10 +616,16 @@ fn checks(out: &mut String, s: &Summary) {
 
 fn again(out: &mut String, run: &PageRun<'_>) {
     let s = run.summary;
+    // A function of the Python package has its full name.
+    let program = if s.command.starts_with("oblate.") {
+        ""
+    } else {
+        "oblate "
+    };
     put!(out, "<h4>How to make it again</h4>");
     put!(
         out,
-        "<pre>oblate {}\nseed {}, oblate {}, random streams version {}, inputs {}</pre>",
+        "<pre>{program}{}\nseed {}, oblate {}, random streams version {}, inputs {}</pre>",
         escape(&s.command),
         s.seed,
         escape(&s.version),

@@ -109,7 +109,7 @@ fn schedule(run: &CheckInputs<'_>) -> Vec<Check> {
             check_names::COMMUNICATION_BARRIER_CHANGE,
             change,
             0.1,
-            "relative change of the communication barrier since the round before; if too large, temperatures are not adapted yet: add rounds",
+            "relative change of the communication barrier, a mean over parts of the run, since the round before; if too large, temperatures are not adapted yet: add rounds",
         ),
     ]
 }

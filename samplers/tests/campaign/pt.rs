@@ -79,7 +79,7 @@ fn paths_from_mixtures() {
     judge(&cases, how, &settings);
 }
 
-/// Along a surrogate, from references that it screens, with the defaults of the fit of a stream.
+/// Along a surrogate, from references that it screens, with the defaults of the fit of a stream before checkpoint format 30.
 #[test]
 #[ignore = "an hour: before a release"]
 fn paths_along_a_surrogate() {
