@@ -2,7 +2,6 @@
 """Make haloes.json: two flattened haloes, the density-flattened NFW and the logarithmic potential.
 
     python haloes.py          -> haloes.json (half a minute on one core)
-    python haloes.py agama    -> nothing written: reads the file back, compares nfw_density with agama
 
 Both are centred on the origin and symmetric about the unit vector n; m^2 = R^2 + z^2/q^2 with z = n.x
 and R^2 = |x|^2 - z^2.
@@ -11,8 +10,8 @@ nfw_density: rho = rho0 / (s (1 + s)^2), s = m / r_s, rho0 = M / (4 pi q r_s^3);
 logarithmic: phi = v0^2 ln(m^2 + r_s^2) / 2 with m in kpc, v0^2 = G M / r_s. Its density is negative near
 the axis where q < 1/sqrt(2), far out.
 
-The values are mpmath's. Each is compared with galpy (doubles, galpy's G = 1: GM is handed over), the Hessian
-of nfw_density also with Poisson's equation and with differences of phi. Needs mpmath, numpy, galpy.
+The values are mpmath's. The Hessian of nfw_density is compared with Poisson's equation and with differences of phi;
+codes.py compares all with other codes. Needs mpmath, numpy.
 Units: kpc, Msun, Gyr.
 """
 import json
@@ -38,14 +37,7 @@ UNITS = {
     "G_exact_decimal_product": mp.nstr(mp.mpf(G_KMS) * mp.mpf(KMS) ** 2, 30),
 }
 QS = [0.5, 0.6, 0.8, 0.95, 1.0, 1.05, 1.2, 1.5, 2.0]
-GLORDER = 400                    # galpy's quadrature; twice as many points must agree
-# Largest relative differences allowed.
-TOL_GALPY = 1e-12                # galpy against mpmath
-TOL_DOUBLING = 1e-12             # galpy with GLORDER against galpy with 2 GLORDER points
-# agama, a spline in radius; off the axis (on it its lateral second derivatives are good to 1e-4 only,
-# and at R = 0 itself xy is wrong)
-TOL_AGAMA = {"phi": 1e-10, "acc": 1e-7, "hess": 1e-6, "density": 1e-6}
-TOL_EXACT = mp.mpf("1e-25")      # between the ways of mpmath
+TOL_EXACT = mp.mpf("1e-25")      # largest relative difference allowed between the ways of mpmath
 IJ = [(i, j) for i in range(3) for j in range(3)]
 
 
@@ -219,41 +211,6 @@ def exact_log(c, worst):
     return phi(*c.x), acc, hess, rho
 
 
-# -------------------------------------------------------------------- galpy
-
-def rot_to_axis(n):
-    """rotation whose third row is n, so that (R x)[2] = n.x"""
-    a = np.eye(3)[np.argmin(abs(n))]
-    e1 = a - n * (a @ n)
-    e1 /= np.linalg.norm(e1)
-    return np.array([e1, np.cross(n, e1), n])
-
-
-def galpy_potential(kind, c, glorder):
-    from galpy.potential import LogarithmicHaloPotential, TriaxialNFWPotential
-    GM, rs, q = G * c["mass_msun"], c["r_s_kpc"], c["q"]
-    if kind == "logarithmic":
-        return LogarithmicHaloPotential(amp=GM / rs, core=rs, q=q)
-    # galpy's amp has no 1/q in it
-    return TriaxialNFWPotential(amp=GM / q, a=rs, b=1.0, c=q, glorder=glorder)
-
-
-def with_galpy(kind, c, glorder):
-    p = galpy_potential(kind, c, glorder)
-    n = np.array(c["axis"])
-    T = rot_to_axis(n / np.linalg.norm(n))
-    x, y, z = T @ np.array(c["x_kpc"])
-    R, f = np.hypot(x, y), np.arctan2(y, x)
-    eR, ef, ez = np.array([np.cos(f), np.sin(f), 0]), np.array([-np.sin(f), np.cos(f), 0]), np.array([0, 0, 1.0])
-    arg = dict(phi=f, use_physical=False)
-    acc = p.Rforce(R, z, **arg) * eR + p.zforce(R, z, **arg) * ez
-    RR, Rz = p.R2deriv(R, z, **arg), p.Rzderiv(R, z, **arg)
-    ff = -p.Rforce(R, z, **arg) / R if R > 0 else RR          # (1/R) dphi/dR; on the axis all directions are equal
-    H = (RR * np.outer(eR, eR) + ff * np.outer(ef, ef) + p.z2deriv(R, z, **arg) * np.outer(ez, ez)
-         + Rz * (np.outer(eR, ez) + np.outer(ez, eR)))
-    return p(R, z, **arg), T.T @ acc, T.T @ H @ T, p.dens(R, z, **arg) / G
-
-
 # -------------------------------------------------------------------- cases
 
 def note(worst, key, value):
@@ -282,17 +239,11 @@ def parameters(rng):
 
 def main():
     rng = np.random.RandomState(20240632)
-    cases, internal, galpy = [], {}, {}
+    cases, internal = [], {}
     for kind, exact in (("nfw_density", exact_nfw), ("logarithmic", exact_log)):
-        own, worst, negative = {}, {}, 0
+        own, negative = {}, 0
         for par in parameters(rng):
             phi, acc, hess, rho = exact(Case(par), own)
-            theirs = with_galpy(kind, par, GLORDER)
-            for key, mine, other in zip(("phi", "acc", "hess", "density"), (phi, acc, hess, rho), theirs):
-                note(worst, key, diff(other, mine))
-            if kind == "nfw_density":
-                for a, b in zip(theirs, with_galpy(kind, par, 2 * GLORDER)):
-                    note(worst, "doubling", diff(a, b))
             negative += rho < 0
             scale = norm(hess) * mp.mpf(10) ** -35     # zero by symmetry comes out as 1e-50 or so: write 0
             hess = [[mp.mpf(0) if abs(v) < scale else v for v in row] for row in hess]
@@ -302,13 +253,9 @@ def main():
             case["axis"] = n17(par["axis"])
             case.update({"phi": n17(phi), "acc": n17(acc), "density": n17(rho), "hess": n17(hess)})
             cases.append(case)
-        print(kind, "mpmath's ways:", {k: mp.nstr(v, 3) for k, v in own.items()}, "galpy:",
-              {k: mp.nstr(v, 3) for k, v in worst.items()}, "negative densities:", negative, flush=True)
+        print(kind, "mpmath's ways:", {k: mp.nstr(v, 3) for k, v in own.items()}, "negative densities:", negative, flush=True)
         assert max(own.values()) < TOL_EXACT, kind
-        assert worst.pop("doubling", 0) < TOL_DOUBLING, kind
-        assert max(worst.values()) < TOL_GALPY, kind
         internal[kind] = {k: mp.nstr(v, 3) for k, v in own.items()}
-        galpy[kind] = {k: float("%.2e" % v) for k, v in worst.items()}
     dump("haloes.json", {
         "what": "potential, acceleration, density and Hessian of the density-flattened NFW halo and of the "
                 "logarithmic halo",
@@ -320,38 +267,8 @@ def main():
             "logarithmic": "phi = v0^2 ln(m^2 + r_s^2) / 2, m and r_s in kpc, v0^2 = G M / r_s"},
         "m": "m^2 = |x|^2 + (1/q^2 - 1) (n.x)^2, n the axis",
         "worst_relative_difference_between_ways_of_mpmath": internal,
-        "worst_relative_difference_from_galpy": galpy,
         "cases": cases})
 
 
-def agama():
-    """agama's multipole expansion, which has no homoeoids in it; its G is 1 where no units are set"""
-    import agama as ag
-    with open(os.path.join(HERE, "haloes.json")) as f:
-        cases = [c for c in json.load(f)["cases"] if c["kind"] == "nfw_density"]
-    worst = {}
-    for c in cases:
-        n = np.array(c["axis"])
-        T = rot_to_axis(n)
-        rs, q = c["r_s_kpc"], c["q"]
-        p = ag.Potential(type="Multipole", density=ag.Density(
-            type="Spheroid", alpha=1, beta=3, gamma=1, scaleRadius=rs, axisRatioZ=q,
-            densityNorm=G * c["mass_msun"] / (4 * np.pi * q * rs ** 3)),
-            lmax=32, gridSizeR=200, rmin=1e-5 * rs, rmax=1e5 * rs)
-        x = T @ np.array(c["x_kpc"])
-        phi, F, D = p.eval(x, pot=True, acc=True, der=True)
-        H = -np.array([[D[0], D[3], D[5]], [D[3], D[1], D[4]], [D[5], D[4], D[2]]])
-        got = (phi, T.T @ F, T.T @ H @ T, p.density(x) / G)
-        row = {k: float(diff(g, c[k])) for k, g in zip(("phi", "acc", "hess", "density"), got)}
-        print("%-8s q %.2f r/r_s %8.3g " % (c["tag"], q, np.linalg.norm(x) / rs),
-              {k: "%.1e" % v for k, v in row.items()})
-        for k, v in row.items():
-            where = "on_axis" if c["tag"] == "on_axis" else "off_axis"
-            worst[where, k] = max(worst.get((where, k), 0.0), v)
-    print("agama, worst:", {" ".join(k): "%.2e" % v for k, v in worst.items()})
-    for (where, k), v in worst.items():
-        assert v < TOL_AGAMA[k] or (where == "on_axis" and k in ("hess", "density")), (where, k, v)
-
-
 if __name__ == "__main__":
-    agama() if sys.argv[1:] == ["agama"] else main()
+    main()
