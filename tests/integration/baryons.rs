@@ -32,7 +32,8 @@ fn meets_its_golden_values(potential: &impl Potential<f64>, case: &Value) {
     assert!(difference < TOLERANCE, "{id}: hess {difference:e}");
 }
 
-fn disc_of(case: &Value) -> Disc<f64> {
+/// The disc of a golden case.
+pub fn disc_of(case: &Value) -> Disc<f64> {
     let shape = DiscShape::new(DiscProfile::Exponential, number(&case["thickness"]));
     let normal = Vec3::from(numbers::<3>(&case["normal"]));
     Disc::new(
@@ -43,7 +44,8 @@ fn disc_of(case: &Value) -> Disc<f64> {
     )
 }
 
-fn bulge_of(case: &Value) -> Hernquist<f64> {
+/// The bulge of a golden case.
+pub fn bulge_of(case: &Value) -> Hernquist<f64> {
     Hernquist {
         mass: number(&case["mass_msun"]),
         r_s: number(&case["r_s_kpc"]),

@@ -18,7 +18,7 @@ use serde_json::Value;
 use std::f64::consts::PI;
 
 /// The symmetric halo of a golden case.
-fn symmetric(case: &Value) -> HaloParameters<f64> {
+pub fn symmetric(case: &Value) -> HaloParameters<f64> {
     HaloParameters::from_q(
         number(&case["mass_msun"]),
         number(&case["r_s_kpc"]),
@@ -81,7 +81,7 @@ fn an_nfw_halo_flattened_in_its_density_meets_its_golden_values() {
 }
 
 /// The triaxial halo of a golden case.
-fn triaxial(case: &Value) -> HaloParameters<f64> {
+pub fn triaxial(case: &Value) -> HaloParameters<f64> {
     let p = number(&case["p"]);
     HaloParameters {
         second: SecondAxis {

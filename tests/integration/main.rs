@@ -8,6 +8,7 @@ mod arrows;
 mod baryons;
 mod calibration;
 mod cli;
+mod codes;
 mod commands;
 mod config;
 mod data;

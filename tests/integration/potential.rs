@@ -17,6 +17,38 @@ fn unit<S: Real>(v: Vec3<S>) -> Vec3<S> {
     v * (S::one() / v.norm2().sqrt())
 }
 
+/// The halo of a golden case.
+pub fn nfw_of(case: &Value) -> FlattenedNfw<f64> {
+    let get = |key: &str| number(&case[key]);
+    let axis = unit(Vec3::from(numbers::<3>(&case["v"])));
+    FlattenedNfw::new(get("M"), get("Rs"), get("q"), axis)
+}
+
+/// The Plummer sphere of a golden case.
+pub fn plummer_of(case: &Value) -> Plummer<f64> {
+    Plummer {
+        mass: number(&case["m"]),
+        r_s: number(&case["a"]),
+    }
+}
+
+/// The profile and the thickness of the disc of a golden case.
+fn shape_of(case: &Value) -> DiscShape {
+    let thickness = number(&case["b"]) / number(&case["a"]);
+    DiscShape::new(DiscProfile::MiyamotoNagai, thickness)
+}
+
+/// The disc of a golden case.
+pub fn miyamoto_nagai_of(case: &Value) -> Disc<f64> {
+    let normal = unit(Vec3::from(numbers::<3>(&case["v"])));
+    Disc::new(
+        number(&case["M"]),
+        number(&case["a"]),
+        normal,
+        shape_of(case),
+    )
+}
+
 /// All functions of a potential, against one golden case.
 fn check_contract(potential: &impl Potential<f64>, case: &Value) {
     let x = Vec3::from(numbers::<3>(&case["x"]));
@@ -102,15 +134,10 @@ fn every_potential_meets_its_200_digit_values() {
     let file = json("potential.json");
     let mut seen = [0, 0, 0];
     for case in cases(&file) {
-        let get = |key: &str| number(&case[key]);
         match case["kind"].as_str() {
             Some("nfw") => {
                 seen[0] += 1;
-                let axis = unit(Vec3::from(numbers::<3>(&case["v"])));
-                check_contract(
-                    &FlattenedNfw::new(get("M"), get("Rs"), get("q"), axis),
-                    case,
-                );
+                check_contract(&nfw_of(case), case);
                 check_parameter_derivatives(case, ["M", "Rs", "q", "vx", "vy", "vz"], |p, x| {
                     FlattenedNfw::new(p[0], p[1], p[2], unit(Vec3::new(p[3], p[4], p[5])))
                         .acceleration(x)
@@ -118,13 +145,7 @@ fn every_potential_meets_its_200_digit_values() {
             }
             Some("plummer") => {
                 seen[1] += 1;
-                check_contract(
-                    &Plummer {
-                        mass: get("m"),
-                        r_s: get("a"),
-                    },
-                    case,
-                );
+                check_contract(&plummer_of(case), case);
                 check_parameter_derivatives(case, ["m", "a"], |p, x| {
                     Plummer {
                         mass: p[0],
@@ -135,11 +156,10 @@ fn every_potential_meets_its_200_digit_values() {
             }
             Some("miyamoto_nagai") => {
                 seen[2] += 1;
-                let normal = unit(Vec3::from(numbers::<3>(&case["v"])));
-                let shape = DiscShape::new(DiscProfile::MiyamotoNagai, get("b") / get("a"));
-                check_contract(&Disc::new(get("M"), get("a"), normal, shape), case);
+                check_contract(&miyamoto_nagai_of(case), case);
+                let shape = shape_of(case);
                 check_parameter_derivatives(case, ["M", "vx", "vy", "vz"], |p, x| {
-                    let a = Dual::from_f64(get("a"));
+                    let a = Dual::from_f64(number(&case["a"]));
                     let normal = unit(Vec3::new(p[1], p[2], p[3]));
                     Disc::new(p[0], a, normal, shape).acceleration(x)
                 });
@@ -176,9 +196,9 @@ fn vjp_is_the_transpose_of_the_dual_derivative() {
     let lambda = Vec3::new(0.3, -1.1, 0.7);
     for case in cases(&file).iter().filter(|c| c["kind"] == "nfw") {
         let get = |key: &str| number(&case[key]);
-        let axis = unit(Vec3::from(numbers::<3>(&case["v"])));
         let x = numbers::<3>(&case["x"]);
-        let halo = FlattenedNfw::new(get("M"), get("Rs"), get("q"), axis);
+        let halo = nfw_of(case);
+        let axis = halo.axis;
         let mut cotangent = HaloCotangent::zero();
         let (acceleration, x_bar) = Nfw::vjp(&halo, Vec3::from(x), lambda, &mut cotangent);
         assert!(
@@ -234,10 +254,7 @@ fn vjp_is_the_transpose_of_the_dual_derivative() {
         .skip(1)
     {
         let x = numbers::<3>(&case["x"]);
-        let progenitor = Plummer {
-            mass: number(&case["m"]),
-            r_s: number(&case["a"]),
-        };
+        let progenitor = plummer_of(case);
         let mut cotangent = PlummerCotangent::zero();
         let (_, x_bar) = progenitor.vjp(Vec3::from(x), lambda, &mut cotangent);
         let v: [Dual<5>; 5] = lift(&[0.0, progenitor.r_s, x[0], x[1], x[2]]);
@@ -288,10 +305,8 @@ fn derivatives_by_tangents_equal_those_by_hand() {
     };
     let mut seen = 0;
     for case in cases(&file).iter().filter(|c| c["kind"] == "nfw") {
-        let get = |key: &str| number(&case[key]);
-        let axis = unit(Vec3::from(numbers::<3>(&case["v"])));
         let x = Vec3::from(numbers::<3>(&case["x"]));
-        let halo = FlattenedNfw::new(get("M"), get("Rs"), get("q"), axis);
+        let halo = nfw_of(case);
         let (mut by_hand, mut by_tangents) = (HaloCotangent::zero(), HaloCotangent::zero());
         let (_, x_bar) = Nfw::vjp(&halo, x, lambda, &mut by_hand);
         let (a, x_bar_by_tangents) = NfwByTangents::vjp(&halo, x, lambda, &mut by_tangents);
