@@ -288,8 +288,12 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     );
     let again = path("again");
     copy(Path::new(&fits[0]), Path::new(&again));
-    let same = population(&[&fits[..], std::slice::from_ref(&again)].concat(), &at);
-    refused(&same, &["again: the track is that of mock_3_", "twice"]);
+    let with_again = [&fits[..], std::slice::from_ref(&again)].concat();
+    let is_refused = || {
+        let output = population(&with_again, &at);
+        refused(&output, &["again: the track is that of mock_3_", "twice"]);
+    };
+    is_refused();
     // In the other sense it is the same track, too.
     let track = Path::new(&again).join("track.ecsv");
     let mirrored = ReadOptions {
@@ -298,29 +302,19 @@ fn a_population_is_compared_by_family_and_its_streams_are_checked() {
     };
     let mirrored = ObservedTrack::read_with(&track, &mirrored).expect("a track");
     mirrored.write(&track).expect("a track");
-    let with_again = [&fits[..], &[again]].concat();
-    refused(
-        &population(&with_again, &at),
-        &["again: the track is that of mock_3_", "twice"],
-    );
+    is_refused();
     // So it is with fewer digits.
     let mut rounded = mirrored;
     for r in &mut rounded.r_kpc {
         *r = (*r * 100.0).round() / 100.0;
     }
     rounded.write(&track).expect("a track");
-    refused(
-        &population(&with_again, &at),
-        &["again: the track is that of mock_3_", "twice"],
-    );
+    is_refused();
     // And without its last bin.
     let text = std::fs::read_to_string(&track).expect("a track");
     let (without, _) = text.trim_end().rsplit_once('\n').expect("bins");
     std::fs::write(&track, without).expect("a track");
-    refused(
-        &population(&with_again, &at),
-        &["again: the track is that of mock_3_", "twice"],
-    );
+    is_refused();
     for (key, value, words) in [
         ("q_max = 1.5", "q_max = 1.6", "[prior]"),
         ("[prior.fixed]", "[prior.fixed]\np_halo = 0.8", "[prior]"),

@@ -11,8 +11,8 @@ fn mass(mean: f64, sd: f64, lo: f64, hi: f64) -> f64 {
     0.5 * (libm::erf(z(hi)) - libm::erf(z(lo)))
 }
 
-/// `integral L(q) pi(q) dq` over the support for a truncated normal pi, where L is a normal.
-fn with_normal((measured, error): (f64, f64), mean: f64, sd: f64) -> f64 {
+/// `integral L(q) pi(q) dq` over the support for a truncated normal pi, where L is a normal: the product of two normals is a normal.
+pub fn with_normal((measured, error): (f64, f64), mean: f64, sd: f64) -> f64 {
     let variance = error * error + sd * sd;
     let centre = (measured * sd * sd + mean * error * error) / variance;
     let narrow = error * sd / variance.sqrt();
@@ -38,8 +38,17 @@ fn with_beta((measured, error): (f64, f64), a: f64, b: f64) -> f64 {
     (f(0) + inner + f(CELLS)) * step / 3.0
 }
 
-/// `sum_n ln [ integral L_n(q) pi(q | alpha) dq / integral L_n(q) pi(q) dq ]` in the library equals that of `integral`. Draws are on a grid of
-/// `CELLS` cells.
+/// `sum_n ln [ integral L_n(q) pi(q | alpha) dq / integral L_n(q) pi(q) dq ]` of the measured streams, where `integral` is that of the numerator.
+pub fn ln_product(integral: impl Fn((f64, f64)) -> f64) -> f64 {
+    MEASURED
+        .iter()
+        .map(|&(measured, error)| {
+            (integral((measured, error)) / mass(measured, error, 0.5, 1.5)).ln()
+        })
+        .sum()
+}
+
+/// The library's product equals that of `integral`. Draws are on a grid of `CELLS` cells.
 fn agree(family: FamilyName, alpha: &[f64], tolerance: f64, integral: impl Fn((f64, f64)) -> f64) {
     const CELLS: u32 = 20_000;
     let settings = FamilySettings {
@@ -53,12 +62,7 @@ fn agree(family: FamilyName, alpha: &[f64], tolerance: f64, integral: impl Fn((f
     let Outcome::Value(found) = target.ln_likelihood(alpha) else {
         panic!("{}: {alpha:?} is rejected", family.name());
     };
-    let exact: f64 = MEASURED
-        .iter()
-        .map(|&(measured, error)| {
-            (integral((measured, error)) / mass(measured, error, 0.5, 1.5)).ln()
-        })
-        .sum();
+    let exact = ln_product(integral);
     assert!(
         (found - exact).abs() < tolerance,
         "{} {alpha:?}: {found} {exact}",

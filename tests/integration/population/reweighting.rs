@@ -67,25 +67,19 @@ fn sums_of_few_draws_fail_their_checks_under_the_name_of_the_stream() {
             .iter()
             .all(|check| check.pass)
     );
-    let found = all(&[wide.clone(), few]);
-    let variance = &found[0];
-    assert!(variance.name == "reweighting-variance" && !variance.pass);
-    assert!(
-        variance.message.contains("few draws has most of it"),
-        "{variance:?}"
-    );
-    // Copies of one draw.
-    let copies = QPosterior {
+    let copies_of_one = QPosterior {
         effective_size: 1.0,
         ..QPosterior::equal_weights("copies", vec![0.8; 400], UNIFORM)
     };
-    let found = all(&[wide.clone(), copies]);
-    let variance = &found[0];
-    assert!(variance.name == "reweighting-variance" && !variance.pass);
-    assert!(
-        variance.message.contains("copies has most of it"),
-        "{variance:?}"
-    );
+    for (stream, words) in [
+        (few, "few draws has most of it"),
+        (copies_of_one, "copies has most of it"),
+    ] {
+        let found = all(&[wide.clone(), stream]);
+        let variance = &found[0];
+        assert!(variance.name == "reweighting-variance" && !variance.pass);
+        assert!(variance.message.contains(words), "{variance:?}");
+    }
     // Draws that barely reach the population: a heavy tail.
     let q: Vec<f64> = (0..1_000).map(|i| 0.55 + 0.0005 * f64::from(i)).collect();
     let ln_l: Vec<f64> = q.iter().map(|q| -25.0 * (q - 0.55)).collect();
